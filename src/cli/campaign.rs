@@ -116,9 +116,11 @@ fn plan(args: &PlanArgs) -> Result<Exit, Failure> {
     let cut = Plan::make(&args.file, args.piece_s, allowed, &bar.watch())?;
     drop(bar);
     let Some(cut) = cut else {
+        // A partial pilot has no costs to cut by.
         talk::say("interrupted: nothing was planned");
         return Ok(Exit::Interrupted);
     };
+    // A dry run plays the pilot for its costs, and writes nothing.
     let dir = args.output.as_ref().filter(|_| !args.dry_run);
     if let Some(dir) = dir {
         cut.write(dir)?;
@@ -269,6 +271,7 @@ fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
 
 fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
     let invalid = merged.summary.invalid_share();
+    // Pieces may have run in other processes, so the log of this process has no faults.
     if args.common.allow_invalid < invalid {
         return Err(Failure::fault(
             format!(

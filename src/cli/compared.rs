@@ -126,11 +126,13 @@ fn of_sweep(swept: &Swept) -> String {
             starts,
             failing,
         } = *point;
+        // Starts are independent here, so a binomial interval applies.
         let [lo, hi] = wilson(failing, starts).map(|share| 100.0 * share);
         [
             format!("{value}"),
             format!("{failing} of {starts}"),
             format!("{lo:.1} – {hi:.1}"),
+            // Rounded up, so that a single failure is visible.
             "#".repeat((40.0 * failing as f64 / starts.max(1) as f64).ceil() as usize),
         ]
     });
@@ -143,6 +145,7 @@ fn of_sweep(swept: &Swept) -> String {
 fn safety(swept: &Swept) -> String {
     let parameter = &swept.parameter;
     let starts = swept.points.iter().map(|point| point.starts);
+    // The value with the fewest starts has the weakest bound.
     let bound = 100.0 * at_most(starts.min().unwrap_or(0));
     let safe = match (swept.safe_from, swept.safe_up_to) {
         (Some(least), Some(most)) if least <= most => "no value fails".to_owned(),

@@ -40,11 +40,13 @@ fn read(text: &str) -> Option<u64> {
             .map_or((&*plain, 0), |digits| (digits, 6)),
     };
     let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+    // "2.0" is a whole number, so zeros at the end do not count as decimals.
     let part = part.trim_end_matches('0');
     let sound = |digits: &str| digits.bytes().all(|digit| digit.is_ascii_digit());
     if whole.is_empty() || zeros < part.len() || !sound(whole) || !sound(part) {
         return None;
     }
+    // Digits are moved as text, because a float would round large counts.
     format!("{whole}{part}{}", "0".repeat(zeros - part.len()))
         .parse()
         .ok()

@@ -96,6 +96,7 @@ const UNTOLD: &str = "the ado is told the parameters of the world's own ego: `--
 pub(super) fn is_world(path: &Path) -> bool {
     let mut shipped = Scenario::shipped_names().chain(Scenario::protocol_names());
     let mut is_shipped = || shipped.any(|name| path.as_os_str() == name);
+    // A directory of the same name as a shipped world is a run.
     path.is_file() || (!path.exists() && is_shipped())
 }
 
@@ -119,6 +120,7 @@ fn not_a_run(args: &EvalArgs, has_points: bool) -> Failure {
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let mut world = load_world(&args.run, &args.common)?;
     let has_points = world.has_points();
+    // Points are played by the ego itself, so their failures can be kept.
     let keeps = args.keep.dir().is_some() && !has_points;
     let asks_for_an_ado = !args.ado.is_empty()
         || 1 < args.tries
@@ -140,6 +142,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let bar = progress::bar("");
     let watch = bar.watch().first_of(egos.len());
     let starts = (args.starts, args.seed);
+    // One switch is a cheap estimate of the reach, while `search` looks further.
     let switches = args.search.unwrap_or(1);
     let Some(met) = untrained(&world, &egos, starts, switches, &watch)? else {
         drop(bar);
@@ -159,6 +162,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let refused = args.params.as_deref().map(gone::params);
+    // The removed option is refused before any file is read.
     refused.map_or(Ok(()), Err)?;
     if is_world(&args.run) {
         return of_world(args);
@@ -166,6 +170,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common)?;
     let bar = progress::bar("");
     let watch = bar.watch();
+    // All checks of the request come before the first simulation.
     let context = told(args, &run)?;
     let nominal = nominal(args, &run)?;
     let sweep = args.over.as_deref().map(Sweep::parse).transpose()?;
@@ -185,6 +190,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
     let keeping = usize::from(args.keep.dir().is_some());
+    // Keeping plays many runs, so it counts as a step.
     let watch = watch.first_of(egos.len() + keeping);
     let Some(mut evaluated) = evaluation.run(&watch)? else {
         return interrupted_early(&args.common);
@@ -192,6 +198,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let theorems = checked(args, &mut evaluated, &watch.unnumbered());
     let compared = Compared::of(args, sweep.as_ref(), &evaluated, &watch.unnumbered())?;
     drop(bar);
+    // Rows are printed before files are written, so a full disk does not cost the rows.
     show(args, &evaluated, theorems.as_ref(), &compared)?;
     keep(args, &evaluated, egos.len())?;
     ended(args, evaluated, theorems, &compared)
@@ -279,6 +286,7 @@ fn egos(
                 "name the one ego that the others are compared with",
             ));
         };
+        // The baseline ego is played once, even if `--ego all` contains it.
         egos.retain(|ego| ego.name() != before.name());
         if egos.is_empty() {
             return Err(Failure::input(
@@ -286,6 +294,7 @@ fn egos(
                 "name another ego with `--ego`",
             ));
         }
+        // The baseline comes last, below the egos that are compared with it.
         egos.push(before.clone());
     }
     Ok(egos)
@@ -339,6 +348,7 @@ fn show(
             "summary": summary,
             "explain": evaluated.reasons,
         });
+        // Keys appear only if requested, so scripts of other requests see no change.
         if !evaluated.identified.is_empty() {
             object["identified"] = json!(evaluated.identified);
         }
@@ -378,6 +388,7 @@ fn ended(
     compared: &Compared,
 ) -> Result<Exit, Failure> {
     let rows = evaluated.rows();
+    // A failure at a later ego decides, although the rows before it are printed.
     if let Some(failure) = evaluated.failure {
         return Err(failure.into());
     }

@@ -30,6 +30,7 @@ impl Excerpt {
         span: std::ops::Range<usize>,
         label: &str,
     ) -> (Excerpt, LabeledSpan) {
+        // Spans count bytes, and a slice inside a character would panic.
         let start = text.floor_char_boundary(span.start);
         let end = text.ceil_char_boundary(span.end).max(start);
         let line_start = text[..start].rfind('\n').map_or(0, |feed| feed + 1);
@@ -37,6 +38,7 @@ impl Excerpt {
             0 => 0,
             feed => text[..feed - 1].rfind('\n').map_or(0, |feed| feed + 1),
         };
+        // Only these lines are copied, because a file can have gigabytes.
         let mut window = Window {
             start,
             end,
@@ -56,6 +58,7 @@ impl Excerpt {
             }
         }
         let from = window.from.unwrap_or(window.text.len());
+        // An empty span, such as at the end of a file, still gets a mark.
         let length = window.to.saturating_sub(from).max(1);
         let label = LabeledSpan::new(Some(visible_line(label).into_owned()), from, length);
         let excerpt = Excerpt {
@@ -83,6 +86,7 @@ impl Window {
     /// Adds a line of the file, which begins there at the byte `at`.
     fn line(&mut self, line: &str, at: usize) {
         let words = line.strip_suffix('\n').unwrap_or(line);
+        // A carriage return would let a terminal overwrite the line.
         let words = words.strip_suffix('\r').unwrap_or(words);
         let mistake = self.start.clamp(at, at + words.len()) - at;
         let before = words[..mistake].char_indices().rev();
@@ -96,6 +100,7 @@ impl Window {
         let mut ends = words.len();
         for (count, (i, c)) in words[first..].char_indices().enumerate() {
             let place = at + first + i;
+            // The limit counts characters, because bytes are not columns.
             if count == MOST_CHARS {
                 self.text.push('…');
                 ends = first + i;
@@ -131,6 +136,7 @@ impl SourceCode for Excerpt {
     ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
         let inner = self.text.read_span(span, before, after)?;
         let column = match before {
+            // The excerpt may begin in the middle of a long line.
             0 => self.column,
             _ => inner.column(),
         };

@@ -103,11 +103,13 @@ impl Failure {
             .with_context_lines(1);
         let mut text = String::new();
         for note in &self.notes {
+            // A message without its drawing is better than none.
             if handler.render_report(&mut text, note).is_err() {
                 text.push_str(&note.what);
             }
         }
         if let Some(line) = &self.last_line {
+            // Added after the rendering, which would wrap a long line.
             text.push_str(&format!("        {line}\n"));
         }
         text
@@ -129,6 +131,7 @@ impl Note {
 /// A text without control characters and without lines that fill a screen.
 fn printable(text: &str) -> String {
     let text = visible(text);
+    // A line of megabytes would hide the message in a terminal.
     if text.lines().all(|line| line.len() <= MOST_CHARS) {
         return text.into_owned();
     }
@@ -185,6 +188,7 @@ fn placed(file: &str, text: &str, problem: &Problem) -> Note {
 
 impl From<&ScenarioError> for Failure {
     fn from(error: &ScenarioError) -> Failure {
+        // One mistake can cause many others, so the first are enough.
         let problems = error.problems.iter().take(MOST_NOTES);
         let problems = problems.map(|problem| placed(&error.file, &error.text, problem));
         let mut notes: Vec<Note> = problems.collect();
@@ -221,6 +225,7 @@ impl From<&LoadError> for Failure {
         match error {
             LoadError::Scenario(error) => Failure::from(&**error),
             LoadError::Io { file, .. } => {
+                // A mistyped name of a shipped world is a frequent mistake.
                 let stem = Path::new(file).file_stem().and_then(|stem| stem.to_str());
                 let known = guessed(
                     stem.unwrap_or_default(),

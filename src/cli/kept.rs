@@ -58,6 +58,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         .allow_invalid(args.common.allow_invalid);
     let recorded = args.expect == Some(Expect::Recorded);
     let mut replayed = match (&args.ego, args.program.is_empty()) {
+        // Recorded commands replace a program here, so no consent is needed.
         (None, true) if recorded => regressions.replay_recorded()?,
         (ego, _) => {
             regressions = regressions.against(ego.as_deref(), &args.program)?;
@@ -67,6 +68,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     if args.refine {
         refine(&regressions, &mut replayed)?;
     }
+    // Labels of another run are computed by replays, so they run in parallel.
     let known: Vec<About> = replayed.par_iter().map(Replayed::known).collect();
     let rows: Vec<_> = replayed
         .iter()
@@ -83,6 +85,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
             remarks(&replayed, &known)
         ))
     }?;
+    // The table is printed first, so an error of the disk does not cost it.
     seal(args, &regressions, &replayed)?;
     regressions.check_faults(&replayed)?;
     Ok(exit(args, regressions.is_recorded_ego(), &replayed))
@@ -91,6 +94,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
 /// Returns the exit code of the replays.
 fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit {
     let differs = replayed.iter().any(|replayed| !replayed.is_reproduced());
+    // A replay that is not reproduced outweighs a failure of the ego.
     if is_recorded_ego && differs {
         return Exit::NotIdentical;
     }
@@ -148,6 +152,7 @@ fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Fa
     let total = replayed.len() as u64;
     for (done, (kept, replayed)) in regressions.kept().iter().zip(replayed).enumerate() {
         (watch.progress)(done as u64, total);
+        // Labels of another run would describe a crash that the file does not contain.
         if replayed.identical {
             let world = regressions.world_of(kept)?;
             replayed.about = Some(kept.refine(&world, &replayed.episode)?);
@@ -170,6 +175,7 @@ fn seal(
     if unsealed.is_empty() || args.refine {
         return Ok(());
     }
+    // An old file is rewritten only on request.
     if !args.seal {
         talk::say(&format!(
             "{} of {} hold no hash, since an earlier version kept them: a changed number would go \
@@ -241,6 +247,7 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
                 }
             ));
         }
+        // An invalid run has no outcome to describe.
         if one.fault().is_none() {
             let about = if *about == About::default() {
                 String::new()
@@ -279,6 +286,7 @@ fn file_in(directory: Option<&Path>, file: &Path) -> String {
 fn table(replayed: &[Replayed]) -> String {
     let mut directories = replayed.iter().map(|replayed| replayed.path.parent());
     let first = directories.next().flatten();
+    // A common directory is printed once, above the table.
     let directory = first.filter(|_| directories.all(|other| other == first));
     let lines = replayed.iter().map(|replayed| {
         let contact = replayed.episode.contact.as_ref();

@@ -134,6 +134,7 @@ impl Verb {
             Verb::Train(args) => args.common.clone(),
             Verb::Eval(args) => args.common.clone(),
             Verb::Search(args) => args.common.clone(),
+            // A removed verb takes any words, so its common options are unknown.
             Verb::Identify(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
             Verb::Stl(args) => args.common(),
@@ -163,6 +164,7 @@ impl Verb {
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
     last_resort::speak_plainly();
+    // Parsing is guarded, too, because every panic is a fault of this program.
     let exit = last_resort::guarded(|| main_of(std::env::args_os()));
     ExitCode::from(exit as u8)
 }
@@ -175,9 +177,11 @@ pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
         Ok(cli) => cli,
         Err(error) => return refused(&error),
     };
+    // Without a handler the operating system ends the program at once.
     if cli.verb.saves_when_interrupted() {
         talk::listen_for_interrupts();
     }
+    // Set before the verb, because the log of faults is made at its first use.
     talk::allow_faults(cli.verb.common().allow_invalid);
     let result = carry_out(cli.verb);
     result.and_then(settled).unwrap_or_else(|failure| {
@@ -237,6 +241,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
 /// If more episodes are invalid than allowed, the output is no verdict on the ego.
 fn settled(exit: Exit) -> Result<Exit, Failure> {
     match talk::faults().complaint() {
+        // An interruption has an exit code of its own, which takes precedence.
         Some(complaint) if !talk::stopped() => Err(complaint.into()),
         _ => Ok(exit),
     }
@@ -265,9 +270,11 @@ fn with_jobs<F>(common: &Common, verb: F) -> Result<Exit, Failure>
 where
     F: FnOnce() -> Result<Exit, Failure> + Send,
 {
+    // 0 lets rayon take one thread per core.
     let jobs = usize::from(common.jobs.unwrap_or(0));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
     let pool = pool.map_err(|error| Failure::fault(error.to_string(), None))?;
+    // A pool of its own limits all parallel loops of the verb.
     pool.install(verb)
 }
 
@@ -315,6 +322,7 @@ fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
     }
     if common.json {
         let faults = talk::faults().complaint().map(|complaint| complaint.faults);
+        // A script that reads JSON gets an object even without a row.
         print_json(&json!({ "rows": [], "faults": faults }))?;
     }
     Ok(Exit::Fault)

@@ -64,6 +64,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         ));
     }
     let path = PathBuf::from(&file);
+    // A dangling link counts as a file, too, because writing would replace it.
     if path.symlink_metadata().is_ok() {
         return Err(Failure::input(
             format!("`{file}` is there already, and is left as it is"),
@@ -108,9 +109,11 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
                 "choose another name, or move the file away",
             ));
         }
+        // A text that brakecheck would refuse must not reach the disk.
         Scenario::parse(&file, &world.text)?;
         files.push((path, file));
     }
+    // All checks are done, so the files of a protocol appear together.
     for ((path, _), world) in files.iter().zip(&worlds) {
         write_file(path, world.text.as_bytes())?;
     }

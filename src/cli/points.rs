@@ -21,12 +21,14 @@ preventable    of those, points at which a human model of UN R157 (CC_LATCHED or
 /// Plays every ego at every point, and prints, keeps and gates the results.
 pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     let egos = EgoUnderTest::find_or_program(world, &args.ego, &args.program)?;
+    // Only the named egos play here, so the world's own ego needs no consent.
     consent_to(&egos)?;
     let tables = met(args, &egos);
     if tables.is_empty() {
         return interrupted_early(&args.common);
     }
     show(args, world, &tables)?;
+    // Results are printed first, so a full disk does not cost them.
     if let Some(dir) = args.keep.dir() {
         keep(args, &tables, dir)?;
     }
@@ -98,6 +100,7 @@ fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {
         }
         text.push_str(&table::remarks(&table.rows));
     }
+    // Imported scenes have a placeholder as their ego, so a user should replace it.
     if tables.iter().all(|table| table.ego == "nominal") && world.judges_each_ego() {
         text.push_str(&format!(
             "\nThat was the world's own ego. Yours: `brakecheck eval {} -- COMMAND`, or `--ego \
@@ -122,6 +125,7 @@ fn by_point(world: &Scenario, tables: &[PointsTable]) -> comfy_table::Table {
         .collect();
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let mut all = table::table(&header);
+    // All egos play the same points, so the first table has all rows.
     let points = tables.first().map(|table| table.points.as_slice());
     for (nth, point) in points.unwrap_or_default().iter().enumerate() {
         let values = point.start.values();

@@ -49,6 +49,7 @@ impl Phase {
     /// Returns the current step, such as `2/4 training (decisions)`.
     fn label(&self) -> String {
         let mut label = String::new();
+        // "1/1" says nothing.
         let step = self.step.filter(|(_, of)| 1 < *of);
         let step = step.map(|(at, of)| format!("{at}/{of} "));
         let what = format!("{}{}", step.unwrap_or_default(), self.what);
@@ -59,6 +60,7 @@ impl Phase {
                 label.push_str(part);
             }
         }
+        // Labels contain names from world files.
         visible_line(&label).into_owned()
     }
 
@@ -73,10 +75,12 @@ impl Phase {
             total.saturating_sub(self.done),
         );
         let all = total.saturating_sub(self.first);
+        // At the end all remaining items are running, and their rate is unknown.
         if here == 0 || left <= at_once || here.saturating_mul(TELLING) < all {
             return None;
         }
         let by_rate_s = spent.elapsed_s.saturating_mul(left) / here;
+        // After a long silence the rate of the earlier items is too optimistic.
         Some(by_rate_s.max(spent.idle_s))
     }
 
@@ -124,9 +128,11 @@ impl Present {
 
     fn count(&mut self, done: u64, total: u64) {
         let phase = &mut self.phase;
+        // The first count of a phase may come from a resumed work.
         if phase.total.is_none() {
             phase.first = done;
         }
+        // Repeated counts are no sign of life.
         if phase.done != done {
             self.last = Instant::now();
         }
@@ -200,6 +206,7 @@ pub(super) fn bar(title: &str) -> Bar {
         shown.set_style(style(&shared));
         let label = shared.present().phase.label();
         shown.set_message(label);
+        // Seconds advance also while no item finishes.
         shown.enable_steady_tick(Duration::from_secs(1));
     }
     let writing = Arc::clone(&shared);
@@ -223,6 +230,7 @@ pub(super) fn bar(title: &str) -> Bar {
                 named.set_position(0);
             }
             Remark::Detail(detail) => told.present().phase.detail = detail.to_owned(),
+            // The bar is removed while a line is written, or both would mix.
             Remark::Line(line) => return named.suspend(|| talk::say(line)),
         }
         // Not while the lock is held: drawing takes it.

@@ -93,6 +93,7 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     drop(bar);
+    // The page ends with the commands that make it again.
     report.commands = commands(args, &run);
     let html = args.output.clone();
     let html = html.unwrap_or_else(|| run.path().join("report.html"));
@@ -268,6 +269,7 @@ fn this_page(args: &ReportArgs) -> String {
     for file in &args.rows {
         option("--rows", vec![shown(file)]);
     }
+    // Defaults are written out, because a later version may change them.
     option("--starts", vec![args.starts.to_string()]);
     if let Some(starts) = args.reuse_starts {
         option("--reuse-starts", vec![starts.to_string()]);
@@ -301,6 +303,7 @@ fn quoted(word: &str) -> String {
     if !word.is_empty() && word.chars().all(plain) {
         word.to_owned()
     } else {
+        // A shell ends the quotes at an apostrophe, so it is escaped outside of them.
         format!("'{}'", word.replace('\'', "'\\''"))
     }
 }

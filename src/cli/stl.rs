@@ -76,6 +76,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     };
     let monitor = formula.bind_with(trace.schema(), &names, &args.settings());
     let monitor = monitor.map_err(in_formula)?;
+    // The value is valid, but rarely the intended one.
     if let Some(short) = beyond(&monitor, &trace) {
         talk::say(&short);
     }
@@ -173,6 +174,7 @@ impl Measured {
         } else {
             "violated"
         };
+        // The verdict goes to stderr, so that stdout has data only.
         talk::say(&format!("{word}, ρ = {}", self.robustness));
         match &self.explanation {
             Some(explanation) => talk::data(&explanation.to_string()),
@@ -183,6 +185,7 @@ impl Measured {
 
 fn lines(all: &[f64], dt_s: f64) -> String {
     let lines = all.iter().enumerate().map(|(i, value)| {
+        // Rounding to nanoseconds removes binary noise.
         let time_s = (i as f64 * dt_s * 1e9).round() / 1e9;
         format!("{time_s},{value}")
     });
@@ -221,6 +224,7 @@ fn constants(given: &[String]) -> Result<Constants, Failure> {
         let pair = text.split_once('=');
         let pair = pair.and_then(|(name, value)| {
             let value: f64 = value.trim().parse().ok()?;
+            // Constants must be finite, as all values of a trace are.
             value.is_finite().then(|| (name.trim().to_owned(), value))
         });
         let Some((name, value)) = pair else {
@@ -235,6 +239,7 @@ fn constants(given: &[String]) -> Result<Constants, Failure> {
 }
 
 fn placed(formula: &str, error: &StlError) -> Failure {
+    // The formula is drawn like a file, with its mistake marked.
     Failure::from(ScenarioError {
         file: "formula".to_owned(),
         text: formula.to_owned(),

@@ -47,6 +47,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
         if let Some(severity) = &row.severity {
             text.push_str(&format!("\ncontacts: {}, {}: {severity}", row.ego, row.ado));
         }
+        // With a single kind there is nothing to distinguish.
         if 1 < row.kinds.len() {
             let kinds: Vec<String> = row.kinds.iter().map(ToString::to_string).collect();
             let kinds = kinds.join("; ");
@@ -82,6 +83,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
 /// For a single ego it formats the rows only.
 pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     let all: Vec<Row> = egos.iter().flat_map(|ego| ego.rows.clone()).collect();
+    // Means over a single ego would repeat its rows.
     if egos.len() < 2 {
         return rows(&all);
     }
@@ -196,6 +198,7 @@ fn lines(rows: &[Row]) -> String {
             starts => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
         };
         let recall = row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"));
+        // Rows of earlier versions have the closing speed of all contacts only.
         let closing = row.success_closing_mps.or(row.closing_speed_mps);
         let closing = closing.map_or("–".to_owned(), |c| {
             format!("{:.1} / {:.1}", c.median, c.p90)
@@ -225,6 +228,7 @@ fn lines(rows: &[Row]) -> String {
 
 /// Violations that do not count in a world, one line for all rows.
 fn uncounted(rows: &[Row]) -> String {
+    // With a single ego its name would only repeat.
     let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
     let named = rows.iter().filter_map(|row| {
         let (uncounted, starts) = (row.uncounted.filter(|count| 0 < *count)?, row.starts);
@@ -277,6 +281,7 @@ fn opening(rows: &[Row]) -> String {
     let Some(row) = rows.first() else {
         return String::new();
     };
+    // `starts` counts the starts in the rates only.
     let all = row.starts + row.trivial + row.invalid;
     let share = 100.0 * row.trivial as f64 / all.max(1) as f64;
     let mut text = format!(
@@ -286,6 +291,7 @@ fn opening(rows: &[Row]) -> String {
     let judged_itself = rows
         .iter()
         .all(|row| row.fails_alone.is_some_and(|it| it.left_out));
+    // If each ego is judged itself, the excluded starts differ from row to row.
     if !judged_itself {
         text.push_str(&format!(
             "; fails without an adversary: {share:.1} % ({}), left out below",
@@ -311,6 +317,7 @@ fn by_itself(rows: &[Row], all: usize) -> String {
         else {
             continue;
         };
+        // All rows of an ego have the same number, so the first suffices.
         egos.push(&row.ego);
         // For the nominal ego the number equals the excluded starts, unless the plant
         // differs.

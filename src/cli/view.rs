@@ -63,10 +63,12 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
             "name one to write: `-o crash.svg`",
         ));
     }
+    // Refused before any replay, which could start a program.
     if !is_picture && !cfg!(feature = "rerun") {
         return Err(without_viewer());
     }
     let single = args.what.is_file();
+    // A file has a single counterexample, so the default number 0 must not select.
     let episode = (!single).then_some(args.episode.as_str());
     let regressions = Regressions::find(&args.what, episode)?.allow_programs(args.allow_programs);
     let ego = ego(args, &regressions);
@@ -97,6 +99,7 @@ fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
     let recorded = recorded.map(|kept| kept.counterexample.ego.clone());
     let ego = args.ego.clone().or(recorded).unwrap_or_default();
     match ego.strip_suffix(".ron") {
+        // A caption has room for a name, not for a path.
         Some(file) => file.rsplit('/').next().unwrap_or(file).to_owned(),
         None => ego,
     }

@@ -56,10 +56,12 @@ pub fn untrained(
         let met = |ado| eval(&ego.met_by(ado, &starts), watch).row;
         let constant = best_constant(ego.scenario(), ego.name(), &starts, watch).row;
         for mut row in [met(Ado::Held), met(Ado::Random), constant] {
+            // The recall of a baseline shows whether the search was needed.
             row.compare_with_search(&found.row.solved);
             row.fails_alone = alone;
             all.rows.push(row);
         }
+        // Rules are suspected only after a search without a success.
         if found.row.successes == 0 && 0 < found.row.starts {
             let met = (ego.scenario(), ego.name());
             all.in_the_way

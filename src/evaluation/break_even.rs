@@ -70,11 +70,13 @@ pub fn break_even(
     once: Cost,
 ) -> Option<BreakEven> {
     let starts = searched.found.iter().flatten().count();
+    // Without a success there is nothing to match.
     if starts == 0 || trained.successes == 0 {
         return None;
     }
     let reached = |budget| trained.successes <= anytime(&searched.found, budget).successes;
     let matched = reached(budget);
+    // Equal success makes the costs comparable.
     let enough = if matched {
         least(budget, reached)
     } else {
@@ -90,6 +92,7 @@ pub fn break_even(
     let search = cut(&searched.found, enough);
     let saved = |once: f64, each: f64, searched: f64| {
         let saved = searched - each;
+        // Break-even: the savings of this many starts equal the cost of the training.
         (0.0 < saved).then(|| once / saved)
     };
     // Earlier versions did not count the physics steps of a training.

@@ -257,6 +257,8 @@ fn usual_switches(met: &Met) -> usize {
 impl Met {
     /// The points that are passed, all others left out.
     fn passed(&self) -> TestStarts {
+        // A trivial start is not searched, so all points except the passed are marked as
+        // such.
         let outcomes = self.evaluated.row.solved.iter();
         TestStarts {
             trivial: outcomes.map(|it| *it != StartOutcome::Unsolved).collect(),
@@ -323,6 +325,7 @@ fn outcome_of(outcome: &Outcome) -> PointOutcome {
 
 fn robustness(verdict: &Verdict) -> Option<f64> {
     match verdict {
+        // JSON cannot express an infinite margin.
         Verdict::Held { margin } => Some(*margin).filter(|margin| margin.is_finite()),
         Verdict::Counterexample { by } | Verdict::Uncounted { by } => Some(-by),
         Verdict::Foul { .. } | Verdict::Invalid => None,
@@ -426,6 +429,7 @@ impl PointsTable {
         if self.strayed.is_some() {
             let again = |bench: &mut Testbench, index: usize| self.met.strayed_again(bench, index);
             let mut varied = keeper("search").keep(&strayed, &again, dir, watch)?;
+            // The files of the failed points were written just before, and are not older.
             varied.older = varied.older.saturating_sub(all[0].files.len());
             all.push(varied);
         }
@@ -484,8 +488,10 @@ impl PointsTable {
             } else {
                 failure.and_then(|failure| failure.closing_mps)
             };
+            // Failures without a contact come after all contacts.
             closing.unwrap_or(-1.0)
         };
+        // Ties keep the order of the points, so that the page is deterministic.
         chosen.sort_by(|a, b| closing(b).total_cmp(&closing(a)).then(a.cmp(b)));
         chosen.truncate(most);
         let scenario = self.scenario();

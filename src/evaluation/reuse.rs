@@ -59,6 +59,7 @@ impl EgoUnderTest {
             };
         }
         let trained = trained.map(|ego| &ego.change);
+        // An ego is compared by its changes, because names can differ.
         if *self.change() == trained.cloned().unwrap_or_default() {
             return Relation::Trained;
         }
@@ -101,6 +102,7 @@ pub fn reused_on(
     watch: &Watch<'_>,
 ) -> ReusedOn {
     let all = TestStarts {
+        // All starts are played here, the trivial starts of the nominal ego included.
         trivial: vec![false; starts.starts.len()],
         ..starts.clone()
     };
@@ -177,6 +179,7 @@ pub fn summarise(egos: &[ReusedOn], reference: &str) -> Vec<Summary> {
     relations.sort();
     relations.dedup();
     let changed = |relation: &Relation| *relation != Relation::Trained;
+    // With a single relation the block of all changed egos would repeat it.
     if 1 < relations.iter().copied().filter(changed).count() {
         relations.push(Relation::Changed);
     }

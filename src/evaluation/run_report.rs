@@ -96,6 +96,7 @@ impl<'a> ReportRequest<'a> {
         let run = self.run;
         let mut trainings = vec![training(run)?];
         for other in self.with {
+            // Curves of different worlds would look comparable on a page.
             if other.manifest().world_sha256 != run.manifest().world_sha256 {
                 return Err(EvaluationError::OtherWorld {
                     run: other.path().into(),
@@ -119,6 +120,7 @@ impl<'a> ReportRequest<'a> {
         if run.manifest().is_finished() {
             // An ego that does not run still gives a page, which shows its faults.
             let whole = self.fill(&mut report, watch)?;
+            // Without an interruption the ego failed, and the page reports it.
             if whole.is_none() && watch.interrupted() {
                 return Ok(None);
             }
@@ -213,6 +215,7 @@ impl<'a> ReportRequest<'a> {
             // Two ados play each ego, the trained and the held-random ado.
             (REUSE_EPISODES / (2 * egos.len())).clamp(LEAST_STARTS, MOST_STARTS)
         });
+        // The number of changed egos multiplies the cost, so they play few starts.
         let few = first(starts, count);
         for ego in egos {
             // Starts of a map of another size have other axes, so they are drawn anew.

@@ -100,6 +100,7 @@ impl SearchTable {
                 play(bench, start, *noise, &mut ado, Aftermath::Play)
             };
             let all_starts = 0..searched.found.len();
+            // Starts from which the ego fails by itself are kept, too.
             let solved = all_starts.filter(|index| searched.actions(*index).is_some());
             let kept = keeper.keep(&solved.collect::<Vec<_>>(), &again, dir, watch)?;
             kept.note(ego.name(), dir, watch);
@@ -131,6 +132,7 @@ impl SearchCampaign<'_> {
         for (nth, ego) in self.egos.iter().enumerate() {
             let watch = &watch.later(nth);
             let tested = (ego.scenario(), ego.is_nominal());
+            // Each ego may have other trivial starts.
             let Some((own, alone)) = starts.for_ego(self.world, tested, watch) else {
                 break;
             };

@@ -92,10 +92,12 @@ impl Sweep {
                 text: text.to_owned(),
             });
         }
+        // A single value is no range, and each value is a whole evaluation.
         if !(2..=MAX_STEPS).contains(&steps) {
             return Err(SweepError::Steps { steps });
         }
         let last = (steps - 1) as f64;
+        // Both ends are values of the sweep.
         let value = |i: usize| lo + (hi - lo) * i as f64 / last;
         Ok(Sweep {
             parameter: name.to_owned(),

@@ -84,6 +84,7 @@ impl<'a> Evaluation<'a> {
     pub fn run(self, watch: &Watch<'_>) -> Result<Option<EvaluationTable<'a>>, EvaluationError> {
         let world = self.run.world()?;
         consent(&world, self.egos)?;
+        // Refused before the first simulation.
         self.can_learn()?;
         let Some(starts) = self.starts(&world, watch) else {
             return Ok(None);
@@ -101,6 +102,7 @@ impl<'a> Evaluation<'a> {
         };
         for (nth, ego) in self.egos.iter().enumerate() {
             let met = table.meet(ego, &baselines, &watch.later(nth));
+            // Rows before an error are kept, because they may have cost hours.
             table.failure = met.err();
             if watch.stopped() || table.failure.is_some() {
                 break;
@@ -134,6 +136,7 @@ impl<'a> EvaluationTable<'a> {
             return Ok(());
         };
         let (_, seed) = asked.starts;
+        // A conditional ado has another policy input for each ego.
         let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
         self.identified.extend(ado.identified.clone());
         let starts = own.as_ref().unwrap_or(&self.starts);
@@ -224,6 +227,7 @@ impl<'a> EvaluationTable<'a> {
         let ado = conditioned(run, context, &own, seed, watch)?;
         let policy = &*ado.policy;
         let is_nominal = |ego: &EgoUnderTest| ego.name() == own.name();
+        // Theorem 3 needs a changed ego to say anything.
         let all = if egos.iter().all(is_nominal) {
             EgoUnderTest::find(nominal, "all")?
         } else {
@@ -305,6 +309,8 @@ impl<'a> EvaluationTable<'a> {
                 let (whole, policy) = ByRule::Optimal.policy(found.ego)?;
                 let request = EvalRequest {
                     scenario: &whole,
+                    // The optimal ado plays in the fully observed world, and so must its
+                    // replay.
                     ado: ByRule::Optimal.ado(&policy),
                     ..trained
                 };

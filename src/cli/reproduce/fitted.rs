@@ -37,6 +37,7 @@ fn drawn(lines: &[Vec<&str>]) -> Option<String> {
     };
     let keys = keys(rows);
     let least = |column: usize| least_width(lines, column);
+    // Every part repeats the key columns, so their width is taken first.
     let room = usize::from(WIDTH) - 1 - keys.iter().map(|key| least(*key)).sum::<usize>();
     let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
     for column in (0..header.len()).filter(|column| !keys.contains(column)) {
@@ -51,6 +52,7 @@ fn drawn(lines: &[Vec<&str>]) -> Option<String> {
     }
     let part = |group: &[usize]| {
         let mut columns = [&keys, group].concat();
+        // Key columns keep their place among the others.
         columns.sort_unstable();
         let of = |row: &[&str]| -> Vec<String> {
             let cell = |column: &usize| row.get(*column).copied().unwrap_or_default();
@@ -84,6 +86,7 @@ fn keys(rows: &[Vec<&str>]) -> Vec<usize> {
         for row in rows {
             values.push(columns.iter().map(|it| row.get(*it)).collect());
         }
+        // Equal keys become neighbours.
         values.sort_unstable();
         values.windows(2).all(|pair| pair[0] != pair[1])
     };
@@ -98,6 +101,7 @@ fn keys(rows: &[Vec<&str>]) -> Vec<usize> {
 ///
 /// It is the longest word, two blanks and a line.
 fn least_width(lines: &[Vec<&str>], column: usize) -> usize {
+    // Line 1 is the rule below the header.
     let cells = lines.iter().enumerate().filter(|(nth, _)| *nth != 1);
     let cells = cells.filter_map(|(_, row)| row.get(column));
     let words = cells.flat_map(|cell| cell.split_whitespace());

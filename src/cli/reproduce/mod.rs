@@ -111,6 +111,7 @@ enum What {
 }
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
+    // The option is common to all verbs, and would be ambiguous here.
     if args.seed.is_some() {
         return Err(Failure::input(
             "`reproduce` has trainings and test starts, so `--seed` does not say whose",
@@ -129,6 +130,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
             talk::say("interrupted: what is finished is kept; run the same command to go on");
             return Ok(Exit::Interrupted);
         };
+        // Saved before it is printed, so a broken pipe does not cost the part.
         made.save(&args.output)?;
         if !args.common.json {
             talk::data(&fitted::fitted(&made.markdown))?;
@@ -208,11 +210,13 @@ fn once<T: Serialize + DeserializeOwned>(
     match kept.read() {
         Ok(None) => {}
         Ok(made) => return Ok(made),
+        // A damaged piece is only lost time, unlike a damaged run.
         Err(error @ RunError::Damaged { .. }) => talk::say(&format!("{error}; it is made anew")),
         Err(error) => return Err(error.into()),
     }
     let bar = progress::bar(piece);
     let made = make(&bar.watch())?;
+    // An interrupted piece is not kept, because it would look finished.
     if let Some(made) = &made {
         kept.write(made)?;
     }
