@@ -44,6 +44,7 @@ pub(super) fn stopped() -> bool {
 pub(super) fn listen_for_interrupts() {
     // Without a handler the program still works: Ctrl-C then ends it at once.
     let _ = ctrlc::set_handler(|| {
+        // The second Ctrl-C is for work that does not stop soon.
         if STOP.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
@@ -60,6 +61,7 @@ pub(super) fn say(text: &str) {
 ///
 /// It may contain colours of this program.
 pub(super) fn say_rendered(text: &str) {
+    // A closed stderr must not end the work.
     let _ = writeln!(stderr(), "{text}");
 }
 
@@ -84,6 +86,7 @@ pub(super) fn json(text: &str) -> Result<(), Failure> {
 
 fn write_data(text: &str) -> Result<(), Failure> {
     let mut stdout = stdout();
+    // Flushed at once, because a full disk must be an error before the exit.
     match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::fault(
             format!("writing to standard output failed: {error}"),
@@ -95,6 +98,7 @@ fn write_data(text: &str) -> Result<(), Failure> {
 
 /// Colours on a terminal, plain text elsewhere.
 pub(super) fn theme() -> GraphicalTheme {
+    // The convention of no-color.org.
     let plain = std::env::var_os("NO_COLOR").is_some();
     if io::stderr().is_terminal() && !plain {
         GraphicalTheme::unicode()

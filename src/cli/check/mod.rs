@@ -185,6 +185,7 @@ fn text(scenario: &Scenario) -> String {
     let actions: Vec<String> = actions
         .map(|action| {
             let label = scenario.action_label(action);
+            // The neutral action defines trivial starts, so it must be visible.
             if action == neutral {
                 format!("{label} (neutral)")
             } else {

@@ -26,6 +26,7 @@ pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
     programs
         .map(|(ego, process)| {
             let mut process = process.clone();
+            // A program from a file has no consent of its own.
             process.allow(allowed);
             let done = allowed.then(|| exercise(&process));
             let mut findings = done.iter().flat_map(|done| &done.findings);
@@ -48,6 +49,7 @@ pub(super) fn text(named: &[Named]) -> String {
     for one in named {
         let (ego, command) = (&one.ego, command_line(&one.command));
         let said = match (&one.hello, &one.fault, &one.wrong) {
+            // A fault explains the findings after it.
             (_, Some(fault), _) => format!("{}: {fault}", fault.kind.word()),
             (_, None, Some(wrong)) => format!("WRONG: it {}: {}", wrong.what, wrong.note),
             (Some(hello), None, None) => said(hello),

@@ -40,6 +40,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let mut all = Vec::new();
     for (name, wanted) in FAILING {
         let scenario = world(args, name)?;
+        // A world from `--worlds` may lack these axes.
         let around = start_with(&scenario, &wanted).map_err(|error| {
             Failure::input(
                 error.to_string(),
@@ -76,6 +77,7 @@ fn near(
     let seeds = args.asked_seeds(1);
     let (path, _) = trained_run(scenario, seeds.first, &args.output.join("runs"), watch)?;
     let starts = test_starts(scenario, seeds.starts, args.starts, watch);
+    // An interrupted training has no policy.
     let (Some(starts), false) = (starts, watch.stopped()) else {
         return Ok(None);
     };

@@ -61,6 +61,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             };
             scenario = scenario.learning_by(learner).ok_or_else(none)?;
         }
+        // Only rows with episode counts have a curve to continue.
         let more = MORE.iter().filter(|_| !episodes.is_empty());
         let episodes: Vec<u64> = episodes.iter().chain(more).copied().collect();
         let row = PaperRow {

@@ -34,6 +34,7 @@ fn made(args: &ReproduceArgs, protocol: &'static str) -> Result<Option<Made>, Fa
         let scenario = world(args, name)?.allow_programs(args.common.allow_programs);
         for ego in protocol_egos(&scenario, &args.ego)? {
             let settings = json!({ "ego": ego.change(), "starts": args.starts });
+            // A piece is a file name, which cannot contain a slash.
             let piece = format!("{}, {}", name.replace('/', " "), ego.name());
             let row = once(args, (&piece, &scenario), settings, |watch| {
                 let row = protocol_row(name, &ego, args.starts, watch);

@@ -60,6 +60,7 @@ fn rows(
             });
             let piece = format!("{name} {seed}, {}", ego.name());
             let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
+                // Inside of the piece, so that a finished piece needs no training.
                 let Some(run) = trained(args, &scenario, seed, watch)? else {
                     return Ok(None);
                 };
