@@ -151,6 +151,7 @@ fn safety(swept: &Swept) -> String {
         (Some(least), Some(most)) if least <= most => "no value fails".to_owned(),
         (Some(from), _) => format!("no failure from {parameter} = {from} on"),
         (None, Some(to)) => format!("no failure up to {parameter} = {to}"),
+        // Safe values in the middle only are no useful bound.
         (None, None) => return "starts fail at both ends of the range".to_owned(),
     };
     format!("{safe}: at each such value at most {bound:.1} % at 95 %, for these ados and starts")

@@ -45,6 +45,7 @@ impl Case<'_> {
     fn now(&self, dir: &Path) -> Vec<String> {
         let mut command = (self.command)(dir);
         if command[0] == "train" && dir.join("run/manifest.json").exists() {
+            // A training that was killed before its manifest is begun again.
             command.push("--resume".to_owned());
         }
         command
@@ -76,6 +77,7 @@ impl Case<'_> {
         let mut points = 0;
         let (whole, steps) = self.undisturbed();
         let (again, _) = self.undisturbed();
+        // Two undisturbed runs must agree first, or the comparison would prove nothing.
         assert_eq!(files_differing(&whole, &again), [""; 0], "{}", self.name);
         let mut dice = generator("crash points", &[steps]);
         let all = std::env::var("BRAKECHECK_CRASHES").is_ok_and(|asked| asked == "all");
@@ -85,6 +87,7 @@ impl Case<'_> {
                 at = (0..FEW).map(|_| dice.random_range(1..=steps)).collect();
             }
             for at in at {
+                // The resumption is disturbed, too, at another step.
                 let again = dice.random_range(1..=steps);
                 let other = self.disturbed(at, how, again);
                 let differing = files_differing(&whole, &other);
@@ -126,6 +129,7 @@ fn untimed(path: &Path, bytes: Vec<u8>) -> Vec<u8> {
         Some("json" | "md") => String::from_utf8(bytes).expect("text"),
         _ => return bytes,
     };
+    // The last column of a Markdown table is the processor time.
     let times = |line: &str| match line.split_once("cpu_s\":") {
         None if line.starts_with('|') => line.rsplitn(3, '|').last().map(str::to_owned),
         _ => None,
@@ -217,6 +221,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
     let acc = worlds.join("acc.ron").display().to_string();
     let text = fs::read_to_string(shipped("acc")).expect("a world");
     let quick = text
+        // Small trainings keep the steps on the disk and drop the computation.
         .replace("Dqn(decisions: 300_000)", "Dqn(decisions: 900)")
         .replace("horizon_s: 15.0", "horizon_s: 8.0");
     fs::write(&acc, quick).expect("written");
@@ -225,6 +230,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
     let told = "--against conditional --decisions 1100 --seed 4";
     let told = finished(&scratch.path().join("told"), &acc, told);
     for file in ["counterexamples.jsonl", "progress.jsonl"] {
+        // An empty file would hide differences.
         let length = fs::metadata(nominal.join(file)).expect("a file").len();
         assert_ne!(length, 0, "{file}");
     }
@@ -301,6 +307,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         let points = &points;
         for (name, command) in cases {
             scope
+                // Each case has directories of its own, so cases can run side by side.
                 .spawn(move || points.fetch_add(Case { name, command }.holds(), Ordering::Relaxed));
         }
     });

@@ -271,6 +271,7 @@ impl From<&EgoError> for Failure {
     fn from(error: &EgoError) -> Failure {
         match error {
             EgoError::NotAllowed { who, command } => not_allowed(who, command),
+            // A wrapped error of a file keeps its place in the text.
             EgoError::World(error) => error.into(),
             _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
         }
@@ -563,6 +564,7 @@ impl From<&TrainError> for Failure {
                 complaint,
             } => {
                 let mut failure = Failure::from(complaint);
+                // The kept decisions matter most, so they precede the reason.
                 if let Some(note) = failure.notes.first_mut() {
                     note.what = format!(
                         "training ended after {decisions} decisions, which are kept: {}",
@@ -595,6 +597,7 @@ pub fn not_allowed(who: &str, command: &[String]) -> Failure {
 impl From<&Complaint> for Failure {
     fn from(complaint: &Complaint) -> Failure {
         let mut help = String::new();
+        // Otherwise a reader would take the few episodes for all.
         if complaint.given_up {
             help.push_str("it was given up before the end; ");
         }

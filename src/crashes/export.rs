@@ -97,6 +97,7 @@ pub fn write_openx(files: &OpenX, dir: &Path, name: &str) -> Result<[PathBuf; 3]
 
 /// Returns the files of a replayed counterexample if it equals its record.
 fn as_recorded(replayed: &Replayed, name: &str, ego: &str) -> Result<OpenX, ExportRefusal> {
+    // Grid worlds are refused later, with a reason of their own.
     if !replayed.is_reproduced() && replayed.scenario.drive().is_some() {
         let difference = replayed.first_difference.as_ref();
         let at = difference.map_or("its verdict".to_owned(), ToString::to_string);

@@ -50,6 +50,7 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
     let scenario = reruns.scenario();
     let mut varied = worlds(scenario, episode)?;
     varied.extend(starts(scenario, &episode.start));
+    // All variations or none, because a share of some would not be comparable.
     reruns.ask(varied.len(), 0).ok()?;
     let variations = varied.into_par_iter().map(|(name, world, start)| {
         let mut ado = Replay::holding(&episode.actions);

@@ -50,6 +50,7 @@ pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> W
 /// Finds the cause within the runs of `reruns`.
 pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<&Driver>) -> Why {
     let scenario = reruns.scenario();
+    // A refusal is kept, so that a missing decisive action is not read as a result.
     let (decisive, not_asked) = match decisive_within(reruns, episode) {
         Ok(decisive) => (decisive, None),
         Err(reason) => (None, Some(reason)),
@@ -210,6 +211,7 @@ pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> O
     let coarse = (0..=judged.div_ceil(per_decision)).rev();
     let coarse = coarse.map(|decision| decision * per_decision);
     let mut coarse = coarse.filter(|after| *after <= judged);
+    // Within a decision of the chance, samples are tried from its end.
     let at = coarse.find(|after| avoids(*after)).map(|from| {
         let last = (from + per_decision - 1).min(judged);
         (from + 1..=last)

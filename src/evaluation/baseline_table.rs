@@ -40,6 +40,7 @@ pub fn untrained(
         }
         let watch = &watch.later(nth);
         let tested = (ego.scenario(), ego.is_nominal());
+        // Each ego may have other trivial starts.
         let Some((starts, alone)) = starts.for_ego(nominal, tested, watch) else {
             break;
         };

@@ -44,6 +44,7 @@ pub(super) fn in_the_way(
     watch: &Watch<'_>,
 ) -> Option<InTheWay> {
     let rules = &scenario.rulebook().rules;
+    // Few starts are enough to find a rule that blocks all of them.
     let few = starts.first(LOOKED_AT);
     if rules.is_empty() || few.starts.is_empty() {
         return None;

@@ -337,6 +337,8 @@ fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
     let contact = episode.contact.as_ref();
     PointFailure {
         leaf: leaf(scenario, episode),
+        // The last judged sample is that of the violation, and rounding removes binary
+        // noise.
         violated_s: (episode.judged.saturating_sub(1) as f64 * sample_s * 1e9).round() / 1e9,
         contact: contact.map(|touch| touch.between.clone()),
         closing_mps: contact.map(|touch| touch.closing_speed_mps),

@@ -218,12 +218,14 @@ fn summary(relation: Relation, block: &[&ReusedOn], ado: &str, reference: &str) 
         .map(|ego| (*ego, of(ego, ado)))
         .filter(|(_, rows)| !rows.is_empty())
         .collect();
+    // Egos that no search can make fail would have a recall by chance.
     let telling = played
         .iter()
         .filter(|(ego, _)| ego.reachable.is_some_and(|share| LEAST_REACHABLE <= share));
     let recalls: Vec<(f64, String)> = telling
         .filter_map(|(ego, rows)| {
             let recalls: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
+            // An ego without a recall in every training has no mean.
             Some((mean(recalls?.into_iter())?, ego.ego.clone()))
         })
         .collect();
@@ -231,6 +233,7 @@ fn summary(relation: Relation, block: &[&ReusedOn], ado: &str, reference: &str) 
     let compared: Vec<(Vec<Row>, &Vec<Row>)> = played
         .iter()
         .map(|(ego, rows)| (of(ego, reference), rows))
+        // The reference minus itself would be 0 in every table.
         .filter(|(compared, _)| ado != reference && !compared.is_empty())
         .collect();
     let pairs: Vec<(Vec<&Outcomes>, Vec<&Outcomes>)> = compared

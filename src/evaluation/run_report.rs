@@ -63,6 +63,7 @@ impl GivenRows {
             file: file.into(),
             why,
         };
+        // The size is tested before the file is read into memory.
         let size = std::fs::metadata(file).map(|meta| meta.len());
         if size.is_ok_and(|size| MAX_ROWS_BYTES < size) {
             return Err(wrong("it is too large".to_owned()));
@@ -74,6 +75,7 @@ impl GivenRows {
         })?;
         let printed: GivenRows =
             serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        // All rows are tested before any is added, so an error changes nothing.
         match printed.rows.iter().find(|row| row.world != scenario.name) {
             Some(other) => Err(wrong(format!("they are of the world `{}`", other.world))),
             None => {

@@ -115,6 +115,7 @@ impl Lanes {
         let pairs: Vec<(LaneBody, LaneBody)> = others.collect();
         let inside_m = |(ego, other): &(LaneBody, LaneBody)| {
             let off_m = (other.y_m - self.middle_m(ego.y_m)).abs();
+            // Depth of the nearer side inside the ego's lane.
             0.5 * (self.lane_width_m + other.width_m) - off_m
         };
         let sample = pairs.iter().position(|pair| INSIDE_M <= inside_m(pair))?;

@@ -280,6 +280,7 @@ impl Preventability {
     pub fn is_at_fault(&self) -> bool {
         use NotApplicable::{NoContact, NotDriven, WithoutEgo};
         let why = self.not_applicable;
+        // The other reasons concern contacts of the ego that drivers cannot judge.
         let touched = !why.is_some_and(|it| [NoContact, NotDriven, WithoutEgo].contains(&it));
         touched && self.exonerated.is_none()
     }

@@ -116,6 +116,7 @@ impl Replayer {
     pub fn case(&self, motion: &Motion) -> Case {
         let contact_s = motion.contact.as_ref().map_or(0.0, |touch| touch.time_s);
         let after = ((contact_s + AFTER_CONTACT_S) / self.sample_s).ceil() as usize + 1;
+        // A driver may only delay the contact, so the replay continues beyond it.
         let samples = self.world.spec().clock.samples().max(after);
         // The last sample of a contact shows the instant of contact, not a full sample.
         let partial = usize::from(motion.contact.is_some());

@@ -13,6 +13,7 @@ type Pattern = (String, String, String);
 
 pub(super) fn table(scenario: &Scenario) -> String {
     let agents = agents(scenario);
+    // The pairs of many agents would fill pages.
     let many = FEW_AGENTS < agents.len();
     let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
     for (signal, held) in scenario.signals() {
@@ -27,6 +28,7 @@ pub(super) fn table(scenario: &Scenario) -> String {
     let lines = lines.into_iter().map(|((name, unit, about), held)| {
         let first = held[0];
         let same = held.iter().filter(|word| **word == first).count();
+        // A pattern may cover signals that are recorded and others on demand.
         let held = if same == held.len() {
             first.to_owned()
         } else {
