@@ -1,5 +1,4 @@
-//! `brakecheck new`: a small world of one's own, to be changed, or the points
-//! of a test protocol as worlds.
+//! `brakecheck new`: a small world to change, or a test protocol as worlds.
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,4 @@
-//! `brakecheck view`: an episode as a recording for the rerun viewer, or as a
-//! picture that plays by itself.
+//! `brakecheck view`: an episode as a recording or a self-playing picture.
 
 use std::path::{Path, PathBuf};
 

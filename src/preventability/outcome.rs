@@ -105,8 +105,9 @@ pub struct ReplayContact {
 pub struct DriverOutcome {
     /// True if the ego had no contact.
     pub avoided: bool,
-    /// Least gap to an agent ahead in the ego's path in m, or minus the closing speed of
-    /// the contact in m/s.
+    /// Least gap in m, or minus the closing speed of the contact in m/s.
+    ///
+    /// The gap is to an agent ahead in the ego's path.
     ///
     /// `None` if no agent was ever there.
     pub margin: Option<f64>,

@@ -215,6 +215,7 @@ impl Replayer {
     }
 
     /// Returns the outcome of a driver from the handover on.
+    ///
     /// The ideal driver takes over at the first danger.
     pub fn from_handover(
         &mut self,
