@@ -75,7 +75,7 @@ impl Search {
 
 /// Mean and standard deviation of one or more points, per dimension; the deviation is at
 /// least `least`, which keeps a search from standing still too early.
-pub(crate) fn refit(points: &[&Vec<f64>], least: f64) -> (Vec<f64>, Vec<f64>) {
+fn refit(points: &[&Vec<f64>], least: f64) -> (Vec<f64>, Vec<f64>) {
     // Invariant: there is a point.
     debug_assert!(!points.is_empty());
     let count = points.len() as f64;
@@ -89,7 +89,7 @@ pub(crate) fn refit(points: &[&Vec<f64>], least: f64) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// A point about `mean`, in the box.
-pub(crate) fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
+fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
     let pairs = mean.iter().zip(spread);
     pairs
         .map(|(mean, spread)| (mean + spread * normal(dice)).clamp(-1.0, 1.0))
