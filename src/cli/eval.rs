@@ -9,7 +9,7 @@ use super::compared::{Compared, GateOn};
 use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
-    Common, Exit, Failure, exit_of, gone, interrupted_early, load_world, one_of, open_run, points,
+    Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, points,
     print_json, progress, table, talk, theorems,
 };
 use crate::adversary::AdoKind;
@@ -44,9 +44,6 @@ pub(super) struct EvalArgs {
     /// Also search with at most so many switches, and fill in recall.
     #[arg(long, value_name = "M")]
     pub(super) search: Option<usize>,
-    /// As earlier versions said what a conditional ado is told.
-    #[arg(long, hide = true)]
-    params: Option<String>,
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
     pub(super) tries: u64,
@@ -158,8 +155,6 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
-    let refused = args.params.as_deref().map(gone::params);
-    refused.map_or(Ok(()), Err)?;
     if is_world(&args.run) {
         return of_world(args);
     }

@@ -12,9 +12,6 @@ pub enum Label {
     /// Every reference driver of the [panel](super::PANEL) avoids it.
     AvoidedByAll,
     /// At least one of them does, and at least one does not.
-    ///
-    /// Earlier versions wrote `AvoidedByCompetent` where CC_LATCHED or FSM did.
-    #[serde(alias = "AvoidedByCompetent")]
     AvoidedBySome,
     /// None of them does; full braking without delay does.
     OnlyByPerfect,
@@ -290,9 +287,9 @@ impl Preventability {
         outcome.is_some_and(|outcome| outcome.avoided)
     }
 
-    /// Takes label and self-infliction from the outcomes, as this version reads
-    /// them; where there are none it stays as it is.
-    pub(crate) fn label_outcomes(&mut self) {
+    /// Takes label and self-infliction from the outcomes. Without any, they stay as
+    /// they are.
+    pub(super) fn label_outcomes(&mut self) {
         let held = |outcome: &Option<DriverOutcome>| outcome.as_ref().is_some_and(|it| it.avoided);
         let [avoids, hits] = self.drivers();
         self.label = match (avoids.is_empty(), hits.is_empty()) {

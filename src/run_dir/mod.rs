@@ -64,11 +64,7 @@ use crate::world::{Against, LoadError, Scenario, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
 
-/// Version of the layout. Earlier versions are read, and later versions are
-/// refused.
-///
-/// In version 1 the manifest was not sealed and contained the processor time.
-/// In version 2 `timing.json` and `report.json` were not sealed.
+/// Version of the layout. Other versions are refused.
 const FORMAT: u32 = 3;
 
 /// Optional start conditions of a training.
@@ -150,7 +146,7 @@ impl RunDir {
                 against: scenario.against,
                 left_out: scenario.left_out.clone(),
                 settings_fingerprint: Some(settings_of(scenario)),
-                settings: serde_json::to_value(&scenario.learner).ok(),
+                settings: serde_json::to_value(&scenario.learner).unwrap_or_default(),
                 told: told_names(scenario),
                 ego: with.ego,
                 from_sha256: None,
@@ -205,23 +201,19 @@ impl RunDir {
         if let Some(policy) = &manifest.policy_sha256 {
             self.read_verified("policy.safetensors", Some(policy))?;
         }
-        if manifest.is_sealed() {
-            let stored = manifest.counterexamples.as_ref();
-            // Earlier versions kept no hash of unfinished files.
-            let stored = stored.filter(|known| known.sha256.is_some());
-            let files = [
-                (progress::FILE, Some(manifest.progress.clone())),
-                (
-                    training_counterexamples::FILE,
-                    stored.map(StoredCount::grown),
-                ),
-            ];
-            for (name, known) in files {
-                let path = self.path.join(name);
-                // A copy of a trained ado has neither file.
-                if let (Some(known), true) = (known, path.exists()) {
-                    append_log::verified(&path, &known, manifest.is_finished())?;
-                }
+        let stored = manifest.counterexamples.as_ref();
+        let files = [
+            (progress::FILE, Some(manifest.progress.clone())),
+            (
+                training_counterexamples::FILE,
+                stored.map(StoredCount::grown),
+            ),
+        ];
+        for (name, known) in files {
+            let path = self.path.join(name);
+            // A copy of a trained ado has neither file.
+            if let (Some(known), true) = (known, path.exists()) {
+                append_log::verified(&path, &known, manifest.is_finished())?;
             }
         }
         Ok(())
@@ -243,9 +235,7 @@ impl RunDir {
         let mut run = RunDir::open(path)?;
         run._lock = Some(lock);
         run.sweep()?;
-        // Earlier versions recorded no lengths, and their trainings are not
-        // continued.
-        if !run.manifest.is_finished() && run.manifest.is_sealed() {
+        if !run.manifest.is_finished() {
             let (progress, stored) = (
                 path.join(progress::FILE),
                 path.join(training_counterexamples::FILE),
@@ -507,7 +497,6 @@ impl RunDir {
 
     /// Records the progress of the training, and the valid parts of the growing files.
     fn note(&mut self, done: Done) -> Result<(), RunError> {
-        self.manifest.format = FORMAT;
         self.manifest.decisions = done.decisions_asked;
         self.manifest.decisions_done = done.decisions;
         self.manifest.episodes = done.episodes;

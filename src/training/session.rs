@@ -12,7 +12,7 @@ use crate::experiment::{
 };
 use crate::rl::{LearnerConfig, Policy};
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
+use crate::run_dir::{Asked, Beginning, ChangedEgo, Row, RunDir, RunError};
 use crate::sim::PlantKind;
 use crate::world::{Against, Change, Scenario};
 
@@ -345,18 +345,14 @@ impl TrainRequest<'_> {
         if let Some(learner) = learner.and_then(|name| world.learning_by(name)) {
             world = learner;
         }
-        Ok(match (self.decisions, begun_with(begun)) {
+        // The learner is the one of the beginning, whatever its world has become.
+        let learner = serde_json::from_value::<LearnerConfig>(begun.settings.clone());
+        Ok(match (self.decisions, learner) {
             (Some(decisions), _) => world.training_for(decisions)?,
-            (None, Some(learner)) => world.learning_with(learner),
-            (None, None) => world.training_for(begun.decisions)?,
+            (None, Ok(learner)) => world.learning_with(learner),
+            (None, Err(_)) => world.training_for(begun.decisions)?,
         })
     }
-}
-
-/// The learner a run was begun with, whatever its world has become.
-fn begun_with(begun: &Manifest) -> Option<LearnerConfig> {
-    let settings = begun.settings.clone()?;
-    serde_json::from_value(settings).ok()
 }
 
 /// A conditional ado is told the ego's parameters, others are not: one cannot
