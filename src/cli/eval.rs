@@ -1,5 +1,6 @@
 //! `brakecheck eval`: a frozen ado on test starts and egos, beside baselines.
 
+use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -175,7 +176,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         starts: (args.starts, args.seed),
         search: args.search,
         tries: args.tries,
-        runs: args.runs,
+        runs: NonZeroU64::new(args.runs),
         unknown: &[],
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
@@ -204,7 +205,7 @@ fn keep(args: &EvalArgs, evaluated: &EvaluationTable<'_>, egos: usize) -> Result
 
 /// What a conditional ado is told of the egos; says so if that is nothing.
 fn told(args: &EvalArgs, run: &RunDir) -> Result<Option<ContextSource>, Failure> {
-    let context = ContextSource::of(run, args.runs)?;
+    let context = ContextSource::of(run, NonZeroU64::new(args.runs))?;
     if context == Some(ContextSource::Nominal) {
         talk::say(UNTOLD);
     }

@@ -39,6 +39,7 @@ mod training_counterexamples;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 pub use about::{
     About, Decisive, Effort, EgoRuns, LastChance, NotAsked, Persistence, Severity, Shrunk,
@@ -83,6 +84,8 @@ pub struct RunDir {
     manifest: Manifest,
     /// Consent to start the programs that its world names. It is never written.
     programs_allowed: bool,
+    /// World on the plant of its file, once it was parsed.
+    world: OnceLock<Scenario>,
     progress: Growing,
     counterexamples: Growing,
     _lock: Option<File>,
@@ -154,6 +157,7 @@ impl RunDir {
                 policy_sha256: None,
             },
             programs_allowed: false,
+            world: OnceLock::new(),
             progress: Growing::new(path.join(progress::FILE)),
             counterexamples: Growing::new(path.join(training_counterexamples::FILE)),
             _lock: Some(lock),
@@ -179,6 +183,7 @@ impl RunDir {
             path: path.into(),
             manifest,
             programs_allowed: false,
+            world: OnceLock::new(),
             progress: Growing::new(path.join(progress::FILE)),
             counterexamples: Growing::new(path.join(training_counterexamples::FILE)),
             _lock: None,
@@ -312,15 +317,31 @@ impl RunDir {
 
     /// Consents to start the programs that the world and its changes name.
     pub fn allow_programs(&mut self, allowed: bool) {
+        // A parsed world takes the consent over, so it is not parsed again.
+        if let Some(world) = self.world.take() {
+            self.world = OnceLock::from(world.allow_programs(allowed));
+        }
         self.programs_allowed = allowed;
     }
 
     /// Returns the world on the plant of its file.
     ///
+    /// It is read and parsed at the first call only, because a dry run of a large
+    /// world takes a second.
+    ///
     /// # Errors
     ///
     /// Returns an error if this version cannot use the world file.
     pub fn world(&self) -> Result<Scenario, RunError> {
+        if let Some(world) = self.world.get() {
+            return Ok(world.clone());
+        }
+        let world = self.parse_world()?;
+        Ok(self.world.get_or_init(|| world).clone())
+    }
+
+    /// Reads and parses the world file.
+    fn parse_world(&self) -> Result<Scenario, RunError> {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
             Ok(scenario) => self.as_learned(scenario.allow_programs(self.programs_allowed)),

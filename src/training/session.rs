@@ -23,8 +23,8 @@ const KEPT_EPISODES: usize = 5;
 /// with a run, as that was begun.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TrainRequest<'a> {
-    /// Seed of the training; 0 going on: the one it was begun with.
-    pub seed: u64,
+    /// Seed of the training. Without it a training begins with 0.
+    pub seed: Option<u64>,
     /// Decisions to train for.
     pub decisions: Option<u64>,
     /// One of the world's `learners`.
@@ -82,7 +82,7 @@ impl TrainSession {
             });
         }
         let ego = request.ego(&world)?;
-        let seed = request.seed;
+        let seed = request.seed.unwrap_or(0);
         let from = request.from.map(|from| from.policy_bundle()).transpose()?;
         if let (Some(source), Some(bundle)) = (request.from, &from) {
             fits_kind(source, &world)?;
@@ -115,10 +115,7 @@ impl TrainSession {
             Some(_) => asked,
             None => begun.ego.clone(),
         };
-        let seed = match request.seed {
-            0 => begun.seed,
-            seed => seed,
-        };
+        let seed = request.seed.unwrap_or(begun.seed);
         let own = ego.as_ref().filter(|ego| ego.is_own());
         if own.is_some_and(|ego| world.own_ego() != Some(&ego.name)) {
             let name = own.map_or("", |ego| &ego.name);

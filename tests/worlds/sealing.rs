@@ -129,6 +129,30 @@ fn no_flipped_bit_of_a_kept_counterexample_is_accepted() {
     }
 }
 
+/// A large world takes a second to parse, and every ego of an evaluation asks for it.
+#[test]
+fn the_world_of_an_open_run_is_parsed_once() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let path = dir.path().join("run");
+    drop(RunDir::create(&path, &quick(12_000), 7).expect("a run"));
+    let mut run = RunDir::open(&path).expect("a run");
+    // Unreadable from here on, so whoever parsed it again would fail.
+    let spoil = || fs::write(path.join("world.ron"), "Scenario()").expect("written");
+    let before = run.world().expect("a world");
+    spoil();
+    assert_eq!(run.world().expect("as before").text(), before.text());
+    run.allow_programs(true);
+    let scenario = run.scenario().expect("as before, with consent");
+    assert_eq!(scenario.plant(), run.manifest().plant);
+
+    // A run that was opened before and never asked reads the file as it is now.
+    fs::write(path.join("world.ron"), before.text()).expect("restored");
+    let late = RunDir::open(&path).expect("a run");
+    spoil();
+    assert!(matches!(late.world(), Err(RunError::World(_))));
+    assert!(matches!(late.world(), Err(RunError::World(_))));
+}
+
 #[test]
 fn a_training_goes_on_only_as_what_it_was_begun_as() {
     let dir = tempfile::tempdir().expect("scratch");
@@ -185,6 +209,24 @@ fn a_training_goes_on_only_as_what_it_was_begun_as() {
     }
 }
 
+#[test]
+fn any_seed_may_be_asked_for_when_a_training_goes_on() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let (begun, _) = begun_and_finished(dir.path());
+    let refused = |seed| {
+        let request = TrainRequest {
+            seed,
+            ..TrainRequest::default()
+        };
+        let session = TrainSession::resume(&quick(12_000), &begun, &request);
+        session.err().map(|error| error.to_string())
+    };
+    assert_eq!(refused(None), None);
+    assert_eq!(refused(Some(7)), None);
+    let told = refused(Some(0)).expect("another seed");
+    assert!(told.contains("seed: 7, now 0"), "{told}");
+}
+
 /// Every file below a directory.
 fn files(dir: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(dir).expect("a directory").flatten();
@@ -222,7 +264,7 @@ fn a_flip_in_any_file_of_a_run_is_refused_by_its_name() {
     let dir = tempfile::tempdir().expect("scratch");
     let path = dir.path().join("run");
     let request = TrainRequest {
-        seed: 7,
+        seed: Some(7),
         ..TrainRequest::default()
     };
     let watch = Watch::unwatched();
