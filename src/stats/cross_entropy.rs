@@ -3,6 +3,8 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use crate::seed::normal;
+
 /// The best point found, in −1 ..= 1 per dimension, and its cost.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Fit {
@@ -94,12 +96,6 @@ fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
     pairs
         .map(|(mean, spread)| (mean + spread * normal(dice)).clamp(-1.0, 1.0))
         .collect()
-}
-
-/// A standard normal number (Box, Muller 1958).
-pub(crate) fn normal(dice: &mut ChaCha8Rng) -> f64 {
-    let radius = (-2.0 * libm::log(1.0 - dice.random::<f64>())).sqrt();
-    radius * libm::cos(core::f64::consts::TAU * dice.random::<f64>())
 }
 
 /// A position by its share; rounding leaves what remains to the last one.
