@@ -32,6 +32,7 @@ pub struct NotExported {
 
 /// Why nothing is written of a kept counterexample.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ExportRefusal {
     /// It cannot be said in OpenSCENARIO.
     #[error(transparent)]

@@ -168,6 +168,7 @@ enum EgoUnderTest {
 /// As `Debug` it prints as on the command line: a test that returns it says what
 /// is wrong, where, and how to mend it.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum RegressionError {
     /// A file is not usable.
     #[error(transparent)]

@@ -49,7 +49,7 @@ pub struct BreakEven {
     ///
     /// `None`, here and below: it never is, because one start costs it no less.
     pub starts: Option<f64>,
-    /// The same by physics steps; `None` also where the training counted none.
+    /// The same by physics steps.
     pub starts_by_physics_steps: Option<f64>,
     /// The same by processor time.
     pub starts_by_cpu_s: Option<f64>,
@@ -92,8 +92,6 @@ pub fn break_even(
         let saved = searched - each;
         (0.0 < saved).then(|| once / saved)
     };
-    // Earlier versions did not count the physics steps of a training.
-    let uncounted = once.physics_steps == 0 && 0 < once.simulations;
     let by_physics_steps = saved(
         once.physics_steps as f64,
         ado.physics_steps,
@@ -110,7 +108,7 @@ pub fn break_even(
         matched,
         search,
         starts: saved(once.simulations as f64, ado.simulations, search.simulations),
-        starts_by_physics_steps: by_physics_steps.filter(|_| !uncounted),
+        starts_by_physics_steps: by_physics_steps,
         starts_by_cpu_s: saved(once.cpu_s, ado.cpu_s, search.cpu_s),
         curve: curve
             .map(|budget| anytime(&searched.found, budget))

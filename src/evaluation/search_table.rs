@@ -218,9 +218,6 @@ impl Trained<'_> {
         } else {
             Cost::of_training(manifest)
         };
-        if manifest.physics_steps == 0 {
-            watch.note("an earlier version trained this run: it counted no physics steps");
-        }
         break_even(searched, request.budget, trained, once)
     }
 }

@@ -11,6 +11,7 @@ use crate::world::ScenarioError;
 /// Its `Debug` form equals the output of the command line. A test that returns
 /// it then shows the problem, its place and its fix.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// Failure to read or write a file.
     #[error("{verb} `{path}` failed: {source}")]

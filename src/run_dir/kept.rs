@@ -66,7 +66,7 @@ pub struct Counterexample {
     pub judged: usize,
     /// First contact, if any.
     pub contact: Option<Touch>,
-    /// State of the rules up to the contact. Missing in older files.
+    /// State of the rules up to the contact. `None` if it was not recorded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules_until_contact: Option<RulesUntilContact>,
     /// Commands of an external ego, sample by sample.
@@ -82,7 +82,7 @@ pub struct Counterexample {
     pub signals: Vec<String>,
     /// Digests of the samples, with eight hexadecimal digits each.
     pub digests: String,
-    /// Facts about the counterexample. Missing in older files.
+    /// Facts about the counterexample. `None` if they were not determined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub about: Option<About>,
     /// World file, verbatim.
@@ -94,6 +94,7 @@ pub struct Counterexample {
 /// Its `Debug` form equals the output of the command line. A test that returns
 /// it then shows the problem, its place and its fix.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum KeptError {
     /// Failure to read or write the file.
     #[error(transparent)]
@@ -185,7 +186,7 @@ impl Counterexample {
     /// It compares verdict, robustness, contact and the rules up to it. Samples
     /// are compared elsewhere.
     pub(crate) fn is_of(&self, episode: &Episode) -> bool {
-        // Older files do not record the rules up to the contact.
+        // A file without the rules up to the contact says nothing about them.
         let rules = self.rules_until_contact.as_ref();
         let rules_agree = rules.is_none() || rules == episode.rules_until_contact.as_ref();
         let contact_agrees = match (&episode.contact, &self.contact) {

@@ -12,6 +12,7 @@ use crate::world::{LoadError, Scenario};
 /// As `Debug` it prints as on the command line: a test that returns it says what
 /// is wrong, where, and how to mend it.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum FindError {
     /// The directory holds fewer.
     #[error("there is no episode {number} in `{}`", dir.display())]
