@@ -42,6 +42,7 @@ pub struct Served {
 
 /// A conversation that could not go on.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ServeError {
     /// What came is none of the messages.
     #[error("line {line} is no message: {why}")]

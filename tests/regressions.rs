@@ -30,7 +30,6 @@ fn signals_that_were_added_later_are_not_recorded_into_their_rows() {
         let world = kept.counterexample.scenario(&kept.path).expect("a world");
         let now = world.world().schema().signals().iter();
         let now: Vec<&str> = now.map(|signal| signal.name.as_str()).collect();
-        assert!(kept.counterexample.is_sealed(), "{}", name(kept));
         assert_eq!(kept.counterexample.signals, now, "{}", name(kept));
     }
 }

@@ -30,7 +30,7 @@ def train(
     output: Path | None = None,
     *,
     ego: Any = None,
-    seed: int = 0,
+    seed: int | None = None,
     decisions: int | None = None,
     learner: str | None = None,
     goals: Sequence[str] | None = None,
@@ -52,7 +52,7 @@ def train(
         output: the run directory to make; `runs/WORLD-SEED` without it.
         ego: whom to train against: a name under the world's `reuse`, a RON file
             with a `Change`, or Python.
-        seed: of the training, and of its test starts.
+        seed: of the training, and of its test starts; 0 without it, or as begun.
         decisions: how long to train, instead of the world's number.
         learner: one of the world's `learners`.
         goals: `"severe"` and `"distinct"` failures to look for, instead of the world's.
@@ -77,7 +77,7 @@ def train(
     of = World.of(world, allow_programs=allow_programs)
     ego = of.ego if ego is None else ego
     asked = {
-        "output": os.fspath(output or os.path.join("runs", f"{of.name}-{seed}")),
+        "output": os.fspath(output or os.path.join("runs", f"{of.name}-{seed or 0}")),
         "ego": ego,
         "seed": seed,
         "decisions": decisions,

@@ -1,5 +1,6 @@
 //! Campaigns: what Python asks for, and the rows it gets.
 
+use std::num::NonZeroU64;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -51,7 +52,7 @@ impl Keeping {
 pub(crate) struct TrainAsked {
     output: PathBuf,
     ego: Option<Py<PyAny>>,
-    seed: u64,
+    seed: Option<u64>,
     decisions: Option<u64>,
     learner: Option<String>,
     /// `None`: as the world says.
@@ -173,7 +174,7 @@ pub(crate) fn eval_run<'py>(
     });
     let ados = ados.collect::<PyResult<Vec<_>>>()?;
     let rows = running.watched(py, move |watch| {
-        let context = ContextSource::of(&run, asked.runs)?;
+        let context = ContextSource::of(&run, NonZeroU64::new(asked.runs))?;
         let evaluation = Evaluation {
             run: &run,
             nominal: &nominal,
@@ -183,7 +184,7 @@ pub(crate) fn eval_run<'py>(
             starts: (asked.starts, asked.seed),
             search: asked.search,
             tries: asked.tries,
-            runs: asked.runs,
+            runs: NonZeroU64::new(asked.runs),
             unknown: &[],
             keeps: asked.keep.is_some(),
         };

@@ -38,8 +38,6 @@ def test_every_verb_is_there_and_shows_itself_as_the_program():
     [
         (["eval", "nowhere"], 2, "nowhere"),
         (["fly"], 2, "unrecognized subcommand"),
-        # A verb of earlier versions, which is a part of `eval` now.
-        (["identify", "runs/acc", "--ego", "E"], 2, "brakecheck eval runs/acc --ego 'E' --runs 10"),
         (["check", "acc.rn"], 2, "acc.rn"),
     ],
 )

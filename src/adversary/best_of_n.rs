@@ -25,7 +25,7 @@ const RATES: [f64; 3] = [0.1, 0.2, 0.4];
 const HOLD: usize = 6;
 
 /// Other members that a conditional ado plays as.
-pub(crate) const OTHERS: usize = 15;
+const OTHERS: usize = 15;
 
 /// A conditional ado, told of other members of its family, for [`Tries`].
 ///

@@ -5,6 +5,7 @@ use crate::scene::grid::exact::Indistinct;
 
 /// An adversary that does not apply to a world or a run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum AdversaryError {
     /// The heuristic reads an observed signal.
     #[error("the ado in `{world}` observes nothing")]

@@ -11,7 +11,6 @@ mod threshold_rule;
 
 pub use baselines::AdoKind;
 pub(crate) use baselines::Baselines;
-pub(crate) use best_of_n::OTHERS;
 pub use best_of_n::{Tried, Tries, other_members};
 pub use error::AdversaryError;
 pub(crate) use grid_policies::ByRule;

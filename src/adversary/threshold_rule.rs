@@ -16,7 +16,7 @@ use crate::rl::Policy;
 use crate::scene::Start;
 use crate::seed;
 use crate::seed::{Purpose, StartKey};
-use crate::stats::{normal, pick};
+use crate::stats::pick;
 use crate::testbench::{Actor, Aftermath, HOLD_DECISIONS, HeldRandom, Testbench};
 use crate::world::Scenario;
 
@@ -301,7 +301,7 @@ impl Chances {
         let signal = pick(&self.signal, rng);
         let mut quantiles = self
             .quantiles
-            .map(|(mean, spread)| (mean + spread * normal(rng)).clamp(0.0, 1.0));
+            .map(|(mean, spread)| (mean + spread * seed::normal(rng)).clamp(0.0, 1.0));
         quantiles.sort_by(f64::total_cmp);
         let [a, b, c] = &self.actions;
         Rule {

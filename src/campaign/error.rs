@@ -16,6 +16,7 @@ use crate::world::LoadError;
 /// As `Debug` it prints as on the command line: a test that returns it says what
 /// is wrong, where, and how to mend it.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum CampaignError {
     /// The campaign file cannot be read.
     #[error("{0}")]

@@ -26,7 +26,7 @@ pub(super) fn train(
     watch: &Watch<'_>,
 ) -> Result<Option<RunDir>, CampaignError> {
     let request = TrainRequest {
-        seed: training.seed,
+        seed: Some(training.seed),
         decisions: training.decisions,
         plant: world.drive().map(|spec| spec.plant),
         ..TrainRequest::default()

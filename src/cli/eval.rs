@@ -1,5 +1,6 @@
 //! `brakecheck eval`: a frozen ado on test starts and egos, beside baselines.
 
+use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -9,7 +10,7 @@ use super::compared::{Compared, GateOn};
 use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
-    Common, Exit, Failure, exit_of, gone, interrupted_early, load_world, one_of, open_run, points,
+    Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, points,
     print_json, progress, table, talk, theorems,
 };
 use crate::adversary::AdoKind;
@@ -44,9 +45,6 @@ pub(super) struct EvalArgs {
     /// Also search with at most so many switches, and fill in recall.
     #[arg(long, value_name = "M")]
     pub(super) search: Option<usize>,
-    /// As earlier versions said what a conditional ado is told.
-    #[arg(long, hide = true)]
-    params: Option<String>,
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
     pub(super) tries: u64,
@@ -161,9 +159,6 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
-    let refused = args.params.as_deref().map(gone::params);
-    // The removed option is refused before any file is read.
-    refused.map_or(Ok(()), Err)?;
     if is_world(&args.run) {
         return of_world(args);
     }
@@ -185,7 +180,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         starts: (args.starts, args.seed),
         search: args.search,
         tries: args.tries,
-        runs: args.runs,
+        runs: NonZeroU64::new(args.runs),
         unknown: &[],
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
@@ -216,7 +211,7 @@ fn keep(args: &EvalArgs, evaluated: &EvaluationTable<'_>, egos: usize) -> Result
 
 /// Returns the context of a conditional ado, with a remark if it has none.
 fn told(args: &EvalArgs, run: &RunDir) -> Result<Option<ContextSource>, Failure> {
-    let context = ContextSource::of(run, args.runs)?;
+    let context = ContextSource::of(run, NonZeroU64::new(args.runs))?;
     if context == Some(ContextSource::Nominal) {
         talk::say(UNTOLD);
     }

@@ -28,10 +28,6 @@ pub(super) struct ReplayArgs {
     /// What counts as well: reproducing what was recorded.
     #[arg(long, value_enum)]
     expect: Option<Expect>,
-    /// Write those of an earlier version again, with their hashes, if they are
-    /// reproduced bit for bit.
-    #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"])]
-    seal: bool,
     /// Find out what is to be said of each (severity, cause, persistence) and write
     /// those that are reproduced bit for bit again with it, and their hashes.
     #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"])]
@@ -85,8 +81,6 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
             remarks(&replayed, &known)
         ))
     }?;
-    // The table is printed first, so an error of the disk does not cost it.
-    seal(args, &regressions, &replayed)?;
     regressions.check_faults(&replayed)?;
     Ok(exit(args, regressions.is_recorded_ego(), &replayed))
 }
@@ -156,39 +150,6 @@ fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Fa
         if replayed.identical {
             let world = regressions.world_of(kept)?;
             replayed.about = Some(kept.refine(&world, &replayed.episode)?);
-        }
-    }
-    Ok(())
-}
-
-/// Seals files of earlier versions, or remarks that they can be sealed.
-fn seal(
-    args: &ReplayArgs,
-    regressions: &Regressions,
-    replayed: &[Replayed],
-) -> Result<(), Failure> {
-    let pairs = regressions.kept().iter().zip(replayed);
-    let unsealed: Vec<_> = pairs
-        .filter(|(kept, _)| !kept.counterexample.is_sealed())
-        .collect();
-    // Refining a file seals it, too.
-    if unsealed.is_empty() || args.refine {
-        return Ok(());
-    }
-    // An old file is rewritten only on request.
-    if !args.seal {
-        talk::say(&format!(
-            "{} of {} hold no hash, since an earlier version kept them: a changed number would go \
-             unnoticed; `--expect recorded --seal` writes it",
-            unsealed.len(),
-            replayed.len()
-        ));
-        return Ok(());
-    }
-    for (kept, replayed) in unsealed {
-        if replayed.identical {
-            kept.seal(&replayed.episode)?;
-            talk::say(&format!("sealed {}", kept.path.display()));
         }
     }
     Ok(())

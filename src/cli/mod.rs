@@ -12,7 +12,6 @@ mod examples;
 mod excerpt;
 mod export;
 mod failure;
-mod gone;
 mod keep;
 mod kept;
 mod last_resort;
@@ -97,9 +96,6 @@ enum Verb {
     /// Search action sequences per start: what an adversary can do at all.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
-    /// As earlier versions fitted a family's parameters to an ego.
-    #[command(hide = true, after_help = examples::IDENTIFY)]
-    Identify(gone::GoneArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
     #[command(after_help = examples::REPLAY)]
     Replay(kept::ReplayArgs),
@@ -134,8 +130,6 @@ impl Verb {
             Verb::Train(args) => args.common.clone(),
             Verb::Eval(args) => args.common.clone(),
             Verb::Search(args) => args.common.clone(),
-            // A removed verb takes any words, so its common options are unknown.
-            Verb::Identify(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
             Verb::Stl(args) => args.common(),
             Verb::Report(args) => args.common.clone(),
@@ -224,7 +218,6 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Train(args) => train::run(&args),
         Verb::Eval(args) => eval::run(&args),
         Verb::Search(args) => search::run(&args),
-        Verb::Identify(args) => Err(gone::identify(&args)),
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),
         Verb::Report(args) => report::run(&args),
@@ -250,13 +243,6 @@ fn settled(exit: Exit) -> Result<Exit, Failure> {
 /// Opens a run, with the consent that was typed.
 fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
     let mut run = RunDir::open(path)?;
-    if !run.manifest().is_sealed() {
-        talk::say(&format!(
-            "`{}` is of an earlier version, whose manifests hold no hash: a changed number in it \
-             would go unnoticed",
-            path.display()
-        ));
-    }
     run.allow_programs(common.allow_programs);
     Ok(run)
 }

@@ -54,9 +54,9 @@ pub(super) struct TrainArgs {
     /// Test starts of the closing evaluation.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
-    /// Seed of the training, and of its test starts.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
-    seed: u64,
+    /// Seed of the training, and of its test starts: 0, or as begun.
+    #[arg(long, value_name = "N", value_parser = count(0..=u64::MAX))]
+    seed: Option<u64>,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -95,14 +95,13 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
 
 /// Begins a training or goes on with one.
 fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> {
-    let seed = args.seed;
-    let default = || PathBuf::from(format!("runs/{}-{seed}", world.name));
+    let default = || PathBuf::from(format!("runs/{}-{}", world.name, args.seed.unwrap_or(0)));
     let path = args.output.clone().unwrap_or_else(default);
     let from = args.from.as_ref();
     // The source run is opened first, so a damaged run leaves no new directory.
     let from = from.map(|from| open_run(from, &args.common)).transpose()?;
     let request = TrainRequest {
-        seed,
+        seed: args.seed,
         decisions: args.decisions,
         learner: args.learner.as_deref(),
         goals: (!args.goals.is_empty()).then_some(&*args.goals),

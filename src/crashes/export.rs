@@ -32,6 +32,7 @@ pub struct NotExported {
 
 /// Reason why a kept counterexample is not exported.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ExportRefusal {
     /// OpenSCENARIO cannot express it.
     #[error(transparent)]

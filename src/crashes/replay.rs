@@ -172,6 +172,7 @@ enum EgoUnderTest {
 /// As `Debug` it prints as on the command line, so a failing test shows the problem, its
 /// place and its fix.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum RegressionError {
     /// A file is not usable.
     #[error(transparent)]

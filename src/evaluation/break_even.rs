@@ -48,7 +48,7 @@ pub struct BreakEven {
     ///
     /// `None`, here and below: it never is, because one start costs it no less.
     pub starts: Option<f64>,
-    /// Break-even by physics steps, also `None` if the training did not count them.
+    /// Break-even by physics steps.
     pub starts_by_physics_steps: Option<f64>,
     /// Break-even by processor time.
     pub starts_by_cpu_s: Option<f64>,
@@ -95,8 +95,6 @@ pub fn break_even(
         // Break-even: the savings of this many starts equal the cost of the training.
         (0.0 < saved).then(|| once / saved)
     };
-    // Earlier versions did not count the physics steps of a training.
-    let uncounted = once.physics_steps == 0 && 0 < once.simulations;
     let by_physics_steps = saved(
         once.physics_steps as f64,
         ado.physics_steps,
@@ -113,7 +111,7 @@ pub fn break_even(
         matched,
         search,
         starts: saved(once.simulations as f64, ado.simulations, search.simulations),
-        starts_by_physics_steps: by_physics_steps.filter(|_| !uncounted),
+        starts_by_physics_steps: by_physics_steps,
         starts_by_cpu_s: saved(once.cpu_s, ado.cpu_s, search.cpu_s),
         curve: curve
             .map(|budget| anytime(&searched.found, budget))

@@ -36,7 +36,7 @@ impl<'a> Meeting<'a> {
             let row = self.one_ado(kind)?;
             self.rows.extend(row);
             // A fair baseline for a learned ego gets as many runs as learning takes.
-            if kind == AdoKind::Hold && 0 < self.asked.runs {
+            if kind == AdoKind::Hold && self.asked.runs.is_some() {
                 let row = self.held_for_as_much();
                 self.rows.push(row);
             }
@@ -106,7 +106,7 @@ impl<'a> Meeting<'a> {
         // Trivial starts are not played, so they take no runs.
         let trivial = &self.starts.trivial;
         let starts = trivial.iter().filter(|trivial| !**trivial).count() as u64;
-        let spent = self.asked.runs + starts * self.asked.tries;
+        let spent = self.asked.granted() + starts * self.asked.tries;
         let request = SearchRequest {
             scenario: self.ego.scenario(),
             ego: self.ego.name(),
@@ -177,7 +177,7 @@ impl<'a> Meeting<'a> {
             ego: self.ego.scenario(),
             policy,
             kept: Some(&kept),
-            runs: asked.runs - identified_from,
+            runs: asked.granted() - identified_from,
             unknown: asked.unknown,
             seed: self.starts.seed,
         };

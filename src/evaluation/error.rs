@@ -14,6 +14,7 @@ use crate::training::TrainError;
 /// As `Debug` it prints as on the command line, so a failing test shows the problem, its
 /// place and its fix.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum EvaluationError {
     /// Too few runs to learn an ego from.
     #[error("an ego is not learned from {runs} runs")]

@@ -1,5 +1,7 @@
 //! Request of an evaluation, with parts of its results.
 
+use std::num::NonZeroU64;
+
 use crate::adversary::{Ado, AdoKind, EvalRequest, Evaluated, Tried, Tries};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EgoUnderTest, TestStarts};
@@ -28,8 +30,8 @@ pub struct Evaluation<'a> {
     pub search: Option<usize>,
     /// Runs of the trained ado per start: the greedy run, then exploring runs.
     pub tries: u64,
-    /// Runs of each ego from which a surrogate is learned. 0: no surrogate.
-    pub runs: u64,
+    /// Runs of each ego from which a surrogate is learned. `None`: no surrogate.
+    pub runs: Option<NonZeroU64>,
     /// Kinds of stock controllers that are not compared with an ego.
     pub unknown: &'a [&'a str],
     /// True if the results are kept in memory for [`super::table::EvaluationTable::keep`].
@@ -42,16 +44,22 @@ impl Evaluation<'_> {
         self.context.map_or(0, ContextSource::runs)
     }
 
+    /// Returns the number of runs of each ego that may be spent on it.
+    pub(super) fn granted(&self) -> u64 {
+        self.runs.map_or(0, NonZeroU64::get)
+    }
+
     /// Returns whether runs remain for learning an ego after its identification.
     pub(super) fn learns(&self) -> bool {
-        self.identified_from() < self.runs
+        self.identified_from() < self.granted()
     }
 
     /// Checks that the remaining runs are enough for learning.
     pub(super) fn can_learn(&self) -> Result<(), EvaluationError> {
         // Runs for identification are not recorded for the surrogate.
-        if self.learns() && self.runs < LEAST_RUNS + self.identified_from() {
-            Err(EvaluationError::TooFewRuns { runs: self.runs })
+        let runs = self.granted();
+        if self.learns() && runs < LEAST_RUNS + self.identified_from() {
+            Err(EvaluationError::TooFewRuns { runs })
         } else {
             Ok(())
         }

@@ -220,10 +220,6 @@ impl Trained<'_> {
         } else {
             Cost::of_training(manifest)
         };
-        // A missing count would look like a training without cost.
-        if manifest.physics_steps == 0 {
-            watch.note("an earlier version trained this run: it counted no physics steps");
-        }
         break_even(searched, request.budget, trained, once)
     }
 }

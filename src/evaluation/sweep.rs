@@ -26,6 +26,7 @@ pub struct Sweep {
 
 /// A text is no sweep.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SweepError {
     /// It has another form.
     #[error("`{text}` is no sweep over a parameter")]

@@ -8,6 +8,7 @@ use crate::world::{ChangeError, LoadError, guessed};
 /// As `Debug` it prints as on the command line: a test that returns it says what
 /// is wrong, where, and how to mend it.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum EgoError {
     /// The world names no such ego.
     #[error("there is no ego `{asked}` in this world")]

@@ -66,6 +66,7 @@ pub struct OpenX {
 
 /// Reason why a crash has no OpenSCENARIO form.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum OpenXError {
     /// The crash happened in a grid world.
     #[error("it happens in the grid world `{world}`, and OpenSCENARIO has roads, not cells")]

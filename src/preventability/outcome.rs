@@ -298,7 +298,7 @@ impl Preventability {
     /// Derives label and self-infliction from the outcomes.
     ///
     /// Without outcomes both stay unchanged.
-    pub(crate) fn label_outcomes(&mut self) {
+    pub(super) fn label_outcomes(&mut self) {
         let held = |outcome: &Option<DriverOutcome>| outcome.as_ref().is_some_and(|it| it.avoided);
         let [avoids, hits] = self.drivers();
         self.label = match (avoids.is_empty(), hits.is_empty()) {

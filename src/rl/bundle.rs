@@ -16,6 +16,7 @@ use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
 
 /// Error in the bytes or the contents of a bundle.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum BundleError {
     /// The bytes are not a safetensors file, or are truncated.
     #[error("not a readable safetensors file: {why}")]

@@ -4,6 +4,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::bundle::{Bundle, BundleError};
+use crate::seed;
 
 /// Seeded generator that a checkpoint can save and restore.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,12 +28,9 @@ impl Dice {
         ((u128::from(self.0.next_u64()) * end as u128) >> 64) as usize
     }
 
-    /// Draws from the standard normal distribution (Box, Muller 1958).
+    /// Draws from the standard normal distribution.
     pub fn normal(&mut self) -> f64 {
-        // 1 − u lies in (0, 1], so the logarithm is finite. The second normal of the
-        // pair is discarded, so that the generator is the whole state.
-        let radius = libm::sqrt(-2.0 * libm::log(1.0 - self.unit()));
-        radius * libm::cos(std::f64::consts::TAU * self.unit())
+        seed::normal(&mut self.0)
     }
 
     /// Shuffles the items (Fisher, Yates).

@@ -80,8 +80,6 @@ pub enum NotAsked {
     CommandsOnly,
     /// The ado only takes its neutral action.
     NothingDone,
-    /// An earlier version kept the file.
-    EarlierVersion,
 }
 
 impl Display for NotAsked {
@@ -100,7 +98,6 @@ impl Display for NotAsked {
             NotAsked::EgoFailed => f.write_str("the ego failed to run"),
             NotAsked::CommandsOnly => f.write_str("only the ego's commands are known here"),
             NotAsked::NothingDone => f.write_str("the ado only takes its neutral action"),
-            NotAsked::EarlierVersion => f.write_str("an earlier version kept this file"),
         }
     }
 }

@@ -153,14 +153,8 @@ impl RunDir {
             let (begun, now) = (goals(&begun.goals), goals(&scenario.goals));
             note("training goals".to_owned(), begun, now);
         }
-        if let Some(settings) = &begun.settings {
-            let now = serde_json::to_value(&scenario.learner).unwrap_or_default();
-            leaves("learner", settings, &now, &mut note);
-        } else if begun.decisions != scenario.learner.decisions() {
-            // Earlier versions kept no settings, but the number of decisions.
-            let now = scenario.learner.decisions().to_string();
-            note("decisions".to_owned(), begun.decisions.to_string(), now);
-        }
+        let now = serde_json::to_value(&scenario.learner).unwrap_or_default();
+        leaves("learner", &begun.settings, &now, &mut note);
         Ok(found)
     }
 

@@ -11,6 +11,7 @@ use crate::world::ScenarioError;
 /// Its `Debug` form equals the output of the command line. A test that returns
 /// it then shows the problem, its place and its fix.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// Failure to read or write a file.
     #[error("{verb} `{path}` failed: {source}")]
@@ -40,7 +41,7 @@ pub enum RunError {
         /// Decisions requested.
         asked: u64,
     },
-    /// An earlier version trained it, or it was trained against a family.
+    /// It was trained against a family of egos.
     #[error("the training in `{path}` stored no counterexamples")]
     NothingStored {
         /// Directory.
@@ -104,9 +105,7 @@ impl RunError {
                 Some("go on with `brakecheck train WORLD -o RUN --resume`".to_owned())
             }
             RunError::NothingStored { .. } => Some(
-                "an earlier version trained it, or it met a family of egos: name a run that was \
-                 trained against one ego"
-                    .to_owned(),
+                "it met a family of egos: name a run that was trained against one ego".to_owned(),
             ),
             RunError::Exists { .. } => {
                 Some("go on with `--resume`, or name another directory with `-o`".to_owned())

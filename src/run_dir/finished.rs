@@ -58,7 +58,6 @@ impl Finished {
         let json = |error: serde_json::Error| damaged(error.to_string());
         let text = String::from_utf8(bytes).map_err(|error| damaged(error.to_string()))?;
         let mut kept: Value = serde_json::from_str(&text).map_err(json)?;
-        // Earlier versions wrote no seal, and no other fields than these.
         let known = ["asked", "made", "seal", "sha256"];
         let mut fields = kept.as_object().into_iter().flatten();
         if let Some((name, _)) = fields.find(|(name, _)| !known.contains(&name.as_str())) {
@@ -76,9 +75,8 @@ impl Finished {
                 "it was changed since it was written: SHA-256 is {found}, it says {says}"
             )));
         }
-        if let Some(seal) = kept["seal"].as_str() {
-            content_hash::check(&text, seal).map_err(damaged)?;
-        }
+        let seal = kept["seal"].as_str().unwrap_or_default();
+        content_hash::check(&text, seal).map_err(damaged)?;
         let made = serde_json::from_value(kept["made"].take());
         made.map(Some).map_err(json)
     }

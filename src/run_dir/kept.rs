@@ -10,7 +10,7 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-use super::about::{About, NotAsked};
+use super::about::About;
 use super::disk::read_text;
 use super::{RunError, trace_of_csv, write_file};
 use crate::content_hash;
@@ -22,7 +22,7 @@ use crate::testbench::Episode;
 use crate::trace::Trace;
 use crate::world::{Change, ChangeError, Scenario, ScenarioError};
 
-/// Version of the file. The first version had no hash. Later versions are refused.
+/// Version of the file. Other versions are refused.
 const FORMAT: u32 = 2;
 
 /// First column of the samples. A signal of that name is the same column.
@@ -34,10 +34,7 @@ const TIME: &str = "time";
 pub struct Counterexample {
     /// Version of the file.
     pub format: u32,
-    /// SHA-256 of the file with zeros in its place.
-    ///
-    /// `None` in files of an earlier version, where a changed number stays
-    /// undetected.
+    /// SHA-256 of the file with zeros in its place. `None` until it is written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
     /// SHA-256 of the samples beside the file.
@@ -69,7 +66,7 @@ pub struct Counterexample {
     pub judged: usize,
     /// First contact, if any.
     pub contact: Option<Touch>,
-    /// State of the rules up to the contact. Missing in older files.
+    /// State of the rules up to the contact. `None` if it was not recorded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules_until_contact: Option<RulesUntilContact>,
     /// Commands of an external ego, sample by sample.
@@ -81,13 +78,11 @@ pub struct Counterexample {
     pub ego_commands: Vec<(f64, f64)>,
     /// Recorded signals in order.
     ///
-    /// Older files lack them and recorded all published signals. Signals of
-    /// later versions are not compared.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    /// Signals of later versions are not compared.
     pub signals: Vec<String>,
     /// Digests of the samples, with eight hexadecimal digits each.
     pub digests: String,
-    /// Facts about the counterexample. Missing in older files.
+    /// Facts about the counterexample. `None` if they were not determined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub about: Option<About>,
     /// World file, verbatim.
@@ -99,6 +94,7 @@ pub struct Counterexample {
 /// Its `Debug` form equals the output of the command line. A test that returns
 /// it then shows the problem, its place and its fix.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum KeptError {
     /// Failure to read or write the file.
     #[error(transparent)]
@@ -190,7 +186,7 @@ impl Counterexample {
     /// It compares verdict, robustness, contact and the rules up to it. Samples
     /// are compared elsewhere.
     pub(crate) fn is_of(&self, episode: &Episode) -> bool {
-        // Older files do not record the rules up to the contact.
+        // A file without the rules up to the contact says nothing about them.
         let rules = self.rules_until_contact.as_ref();
         let rules_agree = rules.is_none() || rules == episode.rules_until_contact.as_ref();
         let contact_agrees = match (&episode.contact, &self.contact) {
@@ -216,30 +212,17 @@ impl Counterexample {
             path: path.into(),
             why,
         };
-        let mut kept: Counterexample =
+        let kept: Counterexample =
             ron::from_str(&text).map_err(|error| format(error.to_string()))?;
-        if !(1..=FORMAT).contains(&kept.format) {
-            return Err(format(format!(
-                "format {} is not 1 to {FORMAT}",
-                kept.format
-            )));
+        if kept.format != FORMAT {
+            return Err(format(format!("format {} is not {FORMAT}", kept.format)));
         }
-        if 1 < kept.format || kept.sha256.is_some() {
-            let hash = kept.sha256.as_deref().unwrap_or_default();
-            let damaged = |why| RunError::Damaged {
-                path: path.into(),
-                why,
-            };
-            content_hash::check(&text, hash).map_err(damaged)?;
-        }
-        // Earlier versions derived another label from the same outcomes.
-        if let Some(known) = kept
-            .about
-            .as_mut()
-            .and_then(|it| it.preventability.as_mut())
-        {
-            known.label_outcomes();
-        }
+        let hash = kept.sha256.as_deref().unwrap_or_default();
+        let damaged = |why| RunError::Damaged {
+            path: path.into(),
+            why,
+        };
+        content_hash::check(&text, hash).map_err(damaged)?;
         let changed = kept.change.ego.0.values().copied();
         let commands = kept.ego_commands.iter();
         let commands = commands.flat_map(|&(accel, lateral)| [accel, lateral]);
@@ -247,27 +230,7 @@ impl Counterexample {
         if numbers.any(|value| !value.is_finite()) {
             return Err(format("a value in it is not finite".to_owned()));
         }
-        kept.mark_what_was_not_asked();
         Ok(kept)
-    }
-
-    /// Marks questions that earlier versions did not ask.
-    ///
-    /// They asked none about external egos, and wrote no decisive action for
-    /// them. Later versions count the runs of such egos.
-    fn mark_what_was_not_asked(&mut self) {
-        let Some(about) = self.about.as_mut().filter(|about| about.ego_runs.is_none()) else {
-            return;
-        };
-        let why = about.why.as_mut().filter(|why| why.decisive.is_none());
-        if let Some(why) = why.filter(|_| !self.ego_commands.is_empty()) {
-            why.not_asked.get_or_insert(NotAsked::EarlierVersion);
-        }
-    }
-
-    /// Returns true if the file contains its own hash. Earlier versions wrote none.
-    pub fn is_sealed(&self) -> bool {
-        self.sha256.is_some()
     }
 
     /// Returns the samples beside a kept file.
@@ -282,15 +245,11 @@ impl Counterexample {
         let Some(text) = self.samples_text(path)? else {
             return Ok(None);
         };
-        match (trace_of_csv(&text, None), &self.samples_sha256) {
-            (Ok(trace), _) => Ok(Some(trace)),
-            // Older files contain a signal `time` twice.
-            (Err(_), None) => Ok(None),
-            (Err(error), Some(_)) => Err(KeptError::Format {
-                path: path.with_extension("csv"),
-                why: error.to_string(),
-            }),
-        }
+        let trace = trace_of_csv(&text, None).map_err(|error| KeptError::Format {
+            path: path.with_extension("csv"),
+            why: error.to_string(),
+        })?;
+        Ok(Some(trace))
     }
 
     /// Returns the text of the samples, if it is unchanged.

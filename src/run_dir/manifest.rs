@@ -22,17 +22,14 @@ pub(super) const TIMING: &str = "timing.json";
 struct Timing {
     cpu_s: f64,
     /// Seal of its own, because manifests of equal trainings are equal.
-    ///
-    /// Formats before the third had none.
-    #[serde(default)]
-    seal: Option<String>,
+    seal: String,
 }
 
 /// Processor time from the file beside the manifest.
 ///
 /// It is 0 before the first checkpoint.
 fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
-    let (path, format) = (&run.join(TIMING), manifest.format);
+    let path = &run.join(TIMING);
     let damaged = |why: String| RunError::Damaged {
         path: path.into(),
         why,
@@ -40,7 +37,7 @@ fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
     if !path.is_file() {
         // It is written before every checkpoint and before the policy.
         let is_due = manifest.checkpoint.is_some() || manifest.is_finished();
-        return if is_due && 3 <= format {
+        return if is_due {
             Err(RunError::NotARun {
                 path: run.into(),
                 why: format!("`{TIMING}` is missing"),
@@ -51,11 +48,14 @@ fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
     }
     let text = read_text(path)?;
     let read: Timing = serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
-    match read.seal {
-        None if format < 3 => {}
-        seal => content_hash::check(&text, &seal.unwrap_or_default()).map_err(damaged)?,
-    }
+    content_hash::check(&text, &read.seal).map_err(damaged)?;
     Ok(read.cpu_s)
+}
+
+/// Version of the layout alone.
+#[derive(Deserialize)]
+struct Layout {
+    format: u32,
 }
 
 /// Properties of a run, and the hashes of its files.
@@ -64,10 +64,6 @@ pub struct Manifest {
     /// Version of the layout.
     pub format: u32,
     /// SHA-256 of the file with zeros in its place.
-    ///
-    /// Empty in files of an earlier version, where a changed number stays
-    /// undetected.
-    #[serde(default)]
     pub sha256: String,
     /// Version of the program that trained.
     pub brakecheck: String,
@@ -88,7 +84,6 @@ pub struct Manifest {
     /// Episodes finished so far.
     pub episodes: u64,
     /// Physics steps of the training.
-    #[serde(default)]
     pub physics_steps: u64,
     /// Search of training starts before the learner's first episode.
     ///
@@ -98,10 +93,9 @@ pub struct Manifest {
     /// Comparison of the ado with a cheap search on calibration starts.
     ///
     /// It is of the last time that training reached the requested length.
-    /// `None` for a training by an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Calibration>,
-    /// Reason for the end of training. `None` for a training by an earlier version.
+    /// Reason for the end of training. `None` while it goes on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended: Option<Ended>,
     /// Processor time of the training.
@@ -115,7 +109,7 @@ pub struct Manifest {
     /// Report of the learner that is not yet a line of that file.
     #[serde(default, skip_serializing_if = "Window::is_empty")]
     pub window: Window,
-    /// Number of counterexamples. `None` for a training by an earlier version.
+    /// Number of counterexamples. `None` for a training that stores none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counterexamples: Option<StoredCount>,
     /// Name of the learner among the world's `learners`. `None` for the world's own.
@@ -137,10 +131,7 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings_fingerprint: Option<String>,
     /// Settings of the learner, including defaults.
-    ///
-    /// `None` for a training by an earlier version.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub settings: Option<serde_json::Value>,
+    pub settings: serde_json::Value,
     /// Inputs of a conditional ado besides its observation, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub told: Vec<String>,
@@ -224,11 +215,6 @@ impl Window {
 }
 
 impl Manifest {
-    /// Returns true if it contains its own hash. Earlier versions wrote none.
-    pub fn is_sealed(&self) -> bool {
-        !self.sha256.is_empty()
-    }
-
     /// Reads and verifies the manifest of a run directory.
     ///
     /// # Errors
@@ -256,17 +242,15 @@ impl Manifest {
             why,
         };
         let text = read_text(&file)?;
-        let mut manifest: Manifest =
-            serde_json::from_str(&text).map_err(|error| damaged(&file, error.to_string()))?;
-        if !(1..=FORMAT).contains(&manifest.format) {
-            let why = format!("format {} is not 1 to {FORMAT}", manifest.format);
-            return Err(damaged(&file, why));
+        let invalid = |error: serde_json::Error| damaged(&file, error.to_string());
+        // The version comes first, because another layout may lack any field.
+        let Layout { format } = serde_json::from_str(&text).map_err(invalid)?;
+        if format != FORMAT {
+            return Err(damaged(&file, format!("format {format} is not {FORMAT}")));
         }
-        // The first format had neither a hash nor a file for the time.
-        if 1 < manifest.format || manifest.is_sealed() {
-            content_hash::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;
-            manifest.cpu_s = read_timing(run, &manifest)?;
-        }
+        let mut manifest: Manifest = serde_json::from_str(&text).map_err(invalid)?;
+        content_hash::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;
+        manifest.cpu_s = read_timing(run, &manifest)?;
         Ok(manifest)
     }
 
@@ -288,7 +272,7 @@ impl Manifest {
     pub(super) fn timing(&self) -> Vec<u8> {
         let timing = Timing {
             cpu_s: self.cpu_s,
-            seal: Some(content_hash::BLANK.to_owned()),
+            seal: content_hash::BLANK.to_owned(),
         };
         content_hash::seal(&serde_json::json!(timing).to_string()).into_bytes()
     }

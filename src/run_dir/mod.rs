@@ -39,6 +39,7 @@ mod training_counterexamples;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 pub use about::{
     About, Decisive, Effort, EgoRuns, LastChance, NotAsked, Persistence, Severity, Shrunk,
@@ -64,11 +65,7 @@ use crate::world::{Against, LoadError, Scenario, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
 
-/// Version of the layout. Earlier versions are read, and later versions are
-/// refused.
-///
-/// In version 1 the manifest was not sealed and contained the processor time.
-/// In version 2 `timing.json` and `report.json` were not sealed.
+/// Version of the layout. Other versions are refused.
 const FORMAT: u32 = 3;
 
 /// Optional start conditions of a training.
@@ -87,6 +84,8 @@ pub struct RunDir {
     manifest: Manifest,
     /// Consent to start the programs that its world names. It is never written.
     programs_allowed: bool,
+    /// World on the plant of its file, once it was parsed.
+    world: OnceLock<Scenario>,
     progress: Growing,
     counterexamples: Growing,
     _lock: Option<File>,
@@ -150,7 +149,7 @@ impl RunDir {
                 against: scenario.against,
                 left_out: scenario.left_out.clone(),
                 settings_fingerprint: Some(settings_of(scenario)),
-                settings: serde_json::to_value(&scenario.learner).ok(),
+                settings: serde_json::to_value(&scenario.learner).unwrap_or_default(),
                 told: told_names(scenario),
                 ego: with.ego,
                 from_sha256: None,
@@ -158,6 +157,7 @@ impl RunDir {
                 policy_sha256: None,
             },
             programs_allowed: false,
+            world: OnceLock::new(),
             progress: Growing::new(path.join(progress::FILE)),
             counterexamples: Growing::new(path.join(training_counterexamples::FILE)),
             _lock: Some(lock),
@@ -183,6 +183,7 @@ impl RunDir {
             path: path.into(),
             manifest,
             programs_allowed: false,
+            world: OnceLock::new(),
             progress: Growing::new(path.join(progress::FILE)),
             counterexamples: Growing::new(path.join(training_counterexamples::FILE)),
             _lock: None,
@@ -205,23 +206,19 @@ impl RunDir {
         if let Some(policy) = &manifest.policy_sha256 {
             self.read_verified("policy.safetensors", Some(policy))?;
         }
-        if manifest.is_sealed() {
-            let stored = manifest.counterexamples.as_ref();
-            // Earlier versions kept no hash of unfinished files.
-            let stored = stored.filter(|known| known.sha256.is_some());
-            let files = [
-                (progress::FILE, Some(manifest.progress.clone())),
-                (
-                    training_counterexamples::FILE,
-                    stored.map(StoredCount::grown),
-                ),
-            ];
-            for (name, known) in files {
-                let path = self.path.join(name);
-                // A copy of a trained ado has neither file.
-                if let (Some(known), true) = (known, path.exists()) {
-                    append_log::verified(&path, &known, manifest.is_finished())?;
-                }
+        let stored = manifest.counterexamples.as_ref();
+        let files = [
+            (progress::FILE, Some(manifest.progress.clone())),
+            (
+                training_counterexamples::FILE,
+                stored.map(StoredCount::grown),
+            ),
+        ];
+        for (name, known) in files {
+            let path = self.path.join(name);
+            // A copy of a trained ado has neither file.
+            if let (Some(known), true) = (known, path.exists()) {
+                append_log::verified(&path, &known, manifest.is_finished())?;
             }
         }
         Ok(())
@@ -243,9 +240,7 @@ impl RunDir {
         let mut run = RunDir::open(path)?;
         run._lock = Some(lock);
         run.sweep()?;
-        // Earlier versions recorded no lengths, and their trainings are not
-        // continued.
-        if !run.manifest.is_finished() && run.manifest.is_sealed() {
+        if !run.manifest.is_finished() {
             let (progress, stored) = (
                 path.join(progress::FILE),
                 path.join(training_counterexamples::FILE),
@@ -322,15 +317,31 @@ impl RunDir {
 
     /// Consents to start the programs that the world and its changes name.
     pub fn allow_programs(&mut self, allowed: bool) {
+        // A parsed world takes the consent over, so it is not parsed again.
+        if let Some(world) = self.world.take() {
+            self.world = OnceLock::from(world.allow_programs(allowed));
+        }
         self.programs_allowed = allowed;
     }
 
     /// Returns the world on the plant of its file.
     ///
+    /// It is read and parsed at the first call only, because a dry run of a large
+    /// world takes a second.
+    ///
     /// # Errors
     ///
     /// Returns an error if this version cannot use the world file.
     pub fn world(&self) -> Result<Scenario, RunError> {
+        if let Some(world) = self.world.get() {
+            return Ok(world.clone());
+        }
+        let world = self.parse_world()?;
+        Ok(self.world.get_or_init(|| world).clone())
+    }
+
+    /// Reads and parses the world file.
+    fn parse_world(&self) -> Result<Scenario, RunError> {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
             Ok(scenario) => self.as_learned(scenario.allow_programs(self.programs_allowed)),
@@ -507,7 +518,6 @@ impl RunDir {
 
     /// Records the progress of the training, and the valid parts of the growing files.
     fn note(&mut self, done: Done) -> Result<(), RunError> {
-        self.manifest.format = FORMAT;
         self.manifest.decisions = done.decisions_asked;
         self.manifest.decisions_done = done.decisions;
         self.manifest.episodes = done.episodes;

@@ -63,15 +63,6 @@ impl RunDir {
     pub fn progress(&self) -> Result<Vec<Progress>, RunError> {
         let manifest = self.manifest();
         let path = self.path().join(FILE);
-        if !manifest.is_sealed() {
-            // Earlier versions recorded no lengths, so truncated lines are left
-            // out.
-            let text = self.read_if_there(FILE)?;
-            let lines = text.lines();
-            return Ok(lines
-                .filter_map(|line| serde_json::from_str(line).ok())
-                .collect());
-        }
         let bytes = verified(&path, &manifest.progress, manifest.is_finished())?;
         let text = String::from_utf8_lossy(&bytes);
         let lines = text.lines().map(serde_json::from_str);
@@ -117,12 +108,6 @@ impl RunDir {
             path: self.path().join(REPORT),
             why,
         };
-        // Formats before the third contained the rows alone.
-        if self.manifest().format < 3
-            && let Ok(rows) = serde_json::from_str(&text)
-        {
-            return Ok(rows);
-        }
         let report: Report<'_> =
             serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
         content_hash::check(&text, &report.seal).map_err(damaged)?;

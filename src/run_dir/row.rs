@@ -33,9 +33,8 @@ pub struct Row {
     pub train_seed: Option<u64>,
     /// Parameters on which a conditional ado was conditioned.
     ///
-    /// They are the `true`, `identified`, `adapted` or `nominal` parameters of
-    /// the ego. The field was named `told` before 0.2.0.
-    #[serde(alias = "told", default, skip_serializing_if = "Option::is_none")]
+    /// They are the `true`, `identified` or `nominal` parameters of the ego.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub context: Option<String>,
     /// Reason why the ado's training is not reliable, if so.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -14,6 +14,7 @@ const UNEVEN: f64 = 1e-3;
 
 /// CSV text that is not a trace.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SamplesError {
     /// The text has no line.
     #[error("the file is empty: the first line must name the signals")]

@@ -26,12 +26,9 @@ pub struct StoredCount {
     pub kept: u64,
     /// Counterexamples found after the file was full.
     pub dropped: u64,
-    /// Valid bytes of `counterexamples.jsonl`. 0 in runs of older versions.
-    #[serde(default)]
+    /// Valid bytes of `counterexamples.jsonl`.
     pub bytes: u64,
-    /// SHA-256 of these bytes.
-    ///
-    /// Older versions recorded it once training had finished.
+    /// SHA-256 of these bytes. `None` until the first checkpoint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
 }
@@ -139,8 +136,7 @@ impl RunDir {
     ///
     /// # Errors
     ///
-    /// Returns an error if an earlier version stored none, training has not
-    /// finished, or the file is damaged.
+    /// Returns an error if the training stored none or has not finished, or the file is damaged.
     pub fn counterexamples(&self) -> Result<Stored, RunError> {
         let path = self.path.join(FILE);
         if !self.manifest.is_finished() {

@@ -64,6 +64,7 @@ impl MethodOption {
 
 /// Request for a search that is not possible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SearchError {
     /// Unknown name of a method.
     #[error("no search method is called `{name}`")]

@@ -67,6 +67,7 @@ pub struct InvalidBody {
 
 /// Failure to read a body from text.
 #[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
 pub enum BodyError {
     /// The text is not RON, or lacks the fields of a body.
     #[error("{0}")]

@@ -3,6 +3,8 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use crate::seed::normal;
+
 /// The best point found, in −1 ..= 1 per dimension, and its cost.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Fit {
@@ -75,7 +77,7 @@ impl Search {
 
 /// Mean and standard deviation of one or more points, per dimension; the deviation is at
 /// least `least`, which keeps a search from standing still too early.
-pub(crate) fn refit(points: &[&Vec<f64>], least: f64) -> (Vec<f64>, Vec<f64>) {
+fn refit(points: &[&Vec<f64>], least: f64) -> (Vec<f64>, Vec<f64>) {
     // Invariant: there is a point.
     debug_assert!(!points.is_empty());
     let count = points.len() as f64;
@@ -89,17 +91,11 @@ pub(crate) fn refit(points: &[&Vec<f64>], least: f64) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// A point about `mean`, in the box.
-pub(crate) fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
+fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
     let pairs = mean.iter().zip(spread);
     pairs
         .map(|(mean, spread)| (mean + spread * normal(dice)).clamp(-1.0, 1.0))
         .collect()
-}
-
-/// A standard normal number (Box, Muller 1958).
-pub(crate) fn normal(dice: &mut ChaCha8Rng) -> f64 {
-    let radius = (-2.0 * libm::log(1.0 - dice.random::<f64>())).sqrt();
-    radius * libm::cos(core::f64::consts::TAU * dice.random::<f64>())
 }
 
 /// A position by its share; rounding leaves what remains to the last one.

@@ -3,6 +3,8 @@
 //! The study separates the transfer of the reused policy from the benefit of plans in a
 //! surrogate. A plan per start is not a reused policy, so both have columns of their own.
 
+use std::num::NonZeroU64;
+
 use serde::{Deserialize, Serialize};
 
 use crate::adversary::AdoKind;
@@ -229,7 +231,7 @@ impl StructuresAsked<'_> {
             starts: self.starts,
             search,
             tries,
-            runs,
+            runs: NonZeroU64::new(runs),
             unknown,
             keeps: false,
         };

@@ -1,5 +1,7 @@
 //! Which policy meets an ego: a conditional ado is told the ego's parameters.
 
+use std::num::NonZeroU64;
+
 use super::error::ConditioningError;
 use super::identified_ego::{IdentifiedAs, identified};
 use crate::adversary::other_members;
@@ -46,15 +48,18 @@ impl ContextSource {
     ///
     /// # Errors
     /// The run has no policy, or its file is damaged.
-    pub fn of(run: &RunDir, runs: u64) -> Result<Option<ContextSource>, ConditioningError> {
+    pub fn of(
+        run: &RunDir,
+        runs: Option<NonZeroU64>,
+    ) -> Result<Option<ContextSource>, ConditioningError> {
         run.policy_bundle()?;
-        Ok(
-            (run.manifest().against == Against::Conditional).then_some(match runs {
-                0 => ContextSource::Nominal,
-                few if few < RECORDED_RUNS + LEAST_RUNS => ContextSource::Identified(few),
+        Ok((run.manifest().against == Against::Conditional).then_some(
+            match runs.map(NonZeroU64::get) {
+                None => ContextSource::Nominal,
+                Some(few) if few < RECORDED_RUNS + LEAST_RUNS => ContextSource::Identified(few),
                 _ => ContextSource::Identified(RECORDED_RUNS),
-            }),
-        )
+            },
+        ))
     }
 
     /// Runs of each ego that go into identifying it.

@@ -8,6 +8,7 @@ use crate::world::MisfitMember;
 
 /// The parameters of an ego could not be given to an ado.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ConditioningError {
     /// The ado takes no parameters.
     #[error("the ado in `{}` is not told anything", run.display())]

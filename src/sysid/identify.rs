@@ -99,6 +99,7 @@ pub fn is_telling(explains: bool, residual_m: f64, nominal_residual_m: f64) -> b
 
 /// Error of an identification.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum IdentifyError {
     /// The world has no family.
     #[error("`{world}` names no family of egos")]

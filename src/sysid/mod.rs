@@ -1,6 +1,5 @@
 //! System identification: the parameters of an ego, from runs of it alone.
 
-mod adapt;
 mod ego_conditioning;
 mod error;
 mod identification_cache;
@@ -8,8 +7,6 @@ mod identified_ego;
 mod identify;
 mod recording;
 
-pub use adapt::Adapted;
-pub use adapt::{AdaptRequest, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, adapt};
 pub use ego_conditioning::{ConditionedAdo, ContextSource, LEAST_RUNS, RECORDED_RUNS, conditioned};
 pub use error::ConditioningError;
 pub(crate) use identification_cache::{DIR, place_of};

@@ -44,6 +44,7 @@ pub struct TheoremsRequest<'a> {
 
 /// Reason that a theorem cannot be checked on a world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum TheoremsError {
     /// Equal starts and actions do not give equal episodes.
     #[error(

@@ -13,6 +13,7 @@ use crate::world::{Against, ChangeError, guessed};
 /// As `Debug` it prints as on the command line: a test that returns it says what
 /// is wrong, where, and how to mend it.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum SessionError {
     /// The world has no ado.
     #[error("nobody in `{world}` is an ado, so there is nothing to train")]
@@ -87,6 +88,7 @@ pub enum SessionError {
 
 /// Options of a training that exclude each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum OptionClash {
     /// A structure is left out of no family.
     #[error("only a wide ado meets structures of which one can be left out")]

@@ -12,7 +12,7 @@ use crate::experiment::{
 };
 use crate::rl::{LearnerConfig, Policy};
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
+use crate::run_dir::{Asked, Beginning, ChangedEgo, Row, RunDir, RunError};
 use crate::sim::PlantKind;
 use crate::world::{Against, Change, Scenario};
 
@@ -23,8 +23,8 @@ const KEPT_EPISODES: usize = 5;
 /// with a run, as that was begun.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TrainRequest<'a> {
-    /// Seed of the training; 0 going on: the one it was begun with.
-    pub seed: u64,
+    /// Seed of the training. Without it a training begins with 0.
+    pub seed: Option<u64>,
     /// Decisions to train for.
     pub decisions: Option<u64>,
     /// One of the world's `learners`.
@@ -82,7 +82,7 @@ impl TrainSession {
             });
         }
         let ego = request.ego(&world)?;
-        let seed = request.seed;
+        let seed = request.seed.unwrap_or(0);
         let from = request.from.map(|from| from.policy_bundle()).transpose()?;
         if let (Some(source), Some(bundle)) = (request.from, &from) {
             fits_kind(source, &world)?;
@@ -115,10 +115,7 @@ impl TrainSession {
             Some(_) => asked,
             None => begun.ego.clone(),
         };
-        let seed = match request.seed {
-            0 => begun.seed,
-            seed => seed,
-        };
+        let seed = request.seed.unwrap_or(begun.seed);
         let own = ego.as_ref().filter(|ego| ego.is_own());
         if own.is_some_and(|ego| world.own_ego() != Some(&ego.name)) {
             let name = own.map_or("", |ego| &ego.name);
@@ -345,18 +342,14 @@ impl TrainRequest<'_> {
         if let Some(learner) = learner.and_then(|name| world.learning_by(name)) {
             world = learner;
         }
-        Ok(match (self.decisions, begun_with(begun)) {
+        // The learner is the one of the beginning, whatever its world has become.
+        let learner = serde_json::from_value::<LearnerConfig>(begun.settings.clone());
+        Ok(match (self.decisions, learner) {
             (Some(decisions), _) => world.training_for(decisions)?,
-            (None, Some(learner)) => world.learning_with(learner),
-            (None, None) => world.training_for(begun.decisions)?,
+            (None, Ok(learner)) => world.learning_with(learner),
+            (None, Err(_)) => world.training_for(begun.decisions)?,
         })
     }
-}
-
-/// The learner a run was begun with, whatever its world has become.
-fn begun_with(begun: &Manifest) -> Option<LearnerConfig> {
-    let settings = begun.settings.clone()?;
-    serde_json::from_value(settings).ok()
 }
 
 /// A conditional ado is told the ego's parameters, others are not: one cannot

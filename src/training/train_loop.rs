@@ -40,6 +40,7 @@ pub(super) fn steps(scenario: &Scenario) -> usize {
 /// As `Debug` it prints as on the command line: a test that returns it says what
 /// is wrong, where, and how to mend it.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum TrainError {
     /// The run directory.
     #[error(transparent)]

@@ -6,6 +6,7 @@ use rerun::RecordingStreamError;
 
 /// Failure to make a recording.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ViewError {
     /// Failure to write the output.
     #[error("cannot write `{}`: {source}", path.display())]

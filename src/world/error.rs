@@ -101,6 +101,7 @@ pub(crate) fn guessed<'a>(
 /// Its `Debug` form equals the output of the command line. A test that returns
 /// it then shows the problem, its place and its fix.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum LoadError {
     /// The file could not be read.
     #[error("cannot read `{file}`: {source}")]

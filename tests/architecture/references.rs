@@ -16,9 +16,6 @@ const MAPS: [&str; 2] = ["docs/paper.md", "ARCHITECTURE.md"];
 /// Words of other programs in those, and of this package's manifests.
 const FOREIGN: [&str; 3] = ["PR_SET_PDEATHSIG", "dist", "python"];
 
-/// What earlier versions took, and pages say so.
-const GONE: [(&str, &str); 1] = [("eval", "--params")];
-
 /// Directories of the repository whose files pages name.
 const DIRECTORIES: [&str; 9] = [
     "assets/",
@@ -255,10 +252,8 @@ impl Program {
             flag.chars().take_while(|c| is_name(*c)).collect()
         };
         let mut flags = flags.map(|flag| name(flag));
-        let unknown = flags.find(|flag| {
-            let known = ["--help", "--version"].contains(&&**flag) || takes.contains(flag);
-            !known && !GONE.contains(&(verb, flag))
-        });
+        let unknown =
+            flags.find(|flag| !["--help", "--version"].contains(&&**flag) && !takes.contains(flag));
         unknown.map(|flag| format!("`{verb}` takes no `{flag}`"))
     }
 }

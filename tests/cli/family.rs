@@ -21,13 +21,6 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
     ]);
     assert_eq!(code(&trained), 0, "{}", stderr(&trained));
     assert_eq!(json(&trained)["rows"][0]["context"], "nominal");
-    // As versions before 0.2 wrote it.
-    let mut older = json(&trained)["rows"][0].clone();
-    let fields = older.as_object_mut().expect("a row");
-    let context = fields.remove("context").expect("said");
-    fields.insert("told".to_owned(), context);
-    let older: brakecheck::run_dir::Row = serde_json::from_value(older).expect("an older row");
-    assert_eq!(older.context.as_deref(), Some("nominal"));
     let manifest = std::fs::read_to_string(dir.path().join("run/manifest.json")).expect("it");
     assert!(manifest.contains("\"conditional\"") && manifest.contains("max_brake_mps2"));
 
@@ -117,33 +110,6 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
         "{}",
         stderr(&idm)
     );
-
-    // Earlier spellings name the new one.
-    let refused = |args: &[&str], cure: &str| {
-        let output = brakecheck(args);
-        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
-        let said = stderr(&output);
-        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(said.contains(cure), "{args:?}: {said}");
-    };
-    for (source, cure) in [
-        ("nominal", "without `--runs`"),
-        ("true", "--runs 10"),
-        ("identified", "`--runs 10`"),
-        ("adapted", "`--runs 100`"),
-        ("p.ron", "`--runs 100`"),
-    ] {
-        refused(&["eval", &run, "--params", source], cure);
-    }
-    refused(
-        &["identify", &run, "--ego", "sporty", "-o", "p.ron"],
-        &format!("brakecheck eval {run} --ego 'sporty' --runs 10"),
-    );
-    refused(
-        &["identify", &run, "--ego", "idm", "--adapt", "600"],
-        "--ego 'idm' --runs 100",
-    );
-    refused(&["identify"], "brakecheck eval RUN --ego 'E' --runs 10");
 
     // Fine-tuning must say the same about the family as the training.
     let tuned = path(&dir, "tuned");

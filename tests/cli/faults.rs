@@ -453,7 +453,6 @@ fn nothing_that_a_file_names_is_started_without_consent() {
         vec!["search", &run, "--ego", &ego],
         vec!["eval", &run, "--ego", &ego],
         vec!["eval", &run, "--ego", &ego, "--theorems"],
-        vec!["identify", &run, "--ego", &ego],
         vec![
             "replay",
             "tests/regressions/acc-2D-plant-0002.ron",

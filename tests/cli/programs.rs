@@ -110,38 +110,3 @@ fn the_limit_of_runs_holds_and_is_said() {
         assert!(about.persistence.is_some(), "variations come first");
     }
 }
-
-/// Files of earlier versions do not say that no action decides it: nobody asked.
-#[test]
-fn files_of_programs_that_were_never_asked_do_not_claim_an_answer() {
-    let dir = scratch();
-    kept(&dir, "kept", &["--keep-runs", "0"]);
-    let read = Regressions::load(path(&dir, "kept")).expect("kept files");
-    for (file, episode) in read
-        .kept()
-        .iter()
-        .zip(read.replay_recorded().expect("replayed"))
-    {
-        let unasked = file.counterexample.about.as_ref().expect("labelled");
-        assert!(unasked.persistence.is_none() && unasked.shrunk.is_none());
-        assert!(
-            !unasked.to_string().contains("no single action"),
-            "{unasked}"
-        );
-        let mut old = file.counterexample.clone();
-        let about = old.about.as_mut().expect("labelled");
-        about.ego_runs = None;
-        about.why.as_mut().expect("explained").not_asked = None;
-        old.save(&file.path, &episode.episode.trace)
-            .expect("written");
-    }
-    for file in Regressions::load(path(&dir, "kept"))
-        .expect("kept files")
-        .kept()
-    {
-        let about = file.counterexample.about.as_ref().expect("labelled");
-        let why = about.why.as_ref().expect("explained");
-        assert_eq!(why.not_asked, Some(NotAsked::EarlierVersion));
-        assert!(!why.to_string().contains("no single action"), "{why}");
-    }
-}

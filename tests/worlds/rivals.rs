@@ -277,14 +277,6 @@ fn break_even_is_the_training_over_what_each_start_saves() {
     let even = break_even(&searched, 100, &trained, once).expect("there are starts");
     assert!(!even.matched);
     assert_eq!((even.budget, even.search.simulations), (100, 40.25));
-    // A training of an earlier version counted no physics steps.
-    let uncounted = Cost {
-        physics_steps: 0,
-        ..once
-    };
-    let even = break_even(&searched, 100, &trained, uncounted).expect("there are starts");
-    assert_eq!(even.starts_by_physics_steps, None);
-    assert!(even.starts.is_some());
     // An ado that costs more per start than the search never pays.
     trained.sims_per_start = 50.0;
     let even = break_even(&searched, 100, &trained, once).expect("there are starts");

@@ -120,76 +120,37 @@ fn no_flipped_bit_of_a_kept_counterexample_is_accepted() {
     fs::copy(kept.with_extension("csv"), &samples).expect("copied");
     let read = || {
         let kept = Counterexample::load(&path)?;
-        kept.samples(&path)
-            .map(|samples| (kept.is_sealed(), samples.is_some()))
+        kept.samples(&path).map(|samples| samples.is_some())
     };
-    assert_eq!(read().expect("whole"), (true, true));
+    assert!(read().expect("whole"));
     for (file, stride) in [(&path, 37), (&samples, 101)] {
         let accepted = accepted(file, stride, || read().is_ok());
         assert_eq!(accepted, [0usize; 0], "{}", file.display());
     }
 }
 
-/// A finished run and a kept file as the first version wrote them.
+/// A large world takes a second to parse, and every ego of an evaluation asks for it.
 #[test]
-fn files_of_the_first_format_are_read_and_are_not_sealed() {
+fn the_world_of_an_open_run_is_parsed_once() {
     let dir = tempfile::tempdir().expect("scratch");
-    let (begun, finished) = begun_and_finished(dir.path());
-    for run in [&begun, &finished] {
-        let file = run.join("manifest.json");
-        let text = fs::read(&file).expect("a manifest");
-        let mut old: serde_json::Value = serde_json::from_slice(&text).expect("JSON");
-        let map = old.as_object_mut().expect("an object");
-        for name in ["sha256", "progress", "window", "settings"] {
-            map.remove(name);
-        }
-        map.insert("format".to_owned(), 1.into());
-        map.insert("brakecheck".to_owned(), "0.1.0".into());
-        map.insert("cpu_s".to_owned(), 12.5.into());
-        fs::write(&file, old.to_string()).expect("written");
-        fs::remove_file(run.join("timing.json")).expect("there");
-    }
-    read_all(&finished).expect("an old run is read");
-    let run = RunDir::open(&finished).expect("a run");
-    assert!(!run.manifest().is_sealed() && run.manifest().cpu_s == 12.5);
-    // But not gone on with: another version would make another policy of it.
-    let progress = || fs::read(begun.join("progress.jsonl")).expect("a file");
-    let before = progress();
-    assert!(!before.is_empty());
-    let mut run = RunDir::resume(&begun).expect("a run");
-    let stop = AtomicBool::new(false);
-    let error = train(&quick(12_000), &mut run, &Watch::new(&|_, _| {}, &stop));
-    let told = error.expect_err("begun by another version").to_string();
-    let now = env!("CARGO_PKG_VERSION");
-    assert!(
-        told.contains(&format!("version: 0.1.0, now {now}")),
-        "{told}"
-    );
-    assert!(progress() == before, "what it had is still there");
+    let path = dir.path().join("run");
+    drop(RunDir::create(&path, &quick(12_000), 7).expect("a run"));
+    let mut run = RunDir::open(&path).expect("a run");
+    // Unreadable from here on, so whoever parsed it again would fail.
+    let spoil = || fs::write(path.join("world.ron"), "Scenario()").expect("written");
+    let before = run.world().expect("a world");
+    spoil();
+    assert_eq!(run.world().expect("as before").text(), before.text());
+    run.allow_programs(true);
+    let scenario = run.scenario().expect("as before, with consent");
+    assert_eq!(scenario.plant(), run.manifest().plant);
 
-    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regressions/acc-nominal-0001.ron");
-    let text = fs::read_to_string(kept).expect("a kept file");
-    let unsealed = |line: &&str| {
-        let line = line.trim_start();
-        !["sha256:", "samples_sha256:"]
-            .iter()
-            .any(|name| line.starts_with(name))
-    };
-    let old: Vec<&str> = text.lines().filter(unsealed).collect();
-    let path = dir.path().join("old.ron");
-    let old = old.join("\n").replacen("format: 2", "format: 1", 1);
-    fs::write(&path, &old).expect("written");
-    assert!(
-        !Counterexample::load(&path)
-            .expect("an old file")
-            .is_sealed()
-    );
-    // Nobody sheds the seal by leaving it out.
-    fs::write(&path, old.replacen("format: 1", "format: 2", 1)).expect("written");
-    let error = Counterexample::load(&path)
-        .expect_err("no seal")
-        .to_string();
-    assert!(error.contains("changed since it was written"), "{error}");
+    // A run that was opened before and never asked reads the file as it is now.
+    fs::write(path.join("world.ron"), before.text()).expect("restored");
+    let late = RunDir::open(&path).expect("a run");
+    spoil();
+    assert!(matches!(late.world(), Err(RunError::World(_))));
+    assert!(matches!(late.world(), Err(RunError::World(_))));
 }
 
 #[test]
@@ -248,6 +209,24 @@ fn a_training_goes_on_only_as_what_it_was_begun_as() {
     }
 }
 
+#[test]
+fn any_seed_may_be_asked_for_when_a_training_goes_on() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let (begun, _) = begun_and_finished(dir.path());
+    let refused = |seed| {
+        let request = TrainRequest {
+            seed,
+            ..TrainRequest::default()
+        };
+        let session = TrainSession::resume(&quick(12_000), &begun, &request);
+        session.err().map(|error| error.to_string())
+    };
+    assert_eq!(refused(None), None);
+    assert_eq!(refused(Some(7)), None);
+    let told = refused(Some(0)).expect("another seed");
+    assert!(told.contains("seed: 7, now 0"), "{told}");
+}
+
 /// Every file below a directory.
 fn files(dir: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(dir).expect("a directory").flatten();
@@ -285,7 +264,7 @@ fn a_flip_in_any_file_of_a_run_is_refused_by_its_name() {
     let dir = tempfile::tempdir().expect("scratch");
     let path = dir.path().join("run");
     let request = TrainRequest {
-        seed: 7,
+        seed: Some(7),
         ..TrainRequest::default()
     };
     let watch = Watch::unwatched();
@@ -339,36 +318,55 @@ fn a_flip_in_any_file_of_a_run_is_refused_by_its_name() {
     assert!(told(&path).expect("whole again") == whole);
 }
 
-/// A report and a time as the second format had them are read; the third does not
-/// shed its seals.
+/// A file without its seal is refused, and so is a run directory of another layout.
 #[test]
-fn files_of_the_second_format_are_read_and_their_seals_are_not_shed() {
+fn no_seal_is_shed_and_other_formats_are_refused() {
     let dir = tempfile::tempdir().expect("scratch");
     let (_, finished) = begun_and_finished(dir.path());
-    let (timing, report) = (finished.join("timing.json"), finished.join("report.json"));
-    let sealed_timing = fs::read(&timing).expect("there");
-    fs::write(&timing, "{\"cpu_s\":12.5}").expect("written");
-    let error = RunDir::open(&finished).expect_err("no seal").to_string();
-    assert!(error.contains("timing.json"), "{error}");
-    let file = finished.join("manifest.json");
-    let text = fs::read_to_string(&file).expect("a manifest");
-    let old = resealed(&text.replacen("\"format\": 3", "\"format\": 2", 1));
-    fs::write(&file, old).expect("written");
-    fs::write(&report, "[]").expect("written");
-    let run = RunDir::open(&finished).expect("an old run");
-    assert_eq!((run.manifest().format, run.manifest().cpu_s), (2, 12.5));
-    assert!(run.report().expect("rows").is_empty());
-    run.save_report(&[]).expect("written");
-    assert!(run.report().expect("rows").is_empty());
-    fs::write(&file, text).expect("written");
-    fs::remove_file(&timing).expect("there");
+    let refused = |name: &str, text: &str, why: &str| {
+        let file = finished.join(name);
+        let whole = fs::read(&file).ok();
+        fs::write(&file, text).expect("written");
+        let error = read_all(&finished).expect_err(name).to_string();
+        assert!(error.contains(name) && error.contains(why), "{error}");
+        match whole {
+            Some(bytes) => fs::write(&file, bytes).expect("written"),
+            None => fs::remove_file(&file).expect("there"),
+        }
+    };
+    refused("timing.json", "{\"cpu_s\":12.5}", "seal");
+    refused("report.json", "[]", "damaged");
+    let manifest = fs::read_to_string(finished.join("manifest.json")).expect("a manifest");
+    for format in [1, 2, 4] {
+        let other = manifest.replacen("\"format\": 3", &format!("\"format\": {format}"), 1);
+        let why = format!("format {format} is not 3");
+        refused("manifest.json", &resealed(&other), &why);
+    }
+    let mut unsealed: serde_json::Value = serde_json::from_str(&manifest).expect("JSON");
+    unsealed
+        .as_object_mut()
+        .expect("an object")
+        .remove("sha256");
+    refused("manifest.json", &unsealed.to_string(), "sha256");
+    fs::remove_file(finished.join("timing.json")).expect("there");
     let error = RunDir::open(&finished).expect_err("no time").to_string();
     assert!(error.contains("`timing.json` is missing"), "{error}");
-    fs::write(&timing, sealed_timing).expect("written");
-    fs::write(&report, "[]").expect("written");
-    let run = RunDir::open(&finished).expect("a run");
-    let error = run.report().expect_err("no seal").to_string();
-    assert!(error.contains("report.json"), "{error}");
+
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regressions/acc-nominal-0001.ron");
+    let text = fs::read_to_string(kept).expect("a kept file");
+    let is_hash = |line: &&str| line.trim_start().starts_with("sha256:");
+    let lines: Vec<&str> = text.lines().filter(|line| !is_hash(line)).collect();
+    let unsealed = lines.join("\n");
+    let first = unsealed.replacen("format: 2", "format: 1", 1);
+    for (text, why) in [
+        (&unsealed, "changed since it was written"),
+        (&first, "format 1 is not 2"),
+    ] {
+        let path = dir.path().join("kept.ron");
+        fs::write(&path, text).expect("written");
+        let error = Counterexample::load(&path).expect_err(why).to_string();
+        assert!(error.contains(why), "{error}");
+    }
 }
 
 /// A manifest that was changed on purpose, with the hash that belongs to it.

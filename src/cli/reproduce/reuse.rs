@@ -6,7 +6,6 @@ use super::super::progress;
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
 use crate::experiment::EgoUnderTest;
 use crate::studies::{ReuseAsked, ReuseStudy, reuse_markdown};
-use crate::sysid::ENOUGH_SIMULATIONS;
 use crate::world::Scenario;
 
 /// The worlds that name a family.
@@ -37,9 +36,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         };
         let mut met = Vec::new();
         for ego in &EgoUnderTest::find(&scenario, "all")? {
-            let own = json!({
-                "starts": asked.starts, "tries": asked.tries, "adapting": ENOUGH_SIMULATIONS,
-            });
+            let own = json!({ "starts": asked.starts, "tries": asked.tries });
             let settings = settings(asked.seeds, own);
             // One piece per ego, so that an interruption costs a single ego.
             let piece = format!("{name}, reuse on {}", ego.name());

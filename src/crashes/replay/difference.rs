@@ -2,9 +2,8 @@
 
 use super::kept::Kept;
 use crate::run_dir::{KeptError, digests_of};
-use crate::scene::drive::current_name;
 use crate::testbench::Episode;
-use crate::trace::{Schema, Trace};
+use crate::trace::Schema;
 
 /// First difference between a replay and its recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,12 +52,7 @@ pub(super) fn first_difference(
     let recorded = &kept.counterexample;
     // Damage is detected in any case, while the numbers are read only where needed.
     recorded.samples_text(&kept.path)?;
-    let names = if recorded.signals.is_empty() {
-        names_of_old(recorded.samples(&kept.path)?, episode.trace.schema())
-    } else {
-        recorded.signals.clone()
-    };
-    let columns = match placed(names, episode.trace.schema()) {
+    let columns = match placed(recorded.signals.clone(), episode.trace.schema()) {
         Ok(columns) => columns,
         Err(unpublished) => {
             return Ok(Some(Difference {
@@ -96,31 +90,11 @@ pub(super) fn first_difference(
     }))
 }
 
-/// Returns the signals of an old file that does not list them.
-///
-/// They are the signals of its samples, or all present signals without samples.
-fn names_of_old(stored: Option<Trace>, now: &Schema) -> Vec<String> {
-    let owned = |schema: &Schema| -> Vec<String> {
-        let signals = schema.signals().iter();
-        signals.map(|signal| signal.name.clone()).collect()
-    };
-    match stored {
-        // The first column is the time of the sample.
-        Some(stored) => owned(stored.schema()).split_off(1),
-        None => owned(now),
-    }
-}
-
 /// Returns the recorded signals with their present columns.
 ///
-/// Signals that later versions added are not compared. Former names are resolved.
+/// Signals that later versions added are not compared.
 fn placed(names: Vec<String>, now: &Schema) -> Result<Vec<(String, usize)>, String> {
-    let position = |name: &str| {
-        let current = || now.position(&current_name(name)?);
-        // A present name takes precedence over a former name.
-        now.position(name).or_else(current)
-    };
-    let placed = names.into_iter().map(|name| match position(&name) {
+    let placed = names.into_iter().map(|name| match now.position(&name) {
         Some(position) => Ok((name, position)),
         None => Err(name),
     });
@@ -174,28 +148,12 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_with_a_former_name_is_found_and_one_that_is_gone_is_told() {
+    fn a_signal_that_is_gone_is_told() {
         let kept = kept();
         let episode = replayed(&kept);
-        let old = recorded_as(&kept, &episode, &[("ego.velocity", "ego.speed")]);
-        assert_eq!(first_difference(&old, &episode).expect("compared"), None);
         let gone = recorded_as(&kept, &episode, &[("ego.mood", "ego.speed")]);
         let difference = first_difference(&gone, &episode).expect("compared");
         let told = difference.expect("a difference").to_string();
         assert_eq!(told, "`ego.mood` was recorded and is no signal any more");
-    }
-
-    #[test]
-    fn a_formula_may_say_a_former_name() {
-        let world = include_str!("../../../worlds/acc.ron");
-        let said = world.replace(
-            "always[0, T] (ado.speed <= v_lim)",
-            "always[0, T] (ado.velocity <= v_lim)",
-        );
-        assert_ne!(world, said);
-        let world = crate::world::Scenario::parse("acc.ron", &said);
-        let world = world.unwrap_or_else(|error| panic!("{error}"));
-        let schema = world.world().schema().clone();
-        assert!(schema.position("ado.velocity").is_some());
     }
 }

@@ -12,6 +12,7 @@ use crate::world::{LoadError, Scenario};
 /// As `Debug` it prints as on the command line, so a failing test shows the problem, its
 /// place and its fix.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum FindError {
     /// The directory has fewer counterexamples.
     #[error("there is no episode {number} in `{}`", dir.display())]

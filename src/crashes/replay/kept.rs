@@ -17,17 +17,6 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// Writes the file again in the present format, with its hash.
-    ///
-    /// `episode` must be the recorded episode.
-    ///
-    /// # Errors
-    /// Returns an error if the file cannot be written.
-    pub fn seal(&self, episode: &Episode) -> Result<(), KeptError> {
-        let current = self.counterexample.as_now(&episode.trace);
-        current.save(&self.path, &episode.trace)
-    }
-
     /// Determines the labels again and writes the file with them and its hash.
     ///
     /// `episode` must be the recorded episode. The ego of `scenario` is run.

@@ -19,6 +19,7 @@ use crate::trace::{Schema, SchemaError};
 
 /// Error: a trained ado cannot act in a world.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TrainedError {
     /// Its decisions would fall between two samples.
     #[error("it decides every {decision_s} s, which is no multiple of `sample_s` = {sample_s} s")]

@@ -17,6 +17,7 @@ use crate::trace::{Schema, SchemaError};
 
 /// Error: a driving scene could not be assembled.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SceneError {
     /// Two signals have the same name.
     #[error(transparent)]

@@ -50,7 +50,7 @@ pub use range::Range;
 pub use road::Road;
 pub use script::Script;
 pub use sensors::Sensors;
-pub use signals::{SignalSource, TTC_CAP_S, current_name, schema_of};
+pub use signals::{SignalSource, TTC_CAP_S, schema_of};
 pub use spec::{
     Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, PlanSpec, StartPlace,
 };

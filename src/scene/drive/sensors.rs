@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
@@ -83,24 +82,16 @@ impl Sensing {
         for seen in &mut percept.others {
             // The same error in both frames: road and ego coordinates describe
             // a single measurement.
-            let (along, across) = self.normal_pair();
+            let (along, across) = seed::normal_pair(&mut self.dice);
             seen.headway_m += self.spec.position_sd_m * along;
             seen.lateral_m += self.spec.position_sd_m * across;
             seen.x_m += self.spec.position_sd_m * along;
             seen.y_m += self.spec.position_sd_m * across;
-            let (along, across) = self.normal_pair();
+            let (along, across) = seed::normal_pair(&mut self.dice);
             seen.speed_mps += self.spec.speed_sd_mps * along;
             seen.lateral_mps += self.spec.speed_sd_mps * across;
             seen.vx_mps += self.spec.speed_sd_mps * along;
             seen.vy_mps += self.spec.speed_sd_mps * across;
         }
-    }
-
-    /// Returns two standard normal numbers (Box, Muller 1958).
-    fn normal_pair(&mut self) -> (f64, f64) {
-        // `random` is in 0 .. 1. The complement avoids log 0.
-        let radius = (-2.0 * libm::log(1.0 - self.dice.random::<f64>())).sqrt();
-        let (sin, cos) = libm::sincos(core::f64::consts::TAU * self.dice.random::<f64>());
-        (radius * cos, radius * sin)
     }
 }

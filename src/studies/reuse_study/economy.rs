@@ -126,8 +126,6 @@ mod tests {
             residual_m: 0.0,
             nominal_residual_m: 0.0,
             simulations: 100,
-            adapted: Vec::new(),
-            adapting_simulations: 0.0,
         };
         (reused, known)
     }

@@ -25,10 +25,7 @@ use crate::evaluation::{Relation, ReusedOn, Summary, reused_on, summarise};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
 use crate::run_dir::{Row, RunDir, RunError};
 use crate::seed::Seeds;
-use crate::sysid::{
-    AdaptRequest, Adapted, ENOUGH_SIMULATIONS, Identified, IdentifyError, IdentifyRequest,
-    RECORDED_RUNS, adapt, identify,
-};
+use crate::sysid::{Identified, IdentifyError, IdentifyRequest, RECORDED_RUNS, identify};
 use crate::training::TrainError;
 use crate::world::{Against, Family, Member, Scenario};
 use players::{Player, called};
@@ -46,11 +43,6 @@ fn held_word(budget: u64) -> String {
 
 /// Name in rows of the conditional ado with one simulation per start.
 pub const CONDITIONAL: &str = "conditional";
-/// Name in rows of the conditional ado with adapted parameters.
-///
-/// They are the best parameters on starts that are not reported. It has one simulation
-/// per start.
-pub const ADAPTED: &str = "conditional, adapted";
 /// Name in rows of the conditional ado with a few tries.
 pub const CONDITIONAL_TRIES: &str = "conditional, tries";
 
@@ -82,10 +74,6 @@ pub struct Known {
     pub nominal_residual_m: f64,
     /// Simulated and recorded runs of the identification.
     pub simulations: u64,
-    /// Adapted parameters of the conditional ado, by training seed.
-    pub adapted: Vec<String>,
-    /// Runs of the ego for that adaptation, mean over the training seeds.
-    pub adapting_simulations: f64,
 }
 
 /// Results of the study.
@@ -109,8 +97,6 @@ pub struct ReuseStudied {
     pub economy: Vec<Economy>,
     /// Summary by block and over all changed egos, relative to the conditional ado.
     pub summary: Vec<Summary>,
-    /// Same summary, relative to the adapted conditional ado.
-    pub summary_of_adapted: Vec<Summary>,
     /// Same summary, relative to the conditional ado with a few tries.
     pub summary_of_tries: Vec<Summary>,
     /// All rows of the study.
@@ -218,15 +204,13 @@ impl<'a> ReuseStudy<'a> {
         let Some(identified) = self.identified((ego, changed), &[], watch)? else {
             return Ok(None);
         };
-        let mut known = Known {
+        let known = Known {
             ego: ego.to_owned(),
             taken_for: self.family.in_words(&identified.member),
             explained: identified.explains(),
             residual_m: identified.residual_m,
             nominal_residual_m: identified.nominal_residual_m,
             simulations: identified.simulations + identified.recorded,
-            adapted: Vec::new(),
-            adapting_simulations: 0.0,
         };
         let player = Player {
             scenario: changed,
@@ -238,13 +222,6 @@ impl<'a> ReuseStudy<'a> {
         let mut rows = Vec::new();
         for trio in &self.trios {
             rows.extend(player.ados(trio, self.family, (&member, told), self.asked.tries)?);
-            let Some(found) = self.adapted(trio, changed, &member, watch)? else {
-                return Ok(None);
-            };
-            rows.push(player.conditional(ADAPTED, trio, (&found.member, "adapted"))?);
-            known.adapted.push(self.family.in_words(&found.member));
-            // Every seed adapts by itself, and the study reports the mean cost.
-            known.adapting_simulations += found.simulations as f64 / self.trios.len() as f64;
         }
         // Only an ego of the family has parameters that identification can miss.
         if relation == Relation::Inside {
@@ -300,25 +277,6 @@ impl<'a> ReuseStudy<'a> {
             ego: ego.to_owned(),
             source,
         })
-    }
-
-    /// Adapts the parameters of a conditional ado to an ego.
-    fn adapted(
-        &self,
-        trio: &Trio,
-        ego: &Scenario,
-        first: &Member,
-        watch: &Watch<'_>,
-    ) -> Result<Option<Adapted>, ReuseError> {
-        let request = AdaptRequest {
-            run: &trio.conditional,
-            family: self.family,
-            ego,
-            first,
-            simulations: ENOUGH_SIMULATIONS,
-            seed: trio.conditional.manifest().seed,
-        };
-        Ok(adapt(&request, watch)?)
     }
 
     /// Plays the conditional ados with one quantity left out of the identification.
@@ -385,7 +343,6 @@ impl<'a> ReuseStudy<'a> {
             train_cpu_s: self.train_cpu_s.clone(),
             economy: economy::economy(training, &egos, &known),
             summary: summarise(&egos, CONDITIONAL),
-            summary_of_adapted: summarise(&egos, ADAPTED),
             summary_of_tries: summarise(&egos, CONDITIONAL_TRIES),
             rows: egos.iter().flat_map(|ego| ego.rows.clone()).collect(),
             egos,

@@ -1,6 +1,6 @@
 //! Markdown of the reuse study.
 
-use super::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
 use crate::evaluation::{ReusedOn, Summary};
 use crate::run_dir::Row;
 use crate::sysid::is_telling;
@@ -28,17 +28,16 @@ const BLOCKS_EXPLAINED: &str = "
 const KNOWN_EXPLAINED: &str = "
 - taken for: the member of the family that the recorded runs are nearest to
 - explained: whether it is as near as noise allows; residual: how far it is, (the nominal ego)
-- simulations: of the ego, to identify it, and to find what the ado fares best with (best told)
+- simulations: of the ego, to identify it
 - held search: simulations per start of a search that solves as many starts
 - cheaper from: starts from which on the ado costs less than it, its training included
 ";
 
 /// Ados in the table of egos, with their headings.
-const SHOWN: [(&str, &str); 9] = [
+const SHOWN: [(&str, &str); 8] = [
     ("nominal ado", "nominal ado"),
     ("wide", "wide"),
     (CONDITIONAL, "conditional"),
-    (ADAPTED, "adapted"),
     (CONDITIONAL_TRIES, "conditional, tries"),
     ("replays", "10 replays"),
     ("heuristic", "heuristic"),
@@ -88,7 +87,6 @@ fn one_markdown(study: &ReuseStudied) -> String {
     text.push_str(EGOS_EXPLAINED);
     for (reference, summaries) in [
         (CONDITIONAL, &study.summary),
-        (ADAPTED, &study.summary_of_adapted),
         (CONDITIONAL_TRIES, &study.summary_of_tries),
     ] {
         text.push_str(&format!(
@@ -111,15 +109,14 @@ fn one_markdown(study: &ReuseStudied) -> String {
 fn known_markdown(study: &ReuseStudied) -> String {
     let mut text = String::from(
         "\n| ego | taken for | explained | residual m (nominal) | identification: simulations | \
-         adapting: simulations | best told (first training seed) | \
          held search: simulations per start | conditional ado cheaper from |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+         | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for known in &study.known {
         let mut lines = study.economy.iter();
         let line = lines.find(|line| line.ego.as_deref() == Some(&known.ego));
         text.push_str(&format!(
-            "| {} | {} | {} | {:.2} ({:.2}) | {} | {:.0} | {} | {} |\n",
+            "| {} | {} | {} | {:.2} ({:.2}) | {} | {} |\n",
             known.ego,
             if is_telling(known.explained, known.residual_m, known.nominal_residual_m) {
                 &known.taken_for
@@ -131,15 +128,12 @@ fn known_markdown(study: &ReuseStudied) -> String {
             known.residual_m,
             known.nominal_residual_m,
             known.simulations,
-            known.adapting_simulations,
-            // The parameters differ by seed, and the table has room for those of the first.
-            known.adapted.first().map_or("–", String::as_str),
             line.map_or("– | –".to_owned(), economy_words),
         ));
     }
     if let Some(all) = study.economy.iter().find(|line| line.ego.is_none()) {
         text.push_str(&format!(
-            "| all of them | | | | {:.0}, training included | | | {} on each |\n",
+            "| all of them | | | | {:.0}, training included | {} on each |\n",
             all.once,
             economy_words(all),
         ));

@@ -6,9 +6,8 @@ use crate::evaluation::Relation;
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::seed::Seeds;
 use crate::stats::StartOutcome::Solved;
-use crate::studies::reuse_study::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Met};
+use crate::studies::reuse_study::{CONDITIONAL, CONDITIONAL_TRIES, Met};
 use crate::studies::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
-use crate::sysid::{ENOUGH_SIMULATIONS, LEAST_SIMULATIONS};
 use crate::world::Scenario;
 
 /// Single training with an open seed, as in all tests.
@@ -104,8 +103,6 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
             "identified"
         };
         assert_eq!(of(CONDITIONAL).context.as_deref(), Some(told));
-        assert_eq!(of(ADAPTED).context.as_deref(), Some("adapted"));
-        assert_eq!(of(ADAPTED).sims_per_start, 1.0);
         // Contacts belong to the counted simulations.
         for searched in ["search, held, 10", "search, held, 30"].map(of) {
             assert!(searched.contact_rate <= searched.success_rate);
@@ -146,11 +143,6 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
             .filter(move |sum| sum.relation == relation)
     };
     assert!(0 < blocks(Relation::Changed).count());
-    let (least, enough) = (LEAST_SIMULATIONS as f64, ENOUGH_SIMULATIONS as f64);
-    for known in &study.known {
-        assert_eq!(known.adapted.len(), 1);
-        assert!((least..=enough).contains(&known.adapting_simulations));
-    }
     let changed = blocks(Relation::Changed).find(|sum| sum.ado == CONDITIONAL);
     assert_eq!(changed.map(|sum| sum.egos), Some(2));
     assert!(changed.is_some_and(|sum| sum.reference_minus.is_none()));

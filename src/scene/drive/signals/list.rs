@@ -1,8 +1,8 @@
 //! The list of published signals: a row fully defines its signal.
 //!
 //! A row holds the owner of the signal, its name, unit, meaning and value. It
-//! also holds deviations from the defaults: bounds, range of observation,
-//! permanent recording and former names. The output of `check`, the bounds in
+//! also holds deviations from the defaults: bounds, range of observation and
+//! permanent recording. The output of `check`, the bounds in
 //! `vacuous` and the table in `docs/signals.md` are generated from the list or
 //! tested against it.
 //!
@@ -72,8 +72,6 @@ Interval::ANY
 between(SLOWEST_MPS, FASTEST_MPS)
 })
         .seen_in(0.0, 30.0)
-        // No signal has a former name yet, so a test-only name exercises the code.
-        .formerly(if cfg!(test) { &["velocity"] } else { &[] })
         .always(),
     Agent
         .signal("accel", "m/s²")

@@ -95,7 +95,6 @@ impl Source {
                 Value::Boolean(_) => Signal::boolean(name, about),
             },
             source: self,
-            is_former: false,
         }
     }
 }
@@ -122,23 +121,14 @@ pub struct SignalSource {
     pub(super) source: Source,
 }
 
-/// Returns the current name of a signal from an earlier version.
-pub fn current_name(name: &str) -> Option<String> {
-    let (owner, last) = name.rsplit_once('.')?;
-    let now = SIGNALS.iter().find(|row| row.former.contains(&last))?;
-    Some(format!("{owner}.{}", now.name))
-}
-
 /// A signal by name, with the source of its value.
 #[derive(Clone, Debug)]
 pub(super) struct Declared {
     pub signal: Signal,
     pub source: Source,
-    /// True for the name of an earlier version.
-    is_former: bool,
 }
 
-/// Returns every signal of the named agents, then those under former names.
+/// Returns every signal of the named agents.
 pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
     declared_of(names, &|_| true)
 }
@@ -166,27 +156,7 @@ fn declared_of(names: &AgentNames, wanted: &dyn Fn(&SignalQuantity) -> bool) -> 
             .filter(move |row| row.of == of && wanted(row));
         rows.map(move |quantity| Source { quantity, whose })
     });
-    let mut all: Vec<Declared> = sources.map(|source| source.declared(names)).collect();
-    let former: Vec<Declared> = all.iter().flat_map(formerly).collect();
-    all.extend(former);
-    all
-}
-
-/// Returns the same signal under the names of earlier versions.
-fn formerly(declared: &Declared) -> impl Iterator<Item = Declared> {
-    let SignalQuantity { former, name, .. } = declared.source.quantity;
-    former.iter().map(move |former| {
-        let now = &declared.signal.name;
-        Declared {
-            signal: Signal {
-                name: format!("{}{former}", now.strip_suffix(name).unwrap_or_default()),
-                about: format!("former name of `{now}`"),
-                ..declared.signal.clone()
-            },
-            source: declared.source,
-            is_former: true,
-        }
-    })
+    sources.map(|source| source.declared(names)).collect()
 }
 
 /// Returns the schema of a spec's traces: published signals, then derived ones.
@@ -218,9 +188,7 @@ impl DriveSpec {
             SignalSource {
                 signal: declared.signal,
                 range: quantity.usual.unwrap_or((lo, hi)),
-                // A former name is published only on demand, or the value would
-                // be recorded twice.
-                always: quantity.always && !declared.is_former,
+                always: quantity.always,
                 source,
             }
         };
@@ -235,10 +203,7 @@ impl DriveSpec {
         // their names and meanings are not even written.
         let mentioned = |last: &str| self.extra.iter().any(|name| name.ends_with(last));
         let mut offers = self.offers(&|row: &SignalQuantity| {
-            row.always
-                || row.of == Of::Parameter
-                || mentioned(row.name)
-                || row.former.iter().any(|former| mentioned(former))
+            row.always || row.of == Of::Parameter || mentioned(row.name)
         });
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers

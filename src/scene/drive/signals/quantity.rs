@@ -29,7 +29,6 @@ pub struct SignalQuantity {
     pub of: Of,
     /// The last part of the signal's name.
     pub name: &'static str,
-    pub(super) former: &'static [&'static str],
     pub(super) unit: &'static str,
     pub(super) about: &'static str,
     pub(super) value: Value,
@@ -62,7 +61,6 @@ impl Named {
         SignalQuantity {
             of: self.0,
             name: self.1,
-            former: &[],
             unit: self.2,
             about: "",
             value: Value::Real(value),
@@ -113,13 +111,6 @@ impl SignalQuantity {
             usual: Some((lo, hi)),
             ..self
         }
-    }
-
-    /// Sets former last parts of the name.
-    ///
-    /// Worlds and kept files that use a former name still work.
-    pub(super) const fn formerly(self, former: &'static [&'static str]) -> SignalQuantity {
-        SignalQuantity { former, ..self }
     }
 
     /// Records the signal in every trace, mentioned or not.
