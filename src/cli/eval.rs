@@ -17,7 +17,7 @@ use crate::evaluation::{
     Evaluation, EvaluationTable, Sweep, TheoremsChecked, summarise, untrained,
 };
 use crate::experiment::{EgoUnderTest, Watch, on_plant};
-use crate::run_dir::RunDir;
+use crate::run_dir::{AdversaryId, RunDir};
 use crate::sim::PlantKind;
 use crate::sysid::ContextSource;
 use crate::world::Scenario;
@@ -330,7 +330,7 @@ fn show(
     theorems: Option<&TheoremsChecked>,
     compared: &Compared,
 ) -> Result<(), Failure> {
-    let summary = summarise(&evaluated.egos, "trained");
+    let summary = summarise(&evaluated.egos, &AdversaryId::Trained);
     if args.common.json {
         let mut object = json!({
             "rows": evaluated.rows(),

@@ -204,7 +204,7 @@ fn lines(rows: &[Row]) -> String {
             recall,
             format!("{:.1}", row.sims_per_start),
         ];
-        let words = [&row.ego, &row.ado, &row.method].map(Cell::new);
+        let words = [&row.ego, row.ado.caption(), &row.method].map(Cell::new);
         found.add_row(words.into_iter().chain(numbers.iter().map(right)));
         let numbers = [
             percent(row.foul_rate),
@@ -215,7 +215,7 @@ fn lines(rows: &[Row]) -> String {
                 .map_or("–".to_owned(), |groups| groups.to_string()),
             format!("{:.1}", row.cpu_s),
         ];
-        let words = [&row.ego, &row.ado].map(Cell::new);
+        let words = [&row.ego, row.ado.caption()].map(Cell::new);
         how.add_row(words.into_iter().chain(numbers.iter().map(right)));
     }
     format!("{found}\n{how}{}{}", bounds(rows), uncounted(rows))
@@ -227,7 +227,7 @@ fn uncounted(rows: &[Row]) -> String {
     let named = rows.iter().filter_map(|row| {
         let (uncounted, starts) = (row.uncounted.filter(|count| 0 < *count)?, row.starts);
         let name = if one_ego {
-            row.ado.clone()
+            row.ado.to_string()
         } else {
             format!("{} on {}", row.ado, row.ego)
         };
@@ -251,7 +251,7 @@ fn bounds(rows: &[Row]) -> String {
     for row in rows {
         let Some(bound) = row.at_most else { continue };
         let name = if one_ego {
-            row.ado.clone()
+            row.ado.to_string()
         } else {
             format!("{} on {}", row.ado, row.ego)
         };

@@ -18,7 +18,9 @@ use crate::adversary::{EvalRequest, Evaluated};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::experiment::{Shape, badness, clusters, descending, worse_first};
 use crate::rulebook::Verdict;
-use crate::run_dir::{About, Counterexample, KeptError, Severity, file_name, make_dir};
+use crate::run_dir::{
+    About, AdversaryId, Counterexample, KeptError, Severity, file_name, make_dir,
+};
 use crate::testbench::{Episode, Testbench};
 use crate::world::{Change, Scenario};
 
@@ -68,7 +70,7 @@ impl KeepSettings {
 }
 
 /// Who made an ego fail, where; and how it is kept.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Keeper<'a> {
     /// The world, with the ego that fails.
     pub scenario: &'a Scenario,
@@ -76,8 +78,8 @@ pub struct Keeper<'a> {
     pub ego: &'a str,
     /// How it differs from the world's own.
     pub change: &'a Change,
-    /// The word for who plays the ados.
-    pub ado: &'a str,
+    /// Adversary, which files name by its caption.
+    pub ado: AdversaryId,
     /// Seed of the test starts.
     pub seed: u64,
     /// Which ones are kept, and how.
@@ -204,7 +206,7 @@ impl<'a> Keeper<'a> {
             scenario: request.scenario,
             ego: request.ego,
             change,
-            ado: request.ado.word(),
+            ado: request.ado.id(),
             seed: request.starts.seed,
             settings,
         }
@@ -243,7 +245,7 @@ impl<'a> Keeper<'a> {
             let (scenario, ego, change) = (self.scenario, self.ego, self.change);
             let recorded = Counterexample {
                 about: Some(about.clone()),
-                ..Counterexample::record(scenario, ego, change, self.ado, &episode)
+                ..Counterexample::record(scenario, ego, change, self.ado.caption(), &episode)
             };
             let stem = file_stem(scenario, ego, self.seed, index);
             let file = recorded.save_as(dir, &stem, &episode.trace)?;
@@ -415,8 +417,8 @@ pub fn keep(
     let mut files = Vec::new();
     for index in evaluated.solved().take(most) {
         let episode = evaluated.again(request, &mut bench, index, &mut again);
-        let ado = request.ado.word();
-        let kept = Counterexample::record(request.scenario, request.ego, change, ado, &episode);
+        let (ego, ado) = (request.ego, request.ado.id());
+        let kept = Counterexample::record(request.scenario, ego, change, ado.caption(), &episode);
         let stem = file_stem(request.scenario, request.ego, request.starts.seed, index);
         files.push(kept.save_as(dir, &stem, &episode.trace)?);
     }

@@ -225,7 +225,7 @@ impl<'a> ReportRequest<'a> {
             let trained = Ado::Trained(&*told.policy, self.run.manifest().seed);
             for ado in [trained, Ado::Held] {
                 // The nominal ego has met the trained ado on all starts.
-                if ego.name() == "nominal" && ado.word() == "trained" {
+                if ego.is_nominal() && matches!(ado, Ado::Trained(..)) {
                     continue;
                 }
                 let request = ego.met_by(ado, &own);

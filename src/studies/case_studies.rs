@@ -153,7 +153,7 @@ impl CaseStudy {
     /// A stored study may hold those of an earlier version.
     pub fn with_intervals(mut self) -> CaseStudy {
         let of = |ado: &str| -> Vec<&Outcomes> {
-            let rows = self.rows.iter().filter(|row| row.ado == ado);
+            let rows = self.rows.iter().filter(|row| row.ado == ado.into());
             rows.map(|row| &row.solved).collect()
         };
         let trained = of("trained");
@@ -228,7 +228,7 @@ pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
     let percent = |rate: f64| format!("{:.1} %", 100.0 * rate);
     for study in studies {
         let baseline = |ado: &str| {
-            let row = study.rows.iter().find(|row| row.ado == ado);
+            let row = study.rows.iter().find(|row| row.ado == ado.into());
             row.map_or("–".to_owned(), |row| percent(row.success_rate))
         };
         let recall = match (study.recall_median, study.recall_min) {

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::case_studies::{CaseStudies, trained_run};
-use crate::adversary::{Ado, EvalRequest, Evaluated, best_constant, eval};
+use crate::adversary::{Ado, EvalRequest, Evaluated, best_constant_action, eval};
 use crate::crashes::persistence;
 use crate::ego::reference::ReferenceDriver;
 use crate::ego::{Actuated, CcLatchedDriver, ControllerSpec};
@@ -272,7 +272,7 @@ pub fn crash_study(
         });
     }
     rows.push(study.of(Ado::Held, None));
-    let best = best_constant(scenario, "nominal", &starts, watch);
+    let best = best_constant_action(scenario, "nominal", &starts, watch);
     rows.push(study.constant(&best));
     rows.push(study.searched(1));
     Ok((!watch.stopped()).then(|| CrashStudy {
@@ -283,16 +283,12 @@ pub fn crash_study(
 }
 
 impl Study<'_> {
-    /// Returns the row of the best constant ado, which is found again by its label.
-    fn constant(&self, best: &Evaluated) -> CrashRow {
-        let actions = self.scenario.world().spaces().actions;
-        let label = |action: usize| self.scenario.action_label(action);
-        // The row names the best action only by its label.
-        let action = (0..actions).find(|action| best.row.method.starts_with(&label(*action)));
+    /// Returns the row of the best constant ado.
+    fn constant(&self, (action, best): &(usize, Evaluated)) -> CrashRow {
         let request = EvalRequest {
             scenario: self.scenario,
             ego: "nominal",
-            ado: Ado::Constant(action.unwrap_or(0)),
+            ado: Ado::Constant(*action),
             starts: self.starts,
         };
         self.of_evaluated(best, &request, None)
