@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::compared::{Compared, GateOn};
+use super::compared::Compared;
 use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
@@ -14,7 +14,7 @@ use super::{
 };
 use crate::adversary::AdoKind;
 use crate::evaluation::{
-    Evaluation, EvaluationTable, Sweep, TheoremsChecked, summarise, untrained,
+    Evaluation, EvaluationTable, GateOn, Sweep, TheoremsChecked, summarise, untrained,
 };
 use crate::experiment::{EgoUnderTest, Watch, on_plant};
 use crate::run_dir::{AdversaryId, RunDir};
@@ -65,7 +65,7 @@ pub(super) struct EvalArgs {
     /// Which newly failing starts exit with 1, with `--baseline-ego`.
     #[arg(
         long,
-        value_enum,
+        value_parser = one_of::<GateOn>(),
         default_value = "preventable",
         requires = "baseline_ego"
     )]
