@@ -8,7 +8,7 @@ use super::merge::{Merged, page_of};
 use super::plan::Unit;
 use super::regulation_boundary;
 use super::summary::{CellMap, GateVerdict, SummaryRow};
-use crate::report::{CampaignPage, CellState, MapCell, StartMap};
+use crate::report::{CampaignPage, CellState, MapCell, StartMap, TextTable};
 use crate::run_dir::write_file;
 use crate::stats::StartOutcome;
 
@@ -35,11 +35,10 @@ impl PlanDir {
                 plan.units.len(),
                 merged.rows
             ),
-            columns: std::iter::once("world")
-                .chain(COLUMNS)
-                .map(str::to_owned)
-                .collect(),
-            rows: summary.rows.iter().map(cells).collect(),
+            rates: TextTable::new(
+                std::iter::once("world").chain(COLUMNS),
+                summary.rows.iter().map(cells),
+            ),
             gates: summary
                 .gates
                 .iter()
@@ -120,13 +119,9 @@ impl PlanDir {
 }
 
 /// Formats a row of the page's table.
-fn cells(row: &SummaryRow) -> Vec<String> {
+fn cells(row: &SummaryRow) -> impl Iterator<Item = String> {
     let world = format!("{}, {}", row.world, row.plant);
-    let others = [row.trivial, row.invalid].map(|count| count.to_string());
-    std::iter::once(world)
-        .chain(row.cells())
-        .chain(others)
-        .collect()
+    std::iter::once(world).chain(row.cells())
 }
 
 /// Combines the outcomes of all ados to the state of a cell.

@@ -307,16 +307,22 @@ const EXPLAINED: &str = "
 
 /// Formats the studies as a Markdown table.
 pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
-    let mut text = String::from(
-        "| world | ado | found [95 %] | avoided by CC_LATCHED, of all starts: open loop, closed loop | \
-         of those found: open loop | side-swipes | closing m/s, median / 90 % | persistence, median | fouls |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for study in studies {
-        for row in &study.rows {
-            text.push_str(&line(&study.world, row));
-        }
-    }
+    let lines = studies.iter().flat_map(|study| {
+        let rows = study.rows.iter();
+        rows.map(|row| line(&study.world, row))
+    });
+    let columns = [
+        "world",
+        "ado",
+        "found [95 %]",
+        "avoided by CC_LATCHED, of all starts: open loop, closed loop",
+        "of those found: open loop",
+        "side-swipes",
+        "closing m/s, median / 90 %",
+        "persistence, median",
+        "fouls",
+    ];
+    let mut text = crate::report::TextTable::new(columns, lines).to_markdown();
     text.push_str(EXPLAINED);
     for study in studies {
         for row in &study.rows {
@@ -331,7 +337,7 @@ pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
     text
 }
 
-fn line(world: &str, row: &CrashRow) -> String {
+fn line(world: &str, row: &CrashRow) -> [String; 9] {
     // A share of no crashes is undefined.
     let percent = |part: usize, whole: usize| match whole {
         0 => "–".to_owned(),
@@ -348,17 +354,24 @@ fn line(world: &str, row: &CrashRow) -> String {
     let closing = row.closing_mps.map_or("–".to_owned(), |closing| {
         format!("{:.1} / {:.1}", closing.median, closing.p90)
     });
-    format!(
-        "| {world} | {ado} | {} of {} ({}) [{lo:.1}, {hi:.1}] | {}, {} | {} | {} | {closing} | {} | {:.1} % |\n",
-        row.found,
-        row.starts,
-        percent(row.found, row.starts),
-        of(row.avoided, row.starts),
-        of(row.avoided_closed_loop, row.starts),
-        of(row.avoided, row.found),
-        percent(row.side_swipes, row.found),
+    let (found, starts) = (row.found, row.starts);
+    [
+        world.to_owned(),
+        ado,
+        format!(
+            "{found} of {starts} ({}) [{lo:.1}, {hi:.1}]",
+            percent(found, starts)
+        ),
+        format!(
+            "{}, {}",
+            of(row.avoided, starts),
+            of(row.avoided_closed_loop, starts)
+        ),
+        of(row.avoided, found),
+        percent(row.side_swipes, found),
+        closing,
         row.persistence
             .map_or("–".to_owned(), |share| format!("{share:.2}")),
-        100.0 * row.foul_rate,
-    )
+        format!("{:.1} %", 100.0 * row.foul_rate),
+    ]
 }
