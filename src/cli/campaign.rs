@@ -13,7 +13,7 @@ use crate::campaign::{
 /// Rows and gates that are printed, at most.
 const SHOWN: usize = 40;
 
-/// Below a table of rates: what its columns mean.
+/// Legend below a table of rates.
 const EXPLAINED: &str = "
 fails %  share of the starts from which the ego fails, every rule kept; 95 %: its interval
 recall   of the starts that search solves, the share solved here too; –: no search met this ego
@@ -116,9 +116,11 @@ fn plan(args: &PlanArgs) -> Result<Exit, Failure> {
     let cut = Plan::make(&args.file, args.piece_s, allowed, &bar.watch())?;
     drop(bar);
     let Some(cut) = cut else {
+        // A partial pilot has no costs to cut by.
         talk::say("interrupted: nothing was planned");
         return Ok(Exit::Interrupted);
     };
+    // A dry run plays the pilot for its costs, and writes nothing.
     let dir = args.output.as_ref().filter(|_| !args.dry_run);
     if let Some(dir) = dir {
         cut.write(dir)?;
@@ -269,6 +271,7 @@ fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
 
 fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
     let invalid = merged.summary.invalid_share();
+    // Pieces may have run in other processes, so the log of this process has no faults.
     if args.common.allow_invalid < invalid {
         return Err(Failure::fault(
             format!(
@@ -285,7 +288,7 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
     })
 }
 
-/// The first rows, as far as a person reads, world by world; all are in the page.
+/// Formats the first rows, world by world. The page has all of them.
 fn rates(rows: &[SummaryRow]) -> String {
     let mut text = String::new();
     let of_one_world =
@@ -302,7 +305,7 @@ fn rates(rows: &[SummaryRow]) -> String {
     format!("{text}{more}{}", EXPLAINED.trim_start())
 }
 
-/// What the table has no room for: starts that tell nothing.
+/// Formats remarks that do not fit into the table, on starts without a result.
 fn remarks(rows: &[SummaryRow]) -> String {
     let mut text = String::new();
     let trivial = rows.iter().map(|row| row.trivial).max().unwrap_or(0);

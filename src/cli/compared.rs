@@ -1,4 +1,4 @@
-//! What `eval` prints of egos compared: the gate, and a sweep.
+//! Output of `eval` on compared egos: the gate, and a sweep.
 
 use serde_json::{Value, json};
 
@@ -10,7 +10,7 @@ use crate::report::sweep_curve;
 use crate::run_dir::write_file;
 use crate::stats::{at_most, wilson};
 
-/// What the columns of a sweep mean.
+/// Legend of a sweep's columns.
 const EXPLAINED: &str = "
 failing        starts from which some ado makes the ego fail with that value, every rule kept
 95 % interval  of the share of such starts, in %; in 40ths: the same share as a bar, rounded up";
@@ -61,7 +61,7 @@ impl Compared {
         }
     }
 
-    /// Whether a new ego fails where the one before it did not.
+    /// Returns whether the gate fails because of newly failing starts.
     pub(super) fn is_held_up(&self, on: GateOn) -> bool {
         self.gates.iter().any(|gate| gate.holds_up(on))
     }
@@ -110,11 +110,13 @@ fn of_sweep(swept: &Swept) -> String {
             starts,
             failing,
         } = *point;
+        // Starts are independent here, so a binomial interval applies.
         let [lo, hi] = wilson(failing, starts).map(|share| 100.0 * share);
         [
             format!("{value}"),
             format!("{failing} of {starts}"),
             format!("{lo:.1} – {hi:.1}"),
+            // Rounded up, so that a single failure is visible.
             "#".repeat((40.0 * failing as f64 / starts.max(1) as f64).ceil() as usize),
         ]
     });
@@ -127,11 +129,13 @@ fn of_sweep(swept: &Swept) -> String {
 fn safety(swept: &Swept) -> String {
     let parameter = &swept.parameter;
     let starts = swept.points.iter().map(|point| point.starts);
+    // The value with the fewest starts has the weakest bound.
     let bound = 100.0 * at_most(starts.min().unwrap_or(0));
     let safe = match (swept.safe_from, swept.safe_up_to) {
         (Some(least), Some(most)) if least <= most => "no value fails".to_owned(),
         (Some(from), _) => format!("no failure from {parameter} = {from} on"),
         (None, Some(to)) => format!("no failure up to {parameter} = {to}"),
+        // Safe values in the middle only are no useful bound.
         (None, None) => return "starts fail at both ends of the range".to_owned(),
     };
     format!("{safe}: at each such value at most {bound:.1} % at 95 %, for these ados and starts")

@@ -4,10 +4,10 @@ use std::ops::RangeInclusive;
 
 use clap::builder::TypedValueParser;
 
-/// How many starts every verb draws that is not told otherwise.
+/// Default number of starts, the same for every verb.
 pub(super) const STARTS: usize = 300;
 
-/// How many starts a verb may draw.
+/// Parser of a number of starts, with its limits.
 pub(super) fn start_count() -> impl TypedValueParser<Value = usize> {
     count(1..=10_000_000).map(|count| count as usize)
 }
@@ -30,7 +30,7 @@ pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value =
     }
 }
 
-/// A whole number, in thousands (`k`) or millions (`M`) where it says so.
+/// Parses a whole number, also in thousands (`k`) or millions (`M`).
 fn read(text: &str) -> Option<u64> {
     let plain = text.replace('_', "");
     let (digits, zeros) = match plain.strip_suffix(['k', 'K']) {
@@ -40,11 +40,13 @@ fn read(text: &str) -> Option<u64> {
             .map_or((&*plain, 0), |digits| (digits, 6)),
     };
     let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+    // "2.0" is a whole number, so zeros at the end do not count as decimals.
     let part = part.trim_end_matches('0');
     let sound = |digits: &str| digits.bytes().all(|digit| digit.is_ascii_digit());
     if whole.is_empty() || zeros < part.len() || !sound(whole) || !sound(part) {
         return None;
     }
+    // Digits are moved as text, because a float would round large counts.
     format!("{whole}{part}{}", "0".repeat(zeros - part.len()))
         .parse()
         .ok()

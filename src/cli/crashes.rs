@@ -1,10 +1,9 @@
 #![cfg(test)]
-//! Kills the verbs that write files at every step on the disk, goes on, and
-//! asks for the very files of an undisturbed run.
+//! Failure of every disk step of a verb, followed by a resumption.
 //!
-//! The test takes a few steps of each verb, spread by a seeded draw;
-//! `BRAKECHECK_CRASHES=all cargo test --release crashes` takes every one
-//! (docs/testing.md).
+//! The files must equal those of an undisturbed run. The test makes a few steps of each
+//! verb fail, chosen by a seeded draw. `BRAKECHECK_CRASHES=all cargo test --release
+//! crashes` makes every step fail (docs/testing.md).
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -18,14 +17,14 @@ use super::{Cli, Exit, carry_out};
 use crate::run_dir::disk::crash::{How, failing};
 use crate::seed::generator;
 
-/// Steps per verb and way to fail, unless all are asked for.
+/// Steps per verb and kind of failure, unless all are requested.
 const FEW: usize = 4;
 
 fn shipped(world: &str) -> String {
     format!("{}/worlds/{world}.ron", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Carries out a command line; whether it was done.
+/// Runs a command line, and returns whether it succeeded.
 fn run(args: &[String]) -> bool {
     let cli = Cli::try_parse_from(std::iter::once("brakecheck".to_owned()).chain(args.to_vec()));
     let cli = cli.unwrap_or_else(|error| panic!("{args:?}: {error}"));
@@ -42,16 +41,17 @@ struct Case<'a> {
 }
 
 impl Case<'_> {
-    /// The command line now: a training that was begun is gone on with.
+    /// Returns the current command line, which resumes a training that was begun.
     fn now(&self, dir: &Path) -> Vec<String> {
         let mut command = (self.command)(dir);
         if command[0] == "train" && dir.join("run/manifest.json").exists() {
+            // A training that was killed before its manifest is begun again.
             command.push("--resume".to_owned());
         }
         command
     }
 
-    /// What an undisturbed run writes, and in how many steps.
+    /// Returns the files of an undisturbed run, and its number of steps.
     fn undisturbed(&self) -> (BTreeMap<PathBuf, Vec<u8>>, u64) {
         let dir = tempfile::tempdir().expect("scratch");
         let command = self.now(dir.path());
@@ -72,11 +72,12 @@ impl Case<'_> {
         files(dir.path())
     }
 
-    /// Says at how many steps it was made to fail.
+    /// Checks all failures, and returns the number of failed steps.
     fn holds(&self) -> usize {
         let mut points = 0;
         let (whole, steps) = self.undisturbed();
         let (again, _) = self.undisturbed();
+        // Two undisturbed runs must agree first, or the comparison would prove nothing.
         assert_eq!(files_differing(&whole, &again), [""; 0], "{}", self.name);
         let mut dice = generator("crash points", &[steps]);
         let all = std::env::var("BRAKECHECK_CRASHES").is_ok_and(|asked| asked == "all");
@@ -86,6 +87,7 @@ impl Case<'_> {
                 at = (0..FEW).map(|_| dice.random_range(1..=steps)).collect();
             }
             for at in at {
+                // The resumption is disturbed, too, at another step.
                 let again = dice.random_range(1..=steps);
                 let other = self.disturbed(at, how, again);
                 let differing = files_differing(&whole, &other);
@@ -98,7 +100,7 @@ impl Case<'_> {
     }
 }
 
-/// Every file under a directory, without what is measured.
+/// Returns every file under a directory, without measured values.
 fn files(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut all = BTreeMap::new();
     let mut left = vec![dir.to_owned()];
@@ -127,6 +129,7 @@ fn untimed(path: &Path, bytes: Vec<u8>) -> Vec<u8> {
         Some("json" | "md") => String::from_utf8(bytes).expect("text"),
         _ => return bytes,
     };
+    // The last column of a Markdown table is the processor time.
     let times = |line: &str| match line.split_once("cpu_s\":") {
         None if line.starts_with('|') => line.rsplitn(3, '|').last().map(str::to_owned),
         _ => None,
@@ -155,7 +158,7 @@ fn unsealed(line: &str) -> String {
     format!("{before}{}", seal.trim_start_matches(digits))
 }
 
-/// Names of files that one of both has not, or has otherwise.
+/// Returns the names of files that are missing or different on either side.
 fn files_differing<'a>(
     whole: &'a BTreeMap<PathBuf, Vec<u8>>,
     other: &'a BTreeMap<PathBuf, Vec<u8>>,
@@ -165,7 +168,7 @@ fn files_differing<'a>(
     differing.map(|name| name.to_str().unwrap_or("?")).collect()
 }
 
-/// A command line; `~` is a blank within a word.
+/// Splits a command line into words, with `~` as a blank inside a word.
 fn words(text: &str) -> Vec<String> {
     let words = text.split_whitespace();
     words.map(|word| word.replace('~', " ")).collect()
@@ -218,6 +221,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
     let acc = worlds.join("acc.ron").display().to_string();
     let text = fs::read_to_string(shipped("acc")).expect("a world");
     let quick = text
+        // Small trainings keep the steps on the disk and drop the computation.
         .replace("Dqn(decisions: 300_000)", "Dqn(decisions: 900)")
         .replace("horizon_s: 15.0", "horizon_s: 8.0");
     fs::write(&acc, quick).expect("written");
@@ -226,6 +230,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
     let told = "--against conditional --decisions 1100 --seed 4";
     let told = finished(&scratch.path().join("told"), &acc, told);
     for file in ["counterexamples.jsonl", "progress.jsonl"] {
+        // An empty file would hide differences.
         let length = fs::metadata(nominal.join(file)).expect("a file").len();
         assert_ne!(length, 0, "{file}");
     }
@@ -302,6 +307,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         let points = &points;
         for (name, command) in cases {
             scope
+                // Each case has directories of its own, so cases can run side by side.
                 .spawn(move || points.fetch_add(Case { name, command }.holds(), Ordering::Relaxed));
         }
     });

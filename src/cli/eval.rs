@@ -89,17 +89,18 @@ pub(super) struct EvalArgs {
     pub(super) common: Common,
 }
 
-/// What becomes of a conditional ado that no run of an ego is granted.
+/// Remark on a conditional ado without any run of an ego.
 const UNTOLD: &str = "the ado is told the parameters of the world's own ego: `--runs 10` identifies every ego from ten runs of it, `--runs 100` also learns how it drives";
 
-/// Whether a file or a shipped world is meant, and no run.
+/// Returns whether the path is a world file or a shipped world, and not a run.
 pub(super) fn is_world(path: &Path) -> bool {
     let mut shipped = Scenario::shipped_names().chain(Scenario::protocol_names());
     let mut is_shipped = || shipped.any(|name| path.as_os_str() == name);
+    // A directory of the same name as a shipped world is a run.
     path.is_file() || (!path.exists() && is_shipped())
 }
 
-/// Refuses what only a run of an ado has.
+/// Refuses options that require a run with an ado.
 fn not_a_run(args: &EvalArgs, has_points: bool) -> Failure {
     let world = args.run.display();
     let (does, keep) = if has_points {
@@ -115,10 +116,11 @@ fn not_a_run(args: &EvalArgs, has_points: bool) -> Failure {
     )
 }
 
-/// A world that nobody has trained in yet.
+/// Evaluates a world in which no ado was trained.
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let mut world = load_world(&args.run, &args.common)?;
     let has_points = world.has_points();
+    // Points are played by the ego itself, so their failures can be kept.
     let keeps = args.keep.dir().is_some() && !has_points;
     let asks_for_an_ado = !args.ado.is_empty()
         || 1 < args.tries
@@ -140,6 +142,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let bar = progress::bar("");
     let watch = bar.watch().first_of(egos.len());
     let starts = (args.starts, args.seed);
+    // One switch is a cheap estimate of the reach, while `search` looks further.
     let switches = args.search.unwrap_or(1);
     let Some(met) = untrained(&world, &egos, starts, switches, &watch)? else {
         drop(bar);
@@ -159,6 +162,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let refused = args.params.as_deref().map(gone::params);
+    // The removed option is refused before any file is read.
     refused.map_or(Ok(()), Err)?;
     if is_world(&args.run) {
         return of_world(args);
@@ -166,6 +170,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common)?;
     let bar = progress::bar("");
     let watch = bar.watch();
+    // All checks of the request come before the first simulation.
     let context = told(args, &run)?;
     let nominal = nominal(args, &run)?;
     let sweep = args.over.as_deref().map(Sweep::parse).transpose()?;
@@ -185,6 +190,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
     let keeping = usize::from(args.keep.dir().is_some());
+    // Keeping plays many runs, so it counts as a step.
     let watch = watch.first_of(egos.len() + keeping);
     let Some(mut evaluated) = evaluation.run(&watch)? else {
         return interrupted_early(&args.common);
@@ -192,6 +198,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let theorems = checked(args, &mut evaluated, &watch.unnumbered());
     let compared = Compared::of(args, sweep.as_ref(), &evaluated, &watch.unnumbered())?;
     drop(bar);
+    // Rows are printed before files are written, so a full disk does not cost the rows.
     show(args, &evaluated, theorems.as_ref(), &compared)?;
     keep(args, &evaluated, egos.len())?;
     ended(args, evaluated, theorems, &compared)
@@ -207,7 +214,7 @@ fn keep(args: &EvalArgs, evaluated: &EvaluationTable<'_>, egos: usize) -> Result
     Ok(())
 }
 
-/// What a conditional ado is told of the egos; says so if that is nothing.
+/// Returns the context of a conditional ado, with a remark if it has none.
 fn told(args: &EvalArgs, run: &RunDir) -> Result<Option<ContextSource>, Failure> {
     let context = ContextSource::of(run, args.runs)?;
     if context == Some(ContextSource::Nominal) {
@@ -225,8 +232,9 @@ fn nominal(args: &EvalArgs, run: &RunDir) -> Result<Scenario, Failure> {
     }
 }
 
-/// Who plays: beside an ado that learns egos, unless somebody is named, what it
-/// must never be below.
+/// Returns the ados to play.
+///
+/// By default, an ado that adapts has the baselines beside it that it must exceed.
 fn ados(args: &EvalArgs, run: &RunDir) -> Vec<AdoKind> {
     match (args.ado.is_empty(), args.runs) {
         (false, _) => args.ado.clone(),
@@ -243,13 +251,13 @@ fn ados(args: &EvalArgs, run: &RunDir) -> Vec<AdoKind> {
     }
 }
 
-/// Refuses what could only come to nothing.
+/// Refuses requests without a possible result.
 fn check(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
     keeps_something(args)?;
     can_learn(args, nominal)
 }
 
-/// Refuses to learn egos where nobody drives.
+/// Refuses to adapt to egos in worlds without driving.
 fn can_learn(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
     if 0 < args.runs && nominal.drive().is_none() {
         return Err(Failure::input(
@@ -260,8 +268,7 @@ fn can_learn(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The egos that are met: those of the sweep, or those asked for and the one
-/// before.
+/// Returns the egos of the sweep, or the requested egos and the baseline ego.
 fn egos(
     args: &EvalArgs,
     sweep: Option<&Sweep>,
@@ -279,6 +286,7 @@ fn egos(
                 "name the one ego that the others are compared with",
             ));
         };
+        // The baseline ego is played once, even if `--ego all` contains it.
         egos.retain(|ego| ego.name() != before.name());
         if egos.is_empty() {
             return Err(Failure::input(
@@ -286,13 +294,15 @@ fn egos(
                 "name another ego with `--ego`",
             ));
         }
+        // The baseline comes last, below the egos that are compared with it.
         egos.push(before.clone());
     }
     Ok(egos)
 }
 
-/// The theorems, if they are asked for and everything was played; why they
-/// cannot be checked is no reason not to show the rows.
+/// Checks the theorems if requested and if everything was played.
+///
+/// An error of the check does not hide the rows.
 fn checked(
     args: &EvalArgs,
     evaluated: &mut EvaluationTable<'_>,
@@ -338,6 +348,7 @@ fn show(
             "summary": summary,
             "explain": evaluated.reasons,
         });
+        // Keys appear only if requested, so scripts of other requests see no change.
         if !evaluated.identified.is_empty() {
             object["identified"] = json!(evaluated.identified);
         }
@@ -369,7 +380,7 @@ fn show(
     compared.show()
 }
 
-/// How it ended, with everything shown and kept.
+/// Returns the exit code, after everything was printed and kept.
 fn ended(
     args: &EvalArgs,
     evaluated: EvaluationTable<'_>,
@@ -377,6 +388,7 @@ fn ended(
     compared: &Compared,
 ) -> Result<Exit, Failure> {
     let rows = evaluated.rows();
+    // A failure at a later ego decides, although the rows before it are printed.
     if let Some(failure) = evaluated.failure {
         return Err(failure.into());
     }

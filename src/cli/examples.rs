@@ -1,4 +1,4 @@
-//! What `--help` ends with: an example per verb, exit codes, the documents.
+//! End of `--help`: an example per verb, exit codes and documents.
 
 /// Behind the list of verbs.
 pub(super) const ALL: &str = "\

@@ -4,11 +4,11 @@ use miette::{LabeledSpan, MietteError, MietteSpanContents, SourceCode, SourceSpa
 
 use crate::visible::{visible, visible_line};
 
-/// Lines of a mistake that are shown; the rest of a longer one is left out.
+/// Most lines of a mistake that are printed.
 const MOST_LINES: usize = 30;
 /// Characters of a line that are shown.
 const MOST_CHARS: usize = 300;
-/// How many of them stand before a mistake that is far to the right.
+/// Characters before a mistake that is far to the right.
 const CHARS_BEFORE: usize = 60;
 
 /// An excerpt of a file: control characters are escaped, long lines are cut.
@@ -16,9 +16,9 @@ const CHARS_BEFORE: usize = 60;
 pub(super) struct Excerpt {
     file: String,
     text: String,
-    /// Lines of the file that stand before the excerpt.
+    /// Lines of the file before the excerpt.
     lines_before: usize,
-    /// Bytes of the mistake's first line that stand before the mistake.
+    /// Bytes before the mistake in its first line.
     column: usize,
 }
 
@@ -30,6 +30,7 @@ impl Excerpt {
         span: std::ops::Range<usize>,
         label: &str,
     ) -> (Excerpt, LabeledSpan) {
+        // Spans count bytes, and a slice inside a character would panic.
         let start = text.floor_char_boundary(span.start);
         let end = text.ceil_char_boundary(span.end).max(start);
         let line_start = text[..start].rfind('\n').map_or(0, |feed| feed + 1);
@@ -37,6 +38,7 @@ impl Excerpt {
             0 => 0,
             feed => text[..feed - 1].rfind('\n').map_or(0, |feed| feed + 1),
         };
+        // Only these lines are copied, because a file can have gigabytes.
         let mut window = Window {
             start,
             end,
@@ -56,6 +58,7 @@ impl Excerpt {
             }
         }
         let from = window.from.unwrap_or(window.text.len());
+        // An empty span, such as at the end of a file, still gets a mark.
         let length = window.to.saturating_sub(from).max(1);
         let label = LabeledSpan::new(Some(visible_line(label).into_owned()), from, length);
         let excerpt = Excerpt {
@@ -83,6 +86,7 @@ impl Window {
     /// Adds a line of the file, which begins there at the byte `at`.
     fn line(&mut self, line: &str, at: usize) {
         let words = line.strip_suffix('\n').unwrap_or(line);
+        // A carriage return would let a terminal overwrite the line.
         let words = words.strip_suffix('\r').unwrap_or(words);
         let mistake = self.start.clamp(at, at + words.len()) - at;
         let before = words[..mistake].char_indices().rev();
@@ -96,6 +100,7 @@ impl Window {
         let mut ends = words.len();
         for (count, (i, c)) in words[first..].char_indices().enumerate() {
             let place = at + first + i;
+            // The limit counts characters, because bytes are not columns.
             if count == MOST_CHARS {
                 self.text.push('…');
                 ends = first + i;
@@ -131,6 +136,7 @@ impl SourceCode for Excerpt {
     ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
         let inner = self.text.read_span(span, before, after)?;
         let column = match before {
+            // The excerpt may begin in the middle of a long line.
             0 => self.column,
             _ => inner.column(),
         };
@@ -149,7 +155,7 @@ impl SourceCode for Excerpt {
 mod tests {
     use super::*;
 
-    /// The excerpt and what is marked in it.
+    /// Returns the excerpt and its marked part.
     fn excerpt(text: &str, wrong: &str) -> (String, String) {
         let at = text.find(wrong).expect("there");
         let (excerpt, label) = Excerpt::of("w.ron", text, at..at + wrong.len(), "here");

@@ -49,6 +49,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
     if refused.is_empty() {
         Ok(Exit::Done)
     } else {
+        // The exported files stay, and the exit code shows that some are missing.
         Err(refused.into())
     }
 }

@@ -47,14 +47,14 @@ pub enum Exit {
     Interrupted = 130,
 }
 
-/// Why a verb could not be carried out.
+/// Failure of a verb, with its exit code and its help.
 #[derive(Debug)]
 pub struct Failure {
     /// The exit code.
     pub exit: Exit,
     /// One or more messages.
     pub notes: Vec<Note>,
-    /// What stands last, on a line of its own that nothing wraps.
+    /// Last line, which is never wrapped.
     last_line: Option<String>,
 }
 
@@ -103,11 +103,13 @@ impl Failure {
             .with_context_lines(1);
         let mut text = String::new();
         for note in &self.notes {
+            // A message without its drawing is better than none.
             if handler.render_report(&mut text, note).is_err() {
                 text.push_str(&note.what);
             }
         }
         if let Some(line) = &self.last_line {
+            // Added after the rendering, which would wrap a long line.
             text.push_str(&format!("        {line}\n"));
         }
         text
@@ -129,6 +131,7 @@ impl Note {
 /// A text without control characters and without lines that fill a screen.
 fn printable(text: &str) -> String {
     let text = visible(text);
+    // A line of megabytes would hide the message in a terminal.
     if text.lines().all(|line| line.len() <= MOST_CHARS) {
         return text.into_owned();
     }
@@ -185,6 +188,7 @@ fn placed(file: &str, text: &str, problem: &Problem) -> Note {
 
 impl From<&ScenarioError> for Failure {
     fn from(error: &ScenarioError) -> Failure {
+        // One mistake can cause many others, so the first are enough.
         let problems = error.problems.iter().take(MOST_NOTES);
         let problems = problems.map(|problem| placed(&error.file, &error.text, problem));
         let mut notes: Vec<Note> = problems.collect();
@@ -196,7 +200,7 @@ impl From<&ScenarioError> for Failure {
     }
 }
 
-/// Warnings as text, for `check`; of very many the first ones.
+/// Formats warnings for `check`, limited to the first ones.
 pub(super) fn warnings(file: &str, text: &str, all: &[Problem]) -> Vec<Note> {
     let first = all.iter().take(MOST_NOTES);
     let mut notes: Vec<Note> = first
@@ -221,6 +225,7 @@ impl From<&LoadError> for Failure {
         match error {
             LoadError::Scenario(error) => Failure::from(&**error),
             LoadError::Io { file, .. } => {
+                // A mistyped name of a shipped world is a frequent mistake.
                 let stem = Path::new(file).file_stem().and_then(|stem| stem.to_str());
                 let known = guessed(
                     stem.unwrap_or_default(),
@@ -266,6 +271,7 @@ impl From<&EgoError> for Failure {
     fn from(error: &EgoError) -> Failure {
         match error {
             EgoError::NotAllowed { who, command } => not_allowed(who, command),
+            // A wrapped error of a file keeps its place in the text.
             EgoError::World(error) => error.into(),
             _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
         }
@@ -494,7 +500,7 @@ impl From<Vec<NotExported>> for Failure {
     }
 }
 
-/// What it means for the exit code that nothing was exported, and the cure.
+/// Returns the exit code and the help of a refused export.
 fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
     match why {
         ExportRefusal::OpenX(OpenXError::Grid { .. }) => (
@@ -558,6 +564,7 @@ impl From<&TrainError> for Failure {
                 complaint,
             } => {
                 let mut failure = Failure::from(complaint);
+                // The kept decisions matter most, so they precede the reason.
                 if let Some(note) = failure.notes.first_mut() {
                     note.what = format!(
                         "training ended after {decisions} decisions, which are kept: {}",
@@ -570,10 +577,10 @@ impl From<&TrainError> for Failure {
     }
 }
 
-/// A file names a program, and nobody said that it may be started.
+/// Creates the failure of a program that was named without consent.
 ///
-/// The program stands last, on a line of its own: nothing that its name holds
-/// can be taken for a word of this message.
+/// The program is on the last line, by itself. No part of its name can then be taken for
+/// a part of this message.
 pub fn not_allowed(who: &str, command: &[String]) -> Failure {
     let who = visible_line(who);
     let failure = Failure::input(
@@ -590,6 +597,7 @@ pub fn not_allowed(who: &str, command: &[String]) -> Failure {
 impl From<&Complaint> for Failure {
     fn from(complaint: &Complaint) -> Failure {
         let mut help = String::new();
+        // Otherwise a reader would take the few episodes for all.
         if complaint.given_up {
             help.push_str("it was given up before the end; ");
         }
@@ -608,7 +616,7 @@ impl From<&Complaint> for Failure {
     }
 }
 
-/// The same of an error that is handed over.
+/// Implements the conversion of an owned error.
 macro_rules! from_owned {
     ($($error:ty),* $(,)?) => {
         $(impl From<$error> for Failure {

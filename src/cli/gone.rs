@@ -20,7 +20,7 @@ pub(super) fn identify(args: &GoneArgs) -> Failure {
     let run = args.words.first().filter(|word| !word.starts_with('-'));
     let run = run.map_or("RUN", String::as_str);
     let ego = given("--ego").unwrap_or_else(|| "E".to_owned());
-    // What an ado was best told took hundreds of runs; learning the ego takes fewer.
+    // The former adaptation took hundreds of runs, and adapting now takes fewer.
     let runs = if args.words.iter().any(|word| word.starts_with("--adapt")) {
         "100".to_owned()
     } else {

@@ -1,4 +1,4 @@
-//! What `eval` and `search` take about keeping counterexamples.
+//! Options of `eval` and `search` for kept counterexamples.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::crashes::{Choice, Form, KEEP_RUNS, KeepSettings};
 
-/// Counterexamples that are written per ego, unless the command line says how many.
+/// Default number of kept counterexamples per ego.
 const USUAL: usize = 10;
 
 /// Which counterexamples are written as files, and in which form.
@@ -35,7 +35,7 @@ impl KeepArgs {
         self.keep.as_deref()
     }
 
-    /// Which are kept, and how; `usual` unless the command line says how many.
+    /// Returns the settings, with the choice `usual` by default.
     fn settings_of(&self, usual: Choice) -> KeepSettings {
         let choice = match (self.keep_all, self.keep_most) {
             (true, _) => Choice::All,
@@ -53,12 +53,12 @@ impl KeepArgs {
         }
     }
 
-    /// Of counterexamples the worst ones.
+    /// Returns the settings for counterexamples, by default the worst.
     pub(super) fn settings(&self) -> KeepSettings {
         self.settings_of(Choice::Worst(USUAL))
     }
 
-    /// Of points all of them.
+    /// Returns the settings for points, by default all.
     pub(super) fn settings_of_points(&self) -> KeepSettings {
         self.settings_of(Choice::All)
     }

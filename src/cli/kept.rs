@@ -58,6 +58,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         .allow_invalid(args.common.allow_invalid);
     let recorded = args.expect == Some(Expect::Recorded);
     let mut replayed = match (&args.ego, args.program.is_empty()) {
+        // Recorded commands replace a program here, so no consent is needed.
         (None, true) if recorded => regressions.replay_recorded()?,
         (ego, _) => {
             regressions = regressions.against(ego.as_deref(), &args.program)?;
@@ -67,6 +68,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     if args.refine {
         refine(&regressions, &mut replayed)?;
     }
+    // Labels of another run are computed by replays, so they run in parallel.
     let known: Vec<About> = replayed.par_iter().map(Replayed::known).collect();
     let rows: Vec<_> = replayed
         .iter()
@@ -83,14 +85,16 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
             remarks(&replayed, &known)
         ))
     }?;
+    // The table is printed first, so an error of the disk does not cost it.
     seal(args, &regressions, &replayed)?;
     regressions.check_faults(&replayed)?;
     Ok(exit(args, regressions.is_recorded_ego(), &replayed))
 }
 
-/// What the replays come to for a script.
+/// Returns the exit code of the replays.
 fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit {
     let differs = replayed.iter().any(|replayed| !replayed.is_reproduced());
+    // A replay that is not reproduced outweighs a failure of the ego.
     if is_recorded_ego && differs {
         return Exit::NotIdentical;
     }
@@ -102,13 +106,13 @@ fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit
     }
 }
 
-/// What all replays come to.
+/// Summary of all replays.
 #[derive(Serialize)]
 struct Tally {
     replayed: usize,
     still_fail: usize,
     fixed: usize,
-    /// Those that tell nothing, since the ego or the physics did not run.
+    /// Replays without a result, because the ego or the physics did not run.
     invalid: usize,
 }
 
@@ -141,13 +145,14 @@ impl Display for Tally {
     }
 }
 
-/// Labels what is reproduced bit for bit.
+/// Labels the replays that are bit-identical.
 fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Failure> {
     let bar = progress::bar("refining");
     let watch = bar.watch();
     let total = replayed.len() as u64;
     for (done, (kept, replayed)) in regressions.kept().iter().zip(replayed).enumerate() {
         (watch.progress)(done as u64, total);
+        // Labels of another run would describe a crash that the file does not contain.
         if replayed.identical {
             let world = regressions.world_of(kept)?;
             replayed.about = Some(kept.refine(&world, &replayed.episode)?);
@@ -156,7 +161,7 @@ fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Fa
     Ok(())
 }
 
-/// Seals what earlier versions kept, or says that it could be.
+/// Seals files of earlier versions, or remarks that they can be sealed.
 fn seal(
     args: &ReplayArgs,
     regressions: &Regressions,
@@ -166,10 +171,11 @@ fn seal(
     let unsealed: Vec<_> = pairs
         .filter(|(kept, _)| !kept.counterexample.is_sealed())
         .collect();
-    // What is refined is sealed by that.
+    // Refining a file seals it, too.
     if unsealed.is_empty() || args.refine {
         return Ok(());
     }
+    // An old file is rewritten only on request.
     if !args.seal {
         talk::say(&format!(
             "{} of {} hold no hash, since an earlier version kept them: a changed number would go \
@@ -207,7 +213,7 @@ fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
     })
 }
 
-/// Runs of an ego that does not answer twice alike.
+/// Formats the runs of an ego that is not deterministic.
 fn runs(repeated: &StartRepeated) -> serde_json::Value {
     let (failing, ran) = repeated.failing();
     json!({
@@ -218,7 +224,7 @@ fn runs(repeated: &StartRepeated) -> serde_json::Value {
     })
 }
 
-/// What the table has no room for: differences, faults, and egos that answer otherwise.
+/// Formats differences, faults and egos that are not deterministic.
 fn remarks(replayed: &[Replayed], known: &[About]) -> String {
     let mut text = String::new();
     for (one, about) in replayed.iter().zip(known) {
@@ -241,6 +247,7 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
                 }
             ));
         }
+        // An invalid run has no outcome to describe.
         if one.fault().is_none() {
             let about = if *about == About::default() {
                 String::new()
@@ -258,7 +265,7 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
     text
 }
 
-/// `null` without a contact; else whether they were kept, or which was not.
+/// Returns `null` without a contact, otherwise whether the rules were kept.
 fn rules_until_contact(episode: &Episode) -> serde_json::Value {
     match &episode.rules_until_contact {
         None => serde_json::Value::Null,
@@ -279,6 +286,7 @@ fn file_in(directory: Option<&Path>, file: &Path) -> String {
 fn table(replayed: &[Replayed]) -> String {
     let mut directories = replayed.iter().map(|replayed| replayed.path.parent());
     let first = directories.next().flatten();
+    // A common directory is printed once, above the table.
     let directory = first.filter(|_| directories.all(|other| other == first));
     let lines = replayed.iter().map(|replayed| {
         let contact = replayed.episode.contact.as_ref();

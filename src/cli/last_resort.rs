@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Exit, talk};
 
-/// Set once something was said: of several threads that fail, one speaks.
+/// Set after the first message. If several threads fail, a single message is printed.
 static SPOKE: AtomicBool = AtomicBool::new(false);
 
-/// Lets every panic say what it is, where to report it, and what is kept.
+/// Installs a panic message with the fault, the place to report it, and the kept work.
 pub(super) fn speak_plainly() {
     panic::set_hook(Box::new(|fault| {
         if !SPOKE.swap(true, Ordering::Relaxed) {
@@ -17,7 +17,7 @@ pub(super) fn speak_plainly() {
     }));
 }
 
-/// Carries something out; a panic in it is a fault of this program.
+/// Runs a closure. A panic in it is a fault of this program.
 pub(super) fn guarded(act: impl FnOnce() -> Exit) -> Exit {
     // Nothing is used afterwards that a panic could have left half changed.
     panic::catch_unwind(AssertUnwindSafe(act)).unwrap_or(Exit::Fault)

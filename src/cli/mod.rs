@@ -1,6 +1,6 @@
-//! The command line: arguments in, rows and files out; no logic of its own.
+//! Command line: arguments in, rows and files out, without logic of its own.
 //!
-//! stdout is data, stderr is talk and progress bars. Exit codes: [`Exit`].
+//! stdout has data. stderr has messages and progress bars. [`Exit`] lists the exit codes.
 
 mod campaign;
 mod check;
@@ -135,6 +135,7 @@ impl Verb {
             Verb::Train(args) => args.common.clone(),
             Verb::Eval(args) => args.common.clone(),
             Verb::Search(args) => args.common.clone(),
+            // A removed verb takes any words, so its common options are unknown.
             Verb::Identify(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
             Verb::Stl(args) => args.common(),
@@ -147,7 +148,7 @@ impl Verb {
         }
     }
 
-    /// Whether Ctrl-C asks it to stop and keep what it has; others just end.
+    /// Returns whether Ctrl-C makes it stop and save. Other verbs just end.
     fn saves_when_interrupted(&self) -> bool {
         matches!(
             self,
@@ -164,21 +165,24 @@ impl Verb {
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
     last_resort::speak_plainly();
+    // Parsing is guarded, too, because every panic is a fault of this program.
     let exit = last_resort::guarded(|| main_of(std::env::args_os()));
     ExitCode::from(exit as u8)
 }
 
 /// Runs the program on `arguments`, its own name first, once per process.
 ///
-/// Help, and what is no command line, ends the process.
+/// Help, and an invalid command line, end the process.
 pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     let cli = match read_line(arguments) {
         Ok(cli) => cli,
         Err(error) => return refused(&error),
     };
+    // Without a handler the operating system ends the program at once.
     if cli.verb.saves_when_interrupted() {
         talk::listen_for_interrupts();
     }
+    // Set before the verb, because the log of faults is made at its first use.
     talk::allow_faults(cli.verb.common().allow_invalid);
     let result = carry_out(cli.verb);
     result.and_then(settled).unwrap_or_else(|failure| {
@@ -187,19 +191,19 @@ pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     })
 }
 
-/// What is no command line, and help; neither comes back where it may be coloured.
+/// Prints help or the error of a command line, without control characters.
 fn refused(error: &clap::Error) -> Exit {
     let text = error.render().to_string();
     if visible(&text) == text {
         error.exit()
     } else {
-        // What was typed would be obeyed by a terminal.
+        // A terminal would obey control characters in the arguments.
         talk::say(text.trim_end())
     }
     Exit::Input
 }
 
-/// The command line; a negative number is a value, however wrong, and no option.
+/// Parses the command line. A negative number is a value, not an option.
 fn read_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Cli, clap::Error> {
     let line = Cli::command().mut_subcommands(|verb| {
         verb.mut_args(|argument| {
@@ -233,10 +237,12 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
     })
 }
 
-/// What a verb came to, once its faults are looked at: where more episodes are
-/// invalid than allowed, nothing it printed is a verdict on the ego.
+/// Returns the exit code of a verb, or its failure because of faults.
+///
+/// If more episodes are invalid than allowed, the output is no verdict on the ego.
 fn settled(exit: Exit) -> Result<Exit, Failure> {
     match talk::faults().complaint() {
+        // An interruption has an exit code of its own, which takes precedence.
         Some(complaint) if !talk::stopped() => Err(complaint.into()),
         _ => Ok(exit),
     }
@@ -265,9 +271,11 @@ fn with_jobs<F>(common: &Common, verb: F) -> Result<Exit, Failure>
 where
     F: FnOnce() -> Result<Exit, Failure> + Send,
 {
+    // 0 lets rayon take one thread per core.
     let jobs = usize::from(common.jobs.unwrap_or(0));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
     let pool = pool.map_err(|error| Failure::fault(error.to_string(), None))?;
+    // A pool of its own limits all parallel loops of the verb.
     pool.install(verb)
 }
 
@@ -303,7 +311,7 @@ fn finite_or_word(value: f64) -> serde_json::Value {
     }
 }
 
-/// Nothing was computed: somebody interrupted it, or the ego did not run.
+/// Ends a verb that computed nothing, by an interruption or because of the ego.
 fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
     if talk::stopped() {
         talk::say("interrupted before anything was evaluated");
@@ -311,14 +319,16 @@ fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
     }
     if common.json {
         let faults = talk::faults().complaint().map(|complaint| complaint.faults);
+        // A script that reads JSON gets an object even without a row.
         print_json(&json!({ "rows": [], "faults": faults }))?;
     }
     Ok(Exit::Fault)
 }
 
-/// How a verb ends that printed rows.
+/// Returns the exit code of a verb that printed rows.
 fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
-    // What is left out for a point's own ego is a failure of that ego all the same.
+    // A point from which its own ego fails by itself is a failure, although it is left
+    // out.
     let alone = |row: &Row| {
         row.fails_alone
             .is_some_and(|it| it.left_out && 0 < it.starts)
@@ -335,7 +345,7 @@ fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
     }
 }
 
-/// How a verb ends that may have been interrupted.
+/// Returns the exit code of a verb that may have been interrupted.
 fn finished(otherwise: Exit) -> Exit {
     if talk::stopped() {
         Exit::Interrupted

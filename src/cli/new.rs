@@ -1,5 +1,4 @@
-//! `brakecheck new`: a small world of one's own, to be changed, or the points
-//! of a test protocol as worlds.
+//! `brakecheck new`: a small world to change, or a test protocol as worlds.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +10,7 @@ use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
 use crate::run_dir::write_file;
 use crate::world::{Scenario, file_text};
 
-/// The world that is written; its name is put in.
+/// Text of the new world, without its name.
 const WORLD: &str = include_str!("new_world.ron");
 
 #[derive(Args, Debug)]
@@ -55,7 +54,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     }
     let name = args.name.strip_suffix(".ron").unwrap_or(&args.name);
     let file = format!("{name}.ron");
-    // The world's own checks say which names files may have.
+    // The checks of the world decide on valid names.
     let text = WORLD.replace("NAME", name);
     if Scenario::parse(&file, &text).is_err() {
         return Err(Failure::input(
@@ -64,6 +63,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         ));
     }
     let path = PathBuf::from(&file);
+    // A dangling link counts as a file, too, because writing would replace it.
     if path.symlink_metadata().is_ok() {
         return Err(Failure::input(
             format!("`{file}` is there already, and is left as it is"),
@@ -81,7 +81,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Writes the worlds of a protocol; none of them if one cannot be written.
+/// Writes the worlds of a protocol, or none if a file cannot be written.
 fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
     let stem = named.file_name().unwrap_or_default().to_string_lossy();
@@ -108,9 +108,11 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
                 "choose another name, or move the file away",
             ));
         }
+        // A text that brakecheck would refuse must not reach the disk.
         Scenario::parse(&file, &world.text)?;
         files.push((path, file));
     }
+    // All checks are done, so the files of a protocol appear together.
     for ((path, _), world) in files.iter().zip(&worlds) {
         write_file(path, world.text.as_bytes())?;
     }

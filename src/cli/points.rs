@@ -1,4 +1,4 @@
-//! `brakecheck eval WORLD` where the world has points: which ones an ego passes.
+//! `brakecheck eval WORLD` in a world with points.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::TextTable;
 use crate::world::Scenario;
 
-/// What the tables say, below them.
+/// Legend below the tables.
 const EXPLAINED: &str = "
 passed         points at which the ego meets its specification
 failed         points at which it does not; in m/s: the closing speed of its contact
@@ -19,15 +19,17 @@ did not run    points at which the ego or the physics failed: neither passed nor
 varied         passed points at which a lawful variation makes the ego fail: an `!` at the point
 preventable    of those, points at which a human model of UN R157 (CC_LATCHED or FSM) avoids it";
 
-/// Lets every ego meet every point, and shows, keeps and gates what came of it.
+/// Plays every ego at every point, and prints, keeps and gates the results.
 pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     let egos = EgoUnderTest::find_or_program(world, &args.ego, &args.program)?;
+    // Only the named egos play here, so the world's own ego needs no consent.
     consent_to(&egos)?;
     let tables = met(args, &egos);
     if tables.is_empty() {
         return interrupted_early(&args.common);
     }
     show(args, world, &tables)?;
+    // Results are printed first, so a full disk does not cost them.
     if let Some(dir) = args.keep.dir() {
         keep(args, &tables, dir)?;
     }
@@ -99,6 +101,7 @@ fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {
         }
         text.push_str(&table::remarks(&table.rows));
     }
+    // Imported scenes have a placeholder as their ego, so a user should replace it.
     if tables.iter().all(|table| table.ego == "nominal") && world.judges_each_ego() {
         text.push_str(&format!(
             "\nThat was the world's own ego. Yours: `brakecheck eval {} -- COMMAND`, or `--ego \
@@ -118,6 +121,7 @@ fn by_point(world: &Scenario, tables: &[PointsTable]) -> String {
     });
     let egos = tables.iter().map(|table| table.ego.clone());
     let columns = std::iter::once("point".to_owned()).chain(axes).chain(egos);
+    // All egos play the same points, so the first table has all rows.
     let points = tables.first().map(|table| table.points.as_slice());
     let points = points.unwrap_or_default().iter().enumerate();
     let rows = points.map(|(nth, point)| {
@@ -130,7 +134,7 @@ fn by_point(world: &Scenario, tables: &[PointsTable]) -> String {
     TextTable::new(columns, rows).to_terminal()
 }
 
-/// How a point went, in few words.
+/// Formats the outcome of a point in a few words.
 fn outcome(point: &PointResult) -> String {
     let failure = point.failure.as_ref();
     match point.outcome {

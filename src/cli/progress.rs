@@ -1,7 +1,7 @@
-//! Progress of a command: a bar on terminals, lines now and then elsewhere.
+//! Progress of a command: a bar on terminals, and regular lines elsewhere.
 //!
-//! Every phase of a command counts by itself. The time that is left is that of
-//! the present phase, from what was done of it so far.
+//! Every phase of a command counts by itself. The remaining time is that of the current
+//! phase, estimated from its finished part.
 
 use std::fmt::Write;
 use std::io::{self, IsTerminal};
@@ -17,17 +17,17 @@ use crate::visible::visible_line;
 
 /// Between two lines of progress, where there is no terminal.
 const EVERY: Duration = Duration::from_secs(30);
-/// A share of a phase below which its rate says little.
+/// Share of a phase below which its rate is unreliable.
 const TELLING: u64 = 20;
 
-/// What is known of the present phase.
+/// State of the current phase.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Phase {
-    /// What the bar is over; empty where phases say everything.
+    /// Title of the bar, empty if the phases suffice.
     title: String,
     what: String,
     step: Option<(usize, usize)>,
-    /// What is known of it besides counts.
+    /// Details of the phase besides counts.
     detail: String,
     /// Counted when the phase began.
     first: u64,
@@ -36,7 +36,7 @@ struct Phase {
     total: Option<u64>,
 }
 
-/// When that was, in seconds.
+/// Time of an event, in seconds.
 #[derive(Clone, Copy, Debug)]
 struct Spent {
     /// Since the phase began.
@@ -46,9 +46,10 @@ struct Spent {
 }
 
 impl Phase {
-    /// What is done now: `2/4 training (decisions)`.
+    /// Returns the current step, such as `2/4 training (decisions)`.
     fn label(&self) -> String {
         let mut label = String::new();
+        // "1/1" says nothing.
         let step = self.step.filter(|(_, of)| 1 < *of);
         let step = step.map(|(at, of)| format!("{at}/{of} "));
         let what = format!("{}{}", step.unwrap_or_default(), self.what);
@@ -59,14 +60,14 @@ impl Phase {
                 label.push_str(part);
             }
         }
+        // Labels contain names from world files.
         visible_line(&label).into_owned()
     }
 
-    /// Seconds that are left of it, where that can be said.
+    /// Returns the remaining seconds, if they can be estimated.
     ///
-    /// Items that are under way say nothing of their end: without others that
-    /// wait for their turn there is no estimate. An item that takes long counts
-    /// as long again.
+    /// Running items have an unknown end. Without waiting items there is no estimate. A
+    /// long item counts as taking as long again.
     fn left_s(&self, spent: Spent, at_once: u64) -> Option<u64> {
         let total = self.total?;
         let (here, left) = (
@@ -74,10 +75,12 @@ impl Phase {
             total.saturating_sub(self.done),
         );
         let all = total.saturating_sub(self.first);
+        // At the end all remaining items are running, and their rate is unknown.
         if here == 0 || left <= at_once || here.saturating_mul(TELLING) < all {
             return None;
         }
         let by_rate_s = spent.elapsed_s.saturating_mul(left) / here;
+        // After a long silence the rate of the earlier items is too optimistic.
         Some(by_rate_s.max(spent.idle_s))
     }
 
@@ -125,13 +128,15 @@ impl Present {
 
     fn count(&mut self, done: u64, total: u64) {
         let phase = &mut self.phase;
+        // The first count of a phase may come from a resumed work.
         if phase.total.is_none() {
             phase.first = done;
         }
+        // Repeated counts are no sign of life.
         if phase.done != done {
             self.last = Instant::now();
         }
-        // Several threads report; what was done stays done.
+        // Several threads report in any order, so a count never decreases.
         phase.done = if phase.total == Some(total) {
             phase.done.max(done)
         } else {
@@ -141,18 +146,18 @@ impl Present {
     }
 }
 
-/// What all who report share.
+/// State shared by all reporting threads.
 #[derive(Debug)]
 struct Shared {
     present: Mutex<Present>,
-    /// Wakes whoever writes lines when the bar ends.
+    /// Wakes the writer of lines when the bar ends.
     ended: Condvar,
     at_once: u64,
 }
 
 impl Shared {
     fn present(&self) -> MutexGuard<'_, Present> {
-        // Counts stay sound if somebody panicked beside them.
+        // Counts stay valid if another thread panicked.
         self.present.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -171,7 +176,7 @@ impl Shared {
     }
 }
 
-/// Progress of a command; it goes when it is dropped.
+/// Progress of a command, removed when dropped.
 pub(super) struct Bar {
     shown: ProgressBar,
     shared: Arc<Shared>,
@@ -180,8 +185,7 @@ pub(super) struct Bar {
     remarks: Box<dyn Fn(Remark<'_>) + Send + Sync>,
 }
 
-/// A bar over work whose phases and counts the work itself tells; `title` stands
-/// before them.
+/// Creates a bar whose phases and counts come from the work, after `title`.
 pub(super) fn bar(title: &str) -> Bar {
     let shared = Arc::new(Shared {
         present: Mutex::new(Present {
@@ -202,10 +206,11 @@ pub(super) fn bar(title: &str) -> Bar {
         shown.set_style(style(&shared));
         let label = shared.present().phase.label();
         shown.set_message(label);
+        // Seconds advance also while no item finishes.
         shown.enable_steady_tick(Duration::from_secs(1));
     }
     let writing = Arc::clone(&shared);
-    // Without a thread there are no lines; the work goes on.
+    // Without a thread there are no lines, and the work continues.
     let lines = (!on_terminal).then(|| {
         let thread = std::thread::Builder::new().name("progress".to_owned());
         thread.spawn(move || writing.write_lines())
@@ -225,6 +230,7 @@ pub(super) fn bar(title: &str) -> Bar {
                 named.set_position(0);
             }
             Remark::Detail(detail) => told.present().phase.detail = detail.to_owned(),
+            // The bar is removed while a line is written, or both would mix.
             Remark::Line(line) => return named.suspend(|| talk::say(line)),
         }
         // Not while the lock is held: drawing takes it.
@@ -240,7 +246,7 @@ pub(super) fn bar(title: &str) -> Bar {
     }
 }
 
-/// How a bar looks on a terminal.
+/// Returns the style of a bar on a terminal.
 fn style(shared: &Arc<Shared>) -> ProgressStyle {
     let shared = Arc::clone(shared);
     let counts = move |_: &ProgressState, text: &mut dyn Write| {
@@ -261,7 +267,7 @@ fn style(shared: &Arc<Shared>) -> ProgressStyle {
 }
 
 impl Bar {
-    /// Shows progress on this bar; stops at Ctrl-C.
+    /// Returns a watch that shows progress on this bar and stops at Ctrl-C.
     pub(super) fn watch(&self) -> Watch<'_> {
         Watch {
             progress: &*self.progress,
@@ -322,7 +328,7 @@ mod tests {
         );
         now.begin("training (decisions)", Some((2, 4)));
         now.phase.detail = "solves 34 %".to_owned();
-        // Gone on with: what was done before says nothing of the rate.
+        // A resumed training. Its earlier part has no rate.
         now.count(100_000, 160_000);
         now.count(110_000, 160_000);
         assert_eq!(

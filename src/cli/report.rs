@@ -93,6 +93,7 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     drop(bar);
+    // The page ends with the commands that make it again.
     report.commands = commands(args, &run);
     let html = args.output.clone();
     let html = html.unwrap_or_else(|| run.path().join("report.html"));
@@ -101,7 +102,7 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
     }
     write(args, &html, &report)?;
     match unheeded(args, &report) {
-        // What was played here is complained of with all its faults.
+        // Faults of this evaluation are reported with all details at the end.
         Some(failure) if talk::faults().complaint().is_none() => Err(failure),
         _ => Ok(Exit::Done),
     }
@@ -156,7 +157,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
     Ok(finished(Exit::Done))
 }
 
-/// Writes the page and the JUnit file, and says where they are.
+/// Writes the page and the JUnit file, and prints their paths.
 fn write(args: &ReportArgs, html: &Path, report: &Report<'_>) -> Result<(), Failure> {
     write_files(args, html, (report.html(), report.junit()))
 }
@@ -175,8 +176,9 @@ fn write_files(args: &ReportArgs, html: &Path, texts: (String, String)) -> Resul
     }
 }
 
-/// Writes the counterexamples of a page beside it, as `export` does, and has them
-/// linked; what cannot be written is said, and has no link.
+/// Writes the counterexamples of a page as scenarios, and links them.
+///
+/// It writes them as `export` does. A refused counterexample is reported and has no link.
 fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<(), Failure> {
     let dir = html.with_extension("scenarios");
     let scenario = report.scenario;
@@ -217,7 +219,9 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
     ))
 }
 
-/// What makes run and report again, from the world file kept in the run.
+/// Returns the commands that make the run and the report again.
+///
+/// They use the world file in the run.
 fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
     let manifest = run.manifest();
     let here = quoted(&shown(run.path()));
@@ -265,6 +269,7 @@ fn this_page(args: &ReportArgs) -> String {
     for file in &args.rows {
         option("--rows", vec![shown(file)]);
     }
+    // Defaults are written out, because a later version may change them.
     option("--starts", vec![args.starts.to_string()]);
     if let Some(starts) = args.reuse_starts {
         option("--reuse-starts", vec![starts.to_string()]);
@@ -298,6 +303,7 @@ fn quoted(word: &str) -> String {
     if !word.is_empty() && word.chars().all(plain) {
         word.to_owned()
     } else {
+        // A shell ends the quotes at an apostrophe, so it is escaped outside of them.
         format!("'{}'", word.replace('\'', "'\\''"))
     }
 }

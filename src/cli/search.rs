@@ -68,11 +68,14 @@ fn method_of_the_list() -> impl TypedValueParser<Value = MethodInfo> {
 }
 
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
+    // An option without effect is refused before any file is read.
     args.method.refuse_others(&given(args))?;
     let is_run = args.world.is_dir();
     let run = is_run.then(|| open_run(&args.world, &args.common));
     let run = run.transpose()?;
     let (world, mut nominal) = match &run {
+        // Starts come from the plant of the file, and episodes from the plant of the
+        // training.
         Some(run) => (run.world()?, run.scenario()?),
         None => {
             let world = load_world(&args.world, &args.common)?;
@@ -102,6 +105,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     drop(bar);
+    // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
     keep(args, &searched, steps)?;
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
@@ -153,6 +157,7 @@ fn stored(
     }
     let from = args.from.as_ref();
     let from = from.map(|from| open_run(from, &args.common)).transpose()?;
+    // `--from` takes precedence over the searched run.
     let run = from.as_ref().or(run);
     Ok(run.map(|run| counterexamples_for(run, egos)).transpose()?)
 }
@@ -160,6 +165,7 @@ fn stored(
 /// Success after fewer simulations, one line per search.
 fn anytime_lines(rows: &[Row]) -> String {
     let mut text = String::new();
+    // A single budget is in the table already.
     for row in rows.iter().filter(|row| 1 < row.anytime.len()) {
         let part = |at: &crate::run_dir::Anytime| {
             format!("{}: {:.1} %", at.budget, 100.0 * at.success_rate)
@@ -195,6 +201,7 @@ fn in_words(even: &BreakEven) -> String {
         "\n{}: the search {reached}; it takes {:.1} simulations per start on average, the ado {:.1}",
         even.ego, search.simulations, ado.simulations
     );
+    // Both use the same training, so neither is charged for it.
     if even.once.simulations == 0 {
         return format!("{spent}.\nBoth live on a training.");
     }

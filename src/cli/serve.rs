@@ -1,4 +1,4 @@
-//! `brakecheck serve`: a trained ado that another simulator asks what to do.
+//! `brakecheck serve`: a trained ado for another simulator.
 
 use std::io;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use indexmap::IndexMap;
 use super::{Common, Exit, Failure, open_run, talk};
 use crate::serving::{ServeError, ServedAdo};
 
-/// Where the conversation is written down.
+/// Page that describes the protocol.
 const DOCUMENT: &str = "docs/ado-protocol.md";
 
 #[derive(Args, Debug)]

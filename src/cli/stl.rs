@@ -76,13 +76,14 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     };
     let monitor = formula.bind_with(trace.schema(), &names, &args.settings());
     let monitor = monitor.map_err(in_formula)?;
+    // The value is valid, but rarely the intended one.
     if let Some(short) = beyond(&monitor, &trace) {
         talk::say(&short);
     }
     let mut scratch = Scratch::default();
     let measured = Measured {
         robustness: monitor.robustness(&trace, &mut scratch),
-        // At ρ = 0 the formula itself decides; a rule is "kept" only when ρ > 0.
+        // At ρ = 0 the formula itself decides, while a rule is kept only if ρ > 0.
         satisfied: monitor.satisfied(&trace, &mut scratch),
         all: args.all.then(|| monitor.robustness_all(&trace)),
         explanation: args.explain.then(|| monitor.explain(&trace)),
@@ -123,7 +124,7 @@ impl StlArgs {
     }
 }
 
-/// Says that a formula looks beyond the end of the trace, if it does.
+/// Returns a remark if a formula looks beyond the end of the trace.
 fn beyond(monitor: &Monitor, trace: &Trace) -> Option<String> {
     let last = trace.len().saturating_sub(1);
     let reach = monitor.horizon_samples().filter(|reach| last < *reach)?;
@@ -140,7 +141,7 @@ fn beyond(monitor: &Monitor, trace: &Trace) -> Option<String> {
     ))
 }
 
-/// What a formula comes to on a trace.
+/// Result of a formula on a trace.
 struct Measured {
     robustness: f64,
     satisfied: bool,
@@ -173,6 +174,7 @@ impl Measured {
         } else {
             "violated"
         };
+        // The verdict goes to stderr, so that stdout has data only.
         talk::say(&format!("{word}, ρ = {}", self.robustness));
         match &self.explanation {
             Some(explanation) => talk::data(&explanation.to_string()),
@@ -183,6 +185,7 @@ impl Measured {
 
 fn lines(all: &[f64], dt_s: f64) -> String {
     let lines = all.iter().enumerate().map(|(i, value)| {
+        // Rounding to nanoseconds removes binary noise.
         let time_s = (i as f64 * dt_s * 1e9).round() / 1e9;
         format!("{time_s},{value}")
     });
@@ -221,6 +224,7 @@ fn constants(given: &[String]) -> Result<Constants, Failure> {
         let pair = text.split_once('=');
         let pair = pair.and_then(|(name, value)| {
             let value: f64 = value.trim().parse().ok()?;
+            // Constants must be finite, as all values of a trace are.
             value.is_finite().then(|| (name.trim().to_owned(), value))
         });
         let Some((name, value)) = pair else {
@@ -235,6 +239,7 @@ fn constants(given: &[String]) -> Result<Constants, Failure> {
 }
 
 fn placed(formula: &str, error: &StlError) -> Failure {
+    // The formula is drawn like a file, with its mistake marked.
     Failure::from(ScenarioError {
         file: "formula".to_owned(),
         text: formula.to_owned(),

@@ -7,7 +7,7 @@ pub use crate::report::{WIDTH, terminal_table as table};
 use crate::run_dir::Row;
 use crate::sysid::IdentifiedAs;
 
-/// What the columns of rows mean, below them.
+/// Legend of the columns of rows.
 const ROWS_EXPLAINED: &str = "
 success        starts on which the ego fails, and no rule was broken before; with its 95 % interval
 recall         of the starts that search solves, the share solved here too; –: none was asked for
@@ -18,20 +18,20 @@ contact        starts that end in a contact; closing: its speed after a failure,
 groups         groups of alike failures (docs/crashes.md); –: none, or not compared
 cpu s          processor time spent on all of the starts";
 
-/// What the columns of a block's egos and of its summary mean.
+/// Legend of the columns of a block's egos and of its summary.
 const BLOCKS_EXPLAINED: &str = "
 reachable      starts that search solves; –: no search was asked for
 union          starts that any ado here, or search, solves
 trained − it   success of the trained ado less that of this one, over the egos of the block
 mean, least    over those egos of which search solves enough to ask for recall";
 
-/// All rows as one table, opened by what happens without an adversary.
+/// Formats all rows as a table, after a line on failures without an adversary.
 pub(super) fn rows(rows: &[Row]) -> String {
     let (lines, remarks) = (lines(rows), remarks(rows));
     format!("{}\n{lines}{ROWS_EXPLAINED}{remarks}", opening(rows))
 }
 
-/// What the table has no room for: contacts, faults, and several runs per start.
+/// Formats contacts, faults and repeated runs, which do not fit into the table.
 pub(super) fn remarks(rows: &[Row]) -> String {
     let mut text = String::new();
     for row in rows {
@@ -44,6 +44,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
         if let Some(severity) = &row.severity {
             text.push_str(&format!("\ncontacts: {}, {}: {severity}", row.ego, row.ado));
         }
+        // With a single kind there is nothing to distinguish.
         if 1 < row.kinds.len() {
             let kinds: Vec<String> = row.kinds.iter().map(ToString::to_string).collect();
             let kinds = kinds.join("; ");
@@ -74,9 +75,12 @@ pub(super) fn remarks(rows: &[Row]) -> String {
     text
 }
 
-/// The rows of several egos in blocks, each summed up; of one ego, its rows.
+/// Formats the rows of several egos in blocks with summaries.
+///
+/// For a single ego it formats the rows only.
 pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     let all: Vec<Row> = egos.iter().flat_map(|ego| ego.rows.clone()).collect();
+    // Means over a single ego would repeat its rows.
     if egos.len() < 2 {
         return rows(&all);
     }
@@ -109,7 +113,7 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     text
 }
 
-/// How often each ego of a block fails by itself, and how often it can at all.
+/// Formats the failures of each ego of a block by itself, and its reachable share.
 fn without_adversary(block: &[&ReusedOn]) -> String {
     let rows = block.iter().map(|ego| {
         [
@@ -159,7 +163,7 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
     TextTable::new(columns, rows).numbers_from(1).to_terminal()
 }
 
-/// Two tables: what was found at which cost, and how it came about.
+/// Draws two tables: the findings with their cost, and the details.
 fn lines(rows: &[Row]) -> String {
     let found = rows.iter().map(|row| {
         [
@@ -186,6 +190,7 @@ fn lines(rows: &[Row]) -> String {
     ];
     let found = TextTable::new(columns, found).numbers_from(3).to_terminal();
     let how = rows.iter().map(|row| {
+        // Rows of earlier versions have the closing speed of all contacts only.
         let closing = row.success_closing_mps.or(row.closing_speed_mps);
         [
             row.ego.clone(),
@@ -217,6 +222,7 @@ fn lines(rows: &[Row]) -> String {
 
 /// Violations that do not count in a world, one line for all rows.
 fn uncounted(rows: &[Row]) -> String {
+    // With a single ego its name would only repeat.
     let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
     let named = rows.iter().filter_map(|row| {
         let (uncounted, starts) = (row.uncounted.filter(|count| 0 < *count)?, row.starts);
@@ -238,7 +244,7 @@ fn uncounted(rows: &[Row]) -> String {
     }
 }
 
-/// What rows without a success say all the same; one line per number of starts.
+/// Formats upper bounds of rates without a success, per number of starts.
 fn bounds(rows: &[Row]) -> String {
     let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
     let mut by_starts: Vec<(usize, f64, Vec<String>)> = Vec::new();
@@ -269,6 +275,7 @@ fn opening(rows: &[Row]) -> String {
     let Some(row) = rows.first() else {
         return String::new();
     };
+    // `starts` counts the starts in the rates only.
     let all = row.starts + row.trivial + row.invalid;
     let share = 100.0 * row.trivial as f64 / all.max(1) as f64;
     let mut text = format!(
@@ -278,6 +285,7 @@ fn opening(rows: &[Row]) -> String {
     let judged_itself = rows
         .iter()
         .all(|row| row.fails_alone.is_some_and(|it| it.left_out));
+    // If each ego is judged itself, the excluded starts differ from row to row.
     if !judged_itself {
         text.push_str(&format!(
             "; fails without an adversary: {share:.1} % ({}), left out below",
@@ -303,8 +311,10 @@ fn by_itself(rows: &[Row], all: usize) -> String {
         else {
             continue;
         };
+        // All rows of an ego have the same number, so the first suffices.
         egos.push(&row.ego);
-        // Of the nominal ego it is what is left out, unless another plant is asked for.
+        // For the nominal ego the number equals the excluded starts, unless the plant
+        // differs.
         if !alone.left_out && row.ego == "nominal" && alone.starts == row.trivial {
             continue;
         }
@@ -326,7 +336,7 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// Who an ego is to a conditional ado, and how far that is to be trusted.
+/// Formats the identified parameters of an ego, with their reliability.
 pub(super) fn identified(found: &IdentifiedAs) -> String {
     let verdict = if found.explains {
         format!(
@@ -393,7 +403,7 @@ mod tests {
         serde_json::from_value(row).expect("a row")
     }
 
-    /// However long the names are, and whatever they mean is said.
+    /// Long names fit, and every mark is explained.
     #[test]
     fn tables_fit_a_terminal_and_their_columns_are_explained() {
         let long = "an ego whose name does not end as soon as one would wish";

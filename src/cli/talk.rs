@@ -1,7 +1,7 @@
-//! Talking to a person: stdout for data, stderr for talk, and Ctrl-C.
+//! Terminal output: stdout for data, stderr for messages, and Ctrl-C.
 //!
-//! Architecture Invariant: nothing of this program writes to a terminal but
-//! through here. What was written by others is escaped ([`crate::visible`]).
+//! Architecture Invariant: this program writes to a terminal only through this module.
+//! Foreign text is escaped ([`crate::visible`]).
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::OnceLock;
@@ -16,7 +16,7 @@ use crate::visible::{visible, visible_json};
 /// Set once Ctrl-C was pressed.
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// What every episode of this command tells of its faults.
+/// Log of the faults in all episodes of this command.
 static FAULTS: OnceLock<FaultLog> = OnceLock::new();
 
 /// Allows a share of the episodes of a row to be invalid.
@@ -30,12 +30,12 @@ pub(super) fn faults() -> FaultLog {
     FAULTS.get_or_init(FaultLog::default).clone()
 }
 
-/// What is set once Ctrl-C was pressed.
+/// Returns the flag that Ctrl-C sets.
 pub(super) fn stop() -> &'static AtomicBool {
     &STOP
 }
 
-/// Whether Ctrl-C was pressed.
+/// Returns whether Ctrl-C was pressed.
 pub(super) fn stopped() -> bool {
     STOP.load(Ordering::Relaxed)
 }
@@ -44,6 +44,7 @@ pub(super) fn stopped() -> bool {
 pub(super) fn listen_for_interrupts() {
     // Without a handler the program still works: Ctrl-C then ends it at once.
     let _ = ctrlc::set_handler(|| {
+        // The second Ctrl-C is for work that does not stop soon.
         if STOP.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
@@ -56,16 +57,18 @@ pub(super) fn say(text: &str) {
     say_rendered(&visible(text));
 }
 
-/// Talk on stderr that holds nothing from outside but what is escaped, and
-/// colours of our own.
+/// Prints a message on stderr whose foreign parts are escaped already.
+///
+/// It may contain colours of this program.
 pub(super) fn say_rendered(text: &str) {
+    // A closed stderr must not end the work.
     let _ = writeln!(stderr(), "{text}");
 }
 
 #[cfg(not(test))]
 use io::{stderr, stdout};
 
-/// Unit tests carry out verbs for their files: nobody reads what they print.
+/// Unit tests run verbs for their files, so their output is discarded.
 #[cfg(test)]
 use io::{sink as stdout, sink as stderr};
 
@@ -76,13 +79,14 @@ pub(super) fn data(text: &str) -> Result<(), Failure> {
     write_data(&visible(text))
 }
 
-/// A JSON text on stdout; nothing in its strings is for a terminal to obey.
+/// Prints a JSON text on stdout. Its strings contain no raw control characters.
 pub(super) fn json(text: &str) -> Result<(), Failure> {
     write_data(&visible_json(text))
 }
 
 fn write_data(text: &str) -> Result<(), Failure> {
     let mut stdout = stdout();
+    // Flushed at once, because a full disk must be an error before the exit.
     match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::fault(
             format!("writing to standard output failed: {error}"),
@@ -94,6 +98,7 @@ fn write_data(text: &str) -> Result<(), Failure> {
 
 /// Colours on a terminal, plain text elsewhere.
 pub(super) fn theme() -> GraphicalTheme {
+    // The convention of no-color.org.
     let plain = std::env::var_os("NO_COLOR").is_some();
     if io::stderr().is_terminal() && !plain {
         GraphicalTheme::unicode()

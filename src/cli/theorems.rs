@@ -1,4 +1,4 @@
-//! What `eval --theorems` prints.
+//! Output of `eval --theorems`.
 
 use super::table_of;
 use crate::evaluation::TheoremsChecked;
@@ -38,6 +38,7 @@ fn word(outcome: &TheoremOutcome) -> String {
     match outcome {
         TheoremOutcome::Holds => "holds".to_owned(),
         TheoremOutcome::Fails => "fails".to_owned(),
+        // A theorem without its premise promises nothing, so it is no failure.
         TheoremOutcome::PremiseNotMet { why } => format!("premise not met: {why}"),
         TheoremOutcome::Refuted { why } => format!("refuted: {why}"),
     }
@@ -45,6 +46,7 @@ fn word(outcome: &TheoremOutcome) -> String {
 
 fn of(part: u64, whole: u64) -> String {
     match whole {
+        // A share of no pairs is not 0 %.
         0 => "–".to_owned(),
         _ => format!("{:.2} %", 100.0 * part as f64 / whole as f64),
     }
@@ -281,10 +283,11 @@ fn foretold(ego: &str, ado: &str, reading: &str, forecast: &Forecast) -> [String
     ]
 }
 
-/// Three places, or the order of magnitude of what would vanish so.
+/// Formats three decimals, or the order of magnitude of a smaller number.
 fn number(value: f64) -> String {
     match value.abs() {
         size if size.is_infinite() => "∞".to_owned(),
+        // Three decimals would print such a number as 0.
         size if 0.0 < size && size < 5e-4 => format!("{value:.0e}"),
         _ => format!("{value:.3}"),
     }

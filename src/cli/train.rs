@@ -68,6 +68,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let trained = session.train(&bar.watch())?;
     drop(bar);
     let path = session.run().path().display().to_string();
+    // An interrupted training has no final policy, so there is nothing to evaluate.
     if trained.interrupted {
         talk::say(&format!(
             "stopped after {} of {} decisions; go on with `brakecheck train {} -o {path} --resume`",
@@ -84,6 +85,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     };
     drop(bar);
     show(args, &session, &trained, &closing.rows)?;
+    // The rows are printed first, so a full disk does not cost them.
     session.keep(&closing)?;
     if !args.common.json {
         talk::say(&format!("kept in {path}"));
@@ -97,6 +99,7 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
     let default = || PathBuf::from(format!("runs/{}-{seed}", world.name));
     let path = args.output.clone().unwrap_or_else(default);
     let from = args.from.as_ref();
+    // The source run is opened first, so a damaged run leaves no new directory.
     let from = from.map(|from| open_run(from, &args.common)).transpose()?;
     let request = TrainRequest {
         seed,
@@ -131,6 +134,7 @@ fn say_trained(trained: &TrainingOutcome) {
             trained.aborted
         ));
     }
+    // The usual end, after the requested decisions, needs no remark.
     if let Some(ended) = trained.done.ended.filter(|ended| *ended != Ended::Asked) {
         talk::say(&format!("ended: {}", ended.in_words()));
     }
@@ -142,6 +146,7 @@ fn say_trained(trained: &TrainingOutcome) {
 
 /// Decisions per second of processor time.
 fn rate(trained: &TrainingOutcome) -> f64 {
+    // A very short training may have no measurable processor time.
     trained.done.decisions as f64 / trained.done.cpu_s.max(1e-9)
 }
 

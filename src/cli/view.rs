@@ -1,5 +1,4 @@
-//! `brakecheck view`: an episode as a recording for the rerun viewer, or as a
-//! picture that plays by itself.
+//! `brakecheck view`: an episode as a recording or a self-playing picture.
 
 use std::path::{Path, PathBuf};
 
@@ -63,10 +62,12 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
             "name one to write: `-o crash.svg`",
         ));
     }
+    // Refused before any replay, which could start a program.
     if !is_picture && !cfg!(feature = "rerun") {
         return Err(without_viewer());
     }
     let single = args.what.is_file();
+    // A file has a single counterexample, so the default number 0 must not select.
     let episode = (!single).then_some(args.episode.as_str());
     let regressions = Regressions::find(&args.what, episode)?.allow_programs(args.allow_programs);
     let ego = ego(args, &regressions);
@@ -91,12 +92,13 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Who is under test: the ego that is asked for, else the one of the file.
+/// Returns the name of the ego: the requested ego, or that of the file.
 fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
     let recorded = regressions.kept().first();
     let recorded = recorded.map(|kept| kept.counterexample.ego.clone());
     let ego = args.ego.clone().or(recorded).unwrap_or_default();
     match ego.strip_suffix(".ron") {
+        // A caption has room for a name, not for a path.
         Some(file) => file.rsplit('/').next().unwrap_or(file).to_owned(),
         None => ego,
     }
@@ -123,7 +125,7 @@ fn draw(
     }
 }
 
-/// Writes the recording and says where it is.
+/// Writes the recording and prints its path.
 fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
     let name = replayed.path.with_extension("rrd");
     let name = name.file_name().map(PathBuf::from).unwrap_or(name);
@@ -139,7 +141,7 @@ fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
     }
 }
 
-/// Writes the recording; its name, bytes and samples.
+/// Writes the recording, and returns its name, bytes and samples.
 #[cfg(feature = "rerun")]
 fn record(replayed: &Replayed, output: &Path) -> Result<(String, u64, usize), Failure> {
     let file = replayed.path.display().to_string();
@@ -158,7 +160,7 @@ fn record(_: &Replayed, _: &Path) -> Result<(String, u64, usize), Failure> {
     Err(without_viewer())
 }
 
-/// Why there is no recording, and what there is instead.
+/// Returns the failure of a build without the viewer, with the alternative.
 fn without_viewer() -> Failure {
     Failure::input(
         "this brakecheck was built without the viewer's recordings",

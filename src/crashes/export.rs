@@ -11,35 +11,35 @@ use crate::scene::World;
 use crate::testbench::{Episode, passage_of};
 use crate::world::Scenario;
 
-/// What was written of some kept counterexamples, and what was not.
+/// Files of exported counterexamples, and those that were not exported.
 #[derive(Debug)]
 pub struct Exports {
-    /// The files, three per counterexample.
+    /// Written files, three per counterexample.
     pub files: Vec<PathBuf>,
-    /// The kept counterexamples of which nothing was written.
+    /// Kept counterexamples without any written file.
     pub refused: Vec<NotExported>,
 }
 
-/// A kept counterexample of which nothing was written.
+/// Kept counterexample that was not exported.
 #[derive(Debug, thiserror::Error)]
 #[error("`{}` is not exported: {why}", path.display())]
 pub struct NotExported {
-    /// Where it lies.
+    /// Path of the kept counterexample.
     pub path: PathBuf,
-    /// Why.
+    /// Reason of the refusal.
     pub why: ExportRefusal,
 }
 
-/// Why nothing is written of a kept counterexample.
+/// Reason why a kept counterexample is not exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportRefusal {
-    /// It cannot be said in OpenSCENARIO.
+    /// OpenSCENARIO cannot express it.
     #[error(transparent)]
     OpenX(#[from] OpenXError),
-    /// It is not what was recorded any more.
+    /// Its replay differs from the record.
     #[error("its replay differs from what was recorded, at {at}")]
     Differs {
-        /// Where.
+        /// First difference.
         at: String,
     },
     /// The ego or the physics fails.
@@ -47,15 +47,14 @@ pub enum ExportRefusal {
     Fault(Fault),
 }
 
-/// Writes `NAME.xodr`, `NAME.xosc` and `NAME.external.xosc` for every kept
-/// counterexample into a directory, in place of what is there.
+/// Writes `NAME.xodr`, `NAME.xosc` and `NAME.external.xosc` per counterexample.
 ///
-/// What is written is what was recorded: whose replay differs is refused. So
-/// are grid worlds, which have no roads.
+/// Existing files are replaced. A counterexample whose replay differs from its record is
+/// refused. Grid worlds are refused, too, because they have no roads.
 ///
 /// # Errors
-/// A kept file is not usable, names a program to which nobody consented, or the
-/// disk refuses.
+/// A kept file is not usable, it names a program without your consent, or the disk
+/// refuses.
 pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, RegressionError> {
     let replayed = regressions.replay_recorded()?;
     make_dir(dir).map_err(KeptError::from)?;
@@ -80,8 +79,9 @@ pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, Regressi
     Ok(exports)
 }
 
-/// Writes the road, the replay and the scenario for an ego of one's own into a
-/// directory that is there, in this order.
+/// Writes the road, the replay and the scenario for an ego of your own.
+///
+/// The directory must exist, and the returned paths have this order.
 ///
 /// # Errors
 /// The disk refuses.
@@ -95,8 +95,9 @@ pub fn write_openx(files: &OpenX, dir: &Path, name: &str) -> Result<[PathBuf; 3]
     Ok(paths)
 }
 
-/// The files of a replayed counterexample, if it is what was recorded.
+/// Returns the files of a replayed counterexample if it equals its record.
 fn as_recorded(replayed: &Replayed, name: &str, ego: &str) -> Result<OpenX, ExportRefusal> {
+    // Grid worlds are refused later, with a reason of their own.
     if !replayed.is_reproduced() && replayed.scenario.drive().is_some() {
         let difference = replayed.first_difference.as_ref();
         let at = difference.map_or("its verdict".to_owned(), ToString::to_string);
@@ -105,11 +106,11 @@ fn as_recorded(replayed: &Replayed, name: &str, ego: &str) -> Result<OpenX, Expo
     openx(&replayed.scenario, &replayed.episode, name, ego)
 }
 
-/// The three files of an episode, as texts; `ego` is what its ego is called.
+/// Converts an episode into three texts, with `ego` as the name of its ego.
 ///
 /// # Errors
-/// It happened in a grid world, before anybody moved, or its ego fails beyond
-/// the contact.
+/// The world is a grid, the contact comes before any motion, or the ego fails after the
+/// contact.
 pub fn openx(
     scenario: &Scenario,
     episode: &Episode,
@@ -122,6 +123,8 @@ pub fn openx(
         return Err(OpenXError::Grid { world }.into());
     };
     let recorded = passage_of(&mut scenario.bench(), episode);
+    // The second drive continues after the contact, because the external ego may avoid
+    // it.
     let ghostly = world.ghostly(&episode.start, episode.noise, &episode.actions);
     let crash = Crash {
         name,
@@ -134,8 +137,8 @@ pub fn openx(
     Ok(crash.files()?)
 }
 
-/// The same world; where nobody here wrote the ego it repeats its commands, and
-/// coasts behind the last of them.
+/// Returns the world with an ego that repeats its recorded commands, if any.
+/// A foreign ego may not be deterministic. After its last command it coasts.
 fn repeatable(scenario: &Scenario, episode: &Episode) -> Scenario {
     if episode.commands.is_empty() {
         return scenario.clone();

@@ -1,4 +1,4 @@
-//! The counterexamples that tell most, by stated criteria.
+//! Choice of the most informative counterexamples, by explicit criteria.
 
 use crate::adversary::{EvalRequest, Evaluated};
 use crate::experiment::{EpisodeLoop, Turn, Watch};
@@ -8,7 +8,7 @@ use crate::stats::StartOutcome;
 use crate::stl::Scratch;
 use crate::testbench::{Episode, Testbench};
 
-/// A counterexample and what it was chosen for.
+/// Counterexample with the criterion that chose it.
 #[derive(Clone, Debug)]
 pub struct Telling {
     /// The criterion, with the number.
@@ -19,7 +19,7 @@ pub struct Telling {
     pub episode: Episode,
 }
 
-/// What a counterexample is judged by.
+/// Quantities by which counterexamples are compared.
 struct Facts {
     start: usize,
     closing_mps: Option<f64>,
@@ -29,12 +29,11 @@ struct Facts {
     place: Vec<f64>,
 }
 
-/// At most five counterexamples of an evaluation, no start twice.
+/// Returns at most five counterexamples of an evaluation, from different starts.
 ///
-/// In order: the highest closing speed, the earliest violation, the deepest,
-/// the one whose rules are kept with the largest margin, and the start that is
-/// farthest from the other four. A criterion that applies to nothing is left
-/// out.
+/// In order: the highest closing speed, the earliest violation, the deepest violation,
+/// the largest margin of all rules, and the start that is farthest from the other four. A
+/// criterion without a value is left out.
 pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling> {
     let solved: Vec<usize> = evaluated
         .row
@@ -83,12 +82,14 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
             .iter()
             .filter(|f| chosen.iter().all(|(_, other)| other.start != f.start));
         let scored = left.filter_map(|f| Some((score(f)?, f)));
-        // Of equals the first start.
+        // Ties go to the first start.
         let best = scored.reduce(|a, b| if a.0 < b.0 { b } else { a });
         if let Some((_, best)) = best {
             chosen.push((words(best), best));
         }
     }
+    // The last choice shows variety: the start whose least distance to the others is
+    // largest.
     let far = |f: &Facts| {
         let others = chosen
             .iter()
@@ -102,6 +103,7 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
     if let Some((_, f)) = farthest.reduce(|a, b| if a.0 < b.0 { b } else { a }) {
         chosen.push(("Start most unlike the others".to_owned(), f));
     }
+    // Only the chosen episodes are kept in memory, so they are played again.
     let mut bench = request.scenario.bench();
     let played = chosen.into_iter().map(|(chosen_for, facts)| Telling {
         chosen_for,
@@ -120,6 +122,7 @@ fn facts_of(start: usize, episode: &Episode, request: &EvalRequest<'_>, axes: &[
     let spare = rules
         .map(|rule| rule.monitor.robustness(&judged, &mut scratch))
         .reduce(f64::min);
+    // Each axis is scaled to [0, 1], so that metres and speeds are comparable.
     let values = axes.iter().zip(&episode.start.0);
     let place = values.map(|(axis, value)| {
         if axis.lo < axis.hi {

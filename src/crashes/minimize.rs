@@ -1,27 +1,26 @@
-//! Counterexamples made smaller, as long as they stay counterexamples.
+//! Minimization of counterexamples.
 //!
-//! Smaller is, first things first: fewer switches of action, a smaller sum of
-//! distances from the neutral action, a later first deviation ([`Effort`]). What
-//! is left of a hundred decisions then is what it takes, and can be read.
+//! A smaller counterexample has fewer switches of action. With equal switches it has a
+//! smaller sum of distances from the neutral action, then a later first deviation
+//! ([`Effort`]). A short sequence of actions can be read, and a hundred decisions cannot.
 //!
-//! Three steps, each on the kinematic plant first where the world is rigid, and
-//! all as sequences of actions from the recorded start with its noise:
+//! Each of the three steps plays sequences of actions from the recorded start with its
+//! noise. In a rigid world the kinematic plant plays them first:
 //!
-//! 1. every sequence without a switch and with one, the best that holds is kept:
-//!    nothing smaller exists with so few switches;
-//! 2. else those with two, as far as the budget goes;
-//! 3. from the best so far, or from the recording: stretches are replaced by
-//!    what stands beside them or by the neutral action, borders moved, actions
-//!    weakened, until nothing helps any more (delta debugging: Zeller and
-//!    Hildebrandt, "Simplifying and Isolating Failure-Inducing Input", 2002).
+//! 1. All sequences without a switch, then with a single switch. The best that
+//!    holds is the result, because nothing smaller exists with so few switches.
+//! 2. Otherwise all sequences with two switches, within the budget.
+//! 3. From the best so far, or from the record: replace stretches by a
+//!    neighbouring action or by the neutral action, move borders and weaken
+//!    actions, until nothing helps (delta debugging: Zeller and Hildebrandt,
+//!    "Simplifying and Isolating Failure-Inducing Input", 2002).
 //!
-//! Step 1 and 2 walk the tree of [`crate::search::search`], and whatever the kinematic
-//! plant lets pass is played on the world's own. The result is a pure function
+//! Steps 1 and 2 walk the tree of [`crate::search::search`]. Sequences that pass on the
+//! kinematic plant are confirmed on the world's own plant. The result is a pure function
 //! of world and episode.
 //!
-//! An ego that cannot be copied, such as a program, takes a whole run per
-//! sequence. It is asked for step 3 only, on the world's own plant, as long as
-//! its runs last.
+//! An ego that cannot be copied, such as a program, needs a whole run per sequence. It
+//! gets step 3 only, on the world's own plant, within its budget of runs.
 
 use std::collections::BTreeSet;
 
@@ -34,19 +33,21 @@ use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, Testbench, play};
 use crate::world::Scenario;
 
-/// Share of the closing speed that a crash keeps when it is made smaller: the
-/// worst ones are to stay the worst.
+/// Share of the closing speed that a minimized crash keeps.
+///
+/// The worst crashes then stay the worst.
 pub const CLOSING: f64 = 0.8;
 /// Physics steps of the pre-screening plant that one tree may cost.
+// A fixed budget of steps, not of time, keeps the result deterministic.
 const TREE_STEPS: u64 = 1_000_000;
-/// Episodes that moving, weakening and replacing may cost.
+/// Most episodes for replacing, moving and weakening.
 const MOVES: usize = 1500;
-/// Sequences of one step that are tried on the world's own plant.
+/// Most sequences of a step that are tried on the world's own plant.
 const CONFIRMATIONS: usize = 40;
-/// How far a border is moved at once, in decisions.
+/// Distances by which a border is moved, in decisions.
 const SHIFTS: [usize; 5] = [16, 8, 4, 2, 1];
 
-/// How much an ado does that acts so in a world.
+/// Returns the effort of an ado that plays these actions.
 pub fn effort(scenario: &Scenario, actions: &[usize]) -> Effort {
     let world = scenario.world();
     let neutral = world.spaces().neutral;
@@ -58,21 +59,19 @@ pub fn effort(scenario: &Scenario, actions: &[usize]) -> Effort {
     }
 }
 
-/// The smallest counterexample that is found from the same start, and by how
-/// much it is smaller; the episode itself where nothing is.
+/// Returns the smallest counterexample found from the same start, and its savings.
 ///
-/// If the episode ends in a contact, so does the result: of the same two, at no
-/// less than [`CLOSING`] of the closing speed, and with the rules kept up to it
-/// if they were. An ego that is not deterministic is asked as often as the world's
-/// `repeats` say; without them its episodes are left as they are. A program is
-/// run [`KEEP_RUNS`] times at most.
+/// Without a smaller one it returns the episode itself. A contact stays a contact of the
+/// same two agents, at no less than [`CLOSING`] of the closing speed, and without a new
+/// rule violation before it. An ego that is not deterministic runs as often as the
+/// world's `repeats`. Without `repeats` its episodes are unchanged. A program runs at
+/// most [`KEEP_RUNS`] times.
 pub fn shrink(scenario: &Scenario, episode: &Episode, watch: &Watch<'_>) -> (Episode, Shrunk) {
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, watch);
     shrink_within(&reruns, episode, 0)
 }
 
-/// The same with an ego that is asked about more than that: so many questions
-/// are left for later.
+/// Minimizes within the runs of `reruns`, and reserves `for_later` questions.
 pub(super) fn shrink_within(
     reruns: &Reruns<'_>,
     episode: &Episode,
@@ -87,7 +86,7 @@ pub(super) fn shrink_within(
     if reruns.is_refused() || !episode.verdict.is_success() {
         return (episode.clone(), unchanged);
     }
-    // What is tried and fails is no fault of the ego that anybody must hear of.
+    // A fault in a trial sequence is no fault of the evaluated ego.
     let watch = Watch {
         faults: FaultLog::default(),
         ..watch.quiet()
@@ -119,11 +118,11 @@ pub(super) fn shrink_within(
     }
 }
 
-/// What a smaller one must still do.
+/// Conditions that a smaller counterexample must satisfy.
 struct Aim {
-    /// The contact that it ends in, if it does.
+    /// Contact of the original, if any.
     contact: Option<Touch>,
-    /// Whether a rule was broken before that.
+    /// True if the original has a rule violation before its contact.
     foul_before_contact: bool,
 }
 
@@ -162,15 +161,15 @@ impl Aim {
 
 struct Shrinking<'a> {
     scenario: &'a Scenario,
-    /// The ego: one that cannot be copied plays every sequence as a whole episode.
+    /// Ego under test. Without copies it plays each sequence as a whole episode.
     reruns: &'a Reruns<'a>,
-    /// Questions for which runs of it are left.
+    /// Questions for which runs are reserved.
     for_later: usize,
-    /// Of such an ego, the smallest episode so far.
+    /// Smallest episode so far, for an ego without copies.
     found: Option<Episode>,
-    /// And the sequences that were tried in vain.
+    /// Sequences that failed, for an ego without copies.
     refuted: BTreeSet<Vec<usize>>,
-    /// On the plant that pre-screens.
+    /// Bench on the plant that pre-screens.
     bench: Testbench,
     confirmer: Confirmer<'a>,
     aim: Aim,
@@ -182,10 +181,11 @@ struct Shrinking<'a> {
 }
 
 impl Shrinking<'_> {
-    /// The smallest sequence found; `recorded` if it is that one.
+    /// Returns the smallest sequence found, or `recorded`.
     fn smallest(&mut self, recorded: &[usize]) -> Vec<usize> {
         let most = effort(self.scenario, recorded).switches;
         if self.reruns.copies() {
+            // With at most one switch the walk is complete, so its best is the smallest.
             for switches in 0..=most.min(1) {
                 if let Some(found) = self.best_with(switches) {
                     return found;
@@ -198,7 +198,7 @@ impl Shrinking<'_> {
         self.moved(recorded.to_vec())
     }
 
-    /// The smallest one with exactly so many switches, within the budget.
+    /// Returns the smallest sequence with exactly this many switches, within the budget.
     fn best_with(&mut self, switches: usize) -> Option<Vec<usize>> {
         let mut found: Vec<(Effort, Vec<usize>)> = Vec::new();
         let (aim, scenario) = (&self.aim, self.scenario);
@@ -212,8 +212,9 @@ impl Shrinking<'_> {
         let root = &mut self.bench;
         let mut tree = Tree::new(root, from, Aftermath::Play, &mut note, self.watch);
         tree.budget = TREE_STEPS;
-        // The neutral action first: what begins so is smaller, should the budget
-        // end before the sequences do.
+        // The neutral action comes first, because sequences that begin with it are
+        // smaller, in
+        // case the budget ends early.
         let spaces = scenario.world().spaces();
         let others = (0..spaces.actions).filter(|action| *action != spaces.neutral);
         for action in std::iter::once(spaces.neutral).chain(others) {
@@ -228,7 +229,7 @@ impl Shrinking<'_> {
         held.map(|(_, actions)| actions)
     }
 
-    /// Whether it does what is asked on the world's own plant.
+    /// Returns whether a sequence satisfies the aim on the world's own plant.
     fn holds(&mut self, actions: &[usize]) -> bool {
         if self.reruns.copies() {
             self.reruns.count(1);
@@ -238,6 +239,7 @@ impl Shrinking<'_> {
             return false;
         }
         if self.reruns.ask(1, self.for_later).is_err() {
+            // The runs are used up, so the third step ends, too.
             self.moves = 0;
             return false;
         }
@@ -255,8 +257,9 @@ impl Shrinking<'_> {
         holds
     }
 
-    /// Whether it does so on the plant that pre-screens; of an ego that cannot be
-    /// copied every run costs the same, so it is asked at once.
+    /// Returns whether a sequence satisfies the aim on the pre-screening plant.
+    ///
+    /// An ego without copies passes at once, because every run costs the same.
     fn passes(&mut self, actions: &[usize]) -> bool {
         if !self.reruns.copies() {
             return true;
@@ -264,6 +267,7 @@ impl Shrinking<'_> {
         self.reruns.count(1);
         self.moves = self.moves.saturating_sub(1);
         self.bench.begin(self.start, self.noise, Aftermath::Play);
+        // The last action is held if the episode lasts longer than the sequence.
         let last = actions.last().copied().unwrap_or(0);
         let mut rest = actions.iter().copied().chain(std::iter::repeat(last));
         while let Some(action) = rest.next().filter(|_| !self.bench.is_done()) {
@@ -272,7 +276,7 @@ impl Shrinking<'_> {
         self.aim.is_met_by(&Confirmed::on(&self.bench))
     }
 
-    /// The same made smaller step by step, until no step helps.
+    /// Makes a sequence smaller step by step, until no step helps.
     fn moved(&mut self, mut actions: Vec<usize>) -> Vec<usize> {
         let mut refused = CONFIRMATIONS;
         while 0 < self.moves && 0 < refused && !self.watch.stopped() {
@@ -283,6 +287,7 @@ impl Shrinking<'_> {
                     return false;
                 }
                 let holds = self.holds(candidate);
+                // Runs of an ego without copies have a limit of their own.
                 refused -= usize::from(!holds && self.reruns.copies());
                 holds
             });
@@ -294,7 +299,7 @@ impl Shrinking<'_> {
         actions
     }
 
-    /// What is one move away and smaller, smallest first.
+    /// Returns the smaller sequences at a distance of a single move, smallest first.
     fn smaller_than(&self, actions: &[usize]) -> Vec<Vec<usize>> {
         let now = effort(self.scenario, actions);
         let spaces = self.scenario.world().spaces();
@@ -306,11 +311,12 @@ impl Shrinking<'_> {
             .filter(|(effort, _)| effort.is_less_than(&now))
             .collect();
         smaller.sort_by(|a, b| a.0.order(&b.0).then_with(|| a.1.cmp(&b.1)));
+        // Different moves may lead to the same sequence.
         smaller.dedup_by(|a, b| a.1 == b.1);
         smaller.into_iter().map(|(_, actions)| actions).collect()
     }
 
-    /// The episode of a sequence, if it does what is asked.
+    /// Returns the episode of a sequence if it satisfies the aim.
     fn played(&self, actions: &[usize]) -> Option<(Episode, Effort)> {
         let episode = match (self.reruns.copies(), &self.found) {
             (true, _) => {
@@ -319,6 +325,7 @@ impl Shrinking<'_> {
                 let aftermath = Aftermath::Play;
                 play(&mut bench, self.start, self.noise, &mut actor, aftermath)
             }
+            // The episode is kept, because another run would cost and may differ.
             (false, Some(found)) => found.clone(),
             (false, None) => return None,
         };
@@ -328,7 +335,7 @@ impl Shrinking<'_> {
     }
 }
 
-/// Stretches of one action: where each begins, and the end of all.
+/// Returns the first index of each stretch of equal actions, and the end.
 fn borders(actions: &[usize]) -> Vec<usize> {
     let inner = (1..actions.len()).filter(|&at| actions[at - 1] != actions[at]);
     let mut borders: Vec<usize> = std::iter::once(0).chain(inner).collect();
@@ -336,7 +343,7 @@ fn borders(actions: &[usize]) -> Vec<usize> {
     borders
 }
 
-/// Every sequence that is one move away.
+/// Returns every sequence at a distance of a single move.
 fn neighbours(actions: &[usize], neutral: usize, count: usize) -> Vec<Vec<usize>> {
     let borders = borders(actions);
     let stretches = borders.len() - 1;
@@ -346,7 +353,7 @@ fn neighbours(actions: &[usize], neutral: usize, count: usize) -> Vec<Vec<usize>
         other
     };
     let mut all = Vec::new();
-    // So many stretches at once become what stands beside them, or neutral.
+    // This many stretches at once take a neighbouring action or the neutral action.
     let lengths = std::iter::successors(Some(1), |length| Some(2 * length));
     for length in lengths.take_while(|length| *length <= stretches) {
         for first in 0..=stretches - length {
@@ -360,7 +367,8 @@ fn neighbours(actions: &[usize], neutral: usize, count: usize) -> Vec<Vec<usize>
     for stretch in 0..stretches {
         let (from, to) = (borders[stretch], borders[stretch + 1]);
         all.extend((0..count).map(|action| filled(from, to, action)));
-        // Its end earlier or later, by no more than there is.
+        // The end of the stretch moves earlier or later, within the neighbouring
+        // stretches.
         let Some(&next) = actions.get(to) else {
             continue;
         };

@@ -1,10 +1,9 @@
-//! Whether a counterexample is still one when something small is different.
+//! Robustness of a counterexample to small perturbations.
 //!
-//! A failure that needs the last millimetre of its start, or one particular
-//! plant, is an accident of the simulation. So the recorded actions are played
-//! again, open loop, with one thing different at a time, and the share of the
-//! replays in which the ego still fails is reported, by the same notion of
-//! failing as everywhere ([`Verdict::is_success`]).
+//! A failure that needs the last millimetre of its start, or a particular plant, is an
+//! accident of the simulation. This module plays the recorded actions again in open loop,
+//! with a single perturbation at a time. It reports the share of replays in which the ego
+//! still fails, by the usual definition ([`Verdict::is_success`]).
 
 use rayon::prelude::*;
 
@@ -18,42 +17,46 @@ use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, Replay};
 use crate::world::{Change, Scenario};
 
-/// By how much a length or a speed of the start differs, in m and m/s.
+/// Perturbation of a length or a speed of the start, in m and m/s.
 pub const START: f64 = 0.1;
-/// By what the road's friction is multiplied.
+/// Factors on the road's friction.
 pub const FRICTION: [f64; 2] = [0.9, 1.1];
-/// What a road's friction may be.
+/// Bounds of a road's friction.
 const FRICTIONS: (f64, f64) = (0.01, 2.0);
 
-/// Replays an episode of `scenario` with one thing different at a time: the
-/// other plant, half the sample time, friction × 0.9 and × 1.1, every axis of
-/// the start ± 0.1 m or m/s, and the ego's sensors one sample later.
+/// Replays an episode of `scenario` with a single perturbation at a time.
 ///
-/// Starts may so lie outside of their ranges, but no speed below 0. When the
-/// recorded actions end, the last one is held. `None`: the world is not driven,
-/// or its ego is not deterministic and the world names no `repeats`.
+/// Perturbations are the other plant, half the sample time, friction × 0.9 and × 1.1,
+/// every axis of the start ± 0.1 m or m/s, and sensors that are later by a sample. Starts
+/// may leave their ranges, but no speed falls below 0. The last recorded action is held
+/// after the end.
+///
+/// Returns `None` if the world is not driven, or if its ego is not deterministic and the
+/// world has no `repeats`.
 pub fn persistence(scenario: &Scenario, episode: &Episode) -> Option<Persistence> {
     let watch = Watch::unwatched();
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
     persistence_within(&reruns, episode)
 }
 
-/// How many questions the persistence of an episode takes.
+/// Returns the number of questions that the persistence of an episode needs.
 pub(super) fn variations(scenario: &Scenario, episode: &Episode) -> usize {
     let starts = starts(scenario, &episode.start).len();
     worlds(scenario, episode).map_or(0, |worlds| worlds.len() + starts)
 }
 
-/// The same with an ego that is asked about more than that.
+/// Computes the persistence within the runs of `reruns`.
 pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Option<Persistence> {
     let scenario = reruns.scenario();
     let mut varied = worlds(scenario, episode)?;
     varied.extend(starts(scenario, &episode.start));
+    // All variations or none, because a share of some would not be comparable.
     reruns.ask(varied.len(), 0).ok()?;
     let variations = varied.into_par_iter().map(|(name, world, start)| {
         let mut ado = Replay::holding(&episode.actions);
         let from = (&start, episode.noise);
         let replayed = reruns.played(&world, from, &mut ado, Aftermath::Skip);
+        // A variation in which the ego did not run is no evidence either way.
         let ran = replayed.verdict != Verdict::Invalid;
         Variation {
             name,
@@ -67,7 +70,7 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
 
 type Varied = (String, Scenario, Start);
 
-/// The same start in worlds that differ.
+/// Returns the perturbed worlds, each with the same start.
 fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<Varied>> {
     let spec = scenario.drive()?;
     let (plant, sample_s, friction) = (spec.plant, spec.clock.sample_s, spec.road.friction());
@@ -84,6 +87,7 @@ fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<Varied>> {
             friction: Some((factor * friction).clamp(FRICTIONS.0, FRICTIONS.1)),
             ..Change::default()
         };
+        // A world that refuses the change has fewer variations.
         let changed = scenario.with(&change).ok();
         worlds.extend(changed.map(|world| (format!("friction × {factor}"), world)));
     }
@@ -104,16 +108,18 @@ fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<Varied>> {
     )
 }
 
-/// The same world from starts that differ.
+/// Returns the perturbed starts, each in the same world.
 fn starts(scenario: &Scenario, start: &Start) -> Vec<Varied> {
     let mut all = Vec::new();
     for (n, axis) in scenario.axes().iter().enumerate() {
+        // Perturbations of other units, such as phases, have no common size.
         if !["m", "m/s"].contains(&axis.unit) {
             continue;
         }
         for by in [-START, START] {
             let mut varied = start.clone();
             varied.0[n] += by;
+            // A perturbed speed must not reverse a vehicle that had no reverse speed.
             if axis.unit == "m/s" && 0.0 <= start.0[n] {
                 varied.0[n] = varied.0[n].max(0.0);
             }

@@ -1,4 +1,4 @@
-//! A kept crash as one picture that plays by itself.
+//! Kept crash as a self-playing picture.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use crate::testbench::film;
 pub struct Inapplicable {
     /// The driver.
     pub driver: ReferenceDriver,
-    /// Where the kept counterexample lies.
+    /// Path of the kept counterexample.
     pub path: PathBuf,
     /// The reason, in words.
     pub why: &'static str,
@@ -28,12 +28,12 @@ impl Inapplicable {
     }
 }
 
-/// What came of replaying a kept counterexample, as an SVG that loops; `ego`
-/// says who is under test. With `beside` the other half shows what that
-/// reference driver would have done in the ego's place.
+/// Draws a replayed counterexample as a looping SVG, with `ego` as a caption.
+///
+/// With `beside`, the other half shows this reference driver in the ego's place.
 ///
 /// # Errors
-/// Reference drivers do not apply to how the episode ended.
+/// Reference drivers do not apply to the end of the episode.
 ///
 /// ```no_run
 /// use brakecheck::crashes::{Regressions, picture};
@@ -53,7 +53,7 @@ pub fn picture(
     let Replayed {
         scenario, episode, ..
     } = replayed;
-    // What the file says holds for the run that it recorded.
+    // The labels in the file are valid for the recorded run only.
     let recorded = replayed.about.clone();
     let known = || {
         if replayed.still_fails() {
@@ -86,6 +86,7 @@ pub fn picture(
         None => ego.to_owned(),
     };
     let departure = replayed.departure();
+    // A viewer must not take another run for the recorded crash.
     let notes = departure.map(|it| format!("Another run: {it}."));
     Ok(looping_picture(
         scenario,
@@ -95,7 +96,8 @@ pub fn picture(
     ))
 }
 
-/// Lights as recorded, and as they were last: a motion does not hold them.
+/// Adds the recorded lights, because a motion does not contain them.
+/// After the record they keep their last phase.
 fn with_lights(mut filmed: FilmedDriver, example: &Example) -> FilmedDriver {
     let last = example.frames.len().saturating_sub(1);
     for (i, frame) in filmed.frames.iter_mut().enumerate() {

@@ -21,56 +21,58 @@ use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
 use crate::visible::command_line;
 use crate::world::{Change, ChangeError, Repeats, Scenario};
 
-/// What came of replaying one.
+/// Result of a replay.
 #[derive(Clone)]
 pub struct Replayed {
-    /// Where the kept counterexample lies.
+    /// Path of the kept counterexample.
     pub path: PathBuf,
     /// The world, as it was replayed.
     pub scenario: Scenario,
-    /// The episode; of several runs the one that stands for all.
+    /// Episode of this run, or the representative of several runs.
     pub episode: Episode,
-    /// Whether verdict, robustness, contact, rules up to it and every sample
-    /// of this run are as recorded.
+    /// True if verdict, robustness, contact, rules and every sample are as recorded.
     pub identical: bool,
     /// The first sample of this run that is not the recorded one.
     pub first_difference: Option<Difference>,
-    /// Whether the commands that the file holds of an ego that nobody here
-    /// wrote give the recorded bits; `None`: it holds none.
+    /// True if the recorded commands of a foreign ego give the recorded bits.
+    ///
+    /// `None` if the file has no commands.
     pub repeats_by_commands: Option<bool>,
-    /// Whether an ego that nobody here wrote commanded as recorded; `None`:
-    /// the file does not say how it commanded, or it was not asked.
+    /// True if a foreign ego gave the recorded commands.
+    ///
+    /// `None` if the file has no commands, or if the ego did not run.
     pub ego_as_recorded: Option<bool>,
     /// The runs, where the world asks for several.
     pub repeated: Option<StartRepeated>,
-    /// What the file says of the run that it recorded, if this is that run.
+    /// Labels of the file, if this is the recorded run.
     pub about: Option<About>,
 }
 
 impl Replayed {
-    /// Whether this build gives the recorded bits, whoever drives in this run:
-    /// by the recorded commands where the file holds them.
+    /// Returns whether this build gives the recorded bits.
+    ///
+    /// If the file has the ego's commands, they decide, whatever ego drives in this run.
     pub fn is_reproduced(&self) -> bool {
         self.repeats_by_commands.unwrap_or(self.identical)
     }
 
-    /// What is known of this run: what the file says if it is the recorded one,
-    /// else its own severity, cause and preventability.
+    /// Returns the labels of this run: those of the file, or its own.
     ///
-    /// Variations of another run are not played, so nothing is known of its
-    /// persistence.
+    /// For another run these are severity, cause and preventability. Its persistence is
+    /// unknown, because no variation of it is played.
     pub fn known(&self) -> About {
         let recorded = self.about.clone();
         recorded.unwrap_or_else(|| about_of_run(&self.scenario, &self.episode))
     }
 
-    /// What came of this run, in a few words.
+    /// Returns the outcome of this run in a few words.
     pub fn in_words(&self) -> String {
         outcome_in_words(&self.scenario, &self.episode)
     }
 
-    /// From when on this run is another one than was recorded, and by which
-    /// signal; `None`: it is the recorded one.
+    /// Returns the start of the difference from the recorded run, with its signal.
+    ///
+    /// `None` if this is the recorded run.
     pub fn departure(&self) -> Option<String> {
         match &self.first_difference {
             Some(difference) => Some(difference.since()),
@@ -79,19 +81,19 @@ impl Replayed {
         }
     }
 
-    /// Whether the ego still fails.
+    /// Returns whether the ego still fails.
     pub fn still_fails(&self) -> bool {
         self.episode.verdict.is_success()
     }
 
-    /// Why it says nothing of the ego, if it does not.
+    /// Returns the fault that makes the run invalid, if any.
     pub fn fault(&self) -> Option<&Fault> {
         let invalid = self.episode.verdict == Verdict::Invalid;
         self.episode.fault.as_ref().filter(|_| invalid)
     }
 }
 
-/// Replays one kept counterexample in `scenario`.
+/// Replays a kept counterexample in `scenario`.
 ///
 /// # Errors
 /// The start does not fit the world.
@@ -103,6 +105,7 @@ pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
     let episode = episodes.swap_remove(standing);
     let recorded = &kept.counterexample;
     let commands = recorded.commands();
+    // The world's side is judged by the recorded commands, whatever ego drives above.
     let again = match &commands {
         Some(commands) => Some(once(
             kept,
@@ -123,6 +126,7 @@ pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
         repeats_by_commands,
         ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
         repeated: (1 < runs).then_some(repeated),
+        // Labels in the file are valid for the recorded run only.
         about: recorded.about.clone().filter(|_| identical),
         scenario,
         episode,
@@ -163,10 +167,10 @@ enum EgoUnderTest {
     Own(String, ControllerFactory),
 }
 
-/// A regression test failed, or could not be run.
+/// Failed regression test, or a test that could not run.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// As `Debug` it prints as on the command line, so a failing test shows the problem, its
+/// place and its fix.
 #[derive(thiserror::Error)]
 pub enum RegressionError {
     /// A file is not usable.
@@ -178,14 +182,14 @@ pub enum RegressionError {
     /// The kept world has no such changed ego.
     #[error("`{path}`: its world has no ego `{name}`")]
     NoSuchEgo {
-        /// Where the kept counterexample lies.
+        /// Path of the kept counterexample.
         path: PathBuf,
         /// The name asked for.
         name: String,
         /// The names there are.
         known: Vec<String>,
     },
-    /// Replays differ from what was recorded.
+    /// Replays differ from their records.
     #[error("{} of {total} replays differ from what was recorded:\n{}", .differ.len(), .differ.join("\n"))]
     Differ {
         /// One line per replay that differs.
@@ -193,20 +197,20 @@ pub enum RegressionError {
         /// Replays in all.
         total: usize,
     },
-    /// The ego failed to run: nobody knows whether it would have passed.
+    /// The ego failed to run, so its result is unknown.
     #[error("the ego failed to run in {} of {replayed} replays, of {total} asked for:\n{}", .invalid.len(), .invalid.join("\n"))]
     Invalid {
-        /// One line per replay that says nothing.
+        /// One line per invalid replay.
         invalid: Vec<String>,
         /// Replays that were begun.
         replayed: usize,
         /// Replays asked for.
         total: usize,
     },
-    /// A file names a program, and nobody consented to start it.
+    /// A file names a program without your consent to start it.
     #[error("`{path}` names a program as the ego, and nothing was started:\n{}", command_line(.command))]
     NotAllowed {
-        /// Where the kept counterexample lies.
+        /// Path of the kept counterexample.
         path: PathBuf,
         /// The program and its arguments.
         command: Vec<String>,
@@ -261,8 +265,8 @@ impl Regressions {
 
     /// Consents to start the programs that the kept files and changes name.
     ///
-    /// Without it nothing is started: a kept file whose ego is a program is an
-    /// error, before the first one is replayed.
+    /// Without consent no program starts. A kept file whose ego is a program is then an
+    /// error before the first replay.
     #[must_use]
     pub fn allow_programs(self, allowed: bool) -> Regressions {
         Regressions {
@@ -271,8 +275,9 @@ impl Regressions {
         }
     }
 
-    /// Allows a share of the replays to say nothing because the ego failed to
-    /// run; none unless this is called.
+    /// Allows a share of the replays to be invalid because of the ego.
+    ///
+    /// The default is 0.
     #[must_use]
     pub fn allow_invalid(self, share: f64) -> Regressions {
         Regressions {
@@ -313,19 +318,19 @@ impl Regressions {
         &self.kept
     }
 
-    /// Whether they are replayed against the ego they were recorded with.
+    /// Returns whether the ego is the recorded ego.
     pub fn is_recorded_ego(&self) -> bool {
         matches!(self.ego, EgoUnderTest::Recorded)
     }
 
-    /// Replays all of them.
+    /// Replays all counterexamples.
     ///
-    /// An ego that does not run is given up, as [`FaultLog`] says: what it was
-    /// not asked is missing then.
+    /// An ego that does not run is given up, as in [`FaultLog`]. The remaining replays
+    /// are then missing.
     ///
     /// # Errors
-    /// A world or a changed ego is not usable, or is a program and nobody
-    /// [consented](Regressions::allow_programs) to start it.
+    /// A world or a changed ego is not usable, or it is a program without your
+    /// [consent](Regressions::allow_programs).
     pub fn replay(&self) -> Result<Vec<Replayed>, RegressionError> {
         let scenarios = self.kept.iter().map(|kept| self.scenario(kept));
         let scenarios = scenarios.collect::<Result<Vec<_>, _>>()?;
@@ -344,15 +349,16 @@ impl Regressions {
         Ok(all)
     }
 
-    /// Whether so many faults are more than allowed.
+    /// Checks that no more replays are invalid than allowed.
     ///
     /// # Errors
-    /// They are; the message names the files and the reasons.
+    /// More replays are invalid. The message names the files and the reasons.
     pub fn check_faults(&self, replayed: &[Replayed]) -> Result<(), RegressionError> {
         let faults = replayed.iter().filter_map(|one| Some((one, one.fault()?)));
         let invalid: Vec<String> = faults
             .map(|(one, fault)| format!("  {}: {}", one.path.display(), in_words(fault)))
             .collect();
+        // A replay that was cut short proves nothing, whatever share is allowed.
         let cut = replayed.len() < self.kept.len();
         let allowed = self.allow_invalid * replayed.len() as f64;
         if !cut && invalid.len() as f64 <= allowed {
@@ -366,8 +372,12 @@ impl Regressions {
         }
     }
 
-    /// Names the first program that nobody consented to start.
+    /// Checks that every program may be started.
+    ///
+    /// # Errors
+    /// The first program without consent.
     fn consent(&self, scenarios: &[Scenario]) -> Result<(), RegressionError> {
+        // All worlds are checked before the first replay, so no program starts too early.
         let mut pairs = self.kept.iter().zip(scenarios);
         let named = pairs.find_map(|(kept, scenario)| {
             let command = scenario.program()?.command.clone();
@@ -381,14 +391,13 @@ impl Regressions {
         }
     }
 
-    /// Replays all of them with the egos they were recorded with.
+    /// Replays all counterexamples with the egos of their records.
     ///
-    /// Where a file holds what the ego commanded those commands are repeated:
-    /// no program is started, and none is needed.
+    /// If a file has the ego's commands, they are repeated, and no program starts.
     ///
     /// # Errors
-    /// A world is not usable; its ego is a program whose commands were not
-    /// recorded, and nobody consented to start it.
+    /// A world is not usable, or its ego is a program without recorded commands and
+    /// without your consent.
     pub fn replay_recorded(&self) -> Result<Vec<Replayed>, RegressionError> {
         let worlds = self.kept.iter().map(|kept| {
             let recorded = &kept.counterexample;
@@ -406,8 +415,9 @@ impl Regressions {
             .collect()
     }
 
-    /// The world of a kept file with its very ego; where that is a program nobody
-    /// consented to start, or the user's own, with the commands it gave.
+    /// Returns the world of a kept file with its own ego.
+    ///
+    /// A program without consent, or a Rust ego, is replaced by its recorded commands.
     ///
     /// # Errors
     /// The world is not usable.
@@ -422,10 +432,10 @@ impl Regressions {
         })
     }
 
-    /// Replays all of them and asks for the recorded bits.
+    /// Replays all counterexamples and compares all bits.
     ///
     /// # Errors
-    /// A replay differs; the message names the first sample and signal.
+    /// A replay differs. The message names the first sample and signal.
     pub fn reproduce(&self) -> Result<(), RegressionError> {
         let replayed = self.replay_recorded()?;
         let differing = replayed.iter().filter(|replayed| !replayed.is_reproduced());
@@ -448,11 +458,10 @@ impl Regressions {
         }
     }
 
-    /// Replays all of them and asks that the ego no longer fails any.
+    /// Replays all counterexamples, and requires that the ego no longer fails.
     ///
     /// # Errors
-    /// The ego did not run in one of them, or still fails; the message names
-    /// the files.
+    /// The ego did not run in a replay, or still fails. The message names the files.
     pub fn pass(&self) -> Result<(), RegressionError> {
         let replayed = self.replay()?;
         self.check_faults(&replayed)?;

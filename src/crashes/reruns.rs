@@ -1,11 +1,11 @@
-//! Runs of an ego for questions about one of its counterexamples.
+//! Runs of an ego for questions about a counterexample.
 //!
-//! A stock ego is deterministic and can be copied, so it is asked for free. A
-//! program or a type of the user's may be neither, and each of its runs takes
-//! time. So before anything else is asked, the counterexample is played twice
-//! more: an ego whose commands are the same bit for bit is asked every question
-//! once. Another one is asked as often as the world's `repeats` say, or not at
-//! all. Runs are counted, and limited for egos that cannot be copied.
+//! A stock ego is deterministic and can be copied, so its runs have no limit. A program
+//! or a Rust type of a user may be neither, and each run takes time. The counterexample
+//! is therefore played twice more at first. If the commands are the same bit for bit,
+//! each question takes a single run. Otherwise it takes as many runs as the world's
+//! `repeats`, or the questions are refused. Runs are counted, and limited for egos that
+//! cannot be copied.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,41 +17,41 @@ use crate::scene::Start;
 use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Replay, play};
 use crate::world::{Repeats, Scenario};
 
-/// Runs of a program that one counterexample may take, unless others are asked for.
+/// Default of the runs of a program for a counterexample.
 pub const KEEP_RUNS: u64 = 300;
 
-/// Runs with which a counterexample is compared before anything else is asked.
+/// Runs that are compared with the counterexample before any question.
 const COMPARED: usize = 2;
 
-/// An ego that is asked about one counterexample.
+/// Ego that answers questions about a counterexample.
 pub(super) struct Reruns<'a> {
-    /// The world, with as many repeats as each question takes.
+    /// World with the repeats that each question takes.
     scenario: Scenario,
     kind: Kind,
-    /// Runs that may be spent where each is a whole one.
+    /// Limit of runs, for egos of which each run is a whole run.
     limit: u64,
     spent: AtomicU64,
-    /// Why nothing is asked at all.
+    /// Reason why all questions are refused, if they are.
     refused: Option<NotAsked>,
-    /// Why some questions were not asked, the first reason.
+    /// First reason why some questions were not asked.
     ended: OnceLock<NotAsked>,
     faults: FaultLog,
     watch: &'a Watch<'a>,
 }
 
-/// How an ego can be asked.
+/// Capability of an ego to answer questions.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// One of ours: nobody counts.
+    /// A stock ego, whose runs are not limited.
     Stock,
-    /// The user's, which can be copied in the middle of a run.
+    /// An ego of the user that can be copied in the middle of a run.
     Copied,
-    /// A program, or the user's without copies.
+    /// A program, or an ego of the user without copies.
     Whole,
 }
 
 impl<'a> Reruns<'a> {
-    /// Plays `episode` again if its ego is not one of ours.
+    /// Plays `episode` again, unless its ego is a stock ego.
     pub fn of(
         scenario: &Scenario,
         episode: &Episode,
@@ -86,15 +86,17 @@ impl<'a> Reruns<'a> {
         reruns
     }
 
-    /// Plays the episode again: an ego that is not deterministic is asked by
-    /// the world's repeats, or not at all.
+    /// Plays the episode again to test whether its ego is deterministic.
+    ///
+    /// An ego that is not takes the world's repeats, or is refused.
     fn compare(&mut self, repeats: Repeats, episode: &Episode) -> Result<(), NotAsked> {
         let from = (&episode.start, episode.noise);
-        // Twice, for egos that take turns between two answers.
+        // Twice, for egos that alternate between two behaviours.
         for _ in 0..COMPARED {
             self.take(1, 0)?;
             let mut same = Replay::holding(&episode.actions);
             let again = self.played(&self.scenario, from, &mut same, Aftermath::Play);
+            // An ego that fails now cannot answer questions about a run without a fault.
             if again.fault.is_some() && episode.fault.is_none() {
                 return Err(NotAsked::EgoFailed);
             }
@@ -105,45 +107,47 @@ impl<'a> Reruns<'a> {
                 return Err(NotAsked::NotDeterministic { at_s });
             }
             self.scenario = self.scenario.repeated(repeats);
-            // What lies before a copy would be the same in all repeats.
+            // A copy would share its past with all repeats, so each repeat is a whole
+            // run.
             self.kind = Kind::Whole;
             break;
         }
         Ok(())
     }
 
-    /// When two runs first differ; `None`: they are the same.
+    /// Returns the time of the first difference of two runs, `None` if they are equal.
     fn diverges_s(&self, one: &Episode, other: &Episode) -> Option<f64> {
         if one.commands == other.commands && one.trace == other.trace {
             return None;
         }
         let mut pairs = one.commands.iter().zip(&other.commands);
+        // Equal commands with different traces differ after the last common command.
         let shorter = one.commands.len().min(other.commands.len());
         let sample = pairs.position(|(a, b)| a != b).unwrap_or(shorter);
         Some(sample as f64 * self.scenario.world().clock().sample_s)
     }
 
-    /// The world in which it is asked.
+    /// Returns the world in which questions are asked.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }
 
-    /// How it is stopped.
+    /// Returns the watch that can stop the questions.
     pub fn watch(&self) -> &'a Watch<'a> {
         self.watch
     }
 
-    /// Whether its runs can go on from the middle of others.
+    /// Returns whether a run can continue from a copy of another run.
     pub fn copies(&self) -> bool {
         self.kind != Kind::Whole
     }
 
-    /// Whether nothing is asked of it at all.
+    /// Returns whether all questions are refused.
     pub fn is_refused(&self) -> bool {
         self.refused.is_some()
     }
 
-    /// What kept files say of it; `None`: it is one of ours.
+    /// Returns the record of the runs for kept files, `None` for a stock ego.
     pub fn told(&self) -> Option<EgoRuns> {
         (self.kind != Kind::Stock).then(|| EgoRuns {
             runs: self.spent.load(Ordering::Relaxed),
@@ -152,10 +156,10 @@ impl<'a> Reruns<'a> {
         })
     }
 
-    /// Takes what so many questions cost, with so many left for later ones.
+    /// Takes the runs of some questions, and reserves runs for later questions.
     ///
     /// # Errors
-    /// They are not to be asked.
+    /// The questions must not be asked.
     pub fn ask(&self, questions: usize, for_later: usize) -> Result<(), NotAsked> {
         let runs = u64::from(self.scenario.repeats().runs.max(1));
         self.take(runs * questions as u64, runs * for_later as u64)
@@ -168,16 +172,17 @@ impl<'a> Reruns<'a> {
         let spent = self.spent.load(Ordering::Relaxed);
         let needed = spent.saturating_add(runs).saturating_add(for_later);
         let reason = match self.kind {
-            // It answers at once, whoever interrupts.
+            // A stock ego answers at once, so an interruption does not matter.
             Kind::Stock => None,
             _ if self.watch.interrupted() => Some(NotAsked::Interrupted),
             _ if self.faults.has_given_up() => Some(NotAsked::EgoFailed),
+            // Copies cost a part of a run, so only whole runs are limited.
             Kind::Whole if self.limit < needed => Some(NotAsked::RunLimit { runs: self.limit }),
             _ => None,
         };
         match reason {
             Some(reason) => {
-                // The first reason stands.
+                // Only the first reason is kept.
                 let _ = self.ended.set(reason.clone());
                 Err(reason)
             }
@@ -188,19 +193,19 @@ impl<'a> Reruns<'a> {
         }
     }
 
-    /// Counts runs that were not asked for one by one.
+    /// Counts runs that were not requested individually.
     pub fn count(&self, runs: u64) {
         self.spent.fetch_add(runs, Ordering::Relaxed);
     }
 
-    /// So many questions at most, of which half of the runs are kept.
+    /// Returns at most `questions`, limited to half of the runs.
     pub fn at_most_half(&self, questions: usize) -> usize {
         let runs = u64::from(self.scenario.repeats().runs.max(1));
         let half = self.limit / 2 / runs;
         questions.min(usize::try_from(half).unwrap_or(usize::MAX))
     }
 
-    /// Plays one question as often as it takes; the run that stands for all.
+    /// Plays a question with all its repeats, and returns the representative run.
     pub fn played(
         &self,
         world: &Scenario,
@@ -220,7 +225,7 @@ impl<'a> Reruns<'a> {
         episodes.swap_remove(standing)
     }
 
-    /// Whether the ego holds where the ados act so, and the neutral action later.
+    /// Returns whether the ego holds under these actions, followed by the neutral action.
     pub fn holds(&self, episode: &Episode, actions: &[usize]) -> bool {
         let neutral = self.scenario.world().spaces().neutral;
         let from = (&episode.start, episode.noise);
@@ -230,7 +235,7 @@ impl<'a> Reruns<'a> {
     }
 }
 
-/// Whether the ego of a world can be copied in the middle of an episode.
+/// Returns whether the ego of a world can be copied in the middle of an episode.
 pub(crate) fn copies(scenario: &Scenario, start: &Start, noise: u64) -> bool {
     let mut bench = scenario.bench();
     bench.begin(start, noise, Aftermath::Skip);

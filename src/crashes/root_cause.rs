@@ -1,9 +1,8 @@
-//! Why a counterexample is one: the leaf, the ado's action, the ego's last chance.
+//! Cause of a counterexample: the leaf, the ado's action and the last chance.
 //!
-//! Each is an answer to "what if", played from the recorded start with its noise
-//! on the world's own plant, with everything else as recorded. Avoided is a
-//! failure where the verdict is that the ego held; a replay in which an ado
-//! breaks a rule answers nothing.
+//! Each is a counterfactual: a replay from the recorded start with its noise, on the
+//! world's own plant, with everything else as recorded. A failure is avoided if the
+//! verdict is that the ego holds. A replay with a rule violation is no answer.
 
 use std::sync::Arc;
 
@@ -17,19 +16,19 @@ use crate::sim::GRAVITY_MPS2;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::Scenario;
 
-/// A driver in the ego's place.
+/// Driver in the ego's place.
 #[derive(Clone)]
 pub struct Driver {
-    /// How sentences call it.
+    /// Name in sentences.
     pub name: String,
-    /// Makes one; its commands pass the ego's own actuator.
+    /// Factory of the driver. Its commands pass the ego's own actuator.
     pub factory: ControllerFactory,
 }
 
 impl Driver {
-    /// The ideal driver: no delay, all the deceleration the road gives.
+    /// Returns the ideal driver: no delay, all the deceleration of the road.
     ///
-    /// `None`: the world is not driven.
+    /// Returns `None` if the world is not driven.
     pub fn full_brake(scenario: &Scenario) -> Option<Driver> {
         let brake_mps2 = scenario.drive()?.road.friction() * GRAVITY_MPS2;
         Some(Driver {
@@ -39,18 +38,19 @@ impl Driver {
     }
 }
 
-/// Why the ego fails in an episode of `scenario`.
+/// Returns the cause of the failure in an episode of `scenario`.
 ///
-/// The last chance is that of `driver`, [`Driver::full_brake`] if left out.
+/// The last chance is that of `driver`, by default [`Driver::full_brake`].
 pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> Why {
     let watch = Watch::unwatched();
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
     why_within(&reruns, episode, driver)
 }
 
-/// The same with an ego that is asked about more than that.
+/// Finds the cause within the runs of `reruns`.
 pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<&Driver>) -> Why {
     let scenario = reruns.scenario();
+    // A refusal is kept, so that a missing decisive action is not read as a result.
     let (decisive, not_asked) = match decisive_within(reruns, episode) {
         Ok(decisive) => (decisive, None),
         Err(reason) => (None, Some(reason)),
@@ -72,18 +72,18 @@ pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<
     }
 }
 
-/// The earliest decision whose replacement by the neutral action, later ones as
-/// recorded, avoids the failure; if there is none, the earliest stretch of one
-/// action that does.
+/// Returns the earliest decision whose neutral replacement avoids the failure.
 ///
-/// `None`: neither does, or the ego cannot be asked.
+/// Later decisions stay as recorded. If no such decision exists, it returns the earliest
+/// stretch of equal actions with this property. `None` if neither exists, or if the ego
+/// refuses questions.
 pub fn decisive(scenario: &Scenario, episode: &Episode) -> Option<Decisive> {
     let watch = Watch::unwatched();
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
     decisive_within(&reruns, episode).ok().flatten()
 }
 
-/// Each decision that is not neutral, then each stretch of one such action.
+/// Returns all decisions that are not neutral, then all stretches of such actions.
 fn spans(scenario: &Scenario, actions: &[usize]) -> [Vec<(usize, usize)>; 2] {
     let neutral = scenario.world().spaces().neutral;
     let does_something = |span: &(usize, usize)| actions[span.0] != neutral;
@@ -100,18 +100,19 @@ fn spans(scenario: &Scenario, actions: &[usize]) -> [Vec<(usize, usize)>; 2] {
     ]
 }
 
-/// How many questions the decisive action of a sequence takes at most.
+/// Returns the most questions that the decisive action of a sequence needs.
 pub(super) fn spans_asked(scenario: &Scenario, actions: &[usize]) -> usize {
     spans(scenario, actions).iter().map(Vec::len).sum()
 }
 
-/// The same with an ego that is asked about more than that.
+/// Finds the decisive action within the runs of `reruns`.
 fn decisive_within(reruns: &Reruns<'_>, episode: &Episode) -> Result<Option<Decisive>, NotAsked> {
     let (scenario, actions) = (reruns.scenario(), &episode.actions);
     let neutral = scenario.world().spaces().neutral;
     if actions.iter().all(|action| *action == neutral) {
         return Err(NotAsked::NothingDone);
     }
+    // Zero questions cost nothing, but return an existing refusal.
     reruns.ask(0, 0)?;
     for spans in spans(scenario, actions) {
         let found = if reruns.copies() {
@@ -133,8 +134,9 @@ fn decisive_within(reruns: &Reruns<'_>, episode: &Episode) -> Result<Option<Deci
     Ok(None)
 }
 
-/// The first of some spans that avoid the failure if neutral, each asked by a
-/// whole run.
+/// Returns the first span whose neutral replacement avoids the failure.
+///
+/// Each span takes a whole run.
 fn earliest_of_whole_runs(
     reruns: &Reruns<'_>,
     episode: &Episode,
@@ -152,10 +154,10 @@ fn earliest_of_whole_runs(
     Ok(None)
 }
 
-/// The first of some spans of decisions that avoid the failure if neutral.
+/// Returns the first span whose neutral replacement avoids the failure.
 ///
-/// The spans come in order of their beginnings; up to there everything is as
-/// recorded, so that much is played once.
+/// The spans are in the order of their beginnings. The actions before a span are as
+/// recorded, so their part is played only once.
 fn earliest(
     scenario: &Scenario,
     episode: &Episode,
@@ -172,6 +174,7 @@ fn earliest(
         }
         let mut changed = episode.actions.clone();
         changed[from..to].fill(neutral);
+        // Without a copy of the ego, the recorded part is played again.
         let verdict = match bench.fork() {
             Some(branch) => finish(branch, &changed[played..]),
             None => {
@@ -184,7 +187,7 @@ fn earliest(
     })
 }
 
-/// The verdict after these actions; they coast when the recording has ended.
+/// Returns the verdict after these actions, followed by the neutral action.
 fn finish(mut bench: Testbench, actions: &[usize]) -> Option<Verdict> {
     let neutral = bench.spaces().neutral;
     let mut rest = actions.iter().copied().chain(std::iter::repeat(neutral));
@@ -194,20 +197,21 @@ fn finish(mut bench: Testbench, actions: &[usize]) -> Option<Verdict> {
     bench.verdict()
 }
 
-/// The last sample from which `driver`, in the ego's place, avoids the failure,
-/// ados acting as recorded.
+/// Returns the last sample from which `driver` avoids the failure.
 ///
-/// It is looked for backwards, decision by decision and then sample by sample
-/// within the first that helps: a chance that comes and goes between two
-/// decisions may be passed over. `None`: the world is not driven.
+/// The ados act as recorded. The search goes backwards by decisions, then by samples
+/// within the first decision that helps. A chance that exists only between two decisions
+/// may be missed. `None` if the world is not driven.
 pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> Option<LastChance> {
     let sample_s = scenario.drive()?.clock.sample_s;
     let judged = episode.judged.saturating_sub(1);
     let per_decision = scenario.bench().clock().samples_per_decision().max(1);
     let avoids = |after: usize| is_avoided(scenario, episode, driver, after);
+    // Every sample would be a whole replay, so whole decisions come first.
     let coarse = (0..=judged.div_ceil(per_decision)).rev();
     let coarse = coarse.map(|decision| decision * per_decision);
     let mut coarse = coarse.filter(|after| *after <= judged);
+    // Within a decision of the chance, samples are tried from its end.
     let at = coarse.find(|after| avoids(*after)).map(|from| {
         let last = (from + per_decision - 1).min(judged);
         (from + 1..=last)
@@ -222,7 +226,7 @@ pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> O
     })
 }
 
-/// Whether `driver` avoids it that takes over after so many samples.
+/// Returns whether `driver` avoids the failure if it takes over after `after` samples.
 fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: usize) -> bool {
     let Some(spec) = scenario.drive() else {
         return false;
@@ -233,7 +237,7 @@ fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: us
         let first: Box<dyn Controller> = if commands.is_empty() {
             own.build()
         } else {
-            // One that nobody here wrote repeats what it commanded.
+            // A foreign ego repeats its recorded commands up to the takeover.
             Box::new(RecordedCommands::new(commands.clone().into()))
         };
         Box::new(Takeover::new(first, second(), after))
@@ -245,11 +249,12 @@ fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: us
     let replayed = play(&mut bench, start, noise, &mut ado, Aftermath::Skip);
     matches!(
         replayed.verdict,
+        // A violation that does not count is no failure of the test.
         Verdict::Held { .. } | Verdict::Uncounted { .. }
     )
 }
 
-/// A time without the dust of binary fractions.
+/// Rounds a time to nanoseconds, which removes binary noise.
 fn tidy(time_s: f64) -> f64 {
     (time_s * 1e9).round() / 1e9
 }

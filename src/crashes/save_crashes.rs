@@ -1,9 +1,8 @@
-//! Keeping the counterexamples of an evaluation or a search as files.
+//! Counterexamples of an evaluation or a search, kept as files.
 //!
-//! Hundreds of counterexamples are as good as none to somebody who has to act on
-//! them. [`Keeper::keep`] hands over a few: the worst that differ from each other
-//! and persist, each made as small as it gets and labelled with what is known of
-//! it ([`About`]).
+//! Hundreds of counterexamples are useless to a developer. [`Keeper::keep`] keeps a few:
+//! the worst that are distinct and persistent. Each is minimized and labelled
+//! ([`About`]).
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,42 +23,42 @@ use crate::run_dir::{
 use crate::testbench::{Episode, Testbench};
 use crate::world::{Change, Scenario};
 
-/// Share of its variations in which a counterexample must fail to be handed over.
+/// Least share of variations in which a kept counterexample must fail.
 pub const PERSISTENT: f64 = 0.5;
-/// So many times what is asked for is looked at, at most.
+/// Candidates examined per counterexample to keep.
 const LOOKS: usize = 5;
 
-/// Which counterexamples are kept.
+/// Selection of the counterexamples to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// At most so many: the worst that differ and persist.
+    /// At most this many: the worst that are distinct and persistent.
     Worst(usize),
-    /// Every one.
+    /// All counterexamples.
     All,
 }
 
-/// In which form they are kept.
+/// Form of the kept counterexamples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// Made as small as they get ([`super::minimize::shrink`]).
+    /// Minimized ([`super::minimize::shrink`]).
     Shrunk,
     /// With the actions that were found.
     AsFound,
 }
 
-/// Which counterexamples are kept, in which form, at which cost.
+/// Selection, form and cost of the kept counterexamples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeepSettings {
-    /// Which ones.
+    /// Selection.
     pub choice: Choice,
-    /// In which form.
+    /// Form.
     pub form: Form,
-    /// Runs of an ego that cannot be copied, such as a program, that each may take.
+    /// Most runs per counterexample of an ego without copies, such as a program.
     pub runs: u64,
 }
 
 impl KeepSettings {
-    /// With [`KEEP_RUNS`] at most.
+    /// Creates settings with [`KEEP_RUNS`] runs.
     pub fn new(choice: Choice, form: Form) -> KeepSettings {
         KeepSettings {
             choice,
@@ -69,42 +68,42 @@ impl KeepSettings {
     }
 }
 
-/// Who made an ego fail, where; and how it is kept.
+/// Context of counterexamples to keep: world, ego, ado, seed and settings.
 #[derive(Clone)]
 pub struct Keeper<'a> {
-    /// The world, with the ego that fails.
+    /// World with the ego that fails.
     pub scenario: &'a Scenario,
-    /// What rows call that ego.
+    /// Name of that ego in rows.
     pub ego: &'a str,
-    /// How it differs from the world's own.
+    /// Difference of that ego from the world's own.
     pub change: &'a Change,
     /// Adversary, which files name by its caption.
     pub ado: AdversaryId,
     /// Seed of the test starts.
     pub seed: u64,
-    /// Which ones are kept, and how.
+    /// Selection, form and cost.
     pub settings: KeepSettings,
 }
 
-/// What was kept of the counterexamples that were found.
+/// Files that were kept, and counts of the counterexamples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KeptFiles {
-    /// The files and what each says of itself, worst first.
+    /// Files with their labels, worst first.
     pub files: Vec<(PathBuf, About)>,
-    /// Counterexamples that were found.
+    /// Number of counterexamples that were found.
     pub found: usize,
-    /// How many of them differ from each other.
+    /// Number of distinct groups among them.
     pub distinct: usize,
-    /// Those looked at and passed over, since they do not persist.
+    /// Number of examined counterexamples that do not persist.
     pub passed_over: usize,
-    /// Files of the same ego in the directory that an earlier command left there.
+    /// Files of the same ego that were in the directory before.
     pub older: usize,
-    /// Runs of the ego that all this took, if it is not a stock one.
+    /// Runs of the ego for all of this, 0 for a stock ego.
     pub runs: u64,
 }
 
 impl KeptFiles {
-    /// Says what was kept of an ego's counterexamples, and what each is.
+    /// Reports the files of an ego's counterexamples with their labels.
     pub fn note(&self, ego: &str, dir: &Path, watch: &Watch<'_>) {
         for (file, about) in &self.files {
             let about = about.to_string().replace('\n', "\n  ");
@@ -132,7 +131,7 @@ impl KeptFiles {
     }
 }
 
-/// A counterexample before it is looked at closely.
+/// Counterexample before its examination.
 struct Candidate {
     /// Position among the test starts.
     index: usize,
@@ -141,26 +140,26 @@ struct Candidate {
     badness: [f64; 4],
 }
 
-/// One that was looked at.
+/// Counterexample after its examination.
 struct Labelled {
     index: usize,
     episode: Episode,
     about: About,
 }
 
-/// Plays the counterexample of a start again, as it was.
+/// Function that plays the counterexample of a start again.
 pub type Again<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
 
-/// What is known of an episode without comparing it to others or shrinking it.
+/// Returns the labels of an episode, without its group and its minimization.
 pub fn about(scenario: &Scenario, episode: &Episode) -> About {
     let watch = Watch::unwatched();
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
     about_within(&reruns, episode)
 }
 
-/// The same with an ego that is asked about more than that.
+/// Labels an episode within the runs of `reruns`.
 pub(super) fn about_within(reruns: &Reruns<'_>, episode: &Episode) -> About {
-    // Persistence first: what does not persist is passed over.
+    // Persistence first, because runs may not suffice for all, and it decides on keeping.
     let persistence = persistence_within(reruns, episode);
     About {
         why: fails(episode).then(|| why_within(reruns, episode, None)),
@@ -170,9 +169,9 @@ pub(super) fn about_within(reruns: &Reruns<'_>, episode: &Episode) -> About {
     }
 }
 
-/// What is known of an episode from itself: no variation of it is played.
+/// Returns the labels of a single run, without variations of it.
 ///
-/// A cause is there only where the ego failed.
+/// A cause exists only if the ego failed.
 pub(super) fn about_of_run(scenario: &Scenario, episode: &Episode) -> About {
     About {
         why: fails(episode).then(|| why(scenario, episode, None)),
@@ -187,7 +186,7 @@ fn fails(episode: &Episode) -> bool {
     )
 }
 
-/// What its contact did to the ego, and which drivers avoid it.
+/// Returns the severity and the preventability of a contact.
 fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     About {
         severity: Severity::of(episode),
@@ -200,7 +199,7 @@ fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
 }
 
 impl<'a> Keeper<'a> {
-    /// Who keeps the counterexamples of an evaluation.
+    /// Creates a keeper for the counterexamples of an evaluation.
     pub fn of(request: &EvalRequest<'a>, change: &'a Change, settings: KeepSettings) -> Keeper<'a> {
         Keeper {
             scenario: request.scenario,
@@ -212,8 +211,9 @@ impl<'a> Keeper<'a> {
         }
     }
 
-    /// Plays the counterexamples of some starts again and keeps those that are
-    /// asked for as `WORLD-EGO-PLANT-SEED-INDEX.ron`, samples beside them.
+    /// Plays counterexamples again and keeps the selected ones as files.
+    ///
+    /// A file is `WORLD-EGO-PLANT-SEED-INDEX.ron`, with its samples beside it.
     ///
     /// # Errors
     /// The disk refuses.
@@ -234,7 +234,8 @@ impl<'a> Keeper<'a> {
             ..KeptFiles::default()
         };
         let mut chosen = self.chosen((&candidates, &clusters), again, watch, &mut kept);
-        // What was shrunk may have become a little less bad.
+        // Minimization may have made a counterexample less severe, so the order can
+        // change.
         chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode).then(a.index.cmp(&b.index)));
         for labelled in chosen {
             let Labelled {
@@ -255,7 +256,7 @@ impl<'a> Keeper<'a> {
         Ok(kept)
     }
 
-    /// How many files of this ego were in the directory before.
+    /// Returns the number of files of this ego that were in the directory before.
     fn older(&self, dir: &Path, kept: &KeptFiles) -> usize {
         let of_ego = stem_of_ego(self.scenario, self.ego);
         let is_older = |path: &PathBuf| {
@@ -265,16 +266,16 @@ impl<'a> Keeper<'a> {
                 && stem.is_some_and(|stem| stem.starts_with(&of_ego))
                 && !kept.files.iter().any(|(file, _)| file == path)
         };
-        // A directory that cannot be listed was just written to: nothing is said.
+        // The directory was just written to. If it cannot be listed, nothing is reported.
         let files = std::fs::read_dir(dir).into_iter().flatten().flatten();
         files.map(|file| file.path()).filter(is_older).count()
     }
 
-    /// Every start's counterexample, worst first.
+    /// Returns the counterexample of every start, worst first.
     fn candidates(&self, starts: &[usize], again: Again<'_>, watch: &Watch<'_>) -> Vec<Candidate> {
         let candidate = |bench: &mut Testbench, index: usize| {
             let episode = again(bench, index);
-            // An ego that does not answer twice alike may not fail again.
+            // An ego that is not deterministic may not fail again.
             episode.verdict.is_success().then(|| Candidate {
                 index,
                 shape: Shape::of(self.scenario, &episode),
@@ -292,7 +293,7 @@ impl<'a> Keeper<'a> {
         all
     }
 
-    /// Those that are to be kept, looked at a few at a time.
+    /// Returns the counterexamples to keep, examined in batches.
     fn chosen(
         &self,
         (candidates, clusters): (&[Candidate], &[Vec<usize>]),
@@ -312,6 +313,8 @@ impl<'a> Keeper<'a> {
             Form::AsFound => "labelling counterexamples",
         });
         while chosen.len() < most && !watch.stopped() {
+            // A batch is as large as the number still missing, so few are examined in
+            // vain.
             let batch: Vec<_> = queue.by_ref().take(most - chosen.len()).collect();
             if batch.is_empty() {
                 break;
@@ -339,7 +342,8 @@ impl<'a> Keeper<'a> {
     fn labelled(&self, index: usize, size: usize, again: Again<'_>, watch: &Watch<'_>) -> Labelled {
         let mut bench = self.scenario.bench();
         let found = again(&mut bench, index);
-        // It holds a program, if the ego is one: one is enough.
+        // The bench holds a running program, if the ego is one. A single program is
+        // enough.
         drop(bench);
         let reruns = Reruns::of(self.scenario, &found, self.settings.runs, watch);
         let (episode, mut known) = match self.settings.form {
@@ -354,10 +358,11 @@ impl<'a> Keeper<'a> {
         }
     }
 
-    /// The shrunk one, or the found one if only that persists.
+    /// Returns the minimized counterexample, or the found one if only that persists.
     fn shrunk(&self, reruns: &Reruns<'_>, found: &Episode) -> (Episode, About) {
         let varied = variations(self.scenario, found);
         let labels = varied + spans_asked(self.scenario, &found.actions);
+        // Half of the runs at most are reserved for the labels.
         let (episode, shrunk) = shrink_within(reruns, found, reruns.at_most_half(labels));
         let small = about_within(reruns, &episode);
         let smaller = shrunk.after != shrunk.before;
@@ -367,7 +372,7 @@ impl<'a> Keeper<'a> {
                 return (found.clone(), large);
             }
         }
-        // Of an ego that is not asked nobody knows whether it could be smaller.
+        // Without runs of the ego it is unknown whether a smaller one exists.
         let shrunk = (!reruns.is_refused()).then_some(shrunk);
         (episode, About { shrunk, ..small })
     }
@@ -378,13 +383,13 @@ fn persists(about: &About) -> bool {
     persistence.is_none_or(|persistence| PERSISTENT <= persistence.share())
 }
 
-/// The first of every cluster, with its size.
+/// Returns the first of every cluster, with the size of the cluster.
 fn leaders(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
     let leaders = clusters.iter().map(|cluster| (cluster[0], cluster.len()));
     leaders.collect()
 }
 
-/// Everybody in order, with the size of their cluster.
+/// Returns all counterexamples in order, with the sizes of their clusters.
 fn everybody(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
     let all = clusters.iter().flat_map(|cluster| {
         let members = cluster.iter();
@@ -395,12 +400,11 @@ fn everybody(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
     all
 }
 
-/// Writes the first `most` counterexamples of an evaluation into a directory, as
-/// they were found and without labels: a training's own.
+/// Writes the first `most` counterexamples of an evaluation, as found.
 ///
-/// Each is played again (episodes are pure functions of their start) and
-/// written as `WORLD-EGO-PLANT-SEED-INDEX.ron` with its samples as `.csv` beside
-/// it.
+/// They have no labels. A training uses this for its own counterexamples. Each is played
+/// again, because episodes are pure functions of their start. Its file is
+/// `WORLD-EGO-PLANT-SEED-INDEX.ron`, with its samples as `.csv`.
 ///
 /// # Errors
 /// The disk refuses.
@@ -425,12 +429,12 @@ pub fn keep(
     Ok(files)
 }
 
-/// `WORLD-EGO-PLANT-SEED-INDEX`, with whatever could disturb a path replaced.
+/// Returns `WORLD-EGO-PLANT-SEED-INDEX` without characters that disturb a path.
 pub fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
     format!("{}{seed}-{index:04}", stem_of_ego(scenario, ego))
 }
 
-/// How the names of all files of an ego in a world begin.
+/// Returns the common prefix of all files of an ego in a world.
 fn stem_of_ego(scenario: &Scenario, ego: &str) -> String {
     let plant = format!("{:?}", scenario.plant()).to_lowercase();
     let (world, ego) = (file_name(scenario.name()), file_name(ego));

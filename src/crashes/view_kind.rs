@@ -11,7 +11,7 @@ pub enum ViewKind {
     Picture,
 }
 
-/// A file whose name is of no kind that shows an episode.
+/// File name without a known kind.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("`{}` is neither a recording nor a picture", file.display())]
 pub struct UnknownViewKind {
@@ -27,10 +27,10 @@ impl UnknownViewKind {
 }
 
 impl ViewKind {
-    /// The kind that a file's extension names, in either case.
+    /// Returns the kind of a file by its extension, in either case.
     ///
     /// # Errors
-    /// Files of that name are not written.
+    /// Files with this name are not written.
     ///
     /// ```
     /// use brakecheck::crashes::ViewKind;

@@ -1,4 +1,4 @@
-//! What the egos of a world meet before anybody has trained an ado for it.
+//! Baselines and search of a world, before any ado was trained in it.
 
 use super::blocking_rules::{InTheWay, in_the_way};
 use crate::adversary::{Ado, best_constant, eval};
@@ -7,18 +7,18 @@ use crate::run_dir::Row;
 use crate::search::{SearchRequest, Switches, search};
 use crate::world::Scenario;
 
-/// What the egos of a world meet.
+/// Rows of baselines and search, ego by ego.
 #[derive(Clone, Debug, Default)]
 pub struct Untrained {
     /// The baselines and a search, ego by ego.
     pub rows: Vec<Row>,
-    /// What the rules keep the search from, where it finds nothing, ego by ego.
+    /// Rules that block success, for egos for which the search finds nothing.
     pub in_the_way: Vec<InTheWay>,
 }
 
-/// The baselines and a search with at most so many switches, ego by ego.
+/// Plays the baselines and a search with limited switches, ego by ego.
 ///
-/// What was finished when `watch` stopped it is given; `None`: nothing was.
+/// Egos that are finished when `watch` stops are returned, `None` if none is.
 ///
 /// # Errors
 /// A program may not be started.
@@ -40,6 +40,7 @@ pub fn untrained(
         }
         let watch = &watch.later(nth);
         let tested = (ego.scenario(), ego.is_nominal());
+        // Each ego may have other trivial starts.
         let Some((starts, alone)) = starts.for_ego(nominal, tested, watch) else {
             break;
         };
@@ -56,10 +57,12 @@ pub fn untrained(
         let met = |ado| eval(&ego.met_by(ado, &starts), watch).row;
         let constant = best_constant(ego.scenario(), ego.name(), &starts, watch).row;
         for mut row in [met(Ado::Held), met(Ado::Random), constant] {
+            // The recall of a baseline shows whether the search was needed.
             row.compare_with_search(&found.row.solved);
             row.fails_alone = alone;
             all.rows.push(row);
         }
+        // Rules are suspected only after a search without a success.
         if found.row.successes == 0 && 0 < found.row.starts {
             let met = (ego.scenario(), ego.name());
             all.in_the_way

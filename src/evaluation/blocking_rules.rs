@@ -1,9 +1,7 @@
-//! Which rules keep an adversary from what it could do without them: looked for
-//! where a search found nothing lawful.
+//! Rules that block an adversary, searched if no lawful success was found.
 //!
-//! A world in which nothing is found is either safe or forbids everything, and
-//! the rows of both look the same. The same search without a rule tells them
-//! apart, rule by rule.
+//! A world without a success is either safe or forbids everything, and the rows of both
+//! look the same. A search without a rule shows the difference, rule by rule.
 
 use std::fmt;
 
@@ -13,24 +11,25 @@ use crate::experiment::{TestStarts, Watch};
 use crate::search::{SearchRequest, Switches, search};
 use crate::world::Scenario;
 
-/// Starts that are looked at, at most.
+/// Most starts that are searched again.
 const LOOKED_AT: usize = 12;
 
-/// From how many starts search makes the ego fail once rules are left out.
+/// Numbers of starts from which the ego fails without certain rules.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct InTheWay {
-    /// The ego.
+    /// Name of the ego.
     pub ego: String,
-    /// Starts that were looked at.
+    /// Number of searched starts.
     pub starts: usize,
-    /// Solved without any rule.
+    /// Starts solved without any rule.
     pub without_all: usize,
-    /// Solved without one rule, rule by rule.
+    /// Starts solved without a single rule, rule by rule.
     pub without: Vec<(String, usize)>,
-    /// Most switches of action of the sequences that were searched.
+    /// Most switches of action in the searched sequences.
     pub switches: usize,
-    /// Starts on which the ego violates its specification with all rules kept, in
-    /// no way that counts; `None`: every violation counts in this world.
+    /// Starts with a lawful violation of the specification that does not count.
+    ///
+    /// `None` if every violation counts in this world.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uncounted: Option<usize>,
 }
@@ -45,6 +44,7 @@ pub(super) fn in_the_way(
     watch: &Watch<'_>,
 ) -> Option<InTheWay> {
     let rules = &scenario.rulebook().rules;
+    // Few starts are enough to find a rule that blocks all of them.
     let few = starts.first(LOOKED_AT);
     if rules.is_empty() || few.starts.is_empty() {
         return None;
@@ -60,7 +60,7 @@ pub(super) fn in_the_way(
         search(&request, &watch.quiet()).row.successes
     };
     let without_all = solved(&scenario.without_rules(|_| true));
-    // Where nothing is found without any rule, no single one is in the way.
+    // If the ego does not fail without all rules, no single rule can be the cause.
     let each = rules.iter().filter(|_| 0 < without_all);
     let without = each.map(|rule| {
         let world = scenario.without_rules(|name| name == rule.name);
@@ -75,6 +75,7 @@ pub(super) fn in_the_way(
         without_all,
         without: without.collect(),
     };
+    // Counts of an interrupted search would be too low.
     (!watch.stopped()).then_some(found)
 }
 
@@ -117,6 +118,7 @@ impl fmt::Display for InTheWay {
             .collect();
         blocking.sort_by_key(|(_, solved)| std::cmp::Reverse(*solved));
         if blocking.is_empty() {
+            // Two rules may each forbid the same success.
             return write!(f, ", but without any single one of them from none");
         }
         for (nth, (rule, solved)) in blocking.iter().enumerate() {

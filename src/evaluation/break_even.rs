@@ -19,29 +19,28 @@ pub struct PerStart {
     pub cpu_s: f64,
 }
 
-/// A trained ado against a search of the same starts.
+/// Comparison of a trained ado with a search of the same starts.
 ///
-/// The ado costs what was spent `once` and one simulation per start; the search
-/// costs nothing once and, per start, its simulations to the first success, or
-/// its whole budget where there is none.
+/// The ado costs `once`, and then a simulation per start. The search costs nothing once.
+/// Per start it costs its simulations to the first success, or its whole budget.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BreakEven {
-    /// Name of the ego that both met.
+    /// Name of the ego of both.
     pub ego: String,
-    /// How the search chose its sequences.
+    /// Name of the search method.
     pub method: String,
     /// Seed of the training.
     pub train_seed: Option<u64>,
-    /// What the training cost, paid once.
+    /// Cost of the training.
     pub once: Cost,
-    /// What the trained ado does and costs per start.
+    /// Success and cost per start of the trained ado.
     pub ado: PerStart,
     /// The least budget with which the search solves as many starts as the ado.
     ///
     /// Where even the whole budget does not, it is that, and `matched` is false:
     /// the search then costs less than equal success would.
     pub budget: u64,
-    /// Whether the search reaches the success of the ado.
+    /// True if the search reaches the success of the ado.
     pub matched: bool,
     /// The search with that budget.
     pub search: PerStart,
@@ -49,9 +48,9 @@ pub struct BreakEven {
     ///
     /// `None`, here and below: it never is, because one start costs it no less.
     pub starts: Option<f64>,
-    /// The same by physics steps; `None` also where the training counted none.
+    /// Break-even by physics steps, also `None` if the training did not count them.
     pub starts_by_physics_steps: Option<f64>,
-    /// The same by processor time.
+    /// Break-even by processor time.
     pub starts_by_cpu_s: Option<f64>,
     /// Success of the search against simulations spent.
     pub curve: Vec<Anytime>,
@@ -59,10 +58,11 @@ pub struct BreakEven {
 
 /// Compares a search with a trained ado on the same ego and starts.
 ///
-/// `searched` is of a method with `budget` simulations per start; `trained` is
-/// the ado's row over the same starts, and `once` what it took to have it.
-/// Where the search is cut short, physics steps and time of a start are taken
-/// in proportion to its simulations. `None` where the ado solves nothing.
+/// `searched` has `budget` simulations per start. `trained` is the ado's row on the same
+/// starts, and `once` is the cost of its training. If the search is cut short, physics
+/// steps and time of a start are proportional to its simulations.
+///
+/// Returns `None` if the ado solves nothing.
 pub fn break_even(
     searched: &Searched,
     budget: u64,
@@ -70,11 +70,13 @@ pub fn break_even(
     once: Cost,
 ) -> Option<BreakEven> {
     let starts = searched.found.iter().flatten().count();
+    // Without a success there is nothing to match.
     if starts == 0 || trained.successes == 0 {
         return None;
     }
     let reached = |budget| trained.successes <= anytime(&searched.found, budget).successes;
     let matched = reached(budget);
+    // Equal success makes the costs comparable.
     let enough = if matched {
         least(budget, reached)
     } else {
@@ -90,6 +92,7 @@ pub fn break_even(
     let search = cut(&searched.found, enough);
     let saved = |once: f64, each: f64, searched: f64| {
         let saved = searched - each;
+        // Break-even: the savings of this many starts equal the cost of the training.
         (0.0 < saved).then(|| once / saved)
     };
     // Earlier versions did not count the physics steps of a training.
@@ -118,7 +121,9 @@ pub fn break_even(
     })
 }
 
-/// The least number up to `most` that passes; more never fails what less passes.
+/// Returns the least number up to `most` that passes.
+///
+/// `passes` must be monotone: a greater number passes if a smaller number does.
 fn least(most: u64, passes: impl Fn(u64) -> bool) -> u64 {
     let (mut fails, mut passing) = (0, most);
     while 1 < passing - fails {
@@ -151,12 +156,13 @@ fn cut(found: &[Option<Found>], budget: u64) -> PerStart {
     }
 }
 
-/// Ten budgets per decade and the one in question.
+/// Returns ten budgets per decade, and `also`.
 fn curve_budgets(most: u64, also: u64) -> Vec<u64> {
     let mut budgets = vec![also, most];
     let mut budget = 1;
     while budget < most {
         budgets.push(budget);
+        // 1.25 to the tenth is about 9.3, so these are ten budgets per decade.
         budget = (budget * 5).div_ceil(4);
     }
     budgets.sort_unstable();

@@ -41,6 +41,8 @@ impl<'a> Meeting<'a> {
                 self.rows.push(row);
             }
         }
+        // The adapted ado comes after the reused ado and the baselines that it must
+        // exceed.
         if self.asked.learns() {
             let row = self.adapted()?;
             self.rows.extend(row);

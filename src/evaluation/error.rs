@@ -9,10 +9,10 @@ use crate::sysid::{ConditioningError, LEAST_RUNS};
 use crate::theorems::TheoremsError;
 use crate::training::TrainError;
 
-/// An evaluation could not be carried out.
+/// Failure of an evaluation.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// As `Debug` it prints as on the command line, so a failing test shows the problem, its
+/// place and its fix.
 #[derive(thiserror::Error)]
 pub enum EvaluationError {
     /// Too few runs to learn an ego from.
@@ -47,10 +47,10 @@ pub enum EvaluationError {
     NoRows {
         /// The file.
         file: PathBuf,
-        /// What is wrong in it.
+        /// Description of the problem in the file.
         why: String,
     },
-    /// A run of another world beside the one that is reported.
+    /// A second run in the request is a run of another world.
     #[error("`{}` is a run of another world", run.display())]
     OtherWorld {
         /// The run.
@@ -80,7 +80,7 @@ pub enum EvaluationError {
 }
 
 impl EvaluationError {
-    /// The fix; `None`: the error has another form than a sentence and its fix.
+    /// Returns the fix, or `None` if the error has another form.
     pub fn help(&self) -> Option<String> {
         Some(match self {
             EvaluationError::TooFewRuns { .. } => {

@@ -1,11 +1,9 @@
-//! The points of a test protocol: which of them an ego passes, and which lawful
-//! variations of those make it fail.
+//! Points of a test protocol: those that an ego passes, and their variations.
 //!
-//! A point is a start of a world in which the others do what the protocol
-//! prescribes as long as nothing is added to their plans. So every point is
-//! played once with the neutral action, by the very ego under test. Where the
-//! world has an ado, what its rules let it add is searched at every point that
-//! is passed, for the first variation that makes the ego fail.
+//! A point is a start of a world in which the others follow the protocol, as long as the
+//! ado adds nothing to their plans. Every point is therefore played once with the neutral
+//! action, by the ego under test itself. If the world has an ado, its lawful variations
+//! are searched at every passed point, for the first that makes the ego fail.
 
 use std::path::Path;
 
@@ -25,27 +23,27 @@ use crate::stats::StartOutcome;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, film, play};
 use crate::world::Scenario;
 
-/// Most changes of what is added to a plan, for egos that can be copied.
+/// Most changes of the ado's deviation from a plan, for egos that can be copied.
 const SWITCHES: usize = 2;
-/// The same for programs, of which every sequence takes a whole run.
+/// The same limit for programs, of which every sequence takes a whole run.
 const SWITCHES_OF_PROGRAMS: usize = 1;
 
-/// What to let one ego meet.
+/// Request to play an ego at the points of its world.
 #[derive(Clone, Copy)]
 pub struct PointsRequest<'a> {
     /// The ego under test.
     pub ego: &'a EgoUnderTest,
     /// Starts of a world without a table, and the seed of all noise.
     pub starts: (usize, u64),
-    /// Most changes of what is added to a plan; `None`: 2, for programs 1.
+    /// Most changes of the deviation, by default 2, and 1 for programs.
     pub switches: Option<usize>,
 }
 
-/// How one point went.
+/// Outcome of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PointOutcome {
-    /// The ego met its specification.
+    /// The ego satisfied its specification.
     Passed,
     /// It violated it.
     Failed,
@@ -62,26 +60,27 @@ pub struct PointResult {
     pub point: usize,
     /// Values of the start, by axis.
     pub start: IndexMap<String, f64>,
-    /// How it went.
+    /// Outcome of the point.
     pub outcome: PointOutcome,
-    /// ρ(ψ_ego), below 0 where the ego fails; `None`: a rule was broken first, or
-    /// nothing ran.
+    /// ρ(ψ_ego), below 0 if the ego fails.
+    ///
+    /// `None` if a rule was broken first, or if nothing ran.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robustness: Option<f64>,
-    /// How the ego failed, if it did.
+    /// Failure of the ego, if it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<PointFailure>,
-    /// What a search of lawful variations came to; `None`: none was made.
+    /// Result of the search of lawful variations, `None` without a search.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub varied: Option<VariedPoint>,
 }
 
-/// How an ego fails at a point.
+/// Failure of an ego at a point.
 #[derive(Clone, Debug, Serialize)]
 pub struct PointFailure {
     /// The part of ψ_ego that decides.
     pub leaf: String,
-    /// When it is decided.
+    /// Time of the violation.
     pub violated_s: f64,
     /// The agents that touch, if any do.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -91,16 +90,17 @@ pub struct PointFailure {
     pub closing_mps: Option<f64>,
 }
 
-/// What a search of lawful variations of a passed point came to.
+/// Result of the search of lawful variations at a passed point.
 #[derive(Clone, Debug, Serialize)]
 pub struct VariedPoint {
-    /// Whether one makes the ego fail.
+    /// True if a variation makes the ego fail.
     pub fails: bool,
     /// Closing speed of its contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_mps: Option<f64>,
-    /// Whether a human model of UN R157, `CC_LATCHED` or `FSM`, avoids it; `None`:
-    /// nothing fails, or the encounter is not judged.
+    /// True if a human model of UN R157 avoids it, `CC_LATCHED` or `FSM`.
+    ///
+    /// `None` if the ego does not fail, or if the encounter cannot be judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preventable: Option<bool>,
 }
@@ -118,22 +118,23 @@ pub struct PointsTable {
     pub failed: usize,
     /// Points at which it did not run.
     pub invalid: usize,
-    /// Points of those passed at which a lawful variation makes it fail; `None`:
-    /// none was searched.
+    /// Passed points at which a lawful variation makes the ego fail.
+    ///
+    /// `None` without a search.
     pub strayed: Option<usize>,
-    /// Most changes of what is added to a plan in that search.
+    /// Most changes of the deviation in that search.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub switches: Option<usize>,
     /// Every point.
     pub points: Vec<PointResult>,
-    /// The rows: every point as it is; then the search.
+    /// Rows: every point as it is, then the search.
     #[serde(skip)]
     pub rows: Vec<Row>,
     #[serde(skip)]
     met: Met,
 }
 
-/// What it takes to play everything again.
+/// Data to play all points again.
 #[derive(Clone)]
 struct Met {
     ego: EgoUnderTest,
@@ -169,12 +170,14 @@ impl Met {
     }
 }
 
-/// Lets an ego meet every point, and searches variations of those it passes.
+/// Plays an ego at every point, and searches variations of the passed points.
 ///
-/// What was played before `watch` stopped it is in the table; `None`: nothing was.
+/// Points that were played before `watch` stopped are in the table. `None` if there are
+/// none.
 pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTable> {
     let scenario = request.ego.scenario();
     let (count, seed) = request.starts;
+    // A table is played whole. A world without ranges has a single start.
     let most = match (scenario.starts(), scenario.axes().is_empty()) {
         (Some(all), _) => all.len(),
         (None, true) => 1,
@@ -196,6 +199,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     }
     note_if_unrepeatable(request.ego, &met.starts, watch);
     let mut rows = vec![row];
+    // With a single action there is nothing to vary.
     let switches = (1 < scenario.world().spaces().actions && !watch.stopped())
         .then(|| request.switches.unwrap_or_else(|| usual_switches(&met)));
     if let Some(switches) = switches {
@@ -253,6 +257,8 @@ fn usual_switches(met: &Met) -> usize {
 impl Met {
     /// The points that are passed, all others left out.
     fn passed(&self) -> TestStarts {
+        // A trivial start is not searched, so all points except the passed are marked as
+        // such.
         let outcomes = self.evaluated.row.solved.iter();
         TestStarts {
             trivial: outcomes.map(|it| *it != StartOutcome::Unsolved).collect(),
@@ -319,6 +325,7 @@ fn outcome_of(outcome: &Outcome) -> PointOutcome {
 
 fn robustness(verdict: &Verdict) -> Option<f64> {
     match verdict {
+        // JSON cannot express an infinite margin.
         Verdict::Held { margin } => Some(*margin).filter(|margin| margin.is_finite()),
         Verdict::Counterexample { by } | Verdict::Uncounted { by } => Some(-by),
         Verdict::Foul { .. } | Verdict::Invalid => None,
@@ -330,6 +337,8 @@ fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
     let contact = episode.contact.as_ref();
     PointFailure {
         leaf: leaf(scenario, episode),
+        // The last judged sample is that of the violation, and rounding removes binary
+        // noise.
         violated_s: (episode.judged.saturating_sub(1) as f64 * sample_s * 1e9).round() / 1e9,
         contact: contact.map(|touch| touch.between.clone()),
         closing_mps: contact.map(|touch| touch.closing_speed_mps),
@@ -375,7 +384,7 @@ fn case(result: &PointResult) -> PointCase {
 }
 
 impl PointsTable {
-    /// Whether the ego fails anywhere, as the points are or varied.
+    /// Returns whether the ego fails at any point or variation.
     pub fn fails(&self) -> bool {
         0 < self.failed + self.strayed.unwrap_or(0)
     }
@@ -396,8 +405,9 @@ impl PointsTable {
         ]
     }
 
-    /// Plays what fails again and writes it into a directory: points with the
-    /// neutral actions, then variations with the actions that were found.
+    /// Plays failures again and keeps them as files.
+    ///
+    /// Points come with the neutral actions, then variations with the actions found.
     ///
     /// # Errors
     /// The disk refuses.
@@ -421,6 +431,7 @@ impl PointsTable {
         if self.strayed.is_some() {
             let again = |bench: &mut Testbench, index: usize| self.met.strayed_again(bench, index);
             let mut varied = keeper(AdversaryId::Search).keep(&strayed, &again, dir, watch)?;
+            // The files of the failed points were written just before, and are not older.
             varied.older = varied.older.saturating_sub(all[0].files.len());
             all.push(varied);
         }
@@ -448,7 +459,7 @@ impl PointsTable {
         }
     }
 
-    /// How many points are passed, in a sentence.
+    /// Returns the numbers of passed points and variations, in a sentence.
     pub fn summary(&self) -> String {
         let mut text = format!(
             "{} of {} points passed, {} failed, {} did not run",
@@ -465,7 +476,7 @@ impl PointsTable {
         text
     }
 
-    /// What fails, as examples for a page, at most so many; the worst first.
+    /// Returns failures as examples for a page, at most `most`, the worst first.
     pub fn examples(&self, most: usize, watch: &Watch<'_>) -> Vec<Example> {
         let [failed, strayed] = self.failing();
         let failed = failed.into_iter().map(|point| (point, false));
@@ -479,8 +490,10 @@ impl PointsTable {
             } else {
                 failure.and_then(|failure| failure.closing_mps)
             };
+            // Failures without a contact come after all contacts.
             closing.unwrap_or(-1.0)
         };
+        // Ties keep the order of the points, so that the page is deterministic.
         chosen.sort_by(|a, b| closing(b).total_cmp(&closing(a)).then(a.cmp(b)));
         chosen.truncate(most);
         let scenario = self.scenario();

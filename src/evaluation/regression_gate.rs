@@ -165,7 +165,7 @@ impl EvaluationTable<'_> {
                 tries.play(bench, start, winners[start].unwrap_or(0))
             }
             FoundBy::Adapted(adapted) => adapted.play(bench, starts, start),
-            // On a map of cells no failure is preventable, whatever ado plays.
+            // On a grid no failure is preventable, whatever the ado.
             FoundBy::Trained(_) | FoundBy::Optimal(_) => trained.play(bench, start),
         };
         let labels = EpisodeLoop::uncounted(watch).run(

@@ -1,8 +1,8 @@
-//! One ado on many egos: what the rows of a reuse table come to (Sec. IV).
+//! Summary of an ado's rows on many egos, as in a reuse table (Sec. IV).
 //!
-//! Rows are grouped by how an ego relates to what the ado was trained against,
-//! and compared ado by ado: mean success, mean recall where an adversary can
-//! do something at all, and the paired difference to one ado of reference.
+//! Rows are grouped by the relation of their ego to the training. Ados are compared by
+//! mean success, by mean recall, and by the paired difference to a reference ado. The
+//! recall counts only egos that an adversary can make fail.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,17 +12,18 @@ use crate::run_dir::{AdversaryId, ChangedEgo, FailsAlone, Row, RunDir, adversary
 use crate::stats::{Outcomes, StartOutcome, mean_difference};
 use crate::world::{Against, Scenario};
 
-/// Egos on which search solves less than this share of starts tell nothing of
-/// recall: a few starts would decide.
+/// Least share of starts that a search must solve for a recall of an ego.
+///
+/// Below it a few starts would determine the recall.
 pub const LEAST_REACHABLE: f64 = 0.10;
 
-/// What an ego was to the ado when it was trained.
+/// Relation of an ego to the training of an ado.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Relation {
     /// The very ego it was trained against.
     Trained,
-    /// Never met: the ado knows the nominal ego only (the paper's claim).
+    /// Not part of the training, which had the nominal ego only (the paper's claim).
     ZeroShot,
     /// Inside the family of egos it was trained against.
     Inside,
@@ -46,7 +47,7 @@ impl Relation {
 }
 
 impl EgoUnderTest {
-    /// What it was to the ado of a run; `nominal` is the run's world.
+    /// Returns the relation of the ego to the ado of a run, whose world is `nominal`.
     pub fn relation(&self, run: &RunDir, nominal: &Scenario) -> Relation {
         let trained = run.manifest().ego.as_ref();
         if self.is_own() || trained.is_some_and(ChangedEgo::is_own) {
@@ -58,6 +59,7 @@ impl EgoUnderTest {
             };
         }
         let trained = trained.map(|ego| &ego.change);
+        // An ego is compared by its changes, because names can differ.
         if *self.change() == trained.cloned().unwrap_or_default() {
             return Relation::Trained;
         }
@@ -74,23 +76,24 @@ impl EgoUnderTest {
 pub struct ReusedOn {
     /// Name of the ego, as rows call it.
     pub ego: String,
-    /// What it was to the ado in training.
+    /// Relation of the ego to the training.
     pub relation: Relation,
-    /// Share of all drawn starts, the trivial ones included, on which this
-    /// ego fails while the ados coast.
+    /// Share of all drawn starts from which this ego fails while the ados coast.
+    ///
+    /// Trivial starts are included.
     pub fails_without_adversary: f64,
     /// Share of the evaluated starts that search solves, if it ran.
     pub reachable: Option<f64>,
     /// Share solved by search or by any ado of the table.
     pub union: f64,
-    /// Its rows; JSON lists them beside the egos, not in them.
+    /// Rows of the ego. JSON has them beside the egos, not inside.
     #[serde(skip)]
     pub rows: Vec<Row>,
 }
 
-/// Gathers the rows of one ego; plays it once with coasting ados.
+/// Collects the rows of an ego, and plays it once with coasting ados.
 ///
-/// `scenario` is the changed one and `starts` are those of `rows`.
+/// `scenario` is the changed world, and `starts` are those of `rows`.
 pub fn reused_on(
     scenario: &Scenario,
     (ego, relation): (&str, Relation),
@@ -99,6 +102,7 @@ pub fn reused_on(
     watch: &Watch<'_>,
 ) -> ReusedOn {
     let all = TestStarts {
+        // All starts are played here, the trivial starts of the nominal ego included.
         trivial: vec![false; starts.starts.len()],
         ..starts.clone()
     };
@@ -139,10 +143,10 @@ fn union(rows: &[Row]) -> f64 {
     any.count() as f64 / first.starts.max(1) as f64
 }
 
-/// What one ado came to on the egos of one block.
+/// Summary of an ado on the egos of a block.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
-    /// What the egos of the block were to the ado in training.
+    /// Relation of the block's egos to the training.
     pub relation: Relation,
     /// Adversary, with the keys that rows have.
     #[serde(flatten, serialize_with = "adversary_keys::serialize")]
@@ -157,8 +161,9 @@ pub struct Summary {
     pub recall_mean: Option<f64>,
     /// The least recall among them, and on which ego.
     pub recall_min: Option<(f64, String)>,
-    /// The reference ado minus this one: mean over the block's egos of the
-    /// difference in success rate, paired on starts, with its 95 % interval.
+    /// Reference ado minus this ado: mean difference of their success rates.
+    ///
+    /// The mean is over the block's egos, paired on starts, with its 95 % interval.
     pub reference_minus: Option<(f64, [f64; 2])>,
     /// Mean simulations per start.
     pub sims_per_start: f64,
@@ -172,6 +177,7 @@ pub fn summarise(egos: &[ReusedOn], reference: &AdversaryId) -> Vec<Summary> {
     relations.sort();
     relations.dedup();
     let changed = |relation: &Relation| *relation != Relation::Trained;
+    // With a single relation the block of all changed egos would repeat it.
     if 1 < relations.iter().copied().filter(changed).count() {
         relations.push(Relation::Changed);
     }
@@ -215,12 +221,14 @@ fn summary(
         .map(|ego| (*ego, of(ego, ado)))
         .filter(|(_, rows)| !rows.is_empty())
         .collect();
+    // Egos that no search can make fail would have a recall by chance.
     let telling = played
         .iter()
         .filter(|(ego, _)| ego.reachable.is_some_and(|share| LEAST_REACHABLE <= share));
     let recalls: Vec<(f64, String)> = telling
         .filter_map(|(ego, rows)| {
             let recalls: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
+            // An ego without a recall in every training has no mean.
             Some((mean(recalls?.into_iter())?, ego.ego.clone()))
         })
         .collect();
@@ -228,6 +236,7 @@ fn summary(
     let compared: Vec<(Vec<Row>, &Vec<Row>)> = played
         .iter()
         .map(|(ego, rows)| (of(ego, reference), rows))
+        // The reference minus itself would be 0 in every table.
         .filter(|(compared, _)| ado != reference && !compared.is_empty())
         .collect();
     let pairs: Vec<(Vec<&Outcomes>, Vec<&Outcomes>)> = compared

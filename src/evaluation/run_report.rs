@@ -17,15 +17,14 @@ use crate::testbench::film;
 use crate::world::file_text;
 use crate::world::{Against, Scenario};
 
-/// Episodes that changed egos are tried on, unless told otherwise, and the
-/// least and most starts of each.
+/// Default number of episodes for changed egos, and bounds on the starts of each.
 const REUSE_EPISODES: usize = 1000;
 const LEAST_STARTS: usize = 20;
 const MOST_STARTS: usize = 100;
 /// A file of rows is no larger than this.
 const MAX_ROWS_BYTES: u64 = 50_000_000;
 
-/// What to report on.
+/// Request for a report on a run.
 #[derive(Clone, Copy)]
 pub struct ReportRequest<'a> {
     /// Run directory whose policy is reported on.
@@ -34,16 +33,17 @@ pub struct ReportRequest<'a> {
     pub scenario: &'a Scenario,
     /// Other runs of the same world, to show beside it.
     pub with: &'a [RunDir],
-    /// Rows to show; without any, changed egos are played.
+    /// Rows to show. Without rows, changed egos are played.
     pub given: &'a GivenRows,
     /// Test starts to draw, and the seed of their stream.
     pub starts: (usize, u64),
-    /// The first of them that every changed ego is tried on too; `None`: as many
-    /// as 1000 episodes allow, 20 to 100.
+    /// Number of starts for every changed ego.
+    ///
+    /// `None` for as many as 1000 episodes allow, 20 to 100.
     pub reuse_starts: Option<usize>,
 }
 
-/// What `eval` or `search` printed, as far as a report shows it.
+/// Output of `eval` or `search`, as far as a report shows it.
 #[derive(Clone, Debug, Default, Deserialize)]
 pub struct GivenRows {
     /// Rows of any egos and ados.
@@ -54,15 +54,16 @@ pub struct GivenRows {
 }
 
 impl GivenRows {
-    /// Adds what a verb printed into a file, if it is of this world.
+    /// Adds the output of a verb from a file of this world.
     ///
     /// # Errors
-    /// The file cannot be read, holds no rows, or those of another world.
+    /// The file cannot be read, has no rows, or has rows of another world.
     pub fn read(&mut self, file: &Path, scenario: &Scenario) -> Result<(), EvaluationError> {
         let wrong = |why: String| EvaluationError::NoRows {
             file: file.into(),
             why,
         };
+        // The size is tested before the file is read into memory.
         let size = std::fs::metadata(file).map(|meta| meta.len());
         if size.is_ok_and(|size| MAX_ROWS_BYTES < size) {
             return Err(wrong("it is too large".to_owned()));
@@ -74,6 +75,7 @@ impl GivenRows {
         })?;
         let printed: GivenRows =
             serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        // All rows are tested before any is added, so an error changes nothing.
         match printed.rows.iter().find(|row| row.world != scenario.name) {
             Some(other) => Err(wrong(format!("they are of the world `{}`", other.world))),
             None => {
@@ -86,16 +88,17 @@ impl GivenRows {
 }
 
 impl<'a> ReportRequest<'a> {
-    /// Plays what the report shows. `None`: stopped before there was anything.
+    /// Plays the episodes of the report, and returns `None` if stopped before any.
     ///
     /// An unfinished training gives a report without episodes.
     ///
     /// # Errors
-    /// The runs are of different worlds, or one is damaged.
+    /// The runs are of different worlds, or a run is damaged.
     pub fn report(&self, watch: &Watch<'_>) -> Result<Option<Report<'a>>, EvaluationError> {
         let run = self.run;
         let mut trainings = vec![training(run)?];
         for other in self.with {
+            // Curves of different worlds would look comparable on a page.
             if other.manifest().world_sha256 != run.manifest().world_sha256 {
                 return Err(EvaluationError::OtherWorld {
                     run: other.path().into(),
@@ -117,8 +120,9 @@ impl<'a> ReportRequest<'a> {
             commands: Vec::new(),
         };
         if run.manifest().is_finished() {
-            // An ego that does not run is what the page then tells of.
+            // An ego that does not run still gives a page, which shows its faults.
             let whole = self.fill(&mut report, watch)?;
+            // Without an interruption the ego failed, and the page reports it.
             if whole.is_none() && watch.interrupted() {
                 return Ok(None);
             }
@@ -128,7 +132,7 @@ impl<'a> ReportRequest<'a> {
         Ok(Some(report))
     }
 
-    /// Plays the nominal ego, and changed ones where no rows are given.
+    /// Plays the nominal ego, and changed egos if no rows are given.
     fn fill(
         &self,
         report: &mut Report<'_>,
@@ -163,7 +167,7 @@ impl<'a> ReportRequest<'a> {
         Ok((!watch.interrupted()).then_some(()))
     }
 
-    /// The nominal ego on all starts, with the counterexamples that tell most.
+    /// Plays the nominal ego on all starts, and adds the best examples.
     fn nominal(
         &self,
         report: &mut Report<'_>,
@@ -174,6 +178,7 @@ impl<'a> ReportRequest<'a> {
         let verdicts = evaluated.outcomes.iter().map(|o| o.map(|o| o.verdict));
         let all = request.starts.starts.iter().map(|(start, _)| start.clone());
         let mut chosen = telling(request, &evaluated);
+        // A reader opens the first example first.
         chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode));
         report.nominal = Some(Nominal {
             row: evaluated.row.clone(),
@@ -209,10 +214,13 @@ impl<'a> ReportRequest<'a> {
     ) -> Result<Option<()>, EvaluationError> {
         let (_, seed) = self.starts;
         let count = self.reuse_starts.unwrap_or_else(|| {
+            // Two ados play each ego, the trained and the held-random ado.
             (REUSE_EPISODES / (2 * egos.len())).clamp(LEAST_STARTS, MOST_STARTS)
         });
+        // The number of changed egos multiplies the cost, so they play few starts.
         let few = first(starts, count);
         for ego in egos {
+            // Starts of a map of another size have other axes, so they are drawn anew.
             let own = if ego.scenario().axes() == self.scenario.axes() {
                 few.clone()
             } else {
@@ -224,8 +232,9 @@ impl<'a> ReportRequest<'a> {
             let told = conditioned(self.run, self.context(), ego, seed, watch)?;
             let trained = Ado::Trained(&*told.policy, self.run.manifest().seed);
             for ado in [trained, Ado::Held] {
-                // The nominal ego has met the trained ado on all starts.
-                if ego.is_nominal() && matches!(ado, Ado::Trained(..)) {
+                // The nominal ego was played against the trained ado on all starts
+                // already.
+                if ego.name() == "nominal" && matches!(ado, Ado::Trained(..)) {
                     continue;
                 }
                 let request = ego.met_by(ado, &own);
@@ -247,7 +256,7 @@ impl<'a> ReportRequest<'a> {
         Ok(Some(()))
     }
 
-    /// An ado that is told which ego it meets is told the truth here.
+    /// Returns the true parameters as the context of a conditional ado.
     fn context(&self) -> Option<&'static ContextSource> {
         let told = self.run.manifest().against == Against::Conditional;
         told.then_some(&ContextSource::True)

@@ -15,7 +15,7 @@ use crate::search::{Found, Method, MethodOption, SearchRequest, Searched, search
 use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::Scenario;
 
-/// What to search.
+/// Request for a search.
 #[derive(Clone, Copy)]
 pub struct SearchCampaign<'a> {
     /// The world as its file has it, from which test starts are drawn.
@@ -24,15 +24,15 @@ pub struct SearchCampaign<'a> {
     pub egos: &'a [EgoUnderTest],
     /// The run whose trained ado is played beside the search.
     pub run: Option<&'a RunDir>,
-    /// How sequences are chosen.
+    /// Search method.
     pub method: Method<'a>,
-    /// Simulations per start; 0 for methods that take none.
+    /// Simulations per start, 0 for methods without a budget.
     pub budget: u64,
     /// Test starts to draw, and the seed of their stream.
     pub starts: (usize, u64),
 }
 
-/// What the searches came to, as far as they came.
+/// Results of a search, as far as it ran.
 #[derive(Clone, Debug)]
 pub struct SearchTable {
     /// Per ego the trained ado's row, if there is one, and the search's.
@@ -57,8 +57,9 @@ pub struct SearchedEgo {
 }
 
 impl SearchedEgo {
-    /// The actions that make it fail from a start: those found; where the starts
-    /// are points and it fails by itself, the neutral one.
+    /// Returns the actions that make the ego fail from a start.
+    ///
+    /// If the starts are points and the ego fails by itself, it is the neutral action.
     fn actions(&self, index: usize) -> Option<Vec<usize>> {
         let found = self.found[index].as_ref();
         if let Some(actions) = found.and_then(|found| found.actions.clone()) {
@@ -71,8 +72,7 @@ impl SearchedEgo {
 }
 
 impl SearchTable {
-    /// Plays the solutions again and writes those asked for into a directory,
-    /// saying what each is.
+    /// Plays the solutions again and keeps the selected ones as files.
     ///
     /// # Errors
     /// The disk refuses.
@@ -100,6 +100,7 @@ impl SearchTable {
                 play(bench, start, *noise, &mut ado, Aftermath::Play)
             };
             let all_starts = 0..searched.found.len();
+            // Starts from which the ego fails by itself are kept, too.
             let solved = all_starts.filter(|index| searched.actions(*index).is_some());
             let kept = keeper.keep(&solved.collect::<Vec<_>>(), &again, dir, watch)?;
             kept.note(ego.name(), dir, watch);
@@ -131,6 +132,7 @@ impl SearchCampaign<'_> {
         for (nth, ego) in self.egos.iter().enumerate() {
             let watch = &watch.later(nth);
             let tested = (ego.scenario(), ego.is_nominal());
+            // Each ego may have other trivial starts.
             let Some((own, alone)) = starts.for_ego(self.world, tested, watch) else {
                 break;
             };
@@ -175,7 +177,7 @@ impl SearchCampaign<'_> {
         };
         match run.policy() {
             Ok(policy) => Ok(Some(Trained { policy, run })),
-            // A conditional ado plays only where it is told the ego's parameters.
+            // A conditional ado needs the ego's parameters, which a search does not have.
             Err(error @ RunError::Untold { .. }) => {
                 watch.note(&format!("{error}; searching without it"));
                 Ok(None)
@@ -199,7 +201,7 @@ impl Trained<'_> {
         row
     }
 
-    /// Of methods with a budget only: the others are no rival but a measure.
+    /// Compares methods with a budget. Other methods measure the reach, not the cost.
     fn break_even(
         &self,
         request: &SearchRequest<'_>,
@@ -218,6 +220,7 @@ impl Trained<'_> {
         } else {
             Cost::of_training(manifest)
         };
+        // A missing count would look like a training without cost.
         if manifest.physics_steps == 0 {
             watch.note("an earlier version trained this run: it counted no physics steps");
         }

@@ -8,11 +8,11 @@ use crate::run_dir::Row;
 use crate::stats::StartOutcome;
 use crate::world::{Change, Scenario};
 
-/// Values of a sweep, unless told otherwise.
+/// Default number of values in a sweep.
 const STEPS: usize = 7;
 /// Most values of a sweep.
 const MAX_STEPS: usize = 1000;
-/// What every parameter of the ego's controller is written with.
+/// Prefix of the parameters of the ego's controller.
 const PREFIX: &str = "ego.";
 
 /// A parameter of the ego's controller and the values it is given, ascending.
@@ -59,7 +59,7 @@ impl SweepError {
 }
 
 impl Sweep {
-    /// Reads `ego.NAME=LO..HI` or `ego.NAME=LO..HI:STEPS`.
+    /// Parses `ego.NAME=LO..HI` or `ego.NAME=LO..HI:STEPS`.
     ///
     /// ```
     /// use brakecheck::evaluation::Sweep;
@@ -92,10 +92,12 @@ impl Sweep {
                 text: text.to_owned(),
             });
         }
+        // A single value is no range, and each value is a whole evaluation.
         if !(2..=MAX_STEPS).contains(&steps) {
             return Err(SweepError::Steps { steps });
         }
         let last = (steps - 1) as f64;
+        // Both ends are values of the sweep.
         let value = |i: usize| lo + (hi - lo) * i as f64 / last;
         Ok(Sweep {
             parameter: name.to_owned(),
@@ -118,7 +120,7 @@ impl Sweep {
         self.values.iter().map(ego).collect()
     }
 
-    /// What failed at each value; `egos` are those of the values, in order.
+    /// Returns the failures at each value, with `egos` in the order of the values.
     pub fn swept(&self, egos: &[ReusedOn]) -> Swept {
         let points = self.values.iter().zip(egos);
         let points = points.map(|(value, ego)| Point::of(*value, &ego.rows));
@@ -129,11 +131,11 @@ impl Sweep {
 /// One value of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// What the parameter is set to, in its own unit.
+    /// Value of the parameter, in its own unit.
     pub value: f64,
-    /// Starts that tell something of this ego.
+    /// Starts with a result for this ego.
     pub starts: usize,
-    /// Starts from which any ado, or search, made it fail.
+    /// Starts from which any ado or search makes it fail.
     pub failing: usize,
 }
 
@@ -154,12 +156,12 @@ impl Point {
     }
 }
 
-/// Where a parameter makes the ego safe, as far as these ados can tell.
+/// Safe values of a parameter, as far as these ados and searches show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Swept {
     /// Name of the parameter, without `ego.`.
     pub parameter: String,
-    /// Its values, ascending, with what failed.
+    /// Values in rising order, with their failures.
     pub points: Vec<Point>,
     /// The least value from which on no start failed.
     pub safe_from: Option<f64>,
@@ -169,7 +171,9 @@ pub struct Swept {
 
 impl Swept {
     fn of(parameter: &str, points: Vec<Point>) -> Swept {
+        // A value without any result is no evidence of safety.
         let is_safe = |point: &&Point| 0 < point.starts && point.failing == 0;
+        // Safety is reported only from an end of the range, without a failure in between.
         let from = points.iter().rev().take_while(is_safe).last();
         let up_to = points.iter().take_while(is_safe).last();
         Swept {

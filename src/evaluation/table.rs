@@ -35,7 +35,7 @@ pub enum TheoremsChecked {
 }
 
 impl TheoremsChecked {
-    /// Whether one failed, which is a bug of this program.
+    /// Returns whether a theorem is refuted, which is a bug of this program.
     pub fn is_refuted(&self) -> bool {
         match self {
             TheoremsChecked::Grid(checked) => checked.is_refuted(),
@@ -47,17 +47,17 @@ impl TheoremsChecked {
     }
 }
 
-/// What an evaluation came to, as far as it came.
+/// Results of an evaluation, as far as it ran.
 pub struct EvaluationTable<'a> {
-    /// Every ego that was met.
+    /// Every ego that was played.
     pub egos: Vec<ReusedOn>,
-    /// Why each fails, if the trained ado made it.
+    /// First failure of each ego under the trained ado, with its explanation.
     pub reasons: Vec<ExplainedCounterexample>,
-    /// Who each is to a conditional ado, if that was asked for.
+    /// Identified parameters of each ego, if requested.
     pub identified: Vec<IdentifiedAs>,
-    /// What was learned of each, if that was asked for.
+    /// Summary of the adaptation to each ego, if requested.
     pub adapted_to: Vec<AdaptedTo>,
-    /// Why it ended early, if it did.
+    /// Error that ended the evaluation early, if any.
     pub failure: Option<EvaluationError>,
     /// The nominal ego's test starts.
     pub starts: TestStarts,
@@ -75,15 +75,16 @@ pub(crate) struct Found<'a> {
 }
 
 impl<'a> Evaluation<'a> {
-    /// Lets all ados meet all egos. `None`: stopped before the first one.
+    /// Plays every ado against every ego, and returns `None` if stopped before the first.
     ///
-    /// What fails later is in the table, beside all that was computed before.
+    /// An error at a later ego is in the table, beside all earlier results.
     ///
     /// # Errors
     /// The ado cannot be played, or a baseline cannot be made.
     pub fn run(self, watch: &Watch<'_>) -> Result<Option<EvaluationTable<'a>>, EvaluationError> {
         let world = self.run.world()?;
         consent(&world, self.egos)?;
+        // Refused before the first simulation.
         self.can_learn()?;
         let Some(starts) = self.starts(&world, watch) else {
             return Ok(None);
@@ -101,6 +102,7 @@ impl<'a> Evaluation<'a> {
         };
         for (nth, ego) in self.egos.iter().enumerate() {
             let met = table.meet(ego, &baselines, &watch.later(nth));
+            // Rows before an error are kept, because they may have cost hours.
             table.failure = met.err();
             if watch.stopped() || table.failure.is_some() {
                 break;
@@ -122,7 +124,7 @@ impl<'a> EvaluationTable<'a> {
         rows.cloned().collect()
     }
 
-    /// Lets all ados meet one ego; what was played before an error is kept.
+    /// Plays all ados against an ego, and keeps the rows before an error.
     fn meet(
         &mut self,
         ego: &'a EgoUnderTest,
@@ -134,6 +136,7 @@ impl<'a> EvaluationTable<'a> {
             return Ok(());
         };
         let (_, seed) = asked.starts;
+        // A conditional ado has another policy input for each ego.
         let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
         self.identified.extend(ado.identified.clone());
         let starts = own.as_ref().unwrap_or(&self.starts);
@@ -152,6 +155,7 @@ impl<'a> EvaluationTable<'a> {
         let played = meeting.play();
         let (rows, reason, found) = (meeting.rows, meeting.reason, meeting.found);
         self.adapted_to.extend(meeting.adapted_to);
+        // An ego without any played start would be an empty block of the table.
         if watch.interrupted() && rows.iter().all(|row| row.starts + row.invalid == 0) {
             return played;
         }
@@ -160,8 +164,8 @@ impl<'a> EvaluationTable<'a> {
         let named = (ego.name(), relation);
         let mut reused = reused_on(ego.scenario(), named, starts, rows, watch);
         for row in &mut reused.rows {
-            // Of the nominal ego it says nothing that `trivial` does not, unless it
-            // is tested on another plant.
+            // On its own plant, the nominal ego fails alone exactly from the trivial
+            // starts. Only another plant gives a new number.
             let is_trivial =
                 |it: &FailsAlone| ego.is_nominal() && !left_out && it.starts == row.trivial;
             let alone = row.fails_alone.filter(|it| !is_trivial(it));
@@ -200,9 +204,11 @@ impl<'a> EvaluationTable<'a> {
         Some((Some(own), true))
     }
 
-    /// Checks the theorems of the paper that apply: 1 to 3 on a grid, 3 and
-    /// Lemma 1 on the road; 3 on the changed egos that were met, or on all of the
-    /// world's if none was. `None`: stopped.
+    /// Checks the theorems of the paper that apply to the world.
+    ///
+    /// These are Theorems 1 to 3 on a grid, and Theorem 3 and Lemma 1 on the road.
+    /// Theorem 3 uses the changed egos that were played, or all of the world's if none
+    /// was. `None` if stopped.
     ///
     /// # Errors
     /// A theorem does not apply to the world.
@@ -215,11 +221,13 @@ impl<'a> EvaluationTable<'a> {
             starts: (_, seed),
             ..
         } = self.asked;
-        // One ado for all egos: a conditional one is told of the nominal ego.
+        // A single policy serves all egos, so a conditional ado gets the nominal
+        // parameters.
         let own = EgoUnderTest::nominal(nominal);
         let ado = conditioned(run, context, &own, seed, watch)?;
         let policy = &*ado.policy;
         let is_nominal = |ego: &EgoUnderTest| ego.name() == own.name();
+        // Theorem 3 needs a changed ego to say anything.
         let all = if egos.iter().all(is_nominal) {
             EgoUnderTest::find(nominal, "all")?
         } else {
@@ -242,8 +250,9 @@ impl<'a> EvaluationTable<'a> {
         Ok(carry_over(&request, watch)?.map(TheoremsChecked::CarryOver))
     }
 
-    /// Plays the counterexamples of every ego again and writes those asked for
-    /// into a directory, saying what each is; none unless [`Evaluation::keeps`].
+    /// Plays the counterexamples of every ego again and keeps the selected ones.
+    ///
+    /// Nothing is kept without [`Evaluation::keeps`].
     ///
     /// # Errors
     /// The disk refuses.
@@ -287,6 +296,7 @@ impl<'a> EvaluationTable<'a> {
             })?,
             FoundBy::Tries(Tried { evaluated, winners }) => {
                 let tries = self.asked.several(trained, &found.ado);
+                // Each start is replayed with the try that succeeded.
                 let winner = |index: usize| winners[index].unwrap_or(0);
                 keep(trained, evaluated, &|bench, index| {
                     tries.play(bench, index, winner(index))
@@ -299,6 +309,8 @@ impl<'a> EvaluationTable<'a> {
                 let (whole, policy) = ByRule::Optimal.policy(found.ego)?;
                 let request = EvalRequest {
                     scenario: &whole,
+                    // The optimal ado plays in the fully observed world, and so must its
+                    // replay.
                     ado: ByRule::Optimal.ado(&policy),
                     ..trained
                 };

@@ -1,17 +1,17 @@
-//! Who touched whom, how, and whether the drivers have anything to say of it.
+//! Partner and geometry of a contact, and reasons why drivers do not apply.
 
 use super::outcome::{Exoneration, NotApplicable, Struck};
 use super::replayer::Replayer;
 use crate::ego::reference::{Encounter, LaneBody, TtcReading};
 use crate::scene::{Motion, Touch};
 
-/// Speed up to which the ego stands.
+/// Speed up to which the ego counts as standing.
 pub(super) const STANDING_MPS: f64 = 0.5;
-/// Sine of the angle between two headings up to which they are along each other.
+/// Sine of the angle between two headings up to which they count as parallel.
 const ALONG: f64 = 0.5;
 
 impl Replayer {
-    /// The other of a contact with the ego.
+    /// Returns the agent that the ego touched.
     pub(super) fn other_of(&self, touch: &Touch) -> Option<usize> {
         let agents = &self.world.spec().agents;
         let ego = &agents[self.world.ego()].name;
@@ -27,7 +27,7 @@ impl Replayer {
         self.other_of(motion.contact.as_ref()?)
     }
 
-    /// The ego and the other in lane coordinates when they touched.
+    /// Returns the ego and the other in lane coordinates at their contact.
     fn at_contact(&self, motion: &Motion) -> Option<(LaneBody, LaneBody)> {
         let with = self.partner(motion)?;
         let row = motion.at(motion.len().checked_sub(1)?);
@@ -35,12 +35,13 @@ impl Replayer {
         Some((body(self.world.ego()), body(with)))
     }
 
-    /// Why the drivers do not apply, if they do not.
+    /// Returns the reason why the drivers do not apply, or `None` if they apply.
     pub(super) fn reason_against(&self, motion: &Motion) -> Option<NotApplicable> {
         if motion.contact.is_none() {
             return Some(NotApplicable::NoContact);
         }
         let (Some(with), Some((ego, other))) = (self.partner(motion), self.at_contact(motion))
+        // The touch joins two other agents.
         else {
             return Some(NotApplicable::WithoutEgo);
         };
@@ -50,6 +51,7 @@ impl Replayer {
         let row = motion.at(motion.len() - 1);
         let heading = |i: usize| row[i].state.pose.heading_rad;
         let turned_rad = heading(with) - heading(self.world.ego());
+        // Reference drivers judge others on parallel axes only.
         if ALONG < libm::sin(turned_rad).abs() {
             return Some(NotApplicable::Crossing);
         }
@@ -64,15 +66,17 @@ impl Replayer {
         if ego.speed_mps <= STANDING_MPS {
             return Some(Exoneration::Standing);
         }
+        // Lane k has its middle at k widths, so rounding gives the nearest lane.
         let lanes = ego.y_m / self.lane_width_m;
         let off_m = (lanes - libm::round(lanes)).abs() * self.lane_width_m;
+        // A body wider than its lane counts as inside only exactly in the middle.
         let in_lane = off_m <= 0.5 * (self.lane_width_m - ego.width_m).max(0.0);
         let from_behind = struck(&ego, &other) == Struck::Rear;
         (in_lane && from_behind).then_some(Exoneration::StruckFromBehind)
     }
 }
 
-/// The geometry of two bodies.
+/// Returns the geometry of two bodies, without lane and acceleration.
 pub(super) fn between(ego: &LaneBody, other: &LaneBody) -> Encounter {
     Encounter {
         ego: *ego,
@@ -83,11 +87,13 @@ pub(super) fn between(ego: &LaneBody, other: &LaneBody) -> Encounter {
     }
 }
 
-/// Where the ego is struck: front unless the other's middle is behind its own.
+/// Returns the struck side of the ego.
+/// It is the front, unless the other's middle is behind the ego's.
 pub(super) fn struck(ego: &LaneBody, other: &LaneBody) -> Struck {
     let encounter = between(ego, other);
     if ego.x_m <= other.x_m {
         Struck::Front
+    // The axis of the smaller overlap is that of the contact.
     } else if encounter.clearance_m() <= encounter.gap_m() {
         Struck::Rear
     } else {

@@ -1,11 +1,10 @@
-//! Which reference drivers avoid a contact in the ego's place?
+//! Assessment of a contact by reference drivers in the ego's place.
 //!
-//! A counterexample is worth a developer's time if another driver in the
-//! ego's place would have come away from it. Each [reference
-//! driver](crate::ego::reference) takes the ego's place on the ego's body, while
-//! everybody else repeats the recorded motion; [`Replayer::assess`] says who avoids the
-//! contact, and sums it up as a [`Label`]. What is assumed, and what a label
-//! does not say, is in `docs/preventability.md`.
+//! A developer needs a counterexample that another driver would have avoided. Each
+//! [reference driver](crate::ego::reference) takes the ego's place on the ego's body. All
+//! other agents repeat the recorded motion. [`Replayer::assess`] reports the drivers that
+//! avoid the contact and derives a [`Label`]. `docs/preventability.md` lists the
+//! assumptions and the limits of a label.
 //!
 //! ```
 //! use brakecheck::preventability::Label;
@@ -17,7 +16,7 @@
 //! let mut bench = world.bench();
 //! let start = bench.draw(StartKey { purpose: Purpose::Train, seed: 0, index: 0 });
 //! let episode = play(&mut bench, &start, 0, &mut Constant(0), Aftermath::Skip);
-//! // Nobody was hit: there is nothing to prevent.
+//! // The episode has no contact, so there is nothing to prevent.
 //! assert_eq!(world.preventability(&episode).label, Label::NotApplicable);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -38,7 +37,7 @@ pub use replayer::{Case, FilmedDriver, Replayer, Seat};
 
 use crate::ego::reference::ReferenceDriver;
 
-/// The drivers whose outcomes make the labels and are reported, in this order.
+/// Drivers that determine the labels and are reported, in this order.
 pub const PANEL: [ReferenceDriver; 6] = [
     ReferenceDriver::Cc,
     ReferenceDriver::CcLane,

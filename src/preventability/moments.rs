@@ -1,4 +1,4 @@
-//! The moments of a recorded episode at which drivers take over.
+//! Instants of a recorded episode at which drivers take over.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,53 +6,53 @@ use crate::ego::reference::{
     DriverModel, Encounter, IdealDriver, LaneBody, RegDriver, RssDriver, TtcReading,
 };
 
-/// How far off their lane's middle drivers wander.
+/// Lateral distance within which drivers wander around their lane's middle.
 const WANDER_M: f64 = 0.375;
-/// Braking and acceleration that count.
+/// Smallest braking or acceleration that counts.
 const NOTABLE_MPS2: f64 = 1.0;
-/// How far inside the lane a front tyre is when R157's formula is asked.
+/// Depth of a front tyre inside the lane at which R157's formula applies.
 const INSIDE_M: f64 = 0.3;
-/// For how long the sideways motion must have been visible by then.
+/// Duration for which the lateral motion must have been visible by then.
 const VISIBLE_S: f64 = 0.72;
-/// Sideways motion that is visible.
+/// Smallest lateral speed that is visible.
 const VISIBLE_MPS: f64 = 0.1;
 
-/// A cut-in as UN R157 ¶5.2.5.2 judges it: when the other is 0.3 m inside.
+/// Cut-in as judged by UN R157 ¶5.2.5.2, when the other is 0.3 m inside.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CutIn {
-    /// When that was.
+    /// Time of that instant.
     pub time_s: f64,
-    /// Time to collision then; `None`: the gap did not close.
+    /// Time to collision at that instant, `None` if the gap did not close.
     pub ttc_s: Option<f64>,
-    /// The time to collision above which the contact must be avoided.
+    /// Time to collision above which the contact must be avoided.
     pub bound_s: f64,
-    /// Whether the regulation demands avoidance; if not it demands nothing.
+    /// True if the regulation demands avoidance. Otherwise it demands nothing.
     pub demands_avoidance: bool,
-    /// Whether the other kept its speed within 1 m/s² up to then.
+    /// True if the other kept its speed within 1 m/s² until then.
     pub constant_speed: bool,
-    /// Whether its sideways motion had been visible for 0.72 s.
+    /// True if its lateral motion had been visible for 0.72 s.
     pub visible: bool,
 }
 
-/// The recorded bodies in lane coordinates: per sample the ego and its traffic.
+/// Recorded bodies in lane coordinates: the ego and its traffic per sample.
 pub(super) struct Lanes {
     pub sample_s: f64,
     pub lane_width_m: f64,
-    /// Agents per sample; the first is the ego.
+    /// Number of agents per sample. The first is the ego.
     pub width: usize,
     pub bodies: Vec<LaneBody>,
-    /// Whether the ego sees each of them; it sees itself.
+    /// Visibility of each agent for the ego. The ego sees itself.
     pub seen: Vec<bool>,
 }
 
 impl Lanes {
-    /// The ego and the others at every sample, in order.
+    /// Returns the ego and the others at every sample, in order.
     pub fn rows(&self) -> impl Iterator<Item = (LaneBody, &[LaneBody])> {
         let rows = self.bodies.chunks_exact(self.width.max(1));
         rows.filter_map(|row| row.split_first().map(|(ego, others)| (*ego, others)))
     }
 
-    /// The first sample at which `holds` of the ego and somebody whom it sees.
+    /// Returns the first sample at which `holds` for the ego and an agent that it sees.
     fn first(&self, holds: impl Fn(LaneBody, &LaneBody) -> bool) -> Option<usize> {
         let seen = self.seen.chunks_exact(self.width.max(1));
         let mut rows = self.rows().zip(seen);
@@ -72,13 +72,16 @@ impl Lanes {
         }
     }
 
-    /// t_h: the first sample at which a driver may have something to answer.
+    /// Returns t_h, the first sample at which a driver may have to react.
     ///
-    /// Somebody is ahead, sideways where it counts, and slower or braking.
+    /// An agent is ahead, laterally relevant, and slower or braking.
     pub fn handover(&self) -> Option<usize> {
         self.first(|ego, other| {
             let encounter = self.encounter(ego, *other);
+            // A lead that brakes is a danger before it is slower.
             let slower = 0.0 < encounter.closing_mps() || other.accel_mps2 < -NOTABLE_MPS2;
+            // Laterally relevant: overlapping, inside RSS's lateral distance, or leaving
+            // its lane.
             let beside_m = RssDriver::default().lateral_m(other.lateral_mps);
             let clearance_m = encounter.clearance_m();
             let near = clearance_m <= 0.0 || clearance_m < beside_m;
@@ -86,19 +89,19 @@ impl Lanes {
         })
     }
 
-    /// Whether the other is off its lane's middle, towards the ego.
+    /// Returns whether the other is off its lane's middle, towards the ego.
     fn leaves_lane(&self, ego: &LaneBody, other: &LaneBody) -> bool {
         let off_m = other.y_m - self.middle_m(other.y_m);
         let towards_m = if other.y_m < ego.y_m { off_m } else { -off_m };
         WANDER_M < towards_m
     }
 
-    /// The middle of the lane in which a lateral position lies.
+    /// Returns the middle of the lane of a lateral position.
     fn middle_m(&self, lateral_m: f64) -> f64 {
         libm::round(lateral_m / self.lane_width_m) * self.lane_width_m
     }
 
-    /// t_d: the first sample at which the ideal driver brakes.
+    /// Returns t_d, the first sample at which the ideal driver brakes.
     pub fn danger(&self) -> Option<usize> {
         let ideal = IdealDriver::default();
         self.first(|ego, other| {
@@ -106,21 +109,24 @@ impl Lanes {
         })
     }
 
-    /// The cut-in of other number `with`, if it came from another lane.
+    /// Returns the cut-in of the agent number `with`, if it came from another lane.
     pub fn cut_in(&self, with: usize) -> Option<CutIn> {
         let others = self.rows().map(|(ego, others)| (ego, others[with]));
         let pairs: Vec<(LaneBody, LaneBody)> = others.collect();
         let inside_m = |(ego, other): &(LaneBody, LaneBody)| {
             let off_m = (other.y_m - self.middle_m(ego.y_m)).abs();
+            // Depth of the nearer side inside the ego's lane.
             0.5 * (self.lane_width_m + other.width_m) - off_m
         };
         let sample = pairs.iter().position(|pair| INSIDE_M <= inside_m(pair))?;
         let came = &pairs[..sample];
         let (ego, other) = pairs[sample];
+        // At sample 0 it is already inside, so it did not come from another lane.
         let is_cut_in = 0 < sample && ego.x_m < other.x_m;
         let encounter = self.encounter(ego, other);
         let ttc_s = encounter.ttc_s();
         let bound_s = RegDriver::default().bound_s(encounter.closing_mps());
+        // Visibility counts backwards without a gap from the instant of the formula.
         let seen = came.iter().rev();
         let seen = seen.take_while(|(_, other)| VISIBLE_MPS < other.lateral_mps.abs());
         let visible_s = seen.count() as f64 * self.sample_s;
@@ -130,6 +136,7 @@ impl Lanes {
             bound_s,
             demands_avoidance: bound_s < ttc_s,
             constant_speed: came.iter().all(|it| it.1.accel_mps2.abs() <= NOTABLE_MPS2),
+            // 1e-9 absorbs the rounding of samples × period.
             visible: VISIBLE_S <= visible_s + 1e-9,
         })
     }

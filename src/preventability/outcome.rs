@@ -1,4 +1,4 @@
-//! What an assessment says, as it is kept and shown.
+//! Results of an assessment, as kept in files and printed.
 
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -6,28 +6,28 @@ use serde::{Deserialize, Serialize};
 use super::moments::CutIn;
 use crate::ego::reference::ReferenceDriver;
 
-/// Who avoids a contact, summed up; the first that fits.
+/// Summary of the drivers that avoid a contact. The first that fits applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Label {
     /// Every reference driver of the [panel](super::PANEL) avoids it.
     AvoidedByAll,
-    /// At least one of them does, and at least one does not.
+    /// At least one driver avoids it, and at least one does not.
     ///
-    /// Earlier versions wrote `AvoidedByCompetent` where CC_LATCHED or FSM did.
+    /// Earlier versions wrote `AvoidedByCompetent` if CC_LATCHED or FSM avoided it.
     #[serde(alias = "AvoidedByCompetent")]
     AvoidedBySome,
-    /// None of them does; full braking without delay does.
+    /// No driver avoids it, but full braking without delay does.
     OnlyByPerfect,
-    /// Only full braking from the very beginning does.
+    /// Only full braking from the very beginning avoids it.
     OnlyByForesight,
-    /// Not even that one; a driver who steers might.
+    /// No braking avoids it. A driver who steers might.
     UnavoidableByBraking,
     /// The drivers do not apply to such a contact.
     NotApplicable,
 }
 
 impl Label {
-    /// The label in words.
+    /// Returns the label in words.
     pub fn words(self) -> &'static str {
         match self {
             Label::AvoidedByAll => "avoided by all",
@@ -46,44 +46,44 @@ impl std::fmt::Display for Label {
     }
 }
 
-/// Why the drivers say nothing of a contact.
+/// Reason why the drivers do not apply to a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum NotApplicable {
     /// Nothing drives in this world.
     NotDriven,
-    /// Nobody was hit.
+    /// The episode has no contact.
     NoContact,
-    /// Two others hit each other.
+    /// Two other agents touched each other.
     WithoutEgo,
-    /// Somebody on foot was hit.
+    /// The ego touched a pedestrian.
     OnFoot,
-    /// The other came across the ego's way.
+    /// The other crossed the ego's path.
     Crossing,
     /// The other came towards the ego.
     Oncoming,
     /// The other drove into the ego from behind.
     FromBehind,
-    /// Before the contact nobody was ahead whom a driver could have answered.
+    /// Before the contact, no agent was ahead to react to.
     NobodyAhead,
 }
 
-/// Why the ego is not at fault.
+/// Reason why the ego is not at fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Exoneration {
-    /// It stood: its speed was 0.5 m/s or less.
+    /// The ego was standing, at 0.5 m/s or less.
     Standing,
-    /// It was struck from behind while it was in its lane.
+    /// The ego was struck from behind in its lane.
     StruckFromBehind,
 }
 
-/// Where the other was at a contact, seen from the ego.
+/// Position of the other at a contact, relative to the ego.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Struck {
-    /// Its middle was not behind the ego's.
+    /// The other's middle was not behind the ego's.
     Front,
-    /// It was, and sides touched.
+    /// The other's middle was behind the ego's, and sides touched.
     Side,
-    /// It was, and the ego's rear was hit.
+    /// The other's middle was behind the ego's, and the ego's rear was struck.
     Rear,
 }
 
@@ -96,73 +96,78 @@ pub struct ReplayContact {
     pub time_s: f64,
     /// Approach speed along the contact normal.
     pub closing_speed_mps: f64,
-    /// Where the ego was struck.
+    /// Side of the ego that was struck.
     pub struck: Struck,
 }
 
-/// How a driver fared in the ego's place.
+/// Outcome of a driver in the ego's place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriverOutcome {
-    /// Whether nothing touched the ego.
+    /// True if the ego had no contact.
     pub avoided: bool,
-    /// Least gap to somebody ahead in the ego's path at a sample, m, or minus
-    /// the closing speed of the contact, m/s; `None`: nobody was ever there.
+    /// Least gap in m, or minus the closing speed of the contact in m/s.
+    ///
+    /// The gap is to an agent ahead in the ego's path.
+    ///
+    /// `None` if no agent was ever there.
     pub margin: Option<f64>,
-    /// The contact, if there was one.
+    /// Contact of the replay, if any.
     pub contact: Option<ReplayContact>,
-    /// Closing speed of the recorded contact less this one's.
+    /// Closing speed of the recorded contact minus that of this contact.
     pub saved_mps: f64,
-    /// When it first saw danger, since the start of the episode.
+    /// Time of the first danger that the driver detected, since the episode's start.
     pub reacted_s: Option<f64>,
-    /// Whether the ados' rules hold on the replay, though its ados react to
-    /// nothing; `None`: not looked at.
+    /// True if the ados' rules are kept in the replay, `None` if not evaluated.
+    ///
+    /// The ados of a replay do not react.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules_kept: Option<bool>,
-    /// ρ(ψ_ego) on the replay: avoiding the contact is not all that is asked.
+    /// ρ(ψ_ego) of the replay, since a specification may demand more than no contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robustness: Option<f64>,
 }
 
-/// Whether a contact was preventable, and by whom.
+/// Assessment of a contact: who could have prevented it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Preventability {
-    /// The sum of it, from the handover on.
+    /// Summary, from the handover on.
     pub label: Label,
-    /// Why it says nothing, if so.
+    /// Reason why the drivers do not apply, if they do not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_applicable: Option<NotApplicable>,
-    /// Why the ego is not at fault; `None`: it is.
+    /// Reason why the ego is not at fault, `None` if it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exonerated: Option<Exoneration>,
-    /// Whether a driver avoids it from the start, though not from the handover:
-    /// the ego had brought itself there.
+    /// True if a driver avoids it from the start, but not from the handover.
+    ///
+    /// The ego then caused the situation itself.
     #[serde(default)]
     pub self_inflicted: bool,
-    /// When drivers take over, since the start of the episode.
+    /// Time at which the drivers take over, since the start of the episode.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub handover_s: Option<f64>,
-    /// When the driver without delay takes over.
+    /// Time at which the driver without delay takes over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub danger_s: Option<f64>,
-    /// Each driver from the handover on; before, the recorded ego drives.
+    /// Outcome of each driver from the handover on. The recorded ego drives before.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub handover: IndexMap<ReferenceDriver, DriverOutcome>,
-    /// Each driver from the start on.
+    /// Outcome of each driver from the start on.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub t0: IndexMap<ReferenceDriver, DriverOutcome>,
-    /// Full braking from the first sign of danger.
+    /// Outcome of full braking from the first sign of danger.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perfect: Option<DriverOutcome>,
-    /// Full braking from the start.
+    /// Outcome of full braking from the start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub foresight: Option<DriverOutcome>,
-    /// What UN R157's formula says of the cut-in, if there was one.
+    /// Result of UN R157's formula for the cut-in, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cut_in: Option<CutIn>,
 }
 
 impl Exoneration {
-    /// The reason as a clause, for tables and pages.
+    /// Returns the reason as a clause, for tables and pages.
     pub fn words(self) -> &'static str {
         match self {
             Exoneration::Standing => "the ego stands",
@@ -172,7 +177,7 @@ impl Exoneration {
 }
 
 impl NotApplicable {
-    /// The reason as a clause, for tables and pages.
+    /// Returns the reason as a clause, for tables and pages.
     pub fn words(self) -> &'static str {
         match self {
             NotApplicable::NotDriven => "nothing drives in this world",
@@ -188,7 +193,7 @@ impl NotApplicable {
 }
 
 impl std::fmt::Display for Preventability {
-    /// One line: who avoids it and who does not, and whose fault it is not.
+    /// Writes a line: the drivers that avoid it, those that do not, exoneration.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.who_avoids() {
             Some(who) => f.write_str(&who)?,
@@ -212,7 +217,7 @@ impl std::fmt::Display for Preventability {
 }
 
 impl Preventability {
-    /// Nothing can be said.
+    /// Creates an assessment to which the drivers do not apply.
     pub fn not_applicable(why: NotApplicable) -> Preventability {
         Preventability {
             label: Label::NotApplicable,
@@ -229,8 +234,7 @@ impl Preventability {
         }
     }
 
-    /// Names of the drivers that avoid it from the handover on, and of those
-    /// that do not.
+    /// Returns the names of drivers that avoid it from the handover on, and the others.
     pub fn drivers(&self) -> [Vec<&'static str>; 2] {
         [true, false].map(|avoided| {
             let drivers = self.handover.iter();
@@ -239,10 +243,10 @@ impl Preventability {
         })
     }
 
-    /// How many of the reference drivers avoid it, and which; where none does,
-    /// what braking could do.
+    /// Returns the number and names of drivers that avoid it, as a clause.
     ///
-    /// `None`: the drivers do not apply.
+    /// If no driver avoids it, the clause states the effect of braking. `None` if the
+    /// drivers do not apply.
     pub fn who_avoids(&self) -> Option<String> {
         let all = self.handover.len();
         let [names, _] = self.drivers();
@@ -264,24 +268,25 @@ impl Preventability {
         ))
     }
 
-    /// Whether a human model of UN R157 avoids it, CC_LATCHED or FSM.
+    /// Returns whether a human model of UN R157 avoids it, CC_LATCHED or FSM.
     ///
-    /// `None`: the drivers do not apply.
+    /// `None` if the drivers do not apply.
     pub fn human_model_avoids(&self) -> Option<bool> {
         let applies = self.label != Label::NotApplicable;
         let humans = [ReferenceDriver::CcLatched, ReferenceDriver::Fsm];
         applies.then(|| humans.into_iter().any(|driver| self.is_avoided_by(driver)))
     }
 
-    /// Whether the ego touched somebody and nothing says that it is not at fault.
+    /// Returns whether the ego had a contact without a reason that exonerates it.
     pub fn is_at_fault(&self) -> bool {
         use NotApplicable::{NoContact, NotDriven, WithoutEgo};
         let why = self.not_applicable;
+        // The other reasons concern contacts of the ego that drivers cannot judge.
         let touched = !why.is_some_and(|it| [NoContact, NotDriven, WithoutEgo].contains(&it));
         touched && self.exonerated.is_none()
     }
 
-    /// Whether a driver of the panel avoids it from the handover on.
+    /// Returns whether a driver avoids it from the handover on.
     pub fn is_avoided_by(&self, driver: ReferenceDriver) -> bool {
         let outcome = match driver {
             ReferenceDriver::Ideal => self.perfect.as_ref(),
@@ -290,8 +295,9 @@ impl Preventability {
         outcome.is_some_and(|outcome| outcome.avoided)
     }
 
-    /// Takes label and self-infliction from the outcomes, as this version reads
-    /// them; where there are none it stays as it is.
+    /// Derives label and self-infliction from the outcomes.
+    ///
+    /// Without outcomes both stay unchanged.
     pub(crate) fn label_outcomes(&mut self) {
         let held = |outcome: &Option<DriverOutcome>| outcome.as_ref().is_some_and(|it| it.avoided);
         let [avoids, hits] = self.drivers();
@@ -303,6 +309,7 @@ impl Preventability {
             _ if held(&self.foresight) => Label::OnlyByForesight,
             _ => Label::UnavoidableByBraking,
         };
+        // A driver that avoids it only from the start shows that the ego caused it.
         let from_start = self.t0.iter().filter(|(_, outcome)| outcome.avoided);
         let driver = from_start.map(|(driver, _)| *driver);
         self.self_inflicted = driver.into_iter().any(|driver| !self.is_avoided_by(driver));

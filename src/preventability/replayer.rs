@@ -1,4 +1,4 @@
-//! The replay: a driver in the ego's place among recorded motions.
+//! Replay of a recorded motion with a driver in the ego's place.
 
 use std::sync::Arc;
 
@@ -14,67 +14,67 @@ use crate::scene::{Flow, Frame, Motion, Scene, Touch};
 use crate::sim::{BodyCommand, GRAVITY_MPS2, PlantKind};
 use crate::trace::Trace;
 
-/// How long a replay goes on after the recorded contact, at least.
+/// Least duration of a replay after the recorded contact.
 const AFTER_CONTACT_S: f64 = 5.0;
 
-/// Who is in the ego's place.
+/// Driver in the ego's place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Seat {
     /// A reference driver.
     Driver(ReferenceDriver),
-    /// The ideal driver, braking from the moment it takes over.
+    /// The ideal driver, which brakes from its takeover on.
     FullBrakes,
-    /// Nobody who brakes: the nominal speed all the way.
+    /// A driver that never brakes and keeps the nominal speed.
     Nominal,
     /// The recorded ego itself.
     Recorded,
 }
 
-/// A recorded episode, made ready to be driven by others.
+/// Recorded episode, prepared for other drivers.
 pub struct Case {
-    /// The motion, gone on with after its end.
+    /// Motion, continued after its end.
     pub(super) whole: Motion,
-    /// Full samples of the record; drivers take over at one of these.
+    /// Number of full samples in the record, at which drivers can take over.
     recorded: usize,
-    /// The vehicles that drivers look at, by position among the agents.
+    /// Vehicles that drivers consider, by position among the agents.
     traffic: Vec<usize>,
     lanes: Lanes,
-    /// The first sample at which a driver may have something to answer.
+    /// First sample at which a driver may have to react.
     pub handover: Option<usize>,
     /// The first sample at which the ideal driver brakes.
     pub danger: Option<usize>,
 }
 
-/// A replay to look at.
+/// Replay for display.
 #[derive(Clone, Debug)]
 pub struct FilmedDriver {
-    /// The sample of the episode at which the driver takes over.
+    /// Sample of the episode at which the driver takes over.
     pub from: usize,
-    /// Where everybody is at each sample from there on.
+    /// Positions of all agents at each sample from there on.
     pub frames: Vec<Frame>,
-    /// The contact that it does not avoid, if so.
+    /// Contact that the driver does not avoid, if any.
     pub contact: Option<Touch>,
-    /// How it fares.
+    /// Outcome of the driver.
     pub outcome: DriverOutcome,
 }
 
-/// Replays episodes of one world; keeps what they share.
+/// Replayer of episodes in a world, with the data that they share.
 pub struct Replayer {
     pub(super) world: DriveWorld,
     scene: DriveScene,
     rulebook: Arc<Rulebook>,
-    /// The other vehicles, by position among the agents.
+    /// Other vehicles, by position among the agents.
     vehicles: Vec<usize>,
     pub(super) lane_width_m: f64,
     pub(super) sample_s: f64,
-    /// What the ego's tyres can transmit.
+    /// Greatest acceleration that the ego's tyres transmit.
     grip_mps2: f64,
     pub(super) lag_s: f64,
-    /// The others of the present sample, kept to save the allocation.
+    /// Other vehicles at the current sample, kept to avoid an allocation.
     others: Vec<LaneBody>,
 }
 
-/// A stretch of driving: from which sample, at which speed unless in danger.
+/// Stretch of driving: its first sample, and its speed without danger.
 #[derive(Clone, Copy)]
 struct Stint {
     from: usize,
@@ -83,16 +83,16 @@ struct Stint {
 
 #[derive(Clone, Copy)]
 enum Nominal {
-    /// As at the start of the episode.
+    /// Speed at the start of the episode.
     Initial,
-    /// As recorded.
+    /// Speed at the same sample of the record.
     Recorded,
 }
 
 impl Replayer {
-    /// A replayer of a driving world; `None`: the ego is no vehicle.
+    /// Creates a replayer of a driving world, or `None` if the ego is no vehicle.
     ///
-    /// `rulebook` is what is evaluated on each replay as well.
+    /// `rulebook` is evaluated on each replay.
     pub fn new(world: &DriveWorld, rulebook: Arc<Rulebook>) -> Option<Replayer> {
         let spec = world.spec();
         let ego = world.ego();
@@ -112,16 +112,17 @@ impl Replayer {
         })
     }
 
-    /// Makes an episode ready.
+    /// Prepares an episode for its replays.
     pub fn case(&self, motion: &Motion) -> Case {
         let contact_s = motion.contact.as_ref().map_or(0.0, |touch| touch.time_s);
         let after = ((contact_s + AFTER_CONTACT_S) / self.sample_s).ceil() as usize + 1;
+        // A driver may only delay the contact, so the replay continues beyond it.
         let samples = self.world.spec().clock.samples().max(after);
-        // The last sample of a contact shows its instant, not its time.
+        // The last sample of a contact shows the instant of contact, not a full sample.
         let partial = usize::from(motion.contact.is_some());
         let recorded = motion.len().saturating_sub(partial).max(1);
         let body = |sample: usize, i: usize| self.world.lane_body(i, &motion.at(sample)[i].state);
-        // Who comes towards the ego is on no parallel axis.
+        // An oncoming vehicle is on no parallel axis.
         let comes = |i: usize| (0..recorded).any(|at| body(at, i).speed_mps < -STANDING_MPS);
         let vehicles = self.vehicles.iter().copied();
         let traffic: Vec<usize> = vehicles.filter(|&i| !comes(i)).collect();
@@ -148,7 +149,7 @@ impl Replayer {
         }
     }
 
-    /// Whether any of `drivers` avoids the contact from the handover on.
+    /// Returns whether any of `drivers` avoids the contact from the handover on.
     pub fn preventable_by(&mut self, motion: &Motion, drivers: &[ReferenceDriver]) -> bool {
         if self.reason_against(motion).is_some() {
             return false;
@@ -156,6 +157,7 @@ impl Replayer {
         let case = self.case(motion);
         let mut drivers = drivers.to_vec();
         drivers.retain(|_| case.handover.is_some());
+        // The most capable drivers first, so that few replays are needed.
         drivers.sort_by_key(|driver| chances(*driver));
         drivers.into_iter().any(|driver| {
             let outcome = self.from_handover(&case, driver, None);
@@ -163,11 +165,10 @@ impl Replayer {
         })
     }
 
-    /// Everything about the contact in which a motion ended.
+    /// Returns the assessment of the contact at the end of a motion.
     ///
-    /// With the `trace` of the episode the rulebook is evaluated on each replay
-    /// as well; worlds with traffic lights are left out, whose phases are not
-    /// part of a motion.
+    /// With the `trace` of the episode, the rulebook is evaluated on each replay. Worlds
+    /// with traffic lights are excluded from that, because a motion has no phases.
     pub fn assess(&mut self, motion: &Motion, trace: Option<&Trace>) -> Preventability {
         let exonerated = self.exoneration(motion);
         if let Some(why) = self.reason_against(motion) {
@@ -201,6 +202,7 @@ impl Replayer {
             if let Some(outcome) = self.from_handover(&case, driver, trace) {
                 assessed.handover.insert(driver, outcome);
             }
+            // From the start a driver tests the whole approach, not only the reaction.
             let seat = Seat::Driver(driver);
             assessed
                 .t0
@@ -212,7 +214,9 @@ impl Replayer {
         assessed
     }
 
-    /// A driver from the handover on; the ideal one from the first danger on.
+    /// Returns the outcome of a driver from the handover on.
+    ///
+    /// The ideal driver takes over at the first danger.
     pub fn from_handover(
         &mut self,
         case: &Case,
@@ -224,10 +228,10 @@ impl Replayer {
         Some(self.drive(case, seat, stint, &mut notes))
     }
 
-    /// A driver from the handover on, with where everybody is meanwhile.
+    /// Returns the frames and the outcome of a driver from the handover on.
     ///
-    /// `None`: there is nothing to say of the contact, as for
-    /// [`Replayer::assess`], or nobody was ahead to be answered.
+    /// `None` if the drivers do not apply, as in [`Replayer::assess`], or if no agent was
+    /// ahead.
     pub fn film(&mut self, motion: &Motion, driver: ReferenceDriver) -> Option<FilmedDriver> {
         if self.reason_against(motion).is_some() {
             return None;
@@ -247,15 +251,14 @@ impl Replayer {
         })
     }
 
-    /// Somebody in the ego's place from the start on, whose nominal speed is
-    /// the initial one.
+    /// Returns the outcome of a driver from the start on, with the initial nominal speed.
     pub fn from_start(&mut self, case: &Case, seat: Seat, trace: Option<&Trace>) -> DriverOutcome {
         let nominal = Nominal::Initial;
         let mut notes = self.notes(trace, 0);
         self.drive(case, seat, Stint { from: 0, nominal }, &mut notes)
     }
 
-    /// Notes of a stint from a sample on, with the rows of its trace if there is one.
+    /// Creates notes from a sample on, with rows if there is a trace.
     fn notes(&self, trace: Option<&Trace>, from: usize) -> Notes {
         Notes {
             rows: trace.map(|trace| Rows::begin(trace, from, self.scene.clock().samples())),
@@ -270,6 +273,7 @@ impl Replayer {
         notes.begin(&self.scene);
         let mut least_m: Option<f64> = None;
         let mut contact = None;
+        // The others repeat the record, and after its end its continuation.
         for sample in from + 1..case.whole.len() {
             let ego = self.look(&case.traffic, &mut least_m);
             let command = match seat {
@@ -298,9 +302,9 @@ impl Replayer {
         )
     }
 
-    /// Reads everybody's place, and the gap to who is ahead in the path.
+    /// Reads all positions, and the gap to the vehicle ahead in the path.
     ///
-    /// Nobody looks through others: whoever is hidden is nowhere for the driver.
+    /// A hidden vehicle is unseen for the driver, as for the ego.
     fn look(&mut self, traffic: &[usize], least_m: &mut Option<f64>) -> LaneBody {
         let ego = self.scene.lane_body(self.world.ego());
         let seen = self.scene.seen();
@@ -318,8 +322,10 @@ impl Replayer {
         ego
     }
 
-    /// The recorded ego's next command; of a rigid one, whose commands another
-    /// plant answers otherwise, what gives it the recorded speed.
+    /// Returns the recorded ego's next command.
+    ///
+    /// The kinematic plant answers commands of the rigid plant differently. The command
+    /// then reproduces the recorded speed instead.
     fn as_recorded(&mut self, case: &Case, sample: usize, ego: &LaneBody) -> BodyCommand {
         let then = case.whole.at(sample)[self.world.ego()];
         let is_exact = self.world.spec().plant == PlantKind::Kinematic;
@@ -333,17 +339,20 @@ impl Replayer {
         }
     }
 
-    /// What reaches the vehicle of what is asked for.
+    /// Returns the acceleration of the vehicle for the response of the driver.
     fn accel(&self, at_wheel: &mut AtWheel, seat: Seat, ego: &LaneBody, nominal_mps: f64) -> f64 {
+        // A driver returns to the nominal speed gently, as the stock egos of these
+        // drivers do.
         let nominal = || {
             let wish_mps2 = (nominal_mps - ego.speed_mps) / self.sample_s;
             wish_mps2.clamp(-NOMINAL_MPS2, NOMINAL_MPS2)
         };
-        // In a curve the tyres hold the car in its lane first.
+        // In a curve, tyre forces that keep the lane are not available for braking.
         let across_mps2 = ego.speed_mps * ego.speed_mps * self.scene.curvature_per_m();
         let cap_mps2 = self.grip_mps2 * self.grip_mps2 - across_mps2 * across_mps2;
         let cap_mps2 = cap_mps2.max(0.0).sqrt();
         let wish_mps2 = match (seat, &mut at_wheel.driver) {
+            // Full brakes have no reaction time and no build-up.
             (Seat::FullBrakes, _) => -cap_mps2,
             (Seat::Driver(_), Some(driver)) => match driver.step(ego, &self.others) {
                 Response::Nominal => nominal(),
@@ -353,6 +362,7 @@ impl Replayer {
             _ => nominal(),
         };
         at_wheel.note();
+        // The actuator lags behind nominal commands, too.
         at_wheel.actuator.step(wish_mps2)
     }
 
@@ -392,8 +402,7 @@ impl Replayer {
 }
 
 impl Case {
-    /// From when a driver drives, and who that is; `None`: there is nothing to
-    /// answer.
+    /// Returns the takeover of a driver, or `None` without a danger to react to.
     fn handed_over_to(&self, driver: ReferenceDriver) -> Option<(Stint, Seat)> {
         let (from, seat) = match driver {
             ReferenceDriver::Ideal => (self.danger?, Seat::FullBrakes),
@@ -403,7 +412,7 @@ impl Case {
         Some((Stint { from, nominal }, seat))
     }
 
-    /// The speed that the ego has at a sample unless in danger.
+    /// Returns the speed of the ego at a sample without danger.
     fn nominal_mps(&self, nominal: Nominal, sample: usize, ego: usize) -> f64 {
         let sample = match nominal {
             Nominal::Initial => 0,
@@ -413,8 +422,10 @@ impl Case {
     }
 }
 
-/// Who avoids most comes first: 99, 84, 82, 71, 66, 66 and 55 % of the cut-ins
-/// that nobody answers.
+/// Returns the rank of a driver by its success.
+///
+/// They avoid 99, 84, 82, 71, 66, 66 and 55 % of the cut-ins to which the ego does not
+/// react.
 fn chances(driver: ReferenceDriver) -> usize {
     use ReferenceDriver::{Cc, CcLane, CcLatched, Fsm, Ideal, Reg, Rss};
     let order = [Ideal, Rss, Fsm, Reg, CcLatched, CcLane, Cc];

@@ -1,4 +1,4 @@
-//! What a stretch of driving keeps: the driver's state, and the rows it makes.
+//! State of a driver during its drive, and the rows that the drive makes.
 
 use super::replayer::{Case, Replayer, Seat};
 use crate::ego::Actuator;
@@ -13,7 +13,7 @@ use crate::trace::Trace;
 pub(super) struct AtWheel {
     pub driver: Option<Reflexes<ReferenceDriver>>,
     pub actuator: Actuator,
-    /// Samples driven, and how many before the first danger.
+    /// Samples driven so far, and those before the first danger.
     driven: usize,
     reacted: Option<usize>,
 }
@@ -24,18 +24,20 @@ impl AtWheel {
             Seat::Driver(driver) => Some(driver),
             _ => None,
         };
-        // Braking that builds up by itself holds the actuator's lag already.
+        // Braking with a build-up of its own includes the actuator's lag.
         let lag_s = if driver.is_some_and(ReferenceDriver::has_build_up) {
             0.0
         } else {
             replayer.lag_s
         };
+        // The actuator continues from the acceleration of the recorded ego.
         let arriving_mps2 = case.whole.at(from)[replayer.world.ego()].state.accel_mps2;
         let (sample_s, lane_width_m) = (replayer.sample_s, replayer.lane_width_m);
         AtWheel {
             driver: driver.map(|driver| Reflexes::new(driver, sample_s, lane_width_m)),
             actuator: Actuator::new(lag_s, sample_s).from(arriving_mps2),
             driven: 0,
+            // Full brakes react at once.
             reacted: (seat == Seat::FullBrakes).then_some(0),
         }
     }
@@ -53,19 +55,19 @@ impl AtWheel {
     }
 }
 
-/// What is noted of a replay, besides how it ends.
+/// Notes of a replay besides its outcome.
 #[derive(Default)]
 pub(super) struct Notes {
-    /// The trace, if somebody judges it.
+    /// Trace, if it is judged.
     pub rows: Option<Rows>,
-    /// Where everybody is at each sample, if somebody looks at it.
+    /// Positions of all agents at each sample, if they are displayed.
     pub frames: Option<Vec<Frame>>,
-    /// The contact with which it ends.
+    /// Contact that ends the replay.
     pub contact: Option<Touch>,
 }
 
 impl Notes {
-    /// Notes the sample at which the driver takes over; the trace has its row.
+    /// Notes the sample of the takeover, whose row the trace has already.
     pub fn begin(&mut self, scene: &DriveScene) {
         if let Some(frames) = &mut self.frames {
             frames.push(scene.frame());
@@ -81,7 +83,7 @@ impl Notes {
     }
 }
 
-/// The rows of a replay: those of the record up to the change of drivers.
+/// Rows of a replay, after those of the record up to the takeover.
 pub(super) struct Rows {
     trace: Trace,
     row: Vec<f64>,
@@ -103,14 +105,14 @@ impl Rows {
     pub fn push(&mut self, scene: &DriveScene) {
         if self.trace.len() < self.most {
             scene.publish(&mut self.row);
-            // A row that is none ends what can be judged.
+            // An invalid row ends the part that can be judged.
             if self.trace.push(&self.row).is_err() {
                 self.most = 0;
             }
         }
     }
 
-    /// Whether all rules are kept, and ρ(ψ_ego).
+    /// Returns whether all rules are kept, and ρ(ψ_ego).
     pub fn judge(&self, rulebook: &Rulebook) -> (bool, f64) {
         let mut scratch = Scratch::default();
         let mut rules = rulebook.rules.iter();

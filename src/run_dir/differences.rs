@@ -286,7 +286,7 @@ mod tests {
         let learner = json!(learner.expect("in range"));
         assert_eq!(
             crate::content_hash::fingerprint(&learner),
-            "98fede4b59ae601ac105d8ff5388149345a507fe0e8db3fdcd16dc58c732a7e4"
+            "57004fdae0b031ed5999275518ccc9c78350110c9fc180749b1e5dd8e128919f"
         );
     }
 

@@ -3,16 +3,16 @@
 //! Ados trained on some controllers did not transfer to a controller of another structure.
 //! With memory, with the nearest known structure as an input, or trained on many
 //! structures, they solved about half of the solvable starts.
-//! This module records some runs of the ego and fits a network to its motion ([`fit`]).
+//! This module records some runs of the ego and fits a network to its motion (`fit`).
 //! It then searches the ado's actions in a model of the world with the network in the
-//! ego's place ([`plan`]).
+//! ego's place (`plan`).
 //! Two thirds of the runs are themselves planned, so the network sees the situations that
 //! plans lead to.
 //! Every counterexample is a run of the real ego. A wrong surrogate can miss failures but
 //! cannot claim false ones.
 //!
 //! A network rounds off reactions beyond a threshold, so the emergency brake is fitted
-//! first ([`braking`]).
+//! first (`brake_detection`).
 //!
 //! The trained policy is a strategy that every plan has to beat. It acts where no plan is
 //! found.

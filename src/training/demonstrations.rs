@@ -1,7 +1,7 @@
 //! What a search finds on training starts, to be shown to learners that want
 //! demonstrations: before a training, and where the ado fails later.
 
-use super::calibration::successes;
+use super::rollout::successes;
 use super::training_search::{Effort, Scout, Scouted};
 use crate::experiment::Watch;
 use crate::rl::{Demonstration, Policy, Seeding};

@@ -5,6 +5,7 @@ mod demonstrations;
 mod error;
 mod goals;
 mod retrain_baseline;
+mod rollout;
 mod session;
 mod stopping_rule;
 mod train_loop;

@@ -49,7 +49,7 @@ fn any_run_directory_is_refused_or_says_what_its_files_say() {
     let flips = prop_oneof![2 => Just(None), 1 => any::<Index>().prop_map(Some)];
     target.run(&(mutants(texts.into()), flips), |(mutant, flip)| {
         let names = ["manifest.json", "world.ron"];
-        for name in names {
+        for name in names.into_iter().chain(["timing.json"]) {
             std::fs::write(bad.join(name), text(name)).expect("written");
         }
         let mut bytes = policy.clone();

@@ -1,4 +1,4 @@
-//! `brakecheck check`: is this world sound, and what can its formulas say?
+//! `brakecheck check`: validation of a world, and its signals for formulas.
 
 mod programs;
 mod signals;
@@ -76,6 +76,7 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         let shown = Failure::of(Exit::Done, notes);
         talk::say_rendered(shown.render(talk::theme(), talk::width()).trim_end());
     }
+    // A faulty program is reported last, so that the listing is complete.
     match programs::first_fault(&named) {
         Some(failure) => Err(failure),
         None => Ok(Exit::Done),
@@ -84,6 +85,7 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
 
 /// A list behind its name, in lines of no more than 100 columns.
 fn listed(name: &str, items: &[String]) -> String {
+    // 14 columns align the lists below each other.
     let mut lines = vec![format!("{name:<14}")];
     for (i, item) in items.iter().enumerate() {
         let comma = if i + 1 < items.len() { "," } else { "" };
@@ -183,6 +185,7 @@ fn text(scenario: &Scenario) -> String {
     let actions: Vec<String> = actions
         .map(|action| {
             let label = scenario.action_label(action);
+            // The neutral action defines trivial starts, so it must be visible.
             if action == neutral {
                 format!("{label} (neutral)")
             } else {

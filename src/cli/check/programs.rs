@@ -8,7 +8,7 @@ use crate::ego::{DOCUMENT, Exercise, Fault, FaultKind, Finding, Hello, Process, 
 use crate::visible::command_line;
 use crate::world::Scenario;
 
-/// A program that a world names, and what it said.
+/// Program that a world names, with its answers.
 #[derive(Serialize)]
 pub(super) struct Named {
     ego: String,
@@ -16,16 +16,17 @@ pub(super) struct Named {
     started: bool,
     hello: Option<Hello>,
     fault: Option<Fault>,
-    /// The first requirement that it does not meet.
+    /// First requirement that the program violates.
     wrong: Option<Finding>,
 }
 
-/// The programs of a world; with consent each is started and tried.
+/// Starts and tests the programs of a world, if you consented.
 pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
     let programs = scenario.programs().into_iter();
     programs
         .map(|(ego, process)| {
             let mut process = process.clone();
+            // A program from a file has no consent of its own.
             process.allow(allowed);
             let done = allowed.then(|| exercise(&process));
             let mut findings = done.iter().flat_map(|done| &done.findings);
@@ -42,12 +43,13 @@ pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
         .collect()
 }
 
-/// What they said, in lines; empty where the world names none.
+/// Formats the results in lines, empty if the world names no program.
 pub(super) fn text(named: &[Named]) -> String {
     let mut text = String::new();
     for one in named {
         let (ego, command) = (&one.ego, command_line(&one.command));
         let said = match (&one.hello, &one.fault, &one.wrong) {
+            // A fault explains the findings after it.
             (_, Some(fault), _) => format!("{}: {fault}", fault.kind.word()),
             (_, None, Some(wrong)) => format!("WRONG: it {}: {}", wrong.what, wrong.note),
             (Some(hello), None, None) => said(hello),

@@ -8,11 +8,12 @@ use crate::world::Scenario;
 /// With more agents than this, signals that differ by agents only are one line.
 const FEW_AGENTS: usize = 2;
 
-/// A signal, or several that are called alike: pattern, unit and meaning.
+/// Pattern of one or several signal names, with unit and meaning.
 type Pattern = (String, String, String);
 
 pub(super) fn table(scenario: &Scenario) -> String {
     let agents = agents(scenario);
+    // The pairs of many agents would fill pages.
     let many = FEW_AGENTS < agents.len();
     let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
     for (signal, held) in scenario.signals() {
@@ -27,6 +28,7 @@ pub(super) fn table(scenario: &Scenario) -> String {
     let lines = lines.into_iter().map(|((name, unit, about), held)| {
         let first = held[0];
         let same = held.iter().filter(|word| **word == first).count();
+        // A pattern may cover signals that are recorded and others on demand.
         let held = if same == held.len() {
             first.to_owned()
         } else {
@@ -77,7 +79,7 @@ fn pattern(agents: &[&str], name: &str, about: &str) -> (String, String) {
     let name: Vec<String> = head
         .chain(tail.iter().map(|part| (*part).to_owned()))
         .collect();
-    // Owners stand as words, or before the quantity of another name.
+    // Owners appear as words, or as a prefix of another quantity's name.
     let words = about.split(' ').map(|word| {
         let bare = word.trim_matches(|c: char| !c.is_alphanumeric() && c != '_' && c != '.');
         let bare = bare.trim_end_matches('.');

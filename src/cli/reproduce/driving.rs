@@ -35,6 +35,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     for name in &names {
         let scenario = world(args, name)?;
         let settings = settings(request.seeds, json!({ "starts": args.starts }));
+        // The piece is a file name, so an interrupted table resumes by world.
         let piece = format!("{name}, case study");
         let made = once(args, (&piece, &scenario), settings, |watch| {
             Ok(case_study(&scenario, &request, watch)?)
@@ -42,6 +43,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         let Some(study) = made else {
             return Ok(None);
         };
+        // Intervals follow from the rows, so a kept piece gets those of this version.
         studies.push(study.with_intervals());
     }
     Ok(Some(Made {

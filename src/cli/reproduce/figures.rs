@@ -19,6 +19,8 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let merge = world(args, "merge")?;
     let light = world(args, "yellow_light")?;
     let figures = match drawn(&acc, &merge, &light, &watch) {
+        // An interrupted search can look like a missing behaviour, so this is tested
+        // first.
         _ if watch.stopped() => return Ok(None),
         Ok(figures) => figures,
         Err(error) => {
@@ -138,6 +140,7 @@ fn paths(scenario: &Scenario, episode: &Episode) -> [Vec<(f64, f64)>; 2] {
     ["ego", "ado"].map(|name| {
         let column = |axis: &str| episode.trace.signal(&format!("{name}.{axis}"));
         match (column("x"), column("y").or(column("lateral"))) {
+            // On a single lane the paths are a straight line.
             (Some(x), Some(y)) if 1 < lanes => x.iter().copied().zip(y.iter().copied()).collect(),
             _ => Vec::new(),
         }
@@ -151,6 +154,7 @@ fn decided_s(episode: &Episode) -> f64 {
 fn distances(scenario: &Scenario, one: &Shown) -> Distances {
     let episode = &one.episode;
     let red = over_time(episode, "light.red");
+    // A light that never turns red has an empty region at the end.
     let first = red.iter().find(|(_, red)| 0.0 < *red);
     let last = red.last().map_or(0.0, |(time, _)| *time);
     Distances {

@@ -1,5 +1,7 @@
-//! Markdown on a terminal: its tables as no wider than all others, cut into
-//! several where that takes words apart; everything else as it is.
+//! Markdown for terminals: its tables are fitted to the usual width.
+//!
+//! A table is cut into several if its words would be broken otherwise. The rest of the
+//! text is unchanged.
 
 use comfy_table::{ColumnConstraint, Width};
 
@@ -26,14 +28,16 @@ fn cells(line: &str) -> Option<Vec<&str>> {
     Some(inside.split('|').map(str::trim).collect())
 }
 
-/// A table, as one if it fits and else as several of some columns each, every
-/// one with the columns that tell its rows apart.
+/// Draws a table, or several tables with some of its columns.
+///
+/// Each part has the columns that identify its rows.
 fn drawn(lines: &[Vec<&str>]) -> Option<String> {
     let [header, _, rows @ ..] = lines else {
         return None;
     };
     let keys = keys(rows);
     let least = |column: usize| least_width(lines, column);
+    // Every part repeats the key columns, so their width is taken first.
     let room = usize::from(WIDTH) - 1 - keys.iter().map(|key| least(*key)).sum::<usize>();
     let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
     for column in (0..header.len()).filter(|column| !keys.contains(column)) {
@@ -48,6 +52,7 @@ fn drawn(lines: &[Vec<&str>]) -> Option<String> {
     }
     let part = |group: &[usize]| {
         let mut columns = [&keys, group].concat();
+        // Key columns keep their place among the others.
         columns.sort_unstable();
         let of = |row: &[&str]| -> Vec<String> {
             let cell = |column: &usize| row.get(*column).copied().unwrap_or_default();
@@ -58,7 +63,8 @@ fn drawn(lines: &[Vec<&str>]) -> Option<String> {
         for row in rows {
             table.add_row(of(row));
         }
-        // Room for the longest word of each column; what is left goes where text is long.
+        // Each column has room for its longest word. The remaining width goes to long
+        // texts.
         for (at, column) in columns.iter().enumerate() {
             let width = u16::try_from(least(*column) - 1).unwrap_or(WIDTH);
             if let Some(column) = table.column_mut(at) {
@@ -71,14 +77,16 @@ fn drawn(lines: &[Vec<&str>]) -> Option<String> {
     Some(parts.join("\n"))
 }
 
-/// The first column, and where its values repeat the first other one that tells
-/// the rows apart together with it.
+/// Returns the first column, and a second column if its values repeat.
+///
+/// Together they identify the rows.
 fn keys(rows: &[Vec<&str>]) -> Vec<usize> {
     let tells = |columns: &[usize]| {
         let mut values: Vec<Vec<Option<&&str>>> = Vec::new();
         for row in rows {
             values.push(columns.iter().map(|it| row.get(*it)).collect());
         }
+        // Equal keys become neighbours.
         values.sort_unstable();
         values.windows(2).all(|pair| pair[0] != pair[1])
     };
@@ -89,9 +97,11 @@ fn keys(rows: &[Vec<&str>]) -> Vec<usize> {
     }
 }
 
-/// What a column needs so that no word of it is cut: its longest, two blanks
-/// and a line.
+/// Returns the least width of a column without broken words.
+///
+/// It is the longest word, two blanks and a line.
 fn least_width(lines: &[Vec<&str>], column: usize) -> usize {
+    // Line 1 is the rule below the header.
     let cells = lines.iter().enumerate().filter(|(nth, _)| *nth != 1);
     let cells = cells.filter_map(|(_, row)| row.get(column));
     let words = cells.flat_map(|cell| cell.split_whitespace());
@@ -123,7 +133,7 @@ mod tests {
             assert!(shown.contains(&format!(" {name} ")), "{name}: {shown}");
         }
         assert_eq!(shown.matches("[−0.123,").count(), 28, "{shown}");
-        // Three tables, each of which says which row is whose.
+        // Each of the three tables identifies its rows.
         assert_eq!(shown.matches("unrecognisably").count(), 3, "{shown}");
         assert_eq!(shown.matches("┌").count(), 3, "{shown}");
     }

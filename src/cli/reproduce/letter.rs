@@ -38,7 +38,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }))
 }
 
-/// What a search and ados that learned nothing do, under both judges. `None`: stopped.
+/// Plays a search and untrained ados under both judges, and returns `None` if stopped.
 fn baselines(
     args: &ReproduceArgs,
     path: &LetterPath,
@@ -54,6 +54,7 @@ fn baselines(
     let unlearned = unlearned.steps(text)?;
     let mut baselines = Vec::new();
     for judge in JUDGES {
+        // Step 0 is the letter itself, without any change.
         let scenario = unlearned[0].judged_by(judge)?;
         let own = json!({ "starts": args.starts, "switches": path.switches });
         let piece = format!("{}, {judge}", path.world);
@@ -88,6 +89,8 @@ fn rows(
         let request = CaseStudies {
             seeds,
             starts: args.starts,
+            // Steps of a path train in worlds of the same name, so each needs a
+            // directory.
             runs: &runs.join(format!("{learner}-step-{at}")),
         };
         let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {

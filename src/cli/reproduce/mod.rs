@@ -111,6 +111,7 @@ enum What {
 }
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
+    // The option is common to all verbs, and would be ambiguous here.
     if args.seed.is_some() {
         return Err(Failure::input(
             "`reproduce` has trainings and test starts, so `--seed` does not say whose",
@@ -129,6 +130,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
             talk::say("interrupted: what is finished is kept; run the same command to go on");
             return Ok(Exit::Interrupted);
         };
+        // Saved before it is printed, so a broken pipe does not cost the part.
         made.save(&args.output)?;
         if !args.common.json {
             talk::data(&fitted::fitted(&made.markdown))?;
@@ -174,7 +176,7 @@ impl What {
     }
 }
 
-/// One part of the tables; `None`: interrupted.
+/// Function that makes a part of the tables, and returns `None` if interrupted.
 type Part = fn(&ReproduceArgs) -> Result<Option<Made>, Failure>;
 
 /// A finished table.
@@ -182,7 +184,7 @@ struct Made {
     /// Its files are called so.
     name: &'static str,
     markdown: String,
-    /// An object; its keys differ from those of every other part.
+    /// JSON object, whose keys differ from those of other parts.
     json: Value,
 }
 
@@ -195,9 +197,9 @@ impl Made {
     }
 }
 
-/// Makes a piece of a part, or takes what an earlier command kept of it.
+/// Makes a piece of a part, or reads the piece that an earlier command kept.
 ///
-/// `None`: interrupted.
+/// Returns `None` if interrupted.
 fn once<T: Serialize + DeserializeOwned>(
     args: &ReproduceArgs,
     (piece, scenario): (&str, &Scenario),
@@ -208,21 +210,23 @@ fn once<T: Serialize + DeserializeOwned>(
     match kept.read() {
         Ok(None) => {}
         Ok(made) => return Ok(made),
+        // A damaged piece is only lost time, unlike a damaged run.
         Err(error @ RunError::Damaged { .. }) => talk::say(&format!("{error}; it is made anew")),
         Err(error) => return Err(error.into()),
     }
     let bar = progress::bar(piece);
     let made = make(&bar.watch())?;
+    // An interrupted piece is not kept, because it would look finished.
     if let Some(made) = &made {
         kept.write(made)?;
     }
     Ok(made)
 }
 
-/// What a piece was asked for: its own settings and the seeds.
+/// Returns the settings of a piece: its own and the seeds.
 ///
-/// Pieces that are older than the choice of seeds are of trainings from 1 on and
-/// of test starts of seed 0, and do not say so.
+/// Pieces from before the choice of seeds have trainings from 1 on and test starts of
+/// seed 0. Their settings do not contain the seeds.
 fn settings(seeds: Seeds, mut own: Value) -> Value {
     own["seeds"] = seeds.count.into();
     if seeds.first != 1 {
@@ -234,7 +238,7 @@ fn settings(seeds: Seeds, mut own: Value) -> Value {
     own
 }
 
-/// Which seeds a table is of, in a line above it.
+/// Returns a table with a line above it that states its seeds.
 fn headed(seeds: Seeds, table: &str) -> String {
     format!("With {seeds}.\n\n{table}")
 }

@@ -1,4 +1,4 @@
-//! The paper's remark on generalisation: starts near its failing ones.
+//! Starts near the failing starts of the paper, for its claim of generalisation.
 
 use serde_json::json;
 
@@ -40,6 +40,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let mut all = Vec::new();
     for (name, wanted) in FAILING {
         let scenario = world(args, name)?;
+        // A world from `--worlds` may lack these axes.
         let around = start_with(&scenario, &wanted).map_err(|error| {
             Failure::input(
                 error.to_string(),
@@ -66,7 +67,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }))
 }
 
-/// How the trained ado fares near the failing start of a world. `None`: stopped.
+/// Plays the trained ado near the failing start of a world. `None` if stopped.
 fn near(
     args: &ReproduceArgs,
     scenario: &Scenario,
@@ -76,6 +77,7 @@ fn near(
     let seeds = args.asked_seeds(1);
     let (path, _) = trained_run(scenario, seeds.first, &args.output.join("runs"), watch)?;
     let starts = test_starts(scenario, seeds.starts, args.starts, watch);
+    // An interrupted training has no policy.
     let (Some(starts), false) = (starts, watch.stopped()) else {
         return Ok(None);
     };

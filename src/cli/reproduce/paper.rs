@@ -8,7 +8,7 @@ use crate::studies::{PaperRow, measure_paper_row, paper_rows_markdown};
 /// Beyond the paper's numbers of episodes: where the curves still rise.
 const MORE: [u64; 4] = [1_000, 2_000, 4_000, 8_000];
 
-/// World, learner (`None`: the world's own), what the paper says, its episodes.
+/// World, learner (`None` for the world's own), the paper's text, its episodes.
 const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     ("acc", None, "ACC, DQN: 54.8 % in 1.93 h", &[]),
     (
@@ -61,6 +61,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             };
             scenario = scenario.learning_by(learner).ok_or_else(none)?;
         }
+        // Only rows with episode counts have a curve to continue.
         let more = MORE.iter().filter(|_| !episodes.is_empty());
         let episodes: Vec<u64> = episodes.iter().chain(more).copied().collect();
         let row = PaperRow {

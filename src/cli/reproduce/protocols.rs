@@ -16,8 +16,9 @@ pub(super) fn r157(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     made(args, "r157")
 }
 
-/// The table of the worlds whose names begin with the protocol's, or of those
-/// asked for; `None`: stopped.
+/// Makes the table of a protocol's worlds, or of the requested worlds.
+///
+/// Returns `None` if stopped.
 fn made(args: &ReproduceArgs, protocol: &'static str) -> Result<Option<Made>, Failure> {
     let own = |name: &&str| name.split('/').next() == Some(protocol);
     let names: Vec<String> = if args.world.is_empty() {
@@ -33,6 +34,7 @@ fn made(args: &ReproduceArgs, protocol: &'static str) -> Result<Option<Made>, Fa
         let scenario = world(args, name)?.allow_programs(args.common.allow_programs);
         for ego in protocol_egos(&scenario, &args.ego)? {
             let settings = json!({ "ego": ego.change(), "starts": args.starts });
+            // A piece is a file name, which cannot contain a slash.
             let piece = format!("{}, {}", name.replace('/', " "), ego.name());
             let row = once(args, (&piece, &scenario), settings, |watch| {
                 let row = protocol_row(name, &ego, args.starts, watch);

@@ -31,6 +31,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         .filter(|name| args.world.is_empty() || args.world.iter().any(|world| world == *name));
     for name in names {
         let scenario = world(args, name)?;
+        // Trainings come first, because all egos share them.
         let Some(study) = begin(name, &scenario, asked)? else {
             return Ok(None);
         };
@@ -40,6 +41,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
                 "starts": asked.starts, "tries": asked.tries, "adapting": ENOUGH_SIMULATIONS,
             });
             let settings = settings(asked.seeds, own);
+            // One piece per ego, so that an interruption costs a single ego.
             let piece = format!("{name}, reuse on {}", ego.name());
             let made = once(args, (&piece, &scenario), settings, |watch| {
                 Ok(study.meet(ego, watch)?)
@@ -58,7 +60,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }))
 }
 
-/// Trains what is not trained yet.
+/// Trains the ados that are not trained yet.
 fn begin<'a>(
     name: &str,
     scenario: &'a Scenario,

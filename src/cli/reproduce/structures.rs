@@ -11,8 +11,9 @@ use crate::studies::{
 };
 use crate::world::Scenario;
 
-/// The scene of ACC, whose changed egos are controllers of ten structures; these are
-/// met in every other world too.
+/// World of ACC whose changed egos have ten structures.
+///
+/// The same egos are played in every other world, too.
 const WORLDS: [&str; 1] = ["acc_structures"];
 /// Trainings per world, at most, and starts: each start is searched with two
 /// switches and planned six times.
@@ -42,7 +43,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }))
 }
 
-/// A row for each training and ego of a world; `None`: stopped.
+/// Returns a row for each training and ego of a world, `None` if stopped.
 fn rows(
     args: &ReproduceArgs,
     seeds: Seeds,
@@ -59,6 +60,7 @@ fn rows(
             });
             let piece = format!("{name} {seed}, {}", ego.name());
             let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
+                // Inside of the piece, so that a finished piece needs no training.
                 let Some(run) = trained(args, &scenario, seed, watch)? else {
                     return Ok(None);
                 };
@@ -78,7 +80,7 @@ fn rows(
     Ok(Some(rows))
 }
 
-/// The ado of a seed, trained now if it is not there; `None`: stopped.
+/// Returns the ado of a seed, and trains it if necessary. `None` if stopped.
 fn trained(
     args: &ReproduceArgs,
     scenario: &Scenario,

@@ -7,44 +7,44 @@ use crate::experiment::{EgoError, EgoUnderTest};
 use crate::run_dir::KeptError;
 use crate::world::{LoadError, Scenario};
 
-/// No kept counterexample is meant.
+/// No kept counterexample fits the request.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// As `Debug` it prints as on the command line, so a failing test shows the problem, its
+/// place and its fix.
 #[derive(thiserror::Error)]
 pub enum FindError {
-    /// The directory holds fewer.
+    /// The directory has fewer counterexamples.
     #[error("there is no episode {number} in `{}`", dir.display())]
     NoEpisode {
-        /// Number asked for.
+        /// Requested number.
         number: usize,
-        /// The directory.
+        /// Directory.
         dir: PathBuf,
-        /// Episodes that it holds.
+        /// Number of episodes in it.
         count: usize,
     },
-    /// A world is named.
+    /// The path is a world.
     #[error("`{}` is a world, and no kept counterexample", world.display())]
     World {
-        /// The world's file or name.
+        /// File or name of the world.
         world: PathBuf,
-        /// Whether it lists points to play.
+        /// True if the world lists points to play.
         has_points: bool,
     },
-    /// Nothing is there.
+    /// The path does not exist.
     #[error("there is no `{}`", path.display())]
     Missing {
-        /// The path.
+        /// Path.
         path: PathBuf,
-        /// What is asked for, in words.
+        /// Expected kind of path, in words.
         want: &'static str,
     },
-    /// A directory is named where a file is asked for, or the reverse.
+    /// A directory is given in place of a file, or the reverse.
     #[error("`{}` is no {want}", path.display())]
     WrongKind {
-        /// The path.
+        /// Path.
         path: PathBuf,
-        /// What is asked for, in words.
+        /// Expected kind of path, in words.
         want: &'static str,
     },
     /// The other ego cannot be tested.
@@ -59,7 +59,7 @@ pub enum FindError {
 }
 
 impl FindError {
-    /// The fix; `None`: the error has another form than a sentence and its fix.
+    /// Returns the fix, or `None` if the error has another form.
     pub fn help(&self) -> Option<String> {
         Some(match self {
             FindError::NoEpisode { count, .. } => format!("it holds {count}, counted from 0"),

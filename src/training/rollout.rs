@@ -1,0 +1,56 @@
+//! Greedy episodes of an ado on starts of a training.
+
+use super::training_egos::TrainingGym;
+use crate::experiment::{EpisodeLoop, Watch};
+use crate::rl::{Env, Policy};
+use crate::seed::Purpose;
+use crate::world::Scenario;
+
+/// Result of one greedy episode of an ado.
+#[derive(Clone, Default)]
+pub(super) struct Attempt {
+    /// Actions of a success, in which the ego failed and all rules were kept.
+    pub success: Option<Vec<usize>>,
+    pub physics_steps: u64,
+    pub cpu_s: f64,
+}
+
+/// Plays the starts of a stream with these indices greedily. `None` if stopped.
+pub(super) fn successes(
+    (scenario, purpose, seed): (&Scenario, Purpose, u64),
+    indices: &[u64],
+    policy: &dyn Policy,
+    watch: &Watch<'_>,
+) -> Option<Vec<Attempt>> {
+    let all = EpisodeLoop::counted(watch, indices.len());
+    let gym = || TrainingGym::new(scenario, purpose, seed);
+    let played = all.run(indices, gym, |gym, &index, turn| {
+        let before = gym.inner().spent().physics_steps;
+        let success = succeeds(gym, index, policy);
+        Some(Attempt {
+            success,
+            physics_steps: gym.inner().spent().physics_steps - before,
+            cpu_s: turn.cpu_s(),
+        })
+    });
+    let played = played.into_iter().map(Option::unwrap_or_default);
+    (!watch.stopped()).then(|| played.collect())
+}
+
+/// Returns the actions of a success of a greedy ado.
+///
+/// Under Definition 4 an episode pays more than 0 exactly for a success.
+fn succeeds(gym: &mut TrainingGym<'_>, index: u64, policy: &dyn Policy) -> Option<Vec<usize>> {
+    let mut obs = vec![0.0; gym.spaces().observation];
+    gym.reset(index, &mut obs);
+    let (mut total, mut actions) = (0.0, Vec::new());
+    loop {
+        let action = policy.act(&obs);
+        actions.push(action);
+        let step = gym.step(action, &mut obs);
+        total += step.reward;
+        if step.end.is_some() {
+            return (total > 0.0).then_some(actions);
+        }
+    }
+}
