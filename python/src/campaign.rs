@@ -253,7 +253,7 @@ pub(crate) fn eval_world<'py>(
                 let request = ego.met_by(played_by(policy), &starts);
                 let solved = met.solved.clone();
                 let mut keeper = Keeper::of(&request, ego.change(), keep.settings());
-                keeper.ado = &asked.name;
+                keeper.ado = asked.name.as_str().into();
                 let again = |bench: &mut _, at| request.play(bench, at);
                 keeper.keep(&solved, &again, &keep.directory, watch)?;
             }

@@ -3,6 +3,7 @@
 
 use super::rollout::{Ado, EvalRequest, Evaluated, eval};
 use crate::experiment::{TestStarts, Watch};
+use crate::run_dir::AdversaryId;
 use crate::world::Scenario;
 
 /// The constant ado that succeeds most often; ties go to the lower action.
@@ -12,6 +13,16 @@ pub fn best_constant(
     starts: &TestStarts,
     watch: &Watch<'_>,
 ) -> Evaluated {
+    best_constant_action(scenario, ego, starts, watch).1
+}
+
+/// That ado and its action.
+pub fn best_constant_action(
+    scenario: &Scenario,
+    ego: &str,
+    starts: &TestStarts,
+    watch: &Watch<'_>,
+) -> (usize, Evaluated) {
     let constant = |action| {
         let request = EvalRequest {
             scenario,
@@ -19,13 +30,21 @@ pub fn best_constant(
             ado: Ado::Constant(action),
             starts,
         };
-        eval(&request, watch)
+        (action, eval(&request, watch))
     };
     let actions = scenario.world().spaces().actions;
     let first = constant(0);
-    let mut best = (1..actions).map(constant).fold(first, more_successful);
+    let others = (1..actions).map(constant);
+    let (action, mut best) = others.fold(first, |best, other| {
+        if best.1.row.successes < other.1.row.successes {
+            other
+        } else {
+            best
+        }
+    });
+    best.row.ado = AdversaryId::BestConstant;
     best.row.method = format!("{}, the best of {actions}", best.row.method);
-    best
+    (action, best)
 }
 
 /// Shares of the horizon for which it accelerates before it brakes.
@@ -58,7 +77,7 @@ pub fn best_then_brake(
         })
         .into_iter()
         .reduce(more_successful)?;
-    best.row.ado = "switch".to_owned();
+    best.row.ado = AdversaryId::BestSwitch;
     best.row.method = format!("{}, the best of {}", best.row.method, ACCELERATES.len());
     Some(best)
 }
@@ -97,7 +116,7 @@ mod tests {
         let watch = Watch::unwatched();
         let starts = test_starts(&world, 20, 3, &watch).expect("drawn");
         let best = best_then_brake(&world, "nominal", &starts, &watch).expect("it drives");
-        assert_eq!(best.row.ado, "switch");
+        assert_eq!(best.row.ado, AdversaryId::BestSwitch);
         let says = &best.row.method;
         assert!(
             says.ends_with("the best of 6") && says.contains("-3 m/s²"),

@@ -10,7 +10,7 @@ use crate::experiment::{Shape, badness, clusters, descending};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run_dir::{
-    ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row, StartRepeated, Stored,
+    AdversaryId, ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row, StartRepeated, Stored,
 };
 use crate::severity::Impact;
 use crate::stats::{Outcomes, StartOutcome, at_most, wilson};
@@ -32,7 +32,7 @@ pub enum Ado<'a> {
     Held,
     /// The same action all the time.
     Constant(usize),
-    /// A rule that nobody trained: its word and its method in rows.
+    /// A rule that nobody trained: its name and its method in rows.
     Rule(&'a dyn Policy, &'static str, &'static str),
     /// These actions, one per decision; the last one is held.
     Script(&'a [usize]),
@@ -43,18 +43,17 @@ pub enum Ado<'a> {
 }
 
 impl Ado<'_> {
-    /// The word in rows.
-    pub fn word(&self) -> &'static str {
-        match self {
-            Ado::Trained(..) => "trained",
-            Ado::Random => "random",
-            Ado::Held => "hold",
-            Ado::Constant(_) => "constant",
-            Ado::Rule(_, word, _) => word,
-            Ado::Script(_) => "script",
-            Ado::Heuristic(_) => "heuristic",
-            Ado::Replays(_, 1) => "replay",
-            Ado::Replays(..) => "replays",
+    /// Returns the identity in rows.
+    pub fn id(&self) -> AdversaryId {
+        match *self {
+            Ado::Trained(..) => AdversaryId::Trained,
+            Ado::Random => AdversaryId::Random,
+            Ado::Held => AdversaryId::Hold,
+            Ado::Constant(action) => AdversaryId::Constant { action },
+            Ado::Rule(_, name, _) => name.into(),
+            Ado::Script(_) => AdversaryId::Script,
+            Ado::Heuristic(_) => AdversaryId::Heuristic,
+            Ado::Replays(_, nearest) => AdversaryId::Replays { nearest },
         }
     }
 
@@ -228,11 +227,7 @@ pub(crate) fn note_row(watch: &Watch<'_>, row: &Row) {
 
 /// Plays every start once and counts.
 pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
-    watch.phase(&format!(
-        "evaluating {}, {}",
-        request.ego,
-        request.ado.word()
-    ));
+    watch.phase(&format!("evaluating {}, {}", request.ego, request.ado.id()));
     let bench = || request.scenario.bench();
     let played = request.starts.each(watch, bench, |bench, _, turn| {
         let attempt = request.repeat(bench, turn.index);
@@ -329,8 +324,7 @@ impl EvalRequest<'_> {
     }
 
     pub(super) fn row(&self, played: &[Option<Played>]) -> Row {
-        let mut row = blank_row(self.scenario, self.ego, self.starts);
-        row.ado = self.ado.word().to_owned();
+        let mut row = blank_row(self.scenario, (self.ego, self.ado.id()), self.starts);
         row.method = self.ado.method(self.scenario);
         if let Ado::Trained(_, seed) = self.ado {
             row.train_seed = Some(seed);
@@ -397,13 +391,17 @@ pub(crate) fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
 }
 
 /// A row of which only the headings are filled in.
-pub(crate) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> Row {
+pub(crate) fn blank_row(
+    scenario: &Scenario,
+    (ego, ado): (&str, AdversaryId),
+    starts: &TestStarts,
+) -> Row {
     Row {
         world: scenario.name.clone(),
         plant: scenario.plant(),
         judge: scenario.rulebook().judge,
         ego: ego.to_owned(),
-        ado: String::new(),
+        ado,
         method: String::new(),
         train_seed: None,
         context: None,

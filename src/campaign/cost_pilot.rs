@@ -7,10 +7,10 @@ use super::dir::PLAN;
 use super::error::CampaignError;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::play::Stage;
-use super::row::RowOutcome;
 use super::{estimate, workflow_files};
 use crate::experiment::{EgoUnderTest, Watch, consent, on_plant};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
+use crate::stats::StartOutcome;
 use crate::testbench::FaultLog;
 use crate::world::Scenario;
 use crate::world::file_text;
@@ -192,7 +192,7 @@ impl Checked {
             let rows = played.iter().flat_map(|played| &played.rows);
             ran |= rows
                 .into_iter()
-                .any(|row| row.outcome != RowOutcome::Invalid);
+                .any(|row| row.outcome != StartOutcome::Invalid);
             spent_s += began.elapsed().as_secs_f64();
             starts += 1;
         }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::evaluation::GateOn;
 use crate::seed::FIRST_SEALED;
 use crate::sim::PlantKind;
 use crate::world::{Change, Ordered};
@@ -140,18 +141,6 @@ pub(super) struct GateEntry {
     pub baseline: String,
     #[serde(default)]
     pub on: GateOn,
-}
-
-/// Newly failing starts that block a change.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum GateOn {
-    /// Starts that CC_LATCHED or FSM would have survived.
-    #[default]
-    Preventable,
-    /// Any newly failing start.
-    Any,
-    /// No start. The comparison is only reported.
-    Never,
 }
 
 /// Starts of a plan.

@@ -12,10 +12,10 @@ use super::error::CampaignError;
 use super::piece;
 use super::piece::{PIECES, PieceText, Unusable};
 use super::plan::{CampaignPiece, PlannedAdo, Work};
-use super::row::RowOutcome;
 use super::summary::{CampaignSummary, Tally};
 use crate::experiment::Watch;
 use crate::run_dir::{RunError, WholeFile, make_dir, write_file};
+use crate::stats::StartOutcome;
 
 /// Directory of the merged file and its summary.
 const MERGED: &str = "merged";
@@ -44,7 +44,7 @@ pub struct Merged {
 #[derive(Deserialize)]
 struct Told {
     start: u64,
-    outcome: RowOutcome,
+    outcome: StartOutcome,
     contact: bool,
     closing_mps: Option<f64>,
     preventable: Option<bool>,

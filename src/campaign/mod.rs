@@ -31,11 +31,11 @@ mod workflow_files;
 pub use cost_pilot::{Cut, PIECE_S, PlanCost};
 pub use dir::{PieceDone, PlanDir, Ran};
 pub use error::CampaignError;
-pub use file::{GateOn, StartsAsked};
+pub use file::StartsAsked;
 pub use merge::Merged;
 pub use page::COLUMNS;
 pub use plan::{
     CampaignPiece, Plan, PlannedAdo, PlannedRun, PlannedTraining, PlannedWorld, Unit, Work,
 };
-pub use row::{RowOutcome, StartRow};
+pub use row::StartRow;
 pub use summary::{CampaignSummary, CellMap, GateVerdict, SummaryRow};

@@ -7,10 +7,10 @@ use super::error::CampaignError;
 use super::merge::{Merged, page_of};
 use super::plan::Unit;
 use super::regulation_boundary;
-use super::row::RowOutcome;
 use super::summary::{CellMap, GateVerdict, SummaryRow};
-use crate::report::{CampaignPage, CellState, MapCell, StartMap};
+use crate::report::{CampaignPage, CellState, MapCell, StartMap, TextTable};
 use crate::run_dir::write_file;
+use crate::stats::StartOutcome;
 
 /// Headings of the columns of [`SummaryRow::cells`].
 pub const COLUMNS: [&str; 10] = [
@@ -35,11 +35,10 @@ impl PlanDir {
                 plan.units.len(),
                 merged.rows
             ),
-            columns: std::iter::once("world")
-                .chain(COLUMNS)
-                .map(str::to_owned)
-                .collect(),
-            rows: summary.rows.iter().map(cells).collect(),
+            rates: TextTable::new(
+                std::iter::once("world").chain(COLUMNS),
+                summary.rows.iter().map(cells),
+            ),
             gates: summary
                 .gates
                 .iter()
@@ -74,12 +73,13 @@ impl PlanDir {
         let cell = |nth: usize| {
             let (x, y) = (map.x.2[nth % columns], map.y.2[nth / columns]);
             let said = map.ados.iter().zip(&map.outcomes);
-            let said = said.map(|(ado, outcomes)| format!("{ado}: {}", outcomes[nth].word()));
+            let said =
+                said.map(|(ado, outcomes)| format!("{ado}: {}", <&str>::from(outcomes[nth])));
             let said: Vec<String> = said.collect();
             MapCell {
                 state: state(map, nth),
                 // The first ado plays the protocol's own point, and later ados vary it.
-                protocol: 1 < map.ados.len() && map.outcomes[0][nth] == RowOutcome::Fails,
+                protocol: 1 < map.ados.len() && map.outcomes[0][nth] == StartOutcome::Solved,
                 inside: inside.as_ref().map(|inside| inside[nth]),
                 about: format!("{x}, {y}: {}", said.join("; ")),
             }
@@ -119,20 +119,16 @@ impl PlanDir {
 }
 
 /// Formats a row of the page's table.
-fn cells(row: &SummaryRow) -> Vec<String> {
+fn cells(row: &SummaryRow) -> impl Iterator<Item = String> {
     let world = format!("{}, {}", row.world, row.plant);
-    let others = [row.trivial, row.invalid].map(|count| count.to_string());
-    std::iter::once(world)
-        .chain(row.cells())
-        .chain(others)
-        .collect()
+    std::iter::once(world).chain(row.cells())
 }
 
 /// Combines the outcomes of all ados to the state of a cell.
 fn state(map: &CellMap, nth: usize) -> CellState {
     let outcomes = || map.outcomes.iter().map(|of_ado| of_ado[nth]);
     // A failure under any ado is a failure of the cell.
-    let fails = outcomes().any(|outcome| outcome == RowOutcome::Fails);
+    let fails = outcomes().any(|outcome| outcome == StartOutcome::Solved);
     let preventable = map
         .preventable
         .iter()
@@ -144,11 +140,11 @@ fn state(map: &CellMap, nth: usize) -> CellState {
             CellState::Fails
         };
     }
-    if outcomes().all(|outcome| outcome == RowOutcome::Trivial) {
+    if outcomes().all(|outcome| outcome == StartOutcome::Trivial) {
         return CellState::Trivial;
     }
     // A cell without any valid episode is unknown and not held.
-    if outcomes().all(|outcome| outcome == RowOutcome::Invalid) {
+    if outcomes().all(|outcome| outcome == StartOutcome::Invalid) {
         CellState::Unknown
     } else {
         CellState::Holds

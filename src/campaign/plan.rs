@@ -5,8 +5,9 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::file::{GateOn, StartsAsked};
+use super::file::StartsAsked;
 use crate::content_hash::{BLANK, seal, sha256};
+use crate::evaluation::GateOn;
 use crate::run_dir::ChangedEgo;
 use crate::sim::PlantKind;
 

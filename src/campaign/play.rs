@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::error::CampaignError;
 use super::plan::{Plan, PlannedAdo, Unit};
-use super::row::{RowOutcome, StartRow};
+use super::row::StartRow;
 use crate::adversary::{Ado, EvalRequest, eval};
 use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch, consent, leaf};
 use crate::rl::Policy;
@@ -12,6 +12,7 @@ use crate::rulebook::Verdict;
 use crate::scene::{Dynamics, Start};
 use crate::search::{Method, MethodSettings, SearchRequest, search};
 use crate::severity::Impact;
+use crate::stats::StartOutcome;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::Scenario;
 
@@ -43,7 +44,7 @@ pub(super) struct Played {
 
 /// Outcome of a start, before a success is played again.
 struct Ended {
-    outcome: RowOutcome,
+    outcome: StartOutcome,
     verdict: Option<Verdict>,
     contact: Option<f64>,
     simulations: u64,
@@ -130,7 +131,7 @@ impl Stage<'_> {
             .iter()
             .map(|outcome| {
                 outcome.map(|outcome| Ended {
-                    outcome: RowOutcome::of(&outcome.verdict),
+                    outcome: StartOutcome::of(&outcome.verdict),
                     verdict: Some(outcome.verdict),
                     contact: outcome.closing_speed_mps,
                     simulations: outcome.simulations,
@@ -166,9 +167,9 @@ impl Stage<'_> {
             .map(|found| {
                 found.as_ref().map(|found| Ended {
                     outcome: match (&found.actions, found.is_invalid()) {
-                        (Some(_), _) => RowOutcome::Fails,
-                        (None, true) => RowOutcome::Invalid,
-                        (None, false) => RowOutcome::Held,
+                        (Some(_), _) => StartOutcome::Solved,
+                        (None, true) => StartOutcome::Invalid,
+                        (None, false) => StartOutcome::Held,
                     },
                     // A search has no verdict of its own, so robustness comes from the
                     // repeated run.
@@ -204,7 +205,7 @@ impl Stage<'_> {
             || scenario.bench(),
             |bench, ended, turn| {
                 let ended = ended.as_ref()?;
-                if ended.outcome != RowOutcome::Fails {
+                if ended.outcome != StartOutcome::Solved {
                     return None;
                 }
                 let episode = again(bench, turn.index);
@@ -250,7 +251,7 @@ impl Stage<'_> {
             train_seed: self.ado.as_ref().map(|ado| ado.seed),
             start: start as u64,
             x: x.to_vec(),
-            outcome: RowOutcome::Trivial,
+            outcome: StartOutcome::Trivial,
             robustness: None,
             rule: None,
             leaf: None,

@@ -2,62 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::rulebook::Verdict;
 use crate::severity::CrashKind;
 use crate::stats::StartOutcome;
-
-/// Outcome of a start of a campaign.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RowOutcome {
-    /// The ego failed and the ado kept every rule.
-    Fails,
-    /// The ego kept its specification.
-    Held,
-    /// The ado broke a rule first.
-    Foul,
-    /// The ego violated its specification, but not in a way that counts.
-    Uncounted,
-    /// Left out, because the nominal ego fails there without an adversary.
-    Trivial,
-    /// The ego or the physics failed to run.
-    Invalid,
-}
-
-impl RowOutcome {
-    /// Returns the outcome of a verdict.
-    pub(super) fn of(verdict: &Verdict) -> RowOutcome {
-        match verdict {
-            Verdict::Counterexample { .. } => RowOutcome::Fails,
-            Verdict::Uncounted { .. } => RowOutcome::Uncounted,
-            Verdict::Held { .. } => RowOutcome::Held,
-            Verdict::Foul { .. } => RowOutcome::Foul,
-            Verdict::Invalid => RowOutcome::Invalid,
-        }
-    }
-
-    /// Returns the word in files.
-    pub fn word(self) -> &'static str {
-        match self {
-            RowOutcome::Fails => "fails",
-            RowOutcome::Held => "held",
-            RowOutcome::Foul => "foul",
-            RowOutcome::Uncounted => "uncounted",
-            RowOutcome::Trivial => "trivial",
-            RowOutcome::Invalid => "invalid",
-        }
-    }
-
-    /// Returns the outcome that rates use.
-    pub fn start(self) -> StartOutcome {
-        match self {
-            RowOutcome::Fails => StartOutcome::Solved,
-            RowOutcome::Held | RowOutcome::Foul | RowOutcome::Uncounted => StartOutcome::Unsolved,
-            RowOutcome::Trivial => StartOutcome::Trivial,
-            RowOutcome::Invalid => StartOutcome::Invalid,
-        }
-    }
-}
 
 /// Start of a campaign. Every line of the merged file has all of these keys.
 ///
@@ -80,7 +26,7 @@ pub struct StartRow {
     /// Value per axis of X_init, in the order of `check`.
     pub x: Vec<f64>,
     /// Outcome of the start.
-    pub outcome: RowOutcome,
+    pub outcome: StartOutcome,
     /// ρ(ψ_ego) of the judged samples, below 0 where the ego fails.
     ///
     /// `None`: a search found no solution, a rule was broken first, or the start was not played.

@@ -3,20 +3,19 @@
 use serde::Serialize;
 
 use super::dir::PlanDir;
-use super::file::{GateOn, StartsAsked};
+use super::file::StartsAsked;
 use super::plan::{Plan, PlannedAdo, Unit};
-use super::row::RowOutcome;
+use crate::evaluation::GateOn;
 use crate::run_dir::ClosingSpeed;
-use crate::stats::mcnemar;
-use crate::stats::{Outcomes, StartOutcome, at_most, seeds_interval, wilson};
+use crate::stats::{Flips, Outcomes, StartOutcome, at_most, seeds_interval, wilson};
 
 /// Largest number of starts named in a gate.
 const NAMED: usize = 100;
 
 /// Counts over the rows of a unit.
 pub(super) struct Tally {
-    /// Outcome per start. `None`: not counted yet.
-    outcomes: Vec<Option<RowOutcome>>,
+    /// Outcome per start.
+    outcomes: Vec<StartOutcome>,
     /// Per start, whether CC_LATCHED or FSM would have avoided the failure.
     preventable: Vec<Option<bool>>,
     /// Closing speeds of the successes.
@@ -30,7 +29,7 @@ impl Tally {
     /// Returns an empty tally.
     pub fn of(unit: &Unit) -> Tally {
         Tally {
-            outcomes: vec![None; unit.starts],
+            outcomes: vec![StartOutcome::NotReached; unit.starts],
             preventable: vec![None; unit.starts],
             closing_mps: Vec::new(),
             contacts: 0,
@@ -43,19 +42,19 @@ impl Tally {
     pub fn count(
         &mut self,
         start: usize,
-        outcome: RowOutcome,
+        outcome: StartOutcome,
         (contact, closing_mps): (bool, Option<f64>),
         preventable: Option<bool>,
         (simulations, physics_steps): (u64, u64),
     ) {
         if let Some(one) = self.outcomes.get_mut(start) {
-            *one = Some(outcome);
+            *one = outcome;
         }
         if let Some(one) = self.preventable.get_mut(start) {
             *one = preventable;
         }
         // Contacts without a success, such as those of a foul, have no part in the statistics.
-        if outcome == RowOutcome::Fails {
+        if outcome == StartOutcome::Solved {
             self.closing_mps.extend(closing_mps);
         }
         self.contacts += usize::from(contact);
@@ -63,19 +62,14 @@ impl Tally {
         self.physics_steps += physics_steps;
     }
 
-    fn of_kind(&self, kind: RowOutcome) -> usize {
+    fn of_kind(&self, kind: StartOutcome) -> usize {
         let outcomes = self.outcomes.iter();
-        outcomes.filter(|one| **one == Some(kind)).count()
+        outcomes.filter(|one| **one == kind).count()
     }
 
     /// Returns the outcomes in the form of rows of other verbs.
     fn marks(&self) -> Outcomes {
-        let outcomes = self.outcomes.iter();
-        let mark = |one: &Option<RowOutcome>| match one {
-            Some(outcome) => outcome.start(),
-            None => StartOutcome::NotReached,
-        };
-        outcomes.map(mark).collect()
+        self.outcomes.iter().copied().collect()
     }
 }
 
@@ -181,7 +175,7 @@ pub struct CellMap {
     /// Names of the ados, in order.
     pub ados: Vec<String>,
     /// Outcome per ado and cell, row by row from the smallest y.
-    pub outcomes: Vec<Vec<RowOutcome>>,
+    pub outcomes: Vec<Vec<StartOutcome>>,
     /// Per ado and cell, whether CC_LATCHED or FSM would have avoided the failure.
     pub preventable: Vec<Vec<Option<bool>>>,
 }
@@ -273,7 +267,7 @@ fn recall(units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> Option<f64> 
             && matches!(other.ado, PlannedAdo::Search { .. })
     };
     let (_, searched) = units.iter().find(is_search)?;
-    let fails = |one: &Option<RowOutcome>| *one == Some(RowOutcome::Fails);
+    let fails = |one: &StartOutcome| *one == StartOutcome::Solved;
     let pairs = searched.outcomes.iter().zip(&tally.outcomes);
     let (both, solved) = pairs
         .filter(|(theirs, _)| fails(theirs))
@@ -285,9 +279,13 @@ fn recall(units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> Option<f64> 
 
 fn row(dir: &PlanDir, units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> SummaryRow {
     let plan = dir.plan();
-    let fails = tally.of_kind(RowOutcome::Fails);
-    let [held, fouls, uncounted] =
-        [RowOutcome::Held, RowOutcome::Foul, RowOutcome::Uncounted].map(|kind| tally.of_kind(kind));
+    let fails = tally.of_kind(StartOutcome::Solved);
+    let [held, fouls, uncounted] = [
+        StartOutcome::Held,
+        StartOutcome::Foul,
+        StartOutcome::Uncounted,
+    ]
+    .map(|kind| tally.of_kind(kind));
     let starts = fails + held + fouls + uncounted;
     let judged = plan.preventability;
     let avoided = tally.preventable.iter().filter(|it| **it == Some(true));
@@ -299,7 +297,7 @@ fn row(dir: &PlanDir, units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> 
         train_seed: train_seed(plan, unit),
         trainings: usize::from(train_seed(plan, unit).is_some()),
         starts,
-        trivial: tally.of_kind(RowOutcome::Trivial),
+        trivial: tally.of_kind(StartOutcome::Trivial),
         fails,
         success_rate: fails as f64 / starts.max(1) as f64,
         ci95: wilson(fails, starts),
@@ -313,7 +311,7 @@ fn row(dir: &PlanDir, units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> 
         contacts: tally.contacts,
         preventable: judged.then(|| avoided.count()),
         closing_mps: ClosingSpeed::of(tally.closing_mps.clone()),
-        invalid: tally.of_kind(RowOutcome::Invalid),
+        invalid: tally.of_kind(StartOutcome::Invalid),
         simulations: tally.simulations,
         physics_steps: tally.physics_steps,
     }
@@ -364,52 +362,26 @@ fn gates(dir: &PlanDir, units: &[(&Unit, &Tally)], baseline: &str, on: GateOn) -
         let Some((_, before)) = units.iter().find(is_before) else {
             continue;
         };
-        let mut gate = GateVerdict {
+        let flips = Flips::of(&tally.outcomes, &before.outcomes);
+        let preventable = || {
+            let starts = flips.newly_failing.iter();
+            starts.map(|start| tally.preventable[*start])
+        };
+        gates.push(GateVerdict {
             world: dir.world(unit).name().to_owned(),
             plant: plant(dir, unit),
             ado: unit.ado.word(),
             train_seed: train_seed(dir.plan(), unit),
             ego: unit.ego.name.clone(),
             baseline: baseline.to_owned(),
-            compared: 0,
-            newly_failing: 0,
-            newly_preventable: 0,
-            first: Vec::new(),
-            newly_fixed: 0,
-            p_value: 1.0,
-            held_up: false,
-        };
-        let pairs = tally.outcomes.iter().zip(&before.outcomes).enumerate();
-        for (start, (new, old)) in pairs {
-            // Starts without a row on both sides cannot be compared.
-            let (Some(new), Some(old)) = (new, old) else {
-                continue;
-            };
-            use StartOutcome::{Solved, Unsolved};
-            match (new.start(), old.start()) {
-                (Solved, Unsolved) => {
-                    gate.newly_failing += 1;
-                    if tally.preventable[start] == Some(true) {
-                        gate.newly_preventable += 1;
-                    }
-                    if gate.first.len() < NAMED {
-                        gate.first.push(start);
-                    }
-                }
-                (Unsolved, Solved) => gate.newly_fixed += 1,
-                (Solved, Solved) | (Unsolved, Unsolved) => {}
-                // Trivial and invalid starts show no difference between the egos.
-                _ => continue,
-            }
-            gate.compared += 1;
-        }
-        gate.p_value = mcnemar(gate.newly_failing, gate.newly_fixed);
-        gate.held_up = match on {
-            GateOn::Preventable => 0 < gate.newly_preventable,
-            GateOn::Any => 0 < gate.newly_failing,
-            GateOn::Never => false,
-        };
-        gates.push(gate);
+            compared: flips.compared,
+            newly_failing: flips.newly_failing.len(),
+            newly_preventable: preventable().filter(|it| *it == Some(true)).count(),
+            first: flips.newly_failing.iter().copied().take(NAMED).collect(),
+            newly_fixed: flips.newly_fixed.len(),
+            p_value: flips.p_value(),
+            held_up: on.holds_up(preventable()),
+        });
     }
     gates
 }
@@ -451,11 +423,12 @@ fn maps(dir: &PlanDir, units: &[(&Unit, &Tally)]) -> Vec<CellMap> {
             at.reverse();
             let cut = |nth: usize| slice * cells + nth;
             let outcome = |tally: &Tally, nth| {
-                let outcome = tally.outcomes.get(cut(nth)).copied().flatten();
+                let outcome = tally.outcomes.get(cut(nth)).copied();
                 // A missing outcome is shown as unknown.
-                outcome.unwrap_or(RowOutcome::Invalid)
+                let known = outcome.filter(|outcome| *outcome != StartOutcome::NotReached);
+                known.unwrap_or(StartOutcome::Invalid)
             };
-            let outcomes = |(_, tally): &&(&Unit, &Tally)| -> Vec<RowOutcome> {
+            let outcomes = |(_, tally): &&(&Unit, &Tally)| -> Vec<StartOutcome> {
                 (0..cells).map(|nth| outcome(tally, nth)).collect()
             };
             let preventable = |(_, tally): &&(&Unit, &Tally)| -> Vec<Option<bool>> {

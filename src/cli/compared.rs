@@ -1,11 +1,10 @@
 //! Output of `eval` on compared egos: the gate, and a sweep.
 
-use clap::ValueEnum;
 use serde_json::{Value, json};
 
 use super::eval::EvalArgs;
 use super::{Failure, table_of, talk};
-use crate::evaluation::{EvaluationTable, Gate, Point, Sweep, Swept};
+use crate::evaluation::{EvaluationTable, Gate, GateOn, Point, Sweep, Swept};
 use crate::experiment::Watch;
 use crate::report::sweep_curve;
 use crate::run_dir::write_file;
@@ -15,17 +14,6 @@ use crate::stats::{at_most, wilson};
 const EXPLAINED: &str = "
 failing        starts from which some ado makes the ego fail with that value, every rule kept
 95 % interval  of the share of such starts, in %; in 40ths: the same share as a bar, rounded up";
-
-/// Which newly failing starts hold a change up.
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum GateOn {
-    /// Those that CC_LATCHED or FSM would have avoided.
-    Preventable,
-    /// All of them.
-    Any,
-    /// None.
-    Never,
-}
 
 /// Egos compared with each other.
 #[derive(Default)]
@@ -75,11 +63,7 @@ impl Compared {
 
     /// Returns whether the gate fails because of newly failing starts.
     pub(super) fn is_held_up(&self, on: GateOn) -> bool {
-        self.gates.iter().any(|gate| match on {
-            GateOn::Preventable => gate.is_newly_preventable(),
-            GateOn::Any => !gate.newly_failing.is_empty(),
-            GateOn::Never => false,
-        })
+        self.gates.iter().any(|gate| gate.holds_up(on))
     }
 }
 

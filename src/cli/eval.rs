@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::compared::{Compared, GateOn};
+use super::compared::Compared;
 use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
@@ -15,10 +15,10 @@ use super::{
 };
 use crate::adversary::AdoKind;
 use crate::evaluation::{
-    Evaluation, EvaluationTable, Sweep, TheoremsChecked, summarise, untrained,
+    Evaluation, EvaluationTable, GateOn, Sweep, TheoremsChecked, summarise, untrained,
 };
 use crate::experiment::{EgoUnderTest, Watch, on_plant};
-use crate::run_dir::RunDir;
+use crate::run_dir::{AdversaryId, RunDir};
 use crate::sim::PlantKind;
 use crate::sysid::ContextSource;
 use crate::world::Scenario;
@@ -63,7 +63,7 @@ pub(super) struct EvalArgs {
     /// Which newly failing starts exit with 1, with `--baseline-ego`.
     #[arg(
         long,
-        value_enum,
+        value_parser = one_of::<GateOn>(),
         default_value = "preventable",
         requires = "baseline_ego"
     )]
@@ -335,7 +335,7 @@ fn show(
     theorems: Option<&TheoremsChecked>,
     compared: &Compared,
 ) -> Result<(), Failure> {
-    let summary = summarise(&evaluated.egos, "trained");
+    let summary = summarise(&evaluated.egos, &AdversaryId::Trained);
     if args.common.json {
         let mut object = json!({
             "rows": evaluated.rows(),

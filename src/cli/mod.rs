@@ -42,6 +42,7 @@ use strum::{EnumMessage, VariantArray};
 
 pub use failure::{Exit, Failure, Note};
 
+use crate::report::TextTable;
 use crate::run_dir::{Row, RunDir, RunError};
 use crate::visible::visible;
 use crate::world::Scenario;
@@ -284,11 +285,7 @@ fn table_of<const N: usize>(
     header: [&str; N],
     lines: impl IntoIterator<Item = [String; N]>,
 ) -> String {
-    let mut table = table::table(&header);
-    for line in lines {
-        table.add_row(line);
-    }
-    table.to_string()
+    TextTable::new(header, lines).to_terminal()
 }
 
 /// JSON has no infinities: they are the words "inf" and "-inf".

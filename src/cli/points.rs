@@ -5,9 +5,10 @@ use std::path::Path;
 use serde_json::json;
 
 use super::eval::EvalArgs;
-use super::{Exit, Failure, interrupted_early, print_json, progress, table, talk};
+use super::{Exit, Failure, interrupted_early, print_json, progress, table, table_of, talk};
 use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, points};
 use crate::experiment::{EgoUnderTest, consent_to};
+use crate::report::TextTable;
 use crate::world::Scenario;
 
 /// Legend below the tables.
@@ -112,29 +113,25 @@ fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {
 }
 
 /// A line per point, a column per ego.
-fn by_point(world: &Scenario, tables: &[PointsTable]) -> comfy_table::Table {
+fn by_point(world: &Scenario, tables: &[PointsTable]) -> String {
     let axes = world.axes();
     let axes = axes.iter().map(|axis| match axis.unit {
         "" => axis.name.clone(),
         unit => format!("{}, {unit}", axis.name),
     });
     let egos = tables.iter().map(|table| table.ego.clone());
-    let header: Vec<String> = std::iter::once("point".to_owned())
-        .chain(axes)
-        .chain(egos)
-        .collect();
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    let mut all = table::table(&header);
+    let columns = std::iter::once("point".to_owned()).chain(axes).chain(egos);
     // All egos play the same points, so the first table has all rows.
     let points = tables.first().map(|table| table.points.as_slice());
-    for (nth, point) in points.unwrap_or_default().iter().enumerate() {
+    let points = points.unwrap_or_default().iter().enumerate();
+    let rows = points.map(|(nth, point)| {
         let values = point.start.values();
         let values = values.map(|value| format!("{:.3}", value));
-        let outcomes = tables.iter().map(|table| outcome(&table.points[nth]));
+        let outcomes = tables.iter().map(move |table| outcome(&table.points[nth]));
         let cells = std::iter::once(point.point.to_string());
-        all.add_row(cells.chain(values).chain(outcomes));
-    }
-    all
+        cells.chain(values).chain(outcomes)
+    });
+    TextTable::new(columns, rows).to_terminal()
 }
 
 /// Formats the outcome of a point in a few words.
@@ -158,21 +155,13 @@ fn outcome(point: &PointResult) -> String {
 }
 
 /// A line per ego.
-fn in_all(tables: &[PointsTable]) -> comfy_table::Table {
-    let mut all = table::table(&[
-        "ego",
-        "passed",
-        "failed",
-        "did not run",
-        "varied",
-        "preventable",
-    ]);
-    for table in tables {
+fn in_all(tables: &[PointsTable]) -> String {
+    let lines = tables.iter().map(|table| {
         let points = table.points.len();
         let varied = table.points.iter().filter_map(|it| it.varied.as_ref());
         let preventable = varied.filter(|it| it.preventable == Some(true)).count();
         let of = |count: usize| format!("{count} of {points}");
-        all.add_row([
+        [
             table.ego.clone(),
             of(table.passed),
             of(table.failed),
@@ -183,7 +172,15 @@ fn in_all(tables: &[PointsTable]) -> comfy_table::Table {
             table
                 .strayed
                 .map_or("–".to_owned(), |_| preventable.to_string()),
-        ]);
-    }
-    all
+        ]
+    });
+    let header = [
+        "ego",
+        "passed",
+        "failed",
+        "did not run",
+        "varied",
+        "preventable",
+    ];
+    table_of(header, lines)
 }

@@ -1,14 +1,11 @@
 //! Rows as tables for people.
 
-use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
-
 use super::table_of;
 use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
+use crate::report::TextTable;
+pub use crate::report::{WIDTH, terminal_table as table};
 use crate::run_dir::Row;
 use crate::sysid::IdentifiedAs;
-
-/// Most columns of a table. Wider content is wrapped.
-pub(super) const WIDTH: u16 = 100;
 
 /// Legend of the columns of rows.
 const ROWS_EXPLAINED: &str = "
@@ -118,25 +115,22 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
 
 /// Formats the failures of each ego of a block by itself, and its reachable share.
 fn without_adversary(block: &[&ReusedOn]) -> String {
-    let mut table = table(&["ego", "fails without an adversary", "reachable", "union"]);
-    for ego in block {
-        let mut cells = vec![Cell::new(&ego.ego)];
-        let reachable = ego.reachable.map_or("–".to_owned(), percent);
-        let numbers = [
+    let rows = block.iter().map(|ego| {
+        [
+            ego.ego.clone(),
             percent(ego.fails_without_adversary),
-            reachable,
+            ego.reachable.map_or("–".to_owned(), percent),
             percent(ego.union),
-        ];
-        cells.extend(numbers.iter().map(right));
-        table.add_row(cells);
-    }
-    table.to_string()
+        ]
+    });
+    let columns = ["ego", "fails without an adversary", "reachable", "union"];
+    TextTable::new(columns, rows).numbers_from(1).to_terminal()
 }
 
 /// One line per ado: its means over the block.
 fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
     let recall = format!("mean recall, reachable ≥ {:.0} %", 100.0 * LEAST_REACHABLE);
-    let mut table = table(&[
+    let columns = [
         "ado",
         "egos",
         "mean success",
@@ -144,10 +138,10 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
         &recall,
         "least recall",
         "sims/start",
-    ]);
-    for sum in summaries {
-        let mut cells = vec![Cell::new(&sum.ado)];
-        let numbers = [
+    ];
+    let rows = summaries.map(|sum| {
+        [
+            sum.ado.to_string(),
             sum.egos.to_string(),
             percent(sum.success_rate),
             sum.reference_minus
@@ -164,16 +158,28 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
                     format!("{recall:.3} ({ego})")
                 }),
             format!("{:.1}", sum.sims_per_start),
-        ];
-        cells.extend(numbers.iter().map(right));
-        table.add_row(cells);
-    }
-    table.to_string()
+        ]
+    });
+    TextTable::new(columns, rows).numbers_from(1).to_terminal()
 }
 
 /// Draws two tables: the findings with their cost, and the details.
 fn lines(rows: &[Row]) -> String {
-    let mut found = table(&[
+    let found = rows.iter().map(|row| {
+        [
+            row.ego.clone(),
+            row.ado.to_string(),
+            row.method.clone(),
+            match row.starts {
+                0 => "– (0/0)".to_owned(),
+                starts => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
+            },
+            format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1]),
+            row.recall.map_or("–".to_owned(), |r| format!("{r:.3}")),
+            format!("{:.1}", row.sims_per_start),
+        ]
+    });
+    let columns = [
         "ego",
         "ado",
         "method",
@@ -181,8 +187,26 @@ fn lines(rows: &[Row]) -> String {
         "95 % interval",
         "recall",
         "sims/start",
-    ]);
-    let mut how = table(&[
+    ];
+    let found = TextTable::new(columns, found).numbers_from(3).to_terminal();
+    let how = rows.iter().map(|row| {
+        // Rows of earlier versions have the closing speed of all contacts only.
+        let closing = row.success_closing_mps.or(row.closing_speed_mps);
+        [
+            row.ego.clone(),
+            row.ado.to_string(),
+            percent(row.foul_rate),
+            row.foul_before_contact_rate.map_or("–".to_owned(), percent),
+            percent(row.contact_rate),
+            closing.map_or("–".to_owned(), |c| {
+                format!("{:.1} / {:.1}", c.median, c.p90)
+            }),
+            row.distinct
+                .map_or("–".to_owned(), |groups| groups.to_string()),
+            format!("{:.1}", row.cpu_s),
+        ]
+    });
+    let columns = [
         "ego",
         "ado",
         "fouls",
@@ -191,38 +215,8 @@ fn lines(rows: &[Row]) -> String {
         "closing m/s,\nmedian / 90 %",
         "groups",
         "cpu s",
-    ]);
-    for row in rows {
-        let success = match row.starts {
-            0 => "– (0/0)".to_owned(),
-            starts => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
-        };
-        let recall = row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"));
-        // Rows of earlier versions have the closing speed of all contacts only.
-        let closing = row.success_closing_mps.or(row.closing_speed_mps);
-        let closing = closing.map_or("–".to_owned(), |c| {
-            format!("{:.1} / {:.1}", c.median, c.p90)
-        });
-        let numbers = [
-            success,
-            format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1]),
-            recall,
-            format!("{:.1}", row.sims_per_start),
-        ];
-        let words = [&row.ego, &row.ado, &row.method].map(Cell::new);
-        found.add_row(words.into_iter().chain(numbers.iter().map(right)));
-        let numbers = [
-            percent(row.foul_rate),
-            row.foul_before_contact_rate.map_or("–".to_owned(), percent),
-            percent(row.contact_rate),
-            closing,
-            row.distinct
-                .map_or("–".to_owned(), |groups| groups.to_string()),
-            format!("{:.1}", row.cpu_s),
-        ];
-        let words = [&row.ego, &row.ado].map(Cell::new);
-        how.add_row(words.into_iter().chain(numbers.iter().map(right)));
-    }
+    ];
+    let how = TextTable::new(columns, how).numbers_from(2).to_terminal();
     format!("{found}\n{how}{}{}", bounds(rows), uncounted(rows))
 }
 
@@ -233,7 +227,7 @@ fn uncounted(rows: &[Row]) -> String {
     let named = rows.iter().filter_map(|row| {
         let (uncounted, starts) = (row.uncounted.filter(|count| 0 < *count)?, row.starts);
         let name = if one_ego {
-            row.ado.clone()
+            row.ado.to_string()
         } else {
             format!("{} on {}", row.ado, row.ego)
         };
@@ -257,7 +251,7 @@ fn bounds(rows: &[Row]) -> String {
     for row in rows {
         let Some(bound) = row.at_most else { continue };
         let name = if one_ego {
-            row.ado.clone()
+            row.ado.to_string()
         } else {
             format!("{} on {}", row.ado, row.ego)
         };
@@ -336,21 +330,6 @@ fn by_itself(rows: &[Row], all: usize) -> String {
         ));
     }
     text
-}
-
-/// A table with a header, no wider than a terminal.
-pub(super) fn table(header: &[&str]) -> Table {
-    let mut table = Table::new();
-    table
-        .load_style(presets::UTF8_FULL_CONDENSED)
-        .set_content_arrangement(ContentArrangement::Dynamic)
-        .set_width(WIDTH)
-        .set_header(header.iter().copied());
-    table
-}
-
-fn right(text: &String) -> Cell {
-    Cell::new(text).set_alignment(CellAlignment::Right)
 }
 
 fn percent(share: f64) -> String {

@@ -17,7 +17,9 @@ use crate::adversary::{EvalRequest, Evaluated};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::experiment::{Shape, badness, clusters, descending, worse_first};
 use crate::rulebook::Verdict;
-use crate::run_dir::{About, Counterexample, KeptError, Severity, file_name, make_dir};
+use crate::run_dir::{
+    About, AdversaryId, Counterexample, KeptError, Severity, file_name, make_dir,
+};
 use crate::testbench::{Episode, Testbench};
 use crate::world::{Change, Scenario};
 
@@ -67,7 +69,7 @@ impl KeepSettings {
 }
 
 /// Context of counterexamples to keep: world, ego, ado, seed and settings.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Keeper<'a> {
     /// World with the ego that fails.
     pub scenario: &'a Scenario,
@@ -75,8 +77,8 @@ pub struct Keeper<'a> {
     pub ego: &'a str,
     /// Difference of that ego from the world's own.
     pub change: &'a Change,
-    /// Word for the ado.
-    pub ado: &'a str,
+    /// Adversary, which files name by its caption.
+    pub ado: AdversaryId,
     /// Seed of the test starts.
     pub seed: u64,
     /// Selection, form and cost.
@@ -203,7 +205,7 @@ impl<'a> Keeper<'a> {
             scenario: request.scenario,
             ego: request.ego,
             change,
-            ado: request.ado.word(),
+            ado: request.ado.id(),
             seed: request.starts.seed,
             settings,
         }
@@ -244,7 +246,7 @@ impl<'a> Keeper<'a> {
             let (scenario, ego, change) = (self.scenario, self.ego, self.change);
             let recorded = Counterexample {
                 about: Some(about.clone()),
-                ..Counterexample::record(scenario, ego, change, self.ado, &episode)
+                ..Counterexample::record(scenario, ego, change, self.ado.caption(), &episode)
             };
             let stem = file_stem(scenario, ego, self.seed, index);
             let file = recorded.save_as(dir, &stem, &episode.trace)?;
@@ -419,8 +421,8 @@ pub fn keep(
     let mut files = Vec::new();
     for index in evaluated.solved().take(most) {
         let episode = evaluated.again(request, &mut bench, index, &mut again);
-        let ado = request.ado.word();
-        let kept = Counterexample::record(request.scenario, request.ego, change, ado, &episode);
+        let (ego, ado) = (request.ego, request.ado.id());
+        let kept = Counterexample::record(request.scenario, ego, change, ado.caption(), &episode);
         let stem = file_stem(request.scenario, request.ego, request.starts.seed, index);
         files.push(kept.save_as(dir, &stem, &episode.trace)?);
     }

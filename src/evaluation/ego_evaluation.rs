@@ -7,7 +7,7 @@ use crate::adversary::{
 };
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
-use crate::run_dir::Row;
+use crate::run_dir::{AdversaryId, Row};
 use crate::search::{Hold, SearchRequest, Switches, search};
 use crate::surrogate::{AdaptedTo, LearnEgoRequest, learned};
 use crate::sysid::ConditionedAdo;
@@ -116,7 +116,7 @@ impl<'a> Meeting<'a> {
             starts: self.starts,
         };
         let mut row = search(&request, self.watch).row;
-        row.ado = "hold".to_owned();
+        row.ado = AdversaryId::Hold;
         row.method = format!(
             "at most {} runs per start, as many as adapting takes",
             request.budget
@@ -134,7 +134,7 @@ impl<'a> Meeting<'a> {
         let mut row = self
             .evaluated(Ado::Trained(policy, self.asked.run.manifest().seed))
             .row;
-        row.ado = "zero-shot".to_owned();
+        row.ado = AdversaryId::ZeroShot;
         row.context = Some("nominal".to_owned());
         Some(row)
     }
@@ -213,7 +213,7 @@ impl<'a> Meeting<'a> {
         let mut row = self
             .evaluated(Ado::Trained(&*policy, run.manifest().seed))
             .row;
-        row.ado = "retrained".to_owned();
+        row.ado = AdversaryId::Retrained;
         row.method = own.scenario()?.learner.name().to_lowercase();
         Ok(Some(row))
     }

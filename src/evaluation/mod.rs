@@ -22,7 +22,7 @@ pub use evaluation_plan::{Evaluation, ExplainedCounterexample};
 pub use points::{
     PointFailure, PointOutcome, PointResult, PointsRequest, PointsTable, VariedPoint, points,
 };
-pub use regression_gate::{Flipped, Gate};
+pub use regression_gate::{Flipped, Gate, GateOn};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use run_report::{GivenRows, ReportRequest};
 pub use search_table::{SearchCampaign, SearchTable, SearchedEgo, counterexamples_for};

@@ -17,7 +17,7 @@ use crate::experiment::{
 };
 use crate::report::{Example, PointCase, PointsPage};
 use crate::rulebook::Verdict;
-use crate::run_dir::{KeptError, Row};
+use crate::run_dir::{AdversaryId, KeptError, Row};
 use crate::search::{Found, SearchRequest, Switches, search};
 use crate::stats::StartOutcome;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, film, play};
@@ -193,7 +193,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
         found: Vec::new(),
     };
     let mut row = met.evaluated.row.clone();
-    row.ado = "neutral".to_owned();
+    row.ado = AdversaryId::Neutral;
     if met.evaluated.outcomes.iter().all(Option::is_none) {
         return None;
     }
@@ -427,10 +427,10 @@ impl PointsTable {
             settings,
         };
         let again = |bench: &mut Testbench, index: usize| self.met.failed_again(bench, index);
-        let mut all = vec![keeper("neutral").keep(&failed, &again, dir, watch)?];
+        let mut all = vec![keeper(AdversaryId::Neutral).keep(&failed, &again, dir, watch)?];
         if self.strayed.is_some() {
             let again = |bench: &mut Testbench, index: usize| self.met.strayed_again(bench, index);
-            let mut varied = keeper("search").keep(&strayed, &again, dir, watch)?;
+            let mut varied = keeper(AdversaryId::Search).keep(&strayed, &again, dir, watch)?;
             // The files of the failed points were written just before, and are not older.
             varied.older = varied.older.saturating_sub(all[0].files.len());
             all.push(varied);

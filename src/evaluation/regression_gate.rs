@@ -1,6 +1,7 @@
 //! Comparison of an ego with its predecessor under the same ado.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::evaluation_plan::FoundBy;
 use super::table::{EvaluationTable, Found};
@@ -8,8 +9,7 @@ use crate::adversary::{Evaluated, Tried};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EpisodeLoop, TestStarts, Watch};
 use crate::run_dir::ClosingSpeed;
-use crate::stats::StartOutcome;
-use crate::stats::mcnemar;
+use crate::stats::Flips;
 use crate::testbench::Testbench;
 
 /// Start with another outcome on the new ego.
@@ -50,61 +50,80 @@ pub struct Gate {
     pub p_value: f64,
 }
 
+/// Newly failing starts that block a change.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    VariantArray,
+    EnumString,
+    IntoStaticStr,
+    EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
+pub enum GateOn {
+    /// Those that CC_LATCHED or FSM would have avoided.
+    #[default]
+    Preventable,
+    /// All of them.
+    Any,
+    /// None.
+    Never,
+}
+
+impl GateOn {
+    /// Returns whether newly failing starts block a change, by their preventability.
+    pub fn holds_up(self, newly_failing: impl IntoIterator<Item = Option<bool>>) -> bool {
+        newly_failing.into_iter().any(|preventable| match self {
+            GateOn::Preventable => preventable == Some(true),
+            GateOn::Any => true,
+            GateOn::Never => false,
+        })
+    }
+}
+
 impl Gate {
-    /// Returns whether a newly failing start was avoidable for CC_LATCHED or FSM.
-    pub fn is_newly_preventable(&self) -> bool {
-        let mut starts = self.newly_failing.iter();
-        starts.any(|start| start.preventable == Some(true))
+    /// Returns whether the gate blocks the new ego.
+    pub fn holds_up(&self, on: GateOn) -> bool {
+        on.holds_up(self.newly_failing.iter().map(|start| start.preventable))
     }
 
     /// Compares two evaluations of the same ado over the same starts.
     fn of((ego, new): (&str, &Evaluated), (baseline, old): (&str, &Evaluated)) -> Gate {
-        let mut gate = Gate {
-            ego: ego.to_owned(),
-            baseline: baseline.to_owned(),
-            compared: 0,
-            newly_failing: Vec::new(),
-            newly_fixed: Vec::new(),
-            both_fail: 0,
-            closing_before_mps: None,
-            closing_after_mps: None,
-            p_value: 1.0,
-        };
         let closing = |of: &Evaluated, start: usize| {
             let outcome = of.outcomes.get(start).copied().flatten();
             outcome.and_then(|outcome| outcome.closing_speed_mps)
         };
-        let (mut before, mut after) = (Vec::new(), Vec::new());
-        let pairs = new.row.solved.iter().zip(old.row.solved.iter());
-        for (start, (new_one, old_one)) in pairs.enumerate() {
-            use StartOutcome::{Solved, Unsolved};
-            let flipped = |of| Flipped {
+        // Preventability is labelled later, because it needs the episode again.
+        let flipped = |of: &Evaluated, starts: &[usize]| -> Vec<Flipped> {
+            let one = |&start: &usize| Flipped {
                 start,
                 closing_mps: closing(of, start),
                 preventable: None,
             };
-            match (new_one, old_one) {
-                (Solved, Unsolved) => gate.newly_failing.push(flipped(new)),
-                (Unsolved, Solved) => gate.newly_fixed.push(flipped(old)),
-                (Solved, Solved) => {
-                    // Only pairs of contacts are counted, so both lists describe the same starts.
-                    gate.both_fail += 1;
-                    if let (Some(was), Some(is)) = (closing(old, start), closing(new, start)) {
-                        before.push(was);
-                        // Preventability is labelled later, because it needs the episode again.
-                        after.push(is);
-                    }
-                }
-                (Unsolved, Unsolved) => {}
-                // Trivial and invalid starts show no difference between the egos.
-                _ => continue,
-            }
-            gate.compared += 1;
+            starts.iter().map(one).collect()
+        };
+        let flips = Flips::of(&new.row.solved, &old.row.solved);
+        // Only pairs of contacts are counted, so both lists describe the same starts.
+        let both = flips.both_fail.iter();
+        let both = both.filter_map(|&start| Some((closing(old, start)?, closing(new, start)?)));
+        let (before, after): (Vec<f64>, Vec<f64>) = both.unzip();
+        Gate {
+            ego: ego.to_owned(),
+            baseline: baseline.to_owned(),
+            compared: flips.compared,
+            newly_failing: flipped(new, &flips.newly_failing),
+            newly_fixed: flipped(old, &flips.newly_fixed),
+            both_fail: flips.both_fail.len(),
+            closing_before_mps: ClosingSpeed::of(before),
+            closing_after_mps: ClosingSpeed::of(after),
+            p_value: flips.p_value(),
         }
-        gate.closing_before_mps = ClosingSpeed::of(before);
-        gate.closing_after_mps = ClosingSpeed::of(after);
-        gate.p_value = mcnemar(gate.newly_failing.len(), gate.newly_fixed.len());
-        gate
     }
 }
 

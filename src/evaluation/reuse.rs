@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::adversary::{Ado, EvalRequest, eval};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
-use crate::run_dir::{ChangedEgo, FailsAlone, Row, RunDir};
+use crate::run_dir::{AdversaryId, ChangedEgo, FailsAlone, Row, RunDir, adversary_keys};
 use crate::stats::{Outcomes, StartOutcome, mean_difference};
 use crate::world::{Against, Scenario};
 
@@ -119,7 +119,7 @@ pub fn reused_on(
             left_out: false,
         });
     }
-    let search = rows.iter().find(|row| row.ado == SEARCH);
+    let search = rows.iter().find(|row| row.ado == AdversaryId::Search);
     ReusedOn {
         ego: ego.to_owned(),
         relation,
@@ -129,9 +129,6 @@ pub fn reused_on(
         rows,
     }
 }
-
-/// The word of search in rows.
-const SEARCH: &str = "search";
 
 /// Share of the starts that any row solves.
 fn union(rows: &[Row]) -> f64 {
@@ -151,8 +148,9 @@ fn union(rows: &[Row]) -> f64 {
 pub struct Summary {
     /// Relation of the block's egos to the training.
     pub relation: Relation,
-    /// The ado's word in rows.
-    pub ado: String,
+    /// Adversary, with the keys that rows have.
+    #[serde(flatten, serialize_with = "adversary_keys::serialize")]
+    pub ado: AdversaryId,
     /// Egos in the block on which it was played.
     pub egos: usize,
     /// Mean success rate over them.
@@ -174,7 +172,7 @@ pub struct Summary {
 /// Sums up every block of a reuse table, ado by ado, in the rows' order.
 ///
 /// Where changed egos are in several blocks, one more block has all of them.
-pub fn summarise(egos: &[ReusedOn], reference: &str) -> Vec<Summary> {
+pub fn summarise(egos: &[ReusedOn], reference: &AdversaryId) -> Vec<Summary> {
     let mut relations: Vec<Relation> = egos.iter().map(|ego| ego.relation).collect();
     relations.sort();
     relations.dedup();
@@ -198,19 +196,24 @@ pub fn summarise(egos: &[ReusedOn], reference: &str) -> Vec<Summary> {
 }
 
 /// The ados of a block, each once, in the order of the rows.
-fn ados(block: &[&ReusedOn]) -> Vec<String> {
-    let mut words: Vec<String> = Vec::new();
+fn ados(block: &[&ReusedOn]) -> Vec<AdversaryId> {
+    let mut ados: Vec<AdversaryId> = Vec::new();
     for row in block.iter().flat_map(|ego| &ego.rows) {
-        if !words.contains(&row.ado) {
-            words.push(row.ado.clone());
+        if !ados.contains(&row.ado) {
+            ados.push(row.ado.clone());
         }
     }
-    words
+    ados
 }
 
-fn summary(relation: Relation, block: &[&ReusedOn], ado: &str, reference: &str) -> Summary {
-    let of = |ego: &ReusedOn, word: &str| -> Vec<Row> {
-        let rows = ego.rows.iter().filter(|row| row.ado == word);
+fn summary(
+    relation: Relation,
+    block: &[&ReusedOn],
+    ado: &AdversaryId,
+    reference: &AdversaryId,
+) -> Summary {
+    let of = |ego: &ReusedOn, ado: &AdversaryId| -> Vec<Row> {
+        let rows = ego.rows.iter().filter(|row| row.ado == *ado);
         rows.cloned().collect()
     };
     let played: Vec<(&ReusedOn, Vec<Row>)> = block
@@ -242,7 +245,7 @@ fn summary(relation: Relation, block: &[&ReusedOn], ado: &str, reference: &str) 
         .collect();
     Summary {
         relation,
-        ado: ado.to_owned(),
+        ado: ado.clone(),
         egos: played.len(),
         success_rate: mean(rows().map(|row| row.success_rate)).unwrap_or(0.0),
         egos_with_recall: recalls.len(),

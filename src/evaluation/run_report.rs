@@ -234,7 +234,7 @@ impl<'a> ReportRequest<'a> {
             for ado in [trained, Ado::Held] {
                 // The nominal ego was played against the trained ado on all starts
                 // already.
-                if ego.name() == "nominal" && ado.word() == "trained" {
+                if ego.name() == "nominal" && matches!(ado, Ado::Trained(..)) {
                     continue;
                 }
                 let request = ego.met_by(ado, &own);

@@ -10,7 +10,7 @@ use crate::experiment::{
     Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
 use crate::rl::Policy;
-use crate::run_dir::{Row, RunDir, RunError, Stored};
+use crate::run_dir::{AdversaryId, Row, RunDir, RunError, Stored};
 use crate::search::{Found, Method, MethodOption, SearchRequest, Searched, search};
 use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::Scenario;
@@ -89,7 +89,7 @@ impl SearchTable {
                 scenario: ego.scenario(),
                 ego: ego.name(),
                 change: ego.change(),
-                ado: "search",
+                ado: AdversaryId::Search,
                 seed: self.starts.seed,
                 settings,
             };

@@ -4,6 +4,7 @@ use maud::{DOCTYPE, Markup, html};
 
 use super::page::head;
 use super::start_map::{StartMap, legend, start_map};
+use super::table::TextTable;
 use crate::visible::visible_markup;
 
 /// Greatest number of maps on a page. The merged file contains all of them.
@@ -15,10 +16,8 @@ pub struct CampaignPage {
     pub name: String,
     /// Content of the campaign, in one sentence.
     pub about: String,
-    /// Headings of the table's columns.
-    pub columns: Vec<String>,
-    /// Rates: ego and ado, then numbers.
-    pub rows: Vec<Vec<String>>,
+    /// Rates of every world, ego and ado.
+    pub rates: TextTable,
     /// One sentence per gate, and true if the gate blocks.
     pub gates: Vec<(String, bool)>,
     /// Maps of a grid of starts.
@@ -45,7 +44,7 @@ impl CampaignPage {
                     }
                     @if !self.maps.is_empty() { (self.drawn()) }
                     h2 { "Rates" }
-                    (self.table())
+                    (self.rates.to_html())
                     h2 { "How to make it again" }
                     pre { @for line in &self.again { (line) "\n" } }
                 } }
@@ -67,19 +66,6 @@ impl CampaignPage {
                 }
             }
             @if 0 < left_out { p { (left_out) " more maps are not drawn: their starts are in the merged file." } }
-        }
-    }
-
-    fn table(&self) -> Markup {
-        html! {
-            div class="wide" { table class="rows" {
-                thead { tr { @for column in &self.columns { th { (column) } } } }
-                tbody {
-                    @for row in &self.rows {
-                        tr { @for (column, cell) in self.columns.iter().zip(row) { td data-l=(column) { (cell) } } }
-                    }
-                }
-            } }
         }
     }
 }

@@ -19,6 +19,7 @@ mod points;
 mod results;
 mod reuse;
 mod start_map;
+mod table;
 mod verdict;
 mod words;
 
@@ -33,6 +34,7 @@ pub use campaign::CampaignPage;
 pub use figures::{Behaviour, Distances, SweptShare, figure_2, figure_3, figure_5, sweep_curve};
 pub use points::{PointCase, PointsPage};
 pub use start_map::{CellState, MapCell, StartMap};
+pub use table::{TextTable, WIDTH, terminal_table};
 pub(crate) use verdict::outcome_in_words;
 
 /// Content of a report.

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::results::{interval, percent};
 use super::{Tested, Training};
-use crate::run_dir::Row;
+use crate::run_dir::{AdversaryId, Row};
 use crate::stats::StartOutcome;
 
 /// Sorted rows: the nominal ego first, then by falling success of the trained ado.
@@ -77,12 +77,12 @@ fn sorted(tested: &[Tested]) -> Vec<&Tested> {
 }
 
 fn is_trained(row: &Row) -> bool {
-    row.ado == "trained"
+    row.ado == AdversaryId::Trained
 }
 
 /// Returns true for an ado that neither learned nor searched.
 fn is_baseline(row: &Row) -> bool {
-    row.train_seed.is_none() && row.ado != "search" && !is_trained(row)
+    row.train_seed.is_none() && row.ado != AdversaryId::Search && !is_trained(row)
 }
 
 /// Egos on which a baseline is at least as good as the trained ado.
@@ -164,7 +164,7 @@ mod tests {
         let sorted = sorted(&rows);
         let order: Vec<(&str, &str)> = sorted
             .iter()
-            .map(|it| (it.row.ego.as_str(), it.row.ado.as_str()))
+            .map(|it| (it.row.ego.as_str(), it.row.ado.caption()))
             .collect();
         let expected = [
             ("nominal", "hold"),
@@ -180,5 +180,15 @@ mod tests {
             "On wet the baseline hold (some) beats the trained ado: 2 of 4 starts against 1.";
         assert_eq!(words, [beaten]);
         assert!(in_words(&sorted[..2]).concat().contains("no baseline"));
+        // Neither order nor verdict depends on the captions of the ados.
+        let reworded = rows.each_ref().map(|Tested { row, .. }| {
+            let mut keys = serde_json::to_value(row).expect("JSON");
+            keys["ado"] = "an ado".into();
+            let row = serde_json::from_value(keys).expect("a row");
+            Tested { row, why: None }
+        });
+        let again = super::sorted(&reworded);
+        assert!(again.iter().zip(&sorted).all(|(a, b)| a.row == b.row));
+        assert_eq!(in_words(&again), words);
     }
 }

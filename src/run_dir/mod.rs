@@ -19,6 +19,7 @@
 //! Wherever a training is killed, its continuation ends in the same bytes.
 
 mod about;
+mod adversary_id;
 mod append_log;
 mod calibration;
 mod conditioned_policy;
@@ -45,6 +46,8 @@ pub use about::{
     About, Decisive, Effort, EgoRuns, LastChance, NotAsked, Persistence, Severity, Shrunk,
     Variation, Why,
 };
+pub use adversary_id::AdversaryId;
+pub(crate) use adversary_id::keys as adversary_keys;
 pub use calibration::{Calibration, CalibrationWarning, Ended};
 pub use differences::{Asked, RunDifference};
 pub use disk::{WholeFile, file_name, make_dir, write_file};

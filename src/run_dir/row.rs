@@ -5,6 +5,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
+use super::adversary_id::{AdversaryId, keys};
 use super::calibration::CalibrationWarning;
 use super::repeated::Repeated;
 use crate::rulebook::JudgeKind;
@@ -24,8 +25,9 @@ pub struct Row {
     pub judge: JudgeKind,
     /// Name of the ego: `nominal`, or that of a change.
     pub ego: String,
-    /// Name of the ado, or `search`.
-    pub ado: String,
+    /// Adversary, which JSON has as `adversary` and with its caption as `ado`.
+    #[serde(flatten, with = "keys")]
+    pub ado: AdversaryId,
     /// Method that chose the actions.
     pub method: String,
     /// Seed of the training, for trained ados.

@@ -27,7 +27,7 @@ pub use request::SearchRequest;
 
 use crate::adversary::{RecordedFailure, blank_row, count_solved, groups, note_row};
 use crate::experiment::Watch;
-use crate::run_dir::{Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
+use crate::run_dir::{AdversaryId, Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
 use crate::scene::{Dynamics, Start};
 use crate::severity::Impact;
 use crate::sim::PlantKind;
@@ -103,8 +103,7 @@ impl SearchRequest<'_> {
     }
 
     fn row(&self, found: &[Option<Found>]) -> Row {
-        let mut row = blank_row(self.scenario, self.ego, self.starts);
-        row.ado = "search".to_owned();
+        let mut row = blank_row(self.scenario, (self.ego, AdversaryId::Search), self.starts);
         let searched = found.iter().flatten();
         row.unconfirmed = self.prescreens().then(|| Unconfirmed {
             sequences: searched.clone().map(|found| found.unconfirmed).sum(),

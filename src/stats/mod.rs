@@ -12,4 +12,4 @@ pub use interval::{
     at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
 pub(crate) use least_squares::{cost, descend};
-pub use outcomes::{Outcomes, StartOutcome, UnknownMark};
+pub use outcomes::{Flips, Outcomes, StartOutcome, UnknownMark};

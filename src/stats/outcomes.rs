@@ -5,26 +5,44 @@ use std::ops::Deref;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
+use strum::IntoStaticStr;
 
+use super::interval::mcnemar;
 use crate::rulebook::Verdict;
 
-/// Outcome of one start of a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+/// Outcome of one start.
+///
+/// Rows of a campaign have it as a word, other rows as a mark.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
+)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum StartOutcome {
     /// The ego failed and every rule was kept: `1`.
+    #[serde(rename = "fails")]
+    #[strum(serialize = "fails")]
     Solved,
-    /// The ego held, or a rule was broken first: `0`.
+    /// One of the next three, which a mark does not tell apart: `0`.
+    #[serde(skip)]
     Unsolved,
+    /// The ego kept its specification: `0`.
+    Held,
+    /// A rule was broken first: `0`.
+    Foul,
+    /// The ego violated its specification, but not in a way that counts: `0`.
+    Uncounted,
     /// Left out, since the nominal ego fails without an adversary: `t`.
     Trivial,
     /// The ego or the physics failed to run: `x`.
     Invalid,
     /// Interrupted before its turn: `-`.
+    #[serde(skip)]
     NotReached,
 }
 
 impl StartOutcome {
-    /// All outcomes with their marks in files.
+    /// Outcomes that marks tell apart, with these marks.
     const MARKS: [(StartOutcome, char); 5] = [
         (StartOutcome::Solved, '1'),
         (StartOutcome::Unsolved, '0'),
@@ -37,19 +55,28 @@ impl StartOutcome {
     pub fn of(verdict: &Verdict) -> StartOutcome {
         match verdict {
             Verdict::Counterexample { .. } => StartOutcome::Solved,
-            Verdict::Uncounted { .. } | Verdict::Held { .. } | Verdict::Foul { .. } => {
-                StartOutcome::Unsolved
-            }
+            Verdict::Uncounted { .. } => StartOutcome::Uncounted,
+            Verdict::Held { .. } => StartOutcome::Held,
+            Verdict::Foul { .. } => StartOutcome::Foul,
             Verdict::Invalid => StartOutcome::Invalid,
         }
     }
 
     /// Returns 1 if solved and 0 if not. `None` if the start is in no rate.
     pub fn score(self) -> Option<f64> {
-        match self {
+        match self.marked() {
             StartOutcome::Solved => Some(1.0),
             StartOutcome::Unsolved => Some(0.0),
-            StartOutcome::Trivial | StartOutcome::Invalid | StartOutcome::NotReached => None,
+            _ => None,
+        }
+    }
+
+    /// Returns the outcome that a mark tells.
+    fn marked(self) -> StartOutcome {
+        use StartOutcome::{Foul, Held, Uncounted, Unsolved};
+        match self {
+            Held | Foul | Uncounted => Unsolved,
+            other => other,
         }
     }
 }
@@ -57,7 +84,7 @@ impl StartOutcome {
 impl fmt::Display for StartOutcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut marks = Self::MARKS.iter();
-        let mark = marks.find(|(outcome, _)| outcome == self);
+        let mark = marks.find(|(outcome, _)| *outcome == self.marked());
         mark.map_or(Ok(()), |(_, mark)| write!(f, "{mark}"))
     }
 }
@@ -84,7 +111,7 @@ impl Deref for Outcomes {
 
 impl FromIterator<StartOutcome> for Outcomes {
     fn from_iter<I: IntoIterator<Item = StartOutcome>>(outcomes: I) -> Outcomes {
-        Outcomes(outcomes.into_iter().collect())
+        Outcomes(outcomes.into_iter().map(StartOutcome::marked).collect())
     }
 }
 
@@ -97,6 +124,44 @@ impl fmt::Display for Outcomes {
 impl From<Outcomes> for String {
     fn from(outcomes: Outcomes) -> String {
         outcomes.to_string()
+    }
+}
+
+/// Comparison of the outcomes of two egos over the same starts.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Flips {
+    /// Number of starts that are valid and not trivial for both.
+    pub compared: usize,
+    /// Starts from which the new ego fails and the old one does not.
+    pub newly_failing: Vec<usize>,
+    /// Starts from which the old ego fails and the new one does not.
+    pub newly_fixed: Vec<usize>,
+    /// Starts from which both fail.
+    pub both_fail: Vec<usize>,
+}
+
+impl Flips {
+    /// Compares two egos, start by start.
+    pub fn of(new: &[StartOutcome], old: &[StartOutcome]) -> Flips {
+        use StartOutcome::{Solved, Unsolved};
+        let mut flips = Flips::default();
+        for (start, (new, old)) in new.iter().zip(old).enumerate() {
+            match (new.marked(), old.marked()) {
+                (Solved, Unsolved) => flips.newly_failing.push(start),
+                (Unsolved, Solved) => flips.newly_fixed.push(start),
+                (Solved, Solved) => flips.both_fail.push(start),
+                (Unsolved, Unsolved) => {}
+                // Other starts show no difference between the egos.
+                _ => continue,
+            }
+            flips.compared += 1;
+        }
+        flips
+    }
+
+    /// Returns the exact p-value of McNemar's test on the flipped starts.
+    pub fn p_value(&self) -> f64 {
+        mcnemar(self.newly_failing.len(), self.newly_fixed.len())
     }
 }
 
@@ -134,6 +199,33 @@ impl TryFrom<String> for Outcomes {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn campaigns_have_words_for_what_marks_join() {
+        use StartOutcome::{Foul, Held, Invalid, Solved, Trivial, Uncounted};
+        let all = [Solved, Held, Foul, Uncounted, Trivial, Invalid];
+        let words = serde_json::to_string(&all).expect("text");
+        assert_eq!(
+            words,
+            r#"["fails","held","foul","uncounted","trivial","invalid"]"#
+        );
+        assert_eq!(
+            words,
+            format!("{:?}", all.map(<&str>::from)).replace(' ', "")
+        );
+        let read: [StartOutcome; 6] = serde_json::from_str(&words).expect("outcomes");
+        assert_eq!(read, all);
+        let marks: Outcomes = all.into_iter().collect();
+        assert_eq!(marks.to_string(), "1000tx");
+        assert_eq!(marks, "1000tx".parse().expect("marks"));
+        // A row of a campaign says why a start is not solved.
+        for vague in ["\"unsolved\"", "\"not_reached\""] {
+            assert!(
+                serde_json::from_str::<StartOutcome>(vague).is_err(),
+                "{vague}"
+            );
+        }
+    }
 
     #[test]
     fn marks_are_outcomes_and_nothing_else_is() {

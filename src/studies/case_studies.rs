@@ -153,7 +153,7 @@ impl CaseStudy {
     /// A stored study may hold those of an earlier version.
     pub fn with_intervals(mut self) -> CaseStudy {
         let of = |ado: &str| -> Vec<&Outcomes> {
-            let rows = self.rows.iter().filter(|row| row.ado == ado);
+            let rows = self.rows.iter().filter(|row| row.ado == ado.into());
             rows.map(|row| &row.solved).collect()
         };
         let trained = of("trained");
@@ -220,38 +220,42 @@ const EXPLAINED: &str = "
 
 /// Formats the studies as a Markdown table.
 pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
-    let mut text = String::from(
-        "| world | starts (trivial) | trained: success [95 %] | recall, median (min) | fouls | \
-         search (most switches) | random, held | random | best constant | training CPU s |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
     let percent = |rate: f64| format!("{:.1} %", 100.0 * rate);
-    for study in studies {
+    let lines = studies.iter().map(|study| {
         let baseline = |ado: &str| {
-            let row = study.rows.iter().find(|row| row.ado == ado);
+            let row = study.rows.iter().find(|row| row.ado == ado.into());
             row.map_or("–".to_owned(), |row| percent(row.success_rate))
         };
-        let recall = match (study.recall_median, study.recall_min) {
-            (Some(median), Some(min)) => format!("{median:.3} ({min:.3})"),
-            _ => "–".to_owned(),
-        };
-        text.push_str(&format!(
-            "| {} | {} ({}) | {} [{:.1}, {:.1}] | {recall} | {} | {} ({}) | {} | {} | {} | {:.0} |\n",
-            study.world,
-            study.starts,
-            study.trivial,
-            percent(study.success_rate),
-            100.0 * study.ci95[0],
-            100.0 * study.ci95[1],
+        let [lo, hi] = study.ci95.map(|rate| 100.0 * rate);
+        [
+            study.world.clone(),
+            format!("{} ({})", study.starts, study.trivial),
+            format!("{} [{lo:.1}, {hi:.1}]", percent(study.success_rate)),
+            match (study.recall_median, study.recall_min) {
+                (Some(median), Some(min)) => format!("{median:.3} ({min:.3})"),
+                _ => "–".to_owned(),
+            },
             percent(study.foul_rate),
-            baseline("search"),
-            study.switches,
+            format!("{} ({})", baseline("search"), study.switches),
             baseline("hold"),
             baseline("random"),
             baseline("constant"),
-            study.train_cpu_s,
-        ));
-    }
+            format!("{:.0}", study.train_cpu_s),
+        ]
+    });
+    let columns = [
+        "world",
+        "starts (trivial)",
+        "trained: success [95 %]",
+        "recall, median (min)",
+        "fouls",
+        "search (most switches)",
+        "random, held",
+        "random",
+        "best constant",
+        "training CPU s",
+    ];
+    let mut text = crate::report::TextTable::new(columns, lines).to_markdown();
     text.push_str(EXPLAINED);
     // Warnings follow the table, so a failed training cannot be overlooked.
     for row in studies.iter().flat_map(|study| &study.rows) {

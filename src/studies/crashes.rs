@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::case_studies::{CaseStudies, trained_run};
-use crate::adversary::{Ado, EvalRequest, Evaluated, best_constant, eval};
+use crate::adversary::{Ado, EvalRequest, Evaluated, best_constant_action, eval};
 use crate::crashes::persistence;
 use crate::ego::reference::ReferenceDriver;
 use crate::ego::{Actuated, CcLatchedDriver, ControllerSpec};
@@ -272,7 +272,7 @@ pub fn crash_study(
         });
     }
     rows.push(study.of(Ado::Held, None));
-    let best = best_constant(scenario, "nominal", &starts, watch);
+    let best = best_constant_action(scenario, "nominal", &starts, watch);
     rows.push(study.constant(&best));
     rows.push(study.searched(1));
     Ok((!watch.stopped()).then(|| CrashStudy {
@@ -283,16 +283,12 @@ pub fn crash_study(
 }
 
 impl Study<'_> {
-    /// Returns the row of the best constant ado, which is found again by its label.
-    fn constant(&self, best: &Evaluated) -> CrashRow {
-        let actions = self.scenario.world().spaces().actions;
-        let label = |action: usize| self.scenario.action_label(action);
-        // The row names the best action only by its label.
-        let action = (0..actions).find(|action| best.row.method.starts_with(&label(*action)));
+    /// Returns the row of the best constant ado.
+    fn constant(&self, (action, best): &(usize, Evaluated)) -> CrashRow {
         let request = EvalRequest {
             scenario: self.scenario,
             ego: "nominal",
-            ado: Ado::Constant(action.unwrap_or(0)),
+            ado: Ado::Constant(*action),
             starts: self.starts,
         };
         self.of_evaluated(best, &request, None)
@@ -311,16 +307,22 @@ const EXPLAINED: &str = "
 
 /// Formats the studies as a Markdown table.
 pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
-    let mut text = String::from(
-        "| world | ado | found [95 %] | avoided by CC_LATCHED, of all starts: open loop, closed loop | \
-         of those found: open loop | side-swipes | closing m/s, median / 90 % | persistence, median | fouls |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for study in studies {
-        for row in &study.rows {
-            text.push_str(&line(&study.world, row));
-        }
-    }
+    let lines = studies.iter().flat_map(|study| {
+        let rows = study.rows.iter();
+        rows.map(|row| line(&study.world, row))
+    });
+    let columns = [
+        "world",
+        "ado",
+        "found [95 %]",
+        "avoided by CC_LATCHED, of all starts: open loop, closed loop",
+        "of those found: open loop",
+        "side-swipes",
+        "closing m/s, median / 90 %",
+        "persistence, median",
+        "fouls",
+    ];
+    let mut text = crate::report::TextTable::new(columns, lines).to_markdown();
     text.push_str(EXPLAINED);
     for study in studies {
         for row in &study.rows {
@@ -335,7 +337,7 @@ pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
     text
 }
 
-fn line(world: &str, row: &CrashRow) -> String {
+fn line(world: &str, row: &CrashRow) -> [String; 9] {
     // A share of no crashes is undefined.
     let percent = |part: usize, whole: usize| match whole {
         0 => "–".to_owned(),
@@ -352,17 +354,24 @@ fn line(world: &str, row: &CrashRow) -> String {
     let closing = row.closing_mps.map_or("–".to_owned(), |closing| {
         format!("{:.1} / {:.1}", closing.median, closing.p90)
     });
-    format!(
-        "| {world} | {ado} | {} of {} ({}) [{lo:.1}, {hi:.1}] | {}, {} | {} | {} | {closing} | {} | {:.1} % |\n",
-        row.found,
-        row.starts,
-        percent(row.found, row.starts),
-        of(row.avoided, row.starts),
-        of(row.avoided_closed_loop, row.starts),
-        of(row.avoided, row.found),
-        percent(row.side_swipes, row.found),
+    let (found, starts) = (row.found, row.starts);
+    [
+        world.to_owned(),
+        ado,
+        format!(
+            "{found} of {starts} ({}) [{lo:.1}, {hi:.1}]",
+            percent(found, starts)
+        ),
+        format!(
+            "{}, {}",
+            of(row.avoided, starts),
+            of(row.avoided_closed_loop, starts)
+        ),
+        of(row.avoided, found),
+        percent(row.side_swipes, found),
+        closing,
         row.persistence
             .map_or("–".to_owned(), |share| format!("{share:.2}")),
-        100.0 * row.foul_rate,
-    )
+        format!("{:.1} %", 100.0 * row.foul_rate),
+    ]
 }

@@ -169,11 +169,7 @@ const EXPLAINED: &str = "
 
 /// Formats the neighbourhoods as a Markdown table.
 pub fn near_starts_markdown(all: &[NearFailing]) -> String {
-    let mut text = String::from(
-        "| world | failing start | V | δ | near starts | of those fail [95 %] | failing with less / more | never met in training |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for near in all {
+    let lines = all.iter().flat_map(|near| {
         let around = near.around.iter().map(|(name, v)| format!("{name} {v:.2}"));
         let around = around.collect::<Vec<_>>().join(", ");
         let fails = if near.fails {
@@ -181,24 +177,33 @@ pub fn near_starts_markdown(all: &[NearFailing]) -> String {
         } else {
             " (does not fail here)"
         };
-        for row in &near.rows {
+        near.rows.iter().map(move |row| {
             let sides = row.below_above.iter();
             let sides = sides.map(|(name, [less, more])| format!("{name} {less} / {more}"));
-            text.push_str(&format!(
-                "| {} | {around}{fails} | {:.3} | {} | {} of {} | {} ({:.1} %) [{:.1}, {:.1}] | {} | {} |\n",
-                near.world,
-                near.value,
-                row.delta,
-                row.near,
-                near.starts,
-                row.failing,
-                100.0 * row.failing as f64 / row.near.max(1) as f64,
-                100.0 * row.ci95[0],
-                100.0 * row.ci95[1],
+            let share = row.failing as f64 / row.near.max(1) as f64;
+            let [share, lo, hi] = [share, row.ci95[0], row.ci95[1]].map(|rate| 100.0 * rate);
+            [
+                near.world.clone(),
+                format!("{around}{fails}"),
+                format!("{:.3}", near.value),
+                row.delta.to_string(),
+                format!("{} of {}", row.near, near.starts),
+                format!("{} ({share:.1} %) [{lo:.1}, {hi:.1}]", row.failing),
                 sides.collect::<Vec<_>>().join("; "),
-                row.never_met,
-            ));
-        }
-    }
+                row.never_met.to_string(),
+            ]
+        })
+    });
+    let columns = [
+        "world",
+        "failing start",
+        "V",
+        "δ",
+        "near starts",
+        "of those fail [95 %]",
+        "failing with less / more",
+        "never met in training",
+    ];
+    let text = crate::report::TextTable::new(columns, lines).to_markdown();
     text + EXPLAINED
 }

@@ -114,27 +114,34 @@ const EXPLAINED: &str = "
 
 /// Formats the rows as a Markdown table.
 pub fn paper_rows_markdown(rows: &[Measured]) -> String {
-    let mut text = String::from(
-        "| paper | world | learner | seeds | starts | episodes | decisions | CPU s | success [95 %] |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for row in rows {
-        for reached in &row.reached {
-            text.push_str(&format!(
-                "| {} | {} | {} | {} | {} | {:.0} | {:.0} | {:.1} | {:.1} % [{:.1}, {:.1}] |\n",
-                row.paper,
-                row.world,
-                row.learner,
-                row.seeds,
-                row.starts,
-                reached.episodes,
-                reached.decisions,
-                reached.cpu_s,
-                100.0 * reached.success_rate,
-                100.0 * reached.ci95[0],
-                100.0 * reached.ci95[1],
-            ));
-        }
-    }
+    let lines = rows.iter().flat_map(|row| {
+        row.reached.iter().map(move |reached| {
+            let [rate, lo, hi] =
+                [reached.success_rate, reached.ci95[0], reached.ci95[1]].map(|rate| 100.0 * rate);
+            [
+                row.paper.to_string(),
+                row.world.to_string(),
+                row.learner.to_string(),
+                row.seeds.to_string(),
+                row.starts.to_string(),
+                format!("{:.0}", reached.episodes),
+                format!("{:.0}", reached.decisions),
+                format!("{:.1}", reached.cpu_s),
+                format!("{rate:.1} % [{lo:.1}, {hi:.1}]"),
+            ]
+        })
+    });
+    let columns = [
+        "paper",
+        "world",
+        "learner",
+        "seeds",
+        "starts",
+        "episodes",
+        "decisions",
+        "CPU s",
+        "success [95 %]",
+    ];
+    let text = crate::report::TextTable::new(columns, lines).to_markdown();
     text + EXPLAINED
 }

@@ -260,7 +260,7 @@ struct Part {
 
 impl Part {
     fn row(&self, ado: &str) -> Option<&Row> {
-        self.rows.iter().find(|row| row.ado == ado)
+        self.rows.iter().find(|row| row.ado == ado.into())
     }
 }
 

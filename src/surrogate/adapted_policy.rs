@@ -12,6 +12,7 @@ use super::strategy::{Policies, Strategy};
 use crate::adversary::{Attempt, EvalRequest, Evaluated, Played, in_words};
 use crate::experiment::{TestStarts, Turn, Watch};
 use crate::rl::{Policy, load_policy};
+use crate::run_dir::AdversaryId;
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::Scenario;
@@ -228,7 +229,7 @@ impl LearnedEgo {
         let mut evaluated = Evaluated::of(request, played.collect(), watch);
         let row = &mut evaluated.row;
         // Rows of the policy itself keep its name, so both can be compared in a table.
-        row.ado = "adapted".to_owned();
+        row.ado = AdversaryId::Adapted;
         row.method = match self.from.acts() {
             Acts::Planned => format!("planned in a surrogate of {} runs", self.from.runs),
             Acts::AsTrained => format!("{}, as trained", row.method),

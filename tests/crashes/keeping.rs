@@ -16,7 +16,7 @@ fn kept(dir: &Path, episodes: &[Episode], choice: Choice, form: Form) -> KeptFil
         scenario: cut_in(),
         ego: "nominal",
         change: &Change::default(),
-        ado: "search",
+        ado: "search".into(),
         seed: 3,
         settings: KeepSettings::new(choice, form),
     };

@@ -1,10 +1,10 @@
 //! Rows of evaluations, number by number.
 
-use brakecheck::adversary::{Ado, EvalRequest, Evaluated, Tries, best_constant, eval};
+use brakecheck::adversary::{Ado, EvalRequest, Evaluated, Tries, best_constant_action, eval};
 use brakecheck::ego::{Fault, FaultKind};
 use brakecheck::experiment::{TestStarts, test_starts};
 use brakecheck::rl::Policy;
-use brakecheck::run_dir::{ClosingSpeed, Row, Stored};
+use brakecheck::run_dir::{AdversaryId, ClosingSpeed, Row, Stored};
 use brakecheck::scene::Start;
 use brakecheck::stats::{StartOutcome, at_most, wilson};
 use brakecheck::testbench::{Actor, FaultLog, HeldRandom, Random, Success};
@@ -102,7 +102,7 @@ fn the_row_of_every_constant_is_the_one_on_paper() {
         let solved = marks(|h| if h < bound_m { '1' } else { '0' });
         assert_eq!(row.solved.to_string(), solved, "action {action}");
         assert_eq!((row.recall, row.beyond_search), (None, None));
-        assert_eq!((row.ado.as_str(), row.start_seed), ("constant", 7));
+        assert_eq!((row.ado.caption(), row.start_seed), ("constant", 7));
     }
 }
 
@@ -132,23 +132,26 @@ fn closing_speeds_are_those_of_the_fall() {
 #[test]
 fn the_best_constant_is_the_one_that_solves_most_and_of_equals_the_first() {
     let world = chase();
-    let best = |headways_m: &[f64]| {
+    let best = |headways_m: &[f64], expected: usize| {
         let starts = starts_at(headways_m);
-        best_constant(&world, "nominal", &starts, &quiet()).row
+        let (action, best) = best_constant_action(&world, "nominal", &starts, &quiet());
+        assert_eq!(action, expected);
+        assert_eq!(best.row.ado, AdversaryId::BestConstant);
+        best.row
     };
-    let row = best(&HEADWAYS_M);
+    let row = best(&HEADWAYS_M, 3);
     assert_eq!((row.successes, row.starts), (14, 16));
     assert_eq!(
         row.method,
         format!("{}, the best of 5", world.action_label(3))
     );
     // Three solve both of these, and nothing solves the last.
-    let row = best(&[15.0, 16.0, 28.0]);
+    let row = best(&[15.0, 16.0, 28.0], 2);
     assert_eq!(
         row.method,
         format!("{}, the best of 5", world.action_label(2))
     );
-    let row = best(&[28.0]);
+    let row = best(&[28.0], 0);
     assert_eq!(
         row.method,
         format!("{}, the best of 5", world.action_label(0))
@@ -185,7 +188,7 @@ fn a_policy_is_asked_at_every_decision_and_its_row_is_the_one_on_paper() {
         row.solved.to_string(),
         marks(|h| paper(h, true, near_19).mark())
     );
-    assert_eq!((row.ado.as_str(), row.train_seed), ("trained", Some(5)));
+    assert_eq!((row.ado.caption(), row.train_seed), ("trained", Some(5)));
     // From 22.5 m it brakes hard for a second or more, and gets closer than one
     // that brakes softly all the time, which fails from 22 m on.
     assert!(row.successes > 10 && row.successes < 16, "{row:?}");
@@ -193,7 +196,7 @@ fn a_policy_is_asked_at_every_decision_and_its_row_is_the_one_on_paper() {
     let ruled = evaluated(&world, rule, &starts()).row;
     assert_eq!((ruled.solved, ruled.train_seed), (row.solved, None));
     assert_eq!(
-        (ruled.ado.as_str(), ruled.method.as_str()),
+        (ruled.ado.caption(), ruled.method.as_str()),
         ("rule", "brakes hard from afar")
     );
 }
@@ -220,7 +223,7 @@ fn random_and_held_ados_come_to_what_their_draws_come_to() {
         let row = evaluated(&world, ado, &starts).row;
         let steps = papers.iter().map(Paper::steps).sum();
         expect_row(&row, &papers, 16, steps);
-        assert_eq!(row.ado, word);
+        assert_eq!(row.ado.caption(), word);
     }
     // Held for five decisions, then for the next three; else a new one each time.
     let mut actor = HeldRandom::new(5, 5);
@@ -281,12 +284,12 @@ fn replays_cost_one_simulation_each_until_one_succeeds() {
     let rows = [1, 3, 10].map(|most| evaluated(&world, Ado::Replays(&stored, most), &starts).row);
     assert_eq!(rows[0].solved.to_string(), "010");
     assert_eq!(
-        (rows[0].sims_per_start, rows[0].ado.as_str()),
+        (rows[0].sims_per_start, rows[0].ado.caption()),
         (1.0, "replay")
     );
     for row in &rows[1..] {
         assert_eq!(
-            (row.solved.to_string(), row.ado.as_str()),
+            (row.solved.to_string(), row.ado.caption()),
             ("110".to_owned(), "replays")
         );
         near(row.sims_per_start, (2.0 + 1.0 + 3.0) / 3.0);

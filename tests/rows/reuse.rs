@@ -2,7 +2,7 @@
 
 use brakecheck::adversary::{Ado, EvalRequest, eval};
 use brakecheck::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
-use brakecheck::run_dir::Row;
+use brakecheck::run_dir::{AdversaryId, Row};
 use brakecheck::stats::paired_difference;
 
 use super::costs::row;
@@ -31,7 +31,7 @@ fn ego(name: &str, relation: Relation, search: &str, ados: &[(&str, &str)]) -> R
 fn of<'a>(all: &'a [Summary], relation: Relation, ado: &str) -> &'a Summary {
     let mut found = all
         .iter()
-        .filter(|s| s.relation == relation && s.ado == ado);
+        .filter(|s| s.relation == relation && s.ado == ado.into());
     found.next().expect("a summary")
 }
 
@@ -77,7 +77,7 @@ fn means_recalls_and_differences_are_those_on_paper() {
         ),
     ];
     assert_eq!(LEAST_REACHABLE, 0.1);
-    let all = summarise(&egos, "trained");
+    let all = summarise(&egos, &AdversaryId::Trained);
     let inside = of(&all, Relation::Inside, "trained");
     assert_eq!((inside.egos, inside.egos_with_recall), (2, 2));
     near(inside.success_rate, (0.4 + 0.2 + 0.3 + 0.0) / 4.0);
@@ -119,8 +119,37 @@ fn means_recalls_and_differences_are_those_on_paper() {
     let blocks: Vec<Relation> = all.iter().map(|s| s.relation).collect();
     assert!(!blocks.contains(&Relation::Trained));
     // One block of changed egos is all of them already.
-    let one = summarise(&egos[..2], "trained");
+    let one = summarise(&egos[..2], &AdversaryId::Trained);
     assert!(one.iter().all(|s| s.relation == Relation::Inside));
+}
+
+/// A row in which everything that a table prints of its adversary is reworded.
+fn reworded(row: &Row) -> Row {
+    let mut keys = serde_json::to_value(row).expect("JSON");
+    assert!(keys["adversary"].is_object(), "{keys}");
+    keys["ado"] = "an ado".into();
+    keys["method"] = "some method".into();
+    serde_json::from_value(keys).expect("a row")
+}
+
+#[test]
+fn other_captions_change_no_result() {
+    let mut egos = [ego(
+        "near",
+        Relation::Inside,
+        "11100",
+        &[("trained", "11000"), ("hold", "00001"), ("rival", "10000")],
+    )];
+    let before = serde_json::to_value(summarise(&egos, &AdversaryId::Trained)).expect("JSON");
+    let starts = starts();
+    let relation = ("e", Relation::Trained);
+    let all = |rows| reused_on(&chase(), relation, &starts, rows, &quiet()).reachable;
+    let rows = egos[0].rows.clone();
+    egos[0].rows = rows.iter().map(reworded).collect();
+    let after = serde_json::to_value(summarise(&egos, &AdversaryId::Trained)).expect("JSON");
+    assert_eq!(before, after);
+    assert_eq!(all(egos[0].rows.clone()), Some(0.6));
+    assert_eq!(all(rows), Some(0.6));
 }
 
 /// The ego fails by itself below 14 m: two of the eighteen, whatever is left out.
@@ -138,7 +167,7 @@ fn an_ego_is_asked_what_it_does_without_an_adversary_on_every_start() {
                 starts: &starts,
             };
             let mut row = eval(&request, &quiet()).row;
-            row.ado = if action == 2 { "search" } else { "trained" }.to_owned();
+            row.ado = if action == 2 { "search" } else { "trained" }.into();
             rows.push(row);
         }
         rows

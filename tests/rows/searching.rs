@@ -328,7 +328,7 @@ fn searches_with_a_budget_cost_their_episodes() {
     let starts = starts();
     for (method, text) in methods {
         let Searched { row, found } = searched(&world, method, 40, &starts);
-        assert_eq!((row.method.as_str(), row.ado.as_str()), (text, "search"));
+        assert_eq!((row.method.as_str(), row.ado.caption()), (text, "search"));
         let (mut papers, mut spent, mut steps) = (Vec::new(), Vec::new(), 0);
         for (h, found) in HEADWAYS_M.into_iter().zip(&found) {
             let Some(found) = found else {

@@ -6,11 +6,12 @@ mod starts;
 
 use std::path::{Path as FilePath, PathBuf};
 
-use super::file::{BoundaryEntry, CampaignFile, GateEntry, GateOn, StartsAsked, WorldEntry};
+use super::file::{BoundaryEntry, CampaignFile, GateEntry, StartsAsked, WorldEntry};
 use super::plan::{FORMAT, Plan, PlannedRun, PlannedTraining, PlannedWorld, Unit};
 use super::regulation_boundary;
 use crate::campaign::error::CampaignError;
 use crate::content_hash::sha256;
+use crate::evaluation::GateOn;
 use crate::experiment::on_plant;
 use crate::run_dir::file_name;
 use crate::world::{LoadError, Path, Problem, Scenario, ScenarioError, guessed, read_file};

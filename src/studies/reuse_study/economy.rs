@@ -54,14 +54,14 @@ pub(super) fn economy(training: f64, egos: &[ReusedOn], known: &[Known]) -> Vec<
 
 fn of_ego(training: f64, ego: &ReusedOn, known: &Known) -> Option<Economy> {
     // Several seeds have a row each, and their mean success must be reached.
-    let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL);
+    let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
     let told: Vec<f64> = told.map(|row| row.success_rate).collect();
     let success = told.iter().sum::<f64>() / told.len().max(1) as f64;
     let searched: Vec<_> = HELD_BUDGETS
         .iter()
         .filter_map(|budget| {
             let word = super::held_word(*budget);
-            ego.rows.iter().find(|row| row.ado == word)
+            ego.rows.iter().find(|row| row.ado == word.as_str().into())
         })
         .collect();
     // The smallest budget with the ado's success is the fairest comparison.

@@ -297,7 +297,7 @@ impl<'a> ReuseStudy<'a> {
             let ado = format!("{CONDITIONAL}, without {name}");
             let nominal = (value - quantity.nominal).abs() <= NEARLY * (quantity.hi - quantity.lo);
             if nominal {
-                let told = told.iter().filter(|row| row.ado == CONDITIONAL);
+                let told = told.iter().filter(|row| row.ado == CONDITIONAL.into());
                 rows.extend(told.map(|row| called(&ado, row.clone())));
                 continue;
             }
@@ -342,8 +342,8 @@ impl<'a> ReuseStudy<'a> {
             seeds: self.asked.seeds.count,
             train_cpu_s: self.train_cpu_s.clone(),
             economy: economy::economy(training, &egos, &known),
-            summary: summarise(&egos, CONDITIONAL),
-            summary_of_tries: summarise(&egos, CONDITIONAL_TRIES),
+            summary: summarise(&egos, &CONDITIONAL.into()),
+            summary_of_tries: summarise(&egos, &CONDITIONAL_TRIES.into()),
             rows: egos.iter().flat_map(|ego| ego.rows.clone()).collect(),
             egos,
             known,

@@ -129,7 +129,7 @@ impl Player<'_> {
 /// Returns the row under another name of the ado.
 pub(super) fn called(word: &str, row: Row) -> Row {
     Row {
-        ado: word.to_owned(),
+        ado: word.into(),
         ..row
     }
 }

@@ -152,7 +152,7 @@ fn economy_words(line: &Economy) -> String {
 
 /// Returns the mean over the training seeds of an ado's rows on an ego.
 fn mean_of(ego: &ReusedOn, ado: &str, of: fn(&Row) -> Option<f64>) -> Option<f64> {
-    let rows = ego.rows.iter().filter(|row| row.ado == ado);
+    let rows = ego.rows.iter().filter(|row| row.ado == ado.into());
     let values: Vec<f64> = rows.filter_map(of).collect();
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }

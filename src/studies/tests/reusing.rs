@@ -82,7 +82,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     assert_eq!(relations, expected);
     for ego in &study.egos {
         let of = |ado: &str| {
-            let row = ego.rows.iter().find(|row| row.ado == ado);
+            let row = ego.rows.iter().find(|row| row.ado == ado.into());
             row.unwrap_or_else(|| panic!("no row of {ado}"))
         };
         let starts = of(CONDITIONAL).solved.len();
@@ -114,21 +114,21 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     let inside = &study.egos[1].rows;
     let without = |name: &str| {
         let ado = format!("{CONDITIONAL}, without {name}");
-        let row = inside.iter().find(|row| row.ado == ado);
+        let row = inside.iter().find(|row| row.ado == ado.as_str().into());
         &row.unwrap_or_else(|| panic!("no row of {ado}")).solved
     };
-    let told = inside.iter().find(|row| row.ado == CONDITIONAL);
+    let told = inside.iter().find(|row| row.ado == CONDITIONAL.into());
     assert_eq!(told.map(|row| &row.solved), Some(without("delay_s")));
     without("max_brake_mps2");
     assert!(
         !study.egos[2]
             .rows
             .iter()
-            .any(|row| row.ado.contains("without"))
+            .any(|row| row.ado.caption().contains("without"))
     );
     // Search is compared on every ego on which the conditional ado succeeds.
     for ego in &study.egos {
-        let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL);
+        let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
         let succeeds = told.map(|row| row.successes).sum::<usize>() != 0;
         let mut lines = study.economy.iter();
         let compared = lines.any(|line| line.ego.as_ref() == Some(&ego.ego));
@@ -143,7 +143,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
             .filter(move |sum| sum.relation == relation)
     };
     assert!(0 < blocks(Relation::Changed).count());
-    let changed = blocks(Relation::Changed).find(|sum| sum.ado == CONDITIONAL);
+    let changed = blocks(Relation::Changed).find(|sum| sum.ado == CONDITIONAL.into());
     assert_eq!(changed.map(|sum| sum.egos), Some(2));
     assert!(changed.is_some_and(|sum| sum.reference_minus.is_none()));
     let table = reuse_markdown(std::slice::from_ref(&study));

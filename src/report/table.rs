@@ -1,0 +1,113 @@
+//! Tables of text, for terminals, Markdown and pages.
+
+use comfy_table::{Cell, CellAlignment, ContentArrangement, presets};
+use maud::{Markup, html};
+
+/// Greatest width of a table in a terminal. Wider cells are wrapped.
+pub const WIDTH: u16 = 100;
+
+/// Headings, and rows with a cell for each of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TextTable {
+    columns: Vec<String>,
+    rows: Vec<Vec<String>>,
+    /// First column of numbers. A terminal shows these on the right.
+    numbers_from: usize,
+}
+
+impl TextTable {
+    /// Returns a table of some rows.
+    pub fn new<R: IntoIterator<Item = String>>(
+        columns: impl IntoIterator<Item = impl Into<String>>,
+        rows: impl IntoIterator<Item = R>,
+    ) -> TextTable {
+        let rows = rows.into_iter().map(|row| row.into_iter().collect());
+        TextTable {
+            columns: columns.into_iter().map(Into::into).collect(),
+            rows: rows.collect(),
+            numbers_from: usize::MAX,
+        }
+    }
+
+    /// Returns the table with numbers in all columns from a position on.
+    pub fn numbers_from(self, column: usize) -> TextTable {
+        TextTable {
+            numbers_from: column,
+            ..self
+        }
+    }
+
+    /// Returns lines for a terminal, no wider than [`WIDTH`].
+    pub fn to_terminal(&self) -> String {
+        let mut table = terminal_table(&self.columns);
+        for row in &self.rows {
+            table.add_row(row.iter().enumerate().map(|(column, text)| {
+                let cell = Cell::new(text);
+                if column < self.numbers_from {
+                    cell
+                } else {
+                    cell.set_alignment(CellAlignment::Right)
+                }
+            }));
+        }
+        table.to_string()
+    }
+
+    /// Returns lines of Markdown.
+    pub fn to_markdown(&self) -> String {
+        let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+        let rule = vec!["---".to_owned(); self.columns.len()];
+        let rows = self.rows.iter().map(|row| line(row));
+        line(&self.columns) + &line(&rule) + &rows.collect::<String>()
+    }
+
+    /// Returns the table of a page. Narrow screens show the heading in each cell.
+    pub(crate) fn to_html(&self) -> Markup {
+        html! {
+            div class="wide" { table class="rows" {
+                thead { tr { @for column in &self.columns { th { (column) } } } }
+                tbody { @for row in &self.rows {
+                    tr { @for (column, cell) in self.columns.iter().zip(row) { td data-l=(column) { (cell) } } }
+                } }
+            } }
+        }
+    }
+}
+
+/// Returns a table with headings, to be drawn on a terminal.
+pub fn terminal_table(columns: &[impl AsRef<str>]) -> comfy_table::Table {
+    let mut table = comfy_table::Table::new();
+    table
+        .load_style(presets::UTF8_FULL_CONDENSED)
+        .set_content_arrangement(ContentArrangement::Dynamic)
+        .set_width(WIDTH)
+        .set_header(columns.iter().map(AsRef::as_ref));
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_table_has_three_forms() {
+        let rows = [["hold", "7"], ["trained", "190"]];
+        let rows = rows.map(|row| row.map(str::to_owned));
+        let table = TextTable::new(["ado", "starts"], rows).numbers_from(1);
+        assert_eq!(
+            table.to_markdown(),
+            "| ado | starts |\n| --- | --- |\n| hold | 7 |\n| trained | 190 |\n"
+        );
+        assert_eq!(
+            table.to_terminal(),
+            "┌─────────┬────────┐\n\
+             │ ado     ┆ starts │\n\
+             ╞═════════╪════════╡\n\
+             │ hold    ┆      7 │\n\
+             │ trained ┆    190 │\n\
+             └─────────┴────────┘"
+        );
+        let html = table.to_html().into_string();
+        assert!(html.contains("<td data-l=\"starts\">190</td>"), "{html}");
+    }
+}
