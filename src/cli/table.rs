@@ -8,7 +8,7 @@ use crate::run_dir::Row;
 use crate::sysid::IdentifiedAs;
 
 /// Most columns of a table. Wider content is wrapped.
-pub(super) const WIDTH: u16 = 100;
+pub const WIDTH: u16 = 100;
 
 /// Legend of the columns of rows.
 const ROWS_EXPLAINED: &str = "
@@ -339,7 +339,7 @@ fn by_itself(rows: &[Row], all: usize) -> String {
 }
 
 /// A table with a header, no wider than a terminal.
-pub(super) fn table(header: &[&str]) -> Table {
+pub fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table
         .load_style(presets::UTF8_FULL_CONDENSED)
