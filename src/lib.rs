@@ -55,7 +55,6 @@ pub mod serving;
 pub mod severity;
 pub mod sim;
 pub mod stats;
-mod studies;
 pub mod surrogate;
 pub mod sysid;
 pub mod testbench;

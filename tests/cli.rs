@@ -24,8 +24,6 @@ mod points;
 mod programs;
 #[path = "cli/report.rs"]
 mod report;
-#[path = "cli/reproduce.rs"]
-mod reproduce;
 #[path = "cli/reuse.rs"]
 mod reuse;
 #[path = "cli/rivals.rs"]
@@ -618,16 +616,7 @@ fn ctrl_c_saves_and_resuming_ends_in_the_same_bytes() {
 #[test]
 fn help_is_what_it_was() {
     let mut text = String::new();
-    for verb in [
-        "",
-        "check",
-        "train",
-        "eval",
-        "search",
-        "replay",
-        "stl",
-        "reproduce",
-    ] {
+    for verb in ["", "check", "train", "eval", "search", "replay", "stl"] {
         let args: Vec<&str> = [verb, "--help"]
             .into_iter()
             .filter(|a| !a.is_empty())

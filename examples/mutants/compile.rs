@@ -160,7 +160,7 @@ impl Workshop {
             .env("CARGO_INCREMENTAL", "1")
             .current_dir(&self.copy)
             .stderr(Stdio::null());
-        for package in ["brakecheck", "brakecheck-stl"] {
+        for package in ["brakecheck", "brakecheck-repro", "brakecheck-stl"] {
             let profile = format!("profile.release.package.{package}");
             cargo
                 .args(["--config", &format!("{profile}.opt-level=1")])

@@ -189,7 +189,7 @@ impl Evaluated {
     }
 
     /// Positions of the starts that were solved.
-    pub(crate) fn solved(&self) -> impl Iterator<Item = usize> {
+    pub fn solved(&self) -> impl Iterator<Item = usize> {
         let outcomes = self.outcomes.iter().enumerate();
         outcomes
             .filter_map(|(index, outcome)| outcome.as_ref()?.verdict.is_success().then_some(index))

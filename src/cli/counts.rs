@@ -8,7 +8,7 @@ use clap::builder::TypedValueParser;
 pub(super) const STARTS: usize = 300;
 
 /// Parser of a number of starts, with its limits.
-pub(super) fn start_count() -> impl TypedValueParser<Value = usize> {
+pub fn start_count() -> impl TypedValueParser<Value = usize> {
     count(1..=10_000_000).map(|count| count as usize)
 }
 

@@ -16,7 +16,7 @@ First steps:
   brakecheck search mine.ron --starts 20
 
 Documents: docs/README.md beside the source, https://docs.rs/brakecheck, and
-`brakecheck VERB --help`. `brakecheck reproduce` makes the paper's tables and figures again.";
+`brakecheck VERB --help`. The paper's tables and figures: crates/repro/README.md.";
 
 pub(super) const NEW: &str = "Example:\n  brakecheck new mine\n\nDocuments: docs/worlds.md";
 pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/worlds.md, docs/ego-protocol.md";
@@ -30,7 +30,7 @@ pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\"
 pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/report.md";
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n\nDocuments: docs/report.md";
-pub(super) const REPRODUCE: &str = "Example:\n  brakecheck reproduce case-studies --world acc -o reproduced\n\nDocuments: docs/results.md";
+pub(super) const REPRODUCE: &str = "Refused; instead, in the repository:\n  cargo run --release -p brakecheck-repro -- case-studies\n\nDocuments: docs/results.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/export.md";
 pub(super) const SERVE: &str =
     "Example:\n  brakecheck serve runs/acc\n\nDocuments: docs/ado-protocol.md";
@@ -59,7 +59,8 @@ mod tests {
     #[test]
     fn every_verb_has_an_example_that_parses() {
         let program = Cli::command();
-        for verb in program.get_subcommands() {
+        let moved = |verb: &&clap::Command| verb.get_name() == "reproduce";
+        for verb in program.get_subcommands().filter(|verb| !moved(verb)) {
             let name = verb.get_name();
             let help = verb.get_after_help().map(ToString::to_string);
             let help = help.unwrap_or_default();
@@ -76,9 +77,7 @@ mod tests {
     #[test]
     fn every_verb_draws_as_many_starts_unless_told_otherwise() {
         let program = Cli::command();
-        // Studies draw as many as the published tables have.
-        let verbs = program.get_subcommands().filter(|verb| !verb.is_hide_set());
-        let drawing = verbs.filter_map(|verb| {
+        let drawing = program.get_subcommands().filter_map(|verb| {
             let mut arguments = verb.get_arguments();
             let starts = arguments.find(|argument| argument.get_id() == "starts")?;
             Some((verb.get_name(), starts.get_default_values().to_vec()))

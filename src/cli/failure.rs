@@ -17,7 +17,6 @@ use crate::openx::OpenXError;
 use crate::rl::ConfigError;
 use crate::run_dir::{KeptError, RunError};
 use crate::search::SearchError;
-use crate::studies::{ReuseError, Table1Error};
 use crate::sysid::{ConditioningError, IdentifyError};
 use crate::testbench::Complaint;
 use crate::theorems::TheoremsError;
@@ -85,6 +84,14 @@ impl Failure {
             exit,
             notes,
             last_line: None,
+        }
+    }
+
+    /// Ends with a command line that nothing wraps.
+    pub(super) fn with_command(self, command: &str) -> Failure {
+        Failure {
+            last_line: Some(printable(command)),
+            ..self
         }
     }
 
@@ -523,34 +530,6 @@ fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
     }
 }
 
-impl From<&Table1Error> for Failure {
-    fn from(error: &Table1Error) -> Failure {
-        match error {
-            Table1Error::Train(error) => Failure::from(error),
-            Table1Error::Theorems(error) => Failure::from(error),
-            Table1Error::NotAGrid { .. } | Table1Error::Change(_) => Failure::input(
-                error.to_string(),
-                "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",
-            ),
-        }
-    }
-}
-
-impl From<&ReuseError> for Failure {
-    fn from(error: &ReuseError) -> Failure {
-        match error {
-            ReuseError::Train(error) => error.into(),
-            ReuseError::Run(error) => error.into(),
-            ReuseError::Identify { source, .. } => source.into(),
-            ReuseError::NoFamily { .. } => Failure::plain(
-                Exit::Input,
-                error.to_string(),
-                Some("add `train_against: Family(…)` to the world: docs/reuse.md".to_owned()),
-            ),
-        }
-    }
-}
-
 impl From<&TrainError> for Failure {
     fn from(error: &TrainError) -> Failure {
         match error {
@@ -583,15 +562,12 @@ impl From<&TrainError> for Failure {
 /// a part of this message.
 pub fn not_allowed(who: &str, command: &[String]) -> Failure {
     let who = visible_line(who);
-    let failure = Failure::input(
+    Failure::input(
         format!("{who} is a program that a file names: nothing was started"),
         "add `--allow-programs` (in Rust `allow_programs(true)`) if you trust the author of that \
          file and this program:",
-    );
-    Failure {
-        last_line: Some(printable(&command_line(command))),
-        ..failure
-    }
+    )
+    .with_command(&command_line(command))
 }
 
 impl From<&Complaint> for Failure {
@@ -641,13 +617,11 @@ from_owned!(
     KeptError,
     LoadError,
     RegressionError,
-    ReuseError,
     RunError,
     ScenarioError,
     SearchError,
     SessionError,
     SweepError,
-    Table1Error,
     TheoremsError,
     TrainError,
     UnknownViewKind,

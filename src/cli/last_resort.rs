@@ -37,7 +37,7 @@ fn report(what: &str, place: &str) -> String {
          at {place}, version {version}, {arch}-{os}\n  \
          This is a fault of the program, not of your input. Please report it to the project \
          with\n  these lines, the command and the files that it names.\n  \
-         What was written before is kept. `train --resume`, `campaign run` and `reproduce` go \
+         What was written before is kept. `train --resume`, `campaign run` and `repro` go \
          on from there.",
         os = std::env::consts::OS,
     )

@@ -25,6 +25,8 @@ mod serve;
 mod stl;
 mod table;
 mod talk;
+#[doc(hidden)]
+pub mod terminal;
 mod theorems;
 mod train;
 mod view;
@@ -35,16 +37,16 @@ use std::process::ExitCode;
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use miette::GraphicalTheme;
 use serde_json::json;
 use strum::{EnumMessage, VariantArray};
 
 pub use failure::{Exit, Failure, Note};
+use terminal::{Common, Program};
 
 use crate::report::TextTable;
 use crate::run_dir::{Row, RunDir, RunError};
-use crate::visible::visible;
 use crate::world::Scenario;
 
 /// Can a car that keeps every rule still make yours crash?
@@ -54,30 +56,6 @@ use crate::world::Scenario;
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
-}
-
-/// What every verb takes that plays episodes.
-#[derive(Args, Clone, Debug, Default)]
-struct Common {
-    /// Print one JSON object on stdout instead of tables.
-    #[arg(long, global = true)]
-    json: bool,
-    /// Threads to use; rows do not depend on it [default: one per core].
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
-    /// Start the programs that worlds, changes and kept files name as egos.
-    #[arg(long, global = true)]
-    allow_programs: bool,
-    /// Largest share of invalid episodes in a row that is no fault, 0 to 1.
-    #[arg(long, global = true, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
-    allow_invalid: f64,
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
-        _ => Err("a share is a number from 0 to 1, such as 0.05".to_owned()),
-    }
 }
 
 #[derive(Subcommand, Debug)]
@@ -106,7 +84,7 @@ enum Verb {
     /// Write one page, and JUnit XML, about a run.
     #[command(after_help = examples::REPORT)]
     Report(report::ReportArgs),
-    /// Make the paper's tables and figures again, from nothing.
+    /// As earlier versions made the paper's tables and figures again.
     #[command(hide = true, after_help = examples::REPRODUCE)]
     Reproduce(reproduce::ReproduceArgs),
     /// Play many worlds, egos, ados and starts in pieces that can die.
@@ -131,10 +109,11 @@ impl Verb {
             Verb::Train(args) => args.common.clone(),
             Verb::Eval(args) => args.common.clone(),
             Verb::Search(args) => args.common.clone(),
+            // A verb that moved takes any words, so its common options are unknown.
+            Verb::Reproduce(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
             Verb::Stl(args) => args.common(),
             Verb::Report(args) => args.common.clone(),
-            Verb::Reproduce(args) => args.common.clone(),
             Verb::Campaign(args) => args.common().clone(),
             Verb::View(args) => args.common(),
             Verb::Export(args) => args.common(),
@@ -146,74 +125,39 @@ impl Verb {
     fn saves_when_interrupted(&self) -> bool {
         matches!(
             self,
-            Verb::Train(_)
-                | Verb::Eval(_)
-                | Verb::Search(_)
-                | Verb::Report(_)
-                | Verb::Reproduce(_)
-                | Verb::Campaign(_)
+            Verb::Train(_) | Verb::Eval(_) | Verb::Search(_) | Verb::Report(_) | Verb::Campaign(_)
         )
     }
 }
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
-    last_resort::speak_plainly();
-    // Parsing is guarded, too, because every panic is a fault of this program.
-    let exit = last_resort::guarded(|| main_of(std::env::args_os()));
-    ExitCode::from(exit as u8)
+    terminal::main::<Cli>()
 }
 
 /// Runs the program on `arguments`, its own name first, once per process.
 ///
 /// Help, and an invalid command line, end the process.
 pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    let cli = match read_line(arguments) {
-        Ok(cli) => cli,
-        Err(error) => return refused(&error),
-    };
-    // Without a handler the operating system ends the program at once.
-    if cli.verb.saves_when_interrupted() {
-        talk::listen_for_interrupts();
-    }
-    // Set before the verb, because the log of faults is made at its first use.
-    talk::allow_faults(cli.verb.common().allow_invalid);
-    let result = carry_out(cli.verb);
-    result.and_then(settled).unwrap_or_else(|failure| {
-        talk::say_rendered(failure.render(talk::theme(), talk::width()).trim_end());
-        failure.exit
-    })
+    terminal::main_of::<Cli>(arguments)
 }
 
-/// Prints help or the error of a command line, without control characters.
-fn refused(error: &clap::Error) -> Exit {
-    let text = error.render().to_string();
-    if visible(&text) == text {
-        error.exit()
-    } else {
-        // A terminal would obey control characters in the arguments.
-        talk::say(text.trim_end())
+impl Program for Cli {
+    fn common(&self) -> Common {
+        self.verb.common()
     }
-    Exit::Input
-}
 
-/// Parses the command line. A negative number is a value, not an option.
-fn read_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Cli, clap::Error> {
-    let line = Cli::command().mut_subcommands(|verb| {
-        verb.mut_args(|argument| {
-            if argument.get_action().takes_values() {
-                argument.allow_negative_numbers(true)
-            } else {
-                argument
-            }
-        })
-    });
-    Cli::from_arg_matches(&line.try_get_matches_from(arguments)?)
+    fn saves_when_interrupted(&self) -> bool {
+        self.verb.saves_when_interrupted()
+    }
+
+    fn carry_out(self) -> Result<Exit, Failure> {
+        carry_out(self.verb)
+    }
 }
 
 fn carry_out(verb: Verb) -> Result<Exit, Failure> {
-    let common = verb.common();
-    with_jobs(&common, move || match verb {
+    match verb {
         Verb::New(args) => new::run(&args),
         Verb::Check(args) => check::run(&args),
         Verb::Train(args) => train::run(&args),
@@ -222,22 +166,11 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),
         Verb::Report(args) => report::run(&args),
-        Verb::Reproduce(args) => reproduce::run(&args),
+        Verb::Reproduce(args) => Err(reproduce::refusal(&args)),
         Verb::Campaign(args) => campaign::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Export(args) => export::run(&args),
         Verb::Serve(args) => serve::run(&args),
-    })
-}
-
-/// Returns the exit code of a verb, or its failure because of faults.
-///
-/// If more episodes are invalid than allowed, the output is no verdict on the ego.
-fn settled(exit: Exit) -> Result<Exit, Failure> {
-    match talk::faults().complaint() {
-        // An interruption has an exit code of its own, which takes precedence.
-        Some(complaint) if !talk::stopped() => Err(complaint.into()),
-        _ => Ok(exit),
     }
 }
 
@@ -251,18 +184,6 @@ fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
 /// Reads a world, with the consent that was typed.
 fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
     Ok(Scenario::find(path)?.allow_programs(common.allow_programs))
-}
-
-fn with_jobs<F>(common: &Common, verb: F) -> Result<Exit, Failure>
-where
-    F: FnOnce() -> Result<Exit, Failure> + Send,
-{
-    // 0 lets rayon take one thread per core.
-    let jobs = usize::from(common.jobs.unwrap_or(0));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
-    let pool = pool.map_err(|error| Failure::fault(error.to_string(), None))?;
-    // A pool of its own limits all parallel loops of the verb.
-    pool.install(verb)
 }
 
 /// Values of an argument: the words of a list of the library, explained by its

@@ -177,7 +177,7 @@ impl Shared {
 }
 
 /// Progress of a command, removed when dropped.
-pub(super) struct Bar {
+pub struct Bar {
     shown: ProgressBar,
     shared: Arc<Shared>,
     lines: Option<JoinHandle<()>>,
@@ -186,7 +186,7 @@ pub(super) struct Bar {
 }
 
 /// Creates a bar whose phases and counts come from the work, after `title`.
-pub(super) fn bar(title: &str) -> Bar {
+pub fn bar(title: &str) -> Bar {
     let shared = Arc::new(Shared {
         present: Mutex::new(Present {
             phase: Phase {
@@ -268,7 +268,7 @@ fn style(shared: &Arc<Shared>) -> ProgressStyle {
 
 impl Bar {
     /// Returns a watch that shows progress on this bar and stops at Ctrl-C.
-    pub(super) fn watch(&self) -> Watch<'_> {
+    pub fn watch(&self) -> Watch<'_> {
         Watch {
             progress: &*self.progress,
             remarks: &*self.remarks,

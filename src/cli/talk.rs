@@ -53,7 +53,7 @@ pub(super) fn listen_for_interrupts() {
 }
 
 /// Talk on stderr, its control characters escaped.
-pub(super) fn say(text: &str) {
+pub fn say(text: &str) {
     say_rendered(&visible(text));
 }
 
@@ -75,12 +75,12 @@ use io::{sink as stdout, sink as stderr};
 /// Data on stdout, its control characters escaped.
 ///
 /// A closed pipe is the reader's choice, not an error.
-pub(super) fn data(text: &str) -> Result<(), Failure> {
+pub fn data(text: &str) -> Result<(), Failure> {
     write_data(&visible(text))
 }
 
 /// Prints a JSON text on stdout. Its strings contain no raw control characters.
-pub(super) fn json(text: &str) -> Result<(), Failure> {
+pub fn json(text: &str) -> Result<(), Failure> {
     write_data(&visible_json(text))
 }
 

@@ -126,7 +126,12 @@ impl EgoUnderTest {
         }
     }
 
-    pub(crate) fn changed(
+    /// The world with a change of its ego, under a name.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error with `help` if the change does not fit the world.
+    pub fn changed(
         world: &Scenario,
         name: &str,
         change: &Change,

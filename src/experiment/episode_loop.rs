@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::progress::Watch;
 
 /// A parallel loop that reports to a watch, and ends early when it is stopped.
-pub(crate) struct EpisodeLoop<'a> {
+pub struct EpisodeLoop<'a> {
     watch: &'a Watch<'a>,
     done: AtomicU64,
     /// What progress is told of; `None`: the loop is part of something larger
@@ -66,7 +66,7 @@ impl<'a> EpisodeLoop<'a> {
     ///
     /// `worker` makes what one worker keeps from item to item, such as benches;
     /// nothing that `work` gives may depend on what it was used for before.
-    pub fn run<I: Sync, W, R: Send>(
+    pub(crate) fn run<I: Sync, W, R: Send>(
         &self,
         items: &[I],
         worker: impl Fn() -> W + Sync + Send,
@@ -84,6 +84,22 @@ impl<'a> EpisodeLoop<'a> {
         };
         let items = items.par_iter().enumerate();
         items.map_init(worker, one).collect()
+    }
+
+    /// Returns what `work` makes of every item and its position, in their order.
+    ///
+    /// A result is `None` if the loop was stopped before the item, or if `work`
+    /// returned none. `worker` makes what one worker keeps from item to item, such
+    /// as benches. No result may depend on its earlier use.
+    pub fn each<I: Sync, W, R: Send>(
+        &self,
+        items: &[I],
+        worker: impl Fn() -> W + Sync + Send,
+        work: impl Fn(&mut W, &I, usize) -> Option<R> + Sync + Send,
+    ) -> Vec<Option<R>> {
+        self.run(items, worker, |kept, item, turn| {
+            work(kept, item, turn.index)
+        })
     }
 
     fn tick(&self) {

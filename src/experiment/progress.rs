@@ -141,7 +141,9 @@ impl<'a> Watch<'a> {
     }
 
     /// Plays an episode and tells the log of faults about it.
-    pub(crate) fn play(
+    ///
+    /// `index` is the position of its start, by which a fault is reported.
+    pub fn play(
         &self,
         bench: &mut Testbench,
         (start, noise): (&Start, u64),

@@ -182,4 +182,30 @@ mod tests {
         let error = work.read::<f64>().expect_err("cut off");
         assert!(error.to_string().contains("acc--a-table.json"), "{error}");
     }
+
+    /// Tables are made again from such files, so a killed one must not leave half a result.
+    #[test]
+    fn work_that_is_killed_at_any_step_is_old_or_new_and_goes_on() {
+        use crate::run_dir::disk::crash::{How, failing};
+
+        let write = |dir: &Path, made: f64| of(&dir.join("parts"), WORLD, 3).write(&made).is_ok();
+        let undisturbed = tempfile::tempdir().expect("scratch");
+        let all = || write(undisturbed.path(), 1.0) && write(undisturbed.path(), 2.0);
+        let (done, steps) = failing(undisturbed.path(), u64::MAX, How::Killed, all);
+        assert!(done && 4 < steps, "{steps} steps");
+        for how in [How::Killed, How::Refused] {
+            for at in 1..=steps {
+                let dir = tempfile::tempdir().expect("scratch");
+                let all = || write(dir.path(), 1.0) && write(dir.path(), 2.0);
+                let (done, _) = failing(dir.path(), at, how, all);
+                let read = of(&dir.path().join("parts"), WORLD, 3).read::<f64>();
+                let read = read.unwrap_or_else(|error| panic!("{how:?} at {at}: {error}"));
+                assert!(!done || read == Some(2.0), "{how:?} at {at}: {read:?}");
+                assert!(write(dir.path(), 2.0), "{how:?} at {at}");
+                let file = |dir: &Path| fs::read(dir.join("parts/acc--a-table.json"));
+                let (whole, again) = (file(undisturbed.path()), file(dir.path()));
+                assert_eq!(whole.expect("a file"), again.expect("a file"));
+            }
+        }
+    }
 }

@@ -46,6 +46,31 @@ pub struct Searched {
     pub found: Vec<Option<Found>>,
 }
 
+impl Searched {
+    /// Returns the row as if the search had stopped at a smaller budget.
+    pub fn row_within(&self, method: &Method<'_>, budget: u64) -> Row {
+        let marks = self.row.solved.iter().zip(&self.found);
+        let within = |found: &Found| found.within(budget);
+        // Later solutions are beyond the budget and count as unsolved.
+        let solved = marks.map(|(mark, found)| match (mark, found) {
+            (StartOutcome::Solved, Some(found)) if !within(found).1 => StartOutcome::Unsolved,
+            (mark, _) => *mark,
+        });
+        let mut row = self.row.clone();
+        // The counts below are derived from the outcomes, so these are replaced first.
+        row.solved = solved.collect();
+        count_solved(&mut row);
+        let spent: u64 = self.found.iter().flatten().map(|f| within(f).0).sum();
+        row.sims_per_start = spent as f64 / row.starts.max(1) as f64;
+        let found = self.found.iter().flatten();
+        count_contacts(&mut row, found.filter(|found| within(found).1));
+        row.method = method.text(budget, None);
+        // Budgets beyond the cut would be reported otherwise.
+        row.anytime.clear();
+        row
+    }
+}
+
 /// Searches every start until its first success.
 pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
     watch.phase(&format!("searching {}", request.ego));

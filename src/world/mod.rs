@@ -50,8 +50,8 @@ use std::path::Path as FilePath;
 
 use serde::de::DeserializeOwned;
 
+pub(crate) use error::guessed;
 pub use error::{LoadError, Problem, ScenarioError};
-pub(crate) use error::{guessed, known_names};
 pub use family::{Against, Family, Member, MisfitMember, NoMember};
 pub use file::{Change, GridChange};
 pub use locate::Path;

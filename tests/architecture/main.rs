@@ -46,10 +46,10 @@ const FLOORS: [(&str, u32); 36] = [
     ("serving", 14),
     ("evaluation", 15),
     ("campaign", 16),
-    ("studies", 16),
     ("cli", 17),
     ("lib", 18),
-    ("main", 18),
+    ("repro", 18),
+    ("main", 19),
 ];
 
 /// Floors below this one know no files, no clock and no terminal.
@@ -88,6 +88,7 @@ fn floor_name(module: &[String]) -> &str {
         Some("brakecheck") => module.get(1).map_or("lib", String::as_str),
         Some("brakecheck_stl") if module.get(1).is_some_and(|name| name == "trace") => "trace",
         Some("brakecheck_stl") => "stl",
+        Some("brakecheck_repro") => "repro",
         first => first.unwrap_or("lib"),
     }
 }
@@ -98,6 +99,7 @@ fn texts() -> Vec<(String, String)> {
     let mut texts = sources::list(root, "src");
     if !root.join("Cargo.toml.orig").exists() {
         texts.extend(sources::list(root, "crates/stl/src"));
+        texts.extend(sources::list(root, "crates/repro/src"));
     }
     texts
 }
@@ -231,8 +233,8 @@ const MAY_TEST: [&str; 7] = [
     "src/experiment/test_starts.rs",
     "src/theorems/transfer.rs",
     "src/campaign/check/egos.rs",
-    "src/studies/behaviours.rs",
-    "src/studies/table1/mod.rs",
+    "crates/repro/src/behaviours.rs",
+    "crates/repro/src/table1/mod.rs",
 ];
 
 #[test]

@@ -213,10 +213,7 @@ struct Program {
 impl Program {
     fn ask() -> Program {
         let mut verbs = BTreeMap::new();
-        for verb in listed(&help(&[]))
-            .into_iter()
-            .chain(["reproduce".to_owned()])
-        {
+        for verb in listed(&help(&[])) {
             let text = help(&[&verb]);
             let mut takes = taken(&text);
             for below in listed(&text).into_iter().filter(|below| below != "help") {
@@ -240,7 +237,7 @@ impl Program {
             .take_while(|word| !["--", "#", "|"].contains(word))
             .collect();
         if let Some(what) = words.first()
-            && ["campaign", "reproduce"].contains(&verb)
+            && verb == "campaign"
             && what.starts_with(char::is_lowercase)
             && !takes.contains(*what)
         {
@@ -477,8 +474,8 @@ fn a_file_a_verb_and_a_flag_of_nothing_are_seen() {
             "`eval RUN --ego E --run 100`",
         ),
         (
+            "`brakecheck replay FILE --expect recorded`",
             "`brakecheck reproduce table1`",
-            "`brakecheck reproduce table2`",
         ),
         (
             "```sh\n$B train acc -o x\n```",

@@ -54,7 +54,8 @@ pub struct Sources {
 }
 
 /// Where a crate's sources are and what it is called.
-const CRATES: [(&str, &str); 2] = [
+const CRATES: [(&str, &str); 3] = [
+    ("crates/repro/src/", "brakecheck_repro"),
     ("crates/stl/src/", "brakecheck_stl"),
     ("src/", "brakecheck"),
 ];

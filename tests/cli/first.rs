@@ -84,7 +84,7 @@ fn what_has_no_effect_is_no_option() {
 #[test]
 fn egos_learners_and_worlds_are_guessed() {
     let kept = "tests/regressions/acc-nominal-0001.ron";
-    let cases: [(&[&str], &str); 6] = [
+    let cases: [(&[&str], &str); 5] = [
         (&["check", "worlds/merg.ron"], "did you mean `merge`?"),
         (
             &[
@@ -116,18 +116,9 @@ fn egos_learners_and_worlds_are_guessed() {
             &["train", "worlds/grid.ron", "--learner", "x"],
             "leave out `--learner`",
         ),
-        (
-            &["reproduce", "case-studies", "--world", "nowhere"],
-            "merge_fair",
-        ),
     ];
-    let dir = scratch();
     for (args, says) in cases {
-        let output = match args[0] {
-            // The worlds are inside the program: it runs anywhere.
-            "reproduce" => brakecheck_in(dir.path(), args),
-            _ => brakecheck(args),
-        };
+        let output = brakecheck(args);
         let said = stderr(&output);
         assert_eq!(code(&output), 2, "{args:?}: {said}");
         assert!(said.contains(says), "{args:?}: {said}");
@@ -135,6 +126,23 @@ fn egos_learners_and_worlds_are_guessed() {
             !said.contains("known: ;") && !said.contains(", ;"),
             "{said}"
         );
+    }
+}
+
+#[test]
+fn a_verb_that_moved_is_refused_with_its_new_command() {
+    let moved = "\n        cargo run --release -p brakecheck-repro -- ";
+    for (args, command) in [
+        (&["reproduce"][..], "WHAT"),
+        (
+            &["reproduce", "case-studies", "--world", "my acc", "--json"],
+            "case-studies --world 'my acc' --json",
+        ),
+    ] {
+        let output = brakecheck(args);
+        let said = stderr(&output);
+        assert_eq!(code(&output), 2, "{args:?}: {said}");
+        assert!(said.contains(&format!("{moved}{command}\n")), "{said}");
     }
 }
 

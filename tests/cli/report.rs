@@ -278,28 +278,6 @@ fn a_grid_is_reported_too() {
 }
 
 #[test]
-fn the_figures_of_the_paper_are_drawn_from_our_worlds() {
-    let dir = scratch();
-    let out = path(&dir, "figures");
-    let output = brakecheck(&["reproduce", "figures", "-o", &out, "--json"]);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
-    assert_eq!(json(&output)["figures"].as_array().expect("files").len(), 3);
-    for (name, panels) in [("figure-2", 4), ("figure-3", 9), ("figure-5", 2)] {
-        let svg = read(&format!("{out}/{name}.svg"));
-        let names = well_formed(&svg);
-        // The picture, and for each panel a place and the panel in it.
-        assert_eq!(count(&names, "svg"), 1 + 2 * panels, "{name}");
-        assert!(svg.contains("found by search"), "{name}");
-        assert!(!svg.contains('`'), "{name}: figures have no code");
-    }
-    assert!(read(&format!("{out}/figure-5.svg")).contains("runs the red light"));
-    assert!(
-        read(&format!("{out}/figure-3.svg")).contains("breaks “stays ahead until it overlaps”")
-    );
-    assert!(read(&format!("{out}/figure-3.svg")).contains("paths, a dot per second"));
-}
-
-#[test]
 fn a_break_even_is_compared_on_its_own_starts_and_says_when_it_is_a_bound() {
     let dir = scratch();
     let (run, trained) = small_run(&dir, "run", &[]);

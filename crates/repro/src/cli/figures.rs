@@ -1,0 +1,174 @@
+//! The paper's Figs. 2, 3 and 5 from our worlds.
+
+use brakecheck::cli::terminal::bar;
+use serde_json::json;
+
+use super::{Failure, Made, ReproduceArgs, save, world};
+use crate::{FigureError, Shown, three_merges, two_at_the_light, two_behaviours};
+use brakecheck::experiment::Watch;
+use brakecheck::report::{Behaviour, Distances, figure_2, figure_3, figure_5};
+use brakecheck::rulebook::Verdict;
+use brakecheck::testbench::Episode;
+use brakecheck::world::Scenario;
+
+/// Writes the three figures as SVG files.
+pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+    let shown = bar("figures");
+    let watch = shown.watch();
+    let acc = world(args, "acc")?;
+    let merge = world(args, "merge")?;
+    let light = world(args, "yellow_light")?;
+    let figures = match drawn(&acc, &merge, &light, &watch) {
+        // An interrupted search can look like a missing behaviour, so this is tested
+        // first.
+        _ if watch.stopped() => return Ok(None),
+        Ok(figures) => figures,
+        Err(error) => {
+            let help = "the figures need the shipped worlds: name their directory with `--worlds`";
+            return Err(Failure::input(error.to_string(), help));
+        }
+    };
+    let mut markdown = String::new();
+    for figure in &figures {
+        save(&args.output, figure.file, figure.svg.as_bytes())?;
+        markdown.push_str(&format!(
+            "![{}]({})\n\n{}\n\n",
+            figure.file, figure.file, figure.caption
+        ));
+    }
+    let files: Vec<&str> = figures.iter().map(|figure| figure.file).collect();
+    Ok(Some(Made {
+        name: "figures",
+        markdown,
+        json: json!({ "figures": files }),
+    }))
+}
+
+struct Figure {
+    file: &'static str,
+    caption: String,
+    svg: String,
+}
+
+fn drawn(
+    acc: &Scenario,
+    merge: &Scenario,
+    light: &Scenario,
+    watch: &Watch<'_>,
+) -> Result<[Figure; 3], FigureError> {
+    let behaviours = |scenario: &Scenario, shown: &[Shown], distance: &str| -> Vec<Behaviour> {
+        let all = shown.iter();
+        all.map(|one| behaviour(scenario, one, distance)).collect()
+    };
+    let second = caption(
+        "Fig. 2: two behaviours of the lead car from one start (both cars at 12 m/s, 15 m apart), \
+         both ending in a violation.",
+        (acc, 2),
+    );
+    let third = caption(
+        "Fig. 3: three merges from one start (both cars at 12 m/s, 16 m apart): far away; cutting \
+         in against the rule; a violation with every rule kept.",
+        (merge, 2),
+    );
+    let fifth = caption(
+        "Fig. 5: distance to the stop line of ego and ado, from one start. The ego runs the red \
+         light where its curve enters the shaded region.",
+        (light, 2),
+    );
+    let two = behaviours(acc, &two_behaviours(acc, watch)?, "headway");
+    let three = behaviours(merge, &three_merges(merge, watch)?, "d_2");
+    let at_light: Vec<Distances> = two_at_the_light(light, watch)?
+        .iter()
+        .map(|one| distances(light, one))
+        .collect();
+    Ok([
+        Figure {
+            file: "figure-2.svg",
+            svg: figure_2(&two, constant(acc, "d_safe"), &second),
+            caption: second,
+        },
+        Figure {
+            file: "figure-3.svg",
+            svg: figure_3(&three, constant(merge, "d_safe"), &third),
+            caption: third,
+        },
+        Figure {
+            file: "figure-5.svg",
+            svg: figure_5(&at_light, &fifth),
+            caption: fifth,
+        },
+    ])
+}
+
+fn caption(what: &str, (scenario, switches): (&Scenario, usize)) -> String {
+    format!(
+        "{what} World {}, {:?} plant. The actions were found by search over all sequences with at most {switches} switches, not by a trained ado.",
+        scenario.name(),
+        scenario.plant(),
+    )
+}
+
+fn constant(scenario: &Scenario, name: &str) -> f64 {
+    let value = scenario.names().constants.get(name);
+    value.copied().unwrap_or(0.0)
+}
+
+fn behaviour(scenario: &Scenario, one: &Shown, distance: &str) -> Behaviour {
+    let episode = &one.episode;
+    let rules = &scenario.rulebook().rules;
+    let word = match episode.verdict {
+        Verdict::Counterexample { .. } => "ψ_ego violated".to_owned(),
+        Verdict::Uncounted { .. } => "ψ_ego violated, uncounted".to_owned(),
+        Verdict::Foul { rule, .. } => format!("breaks “{}”", rules[rule].name),
+        Verdict::Held { .. } => "ψ_ego held".to_owned(),
+        Verdict::Invalid => "invalid".to_owned(),
+    };
+    Behaviour {
+        name: one.name.clone(),
+        ego_speed_mps: over_time(episode, "ego.speed"),
+        ado_speed_mps: over_time(episode, "ado.speed"),
+        distance_m: over_time(episode, distance),
+        paths_m: paths(scenario, episode),
+        per_second: (1.0 / episode.trace.dt_s()).round() as usize,
+        decided: (decided_s(episode), word),
+    }
+}
+
+/// The ways of ego and ado, where there is more than one lane.
+fn paths(scenario: &Scenario, episode: &Episode) -> [Vec<(f64, f64)>; 2] {
+    let lanes = scenario.drive().map_or(1, |spec| spec.road.lanes());
+    ["ego", "ado"].map(|name| {
+        let column = |axis: &str| episode.trace.signal(&format!("{name}.{axis}"));
+        match (column("x"), column("y").or(column("lateral"))) {
+            // On a single lane the paths are a straight line.
+            (Some(x), Some(y)) if 1 < lanes => x.iter().copied().zip(y.iter().copied()).collect(),
+            _ => Vec::new(),
+        }
+    })
+}
+
+fn decided_s(episode: &Episode) -> f64 {
+    episode.judged.saturating_sub(1) as f64 * episode.trace.dt_s()
+}
+
+fn distances(scenario: &Scenario, one: &Shown) -> Distances {
+    let episode = &one.episode;
+    let red = over_time(episode, "light.red");
+    // A light that never turns red has an empty region at the end.
+    let first = red.iter().find(|(_, red)| 0.0 < *red);
+    let last = red.last().map_or(0.0, |(time, _)| *time);
+    Distances {
+        name: one.name.clone(),
+        ego_m: over_time(episode, "ego.light.line"),
+        ado_m: over_time(episode, "ado.light.line"),
+        red_s: (first.map_or(last, |(time, _)| *time), last),
+        junction_m: constant(scenario, "delta"),
+    }
+}
+
+fn over_time(episode: &Episode, signal: &str) -> Vec<(f64, f64)> {
+    let values = episode.trace.signal(signal).unwrap_or_default();
+    let dt_s = episode.trace.dt_s();
+    let values = values.iter().enumerate();
+    values.map(|(i, value)| (i as f64 * dt_s, *value)).collect()
+}

@@ -1,0 +1,82 @@
+//! One trained ado on changed egos, beside honest baselines.
+
+use brakecheck::cli::terminal::bar;
+use serde_json::json;
+
+use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
+use crate::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
+use brakecheck::experiment::EgoUnderTest;
+use brakecheck::world::Scenario;
+
+/// The worlds that name a family.
+const WORLDS: [&str; 3] = ["acc", "merge", "yellow_light"];
+
+/// Runs per start of the ado that may explore.
+const TRIES: u64 = 30;
+/// Training seeds, at most: nine trainings per world.
+const SEEDS: u64 = 3;
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+    let runs = args.output.join("runs");
+    let asked = ReuseAsked {
+        seeds: args.asked_seeds(SEEDS),
+        starts: args.starts,
+        tries: TRIES,
+        runs: &runs,
+    };
+    let mut studies = Vec::new();
+    let names = WORLDS
+        .iter()
+        .filter(|name| args.world.is_empty() || args.world.iter().any(|world| world == *name));
+    for name in names {
+        let scenario = world(args, name)?;
+        // Trainings come first, because all egos share them.
+        let Some(study) = begin(name, &scenario, asked)? else {
+            return Ok(None);
+        };
+        let mut met = Vec::new();
+        for ego in &EgoUnderTest::find(&scenario, "all")? {
+            let own = json!({ "starts": asked.starts, "tries": asked.tries });
+            let settings = settings(asked.seeds, own);
+            // One piece per ego, so that an interruption costs a single ego.
+            let piece = format!("{name}, reuse on {}", ego.name());
+            let made = once(args, (&piece, &scenario), settings, |watch| {
+                Ok(study.meet(ego, watch)?)
+            })?;
+            let Some(made) = made else {
+                return Ok(None);
+            };
+            met.push(made);
+        }
+        studies.push(study.conclude(met));
+    }
+    Ok(Some(Made {
+        name: "reuse",
+        markdown: headed(asked.seeds, &reuse_markdown(&studies)),
+        json: json!({ "reuse": studies }),
+    }))
+}
+
+/// Trains the ados that are not trained yet.
+fn begin<'a>(
+    name: &str,
+    scenario: &'a Scenario,
+    asked: ReuseAsked<'a>,
+) -> Result<Option<ReuseStudy<'a>>, Failure> {
+    let shown = bar(name);
+    Ok(ReuseStudy::begin(scenario, asked, &shown.watch())?)
+}
+
+impl From<ReuseError> for Failure {
+    fn from(error: ReuseError) -> Failure {
+        match error {
+            ReuseError::Train(error) => error.into(),
+            ReuseError::Run(error) => error.into(),
+            ReuseError::Identify { source, .. } => source.into(),
+            ReuseError::NoFamily { .. } => Failure::input(
+                error.to_string(),
+                "add `train_against: Family(…)` to the world: docs/reuse.md",
+            ),
+        }
+    }
+}

@@ -1,0 +1,377 @@
+//! Crashes that reference drivers avoid, by the adversary that found them.
+//!
+//! Training may use one reference driver (`counts: Preventable(by: [RSS])`).
+//! This study evaluates CC_LATCHED, which training never used.
+//! In open loop it drives among the recorded motions. In closed loop it is the ego that
+//! the same adversary plays against.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::case_studies::{CaseStudies, trained_run};
+use brakecheck::adversary::{Ado, EvalRequest, Evaluated, best_constant_action, eval};
+use brakecheck::crashes::persistence;
+use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::ego::{Actuated, CcLatchedDriver, ControllerSpec};
+use brakecheck::experiment::{TestStarts, Watch, test_starts};
+use brakecheck::run_dir::{ClosingSpeed, RunDir};
+use brakecheck::search::{SearchRequest, Switches, search};
+use brakecheck::severity::CrashKind;
+use brakecheck::stats::wilson;
+use brakecheck::testbench::{Aftermath, Episode, Replay, Testbench, play};
+use brakecheck::training::TrainError;
+use brakecheck::world::{Change, ChangeError, Scenario};
+
+/// Competent driver of UN R157 that observes the next lane and keeps braking.
+const COMPETENT: ReferenceDriver = ReferenceDriver::CcLatched;
+/// Largest number of crashes per ado that are varied.
+const VARIED: usize = 40;
+/// Closing speed from which a contact counts as hard, m/s.
+const HARD_MPS: f64 = 3.0;
+
+/// Results of an adversary in a world.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct CrashRow {
+    /// Name of the ado.
+    pub ado: String,
+    /// Seed of its training, if it was trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// Warning about that training, if any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
+    /// Starts that are not trivial.
+    pub starts: usize,
+    /// Starts with a counted crash and all rules kept.
+    pub found: usize,
+    /// Such crashes that CC_LATCHED avoids in the recorded motion.
+    ///
+    /// `None`: the drivers cannot judge such crashes.
+    pub avoided: Option<usize>,
+    /// Such crashes that CC_LATCHED or FSM avoids in the recorded motion.
+    pub preventable: Option<usize>,
+    /// Such starts without a hard crash of the same ado if CC_LATCHED is the ego.
+    pub avoided_closed_loop: Option<usize>,
+    /// Side-swipes among them.
+    pub side_swipes: usize,
+    /// Closing speeds of the crashes.
+    pub closing_mps: Option<ClosingSpeed>,
+    /// Median share of small variations in which the crashes still count.
+    pub persistence: Option<f64>,
+    /// Share of starts on which a rule was broken.
+    pub foul_rate: f64,
+}
+
+/// Crashes of a world.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct CrashStudy {
+    /// Name of the world.
+    pub world: String,
+    /// Violations that count in the world.
+    pub counts: String,
+    /// Trained ados by seed, then the other ados.
+    pub rows: Vec<CrashRow>,
+}
+
+/// Function that plays an adversary from a start.
+type Play<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
+
+/// Worlds and starts of the study.
+struct Study<'a> {
+    scenario: &'a Scenario,
+    /// Same world with CC_LATCHED as the ego.
+    competent: Scenario,
+    starts: &'a TestStarts,
+    watch: &'a Watch<'a>,
+}
+
+/// Facts about a crash.
+struct Looked {
+    episode: Episode,
+    avoided: Option<bool>,
+    preventable: Option<bool>,
+    closed_loop: bool,
+}
+
+impl Study<'_> {
+    fn look(&self, benches: &mut (Testbench, Testbench), index: usize, play: Play<'_>) -> Looked {
+        let episode = play(&mut benches.0, index);
+        let said = self.scenario.preventability(&episode);
+        let preventable = said.human_model_avoids();
+        Looked {
+            // The human models decide if the crash can be judged at all.
+            avoided: preventable.map(|_| said.is_avoided_by(COMPETENT)),
+            preventable,
+            // The ado reacts to CC_LATCHED here, so it may still cause a crash.
+            closed_loop: !is_hard(&play(&mut benches.1, index)),
+            episode,
+        }
+    }
+
+    fn row(
+        &self,
+        evaluated: (String, Option<u64>, f64),
+        solved: &[usize],
+        play: Play<'_>,
+    ) -> CrashRow {
+        let (ado, seed, foul_rate) = evaluated;
+        let all = brakecheck::experiment::EpisodeLoop::uncounted(self.watch);
+        let looked = all.each(
+            solved,
+            || (self.scenario.bench(), self.competent.bench()),
+            |benches, index, _| Some(self.look(benches, *index, play)),
+        );
+        let looked: Vec<Looked> = looked.into_iter().flatten().collect();
+        // Without a judged crash the columns are absent, not zero.
+        let judged = looked.iter().any(|one| one.avoided.is_some());
+        let count =
+            |which: &dyn Fn(&Looked) -> bool| looked.iter().filter(|one| which(one)).count();
+        let touches = looked.iter().filter_map(|one| one.episode.contact.as_ref());
+        let closing = touches.clone().map(|touch| touch.closing_speed_mps);
+        let swiped = touches.filter_map(|touch| touch.impact);
+        let swiped = swiped.filter(|impact| impact.kind == CrashKind::SideSwipe);
+        CrashRow {
+            ado,
+            seed,
+            warning: None,
+            starts: self
+                .starts
+                .trivial
+                .iter()
+                .filter(|trivial| !**trivial)
+                .count(),
+            found: looked.len(),
+            avoided: judged.then(|| count(&|one| one.avoided == Some(true))),
+            preventable: judged.then(|| count(&|one| one.preventable == Some(true))),
+            avoided_closed_loop: judged.then(|| count(&|one| one.closed_loop)),
+            side_swipes: swiped.count(),
+            closing_mps: ClosingSpeed::of(closing.collect()),
+            persistence: self.persistence(&looked),
+            foul_rate,
+        }
+    }
+
+    fn persistence(&self, looked: &[Looked]) -> Option<f64> {
+        // Variations are slow, so only the first crashes are varied.
+        let some = &looked[..looked.len().min(VARIED)];
+        let shares = some.par_iter().filter_map(|one| {
+            let varied = persistence(self.scenario, &one.episode)?;
+            Some(varied.share())
+        });
+        let mut shares: Vec<f64> = shares.collect();
+        // The median does not depend on the order of the parallel loop.
+        shares.sort_by(f64::total_cmp);
+        shares.get(shares.len() / 2).copied()
+    }
+
+    fn of(&self, ado: Ado<'_>, seed: Option<u64>) -> CrashRow {
+        let request = EvalRequest {
+            scenario: self.scenario,
+            ego: "nominal",
+            ado,
+            starts: self.starts,
+        };
+        self.of_evaluated(&eval(&request, self.watch), &request, seed)
+    }
+
+    fn of_evaluated(
+        &self,
+        evaluated: &Evaluated,
+        request: &EvalRequest<'_>,
+        seed: Option<u64>,
+    ) -> CrashRow {
+        // Only crashes are played again, because held starts have none to judge.
+        let solved: Vec<usize> = evaluated.solved().collect();
+        let name = match seed {
+            Some(_) => "trained".to_owned(),
+            None => evaluated.row.method.clone(),
+        };
+        let named = (name, seed, evaluated.row.foul_rate);
+        self.row(named, &solved, &|bench, index| request.play(bench, index))
+    }
+
+    fn searched(&self, switches: usize) -> CrashRow {
+        let request = SearchRequest {
+            scenario: self.scenario,
+            ego: "nominal",
+            method: Switches(switches).into(),
+            budget: 0,
+            starts: self.starts,
+        };
+        let found = search(&request, self.watch).found;
+        let actions = |index: usize| found[index].as_ref()?.actions.as_deref();
+        let solved: Vec<usize> = (0..found.len()).filter(|i| actions(*i).is_some()).collect();
+        // A search breaks rules only in episodes that it discards, so its rate is 0.
+        let named = (format!("search, switches ≤ {switches}"), None, 0.0);
+        self.row(named, &solved, &|bench, index| {
+            let (start, noise) = &self.starts.starts[index];
+            let mut replay = Replay::holding(actions(index).unwrap_or_default());
+            play(bench, start, *noise, &mut replay, Aftermath::Play)
+        })
+    }
+}
+
+/// Returns whether the ego ends in a hard crash while the ado keeps every rule.
+fn is_hard(episode: &Episode) -> bool {
+    let lawful = !matches!(episode.verdict, brakecheck::rulebook::Verdict::Foul { .. });
+    let contact = episode.contact.as_ref();
+    lawful && contact.is_some_and(|touch| HARD_MPS <= touch.closing_speed_mps)
+}
+
+/// Error of a crash study.
+#[derive(Debug, thiserror::Error)]
+pub enum CrashStudyError {
+    /// A training failed.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// CC_LATCHED cannot drive the world's ego.
+    #[error(transparent)]
+    Change(#[from] ChangeError),
+}
+
+/// Trains on a world and evaluates the crashes of all ados. `None`: stopped.
+///
+/// # Errors
+/// Returns an error if a training fails or a file cannot be written.
+pub fn crash_study(
+    scenario: &Scenario,
+    request: &CaseStudies<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<CrashStudy>, CrashStudyError> {
+    let seeds: Vec<u64> = request.seeds.trainings().collect();
+    let runs = seeds.par_iter();
+    let runs = runs.map(|&seed| Ok(trained_run(scenario, seed, request.runs, watch)?.0));
+    let runs: Vec<_> = runs.collect::<Result<_, TrainError>>()?;
+    let starts = test_starts(scenario, request.seeds.starts, request.starts, watch);
+    let (Some(starts), false) = (starts, watch.stopped()) else {
+        return Ok(None);
+    };
+    // The driver's own ramp models the build-up of the brakes, so the lag is 0.
+    let competent = Actuated {
+        controller: ControllerSpec::CcLatchedDriver(CcLatchedDriver::default()),
+        lag_s: 0.0,
+    };
+    let change = Change {
+        controller: Some(competent),
+        ..Change::default()
+    };
+    let study = Study {
+        scenario,
+        competent: scenario.with(&change)?,
+        starts: &starts,
+        watch,
+    };
+    let mut rows = Vec::new();
+    for path in &runs {
+        let run = RunDir::open(path).map_err(TrainError::from)?;
+        let policy = run.policy().map_err(TrainError::from)?;
+        let seed = run.manifest().seed;
+        rows.push(CrashRow {
+            warning: run.warning().map(|warning| warning.what),
+            ..study.of(Ado::Trained(&*policy, seed), Some(seed))
+        });
+    }
+    rows.push(study.of(Ado::Held, None));
+    let best = best_constant_action(scenario, "nominal", &starts, watch);
+    rows.push(study.constant(&best));
+    rows.push(study.searched(1));
+    Ok((!watch.stopped()).then(|| CrashStudy {
+        world: scenario.name().to_owned(),
+        counts: format!("{:?}", scenario.rulebook().counts),
+        rows,
+    }))
+}
+
+impl Study<'_> {
+    /// Returns the row of the best constant ado.
+    fn constant(&self, (action, best): &(usize, Evaluated)) -> CrashRow {
+        let request = EvalRequest {
+            scenario: self.scenario,
+            ego: "nominal",
+            ado: Ado::Constant(*action),
+            starts: self.starts,
+        };
+        self.of_evaluated(best, &request, None)
+    }
+}
+
+/// Explanation of the columns, below the table.
+const EXPLAINED: &str = "
+- found: starts with a crash that counts, every rule kept, with the interval of their share
+- avoided by CC_LATCHED: the competent driver of UN R157 that reads the next lane and does not let go
+- open loop: in the ego's place, the others moving as recorded
+- closed loop: met by the same ado, which brings about no contact at 3 m/s or more then
+- persistence: share of small variations in which a crash stays one
+- fouls: share of starts on which a rule was broken first
+";
+
+/// Formats the studies as a Markdown table.
+pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
+    let lines = studies.iter().flat_map(|study| {
+        let rows = study.rows.iter();
+        rows.map(|row| line(&study.world, row))
+    });
+    let columns = [
+        "world",
+        "ado",
+        "found [95 %]",
+        "avoided by CC_LATCHED, of all starts: open loop, closed loop",
+        "of those found: open loop",
+        "side-swipes",
+        "closing m/s, median / 90 %",
+        "persistence, median",
+        "fouls",
+    ];
+    let mut text = brakecheck::report::TextTable::new(columns, lines).to_markdown();
+    text.push_str(EXPLAINED);
+    for study in studies {
+        for row in &study.rows {
+            if let (Some(warning), Some(seed)) = (&row.warning, row.seed) {
+                text.push_str(&format!(
+                    "- warning: {}, {} {seed}: {warning}\n",
+                    study.world, row.ado
+                ));
+            }
+        }
+    }
+    text
+}
+
+fn line(world: &str, row: &CrashRow) -> [String; 9] {
+    // A share of no crashes is undefined.
+    let percent = |part: usize, whole: usize| match whole {
+        0 => "–".to_owned(),
+        _ => format!("{:.1} %", 100.0 * part as f64 / whole as f64),
+    };
+    let of = |part: Option<usize>, whole: usize| {
+        part.map_or("–".to_owned(), |part| percent(part, whole))
+    };
+    let [lo, hi] = wilson(row.found, row.starts).map(|share| 100.0 * share);
+    let ado = match row.seed {
+        Some(seed) => format!("{} {seed}", row.ado),
+        None => row.ado.clone(),
+    };
+    let closing = row.closing_mps.map_or("–".to_owned(), |closing| {
+        format!("{:.1} / {:.1}", closing.median, closing.p90)
+    });
+    let (found, starts) = (row.found, row.starts);
+    [
+        world.to_owned(),
+        ado,
+        format!(
+            "{found} of {starts} ({}) [{lo:.1}, {hi:.1}]",
+            percent(found, starts)
+        ),
+        format!(
+            "{}, {}",
+            of(row.avoided, starts),
+            of(row.avoided_closed_loop, starts)
+        ),
+        of(row.avoided, found),
+        percent(row.side_swipes, found),
+        closing,
+        row.persistence
+            .map_or("–".to_owned(), |share| format!("{share:.2}")),
+        format!("{:.1} %", 100.0 * row.foul_rate),
+    ]
+}

@@ -1,0 +1,37 @@
+//! Tables and figures of "Automatic Testing With Reusable Adversarial Agents".
+//!
+//! The program `repro` trains, evaluates and searches with the public functions of
+//! `brakecheck` only. `README.md` names the command of every table.
+
+mod behaviours;
+mod case_studies;
+mod cli;
+mod crashes;
+mod extreme;
+mod letter;
+mod milestones;
+mod near;
+mod paper_rows;
+mod protocols;
+mod reuse_study;
+mod structures;
+mod table1;
+#[cfg(test)]
+mod tests;
+
+pub use behaviours::{
+    FigureError, Shown, start_with, three_merges, two_at_the_light, two_behaviours,
+};
+pub use case_studies::{CaseStudies, case_studies_markdown, case_study, trained_run};
+pub use cli::main;
+pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
+pub use letter::{
+    JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow, LetterStudy,
+    LetterStudyError, letter_baselines, letter_markdown, letter_row,
+};
+pub use near::{Alumnus, NearFailing, near_starts, near_starts_markdown};
+pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
+pub use protocols::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
+pub use reuse_study::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
+pub use structures::{RUNS, StructureRow, StructuresAsked, other_structures, structures_markdown};
+pub use table1::{Table1, Table1Error, table1, table1_markdown};

@@ -1,0 +1,152 @@
+//! Number of starts from which a reused ado is cheaper than a search per start.
+
+use serde::Serialize;
+
+use super::{CONDITIONAL, HELD_BUDGETS, Known};
+use brakecheck::evaluation::ReusedOn;
+
+/// Cost of a conditional ado and of held random search at equal success.
+///
+/// Costs are counted in simulations. The ado needs a training, the identification of every
+/// ego, and one simulation per start.
+/// The search needs its simulations until the first success, or its whole budget.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Economy {
+    /// Name of the ego. `None`: all egos together, which share a training.
+    pub ego: Option<String>,
+    /// Simulations before the first start: training and identification.
+    pub once: f64,
+    /// Simulations of the search per start, summed over the egos.
+    pub search: f64,
+    /// Whether the search reaches the ado's success on every ego.
+    ///
+    /// If not, its largest budget counts, and the ado is cheaper even before `starts`.
+    pub matched: bool,
+    /// Starts per ego from which the ado is cheaper. `None`: never.
+    pub starts: Option<f64>,
+}
+
+/// Compares the costs per ego on which the ado succeeds, and over all these egos.
+///
+/// `training` is the number of simulations of a training.
+pub(super) fn economy(training: f64, egos: &[ReusedOn], known: &[Known]) -> Vec<Economy> {
+    let mut lines: Vec<Economy> = egos
+        .iter()
+        .zip(known)
+        .filter_map(|(ego, known)| of_ego(training, ego, known))
+        .collect();
+    // A single ego would repeat its own line.
+    if 1 < lines.len() {
+        // All egos share one training, which each line contains.
+        let once = training + lines.iter().map(|line| line.once - training).sum::<f64>();
+        let search = lines.iter().map(|line| line.search).sum();
+        let all = Economy {
+            ego: None,
+            matched: lines.iter().all(|line| line.matched),
+            starts: cheaper_from(once, search, lines.len()),
+            once,
+            search,
+        };
+        lines.push(all);
+    }
+    lines
+}
+
+fn of_ego(training: f64, ego: &ReusedOn, known: &Known) -> Option<Economy> {
+    // Several seeds have a row each, and their mean success must be reached.
+    let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
+    let told: Vec<f64> = told.map(|row| row.success_rate).collect();
+    let success = told.iter().sum::<f64>() / told.len().max(1) as f64;
+    let searched: Vec<_> = HELD_BUDGETS
+        .iter()
+        .filter_map(|budget| {
+            let word = super::held_word(*budget);
+            ego.rows.iter().find(|row| row.ado == word.as_str().into())
+        })
+        .collect();
+    // The smallest budget with the ado's success is the fairest comparison.
+    let enough = searched.iter().find(|row| success <= row.success_rate);
+    // Without a sufficient budget the largest budget counts as a lower bound of the cost.
+    let row = enough.or(searched.last())?;
+    // Simulated runs of the identification cost as much as runs of the ado.
+    let once = training + known.simulations as f64;
+    (0.0 < success).then(|| Economy {
+        ego: Some(ego.ego.clone()),
+        once,
+        search: row.sims_per_start,
+        matched: enough.is_some(),
+        starts: cheaper_from(once, row.sims_per_start, 1),
+    })
+}
+
+/// Returns the one-time simulations divided by the saving of each further start.
+fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
+    // The ado itself takes a simulation per start and ego.
+    let saved = search - egos as f64;
+    (0.0 < saved).then(|| once / saved)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use brakecheck::evaluation::Relation;
+    use brakecheck::run_dir::Row;
+    use serde_json::json;
+
+    fn row(ado: &str, success_rate: f64, sims_per_start: f64) -> Row {
+        let row = json!({
+            "world": "w", "plant": "Rigid", "judge": "UntilViolation", "ego": "e", "ado": ado,
+            "method": "m", "start_seed": 0, "starts": 10, "trivial": 0, "successes": 0,
+            "success_rate": success_rate, "ci95": [0.0, 1.0], "foul_rate": 0.0,
+            "contact_rate": 0.0, "invalid": 0, "sims_per_start": sims_per_start,
+            "physics_steps": 0, "cpu_s": 0.0, "solved": "",
+        });
+        serde_json::from_value(row).expect("a row")
+    }
+
+    fn ego(name: &str, told: f64) -> (ReusedOn, Known) {
+        let rows = vec![
+            row(CONDITIONAL, told, 1.0),
+            row("search, held, 10", 0.2, 9.0),
+            row("search, held, 30", 0.5, 21.0),
+            row("search, held, 100", 0.7, 41.0),
+        ];
+        let reused = ReusedOn {
+            ego: name.to_owned(),
+            relation: Relation::Inside,
+            fails_without_adversary: 0.0,
+            reachable: None,
+            union: 0.0,
+            rows,
+        };
+        let known = Known {
+            ego: name.to_owned(),
+            taken_for: String::new(),
+            explained: true,
+            residual_m: 0.0,
+            nominal_residual_m: 0.0,
+            simulations: 100,
+        };
+        (reused, known)
+    }
+
+    #[test]
+    fn the_training_is_paid_by_each_ego_alone_and_once_by_all() {
+        let all = [ego("matched", 0.4), ego("beyond", 0.9), ego("never", 0.0)];
+        let (egos, known): (Vec<_>, Vec<_>) = all.into_iter().unzip();
+        let lines = economy(1_900.0, &egos, &known);
+        let seen: Vec<_> = lines
+            .iter()
+            .map(|l| (l.ego.as_deref(), l.once, l.search, l.matched, l.starts))
+            .collect();
+        // (1900 + 100) / (21 − 1), 2000 / (41 − 1), (1900 + 200) / (62 − 2).
+        assert_eq!(
+            seen,
+            [
+                (Some("matched"), 2_000.0, 21.0, true, Some(100.0)),
+                (Some("beyond"), 2_000.0, 41.0, false, Some(50.0)),
+                (None, 2_100.0, 62.0, false, Some(35.0)),
+            ]
+        );
+    }
+}

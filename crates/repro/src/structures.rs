@@ -1,0 +1,345 @@
+//! Egos of other structures than in training, learned from some runs.
+//!
+//! The study separates the transfer of the reused policy from the benefit of plans in a
+//! surrogate. A plan per start is not a reused policy, so both have columns of their own.
+
+use std::num::NonZeroU64;
+
+use serde::{Deserialize, Serialize};
+
+use brakecheck::adversary::AdoKind;
+use brakecheck::evaluation::{Evaluation, EvaluationError};
+use brakecheck::experiment::{EgoError, EgoUnderTest, Watch};
+use brakecheck::run_dir::{Row, RunDir};
+use brakecheck::stats::Outcomes;
+use brakecheck::surrogate::AdaptedTo;
+use brakecheck::world::Scenario;
+
+/// Number of recorded runs per ego, and the smaller number of the second column.
+pub const RUNS: u64 = 100;
+const FEW_RUNS: u64 = 30;
+/// Largest number of runs per start with repeated tries.
+const TRIES: u64 = 3;
+/// Largest number of switches of the search that recall refers to.
+const SWITCHES: usize = 2;
+/// Groups of related kinds of controllers.
+///
+/// A group is left out as a whole, because a related controller would fit almost as well.
+const KIN: [&[&str]; 4] = [
+    &[
+        "Acc",
+        "FilteredAcc",
+        "PoliteAcc",
+        "IsoAcc",
+        "YellowLight",
+        "YellowLightFixed",
+    ],
+    &["Gipps", "Krauss"],
+    &["Aeb", "PurePursuit", "Merge"],
+    &["CcDriver", "CcLaneDriver", "CcLatchedDriver", "RegDriver"],
+];
+/// World with the changed egos that are played in every world.
+const STRUCTURES: &str = "acc_structures";
+/// Number of starts solved by search from which recall enters the means.
+const TELLING: usize = 10;
+
+/// Starts that an ado solves, compared with a search.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SolvedBy {
+    /// Share of the starts solved by search that the ado solves too.
+    ///
+    /// `None`: search solves no start.
+    pub recall: Option<f64>,
+    /// Starts that the ado solves and search does not.
+    pub beyond: usize,
+    /// Starts that the ado solves.
+    pub successes: usize,
+}
+
+impl SolvedBy {
+    fn of(mut row: Row, searched: &Outcomes) -> SolvedBy {
+        row.compare_with_search(searched);
+        SolvedBy {
+            recall: row.recall,
+            beyond: row.beyond_search.unwrap_or(0),
+            successes: row.successes,
+        }
+    }
+}
+
+/// Results of an ego of another structure.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct StructureRow {
+    /// Name of the ego in the world.
+    pub ego: String,
+    /// Seed of the training.
+    pub seed: u64,
+    /// Starts that are not trivial.
+    pub starts: usize,
+    /// Starts that search solves.
+    pub searched: usize,
+    /// Policy as trained.
+    pub trained: SolvedBy,
+    /// Held random actions.
+    pub held: SolvedBy,
+    /// Best constant action, chosen on these starts.
+    pub constant: SolvedBy,
+    /// Best of six ados that accelerate and then brake, chosen on these starts.
+    pub switch: SolvedBy,
+    /// Plans in a surrogate of [`RUNS`] runs, with one run per start.
+    ///
+    /// The ego's kind of controller and related kinds are not compared with the ego.
+    pub adapted: SolvedBy,
+    /// Same plans with at most three runs per start.
+    pub again: SolvedBy,
+    /// Plans in a surrogate of 30 runs, with one run per start.
+    pub few: SolvedBy,
+    /// Plans as in `adapted`, with all stock controllers compared.
+    pub known: SolvedBy,
+    /// Most similar kind in that case.
+    pub like: Option<String>,
+    /// Error of the first surrogate and of constant acceleration, two seconds ahead, m.
+    pub off_m: Option<[f64; 2]>,
+    /// Expected share of solved starts, with its interval.
+    pub expected: (f64, [f64; 2]),
+}
+
+impl StructureRow {
+    /// Returns the share of solved starts and whether it was in the expected interval.
+    fn came(&self) -> (f64, bool) {
+        let came = self.adapted.successes as f64 / self.starts.max(1) as f64;
+        let [low, high] = self.expected.1;
+        // The expectation was fixed before the test starts were played.
+        (came, low <= came && came <= high)
+    }
+}
+
+/// Request of the study.
+#[derive(Clone, Copy)]
+pub struct StructuresAsked<'a> {
+    /// Run of the ado.
+    pub run: &'a RunDir,
+    /// World of the run, on the plant to test on.
+    pub nominal: &'a Scenario,
+    /// Number of test starts and seed of their stream.
+    pub starts: (usize, u64),
+}
+
+/// Returns the controllers of `acc_structures` in the place of a world's ego.
+///
+/// Controllers of the ego's own kind are left out.
+///
+/// # Errors
+/// Returns an error if the world has no driving scene.
+pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
+    let Some(Ok(structures)) = Scenario::shipped(STRUCTURES) else {
+        return Ok(Vec::new());
+    };
+    let own = world.controller().map(|own| own.controller.kind());
+    let others = structures.reuse().iter().filter(|(_, change)| {
+        let kind = change.controller.as_ref().map(|it| it.controller.kind());
+        // Changes without a controller keep the structure of the ego.
+        kind.is_some() && kind != own
+    });
+    let help = "a controller drives the ego of a driving world";
+    others
+        .map(|(name, change)| EgoUnderTest::changed(world, name, change, help))
+        .collect()
+}
+
+/// Returns the kind of an ego's controller with its related kinds.
+fn kin(ego: &EgoUnderTest) -> Vec<&'static str> {
+    let controller = ego.change().controller.as_ref();
+    let Some(kind) = controller.map(|it| it.controller.kind()) else {
+        return Vec::new();
+    };
+    let line = KIN.iter().find(|line| line.contains(&kind));
+    line.map_or_else(|| vec![kind], |line| line.to_vec())
+}
+
+impl StructuresAsked<'_> {
+    /// Plays all ados against an ego. `None`: stopped.
+    ///
+    /// # Errors
+    /// Returns an error if the ado cannot be played or the ego does not run.
+    pub fn meet(
+        &self,
+        ego: &EgoUnderTest,
+        watch: &Watch<'_>,
+    ) -> Result<Option<StructureRow>, EvaluationError> {
+        use AdoKind::{Constant, Hold, Switch, Trained};
+        let beside = [Trained, Hold, Constant, Switch];
+        let kin = kin(ego);
+        // The baselines and the search are played once, with the first surrogate.
+        let first = self.evaluated(ego, &beside, (RUNS, 1, Some(SWITCHES), &kin), watch)?;
+        // The learned ego is stored with the run, so this evaluation reuses it.
+        let again = self.evaluated(ego, &[], (RUNS, TRIES, None, &kin), watch)?;
+        let few = self.evaluated(ego, &[], (FEW_RUNS, 1, None, &kin), watch)?;
+        // Without unknown kinds the ego's own controller is compared too.
+        let known = self.evaluated(ego, &[], (RUNS, 1, None, &[]), watch)?;
+        let (Some(first), Some(again), Some(few), Some(known)) = (first, again, few, known) else {
+            return Ok(None);
+        };
+        let Some(search) = first.row("search") else {
+            return Ok(None);
+        };
+        let searched = search.solved.clone();
+        let met = |of: &Part, ado: &str| Some(SolvedBy::of(of.row(ado)?.clone(), &searched));
+        let row = || {
+            let told = first.told.as_ref()?;
+            Some(StructureRow {
+                ego: ego.name().to_owned(),
+                seed: self.run.manifest().seed,
+                starts: search.starts,
+                searched: search.successes,
+                trained: met(&first, "trained")?,
+                held: met(&first, "hold")?,
+                constant: met(&first, "constant")?,
+                switch: met(&first, "switch")?,
+                adapted: met(&first, "adapted")?,
+                again: met(&again, "adapted")?,
+                few: met(&few, "adapted")?,
+                known: met(&known, "adapted")?,
+                like: known.told.as_ref().and_then(|told| {
+                    let like = told.learned.alike.first()?;
+                    Some(like.controller.controller.kind().to_owned())
+                }),
+                off_m: told
+                    .learned
+                    .error
+                    .map(|error| [error.rms_m, error.keeps_acceleration_m]),
+                expected: (told.expected, told.expected_ci95),
+            })
+        };
+        Ok(row())
+    }
+
+    fn evaluated(
+        &self,
+        ego: &EgoUnderTest,
+        ados: &[AdoKind],
+        (runs, tries, search, unknown): (u64, u64, Option<usize>, &[&str]),
+        watch: &Watch<'_>,
+    ) -> Result<Option<Part>, EvaluationError> {
+        let egos = std::slice::from_ref(ego);
+        let evaluation = Evaluation {
+            run: self.run,
+            nominal: self.nominal,
+            egos,
+            ados,
+            context: None,
+            starts: self.starts,
+            search,
+            tries,
+            runs: NonZeroU64::new(runs),
+            unknown,
+            keeps: false,
+        };
+        let Some(mut table) = evaluation.run(watch)? else {
+            return Ok(None);
+        };
+        // A failed ego would leave a row with gaps.
+        if let Some(error) = table.failure.take() {
+            return Err(error);
+        }
+        if watch.stopped() {
+            return Ok(None);
+        }
+        Ok(Some(Part {
+            rows: table.rows(),
+            told: table.adapted_to.pop(),
+        }))
+    }
+}
+
+/// Evaluation of an ego.
+struct Part {
+    rows: Vec<Row>,
+    told: Option<AdaptedTo>,
+}
+
+impl Part {
+    fn row(&self, ado: &str) -> Option<&Row> {
+        self.rows.iter().find(|row| row.ado == ado.into())
+    }
+}
+
+/// Formats a world's rows as a Markdown table, with means and minima.
+pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
+    let mut text = format!(
+        "`{world}`: recall of the starts that a search with at most {SWITCHES} switches solves. \
+         *Reused*: the policy as it was trained, without a run of the ego. *Best constant* and \
+         *best switch* are the best of all constants, and of six that accelerate and then brake, \
+         on these very starts. *Adapted*: made for the ego, start by start, after {RUNS} or {FEW_RUNS} runs of an ego of \
+         unknown structure, neither its kind nor relatives of it among the stock controllers that it \
+         is likened to; *kind known*: all of them.\n\n\
+         | ego | training | search solves | reused policy | held random | best constant | best switch | \
+         adapted, {RUNS} runs | at most {TRIES} tries | {FEW_RUNS} runs | kind known | most like | beyond | off, m | expected | came |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+    );
+    for row in rows {
+        text.push_str(&line(row));
+    }
+    // A recall over a few starts would dominate the mean by chance.
+    let telling: Vec<&StructureRow> = rows.iter().filter(|row| TELLING <= row.searched).collect();
+    let over = |of: fn(&StructureRow) -> &SolvedBy| {
+        let recalls: Vec<f64> = telling.iter().filter_map(|row| of(row).recall).collect();
+        let mean = recalls.iter().sum::<f64>() / recalls.len().max(1) as f64;
+        let worst = recalls.iter().copied().fold(f64::INFINITY, f64::min);
+        if recalls.is_empty() {
+            "–".to_owned()
+        } else {
+            format!("{mean:.2} ({worst:.2})")
+        }
+    };
+    text.push_str(&format!(
+        "| mean (worst) of {} | | | {} | {} | {} | {} | {} | {} | {} | {} | | | | | |\n",
+        telling.len(),
+        over(|row| &row.trained),
+        over(|row| &row.held),
+        over(|row| &row.constant),
+        over(|row| &row.switch),
+        over(|row| &row.adapted),
+        over(|row| &row.again),
+        over(|row| &row.few),
+        over(|row| &row.known),
+    ));
+    let expected = rows.iter().filter(|row| row.came().1).count();
+    text.push_str(&format!(
+        "\nMeans are over rows in which search solves {TELLING} starts or more. What came lies in the interval that was expected in {expected} of {} rows.\n",
+        rows.len()
+    ));
+    text
+}
+
+fn line(row: &StructureRow) -> String {
+    let recall = |met: &SolvedBy| {
+        met.recall
+            .map_or("–".to_owned(), |recall| format!("{recall:.2}"))
+    };
+    let off = row.off_m.map_or("–".to_owned(), |[own, keeping]| {
+        format!("{own:.2} / {keeping:.2}")
+    });
+    let (expected, [low, high]) = row.expected;
+    format!(
+        "| {} | {} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {off} | {:.0} % [{:.0}, {:.0}] | {:.0} % |\n",
+        row.ego,
+        row.seed,
+        row.searched,
+        row.starts,
+        recall(&row.trained),
+        recall(&row.held),
+        recall(&row.constant),
+        recall(&row.switch),
+        recall(&row.adapted),
+        recall(&row.again),
+        recall(&row.few),
+        recall(&row.known),
+        row.like.as_deref().unwrap_or("–"),
+        row.adapted.beyond,
+        100.0 * expected,
+        100.0 * low,
+        100.0 * high,
+        100.0 * row.came().0,
+    )
+}

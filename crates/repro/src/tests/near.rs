@@ -1,0 +1,107 @@
+//! Starts near a failing start, and the search behind the figures.
+
+use std::sync::atomic::AtomicBool;
+
+use crate::extreme::extreme;
+use crate::{Alumnus, FigureError, near_starts, near_starts_markdown, start_with};
+use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::rl::Policy;
+use brakecheck::sim::PlantKind;
+use brakecheck::testbench::{Aftermath, PolicyActor, Replay, play};
+
+/// Policy that always brakes and returns the ego's speed as the value of a start.
+struct Brakes;
+
+impl Policy for Brakes {
+    fn act(&self, _obs: &[f32]) -> usize {
+        0
+    }
+
+    fn value(&self, obs: &[f32]) -> f32 {
+        obs[1]
+    }
+}
+
+fn watch() -> Watch<'static> {
+    static GO_ON: AtomicBool = AtomicBool::new(false);
+    Watch::new(&|_, _| {}, &GO_ON)
+}
+
+const CENTRE: [(&str, f64); 3] = [
+    ("ego.speed", 12.0),
+    ("ado.speed", 12.0),
+    ("ado.headway", 15.0),
+];
+
+#[test]
+fn near_starts_are_counted_as_they_play() {
+    let world = super::acc().on(PlantKind::Kinematic);
+    let around = start_with(&world, &CENTRE).expect("within the box");
+    let starts = test_starts(&world, 7, 200, &watch()).expect("not stopped");
+    let alumnus = |episodes| Alumnus {
+        policy: &Brakes,
+        seed: 1,
+        episodes,
+    };
+    let look = |episodes| {
+        near_starts(
+            &world,
+            alumnus(episodes),
+            &around,
+            &starts,
+            &[0.05, 9.0],
+            &watch(),
+        )
+        .expect("not stopped")
+    };
+    let near = look(50);
+    let [narrow, wide] = &near.rows[..] else {
+        panic!("a row per δ");
+    };
+    // Every start is nearer than 9, so the row covers the whole world.
+    let mut bench = world.bench();
+    let mut failing = Vec::new();
+    for ((start, noise), trivial) in starts.starts.iter().zip(&starts.trivial) {
+        let mut ado = PolicyActor(&Brakes);
+        let episode = play(&mut bench, start, *noise, &mut ado, Aftermath::Skip);
+        if !trivial && episode.verdict.is_success() {
+            failing.push(start.0[0]);
+        }
+    }
+    assert_eq!((wide.near, wide.failing), (near.starts, failing.len()));
+    let slower = failing.iter().filter(|speed| **speed < 12.0).count();
+    assert_eq!(wide.below_above[0].0, "ego.speed");
+    assert_eq!(wide.below_above[0].1, [slower, failing.len() - slower]);
+    assert!(0 < wide.failing && narrow.near < wide.near);
+    assert!(wide.never_met <= wide.failing && look(0).rows[1].never_met == wide.failing);
+    // A dense training contains all of them, within 1 % of each range.
+    assert!(look(20_000).rows[1].never_met < wide.never_met);
+    assert!(near_starts_markdown(&[near]).contains("ego.speed 12.00"));
+    let outside = start_with(&world, &[("ego.speed", 99.0)]);
+    assert!(matches!(outside, Err(FigureError::NoSuchStart { .. })));
+}
+
+#[test]
+fn the_extreme_sequence_is_the_best_of_all() {
+    let world = super::acc().on(PlantKind::Kinematic);
+    let start = start_with(&world, &CENTRE).expect("within the box");
+    let score = |episode: &brakecheck::testbench::Episode| {
+        let kept = !matches!(episode.verdict, brakecheck::rulebook::Verdict::Foul { .. });
+        kept.then_some(-episode.robustness)
+    };
+    let found = extreme(&world, (&start, 0), 1, score, &watch()).expect("one is lawful");
+    let decisions = world.bench().clock().decisions();
+    let mut bench = world.bench();
+    for first in 0..3 {
+        for then in 0..3 {
+            for at in 0..decisions {
+                let mut actions = vec![first; at];
+                actions.resize(decisions, then);
+                let mut ado = Replay::holding(&actions);
+                let other = play(&mut bench, &start, 0, &mut ado, Aftermath::Play);
+                assert!(score(&other).is_none_or(|other| other <= -found.robustness));
+            }
+        }
+    }
+    assert!(extreme(&world, (&start, 0), 1, |_| None, &watch()).is_none());
+}

@@ -1,0 +1,177 @@
+//! Reuse study: three ados and their baselines on changed egos.
+
+use std::sync::atomic::AtomicBool;
+
+use crate::reuse_study::{CONDITIONAL, CONDITIONAL_TRIES, Met};
+use crate::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
+use brakecheck::evaluation::Relation;
+use brakecheck::experiment::{EgoUnderTest, Watch};
+use brakecheck::seed::Seeds;
+use brakecheck::stats::StartOutcome::Solved;
+use brakecheck::world::Scenario;
+
+/// Single training with an open seed, as in all tests.
+const ONE: Seeds = Seeds {
+    first: 1,
+    count: 1,
+    starts: 0,
+};
+
+static GO: AtomicBool = AtomicBool::new(false);
+
+fn quiet() -> Watch<'static> {
+    Watch::new(&|_, _| {}, &GO)
+}
+
+/// ACC on the kinematic plant with trainings of a few seconds.
+fn brief() -> Scenario {
+    let text = include_str!("../../../../worlds/acc.ron")
+        .replace("plant: Rigid", "plant: Kinematic")
+        .replace("horizon_s: 15.0", "horizon_s: 8.0")
+        .replace("Dqn(decisions: 300_000)", "Dqn(decisions: 6_000)")
+        .replace(
+            "plants: { Kinematic: 9, Rigid: 1 }",
+            "plants: { Kinematic: 1 }",
+        )
+        .replace(
+            "\"kp_per_s2\": (0.15, 0.6), \"kd_per_s\": (0.84, 1.8), ",
+            "",
+        )
+        .replace(
+            "\"max_brake_mps2\": (4.0, 8.0), \"lag_s\": (0.2, 0.8),",
+            "\"max_brake_mps2\": (4.0, 8.0),",
+        )
+        .replace("decisions: 8_000_000", "decisions: 6_000")
+        .replace(
+            "decisions: 4_000_000, hidden: [128, 128]",
+            "decisions: 6_000",
+        );
+    Scenario::parse("acc.ron", &text).expect("a world")
+}
+
+#[test]
+fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let world = brief();
+    let asked = ReuseAsked {
+        seeds: ONE,
+        starts: 16,
+        tries: 3,
+        runs: dir.path(),
+    };
+    let begun = ReuseStudy::begin(&world, asked, &quiet());
+    let begun = begun.expect("trainings").expect("not stopped");
+    let meet = |name: &str| -> Met {
+        let ego = EgoUnderTest::find(&world, name).expect("an ego");
+        let met = begun.meet(&ego[0], &quiet());
+        met.expect("rows").expect("not stopped")
+    };
+    let met = ["nominal", "softer brakes", "van"].map(meet).to_vec();
+    // The study stores the results of every ego, so a stopped study can continue.
+    let kept = serde_json::to_string(&met).expect("JSON");
+    let study = begun.conclude(met);
+    // The stored results of every ego give the same study.
+    let read: Vec<Met> = serde_json::from_str(&kept).expect("what was written");
+    let again = begun.conclude(read);
+    assert_eq!(
+        reuse_markdown(&[again]),
+        reuse_markdown(std::slice::from_ref(&study))
+    );
+    let relations: Vec<Relation> = study.egos.iter().map(|ego| ego.relation).collect();
+    let expected = [Relation::Trained, Relation::Inside, Relation::Outside];
+    assert_eq!(relations, expected);
+    for ego in &study.egos {
+        let of = |ado: &str| {
+            let row = ego.rows.iter().find(|row| row.ado == ado.into());
+            row.unwrap_or_else(|| panic!("no row of {ado}"))
+        };
+        let starts = of(CONDITIONAL).solved.len();
+        assert!(ego.rows.iter().all(|row| row.solved.len() == starts));
+        // More tries and more simulations never solve fewer starts.
+        let no_worse = |less: &str, more: &str| {
+            let mut pairs = of(less).solved.iter().zip(of(more).solved.iter());
+            pairs.all(|(less, more)| *less != Solved || *more == Solved)
+        };
+        assert!(no_worse(CONDITIONAL, CONDITIONAL_TRIES));
+        assert!(no_worse("search, held, 10", "search, held, 30"));
+        assert!(no_worse("search, held, 30", "search, held, 100"));
+        assert!(no_worse("replay", "replays"));
+        // No member of the family resembles the van.
+        let told = if ego.ego == "van" {
+            "nominal"
+        } else {
+            "identified"
+        };
+        assert_eq!(of(CONDITIONAL).context.as_deref(), Some(told));
+        // Contacts belong to the counted simulations.
+        for searched in ["search, held, 10", "search, held, 30"].map(of) {
+            assert!(searched.contact_rate <= searched.success_rate);
+        }
+        assert!(of("search, held, 10").sims_per_start <= 10.0);
+    }
+    // Softer brakes that identification does not cover, and a quantity in which that
+    // ego is nominal.
+    let inside = &study.egos[1].rows;
+    let without = |name: &str| {
+        let ado = format!("{CONDITIONAL}, without {name}");
+        let row = inside.iter().find(|row| row.ado == ado.as_str().into());
+        &row.unwrap_or_else(|| panic!("no row of {ado}")).solved
+    };
+    let told = inside.iter().find(|row| row.ado == CONDITIONAL.into());
+    assert_eq!(told.map(|row| &row.solved), Some(without("delay_s")));
+    without("max_brake_mps2");
+    assert!(
+        !study.egos[2]
+            .rows
+            .iter()
+            .any(|row| row.ado.caption().contains("without"))
+    );
+    // Search is compared on every ego on which the conditional ado succeeds.
+    for ego in &study.egos {
+        let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
+        let succeeds = told.map(|row| row.successes).sum::<usize>() != 0;
+        let mut lines = study.economy.iter();
+        let compared = lines.any(|line| line.ego.as_ref() == Some(&ego.ego));
+        assert_eq!(compared, succeeds, "{}", ego.ego);
+    }
+    // The own ego is identified as itself, and blocks and changed egos are summarised.
+    assert!(study.known[0].explained, "{:?}", study.known[0]);
+    let blocks = |relation| {
+        study
+            .summary
+            .iter()
+            .filter(move |sum| sum.relation == relation)
+    };
+    assert!(0 < blocks(Relation::Changed).count());
+    let changed = blocks(Relation::Changed).find(|sum| sum.ado == CONDITIONAL.into());
+    assert_eq!(changed.map(|sum| sum.egos), Some(2));
+    assert!(changed.is_some_and(|sum| sum.reference_minus.is_none()));
+    let table = reuse_markdown(std::slice::from_ref(&study));
+    assert!(table.contains("| softer brakes | Inside |"), "{table}");
+
+    // Finished trainings are used unchanged.
+    let again = ReuseStudy::begin(&world, asked, &quiet());
+    let again = again.expect("trainings").expect("not stopped");
+    let same = again.meet(&EgoUnderTest::nominal(&world), &quiet());
+    let same = same.expect("rows").expect("not stopped");
+    assert_eq!(same.rows[0].solved, study.rows[0].solved);
+    assert_eq!(again.conclude(vec![same]).train_cpu_s, study.train_cpu_s);
+}
+
+#[test]
+fn a_world_without_a_family_is_refused() {
+    let world = Scenario::parse("cut_in.ron", include_str!("../../../../worlds/cut_in.ron"));
+    let world = world.expect("a world");
+    let dir = tempfile::tempdir().expect("scratch");
+    let asked = ReuseAsked {
+        seeds: ONE,
+        starts: 4,
+        tries: 2,
+        runs: dir.path(),
+    };
+    let refused = ReuseStudy::begin(&world, asked, &quiet());
+    assert!(matches!(
+        refused.map(|_| ()),
+        Err(ReuseError::NoFamily { .. })
+    ));
+}
