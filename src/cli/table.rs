@@ -3,7 +3,6 @@
 use super::table_of;
 use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
 use crate::report::TextTable;
-pub use crate::report::{WIDTH, terminal_table as table};
 use crate::run_dir::Row;
 use crate::sysid::IdentifiedAs;
 

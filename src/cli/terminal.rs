@@ -13,7 +13,6 @@ use crate::visible::visible;
 
 pub use super::counts::start_count;
 pub use super::progress::{Bar, bar};
-pub use super::table::{WIDTH, table};
 pub use super::talk::{data, json, say};
 
 /// Options of every command that plays episodes.

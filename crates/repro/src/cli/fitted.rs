@@ -5,7 +5,7 @@
 
 use comfy_table::{ColumnConstraint, Width};
 
-use brakecheck::cli::terminal::{WIDTH, table};
+use brakecheck::report::{WIDTH, terminal_table};
 
 /// The text with every table of it drawn.
 pub(super) fn fitted(markdown: &str) -> String {
@@ -59,7 +59,7 @@ fn drawn(lines: &[Vec<&str>]) -> Option<String> {
             columns.iter().map(|it| cell(it).to_owned()).collect()
         };
         let names = of(header);
-        let mut table = table(&names.iter().map(String::as_str).collect::<Vec<_>>());
+        let mut table = terminal_table(&names.iter().map(String::as_str).collect::<Vec<_>>());
         for row in rows {
             table.add_row(of(row));
         }
