@@ -3,7 +3,7 @@
 use super::Nonconformities;
 use super::env::shapes;
 use super::recorded::{Row, Subject, examine};
-use crate::rl::{Dice, Policy, Spaces};
+use crate::rl::{LearnerRng, Policy, Spaces};
 
 /// Number of observations of an episode.
 const OBSERVATIONS: usize = 100;
@@ -28,7 +28,7 @@ impl Asked<'_> {
     fn answer(&self, episode: u64, step: usize) -> Row {
         // Derived from episode and step alone, so the order of calls has no
         // effect.
-        let mut dice = Dice::new(1000 * episode + step as u64);
+        let mut dice = LearnerRng::new(1000 * episode + step as u64);
         // The middle, the usual range, and values far outside of it.
         let wide = [0.0, 1.0, 1.0, 1.0, 50.0][step % 5];
         let mut draw = |_| (wide * (2.0 * dice.unit() - 1.0)) as f32;

@@ -1,7 +1,7 @@
 //! Policies of conditional ados, which receive the parameters of the ego.
 
 use super::{RunDir, RunError};
-use crate::rl::{Bundle, Policy};
+use crate::rl::{Policy, TensorFile};
 use crate::world::{Against, Member, Scenario};
 
 /// Policy with the ego's parameters appended to every observation.
@@ -52,7 +52,7 @@ impl RunDir {
     fn told(
         &self,
         scenario: &Scenario,
-        bundle: &Bundle,
+        bundle: &TensorFile,
         member: &Member,
     ) -> Result<Box<dyn Policy>, RunError> {
         let policy = self.shaped_policy(scenario, bundle)?;

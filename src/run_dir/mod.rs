@@ -59,7 +59,7 @@ pub use samples::{SamplesError, trace_of_csv};
 pub use training_counterexamples::{MAX_STORED, Stored, StoredCount};
 
 use crate::content_hash::sha256;
-use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
+use crate::rl::{BundleError, Policy, TensorFile, load_policy_for};
 use crate::world::{Against, LoadError, Scenario, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
@@ -75,7 +75,7 @@ const FORMAT: u32 = 3;
 #[derive(Clone, Debug, Default)]
 pub struct Beginning<'a> {
     /// Policy to fine-tune.
-    pub from: Option<&'a Bundle>,
+    pub from: Option<&'a TensorFile>,
     /// Changed ego to train against.
     pub ego: Option<ChangedEgo>,
 }
@@ -391,7 +391,7 @@ impl RunDir {
     fn shaped_policy(
         &self,
         scenario: &Scenario,
-        bundle: &Bundle,
+        bundle: &TensorFile,
     ) -> Result<Box<dyn Policy>, RunError> {
         load_policy_for(&scenario.spaces(), bundle).map_err(self.damaged("policy.safetensors"))
     }
@@ -401,8 +401,8 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if training has not finished or the file is damaged.
-    pub fn policy_bundle(&self) -> Result<Bundle, RunError> {
-        Bundle::from_bytes(&self.policy_bytes()?).map_err(self.damaged("policy.safetensors"))
+    pub fn policy_bundle(&self) -> Result<TensorFile, RunError> {
+        TensorFile::from_bytes(&self.policy_bytes()?).map_err(self.damaged("policy.safetensors"))
     }
 
     fn policy_bytes(&self) -> Result<Vec<u8>, RunError> {
@@ -417,12 +417,12 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if its file is missing or damaged.
-    pub fn checkpoint(&self) -> Result<Option<Bundle>, RunError> {
+    pub fn checkpoint(&self) -> Result<Option<TensorFile>, RunError> {
         let Some((name, expected)) = &self.manifest.checkpoint else {
             return Ok(None);
         };
         let bytes = self.read_verified(name, Some(expected))?;
-        Bundle::from_bytes(&bytes)
+        TensorFile::from_bytes(&bytes)
             .map(Some)
             .map_err(self.damaged(name))
     }
@@ -432,12 +432,12 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if its file is missing or damaged.
-    pub fn from(&self) -> Result<Option<Bundle>, RunError> {
+    pub fn from(&self) -> Result<Option<TensorFile>, RunError> {
         let Some(expected) = &self.manifest.from_sha256 else {
             return Ok(None);
         };
         let bytes = self.read_verified("from.safetensors", Some(expected))?;
-        Bundle::from_bytes(&bytes)
+        TensorFile::from_bytes(&bytes)
             .map(Some)
             .map_err(self.damaged("from.safetensors"))
     }
@@ -448,7 +448,7 @@ impl RunDir {
     ///
     /// Returns an error if the disk refuses. The previous checkpoint is then
     /// still valid.
-    pub fn save_checkpoint(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
+    pub fn save_checkpoint(&mut self, bundle: &TensorFile, done: Done) -> Result<(), RunError> {
         let name = format!("checkpoint-{}.safetensors", done.decisions);
         let bytes = bundle.to_bytes().map_err(self.damaged(&name))?;
         self.write(&name, &bytes)?;
@@ -471,7 +471,7 @@ impl RunDir {
     ///
     /// Returns an error if the disk refuses. The last checkpoint is then still
     /// valid.
-    pub fn save_policy(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
+    pub fn save_policy(&mut self, bundle: &TensorFile, done: Done) -> Result<(), RunError> {
         let bytes = bundle
             .to_bytes()
             .map_err(self.damaged("policy.safetensors"))?;

@@ -5,7 +5,7 @@ mod interval;
 mod least_squares;
 mod outcomes;
 
-pub(crate) use cross_entropy::{Fit, Search, draw, normal, pick, refit};
+pub(crate) use cross_entropy::{CrossEntropySearch, Fit, draw, normal, pick, refit};
 pub use interval::mcnemar;
 pub use interval::predicted;
 pub use interval::{

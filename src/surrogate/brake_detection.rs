@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use super::emergency_brake::{BrakedFor, EmergencyBrake, MARGIN, Situation, WAYS};
 use super::regression::{SMALL_WEIGHTS, add, logistic};
 use crate::seed;
-use crate::stats::Search;
+use crate::stats::CrossEntropySearch;
 
 /// Number of candidate lines, and largest number of samples they are checked on.
 const LINES: usize = 2_000;
@@ -560,7 +560,7 @@ impl<'a> Sum<'a> {
             let explained = points.iter().map(|point| self.few.explained(&at(point)));
             explained.map(|explained| -explained).collect()
         };
-        at(&Search::NEAR
+        at(&CrossEntropySearch::NEAR
             .run(vec![0.0; self.ways.len()], dice, &costs)
             .point)
     }

@@ -7,7 +7,7 @@ use super::emergency_brake::{EmergencyBrake, Situation};
 use super::fitted_model::Likeness;
 use super::model::{OUTPUTS, Surrogate, expected_mps2, said};
 use crate::experiment::{EpisodeLoop, Watch};
-use crate::rl::Dice;
+use crate::rl::LearnerRng;
 use crate::rl::nn::{Adam, Mlp};
 
 /// Number of networks in the ensemble.
@@ -178,7 +178,7 @@ struct Lesson<'a> {
     /// Upper limit of the first answer where the brake acts, infinite elsewhere.
     limits: Vec<f32>,
     critical: Vec<usize>,
-    dice: Dice,
+    dice: LearnerRng,
 }
 
 impl<'a> Lesson<'a> {
@@ -200,7 +200,7 @@ impl<'a> Lesson<'a> {
             scaled: scaled.collect(),
             targets: samples.answers.iter().enumerate().map(target).collect(),
             critical: samples.critical(samples.rms(|_, answer| answer[1])),
-            dice: Dice::new(seed),
+            dice: LearnerRng::new(seed),
         };
         if let Some(brake) = &surrogate.brake {
             lesson.limit(surrogate, brake);
@@ -315,7 +315,7 @@ mod tests {
 
     /// Samples of an ego that changes its acceleration by `law` of two inputs.
     fn samples(count: usize, law: impl Fn(f32, f32) -> f64) -> Samples {
-        let mut dice = Dice::new(7);
+        let mut dice = LearnerRng::new(7);
         let mut samples = Samples {
             width: 2,
             ..Samples::default()
@@ -351,7 +351,7 @@ mod tests {
 
     #[test]
     fn what_a_brake_does_is_not_learned() {
-        let net = Mlp::orthogonal(&[2, 4, OUTPUTS], 1.0, &mut Dice::new(3));
+        let net = Mlp::orthogonal(&[2, 4, OUTPUTS], 1.0, &mut LearnerRng::new(3));
         let batch = vec![0.5; 2 * BATCH];
         let gradient = |limit: f32| {
             let (mut tape, mut gradient) = (net.tape(BATCH), vec![0.0; net.parameters().len()]);

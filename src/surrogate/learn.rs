@@ -20,7 +20,7 @@ use super::plant::judged_on;
 use super::strategy::Policies;
 use super::surrogate_sim::{ModelBench, SoFar, VARIATIONS};
 use crate::experiment::Watch;
-use crate::rl::{Bundle, Policy, load_policy};
+use crate::rl::{Policy, TensorFile, load_policy};
 use crate::scene::Start;
 use crate::sim::PlantKind;
 use crate::stats::predicted;
@@ -50,7 +50,7 @@ pub struct LearnEgoRequest<'a> {
     /// Policy of the trained ado.
     pub policy: &'a dyn Policy,
     /// Bundle to continue training from inside the surrogate, if any.
-    pub kept: Option<&'a Bundle>,
+    pub kept: Option<&'a TensorFile>,
     /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`].
     pub runs: u64,
     /// Kinds of stock controllers that are not compared with the ego.
@@ -182,7 +182,7 @@ impl LearnedFrom {
 pub struct LearnedEgo {
     pub(super) surrogate: Arc<Surrogate>,
     /// Policy that the ado learned inside the surrogate.
-    pub(super) trained_on: Option<Arc<Bundle>>,
+    pub(super) trained_on: Option<Arc<TensorFile>>,
     /// Facts recorded while the ego was learned.
     pub from: LearnedFrom,
 }

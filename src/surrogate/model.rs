@@ -237,11 +237,11 @@ impl Controller for ModelDriver {
 mod tests {
     use super::*;
     use crate::ego::Own;
-    use crate::rl::Dice;
+    use crate::rl::LearnerRng;
 
     fn surrogate(range_mps2: [f64; 2], unit_mps2: f64) -> Surrogate {
         let width = crate::surrogate::features::Features::width(0, 0) + MODELS;
-        let mut dice = Dice::new(3);
+        let mut dice = LearnerRng::new(3);
         let mut member = || Mlp::orthogonal(&[width, 8, OUTPUTS], 1.0, &mut dice);
         Surrogate {
             mean: vec![0.0; width],

@@ -12,7 +12,7 @@ use super::model_library::Kind;
 use crate::ego::{KINDS, Percept};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::seed;
-use crate::stats::{Search, descend};
+use crate::stats::{CrossEntropySearch, descend};
 
 /// Number of samples for the search and for the final fit.
 const SAMPLES: [usize; 2] = [600, 3000];
@@ -228,7 +228,11 @@ impl<'a> Fitting<'a> {
             self.costs(kind, &points)
         };
         let middle = vec![0.0; kind.ranges.len() + usize::from(!at_once)];
-        with_delay(&Search::WIDE.run(middle, &mut dice, &costs).point)
+        with_delay(
+            &CrossEntropySearch::WIDE
+                .run(middle, &mut dice, &costs)
+                .point,
+        )
     }
 
     /// Returns a starting point that shares the parameters of another kind.
@@ -260,7 +264,9 @@ impl<'a> Fitting<'a> {
         };
         let mut dice = seed::generator(kind.kind, &[seed, RESTARTS + 1]);
         Some(whole(
-            &Search::WIDE.run(vec![0.0; own], &mut dice, &costs).point,
+            &CrossEntropySearch::WIDE
+                .run(vec![0.0; own], &mut dice, &costs)
+                .point,
         ))
     }
 
@@ -270,7 +276,7 @@ impl<'a> Fitting<'a> {
     fn near(&self, kind: &Kind, point: Vec<f64>, seed: u64) -> Vec<f64> {
         let mut dice = seed::generator(kind.kind, &[seed, RESTARTS]);
         let costs = |points: &[Vec<f64>]| self.costs(kind, points);
-        Search::NEAR.run(point, &mut dice, &costs).point
+        CrossEntropySearch::NEAR.run(point, &mut dice, &costs).point
     }
 
     fn costs(&self, kind: &Kind, points: &[Vec<f64>]) -> Vec<f64> {

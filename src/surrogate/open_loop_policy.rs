@@ -123,7 +123,7 @@ mod tests {
             members: vec![Mlp::orthogonal(
                 &[width, 4, OUTPUTS],
                 0.1,
-                &mut crate::rl::Dice::new(1),
+                &mut crate::rl::LearnerRng::new(1),
             )],
             brake: None,
         });

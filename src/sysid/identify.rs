@@ -18,7 +18,7 @@ use crate::experiment::Watch;
 use crate::seed;
 use crate::sim::PlantKind;
 pub(super) use crate::stats::descend;
-use crate::stats::{Fit, Search, cost};
+use crate::stats::{CrossEntropySearch, Fit, cost};
 use crate::world::{Family, Member, Scenario};
 
 /// Number of independent fits, which show if they agree.
@@ -213,7 +213,7 @@ impl Lab<'_> {
         let costs = |points: &[Vec<f64>]| coarse(points).iter().map(|d| cost(d)).collect();
         let nominal = free.iter().map(|&i| self.family.quantities[i].unit());
         let nominal: Vec<f64> = nominal.collect();
-        let mut found = Search::WIDE.run(nominal.clone(), &mut dice, &costs);
+        let mut found = CrossEntropySearch::WIDE.run(nominal.clone(), &mut dice, &costs);
         let smooth: Vec<usize> = (0..free.len())
             .filter(|&d| self.family.quantities[free[d]].step == 0.0)
             .collect();
@@ -248,7 +248,7 @@ impl Lab<'_> {
         } else {
             return found;
         };
-        let near = Search::NEAR.run(centre, &mut dice, &costs);
+        let near = CrossEntropySearch::NEAR.run(centre, &mut dice, &costs);
         let near = descend(near.point, &smooth, &fine);
         if near.cost < found.cost { near } else { found }
     }

@@ -12,7 +12,7 @@ use super::compare::Witness;
 use super::nearby::TheoremOutcome;
 use super::plays::ROUNDING;
 use crate::experiment::{EpisodeLoop, Turn, Watch};
-use crate::rl::{Dice, Policy};
+use crate::rl::{LearnerRng, Policy};
 use crate::scene::grid::bisimulation::{Bisimulation, coarse};
 use crate::scene::grid::exact::Game;
 use crate::scene::grid::{Arena, GridWorld, Position, start_of};
@@ -247,7 +247,7 @@ impl Trial<'_> {
         let mut pairs: Vec<(Position, &FoundAt)> = pairs.collect();
         if MOST_PLAYED < pairs.len() {
             // The seed is fixed, so equal requests play the same pairs.
-            Dice::new(CHOICE).shuffle(&mut pairs);
+            LearnerRng::new(CHOICE).shuffle(&mut pairs);
             pairs.truncate(MOST_PLAYED);
         }
         let unwatched = Watch::unwatched();

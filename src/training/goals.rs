@@ -7,7 +7,7 @@
 //! function optimization", ICGA 1987) with counts in place of a population.
 
 use crate::experiment::{Shape, Story};
-use crate::rl::{Bundle, BundleError};
+use crate::rl::{BundleError, TensorFile};
 use crate::rulebook::TrainingGoal;
 use crate::testbench::Episode;
 use crate::world::Scenario;
@@ -28,7 +28,7 @@ impl GoalTracker {
     /// The checkpoint holds no counts, or damaged ones.
     pub fn of(
         scenario: &Scenario,
-        checkpoint: Option<&Bundle>,
+        checkpoint: Option<&TensorFile>,
     ) -> Result<Option<GoalTracker>, BundleError> {
         if scenario.goals().is_empty() {
             return Ok(None);
@@ -76,7 +76,7 @@ impl GoalTracker {
     }
 
     /// Writes what was counted into a checkpoint.
-    pub fn save(&self, bundle: &mut Bundle) {
+    pub fn save(&self, bundle: &mut TensorFile) {
         let n = self.groups.len();
         let stories: Vec<&Story> = self.groups.iter().map(|(shape, _)| &shape.story).collect();
         // Invariant: a story is text and words, which serde_json always writes.
@@ -90,7 +90,7 @@ impl GoalTracker {
         bundle.put::<u64>("goals/counts", &[n], counts);
     }
 
-    fn restore(&mut self, bundle: &Bundle) -> Result<(), BundleError> {
+    fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
         let stories = bundle.rows::<u8>("goals/stories", &[])?;
         let stories: Vec<Story> =
             serde_json::from_slice(stories).map_err(|error| BundleError::Format {

@@ -7,7 +7,7 @@ use super::goals::GoalTracker;
 use super::stopping_rule::Patience;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
-use crate::rl::{Bundle, BundleError, Control, Learner, LearnerReport};
+use crate::rl::{BundleError, Control, Learner, LearnerReport, TensorFile};
 use crate::run_dir::{Done, RunDir, RunError, Window};
 use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
@@ -199,7 +199,7 @@ fn note_searches(patience: &mut Patience<'_>, run: &mut RunDir, gym: &mut Traini
 }
 
 /// Returns a learner's checkpoint with the counts of its training goals.
-fn checkpoint_of(learner: &dyn Learner, gym: &TrainingGym<'_>) -> Bundle {
+fn checkpoint_of(learner: &dyn Learner, gym: &TrainingGym<'_>) -> TensorFile {
     let mut checkpoint = learner.checkpoint();
     if let Some(goals) = gym.goals() {
         goals.save(&mut checkpoint);

@@ -21,7 +21,7 @@ use super::locate::Path;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::runs::{Origin, RunRefused, refused};
-use crate::rl::{Bundle, Policy, load_policy_for};
+use crate::rl::{Policy, TensorFile, load_policy_for};
 use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec, LightDrive, TrainedAdo, TrainedError};
 
@@ -89,7 +89,7 @@ fn made_from(
             ));
         }
     };
-    let bundle = Bundle::from_bytes(&run.policy);
+    let bundle = TensorFile::from_bytes(&run.policy);
     // The policy is checked against the spaces of its own world, where it was
     // trained.
     let policy = bundle.and_then(|bundle| load_policy_for(world.spaces(), &bundle));

@@ -24,7 +24,7 @@ use maps::{Map, maps};
 
 use crate::adversary::{Ado, EvalRequest, eval};
 use crate::experiment::{TestStarts, Watch};
-use crate::rl::{Control, Dice, LearnerConfig, Policy};
+use crate::rl::{Control, LearnerConfig, LearnerRng, Policy};
 use crate::run_dir::Row;
 use crate::scene::Start;
 use crate::scene::grid::exact::{Game, chase};
@@ -428,7 +428,7 @@ fn spread(shares: &[f64]) -> LearnerOnMap {
 /// Returns a table with a random action per position.
 fn random_table(game: &Game, seed: u64, index: usize) -> Vec<usize> {
     // The factor keeps the streams of neighbouring seeds apart.
-    let mut dice = Dice::new(seed.wrapping_mul(1_000_003) + index as u64);
+    let mut dice = LearnerRng::new(seed.wrapping_mul(1_000_003) + index as u64);
     (0..game.pairs())
         .map(|_| dice.below(game.moves.len()))
         .collect()
@@ -439,7 +439,7 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
     let starts: Vec<_> = game.arena.starts().collect();
     let one = |ados: usize, paper: f64| {
         // Both lines start from the same seed, so the first 10 ados are the same.
-        let mut dice = Dice::new(request.seeds.starts);
+        let mut dice = LearnerRng::new(request.seeds.starts);
         let mut captured = 0;
         for _ in 0..ados {
             let caught =

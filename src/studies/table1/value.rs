@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Progress, Table1, Table1Error, learn};
-use crate::rl::{Dice, LearnerConfig};
+use crate::rl::{LearnerConfig, LearnerRng};
 use crate::scene::Start;
 use crate::scene::grid::exact::Game;
 use crate::scene::grid::{Starts, position_of};
@@ -139,7 +139,7 @@ impl LargeMap {
     fn training(&self, seed: u64, starts: usize) -> Option<Scenario> {
         let arena = self.map.grid()?.spec().arena;
         // The prime keeps these streams apart from those of other seeds.
-        let mut dice = Dice::new(self.request.seeds.first.wrapping_mul(7919) + seed);
+        let mut dice = LearnerRng::new(self.request.seeds.first.wrapping_mul(7919) + seed);
         let pairs = (0..starts).map(|_| {
             let both = position_of(&self.starts[dice.below(self.starts.len())], &arena);
             ((both.ego.x, both.ego.y), (both.ado.x, both.ado.y))
@@ -241,7 +241,8 @@ impl LargeMap {
     fn centres(&self, learner: &LearnerConfig, learned: &Learned) -> Vec<(usize, Centre)> {
         let mut met: Vec<&Success> = learned.met.iter().collect();
         // The seed is fixed, so equal requests select the same counterexamples.
-        Dice::new(self.request.seeds.starts.wrapping_mul(104_729) + learned.seed).shuffle(&mut met);
+        LearnerRng::new(self.request.seeds.starts.wrapping_mul(104_729) + learned.seed)
+            .shuffle(&mut met);
         let reward = self.map.rulebook().reward;
         let chosen = met.into_iter().take(COUNTEREXAMPLES).filter_map(|success| {
             let start = self
