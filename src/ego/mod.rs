@@ -63,7 +63,7 @@ pub use fault::{Fault, FaultKind, PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
 pub use process::{DOCUMENT, Exercise, Finding, Hello, PROTOCOL, ProcessController, exercise};
 pub use recorded::RecordedCommands;
-pub use room::Room;
+pub use room::LaneOccupancy;
 pub use stock::*;
 pub use takeover::{FullBrake, Takeover};
 

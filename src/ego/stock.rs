@@ -31,23 +31,23 @@ macro_rules! egos {
 
         #[derive(Serialize, Deserialize)]
         #[serde(rename = "ControllerSpec")]
-        enum InFile {
+        enum ControllerFile {
             $( $(#[cfg($when)])? $kind(Actuated<$kind>), )*
         }
 
-        impl From<InFile> for Actuated<ControllerSpec> {
-            fn from(file: InFile) -> Actuated<ControllerSpec> {
+        impl From<ControllerFile> for Actuated<ControllerSpec> {
+            fn from(file: ControllerFile) -> Actuated<ControllerSpec> {
                 match file {
-                    $( $(#[cfg($when)])? InFile::$kind(it) => it.map(ControllerSpec::$kind), )*
+                    $( $(#[cfg($when)])? ControllerFile::$kind(it) => it.map(ControllerSpec::$kind), )*
                 }
             }
         }
 
-        impl From<Actuated<ControllerSpec>> for InFile {
-            fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> InFile {
+        impl From<Actuated<ControllerSpec>> for ControllerFile {
+            fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> ControllerFile {
                 match controller {
                     $( $(#[cfg($when)])? ControllerSpec::$kind(controller) => {
-                        InFile::$kind(Actuated { controller, lag_s })
+                        ControllerFile::$kind(Actuated { controller, lag_s })
                     } )*
                 }
             }
@@ -88,7 +88,7 @@ macro_rules! egos {
     };
 }
 
-written_as!(ControllerSpec, InFile);
+written_as!(ControllerSpec, ControllerFile);
 
 impl Actuated<ControllerSpec> {
     /// Returns the controller's numeric parameters and the lag.

@@ -34,7 +34,7 @@ pub use moments::CutIn;
 pub use outcome::{
     DriverOutcome, Exoneration, Label, NotApplicable, Preventability, ReplayContact, Struck,
 };
-pub use replayer::{Case, FilmedDriver, Replayer, Seat};
+pub use replayer::{FilmedDriver, RecordedEpisode, Replayer, Seat};
 
 use crate::ego::reference::ReferenceDriver;
 

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::contact::{STANDING_MPS, between, struck};
-use super::moments::Lanes;
+use super::moments::LaneRecord;
 use super::outcome::{DriverOutcome, NotApplicable, Preventability, ReplayContact};
-use super::stint::{AtWheel, Notes, Rows};
+use super::stint::{Notes, ReferenceDriverRun, ReplayRows};
 use super::{Label, PANEL};
 use crate::ego::reference::{LaneBody, NOMINAL_MPS2, ReferenceDriver, Response};
 use crate::rulebook::Rulebook;
@@ -31,14 +31,14 @@ pub enum Seat {
 }
 
 /// A recorded episode, made ready to be driven by others.
-pub struct Case {
+pub struct RecordedEpisode {
     /// The motion, gone on with after its end.
     pub(super) whole: Motion,
     /// Full samples of the record; drivers take over at one of these.
     recorded: usize,
     /// The vehicles that drivers look at, by position among the agents.
     traffic: Vec<usize>,
-    lanes: Lanes,
+    lanes: LaneRecord,
     /// The first sample at which a driver may have something to answer.
     pub handover: Option<usize>,
     /// The first sample at which the ideal driver brakes.
@@ -76,13 +76,13 @@ pub struct Replayer {
 
 /// A stretch of driving: from which sample, at which speed unless in danger.
 #[derive(Clone, Copy)]
-struct Stint {
+struct DriveInterval {
     from: usize,
-    nominal: Nominal,
+    nominal: NominalSpeed,
 }
 
 #[derive(Clone, Copy)]
-enum Nominal {
+enum NominalSpeed {
     /// As at the start of the episode.
     Initial,
     /// As recorded.
@@ -113,7 +113,7 @@ impl Replayer {
     }
 
     /// Makes an episode ready.
-    pub fn case(&self, motion: &Motion) -> Case {
+    pub fn case(&self, motion: &Motion) -> RecordedEpisode {
         let contact_s = motion.contact.as_ref().map_or(0.0, |touch| touch.time_s);
         let after = ((contact_s + AFTER_CONTACT_S) / self.sample_s).ceil() as usize + 1;
         let samples = self.world.spec().clock.samples().max(after);
@@ -131,14 +131,14 @@ impl Replayer {
             let seen = self.world.seen(motion.at(at));
             agents.iter().map(move |&i| seen[i]).collect::<Vec<bool>>()
         };
-        let lanes = Lanes {
+        let lanes = LaneRecord {
             seen: (0..recorded).flat_map(seen_at).collect(),
             sample_s: self.sample_s,
             lane_width_m: self.lane_width_m,
             width: agents.len(),
             bodies: (0..recorded).flat_map(samples_of).collect(),
         };
-        Case {
+        RecordedEpisode {
             traffic,
             handover: lanes.handover(),
             danger: lanes.danger(),
@@ -215,7 +215,7 @@ impl Replayer {
     /// A driver from the handover on; the ideal one from the first danger on.
     pub fn from_handover(
         &mut self,
-        case: &Case,
+        case: &RecordedEpisode,
         driver: ReferenceDriver,
         trace: Option<&Trace>,
     ) -> Option<DriverOutcome> {
@@ -249,23 +249,34 @@ impl Replayer {
 
     /// Somebody in the ego's place from the start on, whose nominal speed is
     /// the initial one.
-    pub fn from_start(&mut self, case: &Case, seat: Seat, trace: Option<&Trace>) -> DriverOutcome {
-        let nominal = Nominal::Initial;
+    pub fn from_start(
+        &mut self,
+        case: &RecordedEpisode,
+        seat: Seat,
+        trace: Option<&Trace>,
+    ) -> DriverOutcome {
+        let nominal = NominalSpeed::Initial;
         let mut notes = self.notes(trace, 0);
-        self.drive(case, seat, Stint { from: 0, nominal }, &mut notes)
+        self.drive(case, seat, DriveInterval { from: 0, nominal }, &mut notes)
     }
 
     /// Notes of a stint from a sample on, with the rows of its trace if there is one.
     fn notes(&self, trace: Option<&Trace>, from: usize) -> Notes {
         Notes {
-            rows: trace.map(|trace| Rows::begin(trace, from, self.scene.clock().samples())),
+            rows: trace.map(|trace| ReplayRows::begin(trace, from, self.scene.clock().samples())),
             ..Notes::default()
         }
     }
 
-    fn drive(&mut self, case: &Case, seat: Seat, stint: Stint, notes: &mut Notes) -> DriverOutcome {
-        let Stint { from, .. } = stint;
-        let mut at_wheel = AtWheel::new(self, case, seat, from);
+    fn drive(
+        &mut self,
+        case: &RecordedEpisode,
+        seat: Seat,
+        stint: DriveInterval,
+        notes: &mut Notes,
+    ) -> DriverOutcome {
+        let DriveInterval { from, .. } = stint;
+        let mut at_wheel = ReferenceDriverRun::new(self, case, seat, from);
         self.scene.take_up(&case.whole, from);
         notes.begin(&self.scene);
         let mut least_m: Option<f64> = None;
@@ -320,7 +331,12 @@ impl Replayer {
 
     /// The recorded ego's next command; of a rigid one, whose commands another
     /// plant answers otherwise, what gives it the recorded speed.
-    fn as_recorded(&mut self, case: &Case, sample: usize, ego: &LaneBody) -> BodyCommand {
+    fn as_recorded(
+        &mut self,
+        case: &RecordedEpisode,
+        sample: usize,
+        ego: &LaneBody,
+    ) -> BodyCommand {
         let then = case.whole.at(sample)[self.world.ego()];
         let is_exact = self.world.spec().plant == PlantKind::Kinematic;
         match then.command {
@@ -334,7 +350,13 @@ impl Replayer {
     }
 
     /// What reaches the vehicle of what is asked for.
-    fn accel(&self, at_wheel: &mut AtWheel, seat: Seat, ego: &LaneBody, nominal_mps: f64) -> f64 {
+    fn accel(
+        &self,
+        at_wheel: &mut ReferenceDriverRun,
+        seat: Seat,
+        ego: &LaneBody,
+        nominal_mps: f64,
+    ) -> f64 {
         let nominal = || {
             let wish_mps2 = (nominal_mps - ego.speed_mps) / self.sample_s;
             wish_mps2.clamp(-NOMINAL_MPS2, NOMINAL_MPS2)
@@ -369,11 +391,11 @@ impl Replayer {
 
     fn outcome(
         &self,
-        case: &Case,
+        case: &RecordedEpisode,
         contact: Option<ReplayContact>,
         least_m: Option<f64>,
         reacted_s: Option<f64>,
-        judged: Option<Rows>,
+        judged: Option<ReplayRows>,
     ) -> DriverOutcome {
         let recorded = case.whole.contact.as_ref();
         let recorded_mps = recorded.map_or(0.0, |touch| touch.closing_speed_mps);
@@ -391,23 +413,23 @@ impl Replayer {
     }
 }
 
-impl Case {
+impl RecordedEpisode {
     /// From when a driver drives, and who that is; `None`: there is nothing to
     /// answer.
-    fn handed_over_to(&self, driver: ReferenceDriver) -> Option<(Stint, Seat)> {
+    fn handed_over_to(&self, driver: ReferenceDriver) -> Option<(DriveInterval, Seat)> {
         let (from, seat) = match driver {
             ReferenceDriver::Ideal => (self.danger?, Seat::FullBrakes),
             _ => (self.handover?, Seat::Driver(driver)),
         };
-        let nominal = Nominal::Recorded;
-        Some((Stint { from, nominal }, seat))
+        let nominal = NominalSpeed::Recorded;
+        Some((DriveInterval { from, nominal }, seat))
     }
 
     /// The speed that the ego has at a sample unless in danger.
-    fn nominal_mps(&self, nominal: Nominal, sample: usize, ego: usize) -> f64 {
+    fn nominal_mps(&self, nominal: NominalSpeed, sample: usize, ego: usize) -> f64 {
         let sample = match nominal {
-            Nominal::Initial => 0,
-            Nominal::Recorded => sample.min(self.recorded - 1),
+            NominalSpeed::Initial => 0,
+            NominalSpeed::Recorded => sample.min(self.recorded - 1),
         };
         self.whole.at(sample)[ego].state.speed_mps
     }

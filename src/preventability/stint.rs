@@ -1,6 +1,6 @@
 //! What a stretch of driving keeps: the driver's state, and the rows it makes.
 
-use super::replayer::{Case, Replayer, Seat};
+use super::replayer::{RecordedEpisode, Replayer, Seat};
 use crate::ego::Actuator;
 use crate::ego::reference::{ReferenceDriver, Reflexes};
 use crate::rulebook::Rulebook;
@@ -10,7 +10,7 @@ use crate::stl::Scratch;
 use crate::trace::Trace;
 
 /// A driver and the actuator behind it.
-pub(super) struct AtWheel {
+pub(super) struct ReferenceDriverRun {
     pub driver: Option<Reflexes<ReferenceDriver>>,
     pub actuator: Actuator,
     /// Samples driven, and how many before the first danger.
@@ -18,8 +18,13 @@ pub(super) struct AtWheel {
     reacted: Option<usize>,
 }
 
-impl AtWheel {
-    pub fn new(replayer: &Replayer, case: &Case, seat: Seat, from: usize) -> AtWheel {
+impl ReferenceDriverRun {
+    pub fn new(
+        replayer: &Replayer,
+        case: &RecordedEpisode,
+        seat: Seat,
+        from: usize,
+    ) -> ReferenceDriverRun {
         let driver = match seat {
             Seat::Driver(driver) => Some(driver),
             _ => None,
@@ -32,7 +37,7 @@ impl AtWheel {
         };
         let arriving_mps2 = case.whole.at(from)[replayer.world.ego()].state.accel_mps2;
         let (sample_s, lane_width_m) = (replayer.sample_s, replayer.lane_width_m);
-        AtWheel {
+        ReferenceDriverRun {
             driver: driver.map(|driver| Reflexes::new(driver, sample_s, lane_width_m)),
             actuator: Actuator::new(lag_s, sample_s).from(arriving_mps2),
             driven: 0,
@@ -57,7 +62,7 @@ impl AtWheel {
 #[derive(Default)]
 pub(super) struct Notes {
     /// The trace, if somebody judges it.
-    pub rows: Option<Rows>,
+    pub rows: Option<ReplayRows>,
     /// Where everybody is at each sample, if somebody looks at it.
     pub frames: Option<Vec<Frame>>,
     /// The contact with which it ends.
@@ -82,18 +87,18 @@ impl Notes {
 }
 
 /// The rows of a replay: those of the record up to the change of drivers.
-pub(super) struct Rows {
+pub(super) struct ReplayRows {
     trace: Trace,
     row: Vec<f64>,
     /// Samples of a full episode.
     most: usize,
 }
 
-impl Rows {
-    pub fn begin(recorded: &Trace, from: usize, most: usize) -> Rows {
+impl ReplayRows {
+    pub fn begin(recorded: &Trace, from: usize, most: usize) -> ReplayRows {
         let mut trace = recorded.clone();
         trace.truncate(from + 1);
-        Rows {
+        ReplayRows {
             row: vec![0.0; trace.schema().signals().len()],
             trace,
             most,

@@ -1,7 +1,7 @@
 //! The worked labels of `tests/data/reference`, on the plant itself.
 
 use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::preventability::{Case, DriverOutcome, Replayer, Seat, Struck};
+use brakecheck::preventability::{DriverOutcome, RecordedEpisode, Replayer, Seat, Struck};
 use brakecheck::scene::{BodySample, Motion, Start, Touch};
 use brakecheck::sim::{BodyState, Pose};
 use brakecheck::testbench::{Aftermath, Constant, play};
@@ -121,7 +121,7 @@ fn motion(case: &Value, side: f64) -> Motion {
 }
 
 /// How the drivers of the panel fare on the plant.
-fn outcomes(replayer: &mut Replayer, case: &Case) -> Vec<(&'static str, DriverOutcome)> {
+fn outcomes(replayer: &mut Replayer, case: &RecordedEpisode) -> Vec<(&'static str, DriverOutcome)> {
     let mut outcomes = Vec::new();
     for name in ["CC", "CC_LANE", "CC_LATCHED", "REG", "RSS", "FSM"] {
         let driver: ReferenceDriver = name.parse().expect("a driver");

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 use super::super::{Briefing, Command, Fault, FaultKind, Percept};
 #[cfg(not(unix))]
-use super::elsewhere::{Program, shown};
+use super::elsewhere::{UnsupportedProgram as Program, shown};
 #[cfg(unix)]
 use super::program::{Program, shown};
 use super::protocol::{

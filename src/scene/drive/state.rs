@@ -12,7 +12,7 @@ use super::network::RoadNetwork;
 use super::placed::Direction;
 use super::planned::PlannedAt;
 use super::spec::{Agent, DriveSpec};
-use crate::ego::Room;
+use crate::ego::LaneOccupancy;
 use crate::sim::{self, Body, BodyId, BodyState, Contact, Ground, Plant, Pose};
 
 /// State of a driving scene at a sample.
@@ -211,12 +211,12 @@ impl SceneState {
     /// The space is relative to the middle of the driver's front, in its
     /// driving direction. The speed is that at which the body moves away along
     /// the road.
-    fn room_before(&self, driver: usize, agent: usize) -> (Room, f64) {
+    fn room_before(&self, driver: usize, agent: usize) -> (LaneOccupancy, f64) {
         let own = self.as_driven(driver, self.on_road[driver]);
         let at = self.as_driven(driver, self.on_road_of(driver, agent));
         let body = &self.spec.agents[agent].body;
         let front_m = (at.s_m - own.s_m, at.lateral_m - own.lateral_m);
-        let room = Room::of(front_m, at.heading_rad, (body.length_m, body.width_m));
+        let room = LaneOccupancy::of(front_m, at.heading_rad, (body.length_m, body.width_m));
         (room, self.velocity_along(agent, &at).0)
     }
 

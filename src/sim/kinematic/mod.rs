@@ -17,7 +17,7 @@ mod wheels;
 use self::approach::meet;
 use self::engine::Engine;
 use self::mover::Mover;
-use self::path::{Anchor, Path};
+use self::path::{Anchor, BodyPath};
 use self::rails::Passing;
 use super::body::Body;
 use super::planar::Extent;
@@ -32,7 +32,7 @@ pub struct Kinematic {
     ground: Ground,
     movers: Vec<Mover>,
     /// Paths of the current `advance`, kept to avoid an allocation.
-    paths: Vec<Path>,
+    paths: Vec<BodyPath>,
     faulty: bool,
     passing: bool,
 }
