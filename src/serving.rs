@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use crate::rl::Policy;
 use crate::run_dir::RunDir;
 use crate::scene::World;
-use crate::scene::drive::{Actions, Turn};
+use crate::scene::drive::{Actions, PhaseAction};
 use crate::sysid::ConditioningError;
 use crate::world::Scenario;
 
@@ -315,7 +315,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
             json!({ "accel_mps2": accel_mps2, "lateral_mps": lateral_mps })
         }
         Actions::Walks(list) => json!({ "along_mps": list[action].0, "left_mps": list[action].1 }),
-        Actions::Phases(list) => json!({ "advance": list[action] == Turn::Advance }),
+        Actions::Phases(list) => json!({ "advance": list[action] == PhaseAction::Advance }),
         Actions::Deviate(added) => {
             let (accel_mps2, left_mps) = added.at(action);
             json!({ "added_accel_mps2": accel_mps2, "added_left_mps": left_mps })

@@ -28,7 +28,7 @@ use std::collections::BTreeSet;
 use super::reruns::{KEEP_RUNS, Reruns};
 use crate::experiment::Watch;
 use crate::run_dir::{Effort, Shrunk};
-use crate::scene::{Dynamics, Start, Touch};
+use crate::scene::{ContactEvent, Dynamics, Start};
 use crate::search::{Confirmed, Confirmer, Next, Tree};
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, Testbench, play};
@@ -122,7 +122,7 @@ pub(super) fn shrink_within(
 /// What a smaller one must still do.
 struct Aim {
     /// The contact that it ends in, if it does.
-    contact: Option<Touch>,
+    contact: Option<ContactEvent>,
     /// Whether a rule was broken before that.
     foul_before_contact: bool,
 }
@@ -135,8 +135,13 @@ impl Aim {
         }
     }
 
-    fn is_met(&self, success: bool, contact: Option<&Touch>, foul_before_contact: bool) -> bool {
-        let as_bad = |found: &Touch| {
+    fn is_met(
+        &self,
+        success: bool,
+        contact: Option<&ContactEvent>,
+        foul_before_contact: bool,
+    ) -> bool {
+        let as_bad = |found: &ContactEvent| {
             contact.is_some_and(|touch| {
                 let least_mps = CLOSING * found.closing_speed_mps;
                 touch.between == found.between && least_mps <= touch.closing_speed_mps

@@ -107,7 +107,7 @@ impl Vertex {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{BodySample, Start, Touch};
+    use crate::scene::{BodySample, ContactEvent, Start};
     use crate::sim::Pose;
 
     fn sample(heading_rad: f64) -> BodySample {
@@ -130,7 +130,7 @@ mod tests {
         for heading_rad in &headings_rad[1..] {
             motion.push(&[sample(*heading_rad)]);
         }
-        motion.contact = contact_s.map(|time_s| Touch {
+        motion.contact = contact_s.map(|time_s| ContactEvent {
             between: ("a".to_owned(), "b".to_owned()),
             time_s,
             closing_speed_mps: 1.0,

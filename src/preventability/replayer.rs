@@ -10,7 +10,7 @@ use super::{Label, PANEL};
 use crate::ego::reference::{LaneBody, NOMINAL_MPS2, ReferenceDriver, Response};
 use crate::rulebook::Rulebook;
 use crate::scene::drive::{DriveScene, DriveWorld};
-use crate::scene::{Flow, Frame, Motion, Scene, Touch};
+use crate::scene::{ContactEvent, Frame, Motion, Scene, StepOutcome};
 use crate::sim::{BodyCommand, GRAVITY_MPS2, PlantKind};
 use crate::trace::Trace;
 
@@ -53,7 +53,7 @@ pub struct FilmedDriver {
     /// Where everybody is at each sample from there on.
     pub frames: Vec<Frame>,
     /// The contact that it does not avoid, if so.
-    pub contact: Option<Touch>,
+    pub contact: Option<ContactEvent>,
     /// How it fares.
     pub outcome: DriverOutcome,
 }
@@ -293,7 +293,7 @@ impl Replayer {
             };
             let flow = self.scene.advance_along(command, case.whole.at(sample));
             notes.push(&self.scene);
-            if let Flow::Contact(touch) = flow {
+            if let StepOutcome::Contact(touch) = flow {
                 notes.contact = Some(touch.clone());
                 self.look(&case.traffic, &mut least_m);
                 contact = self.contact_of(touch);
@@ -378,7 +378,7 @@ impl Replayer {
         at_wheel.actuator.step(wish_mps2)
     }
 
-    fn contact_of(&self, touch: Touch) -> Option<ReplayContact> {
+    fn contact_of(&self, touch: ContactEvent) -> Option<ReplayContact> {
         let with = self.other_of(&touch)?;
         let ego = self.scene.lane_body(self.world.ego());
         Some(ReplayContact {

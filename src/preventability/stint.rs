@@ -5,7 +5,7 @@ use crate::ego::Actuator;
 use crate::ego::reference::{ReferenceDriver, Reflexes};
 use crate::rulebook::Rulebook;
 use crate::scene::drive::DriveScene;
-use crate::scene::{Frame, Scene, Touch};
+use crate::scene::{ContactEvent, Frame, Scene};
 use crate::stl::Scratch;
 use crate::trace::Trace;
 
@@ -66,7 +66,7 @@ pub(super) struct Notes {
     /// Where everybody is at each sample, if somebody looks at it.
     pub frames: Option<Vec<Frame>>,
     /// The contact with which it ends.
-    pub contact: Option<Touch>,
+    pub contact: Option<ContactEvent>,
 }
 
 impl Notes {

@@ -2,7 +2,7 @@
 
 use crate::ego::Fault;
 use crate::experiment::Watch;
-use crate::scene::{Flow, Scene, Start};
+use crate::scene::{Scene, Start, StepOutcome};
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
 use crate::world::Scenario;
@@ -190,12 +190,12 @@ fn run(
                 return Ok(seen);
             }
             let flow = scene.advance();
-            if let Flow::Fault(fault) = flow {
+            if let StepOutcome::Fault(fault) = flow {
                 return Err(fault);
             }
             scene.publish(&mut row);
             seen.push(columns.map(|column| row[column]));
-            if matches!(flow, Flow::Contact(_)) {
+            if matches!(flow, StepOutcome::Contact(_)) {
                 return Ok(seen);
             }
         }

@@ -3,7 +3,7 @@
 use super::palette;
 use super::palette::Rgb;
 use crate::rulebook::Verdict;
-use crate::scene::{Frame, Role, Stage};
+use crate::scene::{Frame, Role, SceneGeometry};
 use crate::stl::{Interval, Monitor};
 use crate::testbench::{Episode, film};
 use crate::world::Scenario;
@@ -18,7 +18,7 @@ pub(super) struct Story<'a> {
     pub scenario: &'a Scenario,
     pub episode: &'a Episode,
     pub caption: &'a str,
-    pub stage: Stage,
+    pub stage: SceneGeometry,
     /// Frames, one per sample of the trace.
     pub frames: Vec<Frame>,
     /// Running robustness of ψ_ego.
@@ -114,7 +114,7 @@ impl<'a> Story<'a> {
 
     /// Index of the ego in the cast.
     pub fn ego(&self) -> usize {
-        let is_ego = |who: &crate::scene::Cast| who.role == Role::Ego;
+        let is_ego = |who: &crate::scene::AgentDescription| who.role == Role::Ego;
         self.stage.cast.iter().position(is_ego).unwrap_or(0)
     }
 

@@ -2,7 +2,7 @@
 
 use brakecheck::ego::reference::ReferenceDriver;
 use brakecheck::preventability::{DriverOutcome, RecordedEpisode, Replayer, Seat, Struck};
-use brakecheck::scene::{BodySample, Motion, Start, Touch};
+use brakecheck::scene::{BodySample, ContactEvent, Motion, Start};
 use brakecheck::sim::{BodyState, Pose};
 use brakecheck::testbench::{Aftermath, Constant, play};
 use brakecheck::world::Scenario;
@@ -110,7 +110,7 @@ fn motion(case: &Value, side: f64) -> Motion {
     }
     let mut motion = motion.expect("a motion");
     motion.end_s = samples as f64 * dt;
-    motion.contact = Some(Touch {
+    motion.contact = Some(ContactEvent {
         between: ("ego".to_owned(), "ado".to_owned()),
         time_s: 0.0,
         closing_speed_mps: 0.0,

@@ -1,7 +1,7 @@
 //! Episode as numbers to show: the track of every body, and the camera's focus.
 
 use crate::ego::Phase;
-use crate::scene::{Frame, Role, Stage, Touch};
+use crate::scene::{ContactEvent, Frame, Role, SceneGeometry};
 use crate::testbench::Episode;
 use crate::trace::Trace;
 
@@ -26,7 +26,7 @@ pub(super) struct Course<'a> {
     /// Number of samples up to the verdict.
     pub judged: usize,
     /// Final contact.
-    pub contact: Option<&'a Touch>,
+    pub contact: Option<&'a ContactEvent>,
     /// Trace with the speeds. Without a trace, speeds follow from the places.
     pub trace: Option<&'a Trace>,
 }
@@ -88,7 +88,7 @@ impl Film {
     ///
     /// A contact ends the motion between two samples. The last frame is then
     /// that of the contact.
-    pub fn of(stage: &Stage, frames: &[Frame], course: &Course<'_>) -> Film {
+    pub fn of(stage: &SceneGeometry, frames: &[Frame], course: &Course<'_>) -> Film {
         let dt_s = course.dt_s;
         let end_s = course.contact.map(|touch| touch.time_s);
         let time_s = |i: usize| (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY));
@@ -159,7 +159,7 @@ impl Film {
     /// Direction of the picture: the heading of the ego at the verdict.
     ///
     /// A heading close to x does not turn the picture.
-    fn turn(&self, stage: &Stage, course: &Course<'_>) -> f64 {
+    fn turn(&self, stage: &SceneGeometry, course: &Course<'_>) -> f64 {
         let headings = &self.tracks[ego_of(stage)].heading_rad;
         let heading_rad = headings.get(self.at(course.judged_s())).copied();
         match heading_rad {
@@ -169,7 +169,7 @@ impl Film {
     }
 
     /// Focus on all cells, at every sample.
-    fn whole_map(&self, stage: &Stage) -> Vec<Focus> {
+    fn whole_map(&self, stage: &SceneGeometry) -> Vec<Focus> {
         let places = stage.lane_borders_m.iter().flatten();
         let side_m = places.map(|place| place[0]).fold(0.0, f64::max);
         let whole = Focus {
@@ -185,7 +185,7 @@ impl Film {
         libm::hypot(one.x_m[i] - other.x_m[i], one.y_m[i] - other.y_m[i])
     }
 
-    fn met(&self, stage: &Stage, course: &Course<'_>) -> Option<usize> {
+    fn met(&self, stage: &SceneGeometry, course: &Course<'_>) -> Option<usize> {
         let ego = ego_of(stage);
         let i = self.at(course.judged_s());
         let others = (0..self.tracks.len()).filter(|who| *who != ego);
@@ -197,7 +197,7 @@ impl Film {
     }
 
     /// Focus at each sample: the ego, the agent that it encounters, and near agents.
-    fn looked_at(&self, stage: &Stage) -> Vec<Focus> {
+    fn looked_at(&self, stage: &SceneGeometry) -> Vec<Focus> {
         let ego = ego_of(stage);
         let near = |who: usize, i: usize| {
             who == ego || Some(who) == self.met || self.apart_m(ego, who, i) <= FAR_M
@@ -277,13 +277,13 @@ impl Track {
 }
 
 /// Index of the ego in the cast.
-pub(super) fn ego_of(stage: &Stage) -> usize {
-    let is_ego = |cast: &crate::scene::Cast| cast.role == Role::Ego;
+pub(super) fn ego_of(stage: &SceneGeometry) -> usize {
+    let is_ego = |cast: &crate::scene::AgentDescription| cast.role == Role::Ego;
     stage.cast.iter().position(is_ego).unwrap_or(0)
 }
 
 /// Agent that the ego touches.
-fn met_by_ego(stage: &Stage, contact: Option<&Touch>) -> Option<usize> {
+fn met_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Option<usize> {
     let touch = contact?;
     let named = |name: &String| stage.cast.iter().position(|cast| cast.name == *name);
     let ego = ego_of(stage);
@@ -296,7 +296,7 @@ fn met_by_ego(stage: &Stage, contact: Option<&Touch>) -> Option<usize> {
 }
 
 /// Returns true for a world of cells.
-pub(super) fn is_on_cells(stage: &Stage) -> bool {
+pub(super) fn is_on_cells(stage: &SceneGeometry) -> bool {
     stage.cast.iter().any(|cast| cast.body == "cell")
 }
 

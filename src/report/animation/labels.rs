@@ -4,7 +4,7 @@ use super::camera::Camera;
 use super::film::{Film, ego_of};
 use super::moves::Move;
 use super::write::n;
-use crate::scene::Stage;
+use crate::scene::SceneGeometry;
 
 /// Width of a letter, height of a line and padding. play.js uses the same numbers.
 const LETTER_PX: f64 = 7.4;
@@ -28,7 +28,7 @@ type Room = [f64; 4];
 
 /// Labels of all agents at a sample.
 pub(super) fn labels(
-    stage: &Stage,
+    stage: &SceneGeometry,
     film: &Film,
     i: usize,
     (camera, moves): (&Camera<'_>, &[(String, Vec<Move>)]),
@@ -57,7 +57,7 @@ pub(super) fn labels(
 
 /// Lines of a label: name and speed, then the chosen or the measured action.
 fn lines(
-    stage: &Stage,
+    stage: &SceneGeometry,
     film: &Film,
     (who, i): (usize, usize),
     moves: &[(String, Vec<Move>)],

@@ -12,7 +12,7 @@ use super::moves::{Move, moves};
 use super::write::n;
 use crate::ego::Phase;
 use crate::report::Example;
-use crate::scene::Stage;
+use crate::scene::SceneGeometry;
 use crate::world::Scenario;
 
 /// Deceleration in m/s² above which brake lamps are lit.
@@ -21,7 +21,7 @@ pub(super) const BRAKES_MPS2: f64 = 0.8;
 /// Content of an example's picture.
 pub(super) struct Picture<'a> {
     pub example: &'a Example,
-    pub stage: Stage,
+    pub stage: SceneGeometry,
     pub film: Film,
     /// Colour classes of all agents.
     pub classes: Vec<String>,

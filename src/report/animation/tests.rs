@@ -5,7 +5,7 @@ use super::data::json;
 use super::picture::Picture;
 use super::*;
 use crate::run_dir::{About, Severity};
-use crate::scene::{Cast, Role};
+use crate::scene::{AgentDescription, Role};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::Body;
 use crate::testbench::{Aftermath, Constant, Episode, film, play};
@@ -273,7 +273,7 @@ fn the_contact_is_marked_when_and_where_it_is() {
 fn bodies_have_their_true_sizes() {
     for name in ["sedan", "van", "truck", "motorcycle", "pedestrian"] {
         let body = Body::shipped(name).unwrap().unwrap();
-        let cast = Cast {
+        let cast = AgentDescription {
             name: "ado".to_owned(),
             role: Role::Ado,
             body: name.to_owned(),

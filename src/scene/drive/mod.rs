@@ -36,7 +36,7 @@ mod trained;
 mod variant;
 mod world;
 
-pub use actions::{Actions, Deviation, Grid, Lateral, Turn};
+pub use actions::{Actions, Deviation, Grid, Lateral, PhaseAction};
 pub use bounds::Bounds;
 pub use course::{Course, CourseError, OnRoad, Piece};
 pub use frozen::TrainedError;

@@ -8,20 +8,20 @@
 use std::sync::Arc;
 
 use super::course::{Course, OnRoad};
-use super::layout::Layout;
+use super::layout::DriveLayout;
 use super::motion::DriveScene;
 use super::road::Road;
 use super::sight;
 use super::spec::EgoController;
 use super::world::DriveWorld;
 use crate::ego::reference::LaneBody;
-use crate::scene::{BodySample, Flow, Motion, Scene};
+use crate::scene::{BodySample, Motion, Scene, StepOutcome};
 use crate::sim::{Body, BodyCommand, BodyState, PlantKind};
 
 impl DriveWorld {
     /// Returns the same world on the kinematic plant, without an ego controller.
     pub fn for_replay(&self) -> DriveWorld {
-        let mut layout = Layout::clone(&self.0);
+        let mut layout = DriveLayout::clone(&self.0);
         Arc::make_mut(&mut layout.spec).plant = PlantKind::Kinematic;
         Arc::make_mut(&mut layout.spec).ego.controller = EgoController::Recorded(Arc::from([]));
         DriveWorld(Arc::new(layout))
@@ -253,7 +253,7 @@ impl DriveScene {
     ///
     /// All other agents move as in `next`, a sample of a
     /// [continued](DriveWorld::continued) motion.
-    pub fn advance_along(&mut self, ego: BodyCommand, next: &[BodySample]) -> Flow {
+    pub fn advance_along(&mut self, ego: BodyCommand, next: &[BodySample]) -> StepOutcome {
         for (agent, body) in next.iter().enumerate() {
             let command = if agent == self.layout.ego {
                 Some(ego)

@@ -5,9 +5,9 @@
 
 use std::sync::Arc;
 
-use super::actions::Turn;
+use super::actions::PhaseAction;
 use super::course::OnRoad;
-use super::light::Shown;
+use super::light::LightState;
 use super::network::RoadNetwork;
 use super::placed::Direction;
 use super::planned::PlannedAt;
@@ -26,7 +26,7 @@ pub(super) struct SceneState {
     pub states: Vec<BodyState>,
     /// Road coordinates of each agent.
     pub on_road: Vec<OnRoad>,
-    pub lights: Vec<Shown>,
+    pub lights: Vec<LightState>,
     /// Planned state of each agent. Empty if no agent has a plan.
     pub planned: Vec<PlannedAt>,
     /// Parameters of the start, in file order.
@@ -62,7 +62,7 @@ impl SceneState {
         self.bodies.clear();
         self.lights.clear();
         self.lights
-            .extend(self.spec.lights.iter().map(Shown::first));
+            .extend(self.spec.lights.iter().map(LightState::first));
         self.touch = None;
         self.sample = 0;
     }
@@ -87,7 +87,7 @@ impl SceneState {
     }
 
     /// Applies an ado's action to a light.
-    pub fn turn(&mut self, light: usize, turn: Turn) {
+    pub fn turn(&mut self, light: usize, turn: PhaseAction) {
         self.lights[light].turn(turn, self.sample);
     }
 
