@@ -17,7 +17,7 @@ use crate::seed;
 use crate::seed::{Purpose, StartKey};
 use crate::sim::PlantKind;
 use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
-use crate::world::{Family, Member};
+use crate::world::{EgoSample, Family};
 
 /// Probabilities with which exploration begins at a decision, in turn.
 const RATES: [f64; 3] = [0.1, 0.2, 0.4];
@@ -42,7 +42,7 @@ pub fn other_members(
             seed: 0,
             index,
         };
-        Member {
+        EgoSample {
             plant,
             ..family.draw(&run.manifest().world, key)
         }

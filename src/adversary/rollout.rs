@@ -19,7 +19,7 @@ use crate::testbench::{
     Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay,
     Testbench, count_faults, play,
 };
-use crate::world::{Against, Repeats, Scenario};
+use crate::world::{Repeats, Scenario, TrainingEgos};
 
 /// Who plays the ado.
 #[derive(Clone, Copy)]
@@ -61,7 +61,7 @@ impl Ado<'_> {
     fn method(&self, scenario: &Scenario) -> String {
         match self {
             Ado::Trained(..) => match scenario.against {
-                Against::Nominal => scenario.learner.name().to_lowercase(),
+                TrainingEgos::Nominal => scenario.learner.name().to_lowercase(),
                 family => format!("{}, {family}", scenario.learner.name().to_lowercase()),
             },
             Ado::Random => "random".to_owned(),

@@ -10,7 +10,7 @@ use crate::adversary::{Ado, EvalRequest, eval};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::run_dir::{ChangedEgo, FailsAlone, Row, RunDir};
 use crate::stats::{Outcomes, StartOutcome, mean_difference};
-use crate::world::{Against, Scenario};
+use crate::world::{Scenario, TrainingEgos};
 
 /// Egos on which search solves less than this share of starts tell nothing of
 /// recall: a few starts would decide.
@@ -62,7 +62,7 @@ impl EgoUnderTest {
             return Relation::Trained;
         }
         match (nominal.against, nominal.family()) {
-            (Against::Nominal, _) | (_, None) => Relation::ZeroShot,
+            (TrainingEgos::Nominal, _) | (_, None) => Relation::ZeroShot,
             (_, Some(family)) if family.covers(self.change()) => Relation::Inside,
             _ => Relation::Outside,
         }

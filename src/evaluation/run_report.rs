@@ -15,7 +15,7 @@ use crate::run_dir::{Row, RunDir, RunError};
 use crate::sysid::{ContextSource, conditioned};
 use crate::testbench::film;
 use crate::world::file_text;
-use crate::world::{Against, Scenario};
+use crate::world::{Scenario, TrainingEgos};
 
 /// Episodes that changed egos are tried on, unless told otherwise, and the
 /// least and most starts of each.
@@ -249,7 +249,7 @@ impl<'a> ReportRequest<'a> {
 
     /// An ado that is told which ego it meets is told the truth here.
     fn context(&self) -> Option<&'static ContextSource> {
-        let told = self.run.manifest().against == Against::Conditional;
+        let told = self.run.manifest().against == TrainingEgos::Conditional;
         told.then_some(&ContextSource::True)
     }
 }
@@ -309,7 +309,7 @@ fn notes(run: &RunDir) -> Vec<String> {
             manifest.against
         ));
     }
-    if manifest.against == Against::Conditional {
+    if manifest.against == TrainingEgos::Conditional {
         notes.push(format!(
             "It is told the parameters of the ego it meets ({}); here the true ones.",
             manifest.told.join(", ")

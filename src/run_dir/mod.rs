@@ -44,11 +44,11 @@ pub use about::{
     About, Decisive, Effort, EgoRuns, LastChance, NotAsked, Persistence, Severity, Shrunk,
     Variation, Why,
 };
-pub use calibration::{Calibration, CalibrationWarning, Ended};
-pub use differences::{Asked, RunDifference};
+pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
+pub use differences::{RequestedTraining, RunDifference};
 pub use disk::{WholeFile, file_name, make_dir, write_file};
 pub use error::RunError;
-pub use finished::Finished;
+pub use finished::CachedResult;
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Done, Grown, Manifest, Sought, Window};
 pub use progress::Progress;
@@ -60,7 +60,7 @@ pub use training_counterexamples::{MAX_STORED, Stored, StoredCount};
 
 use crate::content_hash::sha256;
 use crate::rl::{BundleError, Policy, TensorFile, load_policy_for};
-use crate::world::{Against, LoadError, Scenario, file_bytes};
+use crate::world::{LoadError, Scenario, TrainingEgos, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
 
@@ -379,7 +379,7 @@ impl RunDir {
     /// Returns an error if training has not finished or the file is damaged. A
     /// conditional ado requires [`RunDir::policy_told`].
     pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
-        if self.manifest.against == Against::Conditional {
+        if self.manifest.against == TrainingEgos::Conditional {
             return Err(RunError::Untold {
                 path: self.path.clone(),
                 names: self.manifest.told.clone(),
@@ -567,7 +567,7 @@ impl RunDir {
 /// Inputs of a conditional ado of this training besides its observation.
 fn told_names(scenario: &Scenario) -> Vec<String> {
     match (scenario.against, scenario.family()) {
-        (Against::Conditional, Some(family)) => family.told_names(),
+        (TrainingEgos::Conditional, Some(family)) => family.told_names(),
         _ => Vec::new(),
     }
 }

@@ -21,7 +21,7 @@ use crate::rl::Policy;
 use crate::run_dir::{RunDir, RunError};
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, PolicyActor, Testbench};
-use crate::world::{Family, Member, Scenario};
+use crate::world::{EgoSample, Family, Scenario};
 
 /// Simulations with which docs/lab/reuse.md was measured: 22 members a generation.
 pub const ENOUGH_SIMULATIONS: u64 = 600;
@@ -41,7 +41,7 @@ pub struct AdaptRequest<'a> {
     /// The ego, which is only run.
     pub ego: &'a Scenario,
     /// What the ado would be told otherwise.
-    pub first: &'a Member,
+    pub first: &'a EgoSample,
     /// Simulations of the ego, at most; [`LEAST_SIMULATIONS`] at least.
     pub simulations: u64,
     /// Seed of the starts and of the search.

@@ -7,7 +7,7 @@ use crate::experiment::{EgoUnderTest, Watch};
 use crate::rl::Policy;
 use crate::run_dir::RunDir;
 use crate::sim::PlantKind;
-use crate::world::Against;
+use crate::world::TrainingEgos;
 
 /// Runs of an ego from which it is identified, where more are left to learn it from.
 pub const RECORDED_RUNS: u64 = 10;
@@ -49,7 +49,7 @@ impl ContextSource {
     pub fn of(run: &RunDir, runs: u64) -> Result<Option<ContextSource>, ConditioningError> {
         run.policy_bundle()?;
         Ok(
-            (run.manifest().against == Against::Conditional).then_some(match runs {
+            (run.manifest().against == TrainingEgos::Conditional).then_some(match runs {
                 0 => ContextSource::Nominal,
                 few if few < RECORDED_RUNS + LEAST_RUNS => ContextSource::Identified(few),
                 _ => ContextSource::Identified(RECORDED_RUNS),

@@ -11,7 +11,7 @@ use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::sim::PlantKind;
 use crate::world::file_text;
-use crate::world::{Family, Member, Scenario};
+use crate::world::{EgoSample, Family, Scenario};
 
 /// An ego as the nearest member of a family, and how far that is to be trusted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,7 +89,7 @@ impl IdentifiedAs {
         &self,
         family: &Family,
         plant: PlantKind,
-    ) -> Result<(Member, &'static str), ConditioningError> {
+    ) -> Result<(EgoSample, &'static str), ConditioningError> {
         if !is_telling(self.explains, self.residual_m, self.nominal_residual_m) {
             return Ok((family.nominal(plant), "nominal"));
         }

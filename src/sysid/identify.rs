@@ -19,7 +19,7 @@ use crate::seed;
 use crate::sim::PlantKind;
 pub(super) use crate::stats::descend;
 use crate::stats::{CrossEntropySearch, Fit, cost};
-use crate::world::{Family, Member, Scenario};
+use crate::world::{EgoSample, Family, Scenario};
 
 /// Number of independent fits, which show if they agree.
 const REFITS: u64 = 3;
@@ -40,7 +40,7 @@ const SHOWS_SHARE: f64 = 0.05;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
     /// Nearest member. Quantities that are not observable are nominal.
-    pub member: Member,
+    pub member: EgoSample,
     /// Standard deviation of each quantity over independent fits.
     pub spread: Vec<f64>,
     /// Whether each quantity is not observable in the runs.
@@ -69,7 +69,7 @@ impl Identified {
     ///
     /// They are those of the member, or nominal if the member does not describe the ego
     /// ([`is_telling`]).
-    pub fn told(&self, family: &Family) -> (Member, &'static str) {
+    pub fn told(&self, family: &Family) -> (EgoSample, &'static str) {
         if is_telling(self.explains(), self.residual_m, self.nominal_residual_m) {
             (self.member.clone(), "identified")
         } else {
@@ -265,7 +265,7 @@ impl Lab<'_> {
             .collect()
     }
 
-    fn member(&self, free: &[usize], plant: PlantKind, point: &[f64]) -> Member {
+    fn member(&self, free: &[usize], plant: PlantKind, point: &[f64]) -> EgoSample {
         let mut member = self.family.nominal(plant);
         for (&i, u) in free.iter().zip(point) {
             let quantity = &self.family.quantities[i];
@@ -274,11 +274,11 @@ impl Lab<'_> {
         member
     }
 
-    fn residual_m(&self, member: &Member) -> f64 {
+    fn residual_m(&self, member: &EgoSample) -> f64 {
         cost(&self.deviations(member))
     }
 
-    fn deviations(&self, member: &Member) -> Vec<f64> {
+    fn deviations(&self, member: &EgoSample) -> Vec<f64> {
         let mut variant = self.family.variant(member);
         // Members drive without noise, as they do on average.
         variant.sensors.position_sd_m = 0.0;
@@ -298,7 +298,7 @@ impl Lab<'_> {
     }
 
     fn conclude(&self, free: &[usize], plant: PlantKind, fits: &[Fit]) -> Identified {
-        let members: Vec<Member> = fits
+        let members: Vec<EgoSample> = fits
             .iter()
             .map(|fit| self.member(free, plant, &fit.point))
             .collect();
@@ -327,7 +327,7 @@ impl Lab<'_> {
     }
 
     /// Sets a quantity to nominal if its whole range fits about as well.
-    fn hide(&self, member: &mut Member, i: usize, cost_m: f64) -> bool {
+    fn hide(&self, member: &mut EgoSample, i: usize, cost_m: f64) -> bool {
         let quantity = &self.family.quantities[i];
         let bound_m = self.bound_m();
         let allowed_m = cost_m + SHOWS_M.max(SHOWS_SHARE * cost_m);

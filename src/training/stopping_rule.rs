@@ -6,7 +6,7 @@ use super::demonstrations::seed_failures;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
 use crate::rl::Learner;
-use crate::run_dir::{Calibration, Ended, Manifest, Sought};
+use crate::run_dir::{Calibration, Manifest, Sought, TrainingEnd};
 use crate::seed::Purpose;
 use crate::world::Scenario;
 
@@ -32,7 +32,7 @@ pub(super) struct Patience<'a> {
     looked: u64,
     /// As of the last time that all decisions asked for were taken.
     pub calibration: Option<Calibration>,
-    pub ended: Option<Ended>,
+    pub ended: Option<TrainingEnd>,
     /// What was searched for demonstrations, before the training and since.
     pub sought: Option<Sought>,
     /// Physics steps of searches that nobody has counted yet.
@@ -117,13 +117,13 @@ impl<'a> Patience<'a> {
         let solved = before.map(|before| before.solved());
         let nothing = now.searched == 0 && now.solved() == 0;
         let ended = if nothing || !self.adapts() {
-            Some(Ended::Asked)
+            Some(TrainingEnd::Asked)
         } else if now.is_complete() {
-            Some(Ended::Learned)
+            Some(TrainingEnd::Learned)
         } else if solved.is_some_and(|solved| now.solved() <= solved) {
-            Some(Ended::Settled)
+            Some(TrainingEnd::Settled)
         } else if self.longest <= taken {
-            Some(Ended::Longest)
+            Some(TrainingEnd::Longest)
         } else {
             None
         };

@@ -22,7 +22,7 @@ use serde_json::Value;
 use super::counts::start_count;
 use super::{Common, Exit, Failure, print_json, progress, talk};
 use crate::experiment::Watch;
-use crate::run_dir::{Finished, RunError, make_dir, write_file};
+use crate::run_dir::{CachedResult, RunError, make_dir, write_file};
 use crate::seed::{FIRST_SEALED, Seeds};
 use crate::world::{Scenario, known_names};
 
@@ -204,7 +204,7 @@ fn once<T: Serialize + DeserializeOwned>(
     settings: Value,
     make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
 ) -> Result<Option<T>, Failure> {
-    let kept = Finished::new(&args.output.join("parts"), piece, scenario, settings);
+    let kept = CachedResult::new(&args.output.join("parts"), piece, scenario, settings);
     match kept.read() {
         Ok(None) => {}
         Ok(made) => return Ok(made),

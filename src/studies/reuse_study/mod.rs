@@ -30,7 +30,7 @@ use crate::sysid::{
     RECORDED_RUNS, adapt, identify,
 };
 use crate::training::TrainError;
-use crate::world::{Against, Family, Member, Scenario};
+use crate::world::{EgoSample, Family, Scenario, TrainingEgos};
 use players::{Player, called};
 
 /// Budgets of held random search, the smaller of which are cut from the largest.
@@ -307,7 +307,7 @@ impl<'a> ReuseStudy<'a> {
         &self,
         trio: &Trio,
         ego: &Scenario,
-        first: &Member,
+        first: &EgoSample,
         watch: &Watch<'_>,
     ) -> Result<Option<Adapted>, ReuseError> {
         let request = AdaptRequest {
@@ -330,7 +330,7 @@ impl<'a> ReuseStudy<'a> {
     fn left_out(
         &self,
         player: &Player<'_>,
-        known: &Member,
+        known: &EgoSample,
         told: &[Row],
     ) -> Result<Option<Vec<Row>>, ReuseError> {
         let mut rows = Vec::new();
@@ -403,8 +403,12 @@ fn trios(
     watch: &Watch<'_>,
 ) -> Result<Option<(Vec<Trio>, CpuByAdo)>, ReuseError> {
     // All trainings form one parallel loop, so no thread waits for a kind to finish.
-    let kinds = [Against::Nominal, Against::Wide, Against::Conditional];
-    let jobs: Vec<(Against, u64)> = kinds
+    let kinds = [
+        TrainingEgos::Nominal,
+        TrainingEgos::Wide,
+        TrainingEgos::Conditional,
+    ];
+    let jobs: Vec<(TrainingEgos, u64)> = kinds
         .into_iter()
         .flat_map(|against| request.seeds.trainings().map(move |seed| (against, seed)))
         .collect();
@@ -420,7 +424,7 @@ fn trios(
     if watch.stopped() {
         return Ok(None);
     }
-    let of = |against: Against| {
+    let of = |against: TrainingEgos| {
         let all = jobs.iter().zip(&runs);
         all.filter(move |((kind, _), _)| *kind == against)
             .map(|(_, run)| run)
@@ -429,11 +433,11 @@ fn trios(
         let sum: f64 = of(kind).map(|(_, cpu_s)| cpu_s).sum();
         (kind.word(), sum / request.seeds.count.max(1) as f64)
     });
-    let open = |against: Against| of(against).map(|(path, _)| RunDir::open(path));
+    let open = |against: TrainingEgos| of(against).map(|(path, _)| RunDir::open(path));
     // Runs of all kinds are ordered by seed, so they can be zipped.
-    let trios = open(Against::Nominal)
-        .zip(open(Against::Wide))
-        .zip(open(Against::Conditional))
+    let trios = open(TrainingEgos::Nominal)
+        .zip(open(TrainingEgos::Wide))
+        .zip(open(TrainingEgos::Conditional))
         .map(|((nominal, wide), conditional)| {
             Ok(Trio {
                 nominal: nominal?,

@@ -12,7 +12,7 @@ use crate::search::{
     search,
 };
 use crate::stats::StartOutcome;
-use crate::world::{Family, Member, Scenario};
+use crate::world::{EgoSample, Family, Scenario};
 
 /// Ego with the starts on which all ados play.
 pub(super) struct Player<'a> {
@@ -28,7 +28,7 @@ impl Player<'_> {
         &self,
         trio: &Trio,
         family: &Family,
-        (member, told): (&Member, &str),
+        (member, told): (&EgoSample, &str),
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
         let seed = trio.conditional.manifest().seed;
@@ -60,7 +60,7 @@ impl Player<'_> {
         &self,
         word: &str,
         trio: &Trio,
-        (member, told): (&Member, &str),
+        (member, told): (&EgoSample, &str),
     ) -> Result<Row, RunError> {
         let seed = trio.conditional.manifest().seed;
         let policy = trio.conditional.policy_told(member)?;

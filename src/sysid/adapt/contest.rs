@@ -7,17 +7,17 @@ use crate::adversary::OTHERS;
 use crate::run_dir::RunError;
 use crate::seed;
 use crate::stats::{draw, refit};
-use crate::world::{Family, Member};
+use crate::world::{EgoSample, Family};
 
 /// The member found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adapted {
     /// What the ado is best told.
-    pub member: Member,
+    pub member: EgoSample,
     /// Whether it is another than the first member.
     pub is_better: bool,
     /// What is worth a further try, the most promising first.
-    pub others: Vec<Member>,
+    pub others: Vec<EgoSample>,
     /// Members tried.
     pub tried: usize,
     /// Share of the starts of the last race that the ado solves told `member`.
@@ -75,14 +75,14 @@ struct Race {
 pub(super) type Outcome = (Option<f64>, bool);
 
 /// Makes ados of members.
-pub(super) type Tell<'a, P> = &'a dyn Fn(&[Member]) -> Result<Vec<P>, RunError>;
+pub(super) type Tell<'a, P> = &'a dyn Fn(&[EgoSample]) -> Result<Vec<P>, RunError>;
 /// Lets ados play starts. `None`: stopped.
 pub(super) type Meet<'a, P> = &'a dyn Fn(&[(&P, u64)]) -> Option<Vec<Outcome>>;
 
 /// The rules under which members compete; `P` is an ado that was told one.
 pub(super) struct Contest<'a, P> {
     pub family: &'a Family,
-    pub first: &'a Member,
+    pub first: &'a EgoSample,
     pub simulations: u64,
     pub seed: u64,
     pub tell: Tell<'a, P>,
@@ -127,7 +127,7 @@ impl<P> Contest<'_, P> {
     }
 
     /// Members to try.
-    fn propose(&self, field: &Field<P>, generation: u64, count: usize) -> Vec<Member> {
+    fn propose(&self, field: &Field<P>, generation: u64, count: usize) -> Vec<EgoSample> {
         let mut dice = seed::generator("adapt", &[self.seed, generation]);
         let plant = self.first.plant;
         let elites = field.best(ELITES);
@@ -144,13 +144,13 @@ impl<P> Contest<'_, P> {
     }
 
     /// The first member with some quantities drawn anew.
-    fn beside_first(&self, dice: &mut ChaCha8Rng) -> Member {
+    fn beside_first(&self, dice: &mut ChaCha8Rng) -> EgoSample {
         let pairs = self.family.quantities.iter().zip(&self.first.values);
         let values = pairs.map(|(quantity, &own)| {
             let (kept, unit) = (dice.random::<f64>(), dice.random_range(-1.0..=1.0));
             if kept < KEPT { own } else { quantity.at(unit) }
         });
-        Member {
+        EgoSample {
             values: values.collect(),
             ..self.first.clone()
         }
@@ -158,7 +158,7 @@ impl<P> Contest<'_, P> {
 
     /// Adds members and gives their positions; one that sounds like another to
     /// the ado is not added again.
-    fn enter(&self, field: &mut Field<P>, members: Vec<Member>) -> Result<Vec<usize>, RunError> {
+    fn enter(&self, field: &mut Field<P>, members: Vec<EgoSample>) -> Result<Vec<usize>, RunError> {
         let from = field.candidates.len();
         let mut heard: Vec<Vec<f32>> = field
             .candidates
@@ -196,7 +196,7 @@ struct Pair {
 /// A member, the ado that is told it, and how it fared so far.
 struct Candidate<P> {
     point: Vec<f64>,
-    member: Member,
+    member: EgoSample,
     ado: P,
     played: Vec<Pair>,
 }
@@ -366,7 +366,7 @@ mod tests {
             let found = run(family, &best, (600, seed));
             assert!((560..=600).contains(&found.simulations), "{found:?}");
             assert!(0 < found.invalid && found.is_better, "{found:?}");
-            let apart = |member: &Member| -> f64 {
+            let apart = |member: &EgoSample| -> f64 {
                 let point = family.unit(member);
                 point.iter().zip(best).map(|(a, b)| (a - b).powi(2)).sum()
             };
