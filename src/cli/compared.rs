@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::eval::EvalArgs;
 use super::{Failure, table_of, talk};
-use crate::evaluation::{EvaluationTable, Gate, Point, Sweep, Swept};
+use crate::evaluation::{EvaluationTable, Gate, Sweep, SweepPoint, Swept};
 use crate::experiment::Watch;
 use crate::report::sweep_curve;
 use crate::run_dir::write_file;
@@ -121,7 +121,7 @@ fn curve(swept: &Swept) -> String {
 fn of_sweep(swept: &Swept) -> String {
     let parameter = &swept.parameter;
     let lines = swept.points.iter().map(|point| {
-        let Point {
+        let SweepPoint {
             value,
             starts,
             failing,

@@ -1,7 +1,7 @@
 //! The counterexamples that tell most, by stated criteria.
 
 use crate::adversary::{EvalRequest, Evaluated};
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rulebook::Verdict;
 use crate::scene::Axis;
 use crate::stats::StartOutcome;
@@ -48,7 +48,7 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
         let mut play = |bench: &mut Testbench, start| request.play(bench, start);
         evaluated.again(request, bench, start, &mut play)
     };
-    let facts_again = |bench: &mut Testbench, start: &usize, _: &Turn| {
+    let facts_again = |bench: &mut Testbench, start: &usize, _: &WorkItem| {
         Some(facts_of(*start, &again(bench, *start), request, &axes))
     };
     let unwatched = Watch::unwatched();

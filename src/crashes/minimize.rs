@@ -29,7 +29,7 @@ use super::reruns::{KEEP_RUNS, Reruns};
 use crate::experiment::Watch;
 use crate::run_dir::{Effort, Shrunk};
 use crate::scene::{ContactEvent, Dynamics, Start};
-use crate::search::{Confirmed, Confirmer, Next, Tree};
+use crate::search::{Confirmed, Confirmer, Tree, WalkControl};
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, Testbench, play};
 use crate::world::Scenario;
@@ -211,7 +211,7 @@ impl Shrinking<'_> {
             if aim.is_met_by(&Confirmed::on(bench)) {
                 found.push((effort(scenario, actions), actions.to_vec()));
             }
-            Next::Continue
+            WalkControl::Continue
         };
         let from = ((self.start, self.noise), 0);
         let root = &mut self.bench;
@@ -222,7 +222,7 @@ impl Shrinking<'_> {
         let spaces = scenario.world().spaces();
         let others = (0..spaces.actions).filter(|action| *action != spaces.neutral);
         for action in std::iter::once(spaces.neutral).chain(others) {
-            if tree.begin(root, action, switches) == Next::Stop {
+            if tree.begin(root, action, switches) == WalkControl::Stop {
                 break;
             }
         }

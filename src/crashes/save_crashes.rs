@@ -15,8 +15,8 @@ use super::perturbation_robustness::{persistence_within, variations};
 use super::reruns::{KEEP_RUNS, Reruns};
 use super::root_cause::{spans_asked, why, why_within};
 use crate::adversary::{EvalRequest, Evaluated};
+use crate::experiment::{CrashFeatures, badness, clusters, descending, worse_first};
 use crate::experiment::{EpisodeLoop, Watch};
-use crate::experiment::{Shape, badness, clusters, descending, worse_first};
 use crate::rulebook::Verdict;
 use crate::run_dir::{About, Counterexample, KeptError, Severity, file_name, make_dir};
 use crate::testbench::{Episode, Testbench};
@@ -134,7 +134,7 @@ impl KeptFiles {
 struct Candidate {
     /// Position among the test starts.
     index: usize,
-    shape: Shape,
+    shape: CrashFeatures,
     /// Contact, injury risk, closing speed, depth of the violation.
     badness: [f64; 4],
 }
@@ -224,7 +224,7 @@ impl<'a> Keeper<'a> {
     ) -> Result<KeptFiles, KeptError> {
         make_dir(dir)?;
         let candidates = self.candidates(starts, again, watch);
-        let shapes: Vec<Shape> = candidates.iter().map(|it| it.shape.clone()).collect();
+        let shapes: Vec<CrashFeatures> = candidates.iter().map(|it| it.shape.clone()).collect();
         let clusters = clusters(&shapes);
         let mut kept = KeptFiles {
             found: candidates.len(),
@@ -275,7 +275,7 @@ impl<'a> Keeper<'a> {
             // An ego that does not answer twice alike may not fail again.
             episode.verdict.is_success().then(|| Candidate {
                 index,
-                shape: Shape::of(self.scenario, &episode),
+                shape: CrashFeatures::of(self.scenario, &episode),
                 badness: badness(&episode),
             })
         };

@@ -20,7 +20,7 @@ use crate::experiment::{
 use crate::report::{Example, PointCase, PointsPage};
 use crate::rulebook::Verdict;
 use crate::run_dir::{KeptError, Row};
-use crate::search::{Found, SearchRequest, Switches, search};
+use crate::search::{SearchRequest, SearchResult, Switches, search};
 use crate::stats::StartOutcome;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, film, play};
 use crate::world::Scenario;
@@ -130,19 +130,19 @@ pub struct PointsTable {
     #[serde(skip)]
     pub rows: Vec<Row>,
     #[serde(skip)]
-    met: Met,
+    met: EvaluatedEgo,
 }
 
 /// What it takes to play everything again.
 #[derive(Clone)]
-struct Met {
+struct EvaluatedEgo {
     ego: EgoUnderTest,
     starts: TestStarts,
     evaluated: Evaluated,
-    found: Vec<Option<Found>>,
+    found: Vec<Option<SearchResult>>,
 }
 
-impl Met {
+impl EvaluatedEgo {
     fn scenario(&self) -> &Scenario {
         self.ego.scenario()
     }
@@ -183,7 +183,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     let neutral = scenario.world().spaces().neutral;
     let starts = untried_starts(scenario, seed, most);
     let evaluated = eval(&request.ego.met_by(Ado::Constant(neutral), &starts), watch);
-    let mut met = Met {
+    let mut met = EvaluatedEgo {
         ego: request.ego.clone(),
         starts,
         evaluated,
@@ -241,7 +241,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     })
 }
 
-fn usual_switches(met: &Met) -> usize {
+fn usual_switches(met: &EvaluatedEgo) -> usize {
     let (start, noise) = &met.starts.starts[0];
     if copies(met.scenario(), start, *noise) {
         SWITCHES
@@ -250,7 +250,7 @@ fn usual_switches(met: &Met) -> usize {
     }
 }
 
-impl Met {
+impl EvaluatedEgo {
     /// The points that are passed, all others left out.
     fn passed(&self) -> TestStarts {
         let outcomes = self.evaluated.row.solved.iter();
@@ -288,7 +288,7 @@ impl Met {
         result
     }
 
-    fn varied(&self, bench: &mut Testbench, index: usize, found: &Found) -> VariedPoint {
+    fn varied(&self, bench: &mut Testbench, index: usize, found: &SearchResult) -> VariedPoint {
         let mut varied = VariedPoint {
             fails: found.actions.is_some(),
             closing_mps: None,

@@ -11,7 +11,7 @@ use crate::experiment::{
 };
 use crate::rl::Policy;
 use crate::run_dir::{Row, RunDir, RunError, Stored};
-use crate::search::{Found, Method, MethodOption, SearchRequest, Searched, search};
+use crate::search::{Method, MethodOption, SearchRequest, SearchResult, Searched, search};
 use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::Scenario;
 
@@ -53,7 +53,7 @@ pub struct SearchedEgo {
     /// The test starts, as they are for it.
     pub starts: TestStarts,
     /// The solutions, per start.
-    pub found: Vec<Option<Found>>,
+    pub found: Vec<Option<SearchResult>>,
 }
 
 impl SearchedEgo {

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
 
-use super::ego_evaluation::Meeting;
+use super::ego_evaluation::EgoEvaluation;
 use super::error::EvaluationError;
 use super::evaluation_plan::FoundBy;
 use super::reuse::{ReusedOn, reused_on};
-use crate::adversary::{Baselines, ByRule, EvalRequest, Evaluated, Tried};
+use crate::adversary::{Baselines, BestOfNResult, EvalRequest, Evaluated, GridPolicy};
 use crate::crashes::{Again, KeepSettings, Keeper, KeptFiles};
 use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
@@ -62,11 +62,11 @@ pub struct EvaluationTable<'a> {
     /// The nominal ego's test starts.
     pub starts: TestStarts,
     pub(crate) asked: Evaluation<'a>,
-    pub(crate) found: Vec<Found<'a>>,
+    pub(crate) found: Vec<FoundCounterexamples<'a>>,
 }
 
 /// Counterexamples of one ego, to be kept if asked for.
-pub(crate) struct Found<'a> {
+pub(crate) struct FoundCounterexamples<'a> {
     pub(crate) ego: &'a EgoUnderTest,
     pub(crate) by: FoundBy,
     pub(crate) ado: ConditionedAdo,
@@ -137,7 +137,7 @@ impl<'a> EvaluationTable<'a> {
         let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
         self.identified.extend(ado.identified.clone());
         let starts = own.as_ref().unwrap_or(&self.starts);
-        let mut meeting = Meeting {
+        let mut meeting = EgoEvaluation {
             asked,
             ego,
             ado: &ado,
@@ -169,13 +169,16 @@ impl<'a> EvaluationTable<'a> {
         }
         self.egos.push(reused);
         self.reasons.extend(reason);
-        self.found
-            .extend(found.filter(|_| asked.keeps).map(|by| Found {
-                ego,
-                by,
-                ado,
-                starts: own,
-            }));
+        self.found.extend(
+            found
+                .filter(|_| asked.keeps)
+                .map(|by| FoundCounterexamples {
+                    ego,
+                    by,
+                    ado,
+                    starts: own,
+                }),
+        );
         played
     }
 
@@ -264,7 +267,7 @@ impl<'a> EvaluationTable<'a> {
 
     fn keep_those(
         &self,
-        found: &Found<'_>,
+        found: &FoundCounterexamples<'_>,
         dir: &Path,
         settings: KeepSettings,
         watch: &Watch<'_>,
@@ -285,7 +288,7 @@ impl<'a> EvaluationTable<'a> {
             FoundBy::Trained(evaluated) => keep(trained, evaluated, &|bench, index| {
                 trained.play(bench, index)
             })?,
-            FoundBy::Tries(Tried { evaluated, winners }) => {
+            FoundBy::Tries(BestOfNResult { evaluated, winners }) => {
                 let tries = self.asked.several(trained, &found.ado);
                 let winner = |index: usize| winners[index].unwrap_or(0);
                 keep(trained, evaluated, &|bench, index| {
@@ -296,10 +299,10 @@ impl<'a> EvaluationTable<'a> {
                 adapted.play(bench, starts, index)
             })?,
             FoundBy::Optimal(evaluated) => {
-                let (whole, policy) = ByRule::Optimal.policy(found.ego)?;
+                let (whole, policy) = GridPolicy::Optimal.policy(found.ego)?;
                 let request = EvalRequest {
                     scenario: &whole,
-                    ado: ByRule::Optimal.ado(&policy),
+                    ado: GridPolicy::Optimal.ado(&policy),
                     ..trained
                 };
                 keep(request, evaluated, &|bench, index| {

@@ -13,13 +13,13 @@ mod failed_leaf;
 mod progress;
 mod test_starts;
 
-pub use clustering::{NEAR, POINTS, Shape, clusters};
-pub(crate) use clustering::{Story, badness, descending, worse_first};
+pub(crate) use clustering::{CrashClass, badness, descending, worse_first};
+pub use clustering::{CrashFeatures, NEAR, POINTS, clusters};
 pub use cost::Cost;
 pub use determinism_check::{answers_differ, note_if_unrepeatable};
 pub(crate) use ego_under_test::consent_to_family;
 pub use ego_under_test::{EgoUnderTest, consent, consent_to, on_plant};
-pub(crate) use episode_loop::{EpisodeLoop, Turn};
+pub(crate) use episode_loop::{EpisodeLoop, WorkItem};
 pub use error::EgoError;
 pub(crate) use failed_leaf::{leaf, violated};
 pub use progress::{Remark, StepPlace, Watch};

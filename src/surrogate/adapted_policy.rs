@@ -9,8 +9,8 @@ use super::learn::{Acts, LearnedEgo, LearnedFrom, SurrogateError};
 use super::plan::Planner;
 use super::planning_budget::Care;
 use super::strategy::{Policies, Strategy};
-use crate::adversary::{Attempt, EvalRequest, Evaluated, Played, in_words};
-use crate::experiment::{TestStarts, Turn, Watch};
+use crate::adversary::{EpisodeResult, EvalRequest, Evaluated, RepeatedEpisode, in_words};
+use crate::experiment::{TestStarts, Watch, WorkItem};
 use crate::rl::{Policy, load_policy};
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
@@ -172,7 +172,7 @@ struct Worker<'a> {
 
 /// One start, played.
 struct One {
-    played: Played,
+    played: EpisodeResult,
     actions: Vec<usize>,
     /// Strategy that the ado followed from beginning to end.
     kept: Option<Strategy>,
@@ -206,7 +206,7 @@ impl LearnedEgo {
             ),
             bench: request.scenario.bench(),
         };
-        let one = |worker: &mut Worker<'_>, from: &(Start, u64), turn: &Turn| {
+        let one = |worker: &mut Worker<'_>, from: &(Start, u64), turn: &WorkItem| {
             let planner = worker.planner.as_mut()?;
             let bench = &mut worker.bench;
             self.solve(request, (planner, bench), from, (turn, tries), watch)
@@ -256,7 +256,7 @@ impl LearnedEgo {
         request: &EvalRequest<'_>,
         (planner, bench): (&mut Planner<'_>, &mut Testbench),
         (start, noise): &(Start, u64),
-        (turn, tries): (&Turn, u64),
+        (turn, tries): (&WorkItem, u64),
         watch: &Watch<'_>,
     ) -> Option<One> {
         let mut first: Option<One> = None;
@@ -295,7 +295,7 @@ impl LearnedEgo {
             simulations += 1;
             physics_steps += episode.physics_steps;
             let actions = episode.actions.clone();
-            let attempt = Attempt::of(episode, simulations, physics_steps);
+            let attempt = RepeatedEpisode::of(episode, simulations, physics_steps);
             let one = One {
                 played: attempt.played(request.scenario, turn.cpu_s()),
                 actions,

@@ -13,7 +13,7 @@ use super::motion::MotionReader;
 use super::plan::Planner;
 use super::strategy::Strategy;
 use super::surrogate_sim::{ModelBench, Origin, SoFar};
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::scene::Start;
 use crate::seed;
@@ -95,7 +95,7 @@ pub(super) fn mixed(
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
 ) -> Vec<Run> {
-    let acting = |bench: &Testbench, noise: u64, turn: &Turn| {
+    let acting = |bench: &Testbench, noise: u64, turn: &WorkItem| {
         let actions = bench.spaces().actions;
         let decisions = bench.clock().decisions();
         // The noise seed keys the generator, so a run does not depend on thread order.
@@ -123,20 +123,20 @@ pub(super) fn alike(
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
 ) -> Vec<Run> {
-    let acting = |_: &Testbench, _: u64, _: &Turn| Recorded::Sequence(actions.to_vec());
+    let acting = |_: &Testbench, _: u64, _: &WorkItem| Recorded::Sequence(actions.to_vec());
     recorded(ego, starts, &acting, watch)
 }
 
 fn recorded<'a>(
     ego: &Scenario,
     starts: &[(Start, u64)],
-    acting: &(dyn Fn(&Testbench, u64, &Turn) -> Recorded<'a> + Sync),
+    acting: &(dyn Fn(&Testbench, u64, &WorkItem) -> Recorded<'a> + Sync),
     watch: &Watch<'_>,
 ) -> Vec<Run> {
     let Some(reader) = MotionReader::of(ego) else {
         return Vec::new();
     };
-    let one = |bench: &mut Testbench, from: &(Start, u64), turn: &Turn| {
+    let one = |bench: &mut Testbench, from: &(Start, u64), turn: &WorkItem| {
         let (start, noise) = (&from.0, from.1);
         let acting = acting(bench, noise, turn);
         let mut actor: Box<dyn Actor + '_> = match &acting {
@@ -175,7 +175,7 @@ pub(super) fn planned<'a>(
     let worker = || (planner(), ego.bench());
     let one = |(planner, bench): &mut (Option<Planner<'a>>, Testbench),
                from: &(Start, u64),
-               turn: &Turn| {
+               turn: &WorkItem| {
         let (start, noise) = (&from.0, from.1);
         let run =
             planner

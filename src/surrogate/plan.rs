@@ -12,7 +12,7 @@ use super::strategy::{Policies, Strategy};
 use super::surrogate_sim::{ModelBench, Origin, SoFar, VARIATIONS};
 use crate::experiment::Watch;
 use crate::rulebook::Verdict;
-use crate::search::{Next, Tree};
+use crate::search::{Tree, WalkControl};
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Testbench};
 use crate::world::Scenario;
@@ -229,7 +229,7 @@ impl<'a> Planner<'a> {
             found += 1;
             // Neighbours in the tree are similar, so later finds are thinned out.
             if FIRST < found && !found.is_multiple_of(EVERY) {
-                return Next::Continue;
+                return WalkControl::Continue;
             }
             tried += 1;
             let strategy = Strategy::Plan(actions.to_vec());
@@ -251,9 +251,9 @@ impl<'a> Planner<'a> {
                 };
             }
             if best.score == VARIATIONS.len() || TRIED <= tried {
-                Next::Stop
+                WalkControl::Stop
             } else {
-                Next::Continue
+                WalkControl::Continue
             }
         };
         let root = &mut tree.bench;
@@ -262,7 +262,7 @@ impl<'a> Planner<'a> {
         walk.after = so_far.actions.clone();
         walk.stride = stride;
         for action in 0..actions {
-            if walk.begin(root, action, switches) == Next::Stop {
+            if walk.begin(root, action, switches) == WalkControl::Stop {
                 break;
             }
         }

@@ -16,7 +16,7 @@ mod contest;
 
 pub use self::contest::Adapted;
 use self::contest::{Contest, Outcome};
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::run_dir::{RunDir, RunError};
 use crate::seed::{Purpose, StartKey};
@@ -78,7 +78,7 @@ fn meet(
     pairs: &[(&Ado, u64)],
     watch: &Watch<'_>,
 ) -> Option<Vec<Outcome>> {
-    let play_one = |bench: &mut Testbench, &(ado, index): &(&Ado, u64), _: &Turn| {
+    let play_one = |bench: &mut Testbench, &(ado, index): &(&Ado, u64), _: &WorkItem| {
         let key = StartKey {
             purpose: Purpose::Calibration,
             seed: request.seed,

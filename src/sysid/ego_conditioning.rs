@@ -30,7 +30,7 @@ pub enum ContextSource {
 pub struct ConditionedAdo {
     /// Its policy; a conditional one is told what it takes the ego for.
     pub policy: Box<dyn Policy>,
-    /// The same told of other egos, for [`crate::adversary::Tries`].
+    /// The same told of other egos, for [`crate::adversary::BestOfN`].
     pub others: Vec<Box<dyn Policy>>,
     /// What it was told, as rows have it; `None`: it is not told anything.
     pub told: Option<&'static str>,

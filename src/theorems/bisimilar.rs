@@ -11,7 +11,7 @@ use super::TheoremsError;
 use super::compare::Witness;
 use super::nearby::TheoremOutcome;
 use super::plays::ROUNDING;
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::{LearnerRng, Policy};
 use crate::scene::grid::bisimulation::{Bisimulation, coarse};
 use crate::scene::grid::exact::Game;
@@ -195,7 +195,7 @@ fn found(nominal: &Scenario, policy: &dyn Policy) -> HashMap<Position, FoundAt> 
     let arena = nominal.grid().map(|world| world.spec().arena);
     let starts: Vec<Position> = arena.iter().flat_map(Arena::starts).collect();
     let horizon = nominal.bench().clock().samples();
-    let one = |bench: &mut Testbench, both: &Position, _: &Turn| {
+    let one = |bench: &mut Testbench, both: &Position, _: &WorkItem| {
         // A grid has no noise, so the seed is 0 everywhere.
         let start = start_of(*both);
         let episode = play(bench, &start, 0, &mut PolicyActor(policy), Aftermath::Skip);
@@ -252,7 +252,7 @@ impl Trial<'_> {
         }
         let unwatched = Watch::unwatched();
         let all = EpisodeLoop::uncounted(&unwatched);
-        let one = |bench: &mut Testbench, pair: &(Position, &FoundAt), _: &Turn| {
+        let one = |bench: &mut Testbench, pair: &(Position, &FoundAt), _: &WorkItem| {
             let (both, found) = *pair;
             let lifted = self.lifted(both);
             let own = &mut PolicyActor(self.policy);

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::TheoremsError;
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::Start;
@@ -88,7 +88,7 @@ impl<'a> GridUnderTest<'a> {
         episode: impl Fn(&mut Testbench, &Start) -> Episode + Sync + Send,
     ) -> Result<Vec<Played>, TheoremsError> {
         let unwatched = Watch::unwatched();
-        let one = |bench: &mut Testbench, start: &Start, _: &Turn| {
+        let one = |bench: &mut Testbench, start: &Start, _: &WorkItem| {
             let episode = episode(bench, start);
             Some(self.read(&episode))
         };

@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 use super::compare::Witness;
 use super::forecast::{Case, Forecast, forecast, word};
 use super::{TheoremsError, TheoremsRequest};
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Actor, Aftermath, Constant, Episode, PolicyActor, Replay, Testbench};
@@ -211,7 +211,7 @@ impl Played<'_> {
     /// Returns the counterexamples of a purpose, in the order of their starts.
     fn all(&self, purpose: Purpose) -> Vec<Compared> {
         let starts = self.request.starts;
-        let compare_one = |benches: &mut Benches, test: &(Start, u64), turn: &Turn| {
+        let compare_one = |benches: &mut Benches, test: &(Start, u64), turn: &WorkItem| {
             let (start, noise) = match purpose {
                 // The ego fails there by itself, so the ado has no part in the failure.
                 Purpose::Test if starts.trivial[turn.index] => return None,

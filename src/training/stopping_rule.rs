@@ -19,7 +19,7 @@ const STUCK: f64 = 0.5;
 const EXTENSION: f64 = 0.5;
 
 /// Decides when a training begins anew, goes on, and ends.
-pub(super) struct Patience<'a> {
+pub(super) struct StoppingRule<'a> {
     scenario: &'a Scenario,
     seed: u64,
     watch: &'a Watch<'a>,
@@ -40,15 +40,15 @@ pub(super) struct Patience<'a> {
     searched_cpu_s: f64,
 }
 
-impl<'a> Patience<'a> {
+impl<'a> StoppingRule<'a> {
     /// Of a training that is as far as its manifest says.
     pub fn new(
         scenario: &'a Scenario,
         manifest: &Manifest,
         seed: u64,
         watch: &'a Watch<'a>,
-    ) -> Patience<'a> {
-        Patience {
+    ) -> StoppingRule<'a> {
+        StoppingRule {
             scenario,
             seed,
             watch,

@@ -4,7 +4,7 @@ use cpu_time::ThreadTime;
 
 use super::demonstrations::seed_training;
 use super::goals::GoalTracker;
-use super::stopping_rule::Patience;
+use super::stopping_rule::StoppingRule;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
 use crate::rl::{BundleError, Control, Learner, LearnerReport, TensorFile};
@@ -119,7 +119,7 @@ pub fn train(
         window: run.manifest().window,
         ..Ledger::default()
     };
-    let mut patience = Patience::new(scenario, run.manifest(), seed, &judging);
+    let mut patience = StoppingRule::new(scenario, run.manifest(), seed, &judging);
     loop {
         learning.phase("training (decisions)");
         (watch.progress)(learner.decisions(), learner.tally().asked);
@@ -189,7 +189,7 @@ pub fn train(
 }
 
 /// Counts what patience searched as part of the training.
-fn note_searches(patience: &mut Patience<'_>, run: &mut RunDir, gym: &mut TrainingGym<'_>) {
+fn note_searches(patience: &mut StoppingRule<'_>, run: &mut RunDir, gym: &mut TrainingGym<'_>) {
     if let Some(sought) = patience.sought {
         run.note_sought(sought);
     }
@@ -306,7 +306,7 @@ impl Ledger {
     fn done(
         &self,
         learner: &dyn Learner,
-        patience: &Patience<'_>,
+        patience: &StoppingRule<'_>,
         spent: Spent,
         cpu_s: f64,
     ) -> Done {

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brakecheck::adversary::{Ado, EvalRequest, Tries, eval};
+use brakecheck::adversary::{Ado, BestOfN, EvalRequest, eval};
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::rl::{Control, Policy};
@@ -456,7 +456,7 @@ fn more_tries_never_solve_less_and_are_counted() {
     };
     let once = eval(&request, &quiet());
     let tries = |tries| {
-        let tries = Tries {
+        let tries = BestOfN {
             request,
             policy: &Near,
             others: &[],
@@ -491,7 +491,7 @@ fn more_tries_never_solve_less_and_are_counted() {
     let (few, many) = (once.row.successes, before.evaluated.row.successes);
     assert!(few + 5 < many, "{few} {many}");
     // What a try did is played again bit for bit.
-    let all = Tries {
+    let all = BestOfN {
         request,
         policy: &Near,
         others: &[],

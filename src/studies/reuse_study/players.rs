@@ -2,14 +2,14 @@
 
 use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, Trio, held_word};
 use crate::adversary::{
-    Ado, EvalRequest, Heuristic, Tries, best_constant, count_solved, eval, other_members,
+    Ado, BestOfN, EvalRequest, Heuristic, best_constant, count_solved, eval, other_members,
 };
 use crate::experiment::{TestStarts, Watch};
 use crate::rl::Policy;
 use crate::run_dir::{Row, RunDir, RunError, Stored};
 use crate::search::{
-    Found, Hold, Method, Mutate, SWITCHES, SearchRequest, Searched, Switches, count_contacts,
-    search,
+    Hold, Method, Mutate, SWITCHES, SearchRequest, SearchResult, Searched, Switches,
+    count_contacts, search,
 };
 use crate::stats::StartOutcome;
 use crate::world::{EgoSample, Family, Scenario};
@@ -35,7 +35,7 @@ impl Player<'_> {
         let policy = trio.conditional.policy_told(member)?;
         let others = other_members(&trio.conditional, family, member.plant)?;
         // Later tries may use other members, in case the identified member is wrong.
-        let tried = Tries {
+        let tried = BestOfN {
             request: self.request(Ado::Trained(&*policy, seed)),
             policy: &*policy,
             others: &others,
@@ -137,7 +137,7 @@ pub(super) fn called(word: &str, row: Row) -> Row {
 /// Returns the row of the search as if it had stopped at a smaller budget.
 fn cut(searched: &Searched, budget: u64) -> Row {
     let marks = searched.row.solved.iter().zip(&searched.found);
-    let within = |found: &Found| found.within(budget);
+    let within = |found: &SearchResult| found.within(budget);
     // Later solutions are beyond the budget and count as unsolved.
     let solved = marks.map(|(mark, found)| match (mark, found) {
         (StartOutcome::Solved, Some(found)) if !within(found).1 => StartOutcome::Unsolved,
