@@ -10,7 +10,7 @@ use crate::testbench::{Episode, Testbench};
 
 /// A counterexample and what it was chosen for.
 #[derive(Clone, Debug)]
-pub struct Telling {
+pub struct Highlight {
     /// The criterion, with the number.
     pub chosen_for: String,
     /// Its position among the test starts.
@@ -35,7 +35,7 @@ struct Facts {
 /// the one whose rules are kept with the largest margin, and the start that is
 /// farthest from the other four. A criterion that applies to nothing is left
 /// out.
-pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling> {
+pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Highlight> {
     let solved: Vec<usize> = evaluated
         .row
         .solved
@@ -103,7 +103,7 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
         chosen.push(("Start most unlike the others".to_owned(), f));
     }
     let mut bench = request.scenario.bench();
-    let played = chosen.into_iter().map(|(chosen_for, facts)| Telling {
+    let played = chosen.into_iter().map(|(chosen_for, facts)| Highlight {
         chosen_for,
         start: facts.start,
         episode: again(&mut bench, facts.start),

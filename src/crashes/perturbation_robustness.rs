@@ -65,10 +65,10 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
     })
 }
 
-type Varied = (String, Scenario, Start);
+type PerturbedStart = (String, Scenario, Start);
 
 /// The same start in worlds that differ.
-fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<Varied>> {
+fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>> {
     let spec = scenario.drive()?;
     let (plant, sample_s, friction) = (spec.plant, spec.clock.sample_s, spec.road.friction());
     let other = match plant {
@@ -105,7 +105,7 @@ fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<Varied>> {
 }
 
 /// The same world from starts that differ.
-fn starts(scenario: &Scenario, start: &Start) -> Vec<Varied> {
+fn starts(scenario: &Scenario, start: &Start) -> Vec<PerturbedStart> {
     let mut all = Vec::new();
     for (n, axis) in scenario.axes().iter().enumerate() {
         if !["m", "m/s"].contains(&axis.unit) {

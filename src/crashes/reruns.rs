@@ -27,7 +27,7 @@ const COMPARED: usize = 2;
 pub(super) struct Reruns<'a> {
     /// The world, with as many repeats as each question takes.
     scenario: Scenario,
-    kind: Kind,
+    kind: EgoRerunKind,
     /// Runs that may be spent where each is a whole one.
     limit: u64,
     spent: AtomicU64,
@@ -41,7 +41,7 @@ pub(super) struct Reruns<'a> {
 
 /// How an ego can be asked.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum EgoRerunKind {
     /// One of ours: nobody counts.
     Stock,
     /// The user's, which can be copied in the middle of a run.
@@ -64,9 +64,9 @@ impl<'a> Reruns<'a> {
             foreign,
             foreign && copies(scenario, &episode.start, episode.noise),
         ) {
-            (false, _) => Kind::Stock,
-            (true, true) => Kind::Copied,
-            (true, false) => Kind::Whole,
+            (false, _) => EgoRerunKind::Stock,
+            (true, true) => EgoRerunKind::Copied,
+            (true, false) => EgoRerunKind::Whole,
         };
         let mut reruns = Reruns {
             scenario: scenario.repeated(Repeats::default()),
@@ -106,7 +106,7 @@ impl<'a> Reruns<'a> {
             }
             self.scenario = self.scenario.repeated(repeats);
             // What lies before a copy would be the same in all repeats.
-            self.kind = Kind::Whole;
+            self.kind = EgoRerunKind::Whole;
             break;
         }
         Ok(())
@@ -135,7 +135,7 @@ impl<'a> Reruns<'a> {
 
     /// Whether its runs can go on from the middle of others.
     pub fn copies(&self) -> bool {
-        self.kind != Kind::Whole
+        self.kind != EgoRerunKind::Whole
     }
 
     /// Whether nothing is asked of it at all.
@@ -145,9 +145,9 @@ impl<'a> Reruns<'a> {
 
     /// What kept files say of it; `None`: it is one of ours.
     pub fn told(&self) -> Option<EgoRuns> {
-        (self.kind != Kind::Stock).then(|| EgoRuns {
+        (self.kind != EgoRerunKind::Stock).then(|| EgoRuns {
             runs: self.spent.load(Ordering::Relaxed),
-            copied: self.kind == Kind::Copied && !self.is_refused(),
+            copied: self.kind == EgoRerunKind::Copied && !self.is_refused(),
             ended: self.refused.as_ref().or(self.ended.get()).cloned(),
         })
     }
@@ -169,10 +169,12 @@ impl<'a> Reruns<'a> {
         let needed = spent.saturating_add(runs).saturating_add(for_later);
         let reason = match self.kind {
             // It answers at once, whoever interrupts.
-            Kind::Stock => None,
+            EgoRerunKind::Stock => None,
             _ if self.watch.interrupted() => Some(NotAsked::Interrupted),
             _ if self.faults.has_given_up() => Some(NotAsked::EgoFailed),
-            Kind::Whole if self.limit < needed => Some(NotAsked::RunLimit { runs: self.limit }),
+            EgoRerunKind::Whole if self.limit < needed => {
+                Some(NotAsked::RunLimit { runs: self.limit })
+            }
             _ => None,
         };
         match reason {

@@ -19,20 +19,20 @@ use crate::world::Scenario;
 
 /// A driver in the ego's place.
 #[derive(Clone)]
-pub struct Driver {
+pub struct SubstituteDriver {
     /// How sentences call it.
     pub name: String,
     /// Makes one; its commands pass the ego's own actuator.
     pub factory: ControllerFactory,
 }
 
-impl Driver {
+impl SubstituteDriver {
     /// The ideal driver: no delay, all the deceleration the road gives.
     ///
     /// `None`: the world is not driven.
-    pub fn full_brake(scenario: &Scenario) -> Option<Driver> {
+    pub fn full_brake(scenario: &Scenario) -> Option<SubstituteDriver> {
         let brake_mps2 = scenario.drive()?.road.friction() * GRAVITY_MPS2;
-        Some(Driver {
+        Some(SubstituteDriver {
             name: "full braking".to_owned(),
             factory: Arc::new(move || Box::new(FullBrake { brake_mps2 })),
         })
@@ -41,15 +41,19 @@ impl Driver {
 
 /// Why the ego fails in an episode of `scenario`.
 ///
-/// The last chance is that of `driver`, [`Driver::full_brake`] if left out.
-pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> Why {
+/// The last chance is that of `driver`, [`SubstituteDriver::full_brake`] if left out.
+pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&SubstituteDriver>) -> Why {
     let watch = Watch::unwatched();
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
     why_within(&reruns, episode, driver)
 }
 
 /// The same with an ego that is asked about more than that.
-pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<&Driver>) -> Why {
+pub(super) fn why_within(
+    reruns: &Reruns<'_>,
+    episode: &Episode,
+    driver: Option<&SubstituteDriver>,
+) -> Why {
     let scenario = reruns.scenario();
     let (decisive, not_asked) = match decisive_within(reruns, episode) {
         Ok(decisive) => (decisive, None),
@@ -60,7 +64,7 @@ pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<
         .spec
         .explain(&violated(scenario, episode));
     let leaf = explanation.leaf();
-    let ideal = Driver::full_brake(scenario);
+    let ideal = SubstituteDriver::full_brake(scenario);
     Why {
         leaf: leaf.map(|leaf| leaf.formula.clone()).unwrap_or_default(),
         leaf_s: tidy(leaf.map_or(0.0, |leaf| leaf.time_s)),
@@ -200,7 +204,11 @@ fn finish(mut bench: Testbench, actions: &[usize]) -> Option<Verdict> {
 /// It is looked for backwards, decision by decision and then sample by sample
 /// within the first that helps: a chance that comes and goes between two
 /// decisions may be passed over. `None`: the world is not driven.
-pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> Option<LastChance> {
+pub fn last_chance(
+    scenario: &Scenario,
+    episode: &Episode,
+    driver: &SubstituteDriver,
+) -> Option<LastChance> {
     let sample_s = scenario.drive()?.clock.sample_s;
     let judged = episode.judged.saturating_sub(1);
     let per_decision = scenario.bench().clock().samples_per_decision().max(1);
@@ -223,7 +231,12 @@ pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> O
 }
 
 /// Whether `driver` avoids it that takes over after so many samples.
-fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: usize) -> bool {
+fn is_avoided(
+    scenario: &Scenario,
+    episode: &Episode,
+    driver: &SubstituteDriver,
+    after: usize,
+) -> bool {
     let Some(spec) = scenario.drive() else {
         return false;
     };

@@ -1,7 +1,7 @@
 //! Keeping the counterexamples of an evaluation or a search as files.
 //!
 //! Hundreds of counterexamples are as good as none to somebody who has to act on
-//! them. [`Keeper::keep`] hands over a few: the worst that differ from each other
+//! them. [`CrashWriter::keep`] hands over a few: the worst that differ from each other
 //! and persist, each made as small as it gets and labelled with what is known of
 //! it ([`About`]).
 
@@ -29,7 +29,7 @@ const LOOKS: usize = 5;
 
 /// Which counterexamples are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choice {
+pub enum CrashSelection {
     /// At most so many: the worst that differ and persist.
     Worst(usize),
     /// Every one.
@@ -49,7 +49,7 @@ pub enum Form {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeepSettings {
     /// Which ones.
-    pub choice: Choice,
+    pub choice: CrashSelection,
     /// In which form.
     pub form: Form,
     /// Runs of an ego that cannot be copied, such as a program, that each may take.
@@ -58,7 +58,7 @@ pub struct KeepSettings {
 
 impl KeepSettings {
     /// With [`KEEP_RUNS`] at most.
-    pub fn new(choice: Choice, form: Form) -> KeepSettings {
+    pub fn new(choice: CrashSelection, form: Form) -> KeepSettings {
         KeepSettings {
             choice,
             form,
@@ -69,7 +69,7 @@ impl KeepSettings {
 
 /// Who made an ego fail, where; and how it is kept.
 #[derive(Clone, Copy)]
-pub struct Keeper<'a> {
+pub struct CrashWriter<'a> {
     /// The world, with the ego that fails.
     pub scenario: &'a Scenario,
     /// What rows call that ego.
@@ -131,7 +131,7 @@ impl KeptFiles {
 }
 
 /// A counterexample before it is looked at closely.
-struct Candidate {
+struct CrashCandidate {
     /// Position among the test starts.
     index: usize,
     shape: CrashFeatures,
@@ -197,10 +197,14 @@ fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     }
 }
 
-impl<'a> Keeper<'a> {
+impl<'a> CrashWriter<'a> {
     /// Who keeps the counterexamples of an evaluation.
-    pub fn of(request: &EvalRequest<'a>, change: &'a Change, settings: KeepSettings) -> Keeper<'a> {
-        Keeper {
+    pub fn of(
+        request: &EvalRequest<'a>,
+        change: &'a Change,
+        settings: KeepSettings,
+    ) -> CrashWriter<'a> {
+        CrashWriter {
             scenario: request.scenario,
             ego: request.ego,
             change,
@@ -269,11 +273,16 @@ impl<'a> Keeper<'a> {
     }
 
     /// Every start's counterexample, worst first.
-    fn candidates(&self, starts: &[usize], again: Again<'_>, watch: &Watch<'_>) -> Vec<Candidate> {
+    fn candidates(
+        &self,
+        starts: &[usize],
+        again: Again<'_>,
+        watch: &Watch<'_>,
+    ) -> Vec<CrashCandidate> {
         let candidate = |bench: &mut Testbench, index: usize| {
             let episode = again(bench, index);
             // An ego that does not answer twice alike may not fail again.
-            episode.verdict.is_success().then(|| Candidate {
+            episode.verdict.is_success().then(|| CrashCandidate {
                 index,
                 shape: CrashFeatures::of(self.scenario, &episode),
                 badness: badness(&episode),
@@ -285,7 +294,7 @@ impl<'a> Keeper<'a> {
             || self.scenario.bench(),
             |bench, index, _| candidate(bench, *index),
         );
-        let mut all: Vec<Candidate> = played.into_iter().flatten().collect();
+        let mut all: Vec<CrashCandidate> = played.into_iter().flatten().collect();
         all.sort_by(|a, b| descending(&a.badness, &b.badness).then(a.index.cmp(&b.index)));
         all
     }
@@ -293,14 +302,14 @@ impl<'a> Keeper<'a> {
     /// Those that are to be kept, looked at a few at a time.
     fn chosen(
         &self,
-        (candidates, clusters): (&[Candidate], &[Vec<usize>]),
+        (candidates, clusters): (&[CrashCandidate], &[Vec<usize>]),
         again: Again<'_>,
         watch: &Watch<'_>,
         kept: &mut KeptFiles,
     ) -> Vec<Labelled> {
         let (mut queue, most) = match self.settings.choice {
-            Choice::Worst(most) => (leaders(clusters), most),
-            Choice::All => (everybody(clusters), candidates.len()),
+            CrashSelection::Worst(most) => (leaders(clusters), most),
+            CrashSelection::All => (everybody(clusters), candidates.len()),
         };
         queue.truncate(LOOKS.saturating_mul(most));
         let mut queue = queue.into_iter();
@@ -327,7 +336,7 @@ impl<'a> Keeper<'a> {
                 .collect();
             let runs = labelled.iter().filter_map(|it| it.about.ego_runs.as_ref());
             kept.runs += runs.map(|runs| runs.runs).sum::<u64>();
-            let all = self.settings.choice == Choice::All;
+            let all = self.settings.choice == CrashSelection::All;
             chosen.extend(labelled.into_iter().filter(|it| all || persists(&it.about)));
         }
         kept.passed_over = looked - chosen.len();

@@ -13,7 +13,7 @@ use indexmap::IndexMap;
 use serde::Serialize;
 
 use crate::adversary::{Ado, EvalRequest, Evaluated, Outcome, eval};
-use crate::crashes::{KeepSettings, Keeper, KeptFiles, about, copies};
+use crate::crashes::{CrashWriter, KeepSettings, KeptFiles, about, copies};
 use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, Watch, leaf, note_if_unrepeatable, untried_starts,
 };
@@ -408,7 +408,7 @@ impl PointsTable {
         watch: &Watch<'_>,
     ) -> Result<Vec<KeptFiles>, KeptError> {
         let [failed, strayed] = self.failing();
-        let keeper = |ado| Keeper {
+        let keeper = |ado| CrashWriter {
             scenario: self.met.scenario(),
             ego: self.met.ego.name(),
             change: self.met.ego.change(),

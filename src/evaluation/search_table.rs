@@ -5,7 +5,7 @@ use std::path::Path;
 use super::break_even::{BreakEven, break_even};
 use super::error::EvaluationError;
 use crate::adversary::{Ado, eval};
-use crate::crashes::{KeepSettings, Keeper, KeptFiles};
+use crate::crashes::{CrashWriter, KeepSettings, KeptFiles};
 use crate::experiment::{
     Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
@@ -85,7 +85,7 @@ impl SearchTable {
         let mut all = Vec::new();
         for searched in &self.searched {
             let ego = &searched.ego;
-            let keeper = Keeper {
+            let keeper = CrashWriter {
                 scenario: ego.scenario(),
                 ego: ego.name(),
                 change: ego.change(),

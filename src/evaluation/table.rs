@@ -9,7 +9,7 @@ use super::error::EvaluationError;
 use super::evaluation_plan::FoundBy;
 use super::reuse::{ReusedOn, reused_on};
 use crate::adversary::{Baselines, BestOfNResult, EvalRequest, Evaluated, GridPolicy};
-use crate::crashes::{Again, KeepSettings, Keeper, KeptFiles};
+use crate::crashes::{Again, CrashWriter, KeepSettings, KeptFiles};
 use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
@@ -280,7 +280,7 @@ impl<'a> EvaluationTable<'a> {
                 let mut played = |bench: &mut Testbench, index| play(bench, index);
                 evaluated.again(&request, bench, index, &mut played)
             };
-            let keeper = Keeper::of(&request, change, settings);
+            let keeper = CrashWriter::of(&request, change, settings);
             let solved: Vec<usize> = evaluated.solved().collect();
             keeper.keep(&solved, &again, dir, watch)
         };

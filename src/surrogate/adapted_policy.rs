@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::earlier_attempts::Earlier;
 use super::learn::{Acts, LearnedEgo, LearnedFrom, SurrogateError};
 use super::plan::Planner;
-use super::planning_budget::Care;
+use super::planning_budget::PlanningBudget;
 use super::strategy::{Policies, Strategy};
 use crate::adversary::{EpisodeResult, EvalRequest, Evaluated, RepeatedEpisode, in_words};
 use crate::experiment::{TestStarts, Watch, WorkItem};
@@ -165,7 +165,7 @@ fn how(world: &Scenario, learned: &LearnedFrom) -> String {
 }
 
 /// Planner of one thread, with the bench of the real ego.
-struct Worker<'a> {
+struct PlanningWorker<'a> {
     planner: Option<Planner<'a>>,
     bench: Testbench,
 }
@@ -197,16 +197,16 @@ impl LearnedEgo {
             trained_on: trained_on.as_deref(),
         };
         // Every thread has its own planner and bench, so starts share no state.
-        let worker = || Worker {
+        let worker = || PlanningWorker {
             planner: Planner::new(
                 request.scenario,
                 (&self.surrogate, self.from.judged_on),
-                (policies, Care::FULL),
+                (policies, PlanningBudget::FULL),
                 watch,
             ),
             bench: request.scenario.bench(),
         };
-        let one = |worker: &mut Worker<'_>, from: &(Start, u64), turn: &WorkItem| {
+        let one = |worker: &mut PlanningWorker<'_>, from: &(Start, u64), turn: &WorkItem| {
             let planner = worker.planner.as_mut()?;
             let bench = &mut worker.bench;
             self.solve(request, (planner, bench), from, (turn, tries), watch)

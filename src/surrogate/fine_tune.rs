@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::fit::MEMBERS;
-use super::model::{Casting, Part, Surrogate};
+use super::model::{ModelDriverConfig, ModelDriverSlot, Surrogate};
 use super::surrogate_sim::ModelBench;
 use crate::experiment::Watch;
 use crate::rl::{Control, Env, Spaces, Step, TensorFile, fine_tuner};
@@ -23,7 +23,7 @@ const DECISIONS: u64 = 30_000;
 /// The ado then relies only on behaviour that all members share.
 struct Inside {
     gym: Gym,
-    casting: Casting,
+    casting: ModelDriverSlot,
     surrogate: Arc<Surrogate>,
 }
 
@@ -33,11 +33,11 @@ impl Env for Inside {
     }
 
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
-        self.casting.give(Part {
+        self.casting.give(ModelDriverConfig {
             surrogate: Some(Arc::clone(&self.surrogate)),
             // The episode index selects the member, so equal requests repeat the training.
             member: Some(index as usize % MEMBERS),
-            ..Part::default()
+            ..ModelDriverConfig::default()
         });
         self.gym.reset(index, obs);
     }
@@ -109,9 +109,9 @@ mod tests {
             let key = gym.key(*index);
             let bench = gym.bench();
             let (start, noise) = (bench.draw(key), bench.noise_of(key));
-            casting.give(Part {
+            casting.give(ModelDriverConfig {
                 surrogate: Some(Arc::clone(surrogate)),
-                ..Part::default()
+                ..ModelDriverConfig::default()
             });
             let mut actor = PolicyActor(policy);
             let episode = play(bench, &start, noise, &mut actor, Aftermath::Skip);

@@ -15,7 +15,7 @@
 mod contest;
 
 pub use self::contest::Adapted;
-use self::contest::{Contest, Outcome};
+use self::contest::{RewardAndSuccess, SuccessiveHalving};
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::run_dir::{RunDir, RunError};
@@ -55,14 +55,14 @@ pub struct AdaptRequest<'a> {
 /// # Errors
 /// The run has no policy, or its file is damaged.
 pub fn adapt(request: &AdaptRequest<'_>, watch: &Watch<'_>) -> Result<Option<Adapted>, RunError> {
-    let contest = Contest {
+    let contest = SuccessiveHalving {
         family: request.family,
         first: request.first,
         simulations: request.simulations,
         seed: request.seed,
         tell: &|members| {
             let policies = request.run.policies_told(members)?;
-            Ok(policies.into_iter().map(Ado).collect())
+            Ok(policies.into_iter().map(ConditionedAgent).collect())
         },
         meet: &|pairs| meet(request, pairs, watch),
     };
@@ -70,29 +70,30 @@ pub fn adapt(request: &AdaptRequest<'_>, watch: &Watch<'_>) -> Result<Option<Ada
 }
 
 /// An ado that was told a member.
-struct Ado(Box<dyn Policy>);
+struct ConditionedAgent(Box<dyn Policy>);
 
 /// Lets ados play one calibration start each. `None`: stopped.
 fn meet(
     request: &AdaptRequest<'_>,
-    pairs: &[(&Ado, u64)],
+    pairs: &[(&ConditionedAgent, u64)],
     watch: &Watch<'_>,
-) -> Option<Vec<Outcome>> {
-    let play_one = |bench: &mut Testbench, &(ado, index): &(&Ado, u64), _: &WorkItem| {
-        let key = StartKey {
-            purpose: Purpose::Calibration,
-            seed: request.seed,
-            index: FIRST_START + index,
+) -> Option<Vec<RewardAndSuccess>> {
+    let play_one =
+        |bench: &mut Testbench, &(ado, index): &(&ConditionedAgent, u64), _: &WorkItem| {
+            let key = StartKey {
+                purpose: Purpose::Calibration,
+                seed: request.seed,
+                index: FIRST_START + index,
+            };
+            let (start, noise) = (bench.draw(key), bench.noise_of(key));
+            let mut actor = PolicyActor(&*ado.0);
+            let (from, at) = ((&start, noise), index as usize);
+            let verdict = watch
+                .play(bench, from, at, &mut actor, Aftermath::Skip)
+                .verdict;
+            let reward = request.ego.rulebook().reward_of(&verdict);
+            Some((reward, verdict.is_success()))
         };
-        let (start, noise) = (bench.draw(key), bench.noise_of(key));
-        let mut actor = PolicyActor(&*ado.0);
-        let (from, at) = ((&start, noise), index as usize);
-        let verdict = watch
-            .play(bench, from, at, &mut actor, Aftermath::Skip)
-            .verdict;
-        let reward = request.ego.rulebook().reward_of(&verdict);
-        Some((reward, verdict.is_success()))
-    };
     let all = EpisodeLoop::uncounted(watch);
     let played = all.run(pairs, || request.ego.bench(), play_one);
     played.into_iter().collect()

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::recording::IdentifyRequest;
-use super::recording::{Recorded, deviations, noise_m, record};
+use super::recording::{RecordedRuns, deviations, noise_m, record};
 use crate::experiment::Watch;
 use crate::seed;
 use crate::sim::PlantKind;
@@ -194,7 +194,7 @@ fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> 
 struct Lab<'a> {
     world: &'a Scenario,
     family: &'a Family,
-    recorded: &'a Recorded,
+    recorded: &'a RecordedRuns,
     watch: &'a Watch<'a>,
     simulations: AtomicU64,
 }

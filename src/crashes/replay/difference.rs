@@ -1,6 +1,6 @@
 //! First difference between a replay and its recording.
 
-use super::kept::Kept;
+use super::kept::SavedCounterexample;
 use crate::run_dir::{KeptError, digests_of};
 use crate::scene::drive::current_name;
 use crate::testbench::Episode;
@@ -47,7 +47,7 @@ impl std::fmt::Display for Difference {
 /// # Errors
 /// Returns an error if the samples beside the file are damaged.
 pub(super) fn first_difference(
-    kept: &Kept,
+    kept: &SavedCounterexample,
     episode: &Episode,
 ) -> Result<Option<Difference>, KeptError> {
     let recorded = &kept.counterexample;
@@ -133,7 +133,7 @@ mod tests {
     use crate::crashes::replay::Regressions;
     use crate::run_dir::Counterexample;
 
-    fn kept() -> Kept {
+    fn kept() -> SavedCounterexample {
         let file = concat!(
             env!("CARGO_MANIFEST_DIR"),
             "/tests/regressions/acc-nominal-0001.ron"
@@ -142,14 +142,18 @@ mod tests {
         all.kept()[0].clone()
     }
 
-    fn replayed(kept: &Kept) -> Episode {
+    fn replayed(kept: &SavedCounterexample) -> Episode {
         let scenario = kept.counterexample.scenario(&kept.path).expect("a world");
         let replayed = super::super::replay(kept, scenario).expect("replayed");
         replayed.episode
     }
 
     /// Counterexample as an earlier version would have recorded `names`.
-    fn recorded_as(kept: &Kept, episode: &Episode, names: &[(&str, &str)]) -> Kept {
+    fn recorded_as(
+        kept: &SavedCounterexample,
+        episode: &Episode,
+        names: &[(&str, &str)],
+    ) -> SavedCounterexample {
         let schema = episode.trace.schema();
         let columns = names.iter().map(|(_, now)| schema.position(now));
         let columns: Vec<usize> = columns.map(|column| column.expect("published")).collect();
@@ -158,7 +162,7 @@ mod tests {
             digests: digests_of(&episode.trace, &columns),
             ..kept.counterexample.clone()
         };
-        Kept {
+        SavedCounterexample {
             counterexample,
             ..kept.clone()
         }

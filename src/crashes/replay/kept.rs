@@ -9,14 +9,14 @@ use crate::world::Scenario;
 
 /// Counterexample with the file that holds it.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct SavedCounterexample {
     /// Path of the file.
     pub path: PathBuf,
     /// World, start, actions and verdict, as read.
     pub counterexample: Counterexample,
 }
 
-impl Kept {
+impl SavedCounterexample {
     /// Writes the file again in the present format, with its hash.
     ///
     /// `episode` must be the recorded episode.

@@ -49,12 +49,12 @@ const LEAST_SPREAD: f64 = 0.15;
 /// A mean over few starts counts as if so many more had made no difference.
 const DOUBT: f64 = 4.0;
 /// The races, in turn.
-const RACES: [Race; 2] = [
-    Race {
+const RACES: [HalvingRound; 2] = [
+    HalvingRound {
         finalists: 5,
         share: 0.4,
     },
-    Race {
+    HalvingRound {
         finalists: 2,
         share: 1.0,
     },
@@ -63,7 +63,7 @@ const RACES: [Race; 2] = [
 const CLEARLY: f64 = 1.0;
 
 /// Members that play some more starts.
-struct Race {
+struct HalvingRound {
     /// How many, beside the first member.
     finalists: usize,
     /// Share of the simulations that are left.
@@ -72,15 +72,15 @@ struct Race {
 
 /// What a run came to: its reward, none if the ego failed to run, and whether
 /// the ado succeeded.
-pub(super) type Outcome = (Option<f64>, bool);
+pub(super) type RewardAndSuccess = (Option<f64>, bool);
 
 /// Makes ados of members.
 pub(super) type Tell<'a, P> = &'a dyn Fn(&[EgoSample]) -> Result<Vec<P>, RunError>;
 /// Lets ados play starts. `None`: stopped.
-pub(super) type Meet<'a, P> = &'a dyn Fn(&[(&P, u64)]) -> Option<Vec<Outcome>>;
+pub(super) type Meet<'a, P> = &'a dyn Fn(&[(&P, u64)]) -> Option<Vec<RewardAndSuccess>>;
 
 /// The rules under which members compete; `P` is an ado that was told one.
-pub(super) struct Contest<'a, P> {
+pub(super) struct SuccessiveHalving<'a, P> {
     pub family: &'a Family,
     pub first: &'a EgoSample,
     pub simulations: u64,
@@ -89,10 +89,10 @@ pub(super) struct Contest<'a, P> {
     pub meet: Meet<'a, P>,
 }
 
-impl<P> Contest<'_, P> {
+impl<P> SuccessiveHalving<'_, P> {
     /// Holds it. `None`: stopped.
     pub fn run(&self, progress: &dyn Fn(u64, u64)) -> Result<Option<Adapted>, RunError> {
-        let mut field = Field {
+        let mut field = CandidatePool {
             candidates: Vec::new(),
             starts: 0,
             simulations: 0,
@@ -127,7 +127,7 @@ impl<P> Contest<'_, P> {
     }
 
     /// Members to try.
-    fn propose(&self, field: &Field<P>, generation: u64, count: usize) -> Vec<EgoSample> {
+    fn propose(&self, field: &CandidatePool<P>, generation: u64, count: usize) -> Vec<EgoSample> {
         let mut dice = seed::generator("adapt", &[self.seed, generation]);
         let plant = self.first.plant;
         let elites = field.best(ELITES);
@@ -158,7 +158,11 @@ impl<P> Contest<'_, P> {
 
     /// Adds members and gives their positions; one that sounds like another to
     /// the ado is not added again.
-    fn enter(&self, field: &mut Field<P>, members: Vec<EgoSample>) -> Result<Vec<usize>, RunError> {
+    fn enter(
+        &self,
+        field: &mut CandidatePool<P>,
+        members: Vec<EgoSample>,
+    ) -> Result<Vec<usize>, RunError> {
         let from = field.candidates.len();
         let mut heard: Vec<Vec<f32>> = field
             .candidates
@@ -233,14 +237,14 @@ impl<P> Candidate<P> {
 }
 
 /// Everybody who competes, the first member in front.
-struct Field<P> {
+struct CandidatePool<P> {
     candidates: Vec<Candidate<P>>,
     starts: u64,
     simulations: u64,
     invalid: u64,
 }
 
-impl<P> Field<P> {
+impl<P> CandidatePool<P> {
     /// The best that were played, without the first member, the best in front.
     fn best(&self, count: usize) -> Vec<usize> {
         let played = (1..self.candidates.len()).filter(|&i| !self.candidates[i].played.is_empty());
@@ -332,7 +336,7 @@ mod tests {
     /// Ados whose chance on a start falls with their distance from `best`.
     fn run(family: &Family, best: &[f64], (simulations, seed): (u64, u64)) -> Adapted {
         let nominal = family.nominal(PlantKind::Kinematic);
-        let contest = Contest {
+        let contest = SuccessiveHalving {
             family,
             first: &nominal,
             simulations,
