@@ -58,11 +58,11 @@ pub enum ServeError {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
-struct Asked {
+struct ServeRequest {
     #[serde(default)]
     id: Value,
     #[serde(default)]
-    hello: Option<Hello>,
+    hello: Option<ClientHello>,
     #[serde(default)]
     reset: Option<Value>,
     #[serde(default)]
@@ -72,7 +72,7 @@ struct Asked {
 }
 
 #[derive(Deserialize)]
-struct Hello {
+struct ClientHello {
     protocol: u32,
 }
 
@@ -181,9 +181,9 @@ impl ServedAdo {
         Ok(served)
     }
 
-    fn answer(&mut self, asked: &Asked) -> Result<Map<String, Value>, String> {
+    fn answer(&mut self, asked: &ServeRequest) -> Result<Map<String, Value>, String> {
         let answer = match asked {
-            Asked {
+            ServeRequest {
                 hello: Some(hello), ..
             } => {
                 if hello.protocol == PROTOCOL {
@@ -195,11 +195,11 @@ impl ServedAdo {
                     ));
                 }
             }
-            Asked { reset: Some(_), .. } => {
+            ServeRequest { reset: Some(_), .. } => {
                 self.decisions = 0;
                 json!({ "ready": true })
             }
-            Asked {
+            ServeRequest {
                 decide: Some(signals),
                 ..
             } => self.decide(signals)?,
@@ -324,7 +324,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
 }
 
 /// The message of a line; none if it is blank.
-fn message(text: &str) -> Result<Option<Asked>, String> {
+fn message(text: &str) -> Result<Option<ServeRequest>, String> {
     if LONGEST < text.len() as u64 {
         return Err(format!("it is longer than {LONGEST} bytes"));
     }

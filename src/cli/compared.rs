@@ -18,7 +18,7 @@ failing        starts from which some ado makes the ego fail with that value, ev
 
 /// Which newly failing starts hold a change up.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum GateOn {
+pub(super) enum GateOnArg {
     /// Those that CC_LATCHED or FSM would have avoided.
     Preventable,
     /// All of them.
@@ -29,23 +29,23 @@ pub(super) enum GateOn {
 
 /// Egos compared with each other.
 #[derive(Default)]
-pub(super) struct Compared {
+pub(super) struct GateAndSweep {
     gates: Vec<Gate>,
     swept: Option<Swept>,
 }
 
-impl Compared {
+impl GateAndSweep {
     pub(super) fn of(
         args: &EvalArgs,
         sweep: Option<&Sweep>,
         evaluated: &EvaluationTable<'_>,
         watch: &Watch<'_>,
-    ) -> Result<Compared, Failure> {
+    ) -> Result<GateAndSweep, Failure> {
         let swept = sweep.map(|sweep| sweep.swept(&evaluated.egos));
         if let (Some(file), Some(swept)) = (args.curve.as_deref(), &swept) {
             write_file(file, curve(swept).as_bytes())?;
         }
-        Ok(Compared {
+        Ok(GateAndSweep {
             gates: match &args.baseline_ego {
                 Some(baseline) => evaluated.gates(baseline, watch)?,
                 None => Vec::new(),
@@ -74,11 +74,11 @@ impl Compared {
     }
 
     /// Whether a new ego fails where the one before it did not.
-    pub(super) fn is_held_up(&self, on: GateOn) -> bool {
+    pub(super) fn is_held_up(&self, on: GateOnArg) -> bool {
         self.gates.iter().any(|gate| match on {
-            GateOn::Preventable => gate.is_newly_preventable(),
-            GateOn::Any => !gate.newly_failing.is_empty(),
-            GateOn::Never => false,
+            GateOnArg::Preventable => gate.is_newly_preventable(),
+            GateOnArg::Any => !gate.newly_failing.is_empty(),
+            GateOnArg::Never => false,
         })
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::compared::{Compared, GateOn};
+use super::compared::{GateAndSweep, GateOnArg};
 use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
@@ -69,7 +69,7 @@ pub(super) struct EvalArgs {
         default_value = "preventable",
         requires = "baseline_ego"
     )]
-    gate: GateOn,
+    gate: GateOnArg,
     /// One parameter of the ego over a range instead of `--ego`: where it is safe.
     #[arg(long, value_name = "ego.NAME=LO..HI[:N]", conflicts_with_all = ["ego", "program"])]
     over: Option<String>,
@@ -190,7 +190,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     let theorems = checked(args, &mut evaluated, &watch.unnumbered());
-    let compared = Compared::of(args, sweep.as_ref(), &evaluated, &watch.unnumbered())?;
+    let compared = GateAndSweep::of(args, sweep.as_ref(), &evaluated, &watch.unnumbered())?;
     drop(bar);
     show(args, &evaluated, theorems.as_ref(), &compared)?;
     keep(args, &evaluated, egos.len())?;
@@ -328,7 +328,7 @@ fn show(
     args: &EvalArgs,
     evaluated: &EvaluationTable<'_>,
     theorems: Option<&TheoremsChecked>,
-    compared: &Compared,
+    compared: &GateAndSweep,
 ) -> Result<(), Failure> {
     let summary = summarise(&evaluated.egos, "trained");
     if args.common.json {
@@ -374,7 +374,7 @@ fn ended(
     args: &EvalArgs,
     evaluated: EvaluationTable<'_>,
     theorems: Option<TheoremsChecked>,
-    compared: &Compared,
+    compared: &GateAndSweep,
 ) -> Result<Exit, Failure> {
     let rows = evaluated.rows();
     if let Some(failure) = evaluated.failure {

@@ -37,7 +37,7 @@ impl Excerpt {
             0 => 0,
             feed => text[..feed - 1].rfind('\n').map_or(0, |feed| feed + 1),
         };
-        let mut window = Window {
+        let mut window = ExcerptWindow {
             start,
             end,
             from: None,
@@ -69,7 +69,7 @@ impl Excerpt {
 }
 
 /// An excerpt that grows line by line, and where the mistake is in it.
-struct Window {
+struct ExcerptWindow {
     /// The bytes of the file that are wrong.
     start: usize,
     end: usize,
@@ -79,7 +79,7 @@ struct Window {
     text: String,
 }
 
-impl Window {
+impl ExcerptWindow {
     /// Adds a line of the file, which begins there at the byte `at`.
     fn line(&mut self, line: &str, at: usize) {
         let words = line.strip_suffix('\n').unwrap_or(line);

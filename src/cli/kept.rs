@@ -73,7 +73,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         .zip(&known)
         .map(|(it, about)| row(it, about))
         .collect();
-    let in_all = Tally::of(&replayed);
+    let in_all = ReplaySummary::of(&replayed);
     if args.common.json {
         print_json(&json!({ "rows": rows, "in_all": in_all }))
     } else {
@@ -104,7 +104,7 @@ fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit
 
 /// What all replays come to.
 #[derive(Serialize)]
-struct Tally {
+struct ReplaySummary {
     replayed: usize,
     still_fail: usize,
     fixed: usize,
@@ -112,11 +112,11 @@ struct Tally {
     invalid: usize,
 }
 
-impl Tally {
-    fn of(replayed: &[Replayed]) -> Tally {
+impl ReplaySummary {
+    fn of(replayed: &[Replayed]) -> ReplaySummary {
         let still_fail = replayed.iter().filter(|one| one.still_fails()).count();
         let invalid = replayed.iter().filter(|one| one.fault().is_some()).count();
-        Tally {
+        ReplaySummary {
             replayed: replayed.len(),
             still_fail,
             fixed: replayed.len() - still_fail - invalid,
@@ -125,9 +125,9 @@ impl Tally {
     }
 }
 
-impl Display for Tally {
+impl Display for ReplaySummary {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Tally {
+        let ReplaySummary {
             replayed,
             still_fail,
             fixed,

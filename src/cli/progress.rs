@@ -22,7 +22,7 @@ const TELLING: u64 = 20;
 
 /// What is known of the present phase.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Phase {
+struct ProgressPhase {
     /// What the bar is over; empty where phases say everything.
     title: String,
     what: String,
@@ -38,14 +38,14 @@ struct Phase {
 
 /// When that was, in seconds.
 #[derive(Clone, Copy, Debug)]
-struct Spent {
+struct PhaseTime {
     /// Since the phase began.
     elapsed_s: u64,
     /// Since something was last done of it.
     idle_s: u64,
 }
 
-impl Phase {
+impl ProgressPhase {
     /// What is done now: `2/4 training (decisions)`.
     fn label(&self) -> String {
         let mut label = String::new();
@@ -67,7 +67,7 @@ impl Phase {
     /// Items that are under way say nothing of their end: without others that
     /// wait for their turn there is no estimate. An item that takes long counts
     /// as long again.
-    fn left_s(&self, spent: Spent, at_once: u64) -> Option<u64> {
+    fn left_s(&self, spent: PhaseTime, at_once: u64) -> Option<u64> {
         let total = self.total?;
         let (here, left) = (
             self.done.saturating_sub(self.first),
@@ -82,7 +82,7 @@ impl Phase {
     }
 
     /// A line for those who have no terminal.
-    fn line(&self, spent: Spent, at_once: u64) -> String {
+    fn line(&self, spent: PhaseTime, at_once: u64) -> String {
         let mut line = self.label();
         let elapsed_s = spent.elapsed_s;
         let _ = match self.total {
@@ -99,26 +99,26 @@ impl Phase {
 /// The present phase and its clocks.
 #[derive(Debug)]
 struct Present {
-    phase: Phase,
+    phase: ProgressPhase,
     began: Instant,
     last: Instant,
     ended: bool,
 }
 
 impl Present {
-    fn spent(&self) -> Spent {
-        Spent {
+    fn spent(&self) -> PhaseTime {
+        PhaseTime {
             elapsed_s: self.began.elapsed().as_secs(),
             idle_s: self.last.elapsed().as_secs(),
         }
     }
 
     fn begin(&mut self, what: &str, step: Option<(usize, usize)>) {
-        self.phase = Phase {
+        self.phase = ProgressPhase {
             title: std::mem::take(&mut self.phase.title),
             what: what.to_owned(),
             step,
-            ..Phase::default()
+            ..ProgressPhase::default()
         };
         (self.began, self.last) = (Instant::now(), Instant::now());
     }
@@ -143,14 +143,14 @@ impl Present {
 
 /// What all who report share.
 #[derive(Debug)]
-struct Shared {
+struct SharedProgress {
     present: Mutex<Present>,
     /// Wakes whoever writes lines when the bar ends.
     ended: Condvar,
     at_once: u64,
 }
 
-impl Shared {
+impl SharedProgress {
     fn present(&self) -> MutexGuard<'_, Present> {
         // Counts stay sound if somebody panicked beside them.
         self.present.lock().unwrap_or_else(PoisonError::into_inner)
@@ -174,7 +174,7 @@ impl Shared {
 /// Progress of a command; it goes when it is dropped.
 pub(super) struct Bar {
     shown: ProgressBar,
-    shared: Arc<Shared>,
+    shared: Arc<SharedProgress>,
     lines: Option<JoinHandle<()>>,
     progress: Box<dyn Fn(u64, u64) + Send + Sync>,
     remarks: Box<dyn Fn(Remark<'_>) + Send + Sync>,
@@ -183,11 +183,11 @@ pub(super) struct Bar {
 /// A bar over work whose phases and counts the work itself tells; `title` stands
 /// before them.
 pub(super) fn bar(title: &str) -> Bar {
-    let shared = Arc::new(Shared {
+    let shared = Arc::new(SharedProgress {
         present: Mutex::new(Present {
-            phase: Phase {
+            phase: ProgressPhase {
                 title: title.to_owned(),
-                ..Phase::default()
+                ..ProgressPhase::default()
             },
             began: Instant::now(),
             last: Instant::now(),
@@ -241,11 +241,11 @@ pub(super) fn bar(title: &str) -> Bar {
 }
 
 /// How a bar looks on a terminal.
-fn style(shared: &Arc<Shared>) -> ProgressStyle {
+fn style(shared: &Arc<SharedProgress>) -> ProgressStyle {
     let shared = Arc::clone(shared);
     let counts = move |_: &ProgressState, text: &mut dyn Write| {
         let present = shared.present();
-        let Spent { elapsed_s, .. } = present.spent();
+        let PhaseTime { elapsed_s, .. } = present.spent();
         if let Some(total) = present.phase.total {
             let _ = write!(text, "{}/{total}  ", present.phase.done);
         }
@@ -291,9 +291,9 @@ mod tests {
 
     fn present(title: &str) -> Present {
         Present {
-            phase: Phase {
+            phase: ProgressPhase {
                 title: title.to_owned(),
-                ..Phase::default()
+                ..ProgressPhase::default()
             },
             began: Instant::now(),
             last: Instant::now(),
@@ -302,7 +302,7 @@ mod tests {
     }
 
     fn line(present: &Present, elapsed_s: u64, idle_s: u64) -> String {
-        let spent = Spent { elapsed_s, idle_s };
+        let spent = PhaseTime { elapsed_s, idle_s };
         present.phase.line(spent, 2)
     }
 

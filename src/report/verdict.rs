@@ -4,7 +4,7 @@
 //! that avoid it.
 
 use super::Example;
-use super::fault::{Fault, fault};
+use super::fault::{StyledFault, fault};
 use crate::ego::Phase;
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::run_dir::{LastChance, Severity};
@@ -22,7 +22,7 @@ pub(super) struct VerdictWords {
     /// Reference drivers that avoid it. `None` if nothing is known.
     pub care: Option<String>,
     /// Blame in two or three words, and the CSS class of its colour.
-    pub blame: Fault,
+    pub blame: StyledFault,
 }
 
 impl VerdictWords {

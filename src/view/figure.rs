@@ -4,13 +4,17 @@ use rerun::{AsComponents, Boxes3D, Capsules3D, Cylinders3D, FillMode, Points3D};
 
 use super::entity::agent_path;
 use super::error::ViewError;
-use super::journal::Journal;
+use super::journal::LogWriter;
 use super::palette::{self, Rgb};
-use super::story::Story;
+use super::story::ViewedEpisode;
 use crate::scene::{AgentDescription, BodyFigure};
 
 /// Logs a body in the frame of its own centre: x forward, y left, z up.
-pub(super) fn log(story: &Story<'_>, who: usize, journal: &mut Journal) -> Result<(), ViewError> {
+pub(super) fn log(
+    story: &ViewedEpisode<'_>,
+    who: usize,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
     let cast = &story.stage.cast[who];
     let colour = story.colour(who);
     let figure = cast.figure();
@@ -80,13 +84,13 @@ impl Scale {
     }
 }
 
-type Part = ([f32; 3], [f32; 3], Rgb);
+type ColouredBox = ([f32; 3], [f32; 3], Rgb);
 
 /// Boxes (centre, size, colour) of a figure.
 ///
 /// `colour` identifies the agent, and `paint` is its own.
-fn boxes(figure: BodyFigure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
-    let part = |at: [f32; 3], size: [f32; 3], colour: Rgb| -> Part {
+fn boxes(figure: BodyFigure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<ColouredBox> {
+    let part = |at: [f32; 3], size: [f32; 3], colour: Rgb| -> ColouredBox {
         let (place, size) = (
             body.place(at[0], at[1], at[2]),
             body.size(size[0], size[1], size[2]),

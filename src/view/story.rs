@@ -14,7 +14,7 @@ use crate::world::Scenario;
 const GOES_ON_S: f64 = 0.3;
 
 /// Episode with all derived values that a viewer shows.
-pub(super) struct Story<'a> {
+pub(super) struct ViewedEpisode<'a> {
     pub scenario: &'a Scenario,
     pub episode: &'a Episode,
     pub caption: &'a str,
@@ -43,9 +43,13 @@ pub(super) struct Running {
     pub lost: Option<usize>,
 }
 
-impl<'a> Story<'a> {
+impl<'a> ViewedEpisode<'a> {
     /// Replays the episode and evaluates its formulas.
-    pub fn new(scenario: &'a Scenario, episode: &'a Episode, caption: &'a str) -> Story<'a> {
+    pub fn new(
+        scenario: &'a Scenario,
+        episode: &'a Episode,
+        caption: &'a str,
+    ) -> ViewedEpisode<'a> {
         let mut bench = scenario.bench();
         let mut frames = film(&mut bench, episode);
         let departs = departure(episode, bench.trace());
@@ -75,7 +79,7 @@ impl<'a> Story<'a> {
             Verdict::Invalid => Some(last),
             Verdict::Held { .. } => None,
         };
-        Story {
+        ViewedEpisode {
             scenario,
             episode,
             caption,

@@ -38,7 +38,7 @@ pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
     })?;
     let dir = path.parent().unwrap_or(FilePath::new("")).to_owned();
     Checker {
-        source: Source { name, text },
+        source: CampaignText { name, text },
         dir,
         worlds: Vec::new(),
         planned: Vec::new(),
@@ -50,12 +50,12 @@ pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
 }
 
 /// Text of the campaign file, for errors that show the place.
-struct Source {
+struct CampaignText {
     name: String,
     text: String,
 }
 
-impl Source {
+impl CampaignText {
     fn wrong(
         &self,
         at: &ValuePath,
@@ -93,7 +93,7 @@ impl Source {
 }
 
 struct Checker {
-    source: Source,
+    source: CampaignText,
     /// Directory in which files are found.
     dir: PathBuf,
     /// Worlds on the requested plants and on the plants of their files.

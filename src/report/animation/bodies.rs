@@ -22,7 +22,7 @@ pub(in crate::report) fn colour_class(cast: &[AgentDescription], who: usize) -> 
 /// Shape of a body.
 pub(super) fn body(cast: &AgentDescription) -> Markup {
     let [length_m, width_m, _] = cast.size_m;
-    let body = Body { length_m, width_m };
+    let body = BodySize { length_m, width_m };
     match (cast.body.as_str(), cast.figure()) {
         // On a grid, shapes and not only colours distinguish the ego from the
         // ados.
@@ -53,12 +53,12 @@ const VAN: Cabin = Cabin {
     rear_window: None,
 };
 
-struct Body {
+struct BodySize {
     length_m: f64,
     width_m: f64,
 }
 
-impl Body {
+impl BodySize {
     /// Outline in the size of the body.
     fn hull(&self, rounding: f64) -> Markup {
         self.bar("paint", (-0.5, 0.5), (-0.5, 0.5), rounding * self.width_m)

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::film::Film;
+use super::film::EpisodeFrames;
 use super::write::n;
 use crate::ego::Phase;
 use crate::scene::ground::{GroundPoint, along, beside, near, reach};
@@ -77,7 +77,7 @@ pub(super) fn lights(stage: &SceneGeometry, phases: &[Phase]) -> Markup {
 }
 
 /// Paths of all agents, from the first sample to the last.
-pub(super) fn trails(film: &Film, classes: &[String]) -> Markup {
+pub(super) fn trails(film: &EpisodeFrames, classes: &[String]) -> Markup {
     html! {
         @for (track, class) in film.tracks.iter().zip(classes) {
             @let way: Vec<GroundPoint> = track.x_m.iter().zip(&track.y_m).step_by(4).map(|(x, y)| [*x, *y, 0.0]).collect();

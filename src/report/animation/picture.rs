@@ -4,10 +4,10 @@ use maud::{Markup, html};
 
 use super::bodies::{body, colour_class};
 use super::camera::{Camera, Canvas, SCREEN, THUMB};
-use super::film::{Course, Film, ego_of, is_on_cells};
+use super::film::{EpisodeFrames, FrameContext, ego_of, is_on_cells};
 use super::ground::{cells, lights, road, trails};
 use super::labels::{drawn, labels};
-use super::moments::{Moment, moments, violated_s};
+use super::moments::{KeyMoment, moments, violated_s};
 use super::moves::{Move, moves};
 use super::write::n;
 use crate::ego::Phase;
@@ -22,12 +22,12 @@ pub(super) const BRAKES_MPS2: f64 = 0.8;
 pub(super) struct Picture<'a> {
     pub example: &'a Example,
     pub stage: SceneGeometry,
-    pub film: Film,
+    pub film: EpisodeFrames,
     /// Colour classes of all agents.
     pub classes: Vec<String>,
     /// Moves of each ado by name.
     pub moves: Vec<(String, Vec<Move>)>,
-    pub moments: Vec<Moment>,
+    pub moments: Vec<KeyMoment>,
     /// Time of the violation of ψ_ego in seconds.
     pub violated_s: f64,
     /// Violated leaf of ψ_ego.
@@ -42,7 +42,7 @@ impl<'a> Picture<'a> {
     /// Returns the picture of an example with frames.
     pub fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
         let stage = scenario.bench().stage();
-        let film = Film::of(&stage, &example.frames, &Course::of(&example.episode));
+        let film = EpisodeFrames::of(&stage, &example.frames, &FrameContext::of(&example.episode));
         let why = example.about.why.as_ref();
         let moves = moves(scenario, &example.episode, film.end_s());
         Picture {
@@ -107,7 +107,7 @@ impl<'a> Picture<'a> {
     }
 
     /// Small still of a moment with its words. play.js jumps to it.
-    pub fn thumb(&self, moment: &Moment) -> Markup {
+    pub fn thumb(&self, moment: &KeyMoment) -> Markup {
         let i = self.film.at(moment.time_s);
         let camera = self.camera(i, &THUMB);
         let [width_px, height_px] = THUMB.size_px;
@@ -168,7 +168,7 @@ impl<'a> Picture<'a> {
     }
 
     /// SVG `transform` of a body at a sample.
-    pub fn pose(&self, film: &Film, who: usize, i: usize) -> String {
+    pub fn pose(&self, film: &EpisodeFrames, who: usize, i: usize) -> String {
         let track = &film.tracks[who];
         let turn_deg = track.heading_rad[i].to_degrees();
         let (x, y) = (n(track.x_m[i], 3), n(track.y_m[i], 3));

@@ -10,16 +10,16 @@ use rerun::{Arrows2D, AsComponents, Boxes2D, LineStrips2D, Points2D};
 use crate::rulebook::Verdict;
 use crate::scene::grid::Arena;
 use crate::view::error::ViewError;
-use crate::view::journal::Journal;
-use crate::view::layout::{Layout, Views};
+use crate::view::journal::LogWriter;
+use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::palette::{self, Rgb};
-use crate::view::panel::{Column, Panel, Shown};
-use crate::view::story::Story;
+use crate::view::panel::{Column, Panel, PanelWorlds};
+use crate::view::story::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "map",
     column: Column::Space,
-    shown: Shown::OnGrids,
+    shown: PanelWorlds::OnGrids,
     entities: &[
         ("/map/cells", "the cells, and fine ones"),
         ("/map/walls", "the walls around them"),
@@ -44,7 +44,7 @@ const FINE_LINE: Rgb = [50, 55, 63];
 const WALL: Rgb = [225, 225, 220];
 
 /// View of the complete map.
-fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let Some(world) = story.scenario.grid() else {
         return Ok(Vec::new());
     };
@@ -63,7 +63,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
 }
 
 /// Logs all entities with a place on the map.
-fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let Some(world) = story.scenario.grid() else {
         return Ok(());
     };
@@ -81,7 +81,7 @@ fn shown(arena: &Arena, [x, y, _]: [f64; 3]) -> [f32; 2] {
     [x as f32, (f64::from(arena.size) - y) as f32]
 }
 
-fn log_map(arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_map(arena: &Arena, journal: &mut LogWriter) -> Result<(), ViewError> {
     let size = arena.size;
     let side = f64::from(size);
     let fine = size * arena.refine;
@@ -122,10 +122,10 @@ fn log_map(arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
 /// Trail and move share an entity, and so do body and name, which gives fewer
 /// and smaller chunks.
 fn log_player(
-    story: &Story<'_>,
+    story: &ViewedEpisode<'_>,
     arena: &Arena,
     who: usize,
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let name = &story.stage.cast[who].name;
     let is_ego = who == story.ego();
@@ -167,7 +167,7 @@ fn log_body(
     centre: [f32; 2],
     colour: Rgb,
     at: (usize, f64),
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let entity = format!("map/{name}");
     let label = Points2D::new([centre])
@@ -188,7 +188,11 @@ fn log_body(
 }
 
 /// Logs a frame around the cell of the decision, from then on.
-fn log_outcome(story: &Story<'_>, arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_outcome(
+    story: &ViewedEpisode<'_>,
+    arena: &Arena,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
     let Some(sample) = story.decided else {
         return Ok(());
     };
