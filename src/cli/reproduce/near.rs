@@ -7,7 +7,7 @@ use crate::experiment::{Watch, test_starts};
 use crate::run_dir::RunDir;
 use crate::scene::Start;
 use crate::studies::{
-    Alumnus, NearFailing, near_starts, near_starts_markdown, start_with, trained_run,
+    NearFailing, TrainedPolicy, near_starts, near_starts_markdown, start_with, trained_run,
 };
 use crate::world::Scenario;
 
@@ -81,7 +81,7 @@ fn near(
     };
     let run = RunDir::open(&path)?;
     let policy = run.policy()?;
-    let alumnus = Alumnus {
+    let alumnus = TrainedPolicy {
         policy: &*policy,
         seed: run.manifest().seed,
         episodes: run.manifest().episodes,

@@ -5,7 +5,7 @@ use serde_json::json;
 use super::super::progress;
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
 use crate::experiment::EgoUnderTest;
-use crate::studies::{ReuseAsked, ReuseStudy, reuse_markdown};
+use crate::studies::{ReuseStudy, ReuseStudyConfig, reuse_markdown};
 use crate::sysid::ENOUGH_SIMULATIONS;
 use crate::world::Scenario;
 
@@ -19,7 +19,7 @@ const SEEDS: u64 = 3;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let runs = args.output.join("runs");
-    let asked = ReuseAsked {
+    let asked = ReuseStudyConfig {
         seeds: args.asked_seeds(SEEDS),
         starts: args.starts,
         tries: TRIES,
@@ -62,7 +62,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
 fn begin<'a>(
     name: &str,
     scenario: &'a Scenario,
-    asked: ReuseAsked<'a>,
+    asked: ReuseStudyConfig<'a>,
 ) -> Result<Option<ReuseStudy<'a>>, Failure> {
     let bar = progress::bar(name);
     Ok(ReuseStudy::begin(scenario, asked, &bar.watch())?)

@@ -56,7 +56,7 @@ pub const CONDITIONAL_TRIES: &str = "conditional, tries";
 
 /// Request of the study.
 #[derive(Clone, Copy)]
-pub struct ReuseAsked<'a> {
+pub struct ReuseStudyConfig<'a> {
     /// Training seeds, and the stream of the test starts.
     pub seeds: Seeds,
     /// Number of test starts.
@@ -69,7 +69,7 @@ pub struct ReuseAsked<'a> {
 
 /// Identification of an ego.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Known {
+pub struct EgoIdentification {
     /// Name of the ego.
     pub ego: String,
     /// Identified member, in words.
@@ -90,7 +90,7 @@ pub struct Known {
 
 /// Results of the study.
 #[derive(Clone, Debug, Serialize)]
-pub struct ReuseStudied {
+pub struct ReuseReport {
     /// Name of the world.
     pub world: String,
     /// Number of evaluated starts.
@@ -104,7 +104,7 @@ pub struct ReuseStudied {
     /// Results by ego, the nominal ego first.
     pub egos: Vec<ReusedOn>,
     /// Identification of each ego.
-    pub known: Vec<Known>,
+    pub known: Vec<EgoIdentification>,
     /// Starts from which the conditional ado is cheaper than search.
     pub economy: Vec<Economy>,
     /// Summary by block and over all changed egos, relative to the conditional ado.
@@ -143,7 +143,7 @@ pub enum ReuseError {
 }
 
 /// Ados of a training seed.
-struct Trio {
+struct SeedPolicies {
     nominal: RunDir,
     wide: RunDir,
     conditional: RunDir,
@@ -151,21 +151,21 @@ struct Trio {
 
 /// Results of an ego of the study.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Met {
+pub struct EgoResult {
     /// Summary of its rows.
     pub reused: ReusedOn,
     /// Rows of the ego, which the study lists beside the egos.
     pub rows: Vec<Row>,
     /// Identification of the ego.
-    pub known: Known,
+    pub known: EgoIdentification,
 }
 
 /// Unfinished study: trained ados and the starts of every ego.
 pub struct ReuseStudy<'a> {
     scenario: &'a Scenario,
     family: &'a Family,
-    asked: ReuseAsked<'a>,
-    trios: Vec<Trio>,
+    asked: ReuseStudyConfig<'a>,
+    trios: Vec<SeedPolicies>,
     train_cpu_s: CpuByAdo,
     starts: TestStarts,
     heuristic: OnceLock<Option<Heuristic>>,
@@ -178,7 +178,7 @@ impl<'a> ReuseStudy<'a> {
     /// Returns an error without a family, if a training fails, or if a file cannot be written.
     pub fn begin(
         scenario: &'a Scenario,
-        asked: ReuseAsked<'a>,
+        asked: ReuseStudyConfig<'a>,
         watch: &Watch<'_>,
     ) -> Result<Option<ReuseStudy<'a>>, ReuseError> {
         let Some(family) = scenario.family() else {
@@ -209,7 +209,7 @@ impl<'a> ReuseStudy<'a> {
         &self,
         tested: &EgoUnderTest,
         watch: &Watch<'_>,
-    ) -> Result<Option<Met>, ReuseError> {
+    ) -> Result<Option<EgoResult>, ReuseError> {
         let (ego, changed) = (tested.name(), tested.scenario());
         // All seeds train against the same family, so any run gives the relation.
         let conditional = &self.trios[0].conditional;
@@ -218,7 +218,7 @@ impl<'a> ReuseStudy<'a> {
         let Some(identified) = self.identified((ego, changed), &[], watch)? else {
             return Ok(None);
         };
-        let mut known = Known {
+        let mut known = EgoIdentification {
             ego: ego.to_owned(),
             taken_for: self.family.in_words(&identified.member),
             explained: identified.explains(),
@@ -272,7 +272,7 @@ impl<'a> ReuseStudy<'a> {
             }
         }
         let reused = reused_on(changed, (ego, relation), &self.starts, rows.clone(), watch);
-        Ok((!watch.stopped()).then_some(Met {
+        Ok((!watch.stopped()).then_some(EgoResult {
             reused,
             rows,
             known,
@@ -305,7 +305,7 @@ impl<'a> ReuseStudy<'a> {
     /// Adapts the parameters of a conditional ado to an ego.
     fn adapted(
         &self,
-        trio: &Trio,
+        trio: &SeedPolicies,
         ego: &Scenario,
         first: &EgoSample,
         watch: &Watch<'_>,
@@ -362,8 +362,8 @@ impl<'a> ReuseStudy<'a> {
     }
 
     /// Concludes the study from the egos' results, the nominal ego first.
-    pub fn conclude(&self, met: Vec<Met>) -> ReuseStudied {
-        let known: Vec<Known> = met.iter().map(|met| met.known.clone()).collect();
+    pub fn conclude(&self, met: Vec<EgoResult>) -> ReuseReport {
+        let known: Vec<EgoIdentification> = met.iter().map(|met| met.known.clone()).collect();
         let egos: Vec<ReusedOn> = met
             .into_iter()
             .map(|met| ReusedOn {
@@ -377,7 +377,7 @@ impl<'a> ReuseStudy<'a> {
         let training = trainings.map(|run| run.episodes as f64).sum::<f64>();
         // The economy counts the mean training, because each seed is a training.
         let training = training / self.trios.len().max(1) as f64;
-        ReuseStudied {
+        ReuseReport {
             world: self.scenario.name.clone(),
             starts: first.map_or(0, |row| row.starts),
             trivial: first.map_or(0, |row| row.trivial),
@@ -399,9 +399,9 @@ type CpuByAdo = Vec<(&'static str, f64)>;
 /// Trains the ados in parallel, as far as they are not trained yet.
 fn trios(
     scenario: &Scenario,
-    request: &ReuseAsked<'_>,
+    request: &ReuseStudyConfig<'_>,
     watch: &Watch<'_>,
-) -> Result<Option<(Vec<Trio>, CpuByAdo)>, ReuseError> {
+) -> Result<Option<(Vec<SeedPolicies>, CpuByAdo)>, ReuseError> {
     // All trainings form one parallel loop, so no thread waits for a kind to finish.
     let kinds = [
         TrainingEgos::Nominal,
@@ -439,7 +439,7 @@ fn trios(
         .zip(open(TrainingEgos::Wide))
         .zip(open(TrainingEgos::Conditional))
         .map(|((nominal, wide), conditional)| {
-            Ok(Trio {
+            Ok(SeedPolicies {
                 nominal: nominal?,
                 wide: wide?,
                 conditional: conditional?,

@@ -1,6 +1,6 @@
 //! Ados that play against an ego of the reuse study.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, Trio, held_word};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SeedPolicies, held_word};
 use crate::adversary::{
     Ado, BestOfN, EvalRequest, Heuristic, best_constant, count_solved, eval, other_members,
 };
@@ -26,7 +26,7 @@ impl Player<'_> {
     /// Returns the rows of a training seed.
     pub(super) fn ados(
         &self,
-        trio: &Trio,
+        trio: &SeedPolicies,
         family: &Family,
         (member, told): (&EgoSample, &str),
         tries: u64,
@@ -59,7 +59,7 @@ impl Player<'_> {
     pub(super) fn conditional(
         &self,
         word: &str,
-        trio: &Trio,
+        trio: &SeedPolicies,
         (member, told): (&EgoSample, &str),
     ) -> Result<Row, RunError> {
         let seed = trio.conditional.manifest().seed;

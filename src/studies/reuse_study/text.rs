@@ -1,12 +1,12 @@
 //! Markdown of the reuse study.
 
-use super::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
+use super::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseReport};
 use crate::evaluation::{ReusedOn, Summary};
 use crate::run_dir::Row;
 use crate::sysid::is_telling;
 
 /// Formats the study: every ego, then the means of every block.
-pub fn reuse_markdown(studies: &[ReuseStudied]) -> String {
+pub fn reuse_markdown(studies: &[ReuseReport]) -> String {
     studies.iter().map(one_markdown).collect()
 }
 
@@ -46,7 +46,7 @@ const SHOWN: [(&str, &str); 9] = [
     ("constant", "best constant"),
 ];
 
-fn one_markdown(study: &ReuseStudied) -> String {
+fn one_markdown(study: &ReuseReport) -> String {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let trained: Vec<String> = study
         .train_cpu_s
@@ -108,7 +108,7 @@ fn one_markdown(study: &ReuseStudied) -> String {
 }
 
 /// Formats the identification of every ego and its economy.
-fn known_markdown(study: &ReuseStudied) -> String {
+fn known_markdown(study: &ReuseReport) -> String {
     let mut text = String::from(
         "\n| ego | taken for | explained | residual m (nominal) | identification: simulations | \
          adapting: simulations | best told (first training seed) | \

@@ -180,7 +180,7 @@ pub fn table1(
         .sum();
     // RQ4 and RQ5 train every learner again, for longer, on the large map.
     let total = request.seeds.count * (own + 2 * own * value::LONGER);
-    let progress = Progress {
+    let progress = TrainingProgress {
         done: AtomicU64::new(0),
         total,
         watch,
@@ -246,7 +246,7 @@ fn learners(scenario: &Scenario) -> Vec<(String, LearnerConfig)> {
 }
 
 /// Progress over the decisions of all trainings.
-struct Progress<'a> {
+struct TrainingProgress<'a> {
     done: AtomicU64,
     total: u64,
     watch: &'a Watch<'a>,
@@ -257,7 +257,7 @@ fn learn(
     scenario: &Scenario,
     learner: &LearnerConfig,
     (index, seed): (usize, u64),
-    progress: &Progress<'_>,
+    progress: &TrainingProgress<'_>,
 ) -> Option<Learned> {
     let clock = cpu_time::ThreadTime::now();
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Learned, Progress, Table1, Table1Error, learn};
+use super::{Learned, Table1, Table1Error, TrainingProgress, learn};
 use crate::rl::{LearnerConfig, LearnerRng};
 use crate::scene::Start;
 use crate::scene::grid::exact::Game;
@@ -122,7 +122,7 @@ impl LargeMap {
         learner: &LearnerConfig,
         starts: usize,
         (index, seed): (usize, u64),
-        progress: &Progress<'_>,
+        progress: &TrainingProgress<'_>,
     ) -> Option<Learned> {
         // A training is limited to the largest number of decisions that is allowed.
         let longer = learner.clone().with_decisions(LONGER * learner.decisions());
@@ -156,7 +156,7 @@ impl LargeMap {
         &self,
         learners: &[(String, LearnerConfig)],
         seeds: &[u64],
-        progress: &Progress<'_>,
+        progress: &TrainingProgress<'_>,
     ) -> Result<Option<NearStarts>, Table1Error> {
         let Some(grid) = self.map.grid() else {
             return Ok(None);

@@ -6,7 +6,7 @@ use crate::experiment::{Watch, test_starts};
 use crate::rl::Policy;
 use crate::sim::PlantKind;
 use crate::studies::extreme::extreme;
-use crate::studies::{Alumnus, FigureError, near_starts, near_starts_markdown, start_with};
+use crate::studies::{FigureError, TrainedPolicy, near_starts, near_starts_markdown, start_with};
 use crate::testbench::{Aftermath, PolicyActor, Replay, play};
 
 /// Policy that always brakes and returns the ego's speed as the value of a start.
@@ -38,7 +38,7 @@ fn near_starts_are_counted_as_they_play() {
     let world = super::acc().on(PlantKind::Kinematic);
     let around = start_with(&world, &CENTRE).expect("within the box");
     let starts = test_starts(&world, 7, 200, &watch()).expect("not stopped");
-    let alumnus = |episodes| Alumnus {
+    let alumnus = |episodes| TrainedPolicy {
         policy: &Brakes,
         seed: 1,
         episodes,
