@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::compared::{GateAndSweep, GateOnArg};
-use super::counts::{STARTS, count, start_count};
+use super::gate_and_sweep::{GateAndSweep, GateOnArg};
 use super::keep::KeepArgs;
+use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, exit_of, gone, interrupted_early, load_world, one_of, open_run, points,
     print_json, progress, table, talk, theorems,

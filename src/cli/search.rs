@@ -7,8 +7,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use strum::VariantArray;
 
-use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
+use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table, talk,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::counts::{STARTS, count, start_count};
+use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table, talk,

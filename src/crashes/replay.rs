@@ -2,14 +2,14 @@
 
 mod difference;
 mod find;
-mod kept;
+mod saved_counterexample;
 
 use std::path::{Path, PathBuf};
 
 pub use difference::Difference;
 use difference::first_difference;
 pub use find::FindError;
-pub use kept::SavedCounterexample;
+pub use saved_counterexample::SavedCounterexample;
 
 use super::save_crashes::about_of_run;
 use crate::ego::Fault;

@@ -169,9 +169,9 @@ egos! {
     /// Follows the car ahead, Sec. V-B.
     acc::Acc by clone;
     /// The follower of `Acc` under a braking safety filter.
-    filtered::FilteredAcc by clone;
+    safety_filter_acc::FilteredAcc by clone;
     /// The follower of `Acc`, braking softly when tailgated.
-    polite::PoliteAcc by clone;
+    courteous_acc::PoliteAcc by clone;
     /// The intelligent driver model.
     idm::Idm by clone;
     /// Gipps' model: can always stop in time.
@@ -185,13 +185,13 @@ egos! {
     /// Cruises, and brakes for agents that cross its path.
     aeb::Aeb by build;
     /// Brakes like `Aeb`, keeps its lane and steers where braking is not enough.
-    pursuit::PurePursuit by build;
+    pure_pursuit::PurePursuit by build;
     /// The switching merge controller, Sec. V-B.
     merge::Merge by build;
     /// Follows, and stops for lights by the d(t) of the paper's appendix.
-    yellow::YellowLight by build;
+    traffic_light_acc::YellowLight by build;
     /// Follows, and stops for lights by the stopping distance.
-    yellow::YellowLightFixed by build;
+    traffic_light_acc::YellowLightFixed by build;
     /// Competent and careful, answers overlapping paths (UN R157).
     reference::CcDriver by at_the_wheel;
     /// Competent and careful, answers agents that leave the next lane.

@@ -249,7 +249,7 @@ impl<'a> ReportRequest<'a> {
 
     /// An ado that is told which ego it meets is told the truth here.
     fn context(&self) -> Option<&'static ContextSource> {
-        let told = self.run.manifest().against == TrainingEgos::Conditional;
+        let told = self.run.manifest().against == TrainingEgos::Conditioned;
         told.then_some(&ContextSource::True)
     }
 }
@@ -309,7 +309,7 @@ fn notes(run: &RunDir) -> Vec<String> {
             manifest.against
         ));
     }
-    if manifest.against == TrainingEgos::Conditional {
+    if manifest.against == TrainingEgos::Conditioned {
         notes.push(format!(
             "It is told the parameters of the ego it meets ({}); here the true ones.",
             manifest.told.join(", ")

@@ -16,7 +16,7 @@ mod test_starts;
 pub(crate) use clustering::{CrashClass, badness, descending, worse_first};
 pub use clustering::{CrashFeatures, NEAR, POINTS, clusters};
 pub use cost::Cost;
-pub use determinism_check::{answers_differ, note_if_unrepeatable};
+pub use determinism_check::{first_divergence, note_if_unrepeatable};
 pub(crate) use ego_under_test::consent_to_family;
 pub use ego_under_test::{EgoUnderTest, consent, consent_to, on_plant};
 pub(crate) use episode_loop::{EpisodeLoop, WorkItem};

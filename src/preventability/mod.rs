@@ -27,8 +27,8 @@
 mod contact;
 mod moments;
 mod outcome;
+mod reference_drive;
 mod replayer;
-mod stint;
 
 pub use moments::CutIn;
 pub use outcome::{

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::contact::{STANDING_MPS, between, struck};
 use super::moments::LaneRecord;
 use super::outcome::{DriverOutcome, NotApplicable, Preventability, ReplayContact};
-use super::stint::{Notes, ReferenceDriverRun, ReplayRows};
+use super::reference_drive::{Notes, ReferenceDriverRun, ReplayRows};
 use super::{Label, PANEL};
 use crate::ego::reference::{LaneBody, NOMINAL_MPS2, ReferenceDriver, Response};
 use crate::rulebook::Rulebook;

@@ -57,7 +57,7 @@ impl RunDir {
     ) -> Result<Box<dyn Policy>, RunError> {
         let policy = self.shaped_policy(scenario, bundle)?;
         Ok(match (scenario.against, scenario.family()) {
-            (TrainingEgos::Conditional, Some(family)) => Box::new(ConditionedPolicy {
+            (TrainingEgos::Conditioned, Some(family)) => Box::new(ConditionedPolicy {
                 policy,
                 told: family.told(member),
             }),

@@ -379,7 +379,7 @@ impl RunDir {
     /// Returns an error if training has not finished or the file is damaged. A
     /// conditional ado requires [`RunDir::policy_told`].
     pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
-        if self.manifest.against == TrainingEgos::Conditional {
+        if self.manifest.against == TrainingEgos::Conditioned {
             return Err(RunError::Untold {
                 path: self.path.clone(),
                 names: self.manifest.told.clone(),
@@ -567,7 +567,7 @@ impl RunDir {
 /// Inputs of a conditional ado of this training besides its observation.
 fn told_names(scenario: &Scenario) -> Vec<String> {
     match (scenario.against, scenario.family()) {
-        (TrainingEgos::Conditional, Some(family)) => family.told_names(),
+        (TrainingEgos::Conditioned, Some(family)) => family.told_names(),
         _ => Vec::new(),
     }
 }

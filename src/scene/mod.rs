@@ -165,7 +165,7 @@ pub struct LightPost {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneGeometry {
     /// The agents, in file order.
-    pub cast: Vec<AgentDescription>,
+    pub agents: Vec<AgentDescription>,
     /// Lane borders as polylines on the ground.
     pub lane_borders_m: Vec<Vec<[f64; 3]>>,
     /// Lane borders of the other roads, road by road.

@@ -49,7 +49,7 @@ impl ContextSource {
     pub fn of(run: &RunDir, runs: u64) -> Result<Option<ContextSource>, ConditioningError> {
         run.policy_bundle()?;
         Ok(
-            (run.manifest().against == TrainingEgos::Conditional).then_some(match runs {
+            (run.manifest().against == TrainingEgos::Conditioned).then_some(match runs {
                 0 => ContextSource::Nominal,
                 few if few < RECORDED_RUNS + LEAST_RUNS => ContextSource::Identified(few),
                 _ => ContextSource::Identified(RECORDED_RUNS),

@@ -123,7 +123,7 @@ impl Testbench {
     /// Plays on a different scene from the next episode on.
     ///
     /// It must publish the same signals on the same clocks.
-    pub fn restage(&mut self, scene: Box<dyn Scene>) {
+    pub fn replace_scene(&mut self, scene: Box<dyn Scene>) {
         // Invariant: the rulebook is bound to this schema.
         assert!(
             Arc::ptr_eq(self.scene.schema(), scene.schema()),

@@ -180,7 +180,7 @@ impl TrainSession {
         };
         let request = |ado| self.ego.met_by(ado, &starts);
         let mut evaluated = eval(&request(self.trained(&*policy)), watch);
-        if self.world.against == TrainingEgos::Conditional {
+        if self.world.against == TrainingEgos::Conditioned {
             evaluated.row.context = Some("nominal".to_owned());
         }
         let (scenario, name) = (self.ego.scenario(), self.ego.name());
@@ -260,7 +260,7 @@ impl TrainRequest<'_> {
             };
             world = world.learning_by(name).ok_or_else(none)?;
         }
-        if self.leave_out.is_some() && self.against != TrainingEgos::Wide {
+        if self.leave_out.is_some() && self.against != TrainingEgos::Randomized {
             return Err(SessionError::Options(OptionClash::LeaveOut));
         }
         if !self.against.is_nominal() {
@@ -363,7 +363,7 @@ fn begun_with(begun: &Manifest) -> Option<LearnerConfig> {
 /// become the other.
 fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), SessionError> {
     let was = from.manifest().against;
-    if (was == TrainingEgos::Conditional) == (world.against == TrainingEgos::Conditional) {
+    if (was == TrainingEgos::Conditioned) == (world.against == TrainingEgos::Conditioned) {
         return Ok(());
     }
     Err(SessionError::OtherKind {

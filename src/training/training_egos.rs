@@ -60,9 +60,9 @@ impl<'a> TrainingGym<'a> {
         };
         let member = family.draw(&self.scenario.name, self.gym.key(index));
         if let Some(scene) = self.scenario.scene_of(&family.variant(&member)) {
-            self.gym.bench().restage(scene);
+            self.gym.bench().replace_scene(scene);
         }
-        if against == TrainingEgos::Conditional {
+        if against == TrainingEgos::Conditioned {
             self.told = family.told(&member);
         }
     }

@@ -140,12 +140,12 @@ impl<'a> TrainingSearch<'a> {
         if let Some(asked) = asked
             && let Some(scene) = self.scenario.scene_of(&family.variant(&member))
         {
-            asked.restage(scene);
+            asked.replace_scene(scene);
         }
         member.plant = PlantKind::Kinematic;
         let cheap = self.cheap.as_ref().unwrap_or(self.scenario);
         if let Some(scene) = cheap.scene_of(&family.variant(&member)) {
-            first.restage(scene);
+            first.replace_scene(scene);
         }
     }
 }

@@ -5,7 +5,7 @@ use rerun::external::re_sdk_types::blueprint::archetypes::{EyeControls3D, LineGr
 
 use super::error::ViewError;
 use super::layout::{BlueprintBuilder, BlueprintNode};
-use super::story::ViewedEpisode;
+use super::viewed_episode::ViewedEpisode;
 
 /// Entity whose frame moves the cameras.
 pub(super) const FOLLOW: &str = "/follow";
@@ -61,7 +61,7 @@ impl ViewExtent {
         let mut around = ViewExtent {
             ahead_m: (0.0, 0.0),
             left_m: (0.0, 0.0),
-            behind_m: (story.stage.cast[story.ego()].size_m[0] - 4.5) as f32,
+            behind_m: (story.stage.agents[story.ego()].size_m[0] - 4.5) as f32,
         };
         let last = story.frames.len().saturating_sub(1);
         let Some(frame) = story.frames.get(story.decided.unwrap_or(last)) else {

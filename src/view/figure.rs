@@ -4,9 +4,9 @@ use rerun::{AsComponents, Boxes3D, Capsules3D, Cylinders3D, FillMode, Points3D};
 
 use super::entity::agent_path;
 use super::error::ViewError;
-use super::journal::LogWriter;
+use super::log_writer::LogWriter;
 use super::palette::{self, Rgb};
-use super::story::ViewedEpisode;
+use super::viewed_episode::ViewedEpisode;
 use crate::scene::{AgentDescription, BodyFigure};
 
 /// Logs a body in the frame of its own centre: x forward, y left, z up.
@@ -15,7 +15,7 @@ pub(super) fn log(
     who: usize,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let cast = &story.stage.cast[who];
+    let cast = &story.stage.agents[who];
     let colour = story.colour(who);
     let figure = cast.figure();
     let scale = Scale::of(cast);

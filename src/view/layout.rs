@@ -14,9 +14,9 @@ use rerun::external::re_sdk_types::blueprint::archetypes::{
 use rerun::external::re_sdk_types::datatypes::{self, Range1D};
 
 use super::error::ViewError;
-use super::journal::{LogWriter, UNTIL_VERDICT, nanos};
 use super::lines;
-use super::story::ViewedEpisode;
+use super::log_writer::{LogWriter, UNTIL_VERDICT, nanos};
+use super::viewed_episode::ViewedEpisode;
 
 /// Height of a plot, of a line of its legend, and of the legend's frame.
 const PLOT_PX: f32 = 140.0;

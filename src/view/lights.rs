@@ -5,10 +5,10 @@ use rerun::{Color, Transform3D};
 
 use super::entity::{agent_path, path};
 use super::error::ViewError;
-use super::journal::{LogWriter, clock};
+use super::log_writer::{LogWriter, clock};
 use super::palette;
 use super::space::{distance, lifted};
-use super::story::ViewedEpisode;
+use super::viewed_episode::ViewedEpisode;
 use crate::ego::Phase;
 use crate::scene::LightPost;
 

@@ -4,9 +4,9 @@ use rerun::{Color, EntityPath, Scalars, SeriesLines, TimeColumn};
 
 use super::entity::path;
 use super::error::ViewError;
-use super::journal::{LogWriter, clock};
+use super::log_writer::{LogWriter, clock};
 use super::palette::{self, Rgb};
-use super::story::ViewedEpisode;
+use super::viewed_episode::ViewedEpisode;
 
 /// Entity of the marks that all plots show.
 pub(super) const MARKS: &str = "/marks";

@@ -65,16 +65,16 @@ mod camera;
 mod entity;
 mod error;
 mod figure;
-mod journal;
 mod layout;
 mod lights;
 mod lines;
+mod log_writer;
 mod palette;
 mod panel;
 mod panels;
 mod road;
 mod space;
-mod story;
+mod viewed_episode;
 
 use std::path::{Path, PathBuf};
 
@@ -86,10 +86,10 @@ use rerun::{EntityPath, RecordingInfo, StoreKind};
 use crate::testbench::Episode;
 use crate::world::Scenario;
 pub use error::ViewError;
-use journal::LogWriter;
+use log_writer::LogWriter;
 pub use panel::Entity;
 pub use panels::entities;
-use story::ViewedEpisode;
+use viewed_episode::ViewedEpisode;
 
 /// Recording file that was written.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 //! Panels: the entities they write, and the views that show them.
 
 use super::error::ViewError;
-use super::journal::LogWriter;
 use super::layout::{BlueprintBuilder, Views};
-use super::story::ViewedEpisode;
+use super::log_writer::LogWriter;
+use super::viewed_episode::ViewedEpisode;
 use crate::world::Scenario;
 
 /// Part of recordings, as a file in `panels/` and a line in the list there.

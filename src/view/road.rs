@@ -3,10 +3,10 @@
 use rerun::{LineStrips3D, Mesh3D};
 
 use super::error::ViewError;
-use super::journal::LogWriter;
+use super::log_writer::LogWriter;
 use super::palette::{self, Rgb};
 use super::space::lifted;
-use super::story::ViewedEpisode;
+use super::viewed_episode::ViewedEpisode;
 use crate::scene::ground::{GroundPoint, along, beside, near, reach};
 
 /// Distance in metres from the cars' paths up to which the road is drawn.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::cast::Agents;
+use super::agents::Agents;
 use super::error::Problem;
 use super::family::TrainingEgos;
 use super::file::ScenarioFile;

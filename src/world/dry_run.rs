@@ -104,7 +104,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
         }
         let overlap = || first_overlap(&bench);
         if let Some((i, j)) = scenario.drive().and_then(|_| overlap()) {
-            let names = bench.stage().cast;
+            let names = bench.stage().agents;
             let (first, second) = (&names[i].name, &names[j].name);
             let what = format!("`{first}` and `{second}` may start inside each other");
             let place = entry_of(&path.to("agents"), &scenario.text, second).to("start");
@@ -145,7 +145,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
 
 /// First two bodies that overlap from above.
 fn first_overlap(bench: &Testbench) -> Option<(usize, usize)> {
-    let (cast, frame) = (bench.stage().cast, bench.frame());
+    let (cast, frame) = (bench.stage().agents, bench.frame());
     let boxes: Vec<GroundRectangle> = cast
         .iter()
         .zip(&frame.placements)

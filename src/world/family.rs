@@ -52,9 +52,13 @@ pub enum TrainingEgos {
     #[default]
     Nominal,
     /// All egos of the family; the ado is not told which one it meets.
-    Wide,
+    #[serde(rename = "wide")]
+    #[strum(serialize = "wide")]
+    Randomized,
     /// All egos of the family; the ado is told the parameters of each.
-    Conditional,
+    #[serde(rename = "conditional")]
+    #[strum(serialize = "conditional")]
+    Conditioned,
 }
 
 impl TrainingEgos {

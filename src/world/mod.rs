@@ -12,8 +12,8 @@
 //! assert!(error.to_string().starts_with("mine.ron:1:"));
 //! ```
 
+mod agents;
 mod build;
-mod cast;
 mod changed;
 mod check;
 mod counting;
@@ -30,7 +30,7 @@ mod named_file;
 mod ordered;
 mod plans;
 mod points;
-mod preventing;
+mod preventability;
 mod problems;
 mod quantity;
 mod read;

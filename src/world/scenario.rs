@@ -224,7 +224,7 @@ impl Scenario {
     /// Returns the spaces of an ado, including the inputs of conditional ados.
     pub fn spaces(&self) -> Spaces {
         let mut spaces = self.world.spaces().clone();
-        if let (TrainingEgos::Conditional, Some(family)) = (self.against, self.family()) {
+        if let (TrainingEgos::Conditioned, Some(family)) = (self.against, self.family()) {
             spaces.observation += family.told_width();
         }
         spaces

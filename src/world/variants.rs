@@ -107,11 +107,11 @@ impl Scenario {
     pub fn training_against(&self, against: TrainingEgos) -> Option<Scenario> {
         let learner = match (against, self.family()) {
             (TrainingEgos::Nominal, _) => self.learner.clone(),
-            (TrainingEgos::Wide, family) => family?.wide.clone(),
-            (TrainingEgos::Conditional, family) => family?.conditional.clone(),
+            (TrainingEgos::Randomized, family) => family?.wide.clone(),
+            (TrainingEgos::Conditioned, family) => family?.conditional.clone(),
         };
         // The inputs of a conditional ado cannot express a structure.
-        let told = against == TrainingEgos::Conditional;
+        let told = against == TrainingEgos::Conditioned;
         let family = self.family().filter(|_| told).map(|family| {
             let structures = Vec::new();
             Arc::new(Family {

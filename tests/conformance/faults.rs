@@ -363,7 +363,7 @@ impl Scene for Line {
 
     fn stage(&self) -> SceneGeometry {
         SceneGeometry {
-            cast: Vec::new(),
+            agents: Vec::new(),
             lane_borders_m: Vec::new(),
             side_roads_m: Vec::new(),
             lights: Vec::new(),

@@ -154,7 +154,7 @@ fn a_tuned_scene_drives_like_the_changed_world() {
         let spec = changed.drive().expect("a driving world");
         let member = family.member_of(spec).expect("a member");
         let mut tuned = world.bench();
-        tuned.restage(world.scene_of(&family.variant(&member)).expect("a scene"));
+        tuned.replace_scene(world.scene_of(&family.variant(&member)).expect("a scene"));
         let mut bench = changed.bench();
         let actions = bench.spaces().actions;
         for index in 0..4 {
@@ -206,7 +206,7 @@ fn brief(against: TrainingEgos, decisions: u64) -> Scenario {
 #[test]
 fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
     let dir = tempfile::tempdir().expect("scratch");
-    for against in [TrainingEgos::Wide, TrainingEgos::Conditional] {
+    for against in [TrainingEgos::Randomized, TrainingEgos::Conditioned] {
         let world = brief(against, 5000);
         let path = |name: &str| dir.path().join(format!("{against}-{name}"));
         let mut whole = RunDir::create(&path("whole"), &world, 7).expect("a run");
@@ -234,7 +234,7 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
         assert_eq!(bytes(&whole), bytes(&cut), "{against}");
         assert_eq!(
             whole.policy().is_err(),
-            against == TrainingEgos::Conditional
+            against == TrainingEgos::Conditioned
         );
     }
 }
@@ -243,7 +243,7 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
 fn every_episode_of_a_family_meets_the_ego_of_its_key() {
     // A start that is tried again meets the same ego, whatever came between.
     let dir = tempfile::tempdir().expect("scratch");
-    let world = brief(TrainingEgos::Conditional, 300);
+    let world = brief(TrainingEgos::Conditioned, 300);
     let mut run = RunDir::create(&dir.path().join("run"), &world, 1).expect("a run");
     train(&world, &mut run, &quiet()).expect("trained");
     let family = family(&world);
@@ -564,7 +564,7 @@ fn mistakes_in_a_family_have_a_place_a_reason_and_a_cure() {
 fn a_grid_has_no_family() {
     let text = include_str!("../../worlds/grid.ron");
     let world = Scenario::parse("grid.ron", text).expect("a sound world");
-    assert!(world.family().is_none() && world.training_against(TrainingEgos::Wide).is_none());
+    assert!(world.family().is_none() && world.training_against(TrainingEgos::Randomized).is_none());
     assert_eq!(world.plant(), Dynamics::Cells);
 }
 

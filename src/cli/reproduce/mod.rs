@@ -19,7 +19,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::counts::start_count;
+use super::number_args::start_count;
 use super::{Common, Exit, Failure, print_json, progress, talk};
 use crate::experiment::Watch;
 use crate::run_dir::{CachedResult, RunError, make_dir, write_file};

@@ -1,6 +1,6 @@
 //! First difference between a replay and its recording.
 
-use super::kept::SavedCounterexample;
+use super::saved_counterexample::SavedCounterexample;
 use crate::run_dir::{KeptError, digests_of};
 use crate::scene::drive::current_name;
 use crate::testbench::Episode;

@@ -12,13 +12,13 @@
 //! caller's consent. A [`Process`] read from a file has no consent until
 //! [`Process::allow`] gives it, and consent is never written to a file.
 
-#[cfg(not(unix))]
-mod elsewhere;
 mod exercise;
 mod pool;
 #[cfg(unix)]
 mod program;
 mod protocol;
+#[cfg(not(unix))]
+mod unsupported_platform;
 
 use std::time::Duration;
 

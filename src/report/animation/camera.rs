@@ -1,6 +1,6 @@
 //! Camera: visible part of the world, and its scale.
 
-use super::film::EpisodeFrames;
+use super::episode_frames::EpisodeFrames;
 
 /// Layout of a picture.
 pub(super) struct Canvas {

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::film::EpisodeFrames;
+use super::episode_frames::EpisodeFrames;
 use super::write::n;
 use crate::ego::Phase;
 use crate::scene::ground::{GroundPoint, along, beside, near, reach};

@@ -1,7 +1,7 @@
 //! Labels with names and actions, placed beside the bodies on free space.
 
 use super::camera::Camera;
-use super::film::{EpisodeFrames, ego_of};
+use super::episode_frames::{EpisodeFrames, ego_of};
 use super::moves::Move;
 use super::write::n;
 use crate::scene::SceneGeometry;
@@ -33,11 +33,11 @@ pub(super) fn labels(
     i: usize,
     (camera, moves): (&Camera<'_>, &[(String, Vec<Move>)]),
 ) -> Vec<PlacedLabel> {
-    let rooms: Vec<PixelRectangle> = (0..stage.cast.len())
+    let rooms: Vec<PixelRectangle> = (0..stage.agents.len())
         .map(|who| {
             let track = &film.tracks[who];
             let [x, y] = camera.at(film.turned(track.x_m[i], track.y_m[i]));
-            let half = film.half_room(stage.cast[who].size_m, who, i);
+            let half = film.half_room(stage.agents[who].size_m, who, i);
             let [w, h] = half.map(|half_m| half_m * camera.scale);
             [x - w, y - h, x + w, y + h]
         })
@@ -63,8 +63,8 @@ fn lines(
     moves: &[(String, Vec<Move>)],
     inside: bool,
 ) -> Vec<String> {
-    let name = &stage.cast[who].name;
-    if stage.cast[who].body == "cell" {
+    let name = &stage.agents[who].name;
+    if stage.agents[who].body == "cell" {
         return vec![name.clone()];
     }
     let track = &film.tracks[who];

@@ -27,7 +27,7 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
     // An episode may end at its first sample, and the shares divide by its
     // duration.
     let end_s = picture.film.end_s().max(1e-9);
-    let cast = &picture.stage.cast;
+    let cast = &picture.stage.agents;
     // A light that is an ado has a lane of phases instead of actions.
     let is_light = |name: &String| picture.stage.lights.iter().any(|it| it.name == *name);
     html! {

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::bodies::{body, colour_class};
 use super::camera::{Camera, Canvas, SCREEN, THUMB};
-use super::film::{EpisodeFrames, FrameContext, ego_of, is_on_cells};
+use super::episode_frames::{EpisodeFrames, FrameContext, ego_of, is_on_cells};
 use super::ground::{cells, lights, road, trails};
 use super::labels::{drawn, labels};
 use super::moments::{KeyMoment, moments, violated_s};
@@ -47,8 +47,8 @@ impl<'a> Picture<'a> {
         let moves = moves(scenario, &example.episode, film.end_s());
         Picture {
             example,
-            classes: (0..stage.cast.len())
-                .map(|who| colour_class(&stage.cast, who))
+            classes: (0..stage.agents.len())
+                .map(|who| colour_class(&stage.agents, who))
                 .collect(),
             moments: moments(scenario, example, &moves),
             moves,
@@ -70,7 +70,7 @@ impl<'a> Picture<'a> {
     /// Index of the ego in the cast, and its length.
     pub fn ego(&self) -> (usize, f64) {
         let ego = ego_of(&self.stage);
-        (ego, self.stage.cast[ego].size_m[0])
+        (ego, self.stage.agents[ego].size_m[0])
     }
 
     fn camera<'c>(&self, i: usize, canvas: &'c Canvas) -> Camera<'c> {
@@ -89,7 +89,7 @@ impl<'a> Picture<'a> {
             svg class="stage" viewBox=(format!("0 0 {width_px} {height_px}")) role="img" aria-label=(label) {
                 defs {
                     g id=(self.part("ground")) { @if self.on_cells { (cells(&self.stage)) } @else { (road(&self.stage, &self.example.frames)) } }
-                    @for (who, cast) in self.stage.cast.iter().enumerate() {
+                    @for (who, cast) in self.stage.agents.iter().enumerate() {
                         g id=(self.body(who)) class=(self.classes[who]) { (body(cast)) }
                     }
                 }
@@ -98,7 +98,7 @@ impl<'a> Picture<'a> {
                     g class="trails" { (trails(&self.film, &self.classes)) }
                     (lights(&self.stage, &self.phases(i)))
                     g class="ghosts" { (self.ghosts()) }
-                    @for who in 0..self.stage.cast.len() { (self.placed(who, i)) }
+                    @for who in 0..self.stage.agents.len() { (self.placed(who, i)) }
                 }
                 @if let Some([x, y]) = self.contact_m().map(|at| camera.at(at)) { (burst(x, y)) }
                 @for (label, class) in words.iter().zip(&self.classes) { (drawn(label, class)) }
@@ -120,9 +120,9 @@ impl<'a> Picture<'a> {
                     g class="world" transform=(camera.transform()) {
                         use href={ "#" (self.part("ground")) } {}
                         (lights(&self.stage, &self.phases(i)))
-                        @for who in 0..self.stage.cast.len() { (self.placed(who, i)) }
+                        @for who in 0..self.stage.agents.len() { (self.placed(who, i)) }
                     }
-                    @for who in 0..self.stage.cast.len() { (self.beyond(who, i, &camera)) }
+                    @for who in 0..self.stage.agents.len() { (self.beyond(who, i, &camera)) }
                     @if let Some([x, y]) = touched.map(|at| camera.at(at)) { (burst(x, y)) }
                 }
                 span { b { (format!("{:.2} s", moment.time_s)) } " " (moment.words) }
@@ -181,7 +181,7 @@ impl<'a> Picture<'a> {
         let (ego, _) = self.ego();
         html! {
             @for who in std::iter::once(ego).chain(self.film.met).filter(|_| !self.on_cells) {
-                @let [length_m, width_m, _] = self.stage.cast[who].size_m;
+                @let [length_m, width_m, _] = self.stage.agents[who].size_m;
                 g transform=(self.pose(&self.film, who, i)) {
                     rect class="ghost" x=(n(-0.5 * length_m, 3)) y=(n(-0.5 * width_m, 3)) width=(n(length_m, 3)) height=(n(width_m, 3)) rx="0.3" {}
                 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::course::CourseError;
-use super::frozen::{Frozen, TrainedError};
+use super::frozen_policy::{Frozen, TrainedError};
 use super::network::RoadNetwork;
 use super::observing::Observation;
 use super::signals::{SignalReading, schema_of};

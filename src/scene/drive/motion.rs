@@ -6,19 +6,19 @@ use rand::RngExt;
 
 use super::actions::Maneuver;
 use super::course::wrapped;
-use super::drawn::Drawn;
 use super::layout::DriveLayout;
 use super::light::LightDrive;
 use super::names::SignalOwner;
-use super::placed::Direction;
-use super::planned::{Arrival, PlanRun};
+use super::plan_execution::{Arrival, PlanRun};
+use super::road_placement::Direction;
 use super::sensors::Sensing;
 use super::spec::{Agent, Drive};
+use super::start_sampling::Drawn;
 use super::state::SceneState;
 use super::steering::LaneKeeper;
 use super::trained::TrainedAdo;
 use super::world::DriveWorld;
-use super::{perceiving, staging};
+use super::{ego_percept, scene_geometry};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{
@@ -159,7 +159,7 @@ impl DriveScene {
     fn command_all(&mut self) -> Result<(), Fault> {
         // All commands derive from the state before the sample. The plant moves
         // only after every agent has decided, so the file order has no effect.
-        perceiving::fill(&mut self.percept, &self.state, self.layout.ego);
+        ego_percept::fill(&mut self.percept, &self.state, self.layout.ego);
         self.sensing.look(&mut self.percept);
         let command = self.controller.control(&self.percept)?;
         // A NaN command would otherwise reach the physics and be reported as
@@ -381,7 +381,7 @@ impl Scene for DriveScene {
             .extend(layout.spec.parameters_of(start));
         self.plans_begin();
         self.state.read();
-        self.percept = perceiving::blank(&layout.spec, layout.ego);
+        self.percept = ego_percept::blank(&layout.spec, layout.ego);
         self.sensing.reset(noise);
         self.commands.clear();
         self.controller.reset(noise);
@@ -435,7 +435,7 @@ impl Scene for DriveScene {
     }
 
     fn stage(&self) -> SceneGeometry {
-        staging::stage(&self.layout)
+        scene_geometry::stage(&self.layout)
     }
 
     fn frame(&self) -> Frame {

@@ -1,7 +1,7 @@
 //! All roads of a world, and the crossings between the paths of its agents.
 
 use super::course::{Course, CourseError, OnRoad, wrapped};
-use super::placed::{Direction, Priority};
+use super::road_placement::{Direction, Priority};
 use super::spec::{Agent, DriveSpec};
 use crate::sim::Pose;
 

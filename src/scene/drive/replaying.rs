@@ -9,9 +9,9 @@ use std::sync::Arc;
 
 use super::course::{Course, OnRoad};
 use super::layout::DriveLayout;
+use super::line_of_sight;
 use super::motion::DriveScene;
 use super::road::Road;
-use super::sight;
 use super::spec::EgoController;
 use super::world::DriveWorld;
 use crate::ego::reference::LaneBody;
@@ -45,7 +45,7 @@ impl DriveWorld {
     pub fn seen(&self, sample: &[BodySample]) -> Vec<bool> {
         let spec = &self.0.spec;
         if spec.sensors.line_of_sight {
-            sight::visible(spec, sample.iter().map(|body| &body.state), self.0.ego)
+            line_of_sight::visible(spec, sample.iter().map(|body| &body.state), self.0.ego)
         } else {
             vec![true; sample.len()]
         }
@@ -300,7 +300,7 @@ impl DriveScene {
     pub fn seen(&self) -> Vec<bool> {
         let spec = &self.layout.spec;
         if spec.sensors.line_of_sight {
-            sight::visible(spec, &self.state.states, self.layout.ego)
+            line_of_sight::visible(spec, &self.state.states, self.layout.ego)
         } else {
             vec![true; spec.agents.len()]
         }

@@ -318,7 +318,7 @@ impl Scene for GridScene {
             [across, along]
         });
         SceneGeometry {
-            cast: vec![cast("ego", Role::Ego), cast("ado", Role::Ado)],
+            agents: vec![cast("ego", Role::Ego), cast("ado", Role::Ado)],
             lane_borders_m: lines.collect(),
             side_roads_m: Vec::new(),
             lights: Vec::new(),

@@ -1,8 +1,8 @@
 //! Motion models of this plant: one file per kind of body, listed here.
 
+use super::kinematic_playback::PlaybackPose;
 use super::legs::Legs;
 use super::path::{Anchor, BodyPath, PathKind};
-use super::rails::PlaybackPose;
 use super::wheels::Wheels;
 use crate::sim::{Body, BodyCommand, BodyKind, Ground};
 

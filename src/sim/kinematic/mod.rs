@@ -8,17 +8,17 @@
 
 mod approach;
 mod engine;
+mod kinematic_playback;
 mod legs;
 mod mover;
 mod path;
-mod rails;
 mod wheels;
 
 use self::approach::meet;
 use self::engine::Engine;
+use self::kinematic_playback::Passing;
 use self::mover::Mover;
 use self::path::{Anchor, BodyPath};
-use self::rails::Passing;
 use super::body::Body;
 use super::planar::Extent;
 use super::{BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose};

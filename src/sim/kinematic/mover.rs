@@ -3,8 +3,8 @@
 use core::f64::consts::{PI, TAU};
 
 use super::engine::Engine;
+use super::kinematic_playback::{Passing, PlaybackPose};
 use super::path::{Anchor, BodyPath};
-use super::rails::{Passing, PlaybackPose};
 use crate::sim::Pose;
 use crate::sim::planar::{Extent, Rect, SizedRect};
 

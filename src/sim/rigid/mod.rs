@@ -11,13 +11,13 @@
 
 mod car;
 mod foot;
+mod kinematic_playback;
 mod motor;
-mod rails;
 mod touch;
 mod world;
 
+use self::kinematic_playback::PlaybackBody;
 use self::motor::{Motor, motor};
-use self::rails::PlaybackBody;
 use self::touch::{SweptFootprint, touch};
 use self::world::RapierWorld;
 use super::planar::{ContactGeometry, Extent, Rect};

@@ -405,8 +405,8 @@ fn trios(
     // All trainings form one parallel loop, so no thread waits for a kind to finish.
     let kinds = [
         TrainingEgos::Nominal,
-        TrainingEgos::Wide,
-        TrainingEgos::Conditional,
+        TrainingEgos::Randomized,
+        TrainingEgos::Conditioned,
     ];
     let jobs: Vec<(TrainingEgos, u64)> = kinds
         .into_iter()
@@ -436,8 +436,8 @@ fn trios(
     let open = |against: TrainingEgos| of(against).map(|(path, _)| RunDir::open(path));
     // Runs of all kinds are ordered by seed, so they can be zipped.
     let trios = open(TrainingEgos::Nominal)
-        .zip(open(TrainingEgos::Wide))
-        .zip(open(TrainingEgos::Conditional))
+        .zip(open(TrainingEgos::Randomized))
+        .zip(open(TrainingEgos::Conditioned))
         .map(|((nominal, wide), conditional)| {
             Ok(SeedPolicies {
                 nominal: nominal?,

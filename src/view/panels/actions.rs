@@ -4,12 +4,12 @@ use rerun::{StateChange, StateConfiguration};
 
 use crate::view::entity::path;
 use crate::view::error::ViewError;
-use crate::view::journal::{LogWriter, clock};
 use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::lights;
 use crate::view::lines::colour;
+use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::story::{ViewedEpisode, action_runs};
+use crate::view::viewed_episode::{ViewedEpisode, action_runs};
 
 pub(super) static PANEL: Panel = Panel {
     name: "actions",

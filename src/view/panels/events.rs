@@ -5,11 +5,11 @@ use rerun::external::re_sdk_types::blueprint::archetypes::TextLogColumns;
 use rerun::{TextLog, TextLogLevel};
 
 use crate::view::error::ViewError;
-use crate::view::journal::{LogWriter, clock};
 use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::lights;
+use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::story::{ViewedEpisode, action_runs};
+use crate::view::viewed_episode::{ViewedEpisode, action_runs};
 
 pub(super) static PANEL: Panel = Panel {
     name: "events",

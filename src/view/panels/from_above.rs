@@ -4,7 +4,7 @@ use crate::view::camera::{FOLLOW, SPACE, ViewExtent, look};
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::story::ViewedEpisode;
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "from above",

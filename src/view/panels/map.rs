@@ -10,11 +10,11 @@ use rerun::{Arrows2D, AsComponents, Boxes2D, LineStrips2D, Points2D};
 use crate::rulebook::Verdict;
 use crate::scene::grid::Arena;
 use crate::view::error::ViewError;
-use crate::view::journal::LogWriter;
 use crate::view::layout::{BlueprintBuilder, Views};
+use crate::view::log_writer::LogWriter;
 use crate::view::palette::{self, Rgb};
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::story::ViewedEpisode;
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "map",
@@ -69,7 +69,7 @@ fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewErr
     };
     let arena = &world.spec().arena;
     log_map(arena, journal)?;
-    for who in 0..story.stage.cast.len() {
+    for who in 0..story.stage.agents.len() {
         log_player(story, arena, who, journal)?;
     }
     log_outcome(story, arena, journal)
@@ -127,7 +127,7 @@ fn log_player(
     who: usize,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let name = &story.stage.cast[who].name;
+    let name = &story.stage.agents[who].name;
     let is_ego = who == story.ego();
     let colour = story.colour(who);
     // Trails on the same path lie side by side.

@@ -15,10 +15,10 @@ mod verdict;
 use rerun::blueprint::components::ContainerKind;
 
 use super::error::ViewError;
-use super::journal::LogWriter;
 use super::layout::BlueprintBuilder;
+use super::log_writer::LogWriter;
 use super::panel::{Column, Entity, Panel};
-use super::story::ViewedEpisode;
+use super::viewed_episode::ViewedEpisode;
 use crate::world::Scenario;
 
 /// Panels from the top of their columns to the bottom.

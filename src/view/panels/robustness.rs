@@ -5,12 +5,12 @@ use rerun::blueprint::components::Corner2D;
 
 use crate::view::entity::path;
 use crate::view::error::ViewError;
-use crate::view::journal::{LogWriter, clock};
 use crate::view::layout::{BlueprintBuilder, Views, height_of};
 use crate::view::lines::{every_sample, log_lines, log_marks, roomy, span, union};
+use crate::view::log_writer::{LogWriter, clock};
 use crate::view::palette;
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::story::ViewedEpisode;
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "running robustness",

@@ -10,11 +10,11 @@ use crate::sim::Placement;
 use crate::view::camera::{FOLLOW, SPACE, ViewExtent, look};
 use crate::view::entity::agent_path;
 use crate::view::error::ViewError;
-use crate::view::journal::{LogWriter, clock};
 use crate::view::layout::{BlueprintBuilder, Views};
+use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::space::{distance, lifted};
-use crate::view::story::ViewedEpisode;
+use crate::view::viewed_episode::ViewedEpisode;
 use crate::view::{figure, lights, palette, road};
 
 pub(super) static PANEL: Panel = Panel {
@@ -63,7 +63,7 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
 fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     road::log(story, journal)?;
     lights::log_posts(story, journal)?;
-    for who in 0..story.stage.cast.len() {
+    for who in 0..story.stage.agents.len() {
         figure::log(story, who, journal)?;
         log_motion(story, who, journal)?;
     }
@@ -80,7 +80,7 @@ fn log_motion(
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let placements = story.frames.iter().map(|frame| frame.placements[who]);
-    let entity = agent_path(&story.stage.cast[who].name);
+    let entity = agent_path(&story.stage.agents[who].name);
     log_transforms(story, entity, placements, journal)
 }
 
@@ -121,7 +121,7 @@ fn log_transforms(
 fn log_trails(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     // A hundred points suffice for a path, whatever the length of the episode.
     let every = story.frames.len().div_ceil(100).max(1);
-    let agents = 0..story.stage.cast.len();
+    let agents = 0..story.stage.agents.len();
     let strip = |who: usize| -> Vec<[f32; 3]> {
         let sparse = story
             .frames
@@ -155,7 +155,7 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
         return Ok(());
     };
     let centre_of = |name: &str| {
-        let who = story.stage.cast.iter().position(|cast| cast.name == name);
+        let who = story.stage.agents.iter().position(|cast| cast.name == name);
         // A touching agent that is not in the cast has no centre.
         who.map_or(touch.point_m, |who| frame.placements[who].centre_m)
     };

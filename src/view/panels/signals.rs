@@ -6,12 +6,12 @@ use rerun::blueprint::components::{ContainerKind, Corner2D};
 use crate::scene::drive::Road;
 use crate::view::entity::path;
 use crate::view::error::ViewError;
-use crate::view::journal::LogWriter;
 use crate::view::layout::{BlueprintBuilder, BlueprintNode, Views, height_of};
 use crate::view::lines::{Pen, every_sample, log_lines, roomy, span, union};
+use crate::view::log_writer::LogWriter;
 use crate::view::palette::{self, Rgb};
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::story::ViewedEpisode;
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "signals",
@@ -161,7 +161,7 @@ impl LaneKeepingState {
         if road.is_some_and(|road| !matches!(road, Road::Straight { .. })) {
             return LaneKeepingState::Bent;
         }
-        let moves = (0..story.stage.cast.len()).any(|who| {
+        let moves = (0..story.stage.agents.len()).any(|who| {
             let lateral = story
                 .frames
                 .iter()
@@ -217,7 +217,11 @@ fn plots(story: &ViewedEpisode<'_>) -> Vec<Plot> {
 /// Agent that owns a signal.
 fn owner_of(story: &ViewedEpisode<'_>, signal: &str) -> Option<usize> {
     let (name, field) = signal.split_once('.')?;
-    let owner = story.stage.cast.iter().position(|cast| cast.name == name)?;
+    let owner = story
+        .stage
+        .agents
+        .iter()
+        .position(|cast| cast.name == name)?;
     // A name of two agents, such as `ego.ado.gap`, belongs to neither.
     (!field.contains('.')).then_some(owner)
 }

@@ -8,10 +8,10 @@ use crate::rulebook::Verdict;
 use crate::scene::Role;
 use crate::stl::Explanation;
 use crate::view::error::ViewError;
-use crate::view::journal::LogWriter;
 use crate::view::layout::{BlueprintBuilder, Views};
+use crate::view::log_writer::LogWriter;
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::story::{ViewedEpisode, action_runs};
+use crate::view::viewed_episode::{ViewedEpisode, action_runs};
 
 pub(super) static PANEL: Panel = Panel {
     name: "verdict",
@@ -115,7 +115,7 @@ fn headline(story: &ViewedEpisode<'_>) -> String {
 /// Verdict in one sentence.
 fn sentence(story: &ViewedEpisode<'_>) -> String {
     let names = |role: Role| {
-        let cast = story.stage.cast.iter().filter(|who| who.role == role);
+        let cast = story.stage.agents.iter().filter(|who| who.role == role);
         let names: Vec<&str> = cast.map(|who| who.name.as_str()).collect();
         names.join(" and ")
     };

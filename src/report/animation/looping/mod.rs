@@ -15,7 +15,7 @@ use maud::{Markup, PreEscaped, html};
 
 use super::bodies::body;
 use super::camera::Canvas;
-use super::film::{EpisodeFrames, FrameContext};
+use super::episode_frames::{EpisodeFrames, FrameContext};
 use super::ground::{cells, road};
 use super::moves::{Move, MoveKind};
 use super::picture::Picture;
@@ -172,7 +172,7 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String], example: &Ex
             defs {
                 clipPath id="half" { rect width=(n(width_px, 1)) height=(HEIGHT_PX) rx="8" {} }
                 g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.stage)) } @else { (road(&picture.stage, &example.frames)) } }
-                @for (who, cast) in picture.stage.cast.iter().enumerate() {
+                @for (who, cast) in picture.stage.agents.iter().enumerate() {
                     g id=(picture.body(who)) class=(picture.classes[who]) { (body(cast)) }
                 }
             }

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::keyframes::Keyframes;
 use crate::report::animation::camera::{Camera, Canvas};
-use crate::report::animation::film::EpisodeFrames;
+use crate::report::animation::episode_frames::EpisodeFrames;
 use crate::report::animation::ground::lights;
 use crate::report::animation::labels::{PlacedLabel, labels};
 use crate::report::animation::moves::Move;
@@ -75,7 +75,7 @@ impl LoopPanel<'_> {
         let last = &cameras[cameras.len() - 1];
         let [[x, y], [u, v]] = [last.middle_px(), last.centre_m];
         let turn_deg = n(-self.film.turn_rad.to_degrees(), 3);
-        let everybody = 0..self.picture.stage.cast.len();
+        let everybody = 0..self.picture.stage.agents.len();
         html! {
             g transform=(format!("translate({x} {y}) scale({} {})", n(scale, 3), n(-scale, 3))) {
                 g class=(moved) transform=(format!("translate({} {})", n(-u, 2), n(-v, 2))) {

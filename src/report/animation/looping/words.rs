@@ -2,7 +2,7 @@
 
 use super::Beside;
 use crate::preventability::FilmedDriver;
-use crate::report::animation::film::EpisodeFrames;
+use crate::report::animation::episode_frames::EpisodeFrames;
 use crate::report::animation::picture::Picture;
 use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words};
 use crate::rulebook::{RulesUntilContact, Verdict};

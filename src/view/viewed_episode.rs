@@ -119,13 +119,13 @@ impl<'a> ViewedEpisode<'a> {
     /// Index of the ego in the cast.
     pub fn ego(&self) -> usize {
         let is_ego = |who: &crate::scene::AgentDescription| who.role == Role::Ego;
-        self.stage.cast.iter().position(is_ego).unwrap_or(0)
+        self.stage.agents.iter().position(is_ego).unwrap_or(0)
     }
 
     /// Colour of a member of the cast.
     pub fn colour(&self, who: usize) -> Rgb {
-        let role = self.stage.cast[who].role;
-        let before = &self.stage.cast[..who];
+        let role = self.stage.agents[who].role;
+        let before = &self.stage.agents[..who];
         palette::of_role(role, before.iter().filter(|cast| cast.role == role).count())
     }
 

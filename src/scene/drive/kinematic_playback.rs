@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::actions::Maneuver;
 use super::motion::DriveScene;
-use super::planned::{PlanRun, SampleSpan};
+use super::plan_execution::{PlanRun, SampleSpan};
 use super::spec::Drive;
 use crate::sim::BodyCommand;
 

@@ -45,7 +45,7 @@ pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
             .collect()
     });
     SceneGeometry {
-        cast: cast.collect(),
+        agents: cast.collect(),
         lane_borders_m: borders
             .map(|lateral_m| layout.network.main().polyline_m(lateral_m, (0.0, 0.0)))
             .collect(),

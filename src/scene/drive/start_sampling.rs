@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::layout::DriveLayout;
 use super::plan::{MotionPlan, Unmet};
-use super::planned::{PlanConstants, PlanRun};
+use super::plan_execution::{PlanConstants, PlanRun};
 use super::range::Range;
 use super::spec::{DriveSpec, StartPlace};
 use crate::scene::Start;

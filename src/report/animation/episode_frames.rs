@@ -101,11 +101,11 @@ impl EpisodeFrames {
         let kept: Vec<usize> = (0..frames.len()).filter(shown).collect();
         let times_s: Vec<f64> = kept.iter().map(|i| time_s(*i)).collect();
         let column = |who: usize| {
-            let name = format!("{}.speed", stage.cast[who].name);
+            let name = format!("{}.speed", stage.agents[who].name);
             course.trace?.signal(&name).map(<[f64]>::to_vec)
         };
         let track = |who| BodyTrack::of(who, frames, (&kept, &times_s), column(who));
-        let tracks: Vec<BodyTrack> = (0..stage.cast.len()).map(track).collect();
+        let tracks: Vec<BodyTrack> = (0..stage.agents.len()).map(track).collect();
         let lights = 0..stage.lights.len();
         let phases = lights.map(|light| kept.iter().map(|i| frames[*i].phases[light]).collect());
         let mut film = EpisodeFrames {
@@ -203,10 +203,10 @@ impl EpisodeFrames {
             who == ego || Some(who) == self.met || self.apart_m(ego, who, i) <= FAR_M
         };
         let at = |i: usize| {
-            let everybody = 0..stage.cast.len();
+            let everybody = 0..stage.agents.len();
             let rooms = everybody.filter(|who| near(*who, i)).map(|who| {
                 let centre = self.turned(self.tracks[who].x_m[i], self.tracks[who].y_m[i]);
-                let half = self.half_room(stage.cast[who].size_m, who, i);
+                let half = self.half_room(stage.agents[who].size_m, who, i);
                 [0, 1].map(|axis| (centre[axis] - half[axis], centre[axis] + half[axis]))
             });
             let whole =
@@ -279,13 +279,13 @@ impl BodyTrack {
 /// Index of the ego in the cast.
 pub(super) fn ego_of(stage: &SceneGeometry) -> usize {
     let is_ego = |cast: &crate::scene::AgentDescription| cast.role == Role::Ego;
-    stage.cast.iter().position(is_ego).unwrap_or(0)
+    stage.agents.iter().position(is_ego).unwrap_or(0)
 }
 
 /// Agent that the ego touches.
 fn met_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Option<usize> {
     let touch = contact?;
-    let named = |name: &String| stage.cast.iter().position(|cast| cast.name == *name);
+    let named = |name: &String| stage.agents.iter().position(|cast| cast.name == *name);
     let ego = ego_of(stage);
     let both = [named(&touch.between.0)?, named(&touch.between.1)?];
     match both {
@@ -297,7 +297,7 @@ fn met_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Option<u
 
 /// Returns true for a world of cells.
 pub(super) fn is_on_cells(stage: &SceneGeometry) -> bool {
-    stage.cast.iter().any(|cast| cast.body == "cell")
+    stage.agents.iter().any(|cast| cast.body == "cell")
 }
 
 /// Angle about the vertical of a quaternion (x, y, z, w).
