@@ -5,7 +5,7 @@
 use brakecheck::rl::nn::{Adam, Mlp, argmax};
 use brakecheck::rl::replay::{Batch, ReplayBuffer, Transition};
 use brakecheck::rl::{
-    Control, Dice, DqnSettings, End, Env, LearnerConfig, LearnerSettings, PpoSettings,
+    Control, DqnSettings, End, Env, LearnerConfig, LearnerRng, LearnerSettings, PpoSettings,
     QTableSettings, Spaces, Step,
 };
 use divan::counter::ItemsCount;
@@ -20,14 +20,14 @@ const SIZES: [usize; 4] = [5, 64, 64, 3];
 const BATCH: usize = 64;
 
 fn normal(n: usize) -> Vec<f32> {
-    let mut dice = Dice::new(1);
+    let mut dice = LearnerRng::new(1);
     (0..n).map(|_| dice.normal() as f32).collect()
 }
 
 /// Forward, backward and Adam on a batch of 64.
 #[divan::bench]
 fn update(bencher: Bencher) {
-    let mut net = Mlp::orthogonal(&SIZES, 0.01, &mut Dice::new(1));
+    let mut net = Mlp::orthogonal(&SIZES, 0.01, &mut LearnerRng::new(1));
     let mut adam = Adam::new(net.parameters().len());
     let mut gradient = vec![0.0; net.parameters().len()];
     let mut tape = net.tape(BATCH);
@@ -46,7 +46,7 @@ fn update(bencher: Bencher) {
 /// The greedy action for one observation.
 #[divan::bench]
 fn act(bencher: Bencher) {
-    let net = Mlp::orthogonal(&SIZES, 1.0, &mut Dice::new(1));
+    let net = Mlp::orthogonal(&SIZES, 1.0, &mut LearnerRng::new(1));
     let inputs = normal(SIZES[0]);
     let counter = ItemsCount::new(1u32);
     bencher
@@ -57,7 +57,7 @@ fn act(bencher: Bencher) {
 /// A prioritised batch of 64 out of 300000, and its new priorities.
 #[divan::bench]
 fn replay(bencher: Bencher) {
-    let (mut dice, row) = (Dice::new(1), [0.0; SIZES[0]]);
+    let (mut dice, row) = (LearnerRng::new(1), [0.0; SIZES[0]]);
     let mut replay = ReplayBuffer::new(SIZES[0], 300_000, 0.6);
     for slot in 0..300_000 {
         let (observation, next) = (&row, &row);

@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use crate::rl::Policy;
 use crate::run_dir::RunDir;
 use crate::scene::World;
-use crate::scene::drive::{Actions, Turn};
+use crate::scene::drive::{Actions, PhaseAction};
 use crate::sysid::ConditioningError;
 use crate::world::Scenario;
 
@@ -59,11 +59,11 @@ pub enum ServeError {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
-struct Asked {
+struct ServeRequest {
     #[serde(default)]
     id: Value,
     #[serde(default)]
-    hello: Option<Hello>,
+    hello: Option<ClientHello>,
     #[serde(default)]
     reset: Option<Value>,
     #[serde(default)]
@@ -73,7 +73,7 @@ struct Asked {
 }
 
 #[derive(Deserialize)]
-struct Hello {
+struct ClientHello {
     protocol: u32,
 }
 
@@ -182,9 +182,9 @@ impl ServedAdo {
         Ok(served)
     }
 
-    fn answer(&mut self, asked: &Asked) -> Result<Map<String, Value>, String> {
+    fn answer(&mut self, asked: &ServeRequest) -> Result<Map<String, Value>, String> {
         let answer = match asked {
-            Asked {
+            ServeRequest {
                 hello: Some(hello), ..
             } => {
                 if hello.protocol == PROTOCOL {
@@ -196,11 +196,11 @@ impl ServedAdo {
                     ));
                 }
             }
-            Asked { reset: Some(_), .. } => {
+            ServeRequest { reset: Some(_), .. } => {
                 self.decisions = 0;
                 json!({ "ready": true })
             }
-            Asked {
+            ServeRequest {
                 decide: Some(signals),
                 ..
             } => self.decide(signals)?,
@@ -316,7 +316,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
             json!({ "accel_mps2": accel_mps2, "lateral_mps": lateral_mps })
         }
         Actions::Walks(list) => json!({ "along_mps": list[action].0, "left_mps": list[action].1 }),
-        Actions::Phases(list) => json!({ "advance": list[action] == Turn::Advance }),
+        Actions::Phases(list) => json!({ "advance": list[action] == PhaseAction::Advance }),
         Actions::Deviate(added) => {
             let (accel_mps2, left_mps) = added.at(action);
             json!({ "added_accel_mps2": accel_mps2, "added_left_mps": left_mps })
@@ -325,7 +325,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
 }
 
 /// The message of a line; none if it is blank.
-fn message(text: &str) -> Result<Option<Asked>, String> {
+fn message(text: &str) -> Result<Option<ServeRequest>, String> {
     if LONGEST < text.len() as u64 {
         return Err(format!("it is longer than {LONGEST} bytes"));
     }

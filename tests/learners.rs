@@ -19,10 +19,10 @@ mod shown;
 mod starts;
 
 use brakecheck::rl::nn::{Adam, Mlp};
-use brakecheck::rl::replay::{Batch, Lived, ReplayBuffer, SumTree, Tail, Transition};
+use brakecheck::rl::replay::{Batch, EpisodeBuffer, ReplayBuffer, SumTree, Tail, Transition};
 use brakecheck::rl::{
-    Bundle, BundleError, Control, Dice, End, Env, Learner, LearnerConfig, LearnerSettings, Spaces,
-    Step, load_policy, load_policy_for,
+    BundleError, Control, End, Env, Learner, LearnerConfig, LearnerRng, LearnerSettings, Spaces,
+    Step, TensorFile, load_policy, load_policy_for,
 };
 use proptest::prelude::*;
 
@@ -252,7 +252,7 @@ fn training_in_pieces_equals_training_in_one_go_byte_for_byte() {
                 }
             });
             let bytes = pieces.checkpoint().to_bytes().unwrap();
-            let checkpoint = Bundle::from_bytes(&bytes).unwrap();
+            let checkpoint = TensorFile::from_bytes(&bytes).unwrap();
             pieces = config
                 .restore(Corridor::new().spaces(), &checkpoint)
                 .unwrap();
@@ -290,7 +290,7 @@ fn a_kept_policy_acts_like_the_learner_and_can_be_trained_on() {
         let mut learner = config.build(Corridor::new().spaces(), 1);
         go_on(&mut *learner, &mut Corridor::new());
         let bytes = learner.policy_bundle().to_bytes().unwrap();
-        let bundle = Bundle::from_bytes(&bytes).unwrap();
+        let bundle = TensorFile::from_bytes(&bytes).unwrap();
         let kept = load_policy(&bundle).unwrap();
         let tuned = config
             .build_from(Corridor::new().spaces(), 9, &bundle)
@@ -385,7 +385,7 @@ impl Acc {
 
     /// To a start from which a coasting ado does not succeed.
     fn begin(&mut self, index: u64) {
-        let mut dice = Dice::new(self.stream << 32 | index);
+        let mut dice = LearnerRng::new(self.stream << 32 | index);
         loop {
             self.ego_mps = 5.0 + 20.0 * dice.unit();
             self.ado_mps = 5.0 + 20.0 * dice.unit();
@@ -476,7 +476,7 @@ impl Acc {
 
     /// The best of the ados that need no training: random, held, constant.
     fn baseline() -> f64 {
-        let mut dice = Dice::new(5);
+        let mut dice = LearnerRng::new(5);
         let random = Acc::success(|_| dice.below(3));
         let (mut held, mut left) = (0, 0);
         let held_random = Acc::success(|_| {
@@ -558,12 +558,12 @@ fn the_q_table_beats_untrained_ados_on_cruise_control() {
 
 #[test]
 fn gradients_agree_with_finite_differences() {
-    let mut dice = Dice::new(4);
+    let mut dice = LearnerRng::new(4);
     let mut normal = |n: usize| (0..n).map(|_| dice.normal() as f32).collect::<Vec<_>>();
     for sizes in [&[3, 7, 5, 2][..], &[4, 20, 1], &[2, 3], &[6, 33, 9, 12, 4]] {
         let (inputs, outputs) = (sizes[0], sizes[sizes.len() - 1]);
         for batch in [1, 2, 7] {
-            let mut net = Mlp::orthogonal(sizes, 1.0, &mut Dice::new(batch as u64));
+            let mut net = Mlp::orthogonal(sizes, 1.0, &mut LearnerRng::new(batch as u64));
             let (x, pull) = (normal(batch * inputs), normal(batch * outputs));
             let mut tape = net.tape(8);
             let stride = net.output_stride();
@@ -611,7 +611,7 @@ fn gradients_agree_with_finite_differences() {
 
 #[test]
 fn acting_and_training_agree_to_the_last_bit() {
-    let mut dice = Dice::new(8);
+    let mut dice = LearnerRng::new(8);
     for sizes in [&[5, 64, 64, 3][..], &[1, 9, 17], &[40, 200, 100, 30]] {
         let net = Mlp::orthogonal(sizes, 1.0, &mut dice);
         let mut tape = net.tape(64);
@@ -637,7 +637,7 @@ fn the_first_step_of_adam_has_the_length_of_the_learning_rate() {
 
 #[test]
 fn orthogonal_weights_keep_lengths() {
-    let net = Mlp::orthogonal(&[8, 8], 1.0, &mut Dice::new(2));
+    let net = Mlp::orthogonal(&[8, 8], 1.0, &mut LearnerRng::new(2));
     let x = [0.3, -0.1, 0.9, 0.2, 0.0, -0.7, 0.4, 0.5];
     let square = |v: &[f32]| v.iter().map(|x| x * x).sum::<f32>();
     assert!((net.evaluate(&x, square) - square(&x)).abs() < 1e-5);
@@ -704,7 +704,7 @@ fn running(leaves: &[f64], mass: f64) -> usize {
 
 #[test]
 fn a_return_ends_before_the_first_later_action_that_was_not_greedy() {
-    let lived = Lived {
+    let lived = EpisodeBuffer {
         observations: vec![0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
         actions: vec![0; 5],
         greedy: vec![false, true, true, false, true],
@@ -750,7 +750,7 @@ fn replay_draws_by_priority_and_corrects_for_it() {
     for (slot, error) in [(0, 6.0), (1, -3.0), (2, 1.0)] {
         replay.prioritise(slot, error);
     }
-    let (mut counts, mut batch, mut dice) = ([0; 4], Batch::default(), Dice::new(1));
+    let (mut counts, mut batch, mut dice) = ([0; 4], Batch::default(), LearnerRng::new(1));
     for _ in 0..1000 {
         replay.sample(10, 1.0, &mut dice, &mut batch);
         for (i, action) in batch.actions.iter().enumerate() {
@@ -775,7 +775,7 @@ fn replay_draws_by_priority_and_corrects_for_it() {
 
 // Bundles and configurations: hostile input.
 
-fn kept_policy() -> Bundle {
+fn kept_policy() -> TensorFile {
     let learner = config("Dqn(hidden: [4])").build(Corridor::new().spaces(), 1);
     learner.policy_bundle()
 }
@@ -784,9 +784,9 @@ fn kept_policy() -> Bundle {
 fn every_truncation_of_a_bundle_is_refused() {
     let bytes = kept_policy().to_bytes().unwrap();
     for end in 0..bytes.len() {
-        assert!(Bundle::from_bytes(&bytes[..end]).is_err(), "{end}");
+        assert!(TensorFile::from_bytes(&bytes[..end]).is_err(), "{end}");
     }
-    assert_eq!(Bundle::from_bytes(&bytes).unwrap(), kept_policy());
+    assert_eq!(TensorFile::from_bytes(&bytes).unwrap(), kept_policy());
 }
 
 #[test]
@@ -796,7 +796,9 @@ fn a_bundle_with_a_flipped_byte_never_panics() {
         for flip in [0x01, 0x80, 0xff] {
             let mut bytes = bytes.clone();
             bytes[at] ^= flip;
-            if let Ok(policy) = Bundle::from_bytes(&bytes).and_then(|bundle| load_policy(&bundle)) {
+            if let Ok(policy) =
+                TensorFile::from_bytes(&bytes).and_then(|bundle| load_policy(&bundle))
+            {
                 policy.act(&[0.5]);
             }
         }
@@ -805,7 +807,7 @@ fn a_bundle_with_a_flipped_byte_never_panics() {
 
 #[test]
 fn bundles_say_what_is_wrong_with_them() {
-    type Spoil = Box<dyn Fn(&mut Bundle)>;
+    type Spoil = Box<dyn Fn(&mut TensorFile)>;
     let cases: [(&str, Spoil); 5] = [
         (
             "tensor `q/1/bias` holds a number that is not finite at index 2",
@@ -832,10 +834,11 @@ fn bundles_say_what_is_wrong_with_them() {
         let mut bundle = kept_policy();
         spoil(&mut bundle);
         let bytes = bundle.to_bytes().unwrap();
-        let loaded = Bundle::from_bytes(&bytes).and_then(|bundle| load_policy(&bundle).map(drop));
+        let loaded =
+            TensorFile::from_bytes(&bytes).and_then(|bundle| load_policy(&bundle).map(drop));
         assert_eq!(loaded.unwrap_err().to_string(), expected);
     }
-    assert!(load_policy(&Bundle::new("something else")).is_err());
+    assert!(load_policy(&TensorFile::new("something else")).is_err());
 }
 
 #[test]
@@ -849,7 +852,7 @@ fn a_name_given_twice_is_refused() {
         let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
         bytes.extend(header.as_bytes());
         bytes.extend(vec![0; size]);
-        match Bundle::from_bytes(&bytes) {
+        match TensorFile::from_bytes(&bytes) {
             Err(BundleError::Duplicate { name }) => assert_eq!(name, "a"),
             Err(BundleError::Format { .. }) if size == 8 => {}
             other => panic!("{other:?}"),

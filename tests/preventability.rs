@@ -8,7 +8,7 @@ mod panel;
 use brakecheck::crashes::Regressions;
 use brakecheck::ego::reference::ReferenceDriver;
 use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability, Seat};
-use brakecheck::scene::{Motion, Touch};
+use brakecheck::scene::{ContactEvent, Motion};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, HeldRandom, motion_of, play};
@@ -51,7 +51,7 @@ fn contacts(world: &Scenario, most: usize) -> Vec<(Episode, Motion)> {
         let start = bench.draw(key);
         let mut ado = HeldRandom::new(actions, HOLD_DECISIONS);
         let episode = play(&mut bench, &start, index, &mut ado, Aftermath::Play);
-        let is_egos = |it: &Touch| it.between.0 == "ego" || it.between.1 == "ego";
+        let is_egos = |it: &ContactEvent| it.between.0 == "ego" || it.between.1 == "ego";
         if !episode.contact.as_ref().is_some_and(is_egos) {
             continue;
         }
@@ -160,7 +160,7 @@ fn somebody_on_foot_is_beyond_these_drivers() {
         Some(NotApplicable::NoContact)
     );
     let mut motion = motion_of(&mut world.bench(), episode).expect("bodies");
-    motion.contact = Some(Touch {
+    motion.contact = Some(ContactEvent {
         between: ("ego".to_owned(), "ado".to_owned()),
         time_s: 1.0,
         closing_speed_mps: 1.0,

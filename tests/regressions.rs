@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brakecheck::crashes::{Kept, Regressions};
+use brakecheck::crashes::{Regressions, SavedCounterexample};
 use brakecheck::rulebook::JudgeKind;
 use brakecheck::run_dir::{digests_of, trace_of_csv};
 use brakecheck::stl::Scratch;
@@ -14,7 +14,7 @@ fn kept() -> Regressions {
     Regressions::load(dir).expect("kept counterexamples")
 }
 
-fn name(kept: &Kept) -> String {
+fn name(kept: &SavedCounterexample) -> String {
     let stem = kept.path.file_stem().expect("a file");
     stem.to_string_lossy().into_owned()
 }
@@ -41,7 +41,7 @@ fn they_still_fail_the_ego_they_were_recorded_with() {
 }
 
 /// The world in a file, and the samples beside it as that world's signals.
-fn recorded(kept: &Kept) -> (Scenario, Trace) {
+fn recorded(kept: &SavedCounterexample) -> (Scenario, Trace) {
     let world = kept.counterexample.scenario(&kept.path).expect("a world");
     let csv = std::fs::read_to_string(kept.path.with_extension("csv")).expect("samples");
     let stored = trace_of_csv(&csv, None).expect("samples");

@@ -185,7 +185,7 @@ fn every_kept_crash_of_every_world_can_be_watched() {
         let recorded = record(&replayed.scenario, &replayed.episode, &caption, &file).unwrap();
         let content = read_back(&std::fs::read(&file).unwrap());
         assert_eq!(recorded.samples, replayed.episode.trace.len(), "{caption}");
-        for agent in &replayed.scenario.bench().stage().cast {
+        for agent in &replayed.scenario.bench().stage().agents {
             let shown = content.keys().any(|entity| entity.ends_with(&agent.name));
             assert!(shown, "{caption}: {}", agent.name);
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use brakecheck::adversary::{Ado, AdoKind, best_constant, eval};
-use brakecheck::crashes::{Choice, Form, KeepSettings, Keeper};
+use brakecheck::crashes::{CrashSelection, CrashWriter, Form, KeepSettings};
 use brakecheck::evaluation::{Evaluation, GivenRows, ReportRequest, SearchCampaign, untrained};
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, consent, on_plant, test_starts};
 use brakecheck::rulebook::TrainingGoal;
@@ -42,7 +42,10 @@ impl Keeping {
         } else {
             Form::Shrunk
         };
-        KeepSettings::new(self.most.map_or(Choice::All, Choice::Worst), form)
+        KeepSettings::new(
+            self.most.map_or(CrashSelection::All, CrashSelection::Worst),
+            form,
+        )
     }
 }
 
@@ -252,7 +255,7 @@ pub(crate) fn eval_world<'py>(
             if let Some(keep) = &asked.keep {
                 let request = ego.met_by(played_by(policy), &starts);
                 let solved = met.solved.clone();
-                let mut keeper = Keeper::of(&request, ego.change(), keep.settings());
+                let mut keeper = CrashWriter::of(&request, ego.change(), keep.settings());
                 keeper.ado = asked.name.as_str().into();
                 let again = |bench: &mut _, at| request.play(bench, at);
                 keeper.keep(&solved, &again, &keep.directory, watch)?;

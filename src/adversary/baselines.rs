@@ -7,7 +7,7 @@ use super::rollout::Ado;
 use super::threshold_rule::{Heuristic, tune_heuristic};
 use crate::experiment::Watch;
 use crate::run_dir::{RunDir, Stored};
-use crate::world::{Against, Scenario};
+use crate::world::{Scenario, TrainingEgos};
 
 /// Stored counterexamples replayed per start: one row for each number.
 const REPLAYS: [usize; 2] = [1, 10];
@@ -87,7 +87,7 @@ impl Baselines {
             None
         };
         // Only a training against one ego stores counterexamples.
-        let stores = run.manifest().against == Against::Nominal;
+        let stores = run.manifest().against == TrainingEgos::Nominal;
         let replays =
             ados.contains(&AdoKind::Replays) && (stores || asked.contains(&AdoKind::Replays));
         Ok(Baselines {

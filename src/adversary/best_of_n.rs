@@ -8,8 +8,8 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::rollout::{Attempt, EvalRequest, Evaluated, Outcome, Played};
-use crate::experiment::{Turn, Watch};
+use super::rollout::{EpisodeResult, EvalRequest, Evaluated, Outcome, RepeatedEpisode};
+use crate::experiment::{Watch, WorkItem};
 use crate::rl::Policy;
 use crate::run_dir::{RunDir, RunError};
 use crate::scene::Start;
@@ -17,7 +17,7 @@ use crate::seed;
 use crate::seed::{Purpose, StartKey};
 use crate::sim::PlantKind;
 use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
-use crate::world::{Family, Member};
+use crate::world::{EgoSample, Family};
 
 /// Probabilities with which exploration begins at a decision, in turn.
 const RATES: [f64; 3] = [0.1, 0.2, 0.4];
@@ -27,7 +27,7 @@ const HOLD: usize = 6;
 /// Other members that a conditional ado plays as.
 const OTHERS: usize = 15;
 
-/// A conditional ado, told of other members of its family, for [`Tries`].
+/// A conditional ado, told of other members of its family, for [`BestOfN`].
 ///
 /// # Errors
 /// The run has no policy, or its file is damaged.
@@ -42,7 +42,7 @@ pub fn other_members(
             seed: 0,
             index,
         };
-        Member {
+        EgoSample {
             plant,
             ..family.draw(&run.manifest().world, key)
         }
@@ -52,7 +52,7 @@ pub fn other_members(
 
 /// An ado that may try a start several times.
 #[derive(Clone, Copy)]
-pub struct Tries<'a> {
+pub struct BestOfN<'a> {
     /// Ego, ado and starts; the ado is `policy`.
     pub request: EvalRequest<'a>,
     /// The ado that plays greedily first.
@@ -65,18 +65,18 @@ pub struct Tries<'a> {
 
 /// A row with the outcomes, and which try of each start succeeded.
 #[derive(Clone, Debug)]
-pub struct Tried {
+pub struct BestOfNResult {
     /// The row, all simulations counted.
     pub evaluated: Evaluated,
     /// Per start the successful try, 0 being the greedy one.
     pub winners: Vec<Option<u64>>,
 }
 
-impl Tries<'_> {
+impl BestOfN<'_> {
     /// Tries every start until its first success.
     ///
     /// An unsolved start keeps the outcome of its greedy run.
-    pub fn run(&self, watch: &Watch<'_>) -> Tried {
+    pub fn run(&self, watch: &Watch<'_>) -> BestOfNResult {
         let bench = || self.request.scenario.bench();
         let played = self.request.starts.each(watch, bench, |bench, _, turn| {
             self.solve(bench, turn, watch)
@@ -95,17 +95,17 @@ impl Tries<'_> {
         if 1 < self.tries {
             row.method = format!("{}, at most {} tries", row.method, self.tries);
         }
-        Tried { winners, evaluated }
+        BestOfNResult { winners, evaluated }
     }
 
     fn solve(
         &self,
         bench: &mut Testbench,
-        turn: &Turn,
+        turn: &WorkItem,
         watch: &Watch<'_>,
-    ) -> Option<(Played, u64, Option<u64>)> {
+    ) -> Option<(EpisodeResult, u64, Option<u64>)> {
         let index = turn.index;
-        let mut first: Option<Played> = None;
+        let mut first: Option<EpisodeResult> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
         for number in 0..self.tries {
             if watch.stopped() {
@@ -118,7 +118,7 @@ impl Tries<'_> {
             watch.faults.note(index as u64, episode.fault.as_ref());
             simulations += 1;
             physics_steps += episode.physics_steps;
-            let attempt = Attempt::of(episode, simulations, physics_steps);
+            let attempt = RepeatedEpisode::of(episode, simulations, physics_steps);
             let played = attempt.played(self.request.scenario, turn.cpu_s());
             if played.outcome.verdict.is_success() {
                 return Some((played, number + 1, Some(number)));

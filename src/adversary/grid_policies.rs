@@ -8,18 +8,18 @@ use crate::world::Scenario;
 
 /// Ados of grid worlds that nobody trained: they see both positions.
 #[derive(Clone, Copy)]
-pub(crate) enum ByRule {
+pub(crate) enum GridPolicy {
     /// The best one.
     Optimal,
     /// A step towards the ego along the larger axis.
     Chaser,
 }
 
-impl ByRule {
+impl GridPolicy {
     pub(crate) fn ado(self, policy: &PositionPolicy) -> Ado<'_> {
         match self {
-            ByRule::Optimal => Ado::Rule(policy, "optimal", "backward induction"),
-            ByRule::Chaser => Ado::Rule(policy, "chaser", "along the larger axis"),
+            GridPolicy::Optimal => Ado::Rule(policy, "optimal", "backward induction"),
+            GridPolicy::Chaser => Ado::Rule(policy, "chaser", "along the larger axis"),
         }
     }
 
@@ -34,11 +34,11 @@ impl ByRule {
         let whole = ego.scenario().fully_observed().ok_or_else(not_a_grid)?;
         let grid = whole.grid().ok_or_else(not_a_grid)?;
         let policy = match self {
-            ByRule::Chaser => {
+            GridPolicy::Chaser => {
                 let moves = &grid.spec().moves;
                 PositionPolicy::new(grid, |both| (chase(both, moves), 0.0))
             }
-            ByRule::Optimal => {
+            GridPolicy::Optimal => {
                 let reward = whole.rulebook().reward;
                 PositionPolicy::optimal(grid, |rho| reward.lawful(rho))
             }

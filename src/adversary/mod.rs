@@ -11,11 +11,13 @@ mod threshold_rule;
 
 pub use baselines::AdoKind;
 pub(crate) use baselines::Baselines;
-pub use best_of_n::{Tried, Tries, other_members};
+pub use best_of_n::{BestOfN, BestOfNResult, other_members};
 pub use error::AdversaryError;
-pub(crate) use grid_policies::ByRule;
+pub(crate) use grid_policies::GridPolicy;
 pub(crate) use open_loop_baselines::in_words;
 pub use open_loop_baselines::{best_constant, best_constant_action, best_then_brake};
 pub use rollout::{Ado, EvalRequest, Evaluated, Outcome, RecordedFailure, eval, explain_first};
-pub(crate) use rollout::{Attempt, Played, blank_row, count_solved, groups, note_row};
+pub(crate) use rollout::{
+    EpisodeResult, RepeatedEpisode, blank_row, count_solved, groups, note_row,
+};
 pub use threshold_rule::{Heuristic, tune_heuristic};

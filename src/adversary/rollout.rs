@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::nearest_replay::{NearestReplay, replay_nearest};
 use super::threshold_rule::Heuristic;
 use crate::ego::{Command, Fault};
+use crate::experiment::{CrashFeatures, badness, clusters, descending};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
-use crate::experiment::{Shape, badness, clusters, descending};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run_dir::{
@@ -19,7 +19,7 @@ use crate::testbench::{
     Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay,
     Testbench, count_faults, play,
 };
-use crate::world::{Against, Repeats, Scenario};
+use crate::world::{Repeats, Scenario, TrainingEgos};
 
 /// Who plays the ado.
 #[derive(Clone, Copy)]
@@ -60,7 +60,7 @@ impl Ado<'_> {
     fn method(&self, scenario: &Scenario) -> String {
         match self {
             Ado::Trained(..) => match scenario.against {
-                Against::Nominal => scenario.learner.name().to_lowercase(),
+                TrainingEgos::Nominal => scenario.learner.name().to_lowercase(),
                 family => format!("{}, {family}", scenario.learner.name().to_lowercase()),
             },
             Ado::Random => "random".to_owned(),
@@ -133,7 +133,7 @@ pub struct Outcome {
 
 /// An outcome, and what it takes to tell of it and to repeat it.
 #[derive(Clone, Debug)]
-pub(crate) struct Played {
+pub(crate) struct EpisodeResult {
     pub(crate) outcome: Outcome,
     /// In which way the ego failed, if it did and counts.
     pub(super) failure: Option<RecordedFailure>,
@@ -146,7 +146,7 @@ pub(crate) struct Played {
 /// In which way an ego failed, and how bad that was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedFailure {
-    pub(super) shape: Shape,
+    pub(super) shape: CrashFeatures,
     pub(super) badness: [f64; 4],
 }
 
@@ -154,7 +154,7 @@ impl RecordedFailure {
     /// That of an episode, if it is a success of the ados.
     pub(crate) fn of(scenario: &Scenario, episode: &Episode) -> Option<RecordedFailure> {
         episode.verdict.is_success().then(|| RecordedFailure {
-            shape: Shape::of(scenario, episode),
+            shape: CrashFeatures::of(scenario, episode),
             badness: badness(episode),
         })
     }
@@ -175,7 +175,7 @@ impl Evaluated {
     /// A row over what was played, noted in the log of faults.
     pub(crate) fn of(
         request: &EvalRequest<'_>,
-        played: Vec<Option<Played>>,
+        played: Vec<Option<EpisodeResult>>,
         watch: &Watch<'_>,
     ) -> Evaluated {
         let row = request.row(&played);
@@ -238,7 +238,7 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
 }
 
 /// One start, played as often as is asked.
-pub(crate) struct Attempt {
+pub(crate) struct RepeatedEpisode {
     /// The run that stands for all of them.
     episode: Episode,
     /// The first fault of any run, also where another one stands for all.
@@ -248,10 +248,10 @@ pub(crate) struct Attempt {
     physics_steps: u64,
 }
 
-impl Attempt {
+impl RepeatedEpisode {
     /// One run that stands for all so far, and what they took.
-    pub(crate) fn of(episode: Episode, simulations: u64, physics_steps: u64) -> Attempt {
-        Attempt {
+    pub(crate) fn of(episode: Episode, simulations: u64, physics_steps: u64) -> RepeatedEpisode {
+        RepeatedEpisode {
             fault: episode.fault.clone(),
             episode,
             repeated: None,
@@ -261,11 +261,11 @@ impl Attempt {
     }
 
     /// What rows count of it.
-    pub(crate) fn played(self, scenario: &Scenario, cpu_s: f64) -> Played {
+    pub(crate) fn played(self, scenario: &Scenario, cpu_s: f64) -> EpisodeResult {
         let episode = self.episode;
         let failure = RecordedFailure::of(scenario, &episode);
         let repeatable = episode.verdict.is_success() && !episode.commands.is_empty();
-        Played {
+        EpisodeResult {
             outcome: Outcome {
                 verdict: episode.verdict,
                 foul_before_contact: episode.is_foul_before_contact(),
@@ -291,7 +291,7 @@ impl EvalRequest<'_> {
 
     /// Plays one start as often as the world asks, for egos that do not answer
     /// twice alike.
-    fn repeat(&self, bench: &mut Testbench, index: usize) -> Attempt {
+    fn repeat(&self, bench: &mut Testbench, index: usize) -> RepeatedEpisode {
         let Repeats { runs, gate } = self.scenario.repeats;
         let (mut simulations, mut physics_steps) = (0, 0);
         let mut episodes = Vec::with_capacity(runs as usize);
@@ -302,7 +302,7 @@ impl EvalRequest<'_> {
             episodes.push(episode);
         }
         let (repeated, standing) = StartRepeated::of(&episodes, gate);
-        Attempt {
+        RepeatedEpisode {
             fault: episodes.iter().find_map(|episode| episode.fault.clone()),
             episode: episodes.swap_remove(standing),
             repeated: (1 < runs).then_some(repeated),
@@ -323,7 +323,7 @@ impl EvalRequest<'_> {
         (episode, 1, physics_steps)
     }
 
-    pub(super) fn row(&self, played: &[Option<Played>]) -> Row {
+    pub(super) fn row(&self, played: &[Option<EpisodeResult>]) -> Row {
         let mut row = blank_row(self.scenario, (self.ego, self.ado.id()), self.starts);
         row.method = self.ado.method(self.scenario);
         if let Ado::Trained(_, seed) = self.ado {
@@ -386,7 +386,7 @@ pub(crate) fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
     let all: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
     let mut all = all.filter(|all| !all.is_empty())?;
     all.sort_by(|a, b| descending(&a.badness, &b.badness));
-    let shapes: Vec<Shape> = all.iter().map(|one| one.shape.clone()).collect();
+    let shapes: Vec<CrashFeatures> = all.iter().map(|one| one.shape.clone()).collect();
     Some(clusters(&shapes).len())
 }
 

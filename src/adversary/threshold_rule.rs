@@ -11,7 +11,7 @@ use std::cmp::Ordering;
 use cpu_time::ThreadTime;
 use rand_chacha::ChaCha8Rng;
 
-use crate::experiment::{Cost, EpisodeLoop, Turn, Watch};
+use crate::experiment::{Cost, EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::scene::Start;
 use crate::seed;
@@ -103,12 +103,12 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
     let actions = scenario.world().spaces().actions;
     let mut chances = Chances::even(values.len(), actions);
     let mut rng = seed::generator("heuristic", &[seed]);
-    let mut best: Option<(Score, Rule)> = None;
+    let mut best: Option<(Score, QuantileRule)> = None;
     let mut elsewhere_s = 0.0;
     for generation in 0..GENERATIONS {
         (watch.progress)(generation, GENERATIONS);
-        let rules: Vec<Rule> = (0..POPULATION).map(|_| chances.draw(&mut rng)).collect();
-        let try_one = |bench: &mut Testbench, rule: &Rule, turn: &Turn| {
+        let rules: Vec<QuantileRule> = (0..POPULATION).map(|_| chances.draw(&mut rng)).collect();
+        let try_one = |bench: &mut Testbench, rule: &QuantileRule, turn: &WorkItem| {
             Some(try_out(bench, rule, &values, (seed, watch, turn)))
         };
         let all = EpisodeLoop::uncounted(watch);
@@ -116,17 +116,18 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
         if watch.stopped() {
             return None;
         }
-        let tried: Vec<Tried> = tried.into_iter().flatten().collect();
+        let tried: Vec<RuleScore> = tried.into_iter().flatten().collect();
         for tried in &tried {
             cost.simulations += STARTS;
             cost.physics_steps += tried.physics_steps;
             elsewhere_s += tried.cpu_s;
         }
-        let mut ranked: Vec<(Score, Rule)> = tried.iter().map(|t| t.score).zip(rules).collect();
+        let mut ranked: Vec<(Score, QuantileRule)> =
+            tried.iter().map(|t| t.score).zip(rules).collect();
         // Equals keep the order in which they were drawn.
         ranked.sort_by(|a, b| b.0.better(&a.0));
         ranked.truncate(ELITES);
-        let elites: Vec<&Rule> = ranked.iter().map(|(_, rule)| rule).collect();
+        let elites: Vec<&QuantileRule> = ranked.iter().map(|(_, rule)| rule).collect();
         chances.learn(&elites);
         let first = ranked.swap_remove(0);
         if best
@@ -153,7 +154,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
 fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f32>>, Cost) {
     let mut bench = scenario.bench();
     let spaces = bench.spaces().clone();
-    let mut seen = Seen {
+    let mut seen = ObservationSampler {
         held: HeldRandom::new(spaces.actions, HOLD_DECISIONS),
         values: vec![Vec::new(); spaces.observation],
     };
@@ -173,12 +174,12 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
 }
 
 /// Held-random actions that note what is observed.
-struct Seen {
+struct ObservationSampler {
     held: HeldRandom,
     values: Vec<Vec<f32>>,
 }
 
-impl Actor for Seen {
+impl Actor for ObservationSampler {
     fn begin(&mut self, seed: u64, start: &Start) {
         self.held.begin(seed, start);
     }
@@ -201,13 +202,13 @@ fn key(seed: u64, index: u64) -> StartKey {
 
 /// A rule whose thresholds are quantiles of the signal's usual values.
 #[derive(Clone, Debug)]
-struct Rule {
+struct QuantileRule {
     signal: usize,
     quantiles: [f64; 2],
     actions: [usize; 3],
 }
 
-impl Rule {
+impl QuantileRule {
     fn zones(&self, values: &[Vec<f32>]) -> Zones {
         let values = &values[self.signal];
         let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
@@ -247,7 +248,7 @@ impl Score {
 }
 
 /// How a rule did on the training starts.
-struct Tried {
+struct RuleScore {
     score: Score,
     physics_steps: u64,
     cpu_s: f64,
@@ -255,10 +256,10 @@ struct Tried {
 
 fn try_out(
     bench: &mut Testbench,
-    rule: &Rule,
+    rule: &QuantileRule,
     values: &[Vec<f32>],
-    (seed, watch, turn): (u64, &Watch<'_>, &Turn),
-) -> Tried {
+    (seed, watch, turn): (u64, &Watch<'_>, &WorkItem),
+) -> RuleScore {
     let mut zones = rule.zones(values);
     let (mut score, mut physics_steps) = (Score::default(), 0);
     for index in 0..STARTS {
@@ -272,7 +273,7 @@ fn try_out(
         score.successes += u64::from(episode.verdict.is_success());
         physics_steps += episode.physics_steps;
     }
-    Tried {
+    RuleScore {
         score,
         physics_steps,
         cpu_s: turn.cpu_s(),
@@ -297,23 +298,23 @@ impl Chances {
         }
     }
 
-    fn draw(&self, rng: &mut ChaCha8Rng) -> Rule {
+    fn draw(&self, rng: &mut ChaCha8Rng) -> QuantileRule {
         let signal = pick(&self.signal, rng);
         let mut quantiles = self
             .quantiles
             .map(|(mean, spread)| (mean + spread * seed::normal(rng)).clamp(0.0, 1.0));
         quantiles.sort_by(f64::total_cmp);
         let [a, b, c] = &self.actions;
-        Rule {
+        QuantileRule {
             signal,
             quantiles,
             actions: [pick(a, rng), pick(b, rng), pick(c, rng)],
         }
     }
 
-    fn learn(&mut self, elites: &[&Rule]) {
+    fn learn(&mut self, elites: &[&QuantileRule]) {
         let n = elites.len() as f64;
-        let towards = |shares: &mut [f64], of: &dyn Fn(&Rule) -> usize| {
+        let towards = |shares: &mut [f64], of: &dyn Fn(&QuantileRule) -> usize| {
             for (value, share) in shares.iter_mut().enumerate() {
                 let chosen = elites.iter().filter(|rule| of(rule) == value).count();
                 *share += SMOOTHING * (chosen as f64 / n - *share);

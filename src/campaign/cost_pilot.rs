@@ -6,7 +6,7 @@ use super::check::{Checked, check};
 use super::dir::PLAN;
 use super::error::CampaignError;
 use super::plan::{Plan, PlannedAdo, Unit};
-use super::play::Stage;
+use super::play::UnitContext;
 use super::{estimate, workflow_files};
 use crate::experiment::{EgoUnderTest, Watch, consent, on_plant};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
@@ -44,7 +44,7 @@ pub struct PlanCost {
 
 /// Kind of units with similar cost, of which a single unit is measured.
 #[derive(PartialEq)]
-struct Kind {
+struct UnitKind {
     world: usize,
     ado: PlannedAdo,
     /// Command of a program, which may be far slower than any other ego.
@@ -82,12 +82,12 @@ impl Plan {
             .map(|it| it.allow_programs(allow_programs))
             .collect();
         let measured = piece_s.is_none();
-        let mut known: Vec<(Kind, f64)> = Vec::new();
+        let mut known: Vec<(UnitKind, f64)> = Vec::new();
         let (mut units, mut cpu_s) = (checked.plan.units.clone(), 0.0);
         for (nth, unit) in units.iter_mut().enumerate() {
             (watch.progress)(nth as u64, checked.plan.units.len() as u64);
             let ego = checked.ego(unit)?;
-            let kind = Kind {
+            let kind = UnitKind {
                 world: unit.world,
                 ado: unit.ado.clone(),
                 program: ego.scenario().program().map(|it| it.command.clone()),
@@ -163,7 +163,7 @@ impl Checked {
             ado: as_played,
             ..unit.clone()
         };
-        let stage = Stage {
+        let stage = UnitContext {
             plan: &self.plan,
             unit: &played,
             world,

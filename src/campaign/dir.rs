@@ -14,7 +14,7 @@ use serde_json::json;
 use super::error::CampaignError;
 use super::piece::{Heading, PieceText, Unusable};
 use super::plan::{CampaignPiece, FORMAT, Plan, PlannedAdo, Unit, Work};
-use super::play::{Stage, TrainedAdo};
+use super::play::{LoadedAdo, UnitContext};
 use super::{piece, training};
 use crate::content_hash::{check, sha256};
 use crate::experiment::{EgoUnderTest, Watch, on_plant};
@@ -326,9 +326,9 @@ impl PlanDir {
     }
 
     /// Assembles a unit with its ego and its ado.
-    fn stage(&self, unit: usize) -> Result<Stage<'_>, CampaignError> {
+    fn stage(&self, unit: usize) -> Result<UnitContext<'_>, CampaignError> {
         let unit = &self.plan.units[unit];
-        Ok(Stage {
+        Ok(UnitContext {
             plan: &self.plan,
             unit,
             world: &self.worlds[unit.world],
@@ -359,7 +359,7 @@ impl PlanDir {
     }
 
     /// Loads the trained ado of a unit, if any.
-    fn ado(&self, unit: &Unit) -> Result<Option<TrainedAdo>, CampaignError> {
+    fn ado(&self, unit: &Unit) -> Result<Option<LoadedAdo>, CampaignError> {
         let (run, planned) = match &unit.ado {
             PlannedAdo::Trained { run } => {
                 let run = &self.plan.ados[*run];
@@ -378,7 +378,7 @@ impl PlanDir {
             }
             .into());
         }
-        Ok(Some(TrainedAdo {
+        Ok(Some(LoadedAdo {
             policy: run.policy()?,
             seed: run.manifest().seed,
             sha256,

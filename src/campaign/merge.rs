@@ -12,7 +12,7 @@ use super::error::CampaignError;
 use super::piece;
 use super::piece::{PIECES, PieceText, Unusable};
 use super::plan::{CampaignPiece, PlannedAdo, Work};
-use super::summary::{CampaignSummary, Tally};
+use super::summary::{CampaignSummary, UnitCounts};
 use crate::experiment::Watch;
 use crate::run_dir::{RunError, WholeFile, make_dir, write_file};
 use crate::stats::StartOutcome;
@@ -42,7 +42,7 @@ pub struct Merged {
 
 /// Fields of a row that the summary uses.
 #[derive(Deserialize)]
-struct Told {
+struct SummaryFields {
     start: u64,
     outcome: StartOutcome,
     contact: bool,
@@ -69,7 +69,7 @@ impl PlanDir {
         let path = dir.join(ROWS);
         // The file appears under its name only after `finish`, so a failed merge leaves none.
         let mut file = WholeFile::begin(&path)?;
-        let mut tallies: Vec<Tally> = self.plan.units.iter().map(Tally::of).collect();
+        let mut tallies: Vec<UnitCounts> = self.plan.units.iter().map(UnitCounts::of).collect();
         let mut policies: Vec<Option<String>> = vec![None; self.plan.trainings.len()];
         let (mut wrong, mut rows) = (Vec::new(), 0u64);
         let pieces: Vec<CampaignPiece> = self.plan.pieces().collect();
@@ -143,7 +143,7 @@ impl PlanDir {
         &self,
         piece: &CampaignPiece,
         others: &[PathBuf],
-    ) -> Result<Result<(PieceText, Vec<Told>), String>, RunError> {
+    ) -> Result<Result<(PieceText, Vec<SummaryFields>), String>, RunError> {
         let question = self.plan.question(&piece.work);
         let mut found: Option<PieceText> = None;
         let places = std::iter::once(self.dir.as_path()).chain(others.iter().map(PathBuf::as_path));
@@ -185,9 +185,9 @@ impl PlanDir {
     }
 
     /// Parses the rows of a piece and checks that they are its starts in order.
-    fn rows_of(&self, piece: &CampaignPiece, rows: &str) -> Result<Vec<Told>, String> {
-        let told: Result<Vec<Told>, _> = rows.lines().map(serde_json::from_str).collect();
-        let told: Vec<Told> = told.map_err(|error| format!("damaged: {error}"))?;
+    fn rows_of(&self, piece: &CampaignPiece, rows: &str) -> Result<Vec<SummaryFields>, String> {
+        let told: Result<Vec<SummaryFields>, _> = rows.lines().map(serde_json::from_str).collect();
+        let told: Vec<SummaryFields> = told.map_err(|error| format!("damaged: {error}"))?;
         let asked = match &piece.work {
             // A training has no rows.
             Work::Training(_) => 0..0,

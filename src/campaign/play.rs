@@ -17,18 +17,18 @@ use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::Scenario;
 
 /// Unit with everything needed to play it.
-pub(super) struct Stage<'a> {
+pub(super) struct UnitContext<'a> {
     pub plan: &'a Plan,
     pub unit: &'a Unit,
     /// World of the file. Its own ego decides which starts are trivial.
     pub world: &'a Scenario,
     pub ego: EgoUnderTest,
     /// Trained ado of the unit, if any.
-    pub ado: Option<TrainedAdo>,
+    pub ado: Option<LoadedAdo>,
 }
 
 /// Trained ado that was read.
-pub(super) struct TrainedAdo {
+pub(super) struct LoadedAdo {
     pub policy: Box<dyn Policy>,
     /// Seed of its training.
     pub seed: u64,
@@ -37,13 +37,13 @@ pub(super) struct TrainedAdo {
 }
 
 /// Rows of some starts, with their processor time.
-pub(super) struct Played {
+pub(super) struct PlayedRows {
     pub rows: Vec<StartRow>,
     pub cpu_s: f64,
 }
 
 /// Outcome of a start, before a success is played again.
-struct Ended {
+struct PlayedStart {
     outcome: StartOutcome,
     verdict: Option<Verdict>,
     contact: Option<f64>,
@@ -51,13 +51,13 @@ struct Ended {
     physics_steps: u64,
 }
 
-impl Stage<'_> {
+impl UnitContext<'_> {
     /// Plays some starts. `None`: stopped before the last of them.
     pub fn play(
         &self,
         which: Range<usize>,
         watch: &Watch<'_>,
-    ) -> Result<Option<Played>, CampaignError> {
+    ) -> Result<Option<PlayedRows>, CampaignError> {
         consent(self.world, std::slice::from_ref(&self.ego))?;
         let seed = self.plan.starts.seed();
         let points = self.plan.starts.of(self.world, which.clone());
@@ -93,7 +93,7 @@ impl Stage<'_> {
             }
         });
         let rows = rows.collect();
-        Ok(Some(Played { rows, cpu_s }))
+        Ok(Some(PlayedRows { rows, cpu_s }))
     }
 
     /// Starts, with those left out at which the world's own ego fails by itself.
@@ -117,7 +117,11 @@ impl Stage<'_> {
         })
     }
 
-    fn evaluated(&self, starts: &TestStarts, watch: &Watch<'_>) -> Result<Outcomes, CampaignError> {
+    fn evaluated(
+        &self,
+        starts: &TestStarts,
+        watch: &Watch<'_>,
+    ) -> Result<StartResults, CampaignError> {
         let scenario = self.ego.scenario();
         let request = EvalRequest {
             scenario,
@@ -126,11 +130,11 @@ impl Stage<'_> {
             starts,
         };
         let evaluated = eval(&request, watch);
-        let ended: Vec<Option<Ended>> = evaluated
+        let ended: Vec<Option<PlayedStart>> = evaluated
             .outcomes
             .iter()
             .map(|outcome| {
-                outcome.map(|outcome| Ended {
+                outcome.map(|outcome| PlayedStart {
                     outcome: StartOutcome::of(&outcome.verdict),
                     verdict: Some(outcome.verdict),
                     contact: outcome.closing_speed_mps,
@@ -152,7 +156,7 @@ impl Stage<'_> {
         (method, budget): (Method<'_>, u64),
         starts: &TestStarts,
         watch: &Watch<'_>,
-    ) -> Outcomes {
+    ) -> StartResults {
         let request = SearchRequest {
             scenario: self.ego.scenario(),
             ego: self.ego.name(),
@@ -161,11 +165,11 @@ impl Stage<'_> {
             starts,
         };
         let searched = search(&request, watch);
-        let ended: Vec<Option<Ended>> = searched
+        let ended: Vec<Option<PlayedStart>> = searched
             .found
             .iter()
             .map(|found| {
-                found.as_ref().map(|found| Ended {
+                found.as_ref().map(|found| PlayedStart {
                     outcome: match (&found.actions, found.is_invalid()) {
                         (Some(_), _) => StartOutcome::Solved,
                         (None, true) => StartOutcome::Invalid,
@@ -194,10 +198,10 @@ impl Stage<'_> {
     /// Plays every success again to record its details.
     fn again(
         &self,
-        ended: &[Option<Ended>],
+        ended: &[Option<PlayedStart>],
         again: &(dyn Fn(&mut Testbench, usize) -> Episode + Sync),
         watch: &Watch<'_>,
-    ) -> Vec<Option<Success>> {
+    ) -> Vec<Option<SuccessDetails>> {
         let scenario = self.ego.scenario();
         // Only a few values are kept, because a piece may have many thousand episodes.
         EpisodeLoop::uncounted(watch).run(
@@ -212,7 +216,7 @@ impl Stage<'_> {
                 // The reference drivers can judge only an episode that ends in contact.
                 let judged = self.plan.preventability && episode.contact.is_some();
                 let known = judged.then(|| scenario.preventability(&episode));
-                Some(Success {
+                Some(SuccessDetails {
                     robustness: episode.robustness,
                     leaf: leaf(scenario, &episode),
                     impact: episode.contact.as_ref().and_then(|touch| touch.impact),
@@ -267,7 +271,12 @@ impl Stage<'_> {
         }
     }
 
-    fn told(&self, blank: StartRow, ended: &Ended, success: Option<&Success>) -> StartRow {
+    fn told(
+        &self,
+        blank: StartRow,
+        ended: &PlayedStart,
+        success: Option<&SuccessDetails>,
+    ) -> StartRow {
         let scenario = self.ego.scenario();
         let mut row = StartRow {
             outcome: ended.outcome,
@@ -306,7 +315,7 @@ impl Stage<'_> {
 }
 
 /// Details of a success.
-struct Success {
+struct SuccessDetails {
     robustness: f64,
     leaf: String,
     impact: Option<Impact>,
@@ -314,7 +323,7 @@ struct Success {
     actions: Vec<usize>,
 }
 
-type Outcomes = (Vec<Option<Ended>>, Vec<Option<Success>>, f64);
+type StartResults = (Vec<Option<PlayedStart>>, Vec<Option<SuccessDetails>>, f64);
 
 /// Returns the name of the plant as in rows of other verbs.
 fn plant_word(plant: Dynamics) -> String {

@@ -13,7 +13,7 @@ use crate::stats::{Flips, Outcomes, StartOutcome, at_most, seeds_interval, wilso
 const NAMED: usize = 100;
 
 /// Counts over the rows of a unit.
-pub(super) struct Tally {
+pub(super) struct UnitCounts {
     /// Outcome per start.
     outcomes: Vec<StartOutcome>,
     /// Per start, whether CC_LATCHED or FSM would have avoided the failure.
@@ -25,10 +25,10 @@ pub(super) struct Tally {
     physics_steps: u64,
 }
 
-impl Tally {
+impl UnitCounts {
     /// Returns an empty tally.
-    pub fn of(unit: &Unit) -> Tally {
-        Tally {
+    pub fn of(unit: &Unit) -> UnitCounts {
+        UnitCounts {
             outcomes: vec![StartOutcome::NotReached; unit.starts],
             preventable: vec![None; unit.starts],
             closing_mps: Vec::new(),
@@ -193,20 +193,20 @@ pub struct CampaignSummary {
 }
 
 impl CampaignSummary {
-    pub(super) fn of(dir: &PlanDir, tallies: Vec<Tally>) -> CampaignSummary {
+    pub(super) fn of(dir: &PlanDir, tallies: Vec<UnitCounts>) -> CampaignSummary {
         let plan = dir.plan();
-        let units: Vec<(&Unit, &Tally)> = plan.units.iter().zip(&tallies).collect();
+        let units: Vec<(&Unit, &UnitCounts)> = plan.units.iter().zip(&tallies).collect();
         let mut rows = Vec::new();
         for (nth, (unit, tally)) in units.iter().enumerate() {
             rows.push(row(dir, &units, unit, tally));
             let PlannedAdo::Training { .. } = unit.ado else {
                 continue;
             };
-            let is_mate = |other: &&(&Unit, &Tally)| {
+            let is_mate = |other: &&(&Unit, &UnitCounts)| {
                 (other.0.world, &other.0.ego) == (unit.world, &unit.ego)
                     && matches!(other.0.ado, PlannedAdo::Training { .. })
             };
-            let mates: Vec<&(&Unit, &Tally)> = units.iter().filter(is_mate).collect();
+            let mates: Vec<&(&Unit, &UnitCounts)> = units.iter().filter(is_mate).collect();
             // The mean follows the last training of its group, so rows stay in plan order.
             let is_last = units[nth + 1..].iter().all(|other| !is_mate(&other));
             if 1 < mates.len() && is_last {
@@ -261,8 +261,8 @@ fn plant(dir: &PlanDir, unit: &Unit) -> String {
 }
 
 /// Returns the share of the starts solved by a search that an ado solves too.
-fn recall(units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> Option<f64> {
-    let is_search = |(other, _): &&(&Unit, &Tally)| {
+fn recall(units: &[(&Unit, &UnitCounts)], unit: &Unit, tally: &UnitCounts) -> Option<f64> {
+    let is_search = |(other, _): &&(&Unit, &UnitCounts)| {
         (other.world, &other.ego) == (unit.world, &unit.ego)
             && matches!(other.ado, PlannedAdo::Search { .. })
     };
@@ -277,7 +277,12 @@ fn recall(units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> Option<f64> 
     (0 < solved).then(|| both as f64 / solved as f64)
 }
 
-fn row(dir: &PlanDir, units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> SummaryRow {
+fn row(
+    dir: &PlanDir,
+    units: &[(&Unit, &UnitCounts)],
+    unit: &Unit,
+    tally: &UnitCounts,
+) -> SummaryRow {
     let plan = dir.plan();
     let fails = tally.of_kind(StartOutcome::Solved);
     let [held, fouls, uncounted] = [
@@ -353,10 +358,15 @@ fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
     }
 }
 
-fn gates(dir: &PlanDir, units: &[(&Unit, &Tally)], baseline: &str, on: GateOn) -> Vec<GateVerdict> {
+fn gates(
+    dir: &PlanDir,
+    units: &[(&Unit, &UnitCounts)],
+    baseline: &str,
+    on: GateOn,
+) -> Vec<GateVerdict> {
     let mut gates = Vec::new();
     for (unit, tally) in units.iter().filter(|(unit, _)| unit.ego.name != baseline) {
-        let is_before = |(other, _): &&(&Unit, &Tally)| {
+        let is_before = |(other, _): &&(&Unit, &UnitCounts)| {
             other.ego.name == baseline && other.world == unit.world && other.ado == unit.ado
         };
         let Some((_, before)) = units.iter().find(is_before) else {
@@ -386,7 +396,7 @@ fn gates(dir: &PlanDir, units: &[(&Unit, &Tally)], baseline: &str, on: GateOn) -
     gates
 }
 
-fn maps(dir: &PlanDir, units: &[(&Unit, &Tally)]) -> Vec<CellMap> {
+fn maps(dir: &PlanDir, units: &[(&Unit, &UnitCounts)]) -> Vec<CellMap> {
     let StartsAsked::Grid { axes, .. } = &dir.plan().starts else {
         return Vec::new();
     };
@@ -404,8 +414,9 @@ fn maps(dir: &PlanDir, units: &[(&Unit, &Tally)]) -> Vec<CellMap> {
             continue;
         }
         seen.push(key);
-        let of_key = |(other, _): &&(&Unit, &Tally)| (other.world, other.ego.name.as_str()) == key;
-        let all: Vec<&(&Unit, &Tally)> = units.iter().filter(of_key).collect();
+        let of_key =
+            |(other, _): &&(&Unit, &UnitCounts)| (other.world, other.ego.name.as_str()) == key;
+        let all: Vec<&(&Unit, &UnitCounts)> = units.iter().filter(of_key).collect();
         let world = dir.world(unit);
         let unit_of = |name: &str| {
             let axes = world.axes();
@@ -422,16 +433,16 @@ fn maps(dir: &PlanDir, units: &[(&Unit, &Tally)]) -> Vec<CellMap> {
             }
             at.reverse();
             let cut = |nth: usize| slice * cells + nth;
-            let outcome = |tally: &Tally, nth| {
+            let outcome = |tally: &UnitCounts, nth| {
                 let outcome = tally.outcomes.get(cut(nth)).copied();
                 // A missing outcome is shown as unknown.
                 let known = outcome.filter(|outcome| *outcome != StartOutcome::NotReached);
                 known.unwrap_or(StartOutcome::Invalid)
             };
-            let outcomes = |(_, tally): &&(&Unit, &Tally)| -> Vec<StartOutcome> {
+            let outcomes = |(_, tally): &&(&Unit, &UnitCounts)| -> Vec<StartOutcome> {
                 (0..cells).map(|nth| outcome(tally, nth)).collect()
             };
-            let preventable = |(_, tally): &&(&Unit, &Tally)| -> Vec<Option<bool>> {
+            let preventable = |(_, tally): &&(&Unit, &UnitCounts)| -> Vec<Option<bool>> {
                 let one = |nth: usize| tally.preventable.get(cut(nth)).copied().flatten();
                 (0..cells).map(one).collect()
             };

@@ -24,11 +24,11 @@ closing  median closing speed of the failures that end in contact, m/s";
 #[derive(Args, Debug)]
 pub(super) struct CampaignArgs {
     #[command(subcommand)]
-    step: Step,
+    step: CampaignVerb,
 }
 
 #[derive(Subcommand, Debug)]
-enum Step {
+enum CampaignVerb {
     /// Cut a campaign file into pieces, with files for engines that run them.
     #[command(after_help = examples::CAMPAIGN_PLAN)]
     Plan(PlanArgs),
@@ -92,21 +92,21 @@ fn seconds(text: &str) -> Result<f64, String> {
 impl CampaignArgs {
     pub(super) fn common(&self) -> &Common {
         match &self.step {
-            Step::Plan(args) => &args.common,
-            Step::Run(args) => &args.common,
-            Step::Merge(args) => &args.common,
+            CampaignVerb::Plan(args) => &args.common,
+            CampaignVerb::Run(args) => &args.common,
+            CampaignVerb::Merge(args) => &args.common,
         }
     }
 }
 
 pub(super) fn run(args: &CampaignArgs) -> Result<Exit, Failure> {
     match &args.step {
-        Step::Plan(args) => plan(args),
-        Step::Run(args) => match args.piece {
+        CampaignVerb::Plan(args) => plan(args),
+        CampaignVerb::Run(args) => match args.piece {
             Some(number) => one(args, number),
             None => all(args),
         },
-        Step::Merge(args) => merge(args),
+        CampaignVerb::Merge(args) => merge(args),
     }
 }
 

@@ -35,15 +35,15 @@ fn run(args: &[String]) -> bool {
 }
 
 /// Given a directory: a command line that writes into it.
-type Command<'a> = &'a (dyn Fn(&Path) -> Vec<String> + Sync);
+type CommandBuilder<'a> = &'a (dyn Fn(&Path) -> Vec<String> + Sync);
 
 /// A verb, and how to go on with it.
-struct Case<'a> {
+struct KilledVerb<'a> {
     name: &'a str,
-    command: Command<'a>,
+    command: CommandBuilder<'a>,
 }
 
-impl Case<'_> {
+impl KilledVerb<'_> {
     /// Returns the current command line, which resumes a training that was begun.
     fn now(&self, dir: &Path) -> Vec<String> {
         let mut command = (self.command)(dir);
@@ -286,7 +286,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         copied(&whole.join("plan"), &dir.join("plan"));
         words(&format!("campaign merge {}", dir.join("plan").display()))
     };
-    let cases: [(&str, Command<'_>); 8] = [
+    let cases: [(&str, CommandBuilder<'_>); 8] = [
         ("train, grid", &on_a_grid),
         ("train, acc", &on_a_road),
         ("train --from", &fine_tuned),
@@ -302,7 +302,9 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         for (name, command) in cases {
             scope
                 // Each case has directories of its own, so cases can run side by side.
-                .spawn(move || points.fetch_add(Case { name, command }.holds(), Ordering::Relaxed));
+                .spawn(move || {
+                    points.fetch_add(KilledVerb { name, command }.holds(), Ordering::Relaxed)
+                });
         }
     });
     println!("{} steps failed", points.into_inner());

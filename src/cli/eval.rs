@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::compared::Compared;
-use super::counts::{STARTS, count, start_count};
+use super::gate_and_sweep::GateAndSweep;
 use super::keep::KeepArgs;
+use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, points,
     print_json, progress, table, talk, theorems,
@@ -191,7 +191,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     let theorems = checked(args, &mut evaluated, &watch.unnumbered());
-    let compared = Compared::of(args, sweep.as_ref(), &evaluated, &watch.unnumbered())?;
+    let compared = GateAndSweep::of(args, sweep.as_ref(), &evaluated, &watch.unnumbered())?;
     drop(bar);
     // Rows are printed before files are written, so a full disk does not cost the rows.
     show(args, &evaluated, theorems.as_ref(), &compared)?;
@@ -333,7 +333,7 @@ fn show(
     args: &EvalArgs,
     evaluated: &EvaluationTable<'_>,
     theorems: Option<&TheoremsChecked>,
-    compared: &Compared,
+    compared: &GateAndSweep,
 ) -> Result<(), Failure> {
     let summary = summarise(&evaluated.egos, &AdversaryId::Trained);
     if args.common.json {
@@ -380,7 +380,7 @@ fn ended(
     args: &EvalArgs,
     evaluated: EvaluationTable<'_>,
     theorems: Option<TheoremsChecked>,
-    compared: &Compared,
+    compared: &GateAndSweep,
 ) -> Result<Exit, Failure> {
     let rows = evaluated.rows();
     // A failure at a later ego decides, although the rows before it are printed.

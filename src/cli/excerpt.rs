@@ -39,7 +39,7 @@ impl Excerpt {
             feed => text[..feed - 1].rfind('\n').map_or(0, |feed| feed + 1),
         };
         // Only these lines are copied, because a file can have gigabytes.
-        let mut window = Window {
+        let mut window = ExcerptWindow {
             start,
             end,
             from: None,
@@ -72,7 +72,7 @@ impl Excerpt {
 }
 
 /// An excerpt that grows line by line, and where the mistake is in it.
-struct Window {
+struct ExcerptWindow {
     /// The bytes of the file that are wrong.
     start: usize,
     end: usize,
@@ -82,7 +82,7 @@ struct Window {
     text: String,
 }
 
-impl Window {
+impl ExcerptWindow {
     /// Adds a line of the file, which begins there at the byte `at`.
     fn line(&mut self, line: &str, at: usize) {
         let words = line.strip_suffix('\n').unwrap_or(line);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::crashes::{Choice, Form, KEEP_RUNS, KeepSettings};
+use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings};
 
 /// Default number of kept counterexamples per ego.
 const USUAL: usize = 10;
@@ -36,10 +36,10 @@ impl KeepArgs {
     }
 
     /// Returns the settings, with the choice `usual` by default.
-    fn settings_of(&self, usual: Choice) -> KeepSettings {
+    fn settings_of(&self, usual: CrashSelection) -> KeepSettings {
         let choice = match (self.keep_all, self.keep_most) {
-            (true, _) => Choice::All,
-            (false, Some(most)) => Choice::Worst(most),
+            (true, _) => CrashSelection::All,
+            (false, Some(most)) => CrashSelection::Worst(most),
             (false, None) => usual,
         };
         let form = if self.as_found {
@@ -55,11 +55,11 @@ impl KeepArgs {
 
     /// Returns the settings for counterexamples, by default the worst.
     pub(super) fn settings(&self) -> KeepSettings {
-        self.settings_of(Choice::Worst(USUAL))
+        self.settings_of(CrashSelection::Worst(USUAL))
     }
 
     /// Returns the settings for points, by default all.
     pub(super) fn settings_of_points(&self) -> KeepSettings {
-        self.settings_of(Choice::All)
+        self.settings_of(CrashSelection::All)
     }
 }

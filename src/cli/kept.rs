@@ -71,7 +71,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         .zip(&known)
         .map(|(it, about)| row(it, about))
         .collect();
-    let in_all = Tally::of(&replayed);
+    let in_all = ReplaySummary::of(&replayed);
     if args.common.json {
         print_json(&json!({ "rows": rows, "in_all": in_all }))
     } else {
@@ -102,7 +102,7 @@ fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit
 
 /// Summary of all replays.
 #[derive(Serialize)]
-struct Tally {
+struct ReplaySummary {
     replayed: usize,
     still_fail: usize,
     fixed: usize,
@@ -110,11 +110,11 @@ struct Tally {
     invalid: usize,
 }
 
-impl Tally {
-    fn of(replayed: &[Replayed]) -> Tally {
+impl ReplaySummary {
+    fn of(replayed: &[Replayed]) -> ReplaySummary {
         let still_fail = replayed.iter().filter(|one| one.still_fails()).count();
         let invalid = replayed.iter().filter(|one| one.fault().is_some()).count();
-        Tally {
+        ReplaySummary {
             replayed: replayed.len(),
             still_fail,
             fixed: replayed.len() - still_fail - invalid,
@@ -123,9 +123,9 @@ impl Tally {
     }
 }
 
-impl Display for Tally {
+impl Display for ReplaySummary {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Tally {
+        let ReplaySummary {
             replayed,
             still_fail,
             fixed,

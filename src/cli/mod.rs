@@ -4,18 +4,18 @@
 
 mod campaign;
 mod check;
-mod compared;
-mod counts;
 mod crashes;
 mod eval;
 mod examples;
 mod excerpt;
 mod export;
 mod failure;
+mod gate_and_sweep;
 mod keep;
 mod kept;
 mod last_resort;
 mod new;
+mod number_args;
 mod points;
 mod progress;
 mod report;

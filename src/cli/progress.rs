@@ -22,7 +22,7 @@ const TELLING: u64 = 20;
 
 /// State of the current phase.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Phase {
+struct ProgressPhase {
     /// Title of the bar, empty if the phases suffice.
     title: String,
     what: String,
@@ -38,14 +38,14 @@ struct Phase {
 
 /// Time of an event, in seconds.
 #[derive(Clone, Copy, Debug)]
-struct Spent {
+struct PhaseTime {
     /// Since the phase began.
     elapsed_s: u64,
     /// Since something was last done of it.
     idle_s: u64,
 }
 
-impl Phase {
+impl ProgressPhase {
     /// Returns the current step, such as `2/4 training (decisions)`.
     fn label(&self) -> String {
         let mut label = String::new();
@@ -68,7 +68,7 @@ impl Phase {
     ///
     /// Running items have an unknown end. Without waiting items there is no estimate. A
     /// long item counts as taking as long again.
-    fn left_s(&self, spent: Spent, at_once: u64) -> Option<u64> {
+    fn left_s(&self, spent: PhaseTime, at_once: u64) -> Option<u64> {
         let total = self.total?;
         let (here, left) = (
             self.done.saturating_sub(self.first),
@@ -85,7 +85,7 @@ impl Phase {
     }
 
     /// A line for those who have no terminal.
-    fn line(&self, spent: Spent, at_once: u64) -> String {
+    fn line(&self, spent: PhaseTime, at_once: u64) -> String {
         let mut line = self.label();
         let elapsed_s = spent.elapsed_s;
         let _ = match self.total {
@@ -102,26 +102,26 @@ impl Phase {
 /// The present phase and its clocks.
 #[derive(Debug)]
 struct Present {
-    phase: Phase,
+    phase: ProgressPhase,
     began: Instant,
     last: Instant,
     ended: bool,
 }
 
 impl Present {
-    fn spent(&self) -> Spent {
-        Spent {
+    fn spent(&self) -> PhaseTime {
+        PhaseTime {
             elapsed_s: self.began.elapsed().as_secs(),
             idle_s: self.last.elapsed().as_secs(),
         }
     }
 
     fn begin(&mut self, what: &str, step: Option<(usize, usize)>) {
-        self.phase = Phase {
+        self.phase = ProgressPhase {
             title: std::mem::take(&mut self.phase.title),
             what: what.to_owned(),
             step,
-            ..Phase::default()
+            ..ProgressPhase::default()
         };
         (self.began, self.last) = (Instant::now(), Instant::now());
     }
@@ -148,14 +148,14 @@ impl Present {
 
 /// State shared by all reporting threads.
 #[derive(Debug)]
-struct Shared {
+struct SharedProgress {
     present: Mutex<Present>,
     /// Wakes the writer of lines when the bar ends.
     ended: Condvar,
     at_once: u64,
 }
 
-impl Shared {
+impl SharedProgress {
     fn present(&self) -> MutexGuard<'_, Present> {
         // Counts stay valid if another thread panicked.
         self.present.lock().unwrap_or_else(PoisonError::into_inner)
@@ -179,7 +179,7 @@ impl Shared {
 /// Progress of a command, removed when dropped.
 pub struct Bar {
     shown: ProgressBar,
-    shared: Arc<Shared>,
+    shared: Arc<SharedProgress>,
     lines: Option<JoinHandle<()>>,
     progress: Box<dyn Fn(u64, u64) + Send + Sync>,
     remarks: Box<dyn Fn(Remark<'_>) + Send + Sync>,
@@ -187,11 +187,11 @@ pub struct Bar {
 
 /// Creates a bar whose phases and counts come from the work, after `title`.
 pub fn bar(title: &str) -> Bar {
-    let shared = Arc::new(Shared {
+    let shared = Arc::new(SharedProgress {
         present: Mutex::new(Present {
-            phase: Phase {
+            phase: ProgressPhase {
                 title: title.to_owned(),
-                ..Phase::default()
+                ..ProgressPhase::default()
             },
             began: Instant::now(),
             last: Instant::now(),
@@ -247,11 +247,11 @@ pub fn bar(title: &str) -> Bar {
 }
 
 /// Returns the style of a bar on a terminal.
-fn style(shared: &Arc<Shared>) -> ProgressStyle {
+fn style(shared: &Arc<SharedProgress>) -> ProgressStyle {
     let shared = Arc::clone(shared);
     let counts = move |_: &ProgressState, text: &mut dyn Write| {
         let present = shared.present();
-        let Spent { elapsed_s, .. } = present.spent();
+        let PhaseTime { elapsed_s, .. } = present.spent();
         if let Some(total) = present.phase.total {
             let _ = write!(text, "{}/{total}  ", present.phase.done);
         }
@@ -297,9 +297,9 @@ mod tests {
 
     fn present(title: &str) -> Present {
         Present {
-            phase: Phase {
+            phase: ProgressPhase {
                 title: title.to_owned(),
-                ..Phase::default()
+                ..ProgressPhase::default()
             },
             began: Instant::now(),
             last: Instant::now(),
@@ -308,7 +308,7 @@ mod tests {
     }
 
     fn line(present: &Present, elapsed_s: u64, idle_s: u64) -> String {
-        let spent = Spent { elapsed_s, idle_s };
+        let spent = PhaseTime { elapsed_s, idle_s };
         present.phase.line(spent, 2)
     }
 

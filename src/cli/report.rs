@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::counts::{STARTS, count, start_count};
 use super::eval::is_world;
+use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, open_run, print_json, progress,
     talk,

@@ -7,8 +7,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use strum::VariantArray;
 
-use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
+use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table, talk,
@@ -18,6 +18,7 @@ use crate::experiment::{EgoUnderTest, on_plant};
 use crate::run_dir::{Row, RunDir, Stored};
 use crate::search::{BUDGET, Method, MethodInfo, MethodOption, MethodSettings};
 use crate::sim::PlantKind;
+use crate::world::Scenario;
 
 #[derive(Args, Debug)]
 pub(super) struct SearchArgs {
@@ -73,18 +74,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     let is_run = args.world.is_dir();
     let run = is_run.then(|| open_run(&args.world, &args.common));
     let run = run.transpose()?;
-    let (world, mut nominal) = match &run {
-        // Starts come from the plant of the file, and episodes from the plant of the
-        // training.
-        Some(run) => (run.world()?, run.scenario()?),
-        None => {
-            let world = load_world(&args.world, &args.common)?;
-            (world.clone(), world)
-        }
-    };
-    if let Some(plant) = args.plant {
-        nominal = on_plant(&nominal, plant)?;
-    }
+    let (world, nominal) = worlds(args, run.as_ref())?;
     let egos = EgoUnderTest::find_or_program(&nominal, &args.ego, &args.program)?;
     let stored = stored(args, run.as_ref(), &egos)?;
     let settings = MethodSettings {
@@ -109,6 +99,23 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     show(args, &searched)?;
     keep(args, &searched, steps)?;
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
+}
+
+/// Returns the world that draws the starts and the world that plays them.
+fn worlds(args: &SearchArgs, run: Option<&RunDir>) -> Result<(Scenario, Scenario), Failure> {
+    let (world, nominal) = match run {
+        // Starts come from the plant of the file, and episodes from the plant of the
+        // training.
+        Some(run) => (run.world()?, run.scenario()?),
+        None => {
+            let world = load_world(&args.world, &args.common)?;
+            (world.clone(), world)
+        }
+    };
+    match args.plant {
+        Some(plant) => Ok((world, on_plant(&nominal, plant)?)),
+        None => Ok((world, nominal)),
+    }
 }
 
 /// The last of so many steps.

@@ -81,7 +81,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         talk::say(&short);
     }
     let mut scratch = Scratch::default();
-    let measured = Measured {
+    let measured = FormulaResult {
         robustness: monitor.robustness(&trace, &mut scratch),
         // At ρ = 0 the formula itself decides, while a rule is kept only if ρ > 0.
         satisfied: monitor.satisfied(&trace, &mut scratch),
@@ -142,14 +142,14 @@ fn beyond(monitor: &Monitor, trace: &Trace) -> Option<String> {
 }
 
 /// Result of a formula on a trace.
-struct Measured {
+struct FormulaResult {
     robustness: f64,
     satisfied: bool,
     all: Option<Vec<f64>>,
     explanation: Option<Explanation>,
 }
 
-impl Measured {
+impl FormulaResult {
     fn json(&self) -> serde_json::Value {
         let mut object = json!({
             "robustness": finite_or_word(self.robustness),

@@ -11,7 +11,7 @@ use clap::{Args, CommandFactory, FromArgMatches};
 use super::{Exit, Failure, last_resort, talk};
 use crate::visible::visible;
 
-pub use super::counts::start_count;
+pub use super::number_args::start_count;
 pub use super::progress::{Bar, bar};
 pub use super::talk::{data, json, say};
 

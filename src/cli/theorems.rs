@@ -3,7 +3,7 @@
 use super::table_of;
 use crate::evaluation::TheoremsChecked;
 use crate::theorems::{
-    Carried, CarryOver, Forecast, GridTheorems, Nearby, Theorem1, Theorem2, Theorem3,
+    CarryOver, Forecast, GridTheorems, Nearby, ReplayedOnGrid, Theorem1, Theorem2, Theorem3,
     TheoremOutcome,
 };
 
@@ -143,7 +143,7 @@ fn approximate_values(all: &[(&str, &Theorem2); 2]) -> String {
 
 fn bisimilar(all: &[Theorem3]) -> String {
     let rows = all.iter().map(|row| {
-        let shares = |carried: &Carried| {
+        let shares = |carried: &ReplayedOnGrid| {
             let of = |part: usize| of(part as u64, carried.pairs as u64);
             [carried.replayed, carried.by_cell, carried.own_view]
                 .map(of)

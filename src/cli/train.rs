@@ -5,16 +5,16 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::counts::{STARTS, count, start_count};
+use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table, talk,
 };
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{Ended, Row};
+use crate::run_dir::{Row, TrainingEnd};
 use crate::sim::PlantKind;
 use crate::training::{TrainRequest, TrainSession, TrainingOutcome};
-use crate::world::{Against, Scenario};
+use crate::world::{Scenario, TrainingEgos};
 
 #[derive(Args, Debug)]
 pub(super) struct TrainArgs {
@@ -33,8 +33,8 @@ pub(super) struct TrainArgs {
     #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL")]
     goals: Vec<TrainingGoal>,
     /// What to train against: the world's ego, or its family under `train_against`.
-    #[arg(long, value_parser = one_of::<Against>(), default_value = "nominal", value_name = "WHOM")]
-    against: Against,
+    #[arg(long, value_parser = one_of::<TrainingEgos>(), default_value = "nominal", value_name = "WHOM")]
+    against: TrainingEgos,
     /// A structure of the family that is not met, to ask later how the ado fares on
     /// it.
     #[arg(long, value_name = "STRUCTURE")]
@@ -134,7 +134,11 @@ fn say_trained(trained: &TrainingOutcome) {
         ));
     }
     // The usual end, after the requested decisions, needs no remark.
-    if let Some(ended) = trained.done.ended.filter(|ended| *ended != Ended::Asked) {
+    if let Some(ended) = trained
+        .done
+        .ended
+        .filter(|ended| *ended != TrainingEnd::Asked)
+    {
         talk::say(&format!("ended: {}", ended.in_words()));
     }
     if let Some(warning) = trained.done.calibration.and_then(|c| c.warning()) {

@@ -1,6 +1,6 @@
 //! Conformance check of a controller.
 
-use super::recorded::{Row, Subject, examine};
+use super::recorded::{StepNumbers, Subject, examine};
 use super::{Nonconformities, Promise};
 use crate::ego::{Briefing, Controller, Own, Percept, Phase, RoadGeometry, Seen, SeenLight};
 
@@ -45,7 +45,7 @@ struct Driven {
 }
 
 impl Driven {
-    fn answer(&mut self, episode: u64, step: usize) -> Row {
+    fn answer(&mut self, episode: u64, step: usize) -> StepNumbers {
         let answer = self.controller.control(&percept(episode, step));
         let flaw = answer.as_ref().ok().and_then(|command| command.flaw());
         self.fault = match (&answer, flaw) {
@@ -67,13 +67,13 @@ impl Subject for Driven {
         ["accel_mps2", "lateral_mps"].map(str::to_owned).into()
     }
 
-    fn begin(&mut self, episode: u64) -> Row {
+    fn begin(&mut self, episode: u64) -> StepNumbers {
         // An arbitrary offset, so that no episode has the seed 0.
         self.controller.reset(17 + episode);
         self.answer(episode, 0)
     }
 
-    fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
+    fn step(&mut self, episode: u64, step: usize) -> Option<StepNumbers> {
         if SAMPLES <= step {
             // Programs wait for the next sample until the episode is finished.
             self.controller.finish();

@@ -1,6 +1,6 @@
 //! Conformance check of an environment.
 
-use super::recorded::{Row, Subject, action, examine};
+use super::recorded::{StepNumbers, Subject, action, examine};
 use super::{Nonconformities, Promise};
 use crate::rl::{End, Env, Spaces};
 
@@ -64,7 +64,7 @@ impl Subject for Stepped {
         shapes(&self.spaces)
     }
 
-    fn begin(&mut self, episode: u64) -> Row {
+    fn begin(&mut self, episode: u64) -> StepNumbers {
         (self.over, self.endless) = (false, false);
         // Numbers that `reset` does not write remain NaN and are reported.
         let mut obs = vec![f32::NAN; self.spaces.observation];
@@ -73,7 +73,7 @@ impl Subject for Stepped {
         obs.chain([0.0, 0.0]).collect()
     }
 
-    fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
+    fn step(&mut self, episode: u64, step: usize) -> Option<StepNumbers> {
         if self.over || self.endless {
             return None;
         }

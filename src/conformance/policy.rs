@@ -2,8 +2,8 @@
 
 use super::Nonconformities;
 use super::env::shapes;
-use super::recorded::{Row, Subject, examine};
-use crate::rl::{Dice, Policy, Spaces};
+use super::recorded::{StepNumbers, Subject, examine};
+use crate::rl::{LearnerRng, Policy, Spaces};
 
 /// Number of observations of an episode.
 const OBSERVATIONS: usize = 100;
@@ -16,19 +16,19 @@ const OBSERVATIONS: usize = 100;
 /// # Errors
 /// The broken promises, each with the first step that shows it.
 pub fn check_policy(policy: &dyn Policy, spaces: &Spaces) -> Result<(), Nonconformities> {
-    examine(|| Asked { policy, spaces })
+    examine(|| PolicyCheck { policy, spaces })
 }
 
-struct Asked<'a> {
+struct PolicyCheck<'a> {
     policy: &'a dyn Policy,
     spaces: &'a Spaces,
 }
 
-impl Asked<'_> {
-    fn answer(&self, episode: u64, step: usize) -> Row {
+impl PolicyCheck<'_> {
+    fn answer(&self, episode: u64, step: usize) -> StepNumbers {
         // Derived from episode and step alone, so the order of calls has no
         // effect.
-        let mut dice = Dice::new(1000 * episode + step as u64);
+        let mut dice = LearnerRng::new(1000 * episode + step as u64);
         // The middle, the usual range, and values far outside of it.
         let wide = [0.0, 1.0, 1.0, 1.0, 50.0][step % 5];
         let mut draw = |_| (wide * (2.0 * dice.unit() - 1.0)) as f32;
@@ -40,7 +40,7 @@ impl Asked<'_> {
     }
 }
 
-impl Subject for Asked<'_> {
+impl Subject for PolicyCheck<'_> {
     fn names(&self) -> Vec<String> {
         ["action", "value"].map(str::to_owned).into()
     }
@@ -49,11 +49,11 @@ impl Subject for Asked<'_> {
         shapes(self.spaces)
     }
 
-    fn begin(&mut self, episode: u64) -> Row {
+    fn begin(&mut self, episode: u64) -> StepNumbers {
         self.answer(episode, 0)
     }
 
-    fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
+    fn step(&mut self, episode: u64, step: usize) -> Option<StepNumbers> {
         (step < OBSERVATIONS).then(|| self.answer(episode, step))
     }
 

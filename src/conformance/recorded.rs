@@ -10,7 +10,7 @@ const EPISODES: u64 = 2;
 const FORKS_AT: [usize; 2] = [0, 7];
 
 /// Numbers of a step: of the reset or of an action.
-pub(super) type Row = Vec<f64>;
+pub(super) type StepNumbers = Vec<f64>;
 
 /// A subject whose episodes can be recorded.
 pub(super) trait Subject: Sized {
@@ -23,10 +23,10 @@ pub(super) trait Subject: Sized {
     }
 
     /// Begins an episode.
-    fn begin(&mut self, episode: u64) -> Row;
+    fn begin(&mut self, episode: u64) -> StepNumbers;
 
     /// Takes step number `step`, from 1 on, or returns `None` after the end.
-    fn step(&mut self, episode: u64, step: usize) -> Option<Row>;
+    fn step(&mut self, episode: u64, step: usize) -> Option<StepNumbers>;
 
     /// Returns a problem with a number, by its position in the row.
     fn flaw(&self, _at: usize, _value: f64) -> Option<String> {
@@ -51,13 +51,13 @@ pub(super) fn action(episode: u64, step: usize, actions: usize) -> usize {
 }
 
 /// Plays the rest of an episode from `step` on.
-fn rest<S: Subject>(subject: &mut S, episode: u64, step: usize) -> Vec<Row> {
+fn rest<S: Subject>(subject: &mut S, episode: u64, step: usize) -> Vec<StepNumbers> {
     (step + 1..)
         .map_while(|step| subject.step(episode, step))
         .collect()
 }
 
-fn whole<S: Subject>(subject: &mut S, episode: u64) -> Vec<Row> {
+fn whole<S: Subject>(subject: &mut S, episode: u64) -> Vec<StepNumbers> {
     let mut rows = vec![subject.begin(episode)];
     rows.extend(rest(subject, episode, 0));
     rows
@@ -76,7 +76,7 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
         // Without valid shapes no episode can be played.
         return Err(Nonconformities(found.list));
     }
-    let reference: Vec<Vec<Row>> = (0..EPISODES)
+    let reference: Vec<Vec<StepNumbers>> = (0..EPISODES)
         .map(|episode| found.sound(&mut make(), episode))
         .collect();
     let episodes = || (0..EPISODES).zip(&reference);
@@ -120,7 +120,7 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
     }
 
     let play = &|episode| whole(&mut make(), episode);
-    let together: Vec<Vec<Row>> = thread::scope(|scope| {
+    let together: Vec<Vec<StepNumbers>> = thread::scope(|scope| {
         let threads: Vec<_> = (0..EPISODES)
             // Every episode runs twice at once, so equal seeds run side by side.
             .chain(0..EPISODES)
@@ -170,7 +170,7 @@ impl Findings {
     }
 
     /// Plays an episode and checks every number.
-    fn sound<S: Subject>(&mut self, subject: &mut S, episode: u64) -> Vec<Row> {
+    fn sound<S: Subject>(&mut self, subject: &mut S, episode: u64) -> Vec<StepNumbers> {
         let mut rows = Vec::new();
         let mut next = Some(subject.begin(episode));
         while let Some(row) = next {
@@ -193,7 +193,13 @@ impl Findings {
     }
 
     /// Compares bit for bit. The first row is that of step `from.1`.
-    fn same(&mut self, promise: Promise, from: (u64, usize), found: &[Row], expected: &[Row]) {
+    fn same(
+        &mut self,
+        promise: Promise,
+        from: (u64, usize),
+        found: &[StepNumbers],
+        expected: &[StepNumbers],
+    ) {
         let (episode, first) = from;
         for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
             let pairs = found.iter().zip(expected);

@@ -1,9 +1,9 @@
 //! Conformance check of a scene.
 
 use super::env::{observed, shapes, unscaled};
-use super::recorded::{Row, Subject, action, examine};
+use super::recorded::{StepNumbers, Subject, action, examine};
 use super::{Nonconformities, Promise};
-use crate::scene::{Flow, Scene, Start};
+use crate::scene::{Scene, Start, StepOutcome};
 use crate::seed::{Purpose, StartKey};
 
 /// Largest number of samples of an episode that is played.
@@ -19,20 +19,20 @@ const MOST_SAMPLES: usize = 60;
 /// # Errors
 /// The broken promises, each with the first sample that shows it.
 pub fn check_scene(make: &(dyn Fn() -> Box<dyn Scene> + Sync)) -> Result<(), Nonconformities> {
-    examine(|| Played {
+    examine(|| PlayedScene {
         scene: make(),
         over: false,
         fault: None,
     })
 }
 
-struct Played {
+struct PlayedScene {
     scene: Box<dyn Scene>,
     over: bool,
     fault: Option<(Promise, String)>,
 }
 
-impl Played {
+impl PlayedScene {
     fn start(&self, episode: u64) -> Start {
         self.scene.draw(StartKey {
             purpose: Purpose::Train,
@@ -41,7 +41,7 @@ impl Played {
         })
     }
 
-    fn row(&mut self) -> Row {
+    fn row(&mut self) -> StepNumbers {
         // Numbers that the scene does not write remain NaN and are reported.
         let mut row = vec![f64::NAN; self.scene.schema().len()];
         let mut obs = vec![f32::NAN; self.scene.spaces().observation];
@@ -67,7 +67,7 @@ impl Played {
     }
 }
 
-impl Subject for Played {
+impl Subject for PlayedScene {
     fn names(&self) -> Vec<String> {
         let signals = self.scene.schema().signals().iter();
         let signals = signals.map(|signal| signal.name.to_string());
@@ -81,7 +81,7 @@ impl Subject for Played {
         shapes(self.scene.spaces()).or(still)
     }
 
-    fn begin(&mut self, episode: u64) -> Row {
+    fn begin(&mut self, episode: u64) -> StepNumbers {
         let start = self.start(episode);
         let misplaced = self.misplaced(&start);
         self.fault = misplaced.map(|what| (Promise::Spaces, what));
@@ -90,7 +90,7 @@ impl Subject for Played {
         self.row()
     }
 
-    fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
+    fn step(&mut self, episode: u64, step: usize) -> Option<StepNumbers> {
         let clock = self.scene.clock();
         // External egos wait for the next sample until the episode is finished.
         if self.over || clock.samples().min(MOST_SAMPLES) <= step {
@@ -104,10 +104,10 @@ impl Subject for Played {
             self.scene.decide(action(episode, step, actions));
         }
         let flow = self.scene.advance();
-        self.over = flow != Flow::Going;
+        self.over = flow != StepOutcome::Going;
         self.fault = match flow {
-            Flow::Fault(fault) => Some((Promise::Finite, format!("a fault: {fault}"))),
-            Flow::Going | Flow::Contact(_) => None,
+            StepOutcome::Fault(fault) => Some((Promise::Finite, format!("a fault: {fault}"))),
+            StepOutcome::Going | StepOutcome::Contact(_) => None,
         };
         Some(self.row())
     }
@@ -122,7 +122,7 @@ impl Subject for Played {
     }
 
     fn fork(&self) -> Option<Self> {
-        Some(Played {
+        Some(PlayedScene {
             scene: self.scene.fork()?,
             over: self.over,
             fault: None,

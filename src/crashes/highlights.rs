@@ -1,7 +1,7 @@
 //! Choice of the most informative counterexamples, by explicit criteria.
 
 use crate::adversary::{EvalRequest, Evaluated};
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rulebook::Verdict;
 use crate::scene::Axis;
 use crate::stats::StartOutcome;
@@ -10,7 +10,7 @@ use crate::testbench::{Episode, Testbench};
 
 /// Counterexample with the criterion that chose it.
 #[derive(Clone, Debug)]
-pub struct Telling {
+pub struct Highlight {
     /// The criterion, with the number.
     pub chosen_for: String,
     /// Its position among the test starts.
@@ -34,7 +34,7 @@ struct Facts {
 /// In order: the highest closing speed, the earliest violation, the deepest violation,
 /// the largest margin of all rules, and the start that is farthest from the other four. A
 /// criterion without a value is left out.
-pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling> {
+pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Highlight> {
     let solved: Vec<usize> = evaluated
         .row
         .solved
@@ -47,7 +47,7 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
         let mut play = |bench: &mut Testbench, start| request.play(bench, start);
         evaluated.again(request, bench, start, &mut play)
     };
-    let facts_again = |bench: &mut Testbench, start: &usize, _: &Turn| {
+    let facts_again = |bench: &mut Testbench, start: &usize, _: &WorkItem| {
         Some(facts_of(*start, &again(bench, *start), request, &axes))
     };
     let unwatched = Watch::unwatched();
@@ -105,7 +105,7 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
     }
     // Only the chosen episodes are kept in memory, so they are played again.
     let mut bench = request.scenario.bench();
-    let played = chosen.into_iter().map(|(chosen_for, facts)| Telling {
+    let played = chosen.into_iter().map(|(chosen_for, facts)| Highlight {
         chosen_for,
         start: facts.start,
         episode: again(&mut bench, facts.start),

@@ -27,8 +27,8 @@ use std::collections::BTreeSet;
 use super::reruns::{KEEP_RUNS, Reruns};
 use crate::experiment::Watch;
 use crate::run_dir::{Effort, Shrunk};
-use crate::scene::{Dynamics, Start, Touch};
-use crate::search::{Confirmed, Confirmer, Next, Tree};
+use crate::scene::{ContactEvent, Dynamics, Start};
+use crate::search::{Confirmed, Confirmer, Tree, WalkControl};
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, Testbench, play};
 use crate::world::Scenario;
@@ -121,7 +121,7 @@ pub(super) fn shrink_within(
 /// Conditions that a smaller counterexample must satisfy.
 struct Aim {
     /// Contact of the original, if any.
-    contact: Option<Touch>,
+    contact: Option<ContactEvent>,
     /// True if the original has a rule violation before its contact.
     foul_before_contact: bool,
 }
@@ -134,8 +134,13 @@ impl Aim {
         }
     }
 
-    fn is_met(&self, success: bool, contact: Option<&Touch>, foul_before_contact: bool) -> bool {
-        let as_bad = |found: &Touch| {
+    fn is_met(
+        &self,
+        success: bool,
+        contact: Option<&ContactEvent>,
+        foul_before_contact: bool,
+    ) -> bool {
+        let as_bad = |found: &ContactEvent| {
             contact.is_some_and(|touch| {
                 let least_mps = CLOSING * found.closing_speed_mps;
                 touch.between == found.between && least_mps <= touch.closing_speed_mps
@@ -206,7 +211,7 @@ impl Shrinking<'_> {
             if aim.is_met_by(&Confirmed::on(bench)) {
                 found.push((effort(scenario, actions), actions.to_vec()));
             }
-            Next::Continue
+            WalkControl::Continue
         };
         let from = ((self.start, self.noise), 0);
         let root = &mut self.bench;
@@ -218,7 +223,7 @@ impl Shrinking<'_> {
         let spaces = scenario.world().spaces();
         let others = (0..spaces.actions).filter(|action| *action != spaces.neutral);
         for action in std::iter::once(spaces.neutral).chain(others) {
-            if tree.begin(root, action, switches) == Next::Stop {
+            if tree.begin(root, action, switches) == WalkControl::Stop {
                 break;
             }
         }

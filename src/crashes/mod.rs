@@ -12,18 +12,19 @@ mod save_crashes;
 mod view_kind;
 
 pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
-pub use highlights::{Telling, telling};
+pub use highlights::{Highlight, telling};
 pub use minimize::{CLOSING, effort, shrink};
 pub use perturbation_robustness::{FRICTION, START, persistence};
 pub use picture::{Inapplicable, picture};
 pub use replay::Difference;
 pub use replay::FindError;
-pub use replay::Kept;
+pub use replay::SavedCounterexample;
 pub use replay::{RegressionError, Regressions, Replayed, replay};
 pub use reruns::KEEP_RUNS;
 pub(crate) use reruns::copies;
-pub use root_cause::{Driver, decisive, last_chance, why};
+pub use root_cause::{SubstituteDriver, decisive, last_chance, why};
 pub use save_crashes::{
-    Again, Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep,
+    Again, CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, about,
+    file_stem, keep,
 };
 pub use view_kind::{UnknownViewKind, ViewKind};

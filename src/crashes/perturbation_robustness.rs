@@ -68,10 +68,10 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
     })
 }
 
-type Varied = (String, Scenario, Start);
+type PerturbedStart = (String, Scenario, Start);
 
 /// Returns the perturbed worlds, each with the same start.
-fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<Varied>> {
+fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>> {
     let spec = scenario.drive()?;
     let (plant, sample_s, friction) = (spec.plant, spec.clock.sample_s, spec.road.friction());
     let other = match plant {
@@ -109,7 +109,7 @@ fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<Varied>> {
 }
 
 /// Returns the perturbed starts, each in the same world.
-fn starts(scenario: &Scenario, start: &Start) -> Vec<Varied> {
+fn starts(scenario: &Scenario, start: &Start) -> Vec<PerturbedStart> {
     let mut all = Vec::new();
     for (n, axis) in scenario.axes().iter().enumerate() {
         // Perturbations of other units, such as phases, have no common size.

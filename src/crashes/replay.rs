@@ -2,14 +2,14 @@
 
 mod difference;
 mod find;
-mod kept;
+mod saved_counterexample;
 
 use std::path::{Path, PathBuf};
 
 pub use difference::Difference;
 use difference::first_difference;
 pub use find::FindError;
-pub use kept::Kept;
+pub use saved_counterexample::SavedCounterexample;
 
 use super::save_crashes::about_of_run;
 use crate::ego::Fault;
@@ -97,7 +97,7 @@ impl Replayed {
 ///
 /// # Errors
 /// The start does not fit the world.
-pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
+pub fn replay(kept: &SavedCounterexample, scenario: Scenario) -> Result<Replayed, KeptError> {
     let Repeats { runs, gate } = scenario.repeats;
     let episodes = (0..runs.max(1)).map(|_| once(kept, &scenario));
     let mut episodes = episodes.collect::<Result<Vec<_>, _>>()?;
@@ -134,7 +134,7 @@ pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
 }
 
 /// One run of a kept counterexample.
-fn once(kept: &Kept, scenario: &Scenario) -> Result<Episode, KeptError> {
+fn once(kept: &SavedCounterexample, scenario: &Scenario) -> Result<Episode, KeptError> {
     let recorded = &kept.counterexample;
     let start = recorded.start(scenario, &kept.path)?;
     let mut bench = scenario.bench();
@@ -153,14 +153,14 @@ fn once(kept: &Kept, scenario: &Scenario) -> Result<Episode, KeptError> {
 /// ```
 #[derive(Clone)]
 pub struct Regressions {
-    kept: Vec<Kept>,
-    ego: EgoUnderTest,
+    kept: Vec<SavedCounterexample>,
+    ego: ReplayedEgo,
     programs_allowed: bool,
     allow_invalid: f64,
 }
 
 #[derive(Clone)]
-enum EgoUnderTest {
+enum ReplayedEgo {
     Recorded,
     Change(Box<Change>),
     Named(String),
@@ -251,14 +251,14 @@ impl Regressions {
             });
         }
         let kept = files.into_iter().map(|path| {
-            Counterexample::load(&path).map(|counterexample| Kept {
+            Counterexample::load(&path).map(|counterexample| SavedCounterexample {
                 path,
                 counterexample,
             })
         });
         Ok(Regressions {
             kept: kept.collect::<Result<_, _>>()?,
-            ego: EgoUnderTest::Recorded,
+            ego: ReplayedEgo::Recorded,
             programs_allowed: false,
             allow_invalid: 0.0,
         })
@@ -291,7 +291,7 @@ impl Regressions {
     #[must_use]
     pub fn with_ego(self, name: &str, factory: ControllerFactory) -> Regressions {
         Regressions {
-            ego: EgoUnderTest::Own(name.to_owned(), factory),
+            ego: ReplayedEgo::Own(name.to_owned(), factory),
             ..self
         }
     }
@@ -300,7 +300,7 @@ impl Regressions {
     #[must_use]
     pub fn with_change(self, change: Change) -> Regressions {
         Regressions {
-            ego: EgoUnderTest::Change(Box::new(change)),
+            ego: ReplayedEgo::Change(Box::new(change)),
             ..self
         }
     }
@@ -309,19 +309,19 @@ impl Regressions {
     #[must_use]
     pub fn with_named_ego(self, name: &str) -> Regressions {
         Regressions {
-            ego: EgoUnderTest::Named(name.to_owned()),
+            ego: ReplayedEgo::Named(name.to_owned()),
             ..self
         }
     }
 
     /// The kept counterexamples.
-    pub fn kept(&self) -> &[Kept] {
+    pub fn kept(&self) -> &[SavedCounterexample] {
         &self.kept
     }
 
     /// Returns whether the ego is the recorded ego.
     pub fn is_recorded_ego(&self) -> bool {
-        matches!(self.ego, EgoUnderTest::Recorded)
+        matches!(self.ego, ReplayedEgo::Recorded)
     }
 
     /// Replays all counterexamples.
@@ -422,7 +422,7 @@ impl Regressions {
     ///
     /// # Errors
     /// The world is not usable.
-    pub fn world_of(&self, kept: &Kept) -> Result<Scenario, KeptError> {
+    pub fn world_of(&self, kept: &SavedCounterexample) -> Result<Scenario, KeptError> {
         let recorded = &kept.counterexample;
         let world = recorded.scenario(&kept.path)?;
         let world = world.allow_programs(self.programs_allowed);
@@ -483,22 +483,22 @@ impl Regressions {
         }
     }
 
-    fn scenario(&self, kept: &Kept) -> Result<Scenario, RegressionError> {
+    fn scenario(&self, kept: &SavedCounterexample) -> Result<Scenario, RegressionError> {
         let recorded = &kept.counterexample;
         let allowed = self.programs_allowed;
         let nominal = || -> Result<Scenario, KeptError> {
             Ok(recorded.nominal(&kept.path)?.allow_programs(allowed))
         };
         Ok(match &self.ego {
-            EgoUnderTest::Recorded => recorded.scenario(&kept.path)?.allow_programs(allowed),
-            EgoUnderTest::Own(name, factory) => {
+            ReplayedEgo::Recorded => recorded.scenario(&kept.path)?.allow_programs(allowed),
+            ReplayedEgo::Own(name, factory) => {
                 let world = recorded.scenario(&kept.path)?;
                 world.with_ego(name, factory.clone())
             }
             // A named or given ego replaces the recorded change, it is not added.
-            EgoUnderTest::Change(change) => nominal()?.with(change)?,
-            EgoUnderTest::Named(name) if name == "nominal" => nominal()?,
-            EgoUnderTest::Named(name) => {
+            ReplayedEgo::Change(change) => nominal()?.with(change)?,
+            ReplayedEgo::Named(name) if name == "nominal" => nominal()?,
+            ReplayedEgo::Named(name) => {
                 let world = nominal()?;
                 let Some(change) = world.reuse.get(name) else {
                     return Err(RegressionError::NoSuchEgo {

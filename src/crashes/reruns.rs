@@ -27,7 +27,7 @@ const COMPARED: usize = 2;
 pub(super) struct Reruns<'a> {
     /// World with the repeats that each question takes.
     scenario: Scenario,
-    kind: Kind,
+    kind: EgoRerunKind,
     /// Limit of runs, for egos of which each run is a whole run.
     limit: u64,
     spent: AtomicU64,
@@ -41,7 +41,7 @@ pub(super) struct Reruns<'a> {
 
 /// Capability of an ego to answer questions.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum EgoRerunKind {
     /// A stock ego, whose runs are not limited.
     Stock,
     /// An ego of the user that can be copied in the middle of a run.
@@ -64,9 +64,9 @@ impl<'a> Reruns<'a> {
             foreign,
             foreign && copies(scenario, &episode.start, episode.noise),
         ) {
-            (false, _) => Kind::Stock,
-            (true, true) => Kind::Copied,
-            (true, false) => Kind::Whole,
+            (false, _) => EgoRerunKind::Stock,
+            (true, true) => EgoRerunKind::Copied,
+            (true, false) => EgoRerunKind::Whole,
         };
         let mut reruns = Reruns {
             scenario: scenario.repeated(Repeats::default()),
@@ -109,7 +109,7 @@ impl<'a> Reruns<'a> {
             self.scenario = self.scenario.repeated(repeats);
             // A copy would share its past with all repeats, so each repeat is a whole
             // run.
-            self.kind = Kind::Whole;
+            self.kind = EgoRerunKind::Whole;
             break;
         }
         Ok(())
@@ -139,7 +139,7 @@ impl<'a> Reruns<'a> {
 
     /// Returns whether a run can continue from a copy of another run.
     pub fn copies(&self) -> bool {
-        self.kind != Kind::Whole
+        self.kind != EgoRerunKind::Whole
     }
 
     /// Returns whether all questions are refused.
@@ -149,9 +149,9 @@ impl<'a> Reruns<'a> {
 
     /// Returns the record of the runs for kept files, `None` for a stock ego.
     pub fn told(&self) -> Option<EgoRuns> {
-        (self.kind != Kind::Stock).then(|| EgoRuns {
+        (self.kind != EgoRerunKind::Stock).then(|| EgoRuns {
             runs: self.spent.load(Ordering::Relaxed),
-            copied: self.kind == Kind::Copied && !self.is_refused(),
+            copied: self.kind == EgoRerunKind::Copied && !self.is_refused(),
             ended: self.refused.as_ref().or(self.ended.get()).cloned(),
         })
     }
@@ -173,11 +173,13 @@ impl<'a> Reruns<'a> {
         let needed = spent.saturating_add(runs).saturating_add(for_later);
         let reason = match self.kind {
             // A stock ego answers at once, so an interruption does not matter.
-            Kind::Stock => None,
+            EgoRerunKind::Stock => None,
             _ if self.watch.interrupted() => Some(NotAsked::Interrupted),
             _ if self.faults.has_given_up() => Some(NotAsked::EgoFailed),
             // Copies cost a part of a run, so only whole runs are limited.
-            Kind::Whole if self.limit < needed => Some(NotAsked::RunLimit { runs: self.limit }),
+            EgoRerunKind::Whole if self.limit < needed => {
+                Some(NotAsked::RunLimit { runs: self.limit })
+            }
             _ => None,
         };
         match reason {

@@ -18,20 +18,20 @@ use crate::world::Scenario;
 
 /// Driver in the ego's place.
 #[derive(Clone)]
-pub struct Driver {
+pub struct SubstituteDriver {
     /// Name in sentences.
     pub name: String,
     /// Factory of the driver. Its commands pass the ego's own actuator.
     pub factory: ControllerFactory,
 }
 
-impl Driver {
+impl SubstituteDriver {
     /// Returns the ideal driver: no delay, all the deceleration of the road.
     ///
     /// Returns `None` if the world is not driven.
-    pub fn full_brake(scenario: &Scenario) -> Option<Driver> {
+    pub fn full_brake(scenario: &Scenario) -> Option<SubstituteDriver> {
         let brake_mps2 = scenario.drive()?.road.friction() * GRAVITY_MPS2;
-        Some(Driver {
+        Some(SubstituteDriver {
             name: "full braking".to_owned(),
             factory: Arc::new(move || Box::new(FullBrake { brake_mps2 })),
         })
@@ -40,15 +40,19 @@ impl Driver {
 
 /// Returns the cause of the failure in an episode of `scenario`.
 ///
-/// The last chance is that of `driver`, by default [`Driver::full_brake`].
-pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> Why {
+/// The last chance is that of `driver`, by default [`SubstituteDriver::full_brake`].
+pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&SubstituteDriver>) -> Why {
     let watch = Watch::unwatched();
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
     why_within(&reruns, episode, driver)
 }
 
 /// Finds the cause within the runs of `reruns`.
-pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<&Driver>) -> Why {
+pub(super) fn why_within(
+    reruns: &Reruns<'_>,
+    episode: &Episode,
+    driver: Option<&SubstituteDriver>,
+) -> Why {
     let scenario = reruns.scenario();
     // A refusal is kept, so that a missing decisive action is not read as a result.
     let (decisive, not_asked) = match decisive_within(reruns, episode) {
@@ -60,7 +64,7 @@ pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<
         .spec
         .explain(&violated(scenario, episode));
     let leaf = explanation.leaf();
-    let ideal = Driver::full_brake(scenario);
+    let ideal = SubstituteDriver::full_brake(scenario);
     Why {
         leaf: leaf.map(|leaf| leaf.formula.clone()).unwrap_or_default(),
         leaf_s: tidy(leaf.map_or(0.0, |leaf| leaf.time_s)),
@@ -202,7 +206,11 @@ fn finish(mut bench: Testbench, actions: &[usize]) -> Option<Verdict> {
 /// The ados act as recorded. The search goes backwards by decisions, then by samples
 /// within the first decision that helps. A chance that exists only between two decisions
 /// may be missed. `None` if the world is not driven.
-pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> Option<LastChance> {
+pub fn last_chance(
+    scenario: &Scenario,
+    episode: &Episode,
+    driver: &SubstituteDriver,
+) -> Option<LastChance> {
     let sample_s = scenario.drive()?.clock.sample_s;
     let judged = episode.judged.saturating_sub(1);
     let per_decision = scenario.bench().clock().samples_per_decision().max(1);
@@ -227,7 +235,12 @@ pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> O
 }
 
 /// Returns whether `driver` avoids the failure if it takes over after `after` samples.
-fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: usize) -> bool {
+fn is_avoided(
+    scenario: &Scenario,
+    episode: &Episode,
+    driver: &SubstituteDriver,
+    after: usize,
+) -> bool {
     let Some(spec) = scenario.drive() else {
         return false;
     };

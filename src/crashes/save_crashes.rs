@@ -1,6 +1,6 @@
 //! Counterexamples of an evaluation or a search, kept as files.
 //!
-//! Hundreds of counterexamples are useless to a developer. [`Keeper::keep`] keeps a few:
+//! Hundreds of counterexamples are useless to a developer. [`CrashWriter::keep`] keeps a few:
 //! the worst that are distinct and persistent. Each is minimized and labelled
 //! ([`About`]).
 
@@ -14,8 +14,8 @@ use super::perturbation_robustness::{persistence_within, variations};
 use super::reruns::{KEEP_RUNS, Reruns};
 use super::root_cause::{spans_asked, why, why_within};
 use crate::adversary::{EvalRequest, Evaluated};
+use crate::experiment::{CrashFeatures, badness, clusters, descending, worse_first};
 use crate::experiment::{EpisodeLoop, Watch};
-use crate::experiment::{Shape, badness, clusters, descending, worse_first};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
     About, AdversaryId, Counterexample, KeptError, Severity, file_name, make_dir,
@@ -30,7 +30,7 @@ const LOOKS: usize = 5;
 
 /// Selection of the counterexamples to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choice {
+pub enum CrashSelection {
     /// At most this many: the worst that are distinct and persistent.
     Worst(usize),
     /// All counterexamples.
@@ -50,7 +50,7 @@ pub enum Form {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeepSettings {
     /// Selection.
-    pub choice: Choice,
+    pub choice: CrashSelection,
     /// Form.
     pub form: Form,
     /// Most runs per counterexample of an ego without copies, such as a program.
@@ -59,7 +59,7 @@ pub struct KeepSettings {
 
 impl KeepSettings {
     /// Creates settings with [`KEEP_RUNS`] runs.
-    pub fn new(choice: Choice, form: Form) -> KeepSettings {
+    pub fn new(choice: CrashSelection, form: Form) -> KeepSettings {
         KeepSettings {
             choice,
             form,
@@ -70,7 +70,7 @@ impl KeepSettings {
 
 /// Context of counterexamples to keep: world, ego, ado, seed and settings.
 #[derive(Clone)]
-pub struct Keeper<'a> {
+pub struct CrashWriter<'a> {
     /// World with the ego that fails.
     pub scenario: &'a Scenario,
     /// Name of that ego in rows.
@@ -132,10 +132,10 @@ impl KeptFiles {
 }
 
 /// Counterexample before its examination.
-struct Candidate {
+struct CrashCandidate {
     /// Position among the test starts.
     index: usize,
-    shape: Shape,
+    shape: CrashFeatures,
     /// Contact, injury risk, closing speed, depth of the violation.
     badness: [f64; 4],
 }
@@ -198,10 +198,14 @@ fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     }
 }
 
-impl<'a> Keeper<'a> {
+impl<'a> CrashWriter<'a> {
     /// Creates a keeper for the counterexamples of an evaluation.
-    pub fn of(request: &EvalRequest<'a>, change: &'a Change, settings: KeepSettings) -> Keeper<'a> {
-        Keeper {
+    pub fn of(
+        request: &EvalRequest<'a>,
+        change: &'a Change,
+        settings: KeepSettings,
+    ) -> CrashWriter<'a> {
+        CrashWriter {
             scenario: request.scenario,
             ego: request.ego,
             change,
@@ -226,7 +230,7 @@ impl<'a> Keeper<'a> {
     ) -> Result<KeptFiles, KeptError> {
         make_dir(dir)?;
         let candidates = self.candidates(starts, again, watch);
-        let shapes: Vec<Shape> = candidates.iter().map(|it| it.shape.clone()).collect();
+        let shapes: Vec<CrashFeatures> = candidates.iter().map(|it| it.shape.clone()).collect();
         let clusters = clusters(&shapes);
         let mut kept = KeptFiles {
             found: candidates.len(),
@@ -272,13 +276,18 @@ impl<'a> Keeper<'a> {
     }
 
     /// Returns the counterexample of every start, worst first.
-    fn candidates(&self, starts: &[usize], again: Again<'_>, watch: &Watch<'_>) -> Vec<Candidate> {
+    fn candidates(
+        &self,
+        starts: &[usize],
+        again: Again<'_>,
+        watch: &Watch<'_>,
+    ) -> Vec<CrashCandidate> {
         let candidate = |bench: &mut Testbench, index: usize| {
             let episode = again(bench, index);
             // An ego that is not deterministic may not fail again.
-            episode.verdict.is_success().then(|| Candidate {
+            episode.verdict.is_success().then(|| CrashCandidate {
                 index,
-                shape: Shape::of(self.scenario, &episode),
+                shape: CrashFeatures::of(self.scenario, &episode),
                 badness: badness(&episode),
             })
         };
@@ -288,7 +297,7 @@ impl<'a> Keeper<'a> {
             || self.scenario.bench(),
             |bench, index, _| candidate(bench, *index),
         );
-        let mut all: Vec<Candidate> = played.into_iter().flatten().collect();
+        let mut all: Vec<CrashCandidate> = played.into_iter().flatten().collect();
         all.sort_by(|a, b| descending(&a.badness, &b.badness).then(a.index.cmp(&b.index)));
         all
     }
@@ -296,14 +305,14 @@ impl<'a> Keeper<'a> {
     /// Returns the counterexamples to keep, examined in batches.
     fn chosen(
         &self,
-        (candidates, clusters): (&[Candidate], &[Vec<usize>]),
+        (candidates, clusters): (&[CrashCandidate], &[Vec<usize>]),
         again: Again<'_>,
         watch: &Watch<'_>,
         kept: &mut KeptFiles,
     ) -> Vec<Labelled> {
         let (mut queue, most) = match self.settings.choice {
-            Choice::Worst(most) => (leaders(clusters), most),
-            Choice::All => (everybody(clusters), candidates.len()),
+            CrashSelection::Worst(most) => (leaders(clusters), most),
+            CrashSelection::All => (everybody(clusters), candidates.len()),
         };
         queue.truncate(LOOKS.saturating_mul(most));
         let mut queue = queue.into_iter();
@@ -332,7 +341,7 @@ impl<'a> Keeper<'a> {
                 .collect();
             let runs = labelled.iter().filter_map(|it| it.about.ego_runs.as_ref());
             kept.runs += runs.map(|runs| runs.runs).sum::<u64>();
-            let all = self.settings.choice == Choice::All;
+            let all = self.settings.choice == CrashSelection::All;
             chosen.extend(labelled.into_iter().filter(|it| all || persists(&it.about)));
         }
         kept.passed_over = looked - chosen.len();

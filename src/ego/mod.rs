@@ -34,10 +34,10 @@ mod acc;
 mod actuator;
 mod aeb;
 mod coast;
+mod courteous_acc;
 #[cfg(test)]
 mod dummy;
 mod fault;
-mod filtered;
 mod following;
 mod fvdm;
 mod gipps;
@@ -46,15 +46,15 @@ mod iso_acc;
 mod krauss;
 mod merge;
 mod parameters;
-mod polite;
 mod process;
-mod pursuit;
+mod pure_pursuit;
 mod recorded;
 pub mod reference;
 mod room;
+mod safety_filter_acc;
 mod stock;
 mod takeover;
-mod yellow;
+mod traffic_light_acc;
 
 use serde::{Deserialize, Serialize};
 
@@ -63,7 +63,7 @@ pub use fault::{Fault, FaultKind, PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
 pub use process::{DOCUMENT, Exercise, Finding, Hello, PROTOCOL, ProcessController, exercise};
 pub use recorded::RecordedCommands;
-pub use room::Room;
+pub use room::LaneOccupancy;
 pub use stock::*;
 pub use takeover::{FullBrake, Takeover};
 

@@ -21,7 +21,7 @@ const EXPECTED_S: f64 = 2.0;
 
 /// A rectangle on the straightened road, relative to the middle of the ego's front.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Room {
+pub struct LaneOccupancy {
     /// Nearest face along the road.
     pub near_m: f64,
     /// Farthest face along the road.
@@ -33,13 +33,13 @@ pub struct Room {
 }
 
 /// A time interval from now on, empty if the end precedes the beginning.
-type Span = (f64, f64);
+type TimeInterval = (f64, f64);
 
-impl Room {
+impl LaneOccupancy {
     /// Returns the box of a body from the middle of its front and its heading.
     ///
     /// The heading is counter-clockwise from the road.
-    pub fn of(front_m: (f64, f64), heading_rad: f64, size_m: (f64, f64)) -> Room {
+    pub fn of(front_m: (f64, f64), heading_rad: f64, size_m: (f64, f64)) -> LaneOccupancy {
         let (sin, cos) = libm::sincos(heading_rad);
         let (half_length_m, half_width_m) = (0.5 * size_m.0, 0.5 * size_m.1);
         let middle = (
@@ -48,7 +48,7 @@ impl Room {
         );
         let along_m = half_length_m * cos.abs() + half_width_m * sin.abs();
         let across_m = half_length_m * sin.abs() + half_width_m * cos.abs();
-        Room {
+        LaneOccupancy {
             near_m: middle.0 - along_m,
             far_m: middle.0 + along_m,
             right_m: middle.1 - across_m,
@@ -62,7 +62,7 @@ impl Room {
     }
 
     /// Returns its time inside the corridor, at a constant speed to the left.
-    fn inside_s(&self, half_m: f64, lateral_mps: f64) -> Span {
+    fn inside_s(&self, half_m: f64, lateral_mps: f64) -> TimeInterval {
         match lateral_mps == 0.0 {
             // A body without lateral motion is inside for ever or never.
             true if self.is_within(half_m) => (0.0, f64::INFINITY),
@@ -79,7 +79,7 @@ impl Room {
     }
 
     /// Returns the time of the ego beside it, at a constant closing speed above 0.
-    fn beside_s(&self, own: &Own, closing_mps: f64) -> Span {
+    fn beside_s(&self, own: &Own, closing_mps: f64) -> TimeInterval {
         let (first_m, last_m) = (self.near_m, self.far_m + own.length_m);
         (first_m / closing_mps, last_m / closing_mps)
     }
@@ -92,18 +92,18 @@ impl Seen {
     }
 
     /// Returns the space that it occupies on the road.
-    pub fn room(&self) -> Room {
+    pub fn room(&self) -> LaneOccupancy {
         // Headings near the road's count as 0, so leaders have the same
         // clearance as in the car-following models.
         if self.is_along() {
-            Room {
+            LaneOccupancy {
                 near_m: self.headway_m - self.length_m,
                 far_m: self.headway_m,
                 right_m: self.lateral_m - 0.5 * self.width_m,
                 left_m: self.lateral_m + 0.5 * self.width_m,
             }
         } else {
-            Room::of(
+            LaneOccupancy::of(
                 (self.headway_m, self.lateral_m),
                 self.road_heading_rad,
                 (self.length_m, self.width_m),

@@ -31,23 +31,23 @@ macro_rules! egos {
 
         #[derive(Serialize, Deserialize)]
         #[serde(rename = "ControllerSpec")]
-        enum InFile {
+        enum ControllerFile {
             $( $(#[cfg($when)])? $kind(Actuated<$kind>), )*
         }
 
-        impl From<InFile> for Actuated<ControllerSpec> {
-            fn from(file: InFile) -> Actuated<ControllerSpec> {
+        impl From<ControllerFile> for Actuated<ControllerSpec> {
+            fn from(file: ControllerFile) -> Actuated<ControllerSpec> {
                 match file {
-                    $( $(#[cfg($when)])? InFile::$kind(it) => it.map(ControllerSpec::$kind), )*
+                    $( $(#[cfg($when)])? ControllerFile::$kind(it) => it.map(ControllerSpec::$kind), )*
                 }
             }
         }
 
-        impl From<Actuated<ControllerSpec>> for InFile {
-            fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> InFile {
+        impl From<Actuated<ControllerSpec>> for ControllerFile {
+            fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> ControllerFile {
                 match controller {
                     $( $(#[cfg($when)])? ControllerSpec::$kind(controller) => {
-                        InFile::$kind(Actuated { controller, lag_s })
+                        ControllerFile::$kind(Actuated { controller, lag_s })
                     } )*
                 }
             }
@@ -88,7 +88,7 @@ macro_rules! egos {
     };
 }
 
-written_as!(ControllerSpec, InFile);
+written_as!(ControllerSpec, ControllerFile);
 
 impl Actuated<ControllerSpec> {
     /// Returns the controller's numeric parameters and the lag.
@@ -169,9 +169,9 @@ egos! {
     /// Follows the car ahead, Sec. V-B.
     acc::Acc by clone;
     /// The follower of `Acc` under a braking safety filter.
-    filtered::FilteredAcc by clone;
+    safety_filter_acc::FilteredAcc by clone;
     /// The follower of `Acc`, braking softly when tailgated.
-    polite::PoliteAcc by clone;
+    courteous_acc::PoliteAcc by clone;
     /// The intelligent driver model.
     idm::Idm by clone;
     /// Gipps' model: can always stop in time.
@@ -185,13 +185,13 @@ egos! {
     /// Cruises, and brakes for agents that cross its path.
     aeb::Aeb by build;
     /// Brakes like `Aeb`, keeps its lane and steers where braking is not enough.
-    pursuit::PurePursuit by build;
+    pure_pursuit::PurePursuit by build;
     /// The switching merge controller, Sec. V-B.
     merge::Merge by build;
     /// Follows, and stops for lights by the d(t) of the paper's appendix.
-    yellow::YellowLight by build;
+    traffic_light_acc::YellowLight by build;
     /// Follows, and stops for lights by the stopping distance.
-    yellow::YellowLightFixed by build;
+    traffic_light_acc::YellowLightFixed by build;
     /// Competent and careful, answers overlapping paths (UN R157).
     reference::CcDriver by at_the_wheel;
     /// Competent and careful, answers agents that leave the next lane.

@@ -1,6 +1,6 @@
 //! Baselines and search of a world, before any ado was trained in it.
 
-use super::blocking_rules::{InTheWay, in_the_way};
+use super::blocking_rules::{RuleAblation, in_the_way};
 use crate::adversary::{Ado, best_constant, eval};
 use crate::experiment::{EgoError, EgoUnderTest, Watch, consent, test_starts};
 use crate::run_dir::Row;
@@ -9,11 +9,11 @@ use crate::world::Scenario;
 
 /// Rows of baselines and search, ego by ego.
 #[derive(Clone, Debug, Default)]
-pub struct Untrained {
+pub struct BaselineTable {
     /// The baselines and a search, ego by ego.
     pub rows: Vec<Row>,
     /// Rules that block success, for egos for which the search finds nothing.
-    pub in_the_way: Vec<InTheWay>,
+    pub in_the_way: Vec<RuleAblation>,
 }
 
 /// Plays the baselines and a search with limited switches, ego by ego.
@@ -28,12 +28,12 @@ pub fn untrained(
     (count, seed): (usize, u64),
     switches: usize,
     watch: &Watch<'_>,
-) -> Result<Option<Untrained>, EgoError> {
+) -> Result<Option<BaselineTable>, EgoError> {
     consent(nominal, egos)?;
     let Some(starts) = test_starts(nominal, seed, count, watch) else {
         return Ok(None);
     };
-    let mut all = Untrained::default();
+    let mut all = BaselineTable::default();
     for (nth, ego) in egos.iter().enumerate() {
         if watch.stopped() {
             break;

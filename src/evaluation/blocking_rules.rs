@@ -16,7 +16,7 @@ const LOOKED_AT: usize = 12;
 
 /// Numbers of starts from which the ego fails without certain rules.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct InTheWay {
+pub struct RuleAblation {
     /// Name of the ego.
     pub ego: String,
     /// Number of searched starts.
@@ -42,7 +42,7 @@ pub(super) fn in_the_way(
     starts: &TestStarts,
     switches: usize,
     watch: &Watch<'_>,
-) -> Option<InTheWay> {
+) -> Option<RuleAblation> {
     let rules = &scenario.rulebook().rules;
     // Few starts are enough to find a rule that blocks all of them.
     let few = starts.first(LOOKED_AT);
@@ -67,7 +67,7 @@ pub(super) fn in_the_way(
         (rule.name.clone(), solved(&world))
     });
     let counts_all = scenario.rulebook().counts.is_violation();
-    let found = InTheWay {
+    let found = RuleAblation {
         switches,
         uncounted: (!counts_all).then(|| solved(&scenario.counting_every_violation())),
         ego: ego.to_owned(),
@@ -86,7 +86,7 @@ fn switches_in_words(switches: usize) -> String {
     }
 }
 
-impl fmt::Display for InTheWay {
+impl fmt::Display for RuleAblation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (starts, all) = (self.starts, self.without_all);
         write!(f, "{}: ", self.ego)?;
@@ -135,7 +135,7 @@ mod tests {
     use crate::experiment::test_starts;
 
     /// A lead car that may not brake, for two reasons or for one.
-    fn blocked(rules: &str) -> InTheWay {
+    fn blocked(rules: &str) -> RuleAblation {
         let text = include_str!("../../worlds/acc.ron").replace("plant: Rigid", "plant: Kinematic");
         let (before, rest) = text.split_once("rulebook: [").expect("rules");
         let (_, after) = rest.split_once("],").expect("their end");

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::Cost;
 use crate::run_dir::{Anytime, Row};
-use crate::search::{Found, Searched, anytime};
+use crate::search::{SearchResult, Searched, anytime};
 
 /// Mean cost of one start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -136,7 +136,7 @@ fn least(most: u64, passes: impl Fn(u64) -> bool) -> u64 {
 }
 
 /// Mean cost per start of a search that stops after `budget` simulations.
-fn cut(found: &[Option<Found>], budget: u64) -> PerStart {
+fn cut(found: &[Option<SearchResult>], budget: u64) -> PerStart {
     let (mut starts, mut physics_steps, mut cpu_s) = (0, 0.0, 0.0);
     for found in found.iter().flatten() {
         let (spent, _) = found.within(budget);

@@ -2,8 +2,8 @@
 
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample, FoundBy};
 use crate::adversary::{
-    Ado, AdoKind, Baselines, ByRule, EvalRequest, Evaluated, best_constant, best_then_brake, eval,
-    explain_first,
+    Ado, AdoKind, Baselines, EvalRequest, Evaluated, GridPolicy, best_constant, best_then_brake,
+    eval, explain_first,
 };
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
@@ -14,7 +14,7 @@ use crate::sysid::ConditionedAdo;
 use crate::training::retrained;
 
 /// Evaluation of all ados against an ego, row by row.
-pub(super) struct Meeting<'a> {
+pub(super) struct EgoEvaluation<'a> {
     pub asked: Evaluation<'a>,
     pub ego: &'a EgoUnderTest,
     pub ado: &'a ConditionedAdo,
@@ -27,7 +27,7 @@ pub(super) struct Meeting<'a> {
     pub found: Option<FoundBy>,
 }
 
-impl<'a> Meeting<'a> {
+impl<'a> EgoEvaluation<'a> {
     pub fn play(&mut self) -> Result<(), EvaluationError> {
         for &kind in &self.baselines.ados {
             for ado in self.baselines.made(kind) {
@@ -86,9 +86,9 @@ impl<'a> Meeting<'a> {
                 best.map(|best| best.row)
             }
             AdoKind::Retrained => self.retrained()?,
-            AdoKind::Chaser => Some(self.by_rule(ByRule::Chaser)?.row),
+            AdoKind::Chaser => Some(self.by_rule(GridPolicy::Chaser)?.row),
             AdoKind::Optimal => {
-                let evaluated = self.by_rule(ByRule::Optimal)?;
+                let evaluated = self.by_rule(GridPolicy::Optimal)?;
                 let row = evaluated.row.clone();
                 // Files are named after world and ego, so those of the trained ado take precedence.
                 if !self.baselines.ados.contains(&AdoKind::Trained) {
@@ -218,7 +218,7 @@ impl<'a> Meeting<'a> {
         Ok(Some(row))
     }
 
-    fn by_rule(&self, rule: ByRule) -> Result<Evaluated, EvaluationError> {
+    fn by_rule(&self, rule: GridPolicy) -> Result<Evaluated, EvaluationError> {
         // These ados use both positions, so they play in the fully observed world.
         let (whole, policy) = rule.policy(self.ego)?;
         let request = EvalRequest {

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU64;
 
-use crate::adversary::{Ado, AdoKind, EvalRequest, Evaluated, Tried, Tries};
+use crate::adversary::{Ado, AdoKind, BestOfN, BestOfNResult, EvalRequest, Evaluated};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EgoUnderTest, TestStarts};
 use crate::run_dir::RunDir;
@@ -78,8 +78,8 @@ impl Evaluation<'_> {
         &self,
         request: EvalRequest<'b>,
         ado: &'b ConditionedAdo,
-    ) -> Tries<'b> {
-        Tries {
+    ) -> BestOfN<'b> {
+        BestOfN {
             request,
             policy: &*ado.policy,
             others: &ado.others,
@@ -107,7 +107,7 @@ pub struct ExplainedCounterexample {
 pub(crate) enum FoundBy {
     Trained(Evaluated),
     /// Trained ado with several tries per start.
-    Tries(Tried),
+    Tries(BestOfNResult),
     /// Ado that plans in a surrogate of the ego.
     Adapted(AdaptedRow),
     /// Optimal ado of a grid world.

@@ -14,8 +14,8 @@ mod search_table;
 mod sweep;
 mod table;
 
-pub use baseline_table::{Untrained, untrained};
-pub use blocking_rules::InTheWay;
+pub use baseline_table::{BaselineTable, untrained};
+pub use blocking_rules::RuleAblation;
 pub use break_even::{BreakEven, PerStart, break_even};
 pub use error::EvaluationError;
 pub use evaluation_plan::{Evaluation, ExplainedCounterexample};
@@ -26,5 +26,5 @@ pub use regression_gate::{Flipped, Gate, GateOn};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use run_report::{GivenRows, ReportRequest};
 pub use search_table::{SearchCampaign, SearchTable, SearchedEgo, counterexamples_for};
-pub use sweep::{Point, Sweep, SweepError, Swept};
+pub use sweep::{Sweep, SweepError, SweepPoint, Swept};
 pub use table::{EvaluationTable, TheoremsChecked};

@@ -11,14 +11,14 @@ use indexmap::IndexMap;
 use serde::Serialize;
 
 use crate::adversary::{Ado, EvalRequest, Evaluated, Outcome, eval};
-use crate::crashes::{KeepSettings, Keeper, KeptFiles, about, copies};
+use crate::crashes::{CrashWriter, KeepSettings, KeptFiles, about, copies};
 use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, Watch, leaf, note_if_unrepeatable, untried_starts,
 };
 use crate::report::{Example, PointCase, PointsPage};
 use crate::rulebook::Verdict;
 use crate::run_dir::{AdversaryId, KeptError, Row};
-use crate::search::{Found, SearchRequest, Switches, search};
+use crate::search::{SearchRequest, SearchResult, Switches, search};
 use crate::stats::StartOutcome;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, film, play};
 use crate::world::Scenario;
@@ -131,19 +131,19 @@ pub struct PointsTable {
     #[serde(skip)]
     pub rows: Vec<Row>,
     #[serde(skip)]
-    met: Met,
+    met: EvaluatedEgo,
 }
 
 /// Data to play all points again.
 #[derive(Clone)]
-struct Met {
+struct EvaluatedEgo {
     ego: EgoUnderTest,
     starts: TestStarts,
     evaluated: Evaluated,
-    found: Vec<Option<Found>>,
+    found: Vec<Option<SearchResult>>,
 }
 
-impl Met {
+impl EvaluatedEgo {
     fn scenario(&self) -> &Scenario {
         self.ego.scenario()
     }
@@ -186,7 +186,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     let neutral = scenario.world().spaces().neutral;
     let starts = untried_starts(scenario, seed, most);
     let evaluated = eval(&request.ego.met_by(Ado::Constant(neutral), &starts), watch);
-    let mut met = Met {
+    let mut met = EvaluatedEgo {
         ego: request.ego.clone(),
         starts,
         evaluated,
@@ -245,7 +245,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     })
 }
 
-fn usual_switches(met: &Met) -> usize {
+fn usual_switches(met: &EvaluatedEgo) -> usize {
     let (start, noise) = &met.starts.starts[0];
     if copies(met.scenario(), start, *noise) {
         SWITCHES
@@ -254,7 +254,7 @@ fn usual_switches(met: &Met) -> usize {
     }
 }
 
-impl Met {
+impl EvaluatedEgo {
     /// The points that are passed, all others left out.
     fn passed(&self) -> TestStarts {
         // A trivial start is not searched, so all points except the passed are marked as
@@ -294,7 +294,7 @@ impl Met {
         result
     }
 
-    fn varied(&self, bench: &mut Testbench, index: usize, found: &Found) -> VariedPoint {
+    fn varied(&self, bench: &mut Testbench, index: usize, found: &SearchResult) -> VariedPoint {
         let mut varied = VariedPoint {
             fails: found.actions.is_some(),
             closing_mps: None,
@@ -418,7 +418,7 @@ impl PointsTable {
         watch: &Watch<'_>,
     ) -> Result<Vec<KeptFiles>, KeptError> {
         let [failed, strayed] = self.failing();
-        let keeper = |ado| Keeper {
+        let keeper = |ado| CrashWriter {
             scenario: self.met.scenario(),
             ego: self.met.ego.name(),
             change: self.met.ego.change(),

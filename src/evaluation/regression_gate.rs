@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::evaluation_plan::FoundBy;
-use super::table::{EvaluationTable, Found};
-use crate::adversary::{Evaluated, Tried};
+use super::table::{EvaluationTable, FoundCounterexamples};
+use crate::adversary::{BestOfNResult, Evaluated};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EpisodeLoop, TestStarts, Watch};
 use crate::run_dir::ClosingSpeed;
@@ -144,22 +144,22 @@ impl EvaluationTable<'_> {
         Ok(gates)
     }
 
-    fn found_of(&self, ego: &str) -> Option<&Found<'_>> {
+    fn found_of(&self, ego: &str) -> Option<&FoundCounterexamples<'_>> {
         self.found.iter().find(|found| found.ego.name() == ego)
     }
 
     /// Returns the starts on which an ego was played.
-    fn starts_of<'s>(&'s self, found: &'s Found<'_>) -> &'s TestStarts {
+    fn starts_of<'s>(&'s self, found: &'s FoundCounterexamples<'_>) -> &'s TestStarts {
         found.starts.as_ref().unwrap_or(&self.starts)
     }
 
     /// Labels every newly failing start as preventable or not.
-    fn label(&self, gate: &mut Gate, found: &Found<'_>, watch: &Watch<'_>) {
+    fn label(&self, gate: &mut Gate, found: &FoundCounterexamples<'_>, watch: &Watch<'_>) {
         let scenario = found.ego.scenario();
         let starts = self.starts_of(found);
         let trained = self.asked.trained(found.ego, &found.ado, starts);
         let play = |bench: &mut Testbench, start: usize| match &found.by {
-            FoundBy::Tries(Tried { winners, .. }) => {
+            FoundBy::Tries(BestOfNResult { winners, .. }) => {
                 let tries = self.asked.several(trained, &found.ado);
                 // The winning try is repeated, because earlier tries from this start did not succeed.
                 tries.play(bench, start, winners[start].unwrap_or(0))

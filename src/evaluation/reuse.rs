@@ -10,7 +10,7 @@ use crate::adversary::{Ado, EvalRequest, eval};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::run_dir::{AdversaryId, ChangedEgo, FailsAlone, Row, RunDir, adversary_keys};
 use crate::stats::{Outcomes, StartOutcome, mean_difference};
-use crate::world::{Against, Scenario};
+use crate::world::{Scenario, TrainingEgos};
 
 /// Least share of starts that a search must solve for a recall of an ego.
 ///
@@ -64,7 +64,7 @@ impl EgoUnderTest {
             return Relation::Trained;
         }
         match (nominal.against, nominal.family()) {
-            (Against::Nominal, _) | (_, None) => Relation::ZeroShot,
+            (TrainingEgos::Nominal, _) | (_, None) => Relation::ZeroShot,
             (_, Some(family)) if family.covers(self.change()) => Relation::Inside,
             _ => Relation::Outside,
         }

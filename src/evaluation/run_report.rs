@@ -15,7 +15,7 @@ use crate::run_dir::{Row, RunDir, RunError};
 use crate::sysid::{ContextSource, conditioned};
 use crate::testbench::film;
 use crate::world::file_text;
-use crate::world::{Against, Scenario};
+use crate::world::{Scenario, TrainingEgos};
 
 /// Default number of episodes for changed egos, and bounds on the starts of each.
 const REUSE_EPISODES: usize = 1000;
@@ -258,7 +258,7 @@ impl<'a> ReportRequest<'a> {
 
     /// Returns the true parameters as the context of a conditional ado.
     fn context(&self) -> Option<&'static ContextSource> {
-        let told = self.run.manifest().against == Against::Conditional;
+        let told = self.run.manifest().against == TrainingEgos::Conditioned;
         told.then_some(&ContextSource::True)
     }
 }
@@ -318,7 +318,7 @@ fn notes(run: &RunDir) -> Vec<String> {
             manifest.against
         ));
     }
-    if manifest.against == Against::Conditional {
+    if manifest.against == TrainingEgos::Conditioned {
         notes.push(format!(
             "It is told the parameters of the ego it meets ({}); here the true ones.",
             manifest.told.join(", ")

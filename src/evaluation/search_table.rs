@@ -5,13 +5,13 @@ use std::path::Path;
 use super::break_even::{BreakEven, break_even};
 use super::error::EvaluationError;
 use crate::adversary::{Ado, eval};
-use crate::crashes::{KeepSettings, Keeper, KeptFiles};
+use crate::crashes::{CrashWriter, KeepSettings, KeptFiles};
 use crate::experiment::{
     Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
 use crate::rl::Policy;
 use crate::run_dir::{AdversaryId, Row, RunDir, RunError, Stored};
-use crate::search::{Found, Method, MethodOption, SearchRequest, Searched, search};
+use crate::search::{Method, MethodOption, SearchRequest, SearchResult, Searched, search};
 use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::Scenario;
 
@@ -53,7 +53,7 @@ pub struct SearchedEgo {
     /// The test starts, as they are for it.
     pub starts: TestStarts,
     /// The solutions, per start.
-    pub found: Vec<Option<Found>>,
+    pub found: Vec<Option<SearchResult>>,
 }
 
 impl SearchedEgo {
@@ -85,7 +85,7 @@ impl SearchTable {
         let mut all = Vec::new();
         for searched in &self.searched {
             let ego = &searched.ego;
-            let keeper = Keeper {
+            let keeper = CrashWriter {
                 scenario: ego.scenario(),
                 ego: ego.name(),
                 change: ego.change(),

@@ -124,14 +124,14 @@ impl Sweep {
     /// Returns the failures at each value, with `egos` in the order of the values.
     pub fn swept(&self, egos: &[ReusedOn]) -> Swept {
         let points = self.values.iter().zip(egos);
-        let points = points.map(|(value, ego)| Point::of(*value, &ego.rows));
+        let points = points.map(|(value, ego)| SweepPoint::of(*value, &ego.rows));
         Swept::of(&self.parameter, points.collect())
     }
 }
 
 /// One value of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Point {
+pub struct SweepPoint {
     /// Value of the parameter, in its own unit.
     pub value: f64,
     /// Starts with a result for this ego.
@@ -140,8 +140,8 @@ pub struct Point {
     pub failing: usize,
 }
 
-impl Point {
-    fn of(value: f64, rows: &[Row]) -> Point {
+impl SweepPoint {
+    fn of(value: f64, rows: &[Row]) -> SweepPoint {
         let starts = rows.iter().map(|row| row.solved.len()).max().unwrap_or(0);
         let outcomes = |start: usize| rows.iter().filter_map(move |row| row.solved.get(start));
         let (mut told, mut failing) = (0, 0);
@@ -149,7 +149,7 @@ impl Point {
             told += usize::from(outcomes(start).any(|outcome| outcome.score().is_some()));
             failing += usize::from(outcomes(start).any(|one| *one == StartOutcome::Solved));
         }
-        Point {
+        SweepPoint {
             value,
             starts: told,
             failing,
@@ -163,7 +163,7 @@ pub struct Swept {
     /// Name of the parameter, without `ego.`.
     pub parameter: String,
     /// Values in rising order, with their failures.
-    pub points: Vec<Point>,
+    pub points: Vec<SweepPoint>,
     /// The least value from which on no start failed.
     pub safe_from: Option<f64>,
     /// The greatest value up to which no start failed.
@@ -171,9 +171,9 @@ pub struct Swept {
 }
 
 impl Swept {
-    fn of(parameter: &str, points: Vec<Point>) -> Swept {
+    fn of(parameter: &str, points: Vec<SweepPoint>) -> Swept {
         // A value without any result is no evidence of safety.
-        let is_safe = |point: &&Point| 0 < point.starts && point.failing == 0;
+        let is_safe = |point: &&SweepPoint| 0 < point.starts && point.failing == 0;
         // Safety is reported only from an end of the range, without a failure in between.
         let from = points.iter().rev().take_while(is_safe).last();
         let up_to = points.iter().take_while(is_safe).last();
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     fn swept(failing: &[usize]) -> Swept {
-        let points = failing.iter().enumerate().map(|(i, &failing)| Point {
+        let points = failing.iter().enumerate().map(|(i, &failing)| SweepPoint {
             value: i as f64,
             starts: 10,
             failing,

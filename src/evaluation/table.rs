@@ -4,12 +4,12 @@ use std::path::Path;
 
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
 
-use super::ego_evaluation::Meeting;
+use super::ego_evaluation::EgoEvaluation;
 use super::error::EvaluationError;
 use super::evaluation_plan::FoundBy;
 use super::reuse::{ReusedOn, reused_on};
-use crate::adversary::{Baselines, ByRule, EvalRequest, Evaluated, Tried};
-use crate::crashes::{Again, KeepSettings, Keeper, KeptFiles};
+use crate::adversary::{Baselines, BestOfNResult, EvalRequest, Evaluated, GridPolicy};
+use crate::crashes::{Again, CrashWriter, KeepSettings, KeptFiles};
 use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
@@ -62,11 +62,11 @@ pub struct EvaluationTable<'a> {
     /// The nominal ego's test starts.
     pub starts: TestStarts,
     pub(crate) asked: Evaluation<'a>,
-    pub(crate) found: Vec<Found<'a>>,
+    pub(crate) found: Vec<FoundCounterexamples<'a>>,
 }
 
 /// Counterexamples of one ego, to be kept if asked for.
-pub(crate) struct Found<'a> {
+pub(crate) struct FoundCounterexamples<'a> {
     pub(crate) ego: &'a EgoUnderTest,
     pub(crate) by: FoundBy,
     pub(crate) ado: ConditionedAdo,
@@ -140,7 +140,7 @@ impl<'a> EvaluationTable<'a> {
         let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
         self.identified.extend(ado.identified.clone());
         let starts = own.as_ref().unwrap_or(&self.starts);
-        let mut meeting = Meeting {
+        let mut meeting = EgoEvaluation {
             asked,
             ego,
             ado: &ado,
@@ -173,13 +173,16 @@ impl<'a> EvaluationTable<'a> {
         }
         self.egos.push(reused);
         self.reasons.extend(reason);
-        self.found
-            .extend(found.filter(|_| asked.keeps).map(|by| Found {
-                ego,
-                by,
-                ado,
-                starts: own,
-            }));
+        self.found.extend(
+            found
+                .filter(|_| asked.keeps)
+                .map(|by| FoundCounterexamples {
+                    ego,
+                    by,
+                    ado,
+                    starts: own,
+                }),
+        );
         played
     }
 
@@ -273,7 +276,7 @@ impl<'a> EvaluationTable<'a> {
 
     fn keep_those(
         &self,
-        found: &Found<'_>,
+        found: &FoundCounterexamples<'_>,
         dir: &Path,
         settings: KeepSettings,
         watch: &Watch<'_>,
@@ -286,7 +289,7 @@ impl<'a> EvaluationTable<'a> {
                 let mut played = |bench: &mut Testbench, index| play(bench, index);
                 evaluated.again(&request, bench, index, &mut played)
             };
-            let keeper = Keeper::of(&request, change, settings);
+            let keeper = CrashWriter::of(&request, change, settings);
             let solved: Vec<usize> = evaluated.solved().collect();
             keeper.keep(&solved, &again, dir, watch)
         };
@@ -294,7 +297,7 @@ impl<'a> EvaluationTable<'a> {
             FoundBy::Trained(evaluated) => keep(trained, evaluated, &|bench, index| {
                 trained.play(bench, index)
             })?,
-            FoundBy::Tries(Tried { evaluated, winners }) => {
+            FoundBy::Tries(BestOfNResult { evaluated, winners }) => {
                 let tries = self.asked.several(trained, &found.ado);
                 // Each start is replayed with the try that succeeded.
                 let winner = |index: usize| winners[index].unwrap_or(0);
@@ -306,12 +309,12 @@ impl<'a> EvaluationTable<'a> {
                 adapted.play(bench, starts, index)
             })?,
             FoundBy::Optimal(evaluated) => {
-                let (whole, policy) = ByRule::Optimal.policy(found.ego)?;
+                let (whole, policy) = GridPolicy::Optimal.policy(found.ego)?;
                 let request = EvalRequest {
                     scenario: &whole,
                     // The optimal ado plays in the fully observed world, and so must its
                     // replay.
-                    ado: ByRule::Optimal.ado(&policy),
+                    ado: GridPolicy::Optimal.ado(&policy),
                     ..trained
                 };
                 keep(request, evaluated, &|bench, index| {

@@ -33,32 +33,32 @@ pub const NEAR: f64 = 0.15;
 
 /// What of a counterexample is compared.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shape {
-    pub(crate) story: Story,
+pub struct CrashFeatures {
+    pub(crate) story: CrashClass,
     pub(crate) signals: Vec<f64>,
 }
 
 /// What alike counterexamples have in common exactly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Story {
+pub(crate) struct CrashClass {
     leaf: String,
     kind: Option<CrashKind>,
     with: Option<(String, String)>,
 }
 
-impl Story {
+impl CrashClass {
     /// The leaf of ψ_ego that was violated, and who touched.
     pub(crate) fn told(&self) -> (String, Option<(String, String)>) {
         (self.leaf.clone(), self.with.clone())
     }
 }
 
-impl Shape {
+impl CrashFeatures {
     /// That of an episode of `scenario`.
-    pub fn of(scenario: &Scenario, episode: &Episode) -> Shape {
+    pub fn of(scenario: &Scenario, episode: &Episode) -> CrashFeatures {
         let contact = episode.contact.as_ref();
-        Shape {
-            story: Story {
+        CrashFeatures {
+            story: CrashClass {
                 leaf: leaf(scenario, episode),
                 kind: contact.and_then(|touch| Some(touch.impact?.kind)),
                 with: contact.map(|touch| touch.between.clone()),
@@ -68,12 +68,12 @@ impl Shape {
     }
 
     /// Whether it is the same one over again.
-    pub fn is_like(&self, other: &Shape) -> bool {
+    pub fn is_like(&self, other: &CrashFeatures) -> bool {
         self.story == other.story && self.distance(other) <= NEAR
     }
 
     /// Root mean square difference of what is observed, in half ranges.
-    pub fn distance(&self, other: &Shape) -> f64 {
+    pub fn distance(&self, other: &CrashFeatures) -> f64 {
         let pairs = self.signals.iter().zip(&other.signals);
         let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
         (squares / self.signals.len().max(1) as f64).sqrt()
@@ -96,7 +96,7 @@ fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
 }
 
 /// Counterexamples that are alike: positions in what was given, the leader first.
-pub fn clusters(shapes: &[Shape]) -> Vec<Vec<usize>> {
+pub fn clusters(shapes: &[CrashFeatures]) -> Vec<Vec<usize>> {
     let mut clusters: Vec<Vec<usize>> = Vec::new();
     for (at, shape) in shapes.iter().enumerate() {
         let like = |cluster: &&mut Vec<usize>| shapes[cluster[0]].is_like(shape);

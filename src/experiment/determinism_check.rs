@@ -11,7 +11,11 @@ use crate::world::Scenario;
 /// The first start that is not trivial is played twice with coasting ados and
 /// the same seed. `None`: they are alike, the ego is one of ours, which always
 /// answers alike, or there was nothing to compare.
-pub fn answers_differ(scenario: &Scenario, starts: &TestStarts, watch: &Watch<'_>) -> Option<f64> {
+pub fn first_divergence(
+    scenario: &Scenario,
+    starts: &TestStarts,
+    watch: &Watch<'_>,
+) -> Option<f64> {
     let spec = scenario.drive()?;
     if !spec.ego.is_foreign() {
         return None;
@@ -35,7 +39,7 @@ pub fn note_if_unrepeatable(ego: &EgoUnderTest, starts: &TestStarts, watch: &Wat
     if 1 < ego.scenario().repeats.runs || watch.stopped() {
         return;
     }
-    if let Some(at_s) = answers_differ(ego.scenario(), starts, watch) {
+    if let Some(at_s) = first_divergence(ego.scenario(), starts, watch) {
         watch.note(&format!(
             "`{}` does not answer twice alike: with the same seed its commands differ from \
              {at_s:.2} s on; give the world `repeats: 5`",

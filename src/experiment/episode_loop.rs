@@ -23,13 +23,13 @@ pub struct EpisodeLoop<'a> {
 }
 
 /// One item's turn, on one worker.
-pub(crate) struct Turn {
+pub(crate) struct WorkItem {
     /// Its position among the items.
     pub index: usize,
     clock: ThreadTime,
 }
 
-impl Turn {
+impl WorkItem {
     /// Processor time since the turn began.
     pub fn cpu_s(&self) -> f64 {
         self.clock.elapsed().as_secs_f64()
@@ -70,14 +70,14 @@ impl<'a> EpisodeLoop<'a> {
         &self,
         items: &[I],
         worker: impl Fn() -> W + Sync + Send,
-        work: impl Fn(&mut W, &I, &Turn) -> Option<R> + Sync + Send,
+        work: impl Fn(&mut W, &I, &WorkItem) -> Option<R> + Sync + Send,
     ) -> Vec<Option<R>> {
         let one = |kept: &mut W, (index, item): (usize, &I)| {
             if self.watch.stopped() {
                 return None;
             }
             let clock = ThreadTime::now();
-            let done = work(kept, item, &Turn { index, clock });
+            let done = work(kept, item, &WorkItem { index, clock });
             // Not before: what is under way is not done.
             self.tick();
             done
@@ -131,7 +131,7 @@ mod tests {
         let watch = Watch::new(&progress, &stop);
         let all = EpisodeLoop::counted(&watch, 200);
         let items: Vec<usize> = (0..100).collect();
-        let odd = |_: &mut (), item: &usize, turn: &Turn| {
+        let odd = |_: &mut (), item: &usize, turn: &WorkItem| {
             assert_eq!(*item, turn.index);
             (item % 2 == 1).then_some(10 * item)
         };
@@ -148,7 +148,7 @@ mod tests {
     fn nothing_is_begun_after_a_stop() {
         let stop = AtomicBool::new(false);
         let watch = Watch::new(&|_, _| {}, &stop);
-        let last = |_: &mut (), item: &u64, _: &Turn| {
+        let last = |_: &mut (), item: &u64, _: &WorkItem| {
             stop.store(true, Ordering::SeqCst);
             Some(*item)
         };

@@ -13,14 +13,14 @@ mod failed_leaf;
 mod progress;
 mod test_starts;
 
-pub use clustering::{NEAR, POINTS, Shape, clusters};
-pub(crate) use clustering::{Story, badness, descending, worse_first};
+pub(crate) use clustering::{CrashClass, badness, descending, worse_first};
+pub use clustering::{CrashFeatures, NEAR, POINTS, clusters};
 pub use cost::Cost;
-pub use determinism_check::{answers_differ, note_if_unrepeatable};
+pub use determinism_check::{first_divergence, note_if_unrepeatable};
 pub(crate) use ego_under_test::consent_to_family;
 pub use ego_under_test::{EgoUnderTest, consent, consent_to, on_plant};
 pub use episode_loop::EpisodeLoop;
-pub(crate) use episode_loop::Turn;
+pub(crate) use episode_loop::WorkItem;
 pub use error::EgoError;
 pub(crate) use failed_leaf::{leaf, violated};
 pub use progress::{Remark, StepPlace, Watch};

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::episode_loop::{EpisodeLoop, Turn};
+use super::episode_loop::{EpisodeLoop, WorkItem};
 use super::progress::Watch;
 use crate::run_dir::FailsAlone;
 use crate::scene::Start;
@@ -104,7 +104,7 @@ impl TestStarts {
     ) -> Option<TestStarts> {
         let neutral = scenario.world().spaces().neutral;
         let fails_by_itself =
-            |bench: &mut Testbench, (start, noise): &(Start, u64), turn: &Turn| {
+            |bench: &mut Testbench, (start, noise): &(Start, u64), turn: &WorkItem| {
                 let mut coasting = Constant(neutral);
                 let from = (start, *noise);
                 let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
@@ -186,7 +186,7 @@ impl TestStarts {
         &self,
         watch: &Watch<'_>,
         worker: impl Fn() -> W + Sync + Send,
-        work: impl Fn(&mut W, &(Start, u64), &Turn) -> Option<R> + Sync + Send,
+        work: impl Fn(&mut W, &(Start, u64), &WorkItem) -> Option<R> + Sync + Send,
     ) -> Vec<Option<R>> {
         let all = EpisodeLoop::counted(watch, self.starts.len());
         all.run(&self.starts, worker, |kept, start, turn| {

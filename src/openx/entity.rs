@@ -1,7 +1,7 @@
 //! Entities of a scenario file: bounding boxes, axles and performance limits.
 
 use super::path::reference_behind_front_m;
-use super::xml::Element;
+use super::xml::XmlElement;
 use crate::scene::drive::{Agent, Drive};
 use crate::sim::{Body, GRAVITY_MPS2, Vehicle};
 
@@ -18,15 +18,15 @@ const VAN_M: f64 = 1.8;
 
 /// Performance limits that apply to every vehicle of a scenario.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Limits {
+pub(super) struct PerformanceLimits {
     pub friction: f64,
     /// Greatest speed that any agent reaches, in m/s.
     pub fastest_mps: f64,
 }
 
 /// Returns the `ScenarioObject` of an agent, under the agent's name.
-pub(super) fn entity(agent: &Agent, limits: Limits) -> Element {
-    let entity = Element::new("ScenarioObject").text("name", &agent.name);
+pub(super) fn entity(agent: &Agent, limits: PerformanceLimits) -> XmlElement {
+    let entity = XmlElement::new("ScenarioObject").text("name", &agent.name);
     entity.child(match agent.body.vehicle() {
         Some(vehicle) => car(&agent.body, vehicle, limits),
         None => pedestrian(&agent.body),
@@ -38,15 +38,15 @@ pub(super) fn is_ego(agent: &Agent) -> bool {
     matches!(agent.drive, Drive::Ego)
 }
 
-fn car(body: &Body, vehicle: &Vehicle, limits: Limits) -> Element {
+fn car(body: &Body, vehicle: &Vehicle, limits: PerformanceLimits) -> XmlElement {
     // Grip is the upper bound in both directions. Engine power may bound
     // acceleration further.
     let grip_mps2 = limits.friction * vehicle.grip * GRAVITY_MPS2;
-    let performance = Element::new("Performance")
+    let performance = XmlElement::new("Performance")
         .number("maxSpeed", limits.fastest_mps.max(TOP_MPS).ceil())
         .number("maxAcceleration", grip_mps2)
         .number("maxDeceleration", grip_mps2);
-    Element::new("Vehicle")
+    XmlElement::new("Vehicle")
         .text("name", &body.name)
         .text("vehicleCategory", category(body, vehicle))
         .number("mass", body.mass_kg)
@@ -55,8 +55,8 @@ fn car(body: &Body, vehicle: &Vehicle, limits: Limits) -> Element {
         .child(axles(vehicle))
 }
 
-fn pedestrian(body: &Body) -> Element {
-    Element::new("Pedestrian")
+fn pedestrian(body: &Body) -> XmlElement {
+    XmlElement::new("Pedestrian")
         .text("name", &body.name)
         .text("pedestrianCategory", "pedestrian")
         .number("mass", body.mass_kg)
@@ -64,31 +64,31 @@ fn pedestrian(body: &Body) -> Element {
 }
 
 /// Bounding box, with its centre relative to the reference point.
-fn bounding_box(body: &Body) -> Element {
+fn bounding_box(body: &Body) -> XmlElement {
     let ahead_m = reference_behind_front_m(body) - body.half_length_m();
-    let centre = Element::new("Center")
+    let centre = XmlElement::new("Center")
         .number("x", ahead_m)
         .number("y", 0.0)
         .number("z", 0.5 * body.height_m);
-    let dimensions = Element::new("Dimensions")
+    let dimensions = XmlElement::new("Dimensions")
         .number("width", body.width_m)
         .number("length", body.length_m)
         .number("height", body.height_m);
-    let bounds = Element::new("BoundingBox");
+    let bounds = XmlElement::new("BoundingBox");
     bounds.child(centre).child(dimensions)
 }
 
-fn axles(vehicle: &Vehicle) -> Element {
+fn axles(vehicle: &Vehicle) -> XmlElement {
     // Positions of axles are relative to the rear axle.
     let axle = |name, max_steer_rad, ahead_m| {
-        Element::new(name)
+        XmlElement::new(name)
             .number("maxSteering", max_steer_rad)
             .number("wheelDiameter", 2.0 * vehicle.wheel_radius_m)
             .number("trackWidth", vehicle.track_m)
             .number("positionX", ahead_m)
             .number("positionZ", vehicle.wheel_radius_m)
     };
-    Element::new("Axles")
+    XmlElement::new("Axles")
         .child(axle(
             "FrontAxle",
             vehicle.max_steer_rad,

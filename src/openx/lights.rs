@@ -2,7 +2,7 @@
 
 use super::path::sample_time_s;
 use super::stretch::Stretch;
-use super::xml::Element;
+use super::xml::XmlElement;
 use crate::ego::Phase;
 use crate::scene::Passage;
 use crate::scene::drive::DriveSpec;
@@ -19,12 +19,12 @@ fn id(light: usize) -> String {
 }
 
 /// Signal posts at every stop line of the world's own road.
-pub(super) fn signals(spec: &DriveSpec, stretch: Stretch) -> Element {
+pub(super) fn signals(spec: &DriveSpec, stretch: Stretch) -> XmlElement {
     // The reference line is the course of lane 0, so its right edge lies half a
     // lane to the right (negative t).
     let beside_m = -0.5 * spec.road.lane_width_m() - BESIDE_M;
     let posts = spec.lights.iter().enumerate().map(|(number, light)| {
-        Element::new("signal")
+        XmlElement::new("signal")
             .number("s", stretch.s_m(light.line_m))
             .number("t", beside_m)
             .text("id", id(number))
@@ -39,11 +39,11 @@ pub(super) fn signals(spec: &DriveSpec, stretch: Stretch) -> Element {
             .number("height", 1.0)
             .number("width", 0.35)
     });
-    Element::new("signals").children(posts)
+    XmlElement::new("signals").children(posts)
 }
 
 /// Signal controllers, each with the recorded phases of its light.
-pub(super) fn controllers(spec: &DriveSpec, passage: &Passage) -> Element {
+pub(super) fn controllers(spec: &DriveSpec, passage: &Passage) -> XmlElement {
     let lights = spec.lights.iter().enumerate();
     let controllers = lights.map(|(number, light)| {
         // Recorded phases and not the cycle of the light: a replay shows what
@@ -51,18 +51,18 @@ pub(super) fn controllers(spec: &DriveSpec, passage: &Passage) -> Element {
         let shown: Vec<Phase> = passage.phases.iter().map(|row| row[number]).collect();
         let phases = phases(&shown, spec.clock.sample_s).into_iter();
         let phases = phases.enumerate().map(|(i, (phase, duration_s))| {
-            let state = Element::new("TrafficSignalState")
+            let state = XmlElement::new("TrafficSignalState")
                 .text("trafficSignalId", id(number))
                 .text("state", bulbs(phase));
-            Element::new("Phase")
+            XmlElement::new("Phase")
                 .text("name", format!("{} {}", i + 1, word(phase)))
                 .number("duration", duration_s)
                 .child(state)
         });
-        let controller = Element::new("TrafficSignalController").text("name", &light.name);
+        let controller = XmlElement::new("TrafficSignalController").text("name", &light.name);
         controller.children(phases)
     });
-    Element::new("TrafficSignals").children(controllers)
+    XmlElement::new("TrafficSignals").children(controllers)
 }
 
 /// Phases with their durations in seconds, from the phase shown at every sample.

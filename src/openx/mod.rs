@@ -29,12 +29,12 @@ use crate::scene::drive::DriveWorld;
 use crate::scene::{Passage, World};
 use crate::testbench::Episode;
 use crate::world::Scenario;
-use entity::Limits;
+use entity::PerformanceLimits;
 use origin::{AUTHOR, DATE};
 use path::Vertex;
-use storyboard::{Driver, Part};
+use storyboard::{MotionSource, StoryboardAgent};
 use stretch::Stretch;
-use xml::{Element, number};
+use xml::{XmlElement, number};
 
 /// Recorded counterexample to export.
 #[derive(Clone, Copy, Debug)]
@@ -105,20 +105,20 @@ impl Crash<'_> {
         })
     }
 
-    fn replay(&self, world: &DriveWorld) -> Result<Element, OpenXError> {
+    fn replay(&self, world: &DriveWorld) -> Result<XmlElement, OpenXError> {
         let title = format!("{}: the crash as it was recorded", self.name);
-        let drivers = vec![Driver::Trajectory; world.spec().agents.len()];
+        let drivers = vec![MotionSource::Trajectory; world.spec().agents.len()];
         let header = header(&title, self.properties(world));
         self.scenario_of(world, self.recorded, &drivers, header)
     }
 
-    fn external(&self, world: &DriveWorld) -> Result<Element, OpenXError> {
+    fn external(&self, world: &DriveWorld) -> Result<XmlElement, OpenXError> {
         let title = format!(
             "{}: the others of the crash, for an ego of yours",
             self.name
         );
         let agents = world.spec().agents.iter();
-        let drivers: Vec<Driver> = agents.map(storyboard::driver_beside_an_own_ego).collect();
+        let drivers: Vec<MotionSource> = agents.map(storyboard::driver_beside_an_own_ego).collect();
         let mut properties = self.properties(world);
         properties.push((
             "after_contact".to_owned(),
@@ -135,13 +135,13 @@ impl Crash<'_> {
         &self,
         world: &DriveWorld,
         passage: &Passage,
-        drivers: &[Driver],
-        header: Element,
-    ) -> Result<Element, OpenXError> {
+        drivers: &[MotionSource],
+        header: XmlElement,
+    ) -> Result<XmlElement, OpenXError> {
         let spec = world.spec();
         let ways = ways(world, passage)?;
-        let parts: Vec<Part> = (spec.agents.iter().zip(&ways).zip(drivers).enumerate())
-            .map(|(number, ((agent, way), &driver))| Part {
+        let parts: Vec<StoryboardAgent> = (spec.agents.iter().zip(&ways).zip(drivers).enumerate())
+            .map(|(number, ((agent, way), &driver))| StoryboardAgent {
                 agent,
                 way,
                 // Speeds are written once, for the first instant. Later speeds
@@ -151,19 +151,19 @@ impl Crash<'_> {
             })
             .collect();
         let friction = spec.road.friction();
-        let limits = Limits {
+        let limits = PerformanceLimits {
             friction,
             fastest_mps: fastest_mps(passage),
         };
         let entities = parts.iter().map(|part| {
             let entity = entity::entity(part.agent, limits);
             match part.driver {
-                Driver::Trajectory => entity,
-                Driver::External => entity.child(storyboard::external_controller(part.agent)),
+                MotionSource::Trajectory => entity,
+                MotionSource::External => entity.child(storyboard::external_controller(part.agent)),
             }
         });
-        let file = Element::new("LogicFile").text("filepath", format!("{}.xodr", self.name));
-        let mut network = Element::new("RoadNetwork").child(file);
+        let file = XmlElement::new("LogicFile").text("filepath", format!("{}.xodr", self.name));
+        let mut network = XmlElement::new("RoadNetwork").child(file);
         if !spec.lights.is_empty() {
             network = network.child(lights::controllers(spec, passage));
         }
@@ -171,11 +171,11 @@ impl Crash<'_> {
         // The scenario runs to the end of the longest trajectory, so none is
         // cut.
         let stop_s = ends.fold(0.0, |last: f64, vertex| last.max(vertex.time_s));
-        Ok(Element::new("OpenSCENARIO")
+        Ok(XmlElement::new("OpenSCENARIO")
             .child(header)
-            .child(Element::new("CatalogLocations"))
+            .child(XmlElement::new("CatalogLocations"))
             .child(network)
-            .child(Element::new("Entities").children(entities))
+            .child(XmlElement::new("Entities").children(entities))
             .child(storyboard::storyboard(&parts, friction, stop_s)))
     }
 
@@ -244,19 +244,19 @@ fn fastest_mps(passage: &Passage) -> f64 {
     bodies.fold(0.0, |most: f64, body| most.max(body.state.speed_mps))
 }
 
-fn header(title: &str, properties: Vec<(String, String)>) -> Element {
+fn header(title: &str, properties: Vec<(String, String)>) -> XmlElement {
     let properties = properties.into_iter().map(|(name, value)| {
         // The prefix keeps the names apart from those of other tools.
         let name = format!("{AUTHOR}.{name}");
-        Element::new("Property")
+        XmlElement::new("Property")
             .text("name", name)
             .text("value", value)
     });
-    Element::new("FileHeader")
+    XmlElement::new("FileHeader")
         .text("revMajor", "1")
         .text("revMinor", "3")
         .text("date", DATE)
         .text("author", AUTHOR)
         .text("description", title)
-        .child(Element::new("Properties").children(properties))
+        .child(XmlElement::new("Properties").children(properties))
 }

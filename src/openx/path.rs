@@ -2,7 +2,7 @@
 
 use core::f64::consts::PI;
 
-use super::xml::Element;
+use super::xml::XmlElement;
 use crate::scene::Motion;
 use crate::sim::{Body, BodyState};
 
@@ -85,8 +85,8 @@ pub(super) fn sample_time_s(sample: usize, sample_s: f64) -> f64 {
 
 impl Vertex {
     /// Returns the place as a `Position`.
-    pub fn position(&self) -> Element {
-        let place = Element::new("WorldPosition")
+    pub fn position(&self) -> XmlElement {
+        let place = XmlElement::new("WorldPosition")
             .number("x", self.x_m)
             .number("y", self.y_m)
             // The height is 0 on every road: brakecheck's roads are flat.
@@ -94,12 +94,12 @@ impl Vertex {
             .number("h", self.heading_rad)
             .number("p", 0.0)
             .number("r", 0.0);
-        Element::new("Position").child(place)
+        XmlElement::new("Position").child(place)
     }
 
     /// Returns the vertex on a line of its own.
-    pub fn element(&self) -> Element {
-        let vertex = Element::new("Vertex").number("time", self.time_s);
+    pub fn element(&self) -> XmlElement {
+        let vertex = XmlElement::new("Vertex").number("time", self.time_s);
         vertex.child(self.position()).on_one_line()
     }
 }
@@ -107,7 +107,7 @@ impl Vertex {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{BodySample, Start, Touch};
+    use crate::scene::{BodySample, ContactEvent, Start};
     use crate::sim::Pose;
 
     fn sample(heading_rad: f64) -> BodySample {
@@ -130,7 +130,7 @@ mod tests {
         for heading_rad in &headings_rad[1..] {
             motion.push(&[sample(*heading_rad)]);
         }
-        motion.contact = contact_s.map(|time_s| Touch {
+        motion.contact = contact_s.map(|time_s| ContactEvent {
             between: ("a".to_owned(), "b".to_owned()),
             time_s,
             closing_speed_mps: 1.0,

@@ -10,7 +10,7 @@
 use super::lights;
 use super::origin::{AUTHOR, DATE};
 use super::stretch::Stretch;
-use super::xml::Element;
+use super::xml::XmlElement;
 use crate::ego::RoadPiece;
 use crate::scene::drive::{Course, DriveWorld, Road};
 
@@ -19,9 +19,9 @@ pub(super) fn document(
     name: &str,
     world: &DriveWorld,
     stretch: impl Fn(usize) -> Stretch,
-) -> Element {
+) -> XmlElement {
     let spec = world.spec();
-    let header = Element::new("header")
+    let header = XmlElement::new("header")
         .text("revMajor", "1")
         .text("revMinor", "7")
         .text("name", name)
@@ -42,7 +42,7 @@ pub(super) fn document(
             laid
         }
     });
-    Element::new("OpenDRIVE").child(header).children(roads)
+    XmlElement::new("OpenDRIVE").child(header).children(roads)
 }
 
 /// Element of one road. The world's own road has number 0.
@@ -51,8 +51,8 @@ fn element(
     lanes_of: &Road,
     course: &Course,
     stretch: Stretch,
-) -> Element {
-    let mut road = Element::new("road")
+) -> XmlElement {
+    let mut road = XmlElement::new("road")
         .text("name", name)
         .number("length", stretch.to_s_m - stretch.from_s_m)
         .text("id", (number + 1).to_string())
@@ -65,28 +65,28 @@ fn element(
         .child(lanes(lanes_of))
 }
 
-fn speed_limit(limit_mps: f64) -> Element {
-    let speed = Element::new("speed")
+fn speed_limit(limit_mps: f64) -> XmlElement {
+    let speed = XmlElement::new("speed")
         .number("max", limit_mps)
         .text("unit", "m/s");
-    let kind = Element::new("type")
+    let kind = XmlElement::new("type")
         .number("s", 0.0)
         .text("type", "unknown");
     kind.child(speed)
 }
 
 /// Reference line of a road, with one geometry per piece.
-fn plan_view(course: &Course, stretch: Stretch) -> Element {
+fn plan_view(course: &Course, stretch: Stretch) -> XmlElement {
     let geometries = geometries(course, stretch).into_iter().map(|piece| {
         // Every geometry states its own start, computed from the course, so
         // errors do not add up along the road.
         let begin = course.pose(piece.from_s_m, 0.0);
         let shape = if piece.curvature_per_m == 0.0 {
-            Element::new("line")
+            XmlElement::new("line")
         } else {
-            Element::new("arc").number("curvature", piece.curvature_per_m)
+            XmlElement::new("arc").number("curvature", piece.curvature_per_m)
         };
-        Element::new("geometry")
+        XmlElement::new("geometry")
             .number("s", stretch.s_m(piece.from_s_m))
             .number("x", begin.x_m)
             .number("y", begin.y_m)
@@ -94,7 +94,7 @@ fn plan_view(course: &Course, stretch: Stretch) -> Element {
             .number("length", piece.length_m)
             .child(shape)
     });
-    Element::new("planView").children(geometries)
+    XmlElement::new("planView").children(geometries)
 }
 
 /// Pieces of the course between straight ends.
@@ -132,34 +132,34 @@ fn geometries(course: &Course, stretch: Stretch) -> Vec<RoadPiece> {
     merged
 }
 
-fn lanes(road: &Road) -> Element {
+fn lanes(road: &Road) -> XmlElement {
     let (count, width_m) = (road.lanes(), road.lane_width_m());
     // The reference line is the middle of lane 0, the rightmost lane. The left
     // edge of all lanes is half a lane less than their number away.
-    let offset = polynomial(Element::new("laneOffset").number("s", 0.0), {
+    let offset = polynomial(XmlElement::new("laneOffset").number("s", 0.0), {
         (count as f64 - 0.5) * width_m
     });
     let centre = lane(0, "none").child(road_mark("solid"));
     let right = (1..=count).map(|number| {
         let border = if number == count { "solid" } else { "broken" };
-        let width = polynomial(Element::new("width").number("sOffset", 0.0), width_m);
+        let width = polynomial(XmlElement::new("width").number("sOffset", 0.0), width_m);
         let lane = lane(-(number as i64), "driving");
         lane.child(width).child(road_mark(border))
     });
-    let section = Element::new("laneSection")
+    let section = XmlElement::new("laneSection")
         .number("s", 0.0)
-        .child(Element::new("center").child(centre))
-        .child(Element::new("right").children(right));
-    Element::new("lanes").child(offset).child(section)
+        .child(XmlElement::new("center").child(centre))
+        .child(XmlElement::new("right").children(right));
+    XmlElement::new("lanes").child(offset).child(section)
 }
 
-fn lane(id: i64, kind: &str) -> Element {
-    let lane = Element::new("lane").text("id", id.to_string());
+fn lane(id: i64, kind: &str) -> XmlElement {
+    let lane = XmlElement::new("lane").text("id", id.to_string());
     lane.text("type", kind).text("level", "false")
 }
 
 /// Constant cubic polynomial: `a` is the value, `b`, `c` and `d` are 0.
-fn polynomial(element: Element, value: f64) -> Element {
+fn polynomial(element: XmlElement, value: f64) -> XmlElement {
     // The schema requires all four coefficients.
     let constant = element.number("a", value);
     ["b", "c", "d"]
@@ -167,8 +167,8 @@ fn polynomial(element: Element, value: f64) -> Element {
         .fold(constant, |element, name| element.number(name, 0.0))
 }
 
-fn road_mark(kind: &str) -> Element {
-    Element::new("roadMark")
+fn road_mark(kind: &str) -> XmlElement {
+    XmlElement::new("roadMark")
         .number("sOffset", 0.0)
         .text("type", kind)
         .text("weight", "standard")

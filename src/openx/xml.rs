@@ -9,17 +9,17 @@ use crate::visible::visible_markup;
 
 /// Element with its attributes and children, in the order of insertion.
 #[derive(Clone, Debug)]
-pub(super) struct Element {
+pub(super) struct XmlElement {
     name: &'static str,
     attributes: Vec<(&'static str, String)>,
-    children: Vec<Element>,
+    children: Vec<XmlElement>,
     on_one_line: bool,
 }
 
-impl Element {
+impl XmlElement {
     /// Returns an element without attributes and children.
-    pub fn new(name: &'static str) -> Element {
-        Element {
+    pub fn new(name: &'static str) -> XmlElement {
+        XmlElement {
             name,
             attributes: Vec::new(),
             children: Vec::new(),
@@ -30,7 +30,7 @@ impl Element {
     /// Adds a text attribute, with a space for every control character.
     ///
     /// Marks without width, or that turn the direction of writing, are shown escaped.
-    pub fn text(mut self, name: &'static str, value: impl AsRef<str>) -> Element {
+    pub fn text(mut self, name: &'static str, value: impl AsRef<str>) -> XmlElement {
         // XML 1.0 forbids most control characters, even escaped.
         let value = value.as_ref().replace(char::is_control, " ");
         let value = visible_markup(&value).into_owned();
@@ -39,24 +39,24 @@ impl Element {
     }
 
     /// Adds a number as an attribute.
-    pub fn number(self, name: &'static str, value: f64) -> Element {
+    pub fn number(self, name: &'static str, value: f64) -> XmlElement {
         self.text(name, number(value))
     }
 
     /// Appends a child.
-    pub fn child(mut self, child: Element) -> Element {
+    pub fn child(mut self, child: XmlElement) -> XmlElement {
         self.children.push(child);
         self
     }
 
     /// Appends children.
-    pub fn children(mut self, children: impl IntoIterator<Item = Element>) -> Element {
+    pub fn children(mut self, children: impl IntoIterator<Item = XmlElement>) -> XmlElement {
         self.children.extend(children);
         self
     }
 
     /// Keeps the element and its content on one line.
-    pub fn on_one_line(mut self) -> Element {
+    pub fn on_one_line(mut self) -> XmlElement {
         self.on_one_line = true;
         self
     }
@@ -113,8 +113,8 @@ mod tests {
 
     #[test]
     fn what_would_disturb_a_document_is_escaped() {
-        let rule = Element::new("Rule").text("name", "a < b & \"c\"\nd\u{202e}");
-        let root = Element::new("Root").child(rule);
+        let rule = XmlElement::new("Rule").text("name", "a < b & \"c\"\nd\u{202e}");
+        let root = XmlElement::new("Root").child(rule);
         let text = root.document().expect("in memory");
         let expected = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<Root>\n  \
             <Rule name=\"a &lt; b &amp; &quot;c&quot; d\\u{202e}\"/>\n</Root>\n";
@@ -129,9 +129,9 @@ mod tests {
 
     #[test]
     fn vertices_stand_on_one_line() {
-        let position = Element::new("Position").child(Element::new("World").number("x", 1.0));
-        let vertex = Element::new("Vertex").child(position).on_one_line();
-        let text = Element::new("All").child(vertex).document();
+        let position = XmlElement::new("Position").child(XmlElement::new("World").number("x", 1.0));
+        let vertex = XmlElement::new("Vertex").child(position).on_one_line();
+        let text = XmlElement::new("All").child(vertex).document();
         let text = text.expect("in memory");
         assert!(
             text.contains("\n  <Vertex><Position><World x=\"1\"/></Position></Vertex>\n"),

@@ -3,7 +3,7 @@
 use super::outcome::{Exoneration, NotApplicable, Struck};
 use super::replayer::Replayer;
 use crate::ego::reference::{Encounter, LaneBody, TtcReading};
-use crate::scene::{Motion, Touch};
+use crate::scene::{ContactEvent, Motion};
 
 /// Speed up to which the ego counts as standing.
 pub(super) const STANDING_MPS: f64 = 0.5;
@@ -12,7 +12,7 @@ const ALONG: f64 = 0.5;
 
 impl Replayer {
     /// Returns the agent that the ego touched.
-    pub(super) fn other_of(&self, touch: &Touch) -> Option<usize> {
+    pub(super) fn other_of(&self, touch: &ContactEvent) -> Option<usize> {
         let agents = &self.world.spec().agents;
         let ego = &agents[self.world.ego()].name;
         let other = match (&touch.between.0 == ego, &touch.between.1 == ego) {

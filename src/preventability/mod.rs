@@ -26,14 +26,14 @@
 mod contact;
 mod moments;
 mod outcome;
+mod reference_drive;
 mod replayer;
-mod stint;
 
 pub use moments::CutIn;
 pub use outcome::{
     DriverOutcome, Exoneration, Label, NotApplicable, Preventability, ReplayContact, Struck,
 };
-pub use replayer::{Case, FilmedDriver, Replayer, Seat};
+pub use replayer::{FilmedDriver, RecordedEpisode, Replayer, Seat};
 
 use crate::ego::reference::ReferenceDriver;
 

@@ -35,7 +35,7 @@ pub struct CutIn {
 }
 
 /// Recorded bodies in lane coordinates: the ego and its traffic per sample.
-pub(super) struct Lanes {
+pub(super) struct LaneRecord {
     pub sample_s: f64,
     pub lane_width_m: f64,
     /// Number of agents per sample. The first is the ego.
@@ -45,7 +45,7 @@ pub(super) struct Lanes {
     pub seen: Vec<bool>,
 }
 
-impl Lanes {
+impl LaneRecord {
     /// Returns the ego and the others at every sample, in order.
     pub fn rows(&self) -> impl Iterator<Item = (LaneBody, &[LaneBody])> {
         let rows = self.bodies.chunks_exact(self.width.max(1));

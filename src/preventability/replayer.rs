@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use super::contact::{STANDING_MPS, between, struck};
-use super::moments::Lanes;
+use super::moments::LaneRecord;
 use super::outcome::{DriverOutcome, NotApplicable, Preventability, ReplayContact};
-use super::stint::{AtWheel, Notes, Rows};
+use super::reference_drive::{Notes, ReferenceDriverRun, ReplayRows};
 use super::{Label, PANEL};
 use crate::ego::reference::{LaneBody, NOMINAL_MPS2, ReferenceDriver, Response};
 use crate::rulebook::Rulebook;
 use crate::scene::drive::{DriveScene, DriveWorld};
-use crate::scene::{Flow, Frame, Motion, Scene, Touch};
+use crate::scene::{ContactEvent, Frame, Motion, Scene, StepOutcome};
 use crate::sim::{BodyCommand, GRAVITY_MPS2, PlantKind};
 use crate::trace::Trace;
 
@@ -31,14 +31,14 @@ pub enum Seat {
 }
 
 /// Recorded episode, prepared for other drivers.
-pub struct Case {
+pub struct RecordedEpisode {
     /// Motion, continued after its end.
     pub(super) whole: Motion,
     /// Number of full samples in the record, at which drivers can take over.
     recorded: usize,
     /// Vehicles that drivers consider, by position among the agents.
     traffic: Vec<usize>,
-    lanes: Lanes,
+    lanes: LaneRecord,
     /// First sample at which a driver may have to react.
     pub handover: Option<usize>,
     /// The first sample at which the ideal driver brakes.
@@ -53,7 +53,7 @@ pub struct FilmedDriver {
     /// Positions of all agents at each sample from there on.
     pub frames: Vec<Frame>,
     /// Contact that the driver does not avoid, if any.
-    pub contact: Option<Touch>,
+    pub contact: Option<ContactEvent>,
     /// Outcome of the driver.
     pub outcome: DriverOutcome,
 }
@@ -76,13 +76,13 @@ pub struct Replayer {
 
 /// Stretch of driving: its first sample, and its speed without danger.
 #[derive(Clone, Copy)]
-struct Stint {
+struct DriveInterval {
     from: usize,
-    nominal: Nominal,
+    nominal: NominalSpeed,
 }
 
 #[derive(Clone, Copy)]
-enum Nominal {
+enum NominalSpeed {
     /// Speed at the start of the episode.
     Initial,
     /// Speed at the same sample of the record.
@@ -113,7 +113,7 @@ impl Replayer {
     }
 
     /// Prepares an episode for its replays.
-    pub fn case(&self, motion: &Motion) -> Case {
+    pub fn case(&self, motion: &Motion) -> RecordedEpisode {
         let contact_s = motion.contact.as_ref().map_or(0.0, |touch| touch.time_s);
         let after = ((contact_s + AFTER_CONTACT_S) / self.sample_s).ceil() as usize + 1;
         // A driver may only delay the contact, so the replay continues beyond it.
@@ -132,14 +132,14 @@ impl Replayer {
             let seen = self.world.seen(motion.at(at));
             agents.iter().map(move |&i| seen[i]).collect::<Vec<bool>>()
         };
-        let lanes = Lanes {
+        let lanes = LaneRecord {
             seen: (0..recorded).flat_map(seen_at).collect(),
             sample_s: self.sample_s,
             lane_width_m: self.lane_width_m,
             width: agents.len(),
             bodies: (0..recorded).flat_map(samples_of).collect(),
         };
-        Case {
+        RecordedEpisode {
             traffic,
             handover: lanes.handover(),
             danger: lanes.danger(),
@@ -219,7 +219,7 @@ impl Replayer {
     /// The ideal driver takes over at the first danger.
     pub fn from_handover(
         &mut self,
-        case: &Case,
+        case: &RecordedEpisode,
         driver: ReferenceDriver,
         trace: Option<&Trace>,
     ) -> Option<DriverOutcome> {
@@ -252,23 +252,34 @@ impl Replayer {
     }
 
     /// Returns the outcome of a driver from the start on, with the initial nominal speed.
-    pub fn from_start(&mut self, case: &Case, seat: Seat, trace: Option<&Trace>) -> DriverOutcome {
-        let nominal = Nominal::Initial;
+    pub fn from_start(
+        &mut self,
+        case: &RecordedEpisode,
+        seat: Seat,
+        trace: Option<&Trace>,
+    ) -> DriverOutcome {
+        let nominal = NominalSpeed::Initial;
         let mut notes = self.notes(trace, 0);
-        self.drive(case, seat, Stint { from: 0, nominal }, &mut notes)
+        self.drive(case, seat, DriveInterval { from: 0, nominal }, &mut notes)
     }
 
     /// Creates notes from a sample on, with rows if there is a trace.
     fn notes(&self, trace: Option<&Trace>, from: usize) -> Notes {
         Notes {
-            rows: trace.map(|trace| Rows::begin(trace, from, self.scene.clock().samples())),
+            rows: trace.map(|trace| ReplayRows::begin(trace, from, self.scene.clock().samples())),
             ..Notes::default()
         }
     }
 
-    fn drive(&mut self, case: &Case, seat: Seat, stint: Stint, notes: &mut Notes) -> DriverOutcome {
-        let Stint { from, .. } = stint;
-        let mut at_wheel = AtWheel::new(self, case, seat, from);
+    fn drive(
+        &mut self,
+        case: &RecordedEpisode,
+        seat: Seat,
+        stint: DriveInterval,
+        notes: &mut Notes,
+    ) -> DriverOutcome {
+        let DriveInterval { from, .. } = stint;
+        let mut at_wheel = ReferenceDriverRun::new(self, case, seat, from);
         self.scene.take_up(&case.whole, from);
         notes.begin(&self.scene);
         let mut least_m: Option<f64> = None;
@@ -286,7 +297,7 @@ impl Replayer {
             };
             let flow = self.scene.advance_along(command, case.whole.at(sample));
             notes.push(&self.scene);
-            if let Flow::Contact(touch) = flow {
+            if let StepOutcome::Contact(touch) = flow {
                 notes.contact = Some(touch.clone());
                 self.look(&case.traffic, &mut least_m);
                 contact = self.contact_of(touch);
@@ -326,7 +337,12 @@ impl Replayer {
     ///
     /// The kinematic plant answers commands of the rigid plant differently. The command
     /// then reproduces the recorded speed instead.
-    fn as_recorded(&mut self, case: &Case, sample: usize, ego: &LaneBody) -> BodyCommand {
+    fn as_recorded(
+        &mut self,
+        case: &RecordedEpisode,
+        sample: usize,
+        ego: &LaneBody,
+    ) -> BodyCommand {
         let then = case.whole.at(sample)[self.world.ego()];
         let is_exact = self.world.spec().plant == PlantKind::Kinematic;
         match then.command {
@@ -340,7 +356,13 @@ impl Replayer {
     }
 
     /// Returns the acceleration of the vehicle for the response of the driver.
-    fn accel(&self, at_wheel: &mut AtWheel, seat: Seat, ego: &LaneBody, nominal_mps: f64) -> f64 {
+    fn accel(
+        &self,
+        at_wheel: &mut ReferenceDriverRun,
+        seat: Seat,
+        ego: &LaneBody,
+        nominal_mps: f64,
+    ) -> f64 {
         // A driver returns to the nominal speed gently, as the stock egos of these
         // drivers do.
         let nominal = || {
@@ -366,7 +388,7 @@ impl Replayer {
         at_wheel.actuator.step(wish_mps2)
     }
 
-    fn contact_of(&self, touch: Touch) -> Option<ReplayContact> {
+    fn contact_of(&self, touch: ContactEvent) -> Option<ReplayContact> {
         let with = self.other_of(&touch)?;
         let ego = self.scene.lane_body(self.world.ego());
         Some(ReplayContact {
@@ -379,11 +401,11 @@ impl Replayer {
 
     fn outcome(
         &self,
-        case: &Case,
+        case: &RecordedEpisode,
         contact: Option<ReplayContact>,
         least_m: Option<f64>,
         reacted_s: Option<f64>,
-        judged: Option<Rows>,
+        judged: Option<ReplayRows>,
     ) -> DriverOutcome {
         let recorded = case.whole.contact.as_ref();
         let recorded_mps = recorded.map_or(0.0, |touch| touch.closing_speed_mps);
@@ -401,22 +423,22 @@ impl Replayer {
     }
 }
 
-impl Case {
+impl RecordedEpisode {
     /// Returns the takeover of a driver, or `None` without a danger to react to.
-    fn handed_over_to(&self, driver: ReferenceDriver) -> Option<(Stint, Seat)> {
+    fn handed_over_to(&self, driver: ReferenceDriver) -> Option<(DriveInterval, Seat)> {
         let (from, seat) = match driver {
             ReferenceDriver::Ideal => (self.danger?, Seat::FullBrakes),
             _ => (self.handover?, Seat::Driver(driver)),
         };
-        let nominal = Nominal::Recorded;
-        Some((Stint { from, nominal }, seat))
+        let nominal = NominalSpeed::Recorded;
+        Some((DriveInterval { from, nominal }, seat))
     }
 
     /// Returns the speed of the ego at a sample without danger.
-    fn nominal_mps(&self, nominal: Nominal, sample: usize, ego: usize) -> f64 {
+    fn nominal_mps(&self, nominal: NominalSpeed, sample: usize, ego: usize) -> f64 {
         let sample = match nominal {
-            Nominal::Initial => 0,
-            Nominal::Recorded => sample.min(self.recorded - 1),
+            NominalSpeed::Initial => 0,
+            NominalSpeed::Recorded => sample.min(self.recorded - 1),
         };
         self.whole.at(sample)[ego].state.speed_mps
     }

@@ -120,7 +120,7 @@ fn actions_in_words(scenario: &Scenario, episode: &Episode) -> String {
 
 /// Speeds of all agents.
 fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
-    let cast = scenario.bench().stage().cast;
+    let cast = scenario.bench().stage().agents;
     let curves = cast.iter().enumerate().filter_map(|(nth, who)| {
         let column = episode.trace.signal(&format!("{}.speed", who.name))?;
         Some(Curve {

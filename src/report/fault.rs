@@ -12,10 +12,10 @@ use crate::sim::Pose;
 use crate::world::Scenario;
 
 /// Words, and the CSS class of their colour.
-pub(super) type Fault = (String, &'static str);
+pub(super) type StyledFault = (String, &'static str);
 
 /// Returns the fault of an example.
-pub(super) fn fault(scenario: &Scenario, example: &Example) -> Fault {
+pub(super) fn fault(scenario: &Scenario, example: &Example) -> StyledFault {
     let said = |words: &str, class| (words.to_owned(), class);
     let Some(known) = &example.about.preventability else {
         return said("no contact", "b-open");
@@ -39,7 +39,7 @@ pub(super) fn fault(scenario: &Scenario, example: &Example) -> Fault {
 }
 
 /// Fault by right of way or lane, if the roads of both agents decide it.
-fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<Fault> {
+fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<StyledFault> {
     let World::Drive(world) = scenario.world() else {
         return None;
     };
@@ -55,7 +55,7 @@ fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<Fault> {
 }
 
 /// Fault by lane, of two agents on one road in opposite directions.
-fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> Option<Fault> {
+fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> Option<StyledFault> {
     let agents = &world.spec().agents;
     let of = |name: &str| agents.iter().position(|agent| agent.name == name);
     let (own, its) = (of(ego)?, of(met)?);
@@ -83,7 +83,7 @@ fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> O
 }
 
 /// Fault by braking, which states no more than is known.
-fn by_braking(chance: Option<&LastChance>) -> Fault {
+fn by_braking(chance: Option<&LastChance>) -> StyledFault {
     let words = match chance.map(|chance| chance.at_s) {
         Some(Some(_)) => "avoidable by braking",
         Some(None) => "unavoidable by braking",

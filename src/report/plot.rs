@@ -72,14 +72,14 @@ pub(super) struct Chart {
 }
 
 /// Map from numbers to the canvas, along one axis.
-struct Axis {
+struct PlotAxis {
     lo: f64,
     hi: f64,
     from: f64,
     to: f64,
 }
 
-impl Axis {
+impl PlotAxis {
     fn at(&self, value: f64) -> f64 {
         let share = (value - self.lo) / (self.hi - self.lo);
         // Values outside of the axis stay just beyond the frame.
@@ -115,14 +115,14 @@ fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
     }
 }
 
-fn frame(x: (f64, f64), y: (f64, f64)) -> (Axis, Axis) {
-    let x = Axis {
+fn frame(x: (f64, f64), y: (f64, f64)) -> (PlotAxis, PlotAxis) {
+    let x = PlotAxis {
         lo: x.0,
         hi: x.1,
         from: LEFT,
         to: WIDTH - RIGHT,
     };
-    let y = Axis {
+    let y = PlotAxis {
         lo: y.0,
         hi: y.1,
         from: HEIGHT - BOTTOM,
@@ -164,7 +164,7 @@ pub(super) fn chart(chart: &Chart) -> Markup {
 }
 
 /// Words in the picture, placed clear of its curves.
-fn words(chart: &Chart, x: &Axis, y: &Axis) -> Words {
+fn words(chart: &Chart, x: &PlotAxis, y: &PlotAxis) -> Words {
     let mut words = Words::default();
     for curve in &chart.curves {
         let finite = curve
@@ -188,7 +188,7 @@ fn words(chart: &Chart, x: &Axis, y: &Axis) -> Words {
     words
 }
 
-fn path(points: &[(f64, f64)], x: &Axis, y: &Axis) -> String {
+fn path(points: &[(f64, f64)], x: &PlotAxis, y: &PlotAxis) -> String {
     // Long curves are thinned, since the picture has fewer pixels. The last
     // point always stays.
     let every = points.len().div_ceil(MAX_POINTS).max(1);
@@ -201,7 +201,7 @@ fn path(points: &[(f64, f64)], x: &Axis, y: &Axis) -> String {
     places.collect::<Vec<_>>().join(" ")
 }
 
-fn shaded(region: &Region, x: &Axis, y: &Axis) -> Markup {
+fn shaded(region: &Region, x: &PlotAxis, y: &PlotAxis) -> Markup {
     let [left, top, right, bottom] = rectangle(region, x, y);
     html! {
         rect class="region" x=(px(left)) y=(px(top)) width=(px(right - left)) height=(px(bottom - top)) {}
@@ -209,8 +209,8 @@ fn shaded(region: &Region, x: &Axis, y: &Axis) -> Markup {
 }
 
 /// Left, top, right and bottom of a region on the canvas.
-fn rectangle(region: &Region, x: &Axis, y: &Axis) -> [f64; 4] {
-    let clip = |value: f64, axis: &Axis| axis.at(value.clamp(axis.lo, axis.hi));
+fn rectangle(region: &Region, x: &PlotAxis, y: &PlotAxis) -> [f64; 4] {
+    let clip = |value: f64, axis: &PlotAxis| axis.at(value.clamp(axis.lo, axis.hi));
     [
         clip(region.x.0, x),
         clip(region.y.1, y),
@@ -219,7 +219,7 @@ fn rectangle(region: &Region, x: &Axis, y: &Axis) -> [f64; 4] {
     ]
 }
 
-fn grid(x: &Axis, y: &Axis, x_label: &str, y_label: &str) -> Markup {
+fn grid(x: &PlotAxis, y: &PlotAxis, x_label: &str, y_label: &str) -> Markup {
     let (bottom, right) = (HEIGHT - BOTTOM, WIDTH - RIGHT);
     let (x_ticks, x_places) = x.ticks();
     let (y_ticks, y_places) = y.ticks();
@@ -263,7 +263,7 @@ fn legend(curves: &[Curve]) -> Markup {
 }
 
 /// Cell of a heat map.
-pub(super) struct Cell {
+pub(super) struct HeatMapCell {
     /// Column and row, from the lower left.
     pub at: (usize, usize),
     /// Share shown by colour, in 0 ..= 1.
@@ -285,7 +285,7 @@ pub(super) struct HeatMap {
     /// Numbers of columns and rows.
     pub size: (usize, usize),
     /// Cells with content.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<HeatMapCell>,
     /// Meaning of the colour, and of a ring of 25 %.
     pub shares: (String, String),
 }

@@ -2,7 +2,9 @@
 
 use maud::{Markup, html};
 
-use super::plot::{Cell, Chart, Curve, HeatMap, Histogram, Mark, chart, heat_map, histogram};
+use super::plot::{
+    Chart, Curve, HeatMap, HeatMapCell, Histogram, Mark, chart, heat_map, histogram,
+};
 use super::{Nominal, TestingCost, Training};
 use crate::rulebook::Verdict;
 use crate::run_dir::Row;
@@ -160,7 +162,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
         }
     };
     let filled = counts.iter().enumerate().filter(|(_, c)| 0 < c[0]);
-    let cells = filled.map(|(i, [all, solved, fouls])| Cell {
+    let cells = filled.map(|(i, [all, solved, fouls])| HeatMapCell {
         at: (i % bins, i / bins),
         share: *solved as f64 / *all as f64,
         dot: *fouls as f64 / *all as f64,

@@ -4,7 +4,7 @@
 //! that avoid it.
 
 use super::Example;
-use super::fault::{Fault, fault};
+use super::fault::{StyledFault, fault};
 use crate::ego::Phase;
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::run_dir::{LastChance, Severity};
@@ -22,7 +22,7 @@ pub(super) struct VerdictWords {
     /// Reference drivers that avoid it. `None` if nothing is known.
     pub care: Option<String>,
     /// Blame in two or three words, and the CSS class of its colour.
-    pub blame: Fault,
+    pub blame: StyledFault,
 }
 
 impl VerdictWords {
@@ -90,7 +90,7 @@ fn what(scenario: &Scenario, example: &Example) -> String {
     }
     let speed = format!("at {:.1} m/s", touch.closing_speed_mps);
     let (one, other) = &touch.between;
-    let cast = scenario.bench().stage().cast;
+    let cast = scenario.bench().stage().agents;
     let is_ego = |name: &String| {
         let found = cast.iter().find(|cast| cast.name == *name);
         found.is_some_and(|cast| cast.role == Role::Ego)
@@ -128,7 +128,7 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
     // Names of agents and lights are parts of dotted signal names.
     let part_of = |signal: &str, name: &str| signal.split('.').any(|part| part == name);
     for (signal, value) in &explanation.signals {
-        let mut others = stage.cast.iter().filter(|cast| cast.role != Role::Ego);
+        let mut others = stage.agents.iter().filter(|cast| cast.role != Role::Ego);
         let near = others.find(|cast| part_of(signal, &cast.name));
         if let Some(near) = near.filter(|_| signal.ends_with(".gap")) {
             return format!(

@@ -129,25 +129,25 @@ struct Tensor {
 /// Named tensors with a short description.
 ///
 /// ```
-/// use brakecheck::rl::Bundle;
+/// use brakecheck::rl::TensorFile;
 ///
-/// let mut bundle = Bundle::new("(kind: \"example\")");
+/// let mut bundle = TensorFile::new("(kind: \"example\")");
 /// bundle.put("weights", &[2, 1], vec![0.5f32, -1.0]);
 /// let bytes = bundle.to_bytes()?;
-/// assert_eq!(Bundle::from_bytes(&bytes)?, bundle);
-/// assert!(Bundle::from_bytes(&bytes[..bytes.len() - 1]).is_err());
+/// assert_eq!(TensorFile::from_bytes(&bytes)?, bundle);
+/// assert!(TensorFile::from_bytes(&bytes[..bytes.len() - 1]).is_err());
 /// # Ok::<(), brakecheck::rl::BundleError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bundle {
+pub struct TensorFile {
     meta: String,
     tensors: BTreeMap<String, Tensor>,
 }
 
-impl Bundle {
+impl TensorFile {
     /// Creates an empty bundle with this description.
-    pub fn new(meta: impl Into<String>) -> Bundle {
-        Bundle {
+    pub fn new(meta: impl Into<String>) -> TensorFile {
+        TensorFile {
             meta: meta.into(),
             tensors: BTreeMap::new(),
         }
@@ -170,7 +170,7 @@ impl Bundle {
 
     /// Returns the bundle without a tensor.
     #[must_use]
-    pub fn without(mut self, name: &str) -> Bundle {
+    pub fn without(mut self, name: &str) -> TensorFile {
         self.tensors.remove(name);
         self
     }
@@ -254,18 +254,18 @@ impl Bundle {
         safetensors::serialize(views, Some(meta)).map_err(format)
     }
 
-    /// Reads the bytes of [`Bundle::to_bytes`].
+    /// Reads the bytes of [`TensorFile::to_bytes`].
     ///
     /// # Errors
     /// See [`BundleError`]. Every byte string is either a bundle of finite numbers
     /// or refused.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Bundle, BundleError> {
+    pub fn from_bytes(bytes: &[u8]) -> Result<TensorFile, BundleError> {
         let file = SafeTensors::deserialize(bytes).map_err(format)?;
         let (header, metadata) = SafeTensors::read_metadata(bytes).map_err(format)?;
         // The first 8 bytes are the length of the header, which follows.
         refuse_duplicates(bytes.get(8..8 + header).unwrap_or(&[]))?;
         let meta = metadata.metadata().as_ref().and_then(|map| map.get("meta"));
-        let mut bundle = Bundle::new(meta.cloned().unwrap_or_default());
+        let mut bundle = TensorFile::new(meta.cloned().unwrap_or_default());
         for (name, view) in file.iter() {
             let data = decode(name, &view)?;
             refuse_infinite(name, &data)?;
@@ -348,9 +348,10 @@ fn refuse_infinite(name: &str, data: &Data) -> Result<(), BundleError> {
 
 /// Refuses repeated names, of which the safetensors crate keeps the last.
 fn refuse_duplicates(header: &[u8]) -> Result<(), BundleError> {
-    let Names(mut names) = serde_json::from_slice(header).map_err(|error| BundleError::Format {
-        why: error.to_string(),
-    })?;
+    let MapKeys(mut names) =
+        serde_json::from_slice(header).map_err(|error| BundleError::Format {
+            why: error.to_string(),
+        })?;
     // Sorted, so that repeated names are neighbours.
     names.sort();
     match names.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -362,22 +363,22 @@ fn refuse_duplicates(header: &[u8]) -> Result<(), BundleError> {
 }
 
 /// Keys of a map, with repeated keys.
-struct Names(Vec<String>);
+struct MapKeys(Vec<String>);
 
-impl<'de> Deserialize<'de> for Names {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Names, D::Error> {
+impl<'de> Deserialize<'de> for MapKeys {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<MapKeys, D::Error> {
         struct Keys;
         impl<'de> Visitor<'de> for Keys {
-            type Value = Names;
+            type Value = MapKeys;
             fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
                 f.write_str("a map")
             }
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Names, A::Error> {
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<MapKeys, A::Error> {
                 let mut names = Vec::new();
                 while let Some((name, IgnoredAny)) = map.next_entry()? {
                     names.push(name);
                 }
-                Ok(Names(names))
+                Ok(MapKeys(names))
             }
         }
         deserializer.deserialize_map(Keys)

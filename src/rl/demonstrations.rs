@@ -10,10 +10,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bundle::{Bundle, BundleError};
-use super::dice::Dice;
+use super::bundle::{BundleError, TensorFile};
+use super::dice::LearnerRng;
 use super::learner::{ConfigError, Demonstration, within};
-use super::replay::{Batch, Lived, ReplayBuffer, Tail, check};
+use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, check};
 
 /// Use of demonstrations by a learner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -99,7 +99,7 @@ impl Demonstrations {
     }
 
     /// Records an episode that succeeded.
-    pub fn remember(&mut self, index: u64, lived: &Lived, steps: usize, discount: f32) {
+    pub fn remember(&mut self, index: u64, lived: &EpisodeBuffer, steps: usize, discount: f32) {
         let episode = Demonstration {
             index,
             actions: lived.actions.clone(),
@@ -119,7 +119,7 @@ impl Demonstrations {
     }
 
     /// Returns the beginning of a random success, in a share of the calls.
-    pub fn guide(&self, dice: &mut Dice) -> Option<Guide> {
+    pub fn guide(&self, dice: &mut LearnerRng) -> Option<Guide> {
         // An empty memory draws no number, so the random stream is that of plain deep
         // Q-learning until the first success.
         if self.episodes.is_empty() || self.imitation.guided <= dice.unit() {
@@ -136,7 +136,7 @@ impl Demonstrations {
     }
 
     /// Appends `size` transitions of successes to a batch.
-    pub fn sample(&mut self, size: usize, beta: f64, dice: &mut Dice, batch: &mut Batch) {
+    pub fn sample(&mut self, size: usize, beta: f64, dice: &mut LearnerRng, batch: &mut Batch) {
         if 0 < size {
             self.replay.sample(size, beta, dice, &mut self.drawn);
             batch.append(&self.drawn);
@@ -168,7 +168,7 @@ impl Demonstrations {
     }
 
     /// Writes everything into a checkpoint.
-    pub fn save(&self, bundle: &mut Bundle) {
+    pub fn save(&self, bundle: &mut TensorFile) {
         self.replay.save("shown", bundle);
         let n = self.episodes.len();
         let indices = self.episodes.iter().map(|shown| shown.index).collect();
@@ -185,7 +185,7 @@ impl Demonstrations {
     ///
     /// # Errors
     /// A tensor is missing or misshapen, or an index is out of range.
-    pub fn restore(&mut self, bundle: &Bundle, actions: usize) -> Result<(), BundleError> {
+    pub fn restore(&mut self, bundle: &TensorFile, actions: usize) -> Result<(), BundleError> {
         self.replay.restore("shown", bundle, actions)?;
         let indices = bundle.rows::<u64>("shown/starts", &[])?;
         let lengths = bundle.get::<u64>("shown/lengths", &[indices.len()])?;

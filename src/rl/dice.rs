@@ -3,17 +3,17 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::bundle::{Bundle, BundleError};
+use super::bundle::{BundleError, TensorFile};
 use crate::seed;
 
 /// Seeded generator that a checkpoint can save and restore.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Dice(ChaCha8Rng);
+pub struct LearnerRng(ChaCha8Rng);
 
-impl Dice {
+impl LearnerRng {
     /// Creates the generator of a seed.
-    pub fn new(seed: u64) -> Dice {
-        Dice(ChaCha8Rng::seed_from_u64(seed))
+    pub fn new(seed: u64) -> LearnerRng {
+        LearnerRng(ChaCha8Rng::seed_from_u64(seed))
     }
 
     /// Draws uniformly from [0, 1), with 53 random bits.
@@ -41,7 +41,7 @@ impl Dice {
     }
 
     /// Writes the state into a checkpoint.
-    pub fn save(&self, bundle: &mut Bundle) {
+    pub fn save(&self, bundle: &mut TensorFile) {
         // The position exceeds 64 bits, hence two words of it.
         let position = self.0.get_word_pos();
         bundle.put("dice/seed", &[32], self.0.get_seed().to_vec());
@@ -56,14 +56,14 @@ impl Dice {
     /// Reads the state from a checkpoint.
     ///
     /// # Errors
-    /// The two tensors of [`Dice::save`] are missing or misshapen.
-    pub fn restore(bundle: &Bundle) -> Result<Dice, BundleError> {
+    /// The two tensors of [`LearnerRng::save`] are missing or misshapen.
+    pub fn restore(bundle: &TensorFile) -> Result<LearnerRng, BundleError> {
         let mut seed = [0; 32];
         seed.copy_from_slice(bundle.get::<u8>("dice/seed", &[32])?);
         let words = bundle.get::<u64>("dice/position", &[3])?;
         let mut rng = ChaCha8Rng::from_seed(seed);
         rng.set_stream(words[2]);
         rng.set_word_pos(u128::from(words[0]) | (u128::from(words[1]) << 64));
-        Ok(Dice(rng))
+        Ok(LearnerRng(rng))
     }
 }

@@ -11,10 +11,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::Spaces;
-use super::bundle::Bundle;
+use super::bundle::TensorFile;
 use super::demonstrations::Imitation;
 use super::dqn::{self, Dqn, DqnSettings};
-use super::kind::{Built, Kind, Shaped};
+use super::kind::{Built, LearnerKind, Shaped};
 use super::learner::{ConfigError, Learner, within};
 use super::seeding::Seeding;
 
@@ -68,7 +68,7 @@ impl DqfdSettings {
     }
 }
 
-impl Kind for DqfdSettings {
+impl LearnerKind for DqfdSettings {
     fn bundles(&self) -> [&'static str; 2] {
         KINDS
     }
@@ -89,12 +89,12 @@ impl Kind for DqfdSettings {
         Box::new(self.around(Dqn::new(&self.dqn(), spaces, seed)))
     }
 
-    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &TensorFile) -> Built {
         let dqn = Dqn::from_policy(&self.dqn(), spaces, seed, policy)?;
         Ok(Box::new(self.around(dqn)))
     }
 
-    fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built {
+    fn restore(&self, spaces: &Spaces, checkpoint: &TensorFile) -> Built {
         let dqn = Dqn::restored(&self.dqn(), spaces, checkpoint)?;
         Ok(Box::new(self.around(dqn).with_shown(checkpoint)?))
     }
@@ -112,7 +112,7 @@ impl Kind for DqfdSettings {
         self.longest = 1.0;
     }
 
-    fn load(&self, policy: &Bundle) -> Shaped {
+    fn load(&self, policy: &TensorFile) -> Shaped {
         DqnSettings::default().load(policy)
     }
 }

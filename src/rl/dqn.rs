@@ -15,16 +15,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bundle::{Bundle, BundleError};
+use super::bundle::{BundleError, TensorFile};
 use super::demonstrations::{Demonstrations, Imitation};
-use super::dice::Dice;
-use super::kind::{Built, Kind, Shaped};
+use super::dice::LearnerRng;
+use super::kind::{Built, LearnerKind, Shaped};
 use super::learner::{
-    ConfigError, Demonstration, Learner, Tally, epsilon, expect_sizes, linear, within,
+    ConfigError, Demonstration, Learner, TrainingCounters, epsilon, expect_sizes, linear, within,
 };
 use super::nn::{Adam, Mlp, Tape, argmax};
-use super::replay::{Batch, Lived, ReplayBuffer, Tail, Transition};
-use super::starts::{Start, Starts};
+use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
+use super::starts::{EpisodeStart, StartPool};
 use super::{End, Env, Policy, Spaces};
 
 /// Kind of a kept policy.
@@ -165,7 +165,7 @@ impl DqnSettings {
     }
 }
 
-impl Kind for DqnSettings {
+impl LearnerKind for DqnSettings {
     fn bundles(&self) -> [&'static str; 2] {
         [POLICY, CHECKPOINT]
     }
@@ -220,15 +220,15 @@ impl Kind for DqnSettings {
         Box::new(Dqn::new(self, spaces, seed))
     }
 
-    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &TensorFile) -> Built {
         Ok(Box::new(Dqn::from_policy(self, spaces, seed, policy)?))
     }
 
-    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
+    fn restore(&self, spaces: &Spaces, bundle: &TensorFile) -> Built {
         Ok(Box::new(Dqn::restored(self, spaces, bundle)?))
     }
 
-    fn load(&self, policy: &Bundle) -> Shaped {
+    fn load(&self, policy: &TensorFile) -> Shaped {
         let net = Mlp::load("q", policy)?;
         let shape = net.ends();
         Ok((Box::new(QPolicy { net }), shape))
@@ -245,12 +245,12 @@ pub(super) struct Dqn {
     replay: ReplayBuffer,
     /// Successes, kept apart by learners from demonstrations.
     shown: Option<Demonstrations>,
-    starts: Starts,
-    dice: Dice,
-    tally: Tally,
+    starts: StartPool,
+    dice: LearnerRng,
+    tally: TrainingCounters,
     /// Decision at which the schedule of step sizes restarts.
     since: u64,
-    room: Room,
+    room: DqnWorkspace,
 }
 
 /// Refuses a network for other observations or actions.
@@ -259,18 +259,18 @@ fn fits(spaces: &Spaces, net: &Mlp, what: &'static str) -> Result<(), BundleErro
 }
 
 /// Reusable buffers without meaning between updates.
-struct Room {
+struct DqnWorkspace {
     batch: Batch,
     here: Tape,
     there: Tape,
     gradient: Vec<f32>,
-    lived: Lived,
+    lived: EpisodeBuffer,
 }
 
 impl Dqn {
     /// Creates an untrained learner.
     pub fn new(config: &DqnSettings, spaces: &Spaces, seed: u64) -> Dqn {
-        let mut dice = Dice::new(seed);
+        let mut dice = LearnerRng::new(seed);
         let mut sizes = vec![spaces.observation];
         sizes.extend(&config.hidden);
         sizes.push(spaces.actions);
@@ -288,11 +288,11 @@ impl Dqn {
         config: &DqnSettings,
         spaces: &Spaces,
         seed: u64,
-        policy: &Bundle,
+        policy: &TensorFile,
     ) -> Result<Dqn, BundleError> {
         let net = Mlp::load("q", policy)?;
         fits(spaces, &net, "the policy's observation and actions")?;
-        Ok(Dqn::around(config, spaces, net, Dice::new(seed)))
+        Ok(Dqn::around(config, spaces, net, LearnerRng::new(seed)))
     }
 
     /// Restores a learner from a checkpoint, without demonstrations.
@@ -302,11 +302,11 @@ impl Dqn {
     pub fn restored(
         config: &DqnSettings,
         spaces: &Spaces,
-        bundle: &Bundle,
+        bundle: &TensorFile,
     ) -> Result<Dqn, BundleError> {
         let online = Mlp::load("online", bundle)?;
         fits(spaces, &online, "the checkpoint's observation and actions")?;
-        let mut dqn = Dqn::around(config, spaces, online, Dice::restore(bundle)?);
+        let mut dqn = Dqn::around(config, spaces, online, LearnerRng::restore(bundle)?);
         let target = dqn.online.load_as("target", bundle)?;
         dqn.target.parameters_mut().copy_from_slice(&target);
         dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
@@ -327,7 +327,7 @@ impl Dqn {
     ///
     /// # Errors
     /// The checkpoint contains no successes, or damaged successes.
-    pub fn with_shown(mut self, bundle: &Bundle) -> Result<Dqn, BundleError> {
+    pub fn with_shown(mut self, bundle: &TensorFile) -> Result<Dqn, BundleError> {
         let actions = self.online.outputs();
         if let Some(shown) = &mut self.shown {
             shown.restore(bundle, actions)?;
@@ -337,7 +337,7 @@ impl Dqn {
         Ok(self)
     }
 
-    fn around(config: &DqnSettings, spaces: &Spaces, online: Mlp, dice: Dice) -> Dqn {
+    fn around(config: &DqnSettings, spaces: &Spaces, online: Mlp, dice: LearnerRng) -> Dqn {
         let capacity = config.capacity.unwrap_or(usize::MAX - 1);
         let parameters = online.parameters().len();
         Dqn {
@@ -346,23 +346,23 @@ impl Dqn {
             target: online.clone(),
             adam: Adam::new(parameters),
             replay: ReplayBuffer::new(spaces.observation, capacity, config.priority),
-            starts: Starts::new(config.restart, config.restart_pool, config.restart_tries),
+            starts: StartPool::new(config.restart, config.restart_pool, config.restart_tries),
             dice,
-            tally: Tally::new(config.decisions),
+            tally: TrainingCounters::new(config.decisions),
             since: 0,
-            room: Room {
+            room: DqnWorkspace {
                 batch: Batch::default(),
                 here: online.tape(config.batch),
                 there: online.tape(config.batch),
                 gradient: vec![0.0; parameters],
-                lived: Lived::default(),
+                lived: EpisodeBuffer::default(),
             },
             config: config.clone(),
             online,
         }
     }
 
-    fn remember(&mut self, lived: &Lived, end: End) {
+    fn remember(&mut self, lived: &EpisodeBuffer, end: End) {
         // A truncated episode would go on, so its last return bootstraps.
         let tail = if end == End::Truncated {
             Tail::Open
@@ -382,7 +382,7 @@ impl Dqn {
     }
 
     /// Records the last decision, unless it ended in a fault.
-    fn remember_newest(&mut self, lived: &Lived, end: Option<End>) {
+    fn remember_newest(&mut self, lived: &EpisodeBuffer, end: Option<End>) {
         let width = self.online.inputs();
         // The last two rows: the observations before and after the decision.
         let from = lived.observations.len() - 2 * width;
@@ -422,7 +422,7 @@ impl Dqn {
     }
 
     /// Records a successful episode as an example, if examples are kept.
-    fn succeeded(&mut self, index: u64, lived: &Lived) {
+    fn succeeded(&mut self, index: u64, lived: &EpisodeBuffer) {
         let DqnSettings {
             steps, discount, ..
         } = self.config;
@@ -434,7 +434,7 @@ impl Dqn {
     /// Runs a step of Adam on a prioritised batch, then updates the target network.
     fn update(&mut self) {
         let rate = self.learning_rate() as f32;
-        let Room {
+        let DqnWorkspace {
             batch,
             here,
             there,
@@ -518,7 +518,7 @@ impl Learner for Dqn {
         let shown = self.shown.as_ref();
         let guide = shown.and_then(|shown| shown.guide(&mut self.dice));
         let start = match guide.as_ref().and_then(|guide| guide.index) {
-            Some(index) => Start::once(index),
+            Some(index) => EpisodeStart::once(index),
             None => self.starts.pick(&mut self.dice),
         };
         let mut led = guide.map_or(Vec::new(), |guide| guide.actions).into_iter();
@@ -635,14 +635,14 @@ impl Learner for Dqn {
         self.room.gradient = vec![0.0; self.online.parameters().len()];
     }
 
-    fn tally(&self) -> &Tally {
+    fn tally(&self) -> &TrainingCounters {
         &self.tally
     }
 
     fn exploration(&self) -> f64 {
         let ends = (self.config.exploration, self.config.final_exploration);
         // Extensions do not explore more than the end of the configured training.
-        let asked = Tally {
+        let asked = TrainingCounters {
             asked: self.config.decisions,
             ..self.tally
         };
@@ -655,14 +655,14 @@ impl Learner for Dqn {
         })
     }
 
-    fn policy_bundle(&self) -> Bundle {
-        let mut bundle = Bundle::new(self.kinds[0]);
+    fn policy_bundle(&self) -> TensorFile {
+        let mut bundle = TensorFile::new(self.kinds[0]);
         self.online.save("q", &mut bundle);
         bundle
     }
 
-    fn checkpoint(&self) -> Bundle {
-        let mut bundle = Bundle::new(self.kinds[1]);
+    fn checkpoint(&self) -> TensorFile {
+        let mut bundle = TensorFile::new(self.kinds[1]);
         self.online.save("online", &mut bundle);
         self.target.save("target", &mut bundle);
         self.adam.save(&self.online, "adam", &mut bundle);

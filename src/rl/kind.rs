@@ -1,6 +1,6 @@
 //! Interface between a learner's settings and the list of learners.
 
-use super::bundle::{Bundle, BundleError};
+use super::bundle::{BundleError, TensorFile};
 use super::learner::{ConfigError, Learner};
 use super::seeding::Seeding;
 use super::{Policy, Spaces};
@@ -9,7 +9,7 @@ use super::{Policy, Spaces};
 ///
 /// The caller ([`super::LearnerConfig`]) checks settings before they build
 /// anything, and passes bundles of the right kind only.
-pub(super) trait Kind {
+pub(super) trait LearnerKind {
     /// Kinds of its bundles: policies, then checkpoints.
     fn bundles(&self) -> [&'static str; 2];
 
@@ -23,10 +23,10 @@ pub(super) trait Kind {
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner>;
 
     /// Creates a learner that starts from a kept policy.
-    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built;
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &TensorFile) -> Built;
 
     /// Restores a learner from a checkpoint.
-    fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built;
+    fn restore(&self, spaces: &Spaces, checkpoint: &TensorFile) -> Built;
 
     /// Search for demonstrations before the training, `None` for no search.
     fn seeding(&self) -> Option<&Seeding> {
@@ -42,7 +42,7 @@ pub(super) trait Kind {
     fn fix(&mut self) {}
 
     /// Loads a kept policy, with its observation length and number of actions.
-    fn load(&self, policy: &Bundle) -> Shaped;
+    fn load(&self, policy: &TensorFile) -> Shaped;
 }
 
 pub(super) type Built = Result<Box<dyn Learner>, BundleError>;

@@ -1,11 +1,11 @@
 //! Common interface of all learners, and their configuration errors.
 
-use super::bundle::{Bundle, BundleError};
+use super::bundle::{BundleError, TensorFile};
 use super::{Control, Env, LearnerReport, Policy};
 
 /// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tally {
+pub struct TrainingCounters {
     /// Decisions to train for.
     pub asked: u64,
     /// Decisions taken.
@@ -16,10 +16,10 @@ pub struct Tally {
     pub aborted: u64,
 }
 
-impl Tally {
+impl TrainingCounters {
     /// Creates the tally of a training that has not begun.
-    pub fn new(asked: u64) -> Tally {
-        Tally {
+    pub fn new(asked: u64) -> TrainingCounters {
+        TrainingCounters {
             asked,
             decisions: 0,
             episodes: 0,
@@ -32,13 +32,13 @@ impl Tally {
         self.episodes + self.aborted
     }
 
-    pub(super) fn save(&self, bundle: &mut Bundle) {
+    pub(super) fn save(&self, bundle: &mut TensorFile) {
         let counters = vec![self.decisions, self.episodes, self.aborted];
         bundle.put("counters", &[3], counters);
     }
 
-    /// Restores the counters of [`Tally::save`]. `asked` is left as it is.
-    pub(super) fn restore(&mut self, bundle: &Bundle) -> Result<(), BundleError> {
+    /// Restores the counters of [`TrainingCounters::save`]. `asked` is left as it is.
+    pub(super) fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
         let counters = bundle.get::<u64>("counters", &[3])?;
         (self.decisions, self.episodes, self.aborted) = (counters[0], counters[1], counters[2]);
         Ok(())
@@ -78,7 +78,7 @@ pub trait Learner: Send {
     fn renew(&mut self) {}
 
     /// Returns the progress so far.
-    fn tally(&self) -> &Tally;
+    fn tally(&self) -> &TrainingCounters;
 
     /// Returns the current probability of an exploratory action.
     fn exploration(&self) -> f64;
@@ -120,10 +120,10 @@ pub trait Learner: Send {
     fn policy(&self) -> Box<dyn Policy>;
 
     /// Returns the same policy as a bundle, which [`super::load_policy`] reads.
-    fn policy_bundle(&self) -> Bundle;
+    fn policy_bundle(&self) -> TensorFile;
 
     /// Returns the state from which training continues as if never interrupted.
-    fn checkpoint(&self) -> Bundle;
+    fn checkpoint(&self) -> TensorFile;
 }
 
 /// Hyperparameter out of range.
@@ -163,7 +163,7 @@ pub(super) fn within(
 }
 
 /// Refuses a bundle of another kind.
-pub(super) fn expect_kind(bundle: &Bundle, kind: &'static str) -> Result<(), BundleError> {
+pub(super) fn expect_kind(bundle: &TensorFile, kind: &'static str) -> Result<(), BundleError> {
     if bundle.meta() == kind {
         return Ok(());
     }
@@ -191,7 +191,7 @@ pub(super) fn expect_sizes(
 }
 
 /// Returns ε, which falls between `ends` over a share of the training.
-pub(super) fn epsilon(tally: &Tally, ends: (f64, f64), share: f64) -> f64 {
+pub(super) fn epsilon(tally: &TrainingCounters, ends: (f64, f64), share: f64) -> f64 {
     linear(ends.0, ends.1, tally.decisions, share * tally.asked as f64)
 }
 

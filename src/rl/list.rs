@@ -5,8 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bundle::{Bundle, BundleError};
-use super::kind::{Built, Kind, Shaped};
+use super::bundle::{BundleError, TensorFile};
+use super::kind::{Built, LearnerKind, Shaped};
 use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, within};
 use super::seeding::Seeding;
 use super::{DqfdSettings, DqnSettings, Policy, PpoSettings, QTableSettings, Spaces};
@@ -39,7 +39,7 @@ macro_rules! learners {
                 }
             }
 
-            fn kind(&self) -> &dyn Kind {
+            fn kind(&self) -> &dyn LearnerKind {
                 match self {
                     $($(#[cfg($when)])? LearnerSettings::$name(settings) => settings,)+
                 }
@@ -176,7 +176,7 @@ impl LearnerConfig {
     ///
     /// # Errors
     /// The policy is of another learner, or has other shapes.
-    pub fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+    pub fn build_from(&self, spaces: &Spaces, seed: u64, policy: &TensorFile) -> Built {
         let kind = self.0.kind();
         expect_kind(policy, kind.bundles()[0])?;
         kind.build_from(spaces, seed, policy)
@@ -186,7 +186,7 @@ impl LearnerConfig {
     ///
     /// # Errors
     /// The checkpoint is of another learner, or has other shapes.
-    pub fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built {
+    pub fn restore(&self, spaces: &Spaces, checkpoint: &TensorFile) -> Built {
         let kind = self.0.kind();
         expect_kind(checkpoint, kind.bundles()[1])?;
         kind.restore(spaces, checkpoint)
@@ -200,7 +200,7 @@ impl LearnerConfig {
 pub(crate) fn fine_tuner(
     spaces: &Spaces,
     (decisions, seed): (u64, u64),
-    policy: &Bundle,
+    policy: &TensorFile,
 ) -> Option<Box<dyn Learner>> {
     let settings = DqnSettings::fine_tuning(decisions);
     // Both deep Q-learners keep a network of Q values.
@@ -216,7 +216,7 @@ pub(crate) fn fine_tuner(
 ///
 /// # Errors
 /// The bundle is not a policy, or its shapes do not fit each other.
-pub fn load_policy(bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
+pub fn load_policy(bundle: &TensorFile) -> Result<Box<dyn Policy>, BundleError> {
     Ok(load_shaped(bundle)?.0)
 }
 
@@ -224,14 +224,17 @@ pub fn load_policy(bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
 ///
 /// # Errors
 /// The bundle is not a policy, or is for other observations or actions.
-pub fn load_policy_for(spaces: &Spaces, bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
+pub fn load_policy_for(
+    spaces: &Spaces,
+    bundle: &TensorFile,
+) -> Result<Box<dyn Policy>, BundleError> {
     let (policy, shape) = load_shaped(bundle)?;
     let expected = [spaces.observation, spaces.actions];
     expect_sizes("the policy's observation and actions", &shape, &expected)?;
     Ok(policy)
 }
 
-fn load_shaped(bundle: &Bundle) -> Shaped {
+fn load_shaped(bundle: &TensorFile) -> Shaped {
     let all = LearnerSettings::all();
     let policy = |learner: &LearnerSettings| learner.kind().bundles()[0];
     // `Dqfd` and `Dqn` share a kind of policy and its loader, so the first match

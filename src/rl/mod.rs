@@ -39,12 +39,12 @@ pub mod replay;
 mod seeding;
 mod starts;
 
-pub use bundle::{Bundle, BundleError, Data, Element};
+pub use bundle::{BundleError, Data, Element, TensorFile};
 pub use demonstrations::Imitation;
-pub use dice::Dice;
+pub use dice::LearnerRng;
 pub use dqfd::DqfdSettings;
 pub use dqn::{DqnSettings, Loss};
-pub use learner::{ConfigError, Demonstration, Learner, Tally};
+pub use learner::{ConfigError, Demonstration, Learner, TrainingCounters};
 pub(crate) use list::fine_tuner;
 pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};
 pub use ppo::PpoSettings;

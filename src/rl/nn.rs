@@ -8,8 +8,8 @@
 //! Architecture Invariant: nothing is allocated after construction, and no
 //! result depends on the batch in which it was computed (see [`super::kernel`]).
 
-use super::bundle::{Bundle, BundleError};
-use super::dice::Dice;
+use super::bundle::{BundleError, TensorFile};
+use super::dice::LearnerRng;
 use super::kernel::{Product, padded};
 
 /// Affine layer, as offsets into the flat parameters.
@@ -69,7 +69,7 @@ impl Mlp {
     ///
     /// Hidden layers have gain √2 (for ReLU), the last layer has `last_gain`. A small
     /// `last_gain` makes all outputs start near zero.
-    pub fn orthogonal(sizes: &[usize], last_gain: f32, dice: &mut Dice) -> Mlp {
+    pub fn orthogonal(sizes: &[usize], last_gain: f32, dice: &mut LearnerRng) -> Mlp {
         let mut net = Mlp::zeros(sizes);
         let last = net.layers.len() - 1;
         for (i, layer) in net.layers.clone().into_iter().enumerate() {
@@ -120,14 +120,14 @@ impl Mlp {
     }
 
     /// Writes the parameters as `prefix/0/bias`, `prefix/0/weight`, ….
-    pub fn save(&self, prefix: &str, bundle: &mut Bundle) {
+    pub fn save(&self, prefix: &str, bundle: &mut TensorFile) {
         self.save_as(&self.parameters, prefix, bundle);
     }
 
     /// Writes flat numbers of this network's shape, without the padding.
     ///
     /// Biases have shape `[outputs]`, weights `[inputs, outputs]`.
-    pub fn save_as(&self, flat: &[f32], prefix: &str, bundle: &mut Bundle) {
+    pub fn save_as(&self, flat: &[f32], prefix: &str, bundle: &mut TensorFile) {
         for (i, layer) in self.layers.iter().enumerate() {
             let bias = flat[layer.bias..layer.bias + layer.outputs].to_vec();
             // Without padding, so that other tools read plain matrices.
@@ -149,7 +149,7 @@ impl Mlp {
     ///
     /// # Errors
     /// A tensor is missing or does not fit its neighbours.
-    pub fn load(prefix: &str, bundle: &Bundle) -> Result<Mlp, BundleError> {
+    pub fn load(prefix: &str, bundle: &TensorFile) -> Result<Mlp, BundleError> {
         let mut sizes = Vec::new();
         while let Some(shape) = bundle.shape(&format!("{prefix}/{}/weight", sizes.len())) {
             sizes.push(shape.to_vec());
@@ -179,7 +179,7 @@ impl Mlp {
     ///
     /// # Errors
     /// A tensor is missing or misshapen.
-    pub fn load_as(&self, prefix: &str, bundle: &Bundle) -> Result<Vec<f32>, BundleError> {
+    pub fn load_as(&self, prefix: &str, bundle: &TensorFile) -> Result<Vec<f32>, BundleError> {
         let mut flat = vec![0.0; self.parameters.len()];
         for (i, layer) in self.layers.iter().enumerate() {
             let bias = bundle.get::<f32>(&format!("{prefix}/{i}/bias"), &[layer.outputs])?;
@@ -396,7 +396,7 @@ impl Adam {
     const EPSILON: f32 = 1e-8;
 
     /// Writes the moments of this network's parameters.
-    pub fn save(&self, net: &Mlp, prefix: &str, bundle: &mut Bundle) {
+    pub fn save(&self, net: &Mlp, prefix: &str, bundle: &mut TensorFile) {
         net.save_as(&self.mean, &format!("{prefix}/mean"), bundle);
         net.save_as(&self.square, &format!("{prefix}/square"), bundle);
         bundle.put(format!("{prefix}/steps"), &[1], vec![self.steps]);
@@ -406,7 +406,7 @@ impl Adam {
     ///
     /// # Errors
     /// A tensor is missing or misshapen.
-    pub fn load(net: &Mlp, prefix: &str, bundle: &Bundle) -> Result<Adam, BundleError> {
+    pub fn load(net: &Mlp, prefix: &str, bundle: &TensorFile) -> Result<Adam, BundleError> {
         Ok(Adam {
             mean: net.load_as(&format!("{prefix}/mean"), bundle)?,
             square: net.load_as(&format!("{prefix}/square"), bundle)?,
@@ -466,7 +466,7 @@ fn relu(values: &mut [f32]) {
 /// Gram-Schmidt on normal draws, written by hand. A library's QR uses reflections
 /// or another order of sums, which gives other bits and so other policies from
 /// the same seed.
-fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut Dice) -> Vec<Vec<f64>> {
+fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut LearnerRng) -> Vec<Vec<f64>> {
     let (few, many) = (rows.min(columns), rows.max(columns));
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(few);
     while basis.len() < few {

@@ -5,10 +5,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bundle::{Bundle, BundleError};
-use super::dice::Dice;
-use super::kind::{Built, Kind, Shaped};
-use super::learner::{ConfigError, Learner, Tally, within};
+use super::bundle::{BundleError, TensorFile};
+use super::dice::LearnerRng;
+use super::kind::{Built, LearnerKind, Shaped};
+use super::learner::{ConfigError, Learner, TrainingCounters, within};
 use super::nn::argmax;
 use super::{Env, Policy, Spaces};
 
@@ -32,7 +32,7 @@ impl Default for PaidSettings {
     }
 }
 
-impl Kind for PaidSettings {
+impl LearnerKind for PaidSettings {
     fn bundles(&self) -> [&'static str; 2] {
         [POLICY, CHECKPOINT]
     }
@@ -47,22 +47,22 @@ impl Kind for PaidSettings {
 
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let paid = Paid::knowing(spaces.observation, vec![0.0; spaces.actions]);
-        Box::new(Learning::of(self, paid, Dice::new(seed)))
+        Box::new(Learning::of(self, paid, LearnerRng::new(seed)))
     }
 
-    fn build_from(&self, _: &Spaces, seed: u64, policy: &Bundle) -> Built {
+    fn build_from(&self, _: &Spaces, seed: u64, policy: &TensorFile) -> Built {
         let paid = Paid::load(policy)?;
-        Ok(Box::new(Learning::of(self, paid, Dice::new(seed))))
+        Ok(Box::new(Learning::of(self, paid, LearnerRng::new(seed))))
     }
 
-    fn restore(&self, _: &Spaces, checkpoint: &Bundle) -> Built {
+    fn restore(&self, _: &Spaces, checkpoint: &TensorFile) -> Built {
         let paid = Paid::load(checkpoint)?;
-        let mut learning = Learning::of(self, paid, Dice::restore(checkpoint)?);
+        let mut learning = Learning::of(self, paid, LearnerRng::restore(checkpoint)?);
         learning.tally.restore(checkpoint)?;
         Ok(Box::new(learning))
     }
 
-    fn load(&self, policy: &Bundle) -> Shaped {
+    fn load(&self, policy: &TensorFile) -> Shaped {
         let paid = Paid::load(policy)?;
         let shape = [paid.observation, paid.each.len()];
         Ok((Box::new(paid), shape))
@@ -80,12 +80,12 @@ impl Paid {
         Paid { observation, each }
     }
 
-    fn save(&self, bundle: &mut Bundle) {
+    fn save(&self, bundle: &mut TensorFile) {
         bundle.put("paid", &[self.each.len()], self.each.clone());
         bundle.put("observation", &[1], vec![self.observation as u64]);
     }
 
-    fn load(bundle: &Bundle) -> Result<Paid, BundleError> {
+    fn load(bundle: &TensorFile) -> Result<Paid, BundleError> {
         let each = bundle.rows::<f32>("paid", &[])?.to_vec();
         Ok(Paid::knowing(
             bundle.one::<u64>("observation")? as usize,
@@ -107,17 +107,17 @@ impl Policy for Paid {
 struct Learning {
     rate: f32,
     paid: Paid,
-    dice: Dice,
-    tally: Tally,
+    dice: LearnerRng,
+    tally: TrainingCounters,
 }
 
 impl Learning {
-    fn of(settings: &PaidSettings, paid: Paid, dice: Dice) -> Learning {
+    fn of(settings: &PaidSettings, paid: Paid, dice: LearnerRng) -> Learning {
         Learning {
             rate: settings.rate as f32,
             paid,
             dice,
-            tally: Tally::new(settings.decisions),
+            tally: TrainingCounters::new(settings.decisions),
         }
     }
 }
@@ -141,7 +141,7 @@ impl Learner for Learning {
         total
     }
 
-    fn tally(&self) -> &Tally {
+    fn tally(&self) -> &TrainingCounters {
         &self.tally
     }
 
@@ -153,14 +153,14 @@ impl Learner for Learning {
         Box::new(self.paid.clone())
     }
 
-    fn policy_bundle(&self) -> Bundle {
-        let mut bundle = Bundle::new(POLICY);
+    fn policy_bundle(&self) -> TensorFile {
+        let mut bundle = TensorFile::new(POLICY);
         self.paid.save(&mut bundle);
         bundle
     }
 
-    fn checkpoint(&self) -> Bundle {
-        let mut bundle = Bundle::new(CHECKPOINT);
+    fn checkpoint(&self) -> TensorFile {
+        let mut bundle = TensorFile::new(CHECKPOINT);
         self.paid.save(&mut bundle);
         self.dice.save(&mut bundle);
         self.tally.save(&mut bundle);

@@ -7,8 +7,8 @@
 //! - Watkins, "Learning from Delayed Rewards", 1989: an n-step return ends
 //!   before the first exploratory action that was not greedy.
 
-use super::bundle::{Bundle, BundleError};
-use super::dice::Dice;
+use super::bundle::{BundleError, TensorFile};
+use super::dice::LearnerRng;
 
 /// Binary tree of partial sums over leaves that are at least 0.
 ///
@@ -206,7 +206,7 @@ impl ReplayBuffer {
     }
 
     /// Fills `batch` with `size` draws. β is the strength of the correction.
-    pub fn sample(&self, size: usize, beta: f64, dice: &mut Dice, batch: &mut Batch) {
+    pub fn sample(&self, size: usize, beta: f64, dice: &mut LearnerRng, batch: &mut Batch) {
         batch.clear();
         let total = self.priorities.total();
         // Stratified: a draw from each of `size` equal shares of the total mass.
@@ -267,7 +267,7 @@ impl ReplayBuffer {
     }
 
     /// Writes everything into a checkpoint, as `prefix/rows`, `prefix/actions`, ….
-    pub fn save(&self, prefix: &str, bundle: &mut Bundle) {
+    pub fn save(&self, prefix: &str, bundle: &mut TensorFile) {
         let n = self.len();
         let name = |part| format!("{prefix}/{part}");
         bundle.put(name("rows"), &[n, self.width()], self.rows.clone());
@@ -285,7 +285,7 @@ impl ReplayBuffer {
     pub fn restore(
         &mut self,
         prefix: &str,
-        bundle: &Bundle,
+        bundle: &TensorFile,
         actions: usize,
     ) -> Result<(), BundleError> {
         let name = |part| format!("{prefix}/{part}");
@@ -368,7 +368,7 @@ pub enum Tail {
 
 /// Played episode: L decisions and L + 1 observations.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Lived {
+pub struct EpisodeBuffer {
     /// Observations, `[L + 1, observation]`.
     pub observations: Vec<f32>,
     /// Actions taken.
@@ -379,7 +379,7 @@ pub struct Lived {
     pub rewards: Vec<f32>,
 }
 
-impl Lived {
+impl EpisodeBuffer {
     /// Removes everything but keeps the allocated memory.
     pub fn clear(&mut self) {
         self.observations.clear();

@@ -4,44 +4,44 @@
 //! episodes, so that hard starts are trained more often. A start is an episode
 //! index, from which the environment always makes the same start.
 
-use super::bundle::{Bundle, BundleError};
-use super::dice::Dice;
+use super::bundle::{BundleError, TensorFile};
+use super::dice::LearnerRng;
 use super::replay::check;
 
 /// Start to play.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Start {
+pub(super) struct EpisodeStart {
     /// Episode index with which to reset the environment.
     pub index: u64,
     /// Number of retries.
     tries: u32,
 }
 
-impl Start {
+impl EpisodeStart {
     /// Creates a start that is not retried if it fails.
-    pub fn once(index: u64) -> Start {
+    pub fn once(index: u64) -> EpisodeStart {
         let tries = u32::MAX;
-        Start { index, tries }
+        EpisodeStart { index, tries }
     }
 }
 
 /// Fresh starts in order, and a pool of failed starts.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Starts {
+pub(super) struct StartPool {
     restart: f64,
     capacity: usize,
     tries: u32,
     fresh: u64,
-    pool: Vec<Start>,
+    pool: Vec<EpisodeStart>,
 }
 
-impl Starts {
+impl StartPool {
     /// Creates the choice with an empty pool.
     ///
     /// A failed start is chosen with probability `restart`. The pool contains at most
     /// `capacity` starts, each retried at most `tries` times.
-    pub fn new(restart: f64, capacity: usize, tries: u32) -> Starts {
-        Starts {
+    pub fn new(restart: f64, capacity: usize, tries: u32) -> StartPool {
+        StartPool {
             restart,
             capacity,
             tries,
@@ -51,17 +51,17 @@ impl Starts {
     }
 
     /// Returns the next start, taken out of the pool or fresh.
-    pub fn pick(&mut self, dice: &mut Dice) -> Start {
+    pub fn pick(&mut self, dice: &mut LearnerRng) -> EpisodeStart {
         if dice.unit() < self.restart && !self.pool.is_empty() {
             // Not `swap_remove`: the order of the pool is the age of its starts.
             let start = self.pool.remove(dice.below(self.pool.len()));
-            return Start {
+            return EpisodeStart {
                 tries: start.tries + 1,
                 ..start
             };
         }
         self.fresh += 1;
-        Start {
+        EpisodeStart {
             index: self.fresh - 1,
             tries: 0,
         }
@@ -70,7 +70,7 @@ impl Starts {
     /// Puts a start into the pool, unless its retries are used up.
     ///
     /// A full pool drops its oldest start.
-    pub fn failed(&mut self, start: Start) {
+    pub fn failed(&mut self, start: EpisodeStart) {
         if self.tries <= start.tries {
             return;
         }
@@ -81,7 +81,7 @@ impl Starts {
     }
 
     /// Writes the pool into a checkpoint.
-    pub fn save(&self, bundle: &mut Bundle) {
+    pub fn save(&self, bundle: &mut TensorFile) {
         let n = self.pool.len();
         bundle.put("starts/fresh", &[1], vec![self.fresh]);
         bundle.put(
@@ -100,13 +100,13 @@ impl Starts {
     ///
     /// # Errors
     /// A tensor is missing or misshapen, or the pool is too large.
-    pub fn restore(&mut self, bundle: &Bundle) -> Result<(), BundleError> {
+    pub fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
         let indices = bundle.rows::<u64>("starts/failed", &[])?;
         let tries = bundle.get::<u32>("starts/tries", &[indices.len()])?;
         check("number of failed starts", indices.len(), self.capacity + 1)?;
         let pairs = indices.iter().zip(tries);
         self.pool = pairs
-            .map(|(&index, &tries)| Start { index, tries })
+            .map(|(&index, &tries)| EpisodeStart { index, tries })
             .collect();
         self.fresh = bundle.one("starts/fresh")?;
         Ok(())

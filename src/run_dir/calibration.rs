@@ -114,7 +114,7 @@ pub struct CalibrationWarning {
 
 /// Reason for the end of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Ended {
+pub enum TrainingEnd {
     /// The requested number of decisions was taken.
     Asked,
     /// The ado solves the starts that a search solves.
@@ -125,14 +125,14 @@ pub enum Ended {
     Longest,
 }
 
-impl Ended {
+impl TrainingEnd {
     /// Returns the reason in words, to follow "ended:".
     pub fn in_words(self) -> &'static str {
         match self {
-            Ended::Asked => "the decisions asked for are taken",
-            Ended::Learned => "on calibration starts the ado solves what a search solves",
-            Ended::Settled => "going on did not help any more",
-            Ended::Longest => "its settings allow no longer training",
+            TrainingEnd::Asked => "the decisions asked for are taken",
+            TrainingEnd::Learned => "on calibration starts the ado solves what a search solves",
+            TrainingEnd::Settled => "going on did not help any more",
+            TrainingEnd::Longest => "its settings allow no longer training",
         }
     }
 }

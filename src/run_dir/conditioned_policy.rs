@@ -1,22 +1,22 @@
 //! Policies of conditional ados, which receive the parameters of the ego.
 
 use super::{RunDir, RunError};
-use crate::rl::{Bundle, Policy};
-use crate::world::{Against, Member, Scenario};
+use crate::rl::{Policy, TensorFile};
+use crate::world::{EgoSample, Scenario, TrainingEgos};
 
 /// Policy with the ego's parameters appended to every observation.
-struct Told {
+struct ConditionedPolicy {
     policy: Box<dyn Policy>,
     told: Vec<f32>,
 }
 
-impl Told {
+impl ConditionedPolicy {
     fn with<T>(&self, obs: &[f32], ask: impl FnOnce(&dyn Policy, &[f32]) -> T) -> T {
         ask(&*self.policy, &[obs, &self.told].concat())
     }
 }
 
-impl Policy for Told {
+impl Policy for ConditionedPolicy {
     fn act(&self, obs: &[f32]) -> usize {
         self.with(obs, |policy, whole| policy.act(whole))
     }
@@ -32,7 +32,7 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if training has not finished, or the file is damaged.
-    pub fn policy_told(&self, member: &Member) -> Result<Box<dyn Policy>, RunError> {
+    pub fn policy_told(&self, member: &EgoSample) -> Result<Box<dyn Policy>, RunError> {
         let scenario = self.scenario()?;
         self.told(&scenario, &self.policy_bundle()?, member)
     }
@@ -42,7 +42,7 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if training has not finished, or the file is damaged.
-    pub fn policies_told(&self, members: &[Member]) -> Result<Vec<Box<dyn Policy>>, RunError> {
+    pub fn policies_told(&self, members: &[EgoSample]) -> Result<Vec<Box<dyn Policy>>, RunError> {
         let (scenario, bundle) = (self.scenario()?, self.policy_bundle()?);
         let told = members.iter();
         told.map(|member| self.told(&scenario, &bundle, member))
@@ -52,12 +52,12 @@ impl RunDir {
     fn told(
         &self,
         scenario: &Scenario,
-        bundle: &Bundle,
-        member: &Member,
+        bundle: &TensorFile,
+        member: &EgoSample,
     ) -> Result<Box<dyn Policy>, RunError> {
         let policy = self.shaped_policy(scenario, bundle)?;
         Ok(match (scenario.against, scenario.family()) {
-            (Against::Conditional, Some(family)) => Box::new(Told {
+            (TrainingEgos::Conditioned, Some(family)) => Box::new(ConditionedPolicy {
                 policy,
                 told: family.told(member),
             }),

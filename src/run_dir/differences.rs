@@ -33,7 +33,7 @@ impl fmt::Display for RunDifference {
 
 /// Requested training.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked<'a> {
+pub struct RequestedTraining<'a> {
     /// World, with its plant, its learner and its training opponent.
     pub scenario: &'a Scenario,
     /// Training seed.
@@ -48,7 +48,10 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if the run's world file cannot be read.
-    pub fn differences(&self, asked: Asked<'_>) -> Result<Vec<RunDifference>, RunError> {
+    pub fn differences(
+        &self,
+        asked: RequestedTraining<'_>,
+    ) -> Result<Vec<RunDifference>, RunError> {
         let begun = self.manifest();
         let scenario = asked.scenario;
         let mut found = self.differences_in_learning(scenario)?;
@@ -163,7 +166,7 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns [`RunError::Differs`] if there are differences.
-    pub fn must_be_of(&self, asked: Asked<'_>) -> Result<(), RunError> {
+    pub fn must_be_of(&self, asked: RequestedTraining<'_>) -> Result<(), RunError> {
         self.refuse(self.differences(asked)?)
     }
 
@@ -248,7 +251,7 @@ mod tests {
         );
         let world = Scenario::parse("acc.ron", text).expect("a world");
         let mut run = RunDir::create(&dir.path().join("run"), &world, 7).expect("begun");
-        let asked = || Asked {
+        let asked = || RequestedTraining {
             scenario: &world,
             seed: 7,
             ego: None,

@@ -20,15 +20,15 @@ use crate::world::file_bytes;
 /// the same defaults and program version. The behaviour of an external ego
 /// program is not part of the question.
 #[derive(Clone, Debug)]
-pub struct Finished {
+pub struct CachedResult {
     path: PathBuf,
     asked: Value,
 }
 
-impl Finished {
+impl CachedResult {
     /// Returns the work of a name in a directory, for a world and its settings.
-    pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> Finished {
-        Finished {
+    pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> CachedResult {
+        CachedResult {
             path: dir.join(format!("{}.json", file_name(name))),
             asked: json!({
                 "brakecheck": env!("CARGO_PKG_VERSION"),
@@ -139,9 +139,9 @@ mod tests {
 
     const WORLD: &str = include_str!("../../worlds/acc.ron");
 
-    fn of(dir: &Path, text: &str, seeds: u64) -> Finished {
+    fn of(dir: &Path, text: &str, seeds: u64) -> CachedResult {
         let scenario = Scenario::parse("acc.ron", text).expect("a world");
-        Finished::new(dir, "acc, a table", &scenario, json!({ "seeds": seeds }))
+        CachedResult::new(dir, "acc, a table", &scenario, json!({ "seeds": seeds }))
     }
 
     #[test]

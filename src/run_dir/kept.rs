@@ -17,7 +17,7 @@ use crate::content_hash;
 use crate::content_hash::sha256;
 use crate::ego::Command;
 use crate::rulebook::{RulesUntilContact, Verdict};
-use crate::scene::{Dynamics, Start, Touch};
+use crate::scene::{ContactEvent, Dynamics, Start};
 use crate::testbench::Episode;
 use crate::trace::Trace;
 use crate::world::{Change, ChangeError, Scenario, ScenarioError};
@@ -65,7 +65,7 @@ pub struct Counterexample {
     /// Number of samples that determine the verdict.
     pub judged: usize,
     /// First contact, if any.
-    pub contact: Option<Touch>,
+    pub contact: Option<ContactEvent>,
     /// State of the rules up to the contact. `None` if it was not recorded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules_until_contact: Option<RulesUntilContact>,

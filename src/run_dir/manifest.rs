@@ -4,14 +4,14 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::calibration::{Calibration, Ended};
+use super::calibration::{Calibration, TrainingEnd};
 use super::disk::read_text;
 use super::training_counterexamples::StoredCount;
 use super::{FORMAT, RunError};
 use crate::content_hash;
 use crate::rulebook::TrainingGoal;
 use crate::scene::Dynamics;
-use crate::world::{Against, Change};
+use crate::world::{Change, TrainingEgos};
 
 pub(super) const FILE: &str = "manifest.json";
 /// Separate file of the processor time, in which equal trainings differ.
@@ -97,7 +97,7 @@ pub struct Manifest {
     pub calibration: Option<Calibration>,
     /// Reason for the end of training. `None` while it goes on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ended: Option<Ended>,
+    pub ended: Option<TrainingEnd>,
     /// Processor time of the training.
     ///
     /// It is in `timing.json`, so that equal trainings have equal manifests.
@@ -119,8 +119,8 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub goals: Vec<TrainingGoal>,
     /// Training opponent.
-    #[serde(default, skip_serializing_if = "Against::is_nominal")]
-    pub against: Against,
+    #[serde(default, skip_serializing_if = "TrainingEgos::is_nominal")]
+    pub against: TrainingEgos,
     /// Structure of the family that training left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
@@ -177,7 +177,7 @@ pub struct Done {
     /// Comparison with a cheap search, after training.
     pub calibration: Option<Calibration>,
     /// Reason for the end, after training.
-    pub ended: Option<Ended>,
+    pub ended: Option<TrainingEnd>,
     /// Episodes that no line of `progress.jsonl` covers yet.
     pub window: Window,
 }

@@ -48,11 +48,11 @@ pub use about::{
 };
 pub use adversary_id::AdversaryId;
 pub(crate) use adversary_id::keys as adversary_keys;
-pub use calibration::{Calibration, CalibrationWarning, Ended};
-pub use differences::{Asked, RunDifference};
+pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
+pub use differences::{RequestedTraining, RunDifference};
 pub use disk::{WholeFile, file_name, make_dir, write_file};
 pub use error::RunError;
-pub use finished::Finished;
+pub use finished::CachedResult;
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Done, Grown, Manifest, Sought, Window};
 pub use progress::Progress;
@@ -63,8 +63,8 @@ pub use samples::{SamplesError, trace_of_csv};
 pub use training_counterexamples::{MAX_STORED, Stored, StoredCount};
 
 use crate::content_hash::sha256;
-use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
-use crate::world::{Against, LoadError, Scenario, file_bytes};
+use crate::rl::{BundleError, Policy, TensorFile, load_policy_for};
+use crate::world::{LoadError, Scenario, TrainingEgos, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
 
@@ -75,7 +75,7 @@ const FORMAT: u32 = 3;
 #[derive(Clone, Debug, Default)]
 pub struct Beginning<'a> {
     /// Policy to fine-tune.
-    pub from: Option<&'a Bundle>,
+    pub from: Option<&'a TensorFile>,
     /// Changed ego to train against.
     pub ego: Option<ChangedEgo>,
 }
@@ -393,7 +393,7 @@ impl RunDir {
     /// Returns an error if training has not finished or the file is damaged. A
     /// conditional ado requires [`RunDir::policy_told`].
     pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
-        if self.manifest.against == Against::Conditional {
+        if self.manifest.against == TrainingEgos::Conditioned {
             return Err(RunError::Untold {
                 path: self.path.clone(),
                 names: self.manifest.told.clone(),
@@ -405,7 +405,7 @@ impl RunDir {
     fn shaped_policy(
         &self,
         scenario: &Scenario,
-        bundle: &Bundle,
+        bundle: &TensorFile,
     ) -> Result<Box<dyn Policy>, RunError> {
         load_policy_for(&scenario.spaces(), bundle).map_err(self.damaged("policy.safetensors"))
     }
@@ -415,8 +415,8 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if training has not finished or the file is damaged.
-    pub fn policy_bundle(&self) -> Result<Bundle, RunError> {
-        Bundle::from_bytes(&self.policy_bytes()?).map_err(self.damaged("policy.safetensors"))
+    pub fn policy_bundle(&self) -> Result<TensorFile, RunError> {
+        TensorFile::from_bytes(&self.policy_bytes()?).map_err(self.damaged("policy.safetensors"))
     }
 
     fn policy_bytes(&self) -> Result<Vec<u8>, RunError> {
@@ -431,12 +431,12 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if its file is missing or damaged.
-    pub fn checkpoint(&self) -> Result<Option<Bundle>, RunError> {
+    pub fn checkpoint(&self) -> Result<Option<TensorFile>, RunError> {
         let Some((name, expected)) = &self.manifest.checkpoint else {
             return Ok(None);
         };
         let bytes = self.read_verified(name, Some(expected))?;
-        Bundle::from_bytes(&bytes)
+        TensorFile::from_bytes(&bytes)
             .map(Some)
             .map_err(self.damaged(name))
     }
@@ -446,12 +446,12 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if its file is missing or damaged.
-    pub fn from(&self) -> Result<Option<Bundle>, RunError> {
+    pub fn from(&self) -> Result<Option<TensorFile>, RunError> {
         let Some(expected) = &self.manifest.from_sha256 else {
             return Ok(None);
         };
         let bytes = self.read_verified("from.safetensors", Some(expected))?;
-        Bundle::from_bytes(&bytes)
+        TensorFile::from_bytes(&bytes)
             .map(Some)
             .map_err(self.damaged("from.safetensors"))
     }
@@ -462,7 +462,7 @@ impl RunDir {
     ///
     /// Returns an error if the disk refuses. The previous checkpoint is then
     /// still valid.
-    pub fn save_checkpoint(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
+    pub fn save_checkpoint(&mut self, bundle: &TensorFile, done: Done) -> Result<(), RunError> {
         let name = format!("checkpoint-{}.safetensors", done.decisions);
         let bytes = bundle.to_bytes().map_err(self.damaged(&name))?;
         self.write(&name, &bytes)?;
@@ -485,7 +485,7 @@ impl RunDir {
     ///
     /// Returns an error if the disk refuses. The last checkpoint is then still
     /// valid.
-    pub fn save_policy(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
+    pub fn save_policy(&mut self, bundle: &TensorFile, done: Done) -> Result<(), RunError> {
         let bytes = bundle
             .to_bytes()
             .map_err(self.damaged("policy.safetensors"))?;
@@ -580,7 +580,7 @@ impl RunDir {
 /// Inputs of a conditional ado of this training besides its observation.
 fn told_names(scenario: &Scenario) -> Vec<String> {
     match (scenario.against, scenario.family()) {
-        (Against::Conditional, Some(family)) => family.told_names(),
+        (TrainingEgos::Conditioned, Some(family)) => family.told_names(),
         _ => Vec::new(),
     }
 }

@@ -15,7 +15,7 @@ const REPORT: &str = "report.json";
 /// Content of `report.json`.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Report<'a> {
+struct ReportFile<'a> {
     /// First field, so that no name in a row is mistaken for it.
     seal: String,
     rows: Cow<'a, [Row]>,
@@ -82,7 +82,7 @@ impl RunDir {
     ///
     /// Returns an error if the disk refuses.
     pub fn save_report(&self, rows: &[Row]) -> Result<(), RunError> {
-        let report = Report {
+        let report = ReportFile {
             rows: Cow::Borrowed(rows),
             seal: content_hash::BLANK.to_owned(),
         };
@@ -108,7 +108,7 @@ impl RunDir {
             path: self.path().join(REPORT),
             why,
         };
-        let report: Report<'_> =
+        let report: ReportFile<'_> =
             serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
         content_hash::check(&text, &report.seal).map_err(damaged)?;
         Ok(report.rows.into_owned())

@@ -154,7 +154,7 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
             return Err(SamplesError::Separator { by });
         }
     }
-    let mut table = Table::new(names)?;
+    let mut table = SampleTable::new(names)?;
     for record in reader.records() {
         table.push(&record.map_err(csv_error)?)?;
     }
@@ -162,7 +162,7 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
 }
 
 /// Numbers read so far, with the line of each sample.
-struct Table {
+struct SampleTable {
     names: Vec<String>,
     /// True if the first column is the time.
     timed: bool,
@@ -171,14 +171,14 @@ struct Table {
     lines: Vec<usize>,
 }
 
-impl Table {
-    fn new(mut names: Vec<String>) -> Result<Table, SamplesError> {
+impl SampleTable {
+    fn new(mut names: Vec<String>) -> Result<SampleTable, SamplesError> {
         let time = time_name(&names[0])?;
         let timed = time.is_some();
         if let Some(time) = time {
             names[0] = time;
         }
-        Ok(Table {
+        Ok(SampleTable {
             boolean: vec![true; names.len()],
             names,
             timed,

@@ -15,7 +15,7 @@ mod world;
 
 use std::sync::Arc;
 
-pub use figure::Figure;
+pub use figure::BodyFigure;
 pub use record::{BodySample, Motion, Passage};
 pub use world::{Availability, Derived, Dynamics, Observed, World};
 
@@ -82,18 +82,18 @@ pub struct Start(pub Vec<f64>);
 
 /// Result of advancing a scene by one sample.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Flow {
+pub enum StepOutcome {
     /// The motion continues.
     Going,
     /// Two agents touched during this sample, which ends the motion.
-    Contact(Touch),
+    Contact(ContactEvent),
     /// The ego or the physics failed.
     Fault(Fault),
 }
 
 /// First contact of an episode, as the scene reports it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Touch {
+pub struct ContactEvent {
     /// Names of the two agents.
     pub between: (String, String),
     /// Time since the start of the episode.
@@ -110,13 +110,13 @@ pub struct Touch {
     pub impact: Option<Impact>,
 }
 
-impl Touch {
+impl ContactEvent {
     /// Returns whether this contact equals the recorded one.
     ///
     /// An impact that the record lacks, because an earlier version wrote it, is
     /// not compared.
-    pub fn is_as_recorded(&self, recorded: &Touch) -> bool {
-        let said = Touch {
+    pub fn is_as_recorded(&self, recorded: &ContactEvent) -> bool {
+        let said = ContactEvent {
             impact: recorded.impact.and(self.impact),
             ..self.clone()
         };
@@ -137,7 +137,7 @@ pub enum Role {
 
 /// Description of an agent, for viewers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cast {
+pub struct AgentDescription {
     /// Name in the world file.
     pub name: String,
     /// Role in the world.
@@ -163,9 +163,9 @@ pub struct LightPost {
 
 /// Static content of an episode, for viewers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stage {
+pub struct SceneGeometry {
     /// The agents, in file order.
-    pub cast: Vec<Cast>,
+    pub agents: Vec<AgentDescription>,
     /// Lane borders as polylines on the ground.
     pub lane_borders_m: Vec<Vec<[f64; 3]>>,
     /// Lane borders of the other roads, road by road.
@@ -202,13 +202,13 @@ pub trait Scene: Send {
     /// Sets the ados' joint action until the next decision.
     fn decide(&mut self, action: usize);
     /// Advances by one sample.
-    fn advance(&mut self) -> Flow;
+    fn advance(&mut self) -> StepOutcome;
     /// Writes the current row of signals.
     fn publish(&self, row: &mut [f64]);
     /// Writes the ados' observation of the row just published.
     fn observe(&self, row: &[f64], obs: &mut [f32]);
     /// Returns the static content, for viewers.
-    fn stage(&self) -> Stage;
+    fn stage(&self) -> SceneGeometry;
     /// Returns the poses of all agents at the current sample.
     fn frame(&self) -> Frame;
     /// Appends the current motion of every agent, in the order of the cast.

@@ -1,6 +1,6 @@
 //! Recorded motion of all agents in an episode, sample by sample.
 
-use super::{Start, Touch};
+use super::{ContactEvent, Start};
 use crate::ego::Phase;
 use crate::sim::{BodyCommand, BodyState};
 
@@ -19,7 +19,7 @@ pub struct Motion {
     /// Start of the episode.
     pub start: Start,
     /// First contact, which ended the motion.
-    pub contact: Option<Touch>,
+    pub contact: Option<ContactEvent>,
     /// Time of the last sample, or of the contact if there was one.
     pub end_s: f64,
     agents: usize,

@@ -8,7 +8,7 @@
 
 use rand::RngExt;
 
-use super::found::Found;
+use super::found::SearchResult;
 use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::trials::Trials;
 use crate::run_dir::Unconfirmed;
@@ -60,7 +60,7 @@ impl SearchMethod<'_> for Cem {
         )
     }
 
-    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+    fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult> {
         Trials::spend(one, |trials| solve(trials, *self))
     }
 }

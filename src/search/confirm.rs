@@ -3,7 +3,7 @@
 use crate::adversary::RecordedFailure;
 use crate::ego::Fault;
 use crate::experiment::Watch;
-use crate::scene::{Start, Touch};
+use crate::scene::{ContactEvent, Start};
 use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::{Repeats, Scenario};
 
@@ -143,7 +143,7 @@ pub(crate) struct Confirmed {
     /// True if the ego failed.
     pub success: bool,
     /// Contact after the failure, if the agents touched.
-    pub contact: Option<Touch>,
+    pub contact: Option<ContactEvent>,
     /// True if a rule was broken between failure and contact.
     pub foul_before_contact: bool,
 }

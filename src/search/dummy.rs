@@ -1,7 +1,7 @@
 #![cfg(test)]
 //! Search method that exists in tests only.
 
-use super::found::Found;
+use super::found::SearchResult;
 use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::trials::Trials;
 
@@ -16,7 +16,7 @@ impl SearchMethod<'_> for Constants {
         Ok(Constants)
     }
 
-    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+    fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult> {
         Trials::spend(one, |trials| {
             for action in 0..trials.actions() {
                 if trials.replay(&[action]).is_none() {

@@ -6,7 +6,7 @@ use crate::severity::Impact;
 
 /// Solution of one start and the cost of its search.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Found {
+pub struct SearchResult {
     /// Actions that make the ego fail, if any were found.
     pub actions: Option<Vec<usize>>,
     /// Closing speed, if the agents touched after the failure.
@@ -33,7 +33,7 @@ pub struct Found {
     pub cpu_s: f64,
 }
 
-impl Found {
+impl SearchResult {
     /// Returns whether the start is unsolved because of a fault.
     pub fn is_invalid(&self) -> bool {
         self.actions.is_none() && self.fault.is_some()

@@ -1,6 +1,6 @@
 //! Search by a random action that is held for some decisions.
 
-use super::found::Found;
+use super::found::SearchResult;
 use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::random;
 use super::trials::Trials;
@@ -18,7 +18,7 @@ impl SearchMethod<'_> for Hold {
         Ok(Hold)
     }
 
-    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+    fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult> {
         Trials::spend(one, |trials| random::solve(trials, HOLD_DECISIONS))
     }
 }

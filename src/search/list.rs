@@ -5,7 +5,7 @@
 //! A new method is a file beside this one, with a type that implements `SearchMethod`,
 //! and a line in the list.
 
-use super::found::Found;
+use super::found::SearchResult;
 use super::method::{
     MethodInfo, MethodOption, MethodSettings, SearchError, SearchMethod, StartSearch,
 };
@@ -69,7 +69,7 @@ macro_rules! methods {
                 }
             }
 
-            pub(super) fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+            pub(super) fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult> {
                 match self {
                     $( $(#[cfg($when)])? Method::$kind(it) => it.solve(one), )+
                 }

@@ -2,7 +2,7 @@
 
 use strum::VariantArray;
 
-use super::found::Found;
+use super::found::SearchResult;
 use crate::experiment::Watch;
 use crate::run_dir::{Stored, Unconfirmed};
 use crate::scene::Start;
@@ -159,5 +159,5 @@ pub(super) trait SearchMethod<'a>: Copy {
     }
 
     /// Searches one start. `None`: stopped from outside before a result.
-    fn solve(&self, one: StartSearch<'_>) -> Option<Found>;
+    fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult>;
 }

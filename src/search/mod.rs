@@ -19,7 +19,7 @@ mod trials;
 mod uniform;
 
 pub(crate) use confirm::{Confirmed, Confirmer};
-pub use found::Found;
+pub use found::SearchResult;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError};
 pub(super) use mutate::mutate;
@@ -35,7 +35,7 @@ use crate::stats::{StartOutcome, wilson};
 use crate::testbench::{Testbench, count_faults};
 use crate::world::Scenario;
 use method::StartSearch;
-pub(crate) use tree::{Next, Tree};
+pub(crate) use tree::{Tree, WalkControl};
 
 /// Row of a search and the solutions behind it.
 #[derive(Clone, Debug)]
@@ -43,14 +43,14 @@ pub struct Searched {
     /// Rates and costs over all starts.
     pub row: Row,
     /// Result per start. `None`: trivial or not reached.
-    pub found: Vec<Option<Found>>,
+    pub found: Vec<Option<SearchResult>>,
 }
 
 impl Searched {
     /// Returns the row as if the search had stopped at a smaller budget.
     pub fn row_within(&self, method: &Method<'_>, budget: u64) -> Row {
         let marks = self.row.solved.iter().zip(&self.found);
-        let within = |found: &Found| found.within(budget);
+        let within = |found: &SearchResult| found.within(budget);
         // Later solutions are beyond the budget and count as unsolved.
         let solved = marks.map(|(mark, found)| match (mark, found) {
             (StartOutcome::Solved, Some(found)) if !within(found).1 => StartOutcome::Unsolved,
@@ -89,7 +89,7 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
 }
 
 /// Returns the result of the searches with a smaller budget.
-pub fn anytime(found: &[Option<Found>], budget: u64) -> Anytime {
+pub fn anytime(found: &[Option<SearchResult>], budget: u64) -> Anytime {
     let searched = found.iter().flatten().filter(|found| !found.is_invalid());
     let (mut starts, mut successes, mut simulations) = (0, 0, 0);
     for (spent, solved) in searched.map(|found| found.within(budget)) {
@@ -127,7 +127,7 @@ impl SearchRequest<'_> {
         budgets
     }
 
-    fn row(&self, found: &[Option<Found>]) -> Row {
+    fn row(&self, found: &[Option<SearchResult>]) -> Row {
         let mut row = blank_row(self.scenario, (self.ego, AdversaryId::Search), self.starts);
         let searched = found.iter().flatten();
         row.unconfirmed = self.prescreens().then(|| Unconfirmed {
@@ -172,7 +172,10 @@ impl SearchRequest<'_> {
 }
 
 /// Fills in the contact statistics of a row with counted starts.
-pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a Found> + Clone) {
+pub(crate) fn count_contacts<'a>(
+    row: &mut Row,
+    found: impl Iterator<Item = &'a SearchResult> + Clone,
+) {
     let starts = row.starts.max(1) as f64;
     let share = |part: usize| part as f64 / starts;
     let late_fouls = found.clone().filter(|found| found.foul_before_contact);
@@ -210,7 +213,12 @@ impl<'a> Searcher<'a> {
     }
 
     /// Searches one start. `None`: stopped from outside before a result.
-    fn solve(&mut self, from: (&Start, u64), index: usize, watch: &Watch<'_>) -> Option<Found> {
+    fn solve(
+        &mut self,
+        from: (&Start, u64),
+        index: usize,
+        watch: &Watch<'_>,
+    ) -> Option<SearchResult> {
         let (start, noise) = from;
         let request = self.request;
         request.method.solve(StartSearch {

@@ -8,7 +8,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::found::Found;
+use super::found::SearchResult;
 use super::method::{
     MethodInfo, MethodOption, MethodSettings, SearchError, SearchMethod, StartSearch,
 };
@@ -41,7 +41,7 @@ impl<'a> SearchMethod<'a> for Mutate<'a> {
         stored.ok_or(SearchError::NothingToMutate)
     }
 
-    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+    fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult> {
         Trials::spend(one, |trials| solve(trials, self.0))
     }
 }

@@ -1,11 +1,11 @@
 //! All sequences with at most a given number of action switches, fewest first.
 
 use super::confirm::Confirmer;
-use super::found::Found;
+use super::found::SearchResult;
 use super::method::{
     MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError, SearchMethod, StartSearch,
 };
-use super::tree::{Next, Tree};
+use super::tree::{Tree, WalkControl};
 use crate::run_dir::Unconfirmed;
 use crate::testbench::{Aftermath, Testbench};
 
@@ -41,7 +41,7 @@ impl SearchMethod<'_> for Switches {
         text
     }
 
-    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+    fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult> {
         solve(&one, self.0)
     }
 }
@@ -50,7 +50,7 @@ impl SearchMethod<'_> for Switches {
 ///
 /// Without pre-screening, a success on the requested plant is played once more, to
 /// contact.
-fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
+fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
     let &StartSearch {
         scenario: asked_for,
         cheap,
@@ -62,7 +62,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     } = one;
     let scenario = cheap.unwrap_or(asked_for);
     let mut confirmer = Confirmer::new(asked_for, (start, noise), index, watch);
-    let mut found = Found::default();
+    let mut found = SearchResult::default();
     let mut accept = |actions: &[usize], _: &Testbench| {
         let played = confirmer.confirm(actions);
         // Without pre-screening the confirmation repeats an episode that is already counted.
@@ -79,9 +79,9 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
             found.actions = Some(actions.to_vec());
         }
         if played.success || MAX_CONFIRMATIONS <= found.simulations {
-            Next::Stop
+            WalkControl::Stop
         } else {
-            Next::Continue
+            WalkControl::Continue
         }
     };
     let mut root = scenario.bench();
@@ -89,11 +89,11 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     let most = most.min(root.clock().decisions());
     let from = ((start, noise), index);
     let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, watch);
-    let mut next = Next::Continue;
+    let mut next = WalkControl::Continue;
     for switches in 0..=most {
         // Fewest switches first, so the simplest success is found.
         for action in 0..scenario.world().spaces().actions {
-            if next == Next::Continue {
+            if next == WalkControl::Continue {
                 next = tree.begin(&mut root, action, switches);
             }
         }

@@ -12,7 +12,7 @@ use crate::testbench::{Aftermath, Testbench};
 
 /// Decision to continue or to stop.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Next {
+pub(crate) enum WalkControl {
     /// Continue with the next sequence.
     Continue,
     /// Stop the walk.
@@ -54,7 +54,7 @@ pub(crate) struct Tree<'a> {
 }
 
 /// Callback for every sequence that makes the ego fail, with its final bench.
-pub(crate) type Accept<'a> = &'a mut dyn FnMut(&[usize], &Testbench) -> Next;
+pub(crate) type Accept<'a> = &'a mut dyn FnMut(&[usize], &Testbench) -> WalkControl;
 
 impl<'a> Tree<'a> {
     /// Creates a tree on `root` for the `index`th start, without any played sequence.
@@ -89,7 +89,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Plays every sequence with exactly `switches` switches, beginning with `action`.
-    pub fn begin(&mut self, root: &mut Testbench, action: usize, switches: usize) -> Next {
+    pub fn begin(&mut self, root: &mut Testbench, action: usize, switches: usize) -> WalkControl {
         root.begin(self.start, self.noise, self.aftermath);
         for &before in &self.after {
             root.decide(before);
@@ -107,7 +107,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Continues with `action` and exactly `switches` later changes of it.
-    fn explore(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+    fn explore(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> WalkControl {
         let depth = self.prefix.len();
         let next = if self.forks {
             self.walk(bench, action, switches)
@@ -118,17 +118,17 @@ impl<'a> Tree<'a> {
         next
     }
 
-    fn walk(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+    fn walk(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> WalkControl {
         if switches == 0 {
             // Only complete sequences count, so shared prefixes are not counted twice.
             if self.most <= self.simulations {
-                return Next::Stop;
+                return WalkControl::Stop;
             }
             self.simulations += 1;
         }
         while !bench.is_done() {
             if self.is_stopped() {
-                return Next::Stop;
+                return WalkControl::Stop;
             }
             let before = bench.physics_steps();
             bench.decide(action);
@@ -140,8 +140,8 @@ impl<'a> Tree<'a> {
                 continue;
             }
             for other in (0..self.actions).filter(|&other| other != action) {
-                if self.branch(bench, other, switches - 1) == Next::Stop {
-                    return Next::Stop;
+                if self.branch(bench, other, switches - 1) == WalkControl::Stop {
+                    return WalkControl::Stop;
                 }
             }
         }
@@ -152,13 +152,13 @@ impl<'a> Tree<'a> {
     }
 
     /// Reports a sequence without further switches that makes the ego fail.
-    fn leaf(&mut self, bench: &Testbench, switches: usize) -> Next {
+    fn leaf(&mut self, bench: &Testbench, switches: usize) -> WalkControl {
         let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
         // A prefix that ends early has fewer switches and was visited before.
         if switches == 0 && success {
             (self.accept)(&self.prefix, bench)
         } else {
-            Next::Continue
+            WalkControl::Continue
         }
     }
 
@@ -176,14 +176,14 @@ impl<'a> Tree<'a> {
     ///
     /// The first run holds `action` to the end and shows where it can be switched. Each switch
     /// is then played from the start.
-    fn walk_anew(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+    fn walk_anew(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> WalkControl {
         if self.most <= self.simulations {
-            return Next::Stop;
+            return WalkControl::Stop;
         }
         let depth = self.prefix.len();
         while !bench.is_done() {
             if self.is_stopped() {
-                return Next::Stop;
+                return WalkControl::Stop;
             }
             bench.decide(action);
             self.prefix.push(action);
@@ -206,20 +206,20 @@ impl<'a> Tree<'a> {
                     bench.decide(again);
                 }
                 self.prefix.truncate(at);
-                if self.explore(bench, other, switches - 1) == Next::Stop {
-                    return Next::Stop;
+                if self.explore(bench, other, switches - 1) == WalkControl::Stop {
+                    return WalkControl::Stop;
                 }
                 self.prefix.extend_from_slice(&whole[at..]);
             }
         }
-        Next::Continue
+        WalkControl::Continue
     }
 
     /// Continues with another action on a copy and leaves `bench` unchanged.
-    fn branch(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+    fn branch(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> WalkControl {
         let Some(mut branch) = bench.branch() else {
             // Invariant: an ego that was copied before can be copied again.
-            return Next::Stop;
+            return WalkControl::Stop;
         };
         let next = self.explore(&mut branch, action, switches);
         bench.rejoin(branch);
@@ -250,14 +250,14 @@ mod tests {
             let (start, noise) = (root.draw(key), root.noise_of(key));
             let mut accept = |actions: &[usize], _: &Testbench| {
                 played.push(actions.to_vec());
-                Next::Continue
+                WalkControl::Continue
             };
             let from = ((&start, noise), 0);
             let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, &watch);
             tree.after.clone_from(&before);
             tree.stride = 4;
             for action in 0..3 {
-                assert!(tree.begin(&mut root, action, 1) == Next::Continue);
+                assert!(tree.begin(&mut root, action, 1) == WalkControl::Continue);
             }
             // Switches at decisions 4, 8, 12 … to one of two other actions, after each of three.
             assert!(tree.simulations <= 3 * 2 * 7);

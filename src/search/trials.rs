@@ -1,6 +1,6 @@
 //! Whole episodes from one start, one after another, until the first success.
 
-use super::found::Found;
+use super::found::SearchResult;
 use super::method::StartSearch;
 use crate::adversary::RecordedFailure;
 use crate::scene::Start;
@@ -11,18 +11,21 @@ use crate::world::Repeats;
 pub(super) struct Trials<'a> {
     one: StartSearch<'a>,
     stopped: bool,
-    found: Found,
+    found: SearchResult,
 }
 
 impl<'a> Trials<'a> {
     /// Runs a method until [`Trials::play`] returns `None`.
     ///
     /// Returns `None` if stopped from outside before a result.
-    pub fn spend(one: StartSearch<'a>, method: impl FnOnce(&mut Trials<'a>)) -> Option<Found> {
+    pub fn spend(
+        one: StartSearch<'a>,
+        method: impl FnOnce(&mut Trials<'a>),
+    ) -> Option<SearchResult> {
         let mut trials = Trials {
             one,
             stopped: false,
-            found: Found::default(),
+            found: SearchResult::default(),
         };
         method(&mut trials);
         let tells = trials.found.actions.is_some() || trials.found.fault.is_some();

@@ -1,6 +1,6 @@
 //! Search by a random action at each decision.
 
-use super::found::Found;
+use super::found::SearchResult;
 use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::random;
 use super::trials::Trials;
@@ -16,7 +16,7 @@ impl SearchMethod<'_> for Uniform {
         Ok(Uniform)
     }
 
-    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+    fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult> {
         Trials::spend(one, |trials| random::solve(trials, 1))
     }
 }

@@ -161,7 +161,7 @@ impl Body {
 /// Kind-specific answers of a body, except for its motion.
 ///
 /// The plants match on the kind for the motion.
-pub(super) trait Kind {
+pub(super) trait BodyModel {
     /// Checks the values that only this kind has.
     fn validate(&self, body: &Body) -> Result<(), InvalidBody>;
     /// Returns the kind of command that the body accepts.
@@ -174,7 +174,7 @@ pub(super) trait Kind {
 
 impl BodyKind {
     /// Returns the kind's data. Only the plants match on the kind elsewhere.
-    fn answers(&self) -> &dyn Kind {
+    fn answers(&self) -> &dyn BodyModel {
         match self {
             BodyKind::Vehicle(vehicle) => vehicle,
             BodyKind::Walker(walker) => walker,

@@ -9,7 +9,7 @@ const AIR_KG_PER_M3: f64 = 1.225;
 
 /// Limits of one vehicle on one ground.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Limits {
+pub(super) struct VehicleLimits {
     /// Greatest acceleration that the tyres transmit: μ·grip·g.
     pub grip_mps2: f64,
     /// Engine power per mass.
@@ -24,7 +24,7 @@ pub(super) struct Limits {
 
 /// Motion of a vehicle along its path for one step.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Drive {
+pub(super) struct DriveStep {
     /// Net acceleration along the heading, resistances included.
     pub net_mps2: f64,
     /// Part of the acceleration that the tyres transmit.
@@ -33,7 +33,7 @@ pub(super) struct Drive {
     pub rest_after_s: f64,
 }
 
-impl Drive {
+impl DriveStep {
     /// Returns the speed after a time within the step.
     pub fn speed_mps(&self, start_mps: f64, after_s: f64) -> f64 {
         if self.rest_after_s <= after_s {
@@ -43,9 +43,9 @@ impl Drive {
     }
 }
 
-impl Limits {
-    pub fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> Limits {
-        Limits {
+impl VehicleLimits {
+    pub fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> VehicleLimits {
+        VehicleLimits {
             grip_mps2: ground.friction * vehicle.grip * GRAVITY_MPS2,
             power_w_per_kg: vehicle.power_w / body.mass_kg,
             lock_per_m: libm::tan(vehicle.max_steer_rad) / vehicle.wheelbase_m,
@@ -59,7 +59,7 @@ impl Limits {
     /// The acceleration is capped by grip and by power. The power cap is such that
     /// the speed at the end of the step is reached at full power:
     /// v₁² = v₀² + 2·P/m·dt.
-    pub fn drive(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> Drive {
+    pub fn drive(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> DriveStep {
         let tyre_mps2 = self.tyre_mps2(command_mps2, speed_mps, dt_s);
         // Drag of the initial speed for the whole step keeps the motion in closed form.
         let drag_mps2 = self.drag_per_m * speed_mps * speed_mps;
@@ -80,7 +80,7 @@ impl Limits {
         } else {
             f64::INFINITY
         };
-        Drive {
+        DriveStep {
             net_mps2,
             tyre_mps2,
             rest_after_s,

@@ -46,7 +46,7 @@ pub(super) struct Separation {
 
 /// Geometry of the contact between two touching shapes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Meeting {
+pub(super) struct ContactGeometry {
     pub point_m: [f64; 3],
     /// Closing speed along the contact normal, ≥ 0.
     pub closing_speed_mps: f64,
@@ -54,10 +54,10 @@ pub(super) struct Meeting {
     pub normal: [f64; 2],
 }
 
-impl Meeting {
+impl ContactGeometry {
     /// Returns the contact to report.
     pub fn contact(&self, pair: (BodyId, BodyId), after_s: f64) -> Contact {
-        let Meeting {
+        let ContactGeometry {
             point_m,
             closing_speed_mps,
             normal,
@@ -74,7 +74,7 @@ impl Meeting {
 
 /// Rectangle with its dimensions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shape<'a> {
+pub(super) struct SizedRect<'a> {
     pub rect: &'a Rect,
     pub extent: &'a Extent,
 }
@@ -92,7 +92,7 @@ impl Extent {
     }
 }
 
-impl Shape<'_> {
+impl SizedRect<'_> {
     fn corners(&self) -> [(f64, f64); 4] {
         let Rect {
             x_m, y_m, cos, sin, ..
@@ -108,7 +108,7 @@ impl Shape<'_> {
     }
 
     /// Returns the clearance along the four face normals (the separating axes).
-    pub fn separations(&self, other: &Shape) -> [Separation; 4] {
+    pub fn separations(&self, other: &SizedRect) -> [Separation; 4] {
         let (a, b) = (self.rect, other.rect);
         let (dx, dy) = (b.x_m - a.x_m, b.y_m - a.y_m);
         // Relative heading. The projections below need only its absolute values.
@@ -134,8 +134,8 @@ impl Shape<'_> {
         ]
     }
 
-    /// Returns the greatest of [`Shape::separations`], ≤ 0 exactly on contact.
-    pub fn separation(&self, other: &Shape) -> Separation {
+    /// Returns the greatest of [`SizedRect::separations`], ≤ 0 exactly on contact.
+    pub fn separation(&self, other: &SizedRect) -> Separation {
         // The strict comparison keeps the first axis on a tie, so the normal is
         // deterministic.
         let [first, rest @ ..] = self.separations(other);
@@ -146,14 +146,14 @@ impl Shape<'_> {
     }
 
     /// Returns the Euclidean clearance, 0 if the shapes touch.
-    pub fn gap_m(&self, other: &Shape) -> f64 {
+    pub fn gap_m(&self, other: &SizedRect) -> f64 {
         // Crossed rectangles may overlap without a corner inside either of them, so
         // overlap is excluded first.
         if self.separation(other).gap_m <= 0.0 {
             return 0.0;
         }
         // The least distance of two disjoint rectangles is at a corner of either.
-        let squared = |corners: [(f64, f64); 4], shape: &Shape| {
+        let squared = |corners: [(f64, f64); 4], shape: &SizedRect| {
             corners
                 .into_iter()
                 .map(|corner| shape.distance_squared(corner))
@@ -189,7 +189,7 @@ impl Shape<'_> {
     /// Returns the contact point, normal and closing speed of two touching shapes.
     ///
     /// The point is the middle of the common part of both faces.
-    pub fn meeting(&self, other: &Shape) -> Meeting {
+    pub fn meeting(&self, other: &SizedRect) -> ContactGeometry {
         let Separation { nx, ny, .. } = self.separation(other);
         let mine = Face::foremost(self.corners(), (nx, ny));
         let theirs = Face::foremost(other.corners(), (-nx, -ny));
@@ -200,7 +200,7 @@ impl Shape<'_> {
         let (ours, other_velocity) = (self.velocity_at(point), other.velocity_at(point));
         let closing = (ours.0 - other_velocity.0) * nx + (ours.1 - other_velocity.1) * ny;
         let height_m = 0.5 * self.extent.height_m.min(other.extent.height_m);
-        Meeting {
+        ContactGeometry {
             point_m: [point.0, point.1, height_m],
             // Clamped, because a contact never reports that the bodies move apart.
             closing_speed_mps: closing.max(0.0),
@@ -244,7 +244,7 @@ impl Face {
 /// Returns true if two bodies that move by `reach_m` in all cannot touch.
 ///
 /// A cheap test: the circles around both, grown by the reach, do not overlap.
-pub(super) fn far_apart(a: &Shape, b: &Shape, reach_m: f64) -> bool {
+pub(super) fn far_apart(a: &SizedRect, b: &SizedRect, reach_m: f64) -> bool {
     let (dx, dy) = (b.rect.x_m - a.rect.x_m, b.rect.y_m - a.rect.y_m);
     let radii = a.extent.radius_m + b.extent.radius_m + reach_m;
     radii * radii < dx * dx + dy * dy

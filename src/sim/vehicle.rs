@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::body::{Body, InvalidBody, Kind, within};
+use super::body::{Body, BodyModel, InvalidBody, within};
 use super::{BodyControl, GRAVITY_MPS2};
 
 /// Chassis, engine and tyres of a wheeled vehicle.
@@ -70,7 +70,7 @@ impl Vehicle {
     }
 }
 
-impl Kind for Vehicle {
+impl BodyModel for Vehicle {
     fn validate(&self, body: &Body) -> Result<(), InvalidBody> {
         within("wheelbase_m", self.wheelbase_m, 0.1, body.length_m)?;
         within("track_m", self.track_m, 0.05, body.width_m)?;

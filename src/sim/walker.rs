@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::BodyControl;
-use super::body::{Body, InvalidBody, Kind, within};
+use super::body::{Body, BodyModel, InvalidBody, within};
 
 /// Limits of a body on foot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -15,7 +15,7 @@ pub struct Walker {
     pub accel_mps2: f64,
 }
 
-impl Kind for Walker {
+impl BodyModel for Walker {
     fn validate(&self, _: &Body) -> Result<(), InvalidBody> {
         within("max_speed_mps", self.max_speed_mps, 0.01, 15.0)?;
         within("accel_mps2", self.accel_mps2, 0.01, 100.0)

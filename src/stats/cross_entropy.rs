@@ -17,7 +17,7 @@ const LEAST_SPREAD: f64 = 0.005;
 
 /// How long and how wide to search.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Search {
+pub(crate) struct CrossEntropySearch {
     generations: usize,
     population: usize,
     elite: usize,
@@ -25,16 +25,16 @@ pub(crate) struct Search {
     wide: f64,
 }
 
-impl Search {
+impl CrossEntropySearch {
     /// From anywhere in the box.
-    pub const WIDE: Search = Search {
+    pub const WIDE: CrossEntropySearch = CrossEntropySearch {
         generations: 20,
         population: 48,
         elite: 8,
         wide: 0.8,
     };
     /// About a point that is nearly right.
-    pub const NEAR: Search = Search {
+    pub const NEAR: CrossEntropySearch = CrossEntropySearch {
         generations: 10,
         population: 32,
         elite: 6,
@@ -120,7 +120,7 @@ mod tests {
             let cost = |p: &Vec<f64>| (p[0] - 0.3).powi(2) + 4.0 * (p[1] + 2.0).powi(2);
             points.iter().map(cost).collect()
         };
-        let found = Search::WIDE.run(vec![0.0, 0.0], &mut dice, &bowl);
+        let found = CrossEntropySearch::WIDE.run(vec![0.0, 0.0], &mut dice, &bowl);
         assert!((found.point[0] - 0.3).abs() < 0.01, "{found:?}");
         assert_eq!(found.point[1], -1.0);
     }

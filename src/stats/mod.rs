@@ -5,7 +5,7 @@ mod interval;
 mod least_squares;
 mod outcomes;
 
-pub(crate) use cross_entropy::{Fit, Search, pick};
+pub(crate) use cross_entropy::{CrossEntropySearch, Fit, pick};
 pub use interval::mcnemar;
 pub use interval::predicted;
 pub use interval::{

@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::earlier_attempts::Earlier;
 use super::learn::{Acts, LearnedEgo, LearnedFrom, SurrogateError};
 use super::plan::Planner;
-use super::planning_budget::Care;
+use super::planning_budget::PlanningBudget;
 use super::strategy::{Policies, Strategy};
-use crate::adversary::{Attempt, EvalRequest, Evaluated, Played, in_words};
-use crate::experiment::{TestStarts, Turn, Watch};
+use crate::adversary::{EpisodeResult, EvalRequest, Evaluated, RepeatedEpisode, in_words};
+use crate::experiment::{TestStarts, Watch, WorkItem};
 use crate::rl::{Policy, load_policy};
 use crate::run_dir::AdversaryId;
 use crate::scene::Start;
@@ -166,14 +166,14 @@ fn how(world: &Scenario, learned: &LearnedFrom) -> String {
 }
 
 /// Planner of one thread, with the bench of the real ego.
-struct Worker<'a> {
+struct PlanningWorker<'a> {
     planner: Option<Planner<'a>>,
     bench: Testbench,
 }
 
 /// One start, played.
 struct One {
-    played: Played,
+    played: EpisodeResult,
     actions: Vec<usize>,
     /// Strategy that the ado followed from beginning to end.
     kept: Option<Strategy>,
@@ -198,16 +198,16 @@ impl LearnedEgo {
             trained_on: trained_on.as_deref(),
         };
         // Every thread has its own planner and bench, so starts share no state.
-        let worker = || Worker {
+        let worker = || PlanningWorker {
             planner: Planner::new(
                 request.scenario,
                 (&self.surrogate, self.from.judged_on),
-                (policies, Care::FULL),
+                (policies, PlanningBudget::FULL),
                 watch,
             ),
             bench: request.scenario.bench(),
         };
-        let one = |worker: &mut Worker<'_>, from: &(Start, u64), turn: &Turn| {
+        let one = |worker: &mut PlanningWorker<'_>, from: &(Start, u64), turn: &WorkItem| {
             let planner = worker.planner.as_mut()?;
             let bench = &mut worker.bench;
             self.solve(request, (planner, bench), from, (turn, tries), watch)
@@ -257,7 +257,7 @@ impl LearnedEgo {
         request: &EvalRequest<'_>,
         (planner, bench): (&mut Planner<'_>, &mut Testbench),
         (start, noise): &(Start, u64),
-        (turn, tries): (&Turn, u64),
+        (turn, tries): (&WorkItem, u64),
         watch: &Watch<'_>,
     ) -> Option<One> {
         let mut first: Option<One> = None;
@@ -296,7 +296,7 @@ impl LearnedEgo {
             simulations += 1;
             physics_steps += episode.physics_steps;
             let actions = episode.actions.clone();
-            let attempt = Attempt::of(episode, simulations, physics_steps);
+            let attempt = RepeatedEpisode::of(episode, simulations, physics_steps);
             let one = One {
                 played: attempt.played(request.scenario, turn.cpu_s()),
                 actions,

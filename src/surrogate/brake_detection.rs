@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use super::emergency_brake::{BrakedFor, EmergencyBrake, MARGIN, Situation, WAYS};
 use super::regression::{SMALL_WEIGHTS, add, logistic};
 use crate::seed;
-use crate::stats::Search;
+use crate::stats::CrossEntropySearch;
 
 /// Number of candidate lines, and largest number of samples they are checked on.
 const LINES: usize = 2_000;
@@ -152,7 +152,7 @@ pub(super) fn brake_in(
         .into_iter()
         .map(|(sum, weights, _)| sum.settled(weights, &mut dice));
     let best = settled.max_by(|a, b| a.worth_it().total_cmp(&b.worth_it()))?;
-    let Settled {
+    let RefinedSum {
         sum,
         weights,
         explained,
@@ -162,23 +162,23 @@ pub(super) fn brake_in(
 
 /// Line of changes of acceleration: a fixed share of the way to a deceleration.
 #[derive(Clone, Copy, Debug)]
-struct Line {
+struct BrakeLine {
     brake_mps2: f64,
     share: f64,
 }
 
-impl Line {
+impl BrakeLine {
     /// Returns the line through a sample with the given slope.
     ///
     /// `share` is the part of the remaining deceleration reached per sample.
     /// `None`: no brake has this deceleration or time constant.
-    fn of((accel_mps2, change_mps2): (f64, f64), share: f64, sample_s: f64) -> Option<Line> {
+    fn of((accel_mps2, change_mps2): (f64, f64), share: f64, sample_s: f64) -> Option<BrakeLine> {
         let brake_mps2 = -accel_mps2 - change_mps2 / share;
         // A first-order lag reaches at least this share per sample.
         let least = 1.0 - libm::exp(-sample_s / LONGEST_LAG_S);
         // The tolerance admits a brake without lag, which has a share of 1 up to rounding.
         let is_one = (least..=1.0 + 1e-6).contains(&share) && BRAKES_MPS2.contains(&brake_mps2);
-        is_one.then_some(Line { brake_mps2, share })
+        is_one.then_some(BrakeLine { brake_mps2, share })
     }
 
     fn change_mps2(&self, accel_mps2: f64) -> f64 {
@@ -213,7 +213,7 @@ fn line(
     changes: &[f64],
     sample_s: f64,
     dice: &mut ChaCha8Rng,
-) -> Option<(Line, f64)> {
+) -> Option<(BrakeLine, f64)> {
     let pairs = situations.iter().zip(changes);
     // Near standstill the stop limits the deceleration, so these samples lie on no line.
     let braking = pairs.filter(|(situation, change)| {
@@ -228,7 +228,7 @@ fn line(
     let every = all.len().div_ceil(HELD_AGAINST);
     let few: Vec<(f64, f64)> = all.iter().step_by(every).copied().collect();
     // Subtracts twice the number expected on the line if the neighbourhood is chance.
-    let excess = |line: &Line, near_mps2: f64| {
+    let excess = |line: &BrakeLine, near_mps2: f64| {
         let mut on_and_around = [0.0; 2];
         for &(accel_mps2, change_mps2) in &few {
             let gripping = line.change_mps2(accel_mps2);
@@ -240,7 +240,7 @@ fn line(
         }
         on_and_around[0] - 2.0 / AROUND * on_and_around[1]
     };
-    let mut best: Option<(f64, Line, f64)> = None;
+    let mut best: Option<(f64, BrakeLine, f64)> = None;
     for draw in 0..LINES {
         let one = dice.random_range(0..all.len());
         // Braking lasts several samples, so half of the pairs are drawn close together.
@@ -250,7 +250,7 @@ fn line(
         };
         let [(a, change_a), (b, change_b)] = [all[one], all[other]];
         let share = (change_a - change_b) / (b - a);
-        let Some(line) = Line::of((a, change_a), share, sample_s) else {
+        let Some(line) = BrakeLine::of((a, change_a), share, sample_s) else {
             continue;
         };
         for near_mps2 in NEAR_MPS2 {
@@ -263,14 +263,14 @@ fn line(
     let (excess, line, near_mps2) = best?;
     // Least squares removes the error of the two drawn samples.
     let fitted = fitted(line, near_mps2, &all);
-    let settled = Line::of(fitted.0, fitted.1, sample_s).unwrap_or(line);
+    let settled = BrakeLine::of(fitted.0, fitted.1, sample_s).unwrap_or(line);
     (LEAST_SAMPLES <= excess * every as f64).then_some((settled, near_mps2))
 }
 
 /// Fits a line by least squares to the samples near a line.
 ///
 /// Returns the mean sample and the share.
-fn fitted(line: Line, near_mps2: f64, all: &[(f64, f64)]) -> ((f64, f64), f64) {
+fn fitted(line: BrakeLine, near_mps2: f64, all: &[(f64, f64)]) -> ((f64, f64), f64) {
     let on = || {
         let near = all
             .iter()
@@ -308,13 +308,13 @@ fn worth(brake: &EmergencyBrake, situation: &Situation, change_mps2: f64, near_m
 
 /// Sample in which a brake may act.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Case {
+struct BrakeSample {
     ways: [f64; WAYS],
     clearance_m: f64,
     worth: f64,
 }
 
-impl Case {
+impl BrakeSample {
     /// Returns by how much the weighted sum exceeds the clear distance.
     fn over_m(&self, weights: &[f64; WAYS]) -> f64 {
         let pairs = self.ways.iter().zip(weights);
@@ -325,9 +325,9 @@ impl Case {
 /// All samples in which some brake may act.
 struct Cases {
     of: EmergencyBrake,
-    all: Vec<Case>,
+    all: Vec<BrakeSample>,
     /// Midpoints between neighbouring samples between which braking began or ended.
-    edges: Vec<Case>,
+    edges: Vec<BrakeSample>,
     /// Value of all braked samples, including those in which this brake cannot act.
     total: f64,
 }
@@ -337,13 +337,13 @@ impl Cases {
         let case = |(situation, &worth): (&Situation, &f64)| {
             let ahead = situation.nearest(brake.counts)?;
             let can = !brake.only_closing || 0.0 < ahead.closing_mps();
-            can.then(|| Case {
+            can.then(|| BrakeSample {
                 ways: ahead.ways(),
                 clearance_m: ahead.clearance_m,
                 worth,
             })
         };
-        let cases: Vec<Option<Case>> = situations.iter().zip(worths).map(case).collect();
+        let cases: Vec<Option<BrakeSample>> = situations.iter().zip(worths).map(case).collect();
         let neighbours = cases.windows(2).zip(situations.windows(2));
         let edges = neighbours.filter_map(|(cases, situations)| {
             let (Some(one), Some(other)) = (&cases[0], &cases[1]) else {
@@ -351,7 +351,7 @@ impl Cases {
             };
             // The time restarts between runs, so the last sample of a run has no neighbour.
             let is_one = situations[0].time_s < situations[1].time_s;
-            (is_one && one.worth * other.worth < 0.0).then(|| Case {
+            (is_one && one.worth * other.worth < 0.0).then(|| BrakeSample {
                 ways: std::array::from_fn(|i| 0.5 * (one.ways[i] + other.ways[i])),
                 clearance_m: 0.5 * (one.clearance_m + other.clearance_m),
                 worth: 0.0,
@@ -377,7 +377,7 @@ impl Cases {
             // Braked samples are rare, so all of them stay.
             let more = if case.worth < 0.0 { every as f64 } else { 1.0 };
             wrong += usize::from(case.worth < 0.0);
-            (0.0 < case.worth || wrong.is_multiple_of(every)).then_some(Case {
+            (0.0 < case.worth || wrong.is_multiple_of(every)).then_some(BrakeSample {
                 worth: more * case.worth,
                 ..*case
             })
@@ -398,13 +398,13 @@ impl Cases {
 
 /// Sum with refined weights.
 #[derive(Clone)]
-struct Settled<'a> {
+struct RefinedSum<'a> {
     sum: Sum<'a>,
     weights: [f64; WAYS],
     explained: f64,
 }
 
-impl Settled<'_> {
+impl RefinedSum<'_> {
     /// Returns the explained share less the cost of the terms.
     fn worth_it(&self) -> f64 {
         self.explained - PER_WAY * self.sum.ways.len() as f64
@@ -414,7 +414,7 @@ impl Settled<'_> {
 /// Drops terms one at a time while this raises the value.
 ///
 /// The weights of similar terms can otherwise compensate each other.
-fn simpler<'a>(mut best: Settled<'a>, dice: &mut ChaCha8Rng) -> Settled<'a> {
+fn simpler<'a>(mut best: RefinedSum<'a>, dice: &mut ChaCha8Rng) -> RefinedSum<'a> {
     loop {
         let ways = best.sum.ways.iter().filter(|&&way| way != MARGIN);
         let without = ways.map(|&way| {
@@ -496,8 +496,8 @@ impl<'a> Sum<'a> {
         let nearby = cases.all.iter().filter(|case| {
             near.is_none_or(|(weights, near_m)| case.over_m(weights).abs() < near_m)
         });
-        let nearby: Vec<&Case> = nearby.collect();
-        let row = |case: &Case| {
+        let nearby: Vec<&BrakeSample> = nearby.collect();
+        let row = |case: &BrakeSample| {
             let ways = self.ways.iter().map(|&way| case.ways[way]);
             ways.chain([-case.clearance_m]).collect::<Vec<f64>>()
         };
@@ -514,7 +514,7 @@ impl<'a> Sum<'a> {
     }
 
     /// Refines a threshold with ever nearer samples, then by cross-entropy search.
-    fn settled(self, weights: [f64; WAYS], dice: &mut ChaCha8Rng) -> Settled<'a> {
+    fn settled(self, weights: [f64; WAYS], dice: &mut ChaCha8Rng) -> RefinedSum<'a> {
         let mut best = (weights, self.kind.explained(&weights));
         let mut here = weights;
         for near_m in NEARBY_M {
@@ -534,7 +534,7 @@ impl<'a> Sum<'a> {
         if best.1 < explained {
             best = (near, explained);
         }
-        Settled {
+        RefinedSum {
             sum: self,
             weights: best.0,
             explained: best.1,
@@ -560,7 +560,7 @@ impl<'a> Sum<'a> {
             let explained = points.iter().map(|point| self.few.explained(&at(point)));
             explained.map(|explained| -explained).collect()
         };
-        at(&Search::NEAR
+        at(&CrossEntropySearch::NEAR
             .run(vec![0.0; self.ways.len()], dice, &costs)
             .point)
     }

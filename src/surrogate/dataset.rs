@@ -6,14 +6,14 @@ use rand::RngExt;
 
 use super::earlier_attempts::Earlier;
 use super::emergency_brake::Situation;
-use super::fit::Samples;
-use super::fitted_model::{Answered, Likeness};
-use super::model_inputs::Reading;
+use super::fit::FitSamples;
+use super::fitted_model::{FittedModel, LabelledRun};
+use super::model_inputs::ModelInputs;
 use super::motion::MotionReader;
 use super::plan::Planner;
 use super::strategy::Strategy;
-use super::surrogate_sim::{ModelBench, Origin, SoFar};
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::scene::Start;
 use crate::seed;
@@ -28,17 +28,17 @@ const FIRST_START: u64 = 1 << 33;
 
 /// Run of the real ego from a calibration start.
 #[derive(Clone, Debug)]
-pub(super) struct Run {
+pub(super) struct RecordedRun {
     pub start: Start,
     pub noise: u64,
-    pub so_far: SoFar,
+    pub so_far: RunPrefix,
     pub is_success: bool,
     /// Whether the ado followed its trained policy.
     pub as_trained: bool,
 }
 
-impl Run {
-    pub fn from(&self) -> Origin<'_> {
+impl RecordedRun {
+    pub fn from(&self) -> NoisyStart<'_> {
         (&self.start, self.noise)
     }
 }
@@ -76,7 +76,7 @@ pub(super) fn starts(nominal: &Scenario, count: u64, seed: u64) -> Vec<(Start, u
 }
 
 /// Actor of a recorded run.
-enum Recorded<'a> {
+enum RecordingActor<'a> {
     /// Random actions, held for some decisions.
     Held,
     /// Trained policy of the ado.
@@ -94,8 +94,8 @@ pub(super) fn mixed(
     policy: &dyn Policy,
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
-) -> Vec<Run> {
-    let acting = |bench: &Testbench, noise: u64, turn: &Turn| {
+) -> Vec<RecordedRun> {
+    let acting = |bench: &Testbench, noise: u64, turn: &WorkItem| {
         let actions = bench.spaces().actions;
         let decisions = bench.clock().decisions();
         // The noise seed keys the generator, so a run does not depend on thread order.
@@ -104,12 +104,12 @@ pub(super) fn mixed(
         let (first, second) = (one(), one());
         let switched = dice.random_range(1..decisions.max(2));
         match turn.index % 4 {
-            0 | 1 => Recorded::Held,
-            2 => Recorded::Policy(policy),
+            0 | 1 => RecordingActor::Held,
+            2 => RecordingActor::Policy(policy),
             _ => {
                 let mut sequence = vec![first; switched];
                 sequence.push(second);
-                Recorded::Sequence(sequence)
+                RecordingActor::Sequence(sequence)
             }
         }
     };
@@ -122,42 +122,44 @@ pub(super) fn alike(
     actions: &[usize],
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
-) -> Vec<Run> {
-    let acting = |_: &Testbench, _: u64, _: &Turn| Recorded::Sequence(actions.to_vec());
+) -> Vec<RecordedRun> {
+    let acting = |_: &Testbench, _: u64, _: &WorkItem| RecordingActor::Sequence(actions.to_vec());
     recorded(ego, starts, &acting, watch)
 }
 
 fn recorded<'a>(
     ego: &Scenario,
     starts: &[(Start, u64)],
-    acting: &(dyn Fn(&Testbench, u64, &Turn) -> Recorded<'a> + Sync),
+    acting: &(dyn Fn(&Testbench, u64, &WorkItem) -> RecordingActor<'a> + Sync),
     watch: &Watch<'_>,
-) -> Vec<Run> {
+) -> Vec<RecordedRun> {
     let Some(reader) = MotionReader::of(ego) else {
         return Vec::new();
     };
-    let one = |bench: &mut Testbench, from: &(Start, u64), turn: &Turn| {
+    let one = |bench: &mut Testbench, from: &(Start, u64), turn: &WorkItem| {
         let (start, noise) = (&from.0, from.1);
         let acting = acting(bench, noise, turn);
         let mut actor: Box<dyn Actor + '_> = match &acting {
-            Recorded::Held => Box::new(HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS)),
-            Recorded::Policy(policy) => Box::new(PolicyActor(*policy)),
-            Recorded::Sequence(actions) => Box::new(Replay::holding(actions)),
+            RecordingActor::Held => {
+                Box::new(HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS))
+            }
+            RecordingActor::Policy(policy) => Box::new(PolicyActor(*policy)),
+            RecordingActor::Sequence(actions) => Box::new(Replay::holding(actions)),
         };
         let skip = Aftermath::Skip;
         let episode = watch.play(bench, (start, noise), turn.index, &mut *actor, skip);
         let mut motion = Vec::new();
         reader.follow(bench, &mut motion);
         // A fault of the ego says nothing about its behaviour, so the run is dropped.
-        episode.fault.is_none().then(|| Run {
+        episode.fault.is_none().then(|| RecordedRun {
             start: start.clone(),
             noise,
-            so_far: SoFar {
+            so_far: RunPrefix {
                 actions: episode.actions,
                 motion,
             },
             is_success: episode.verdict.is_success(),
-            as_trained: matches!(acting, Recorded::Policy(_)),
+            as_trained: matches!(acting, RecordingActor::Policy(_)),
         })
     };
     let all = EpisodeLoop::uncounted(watch);
@@ -171,18 +173,18 @@ pub(super) fn planned<'a>(
     planner: impl Fn() -> Option<Planner<'a>> + Sync + Send,
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
-) -> Vec<Run> {
+) -> Vec<RecordedRun> {
     let worker = || (planner(), ego.bench());
     let one = |(planner, bench): &mut (Option<Planner<'a>>, Testbench),
                from: &(Start, u64),
-               turn: &Turn| {
+               turn: &WorkItem| {
         let (start, noise) = (&from.0, from.1);
         let run =
             planner
                 .as_mut()?
                 .run(bench, (start, noise), Aftermath::Skip, &Earlier::default());
         watch.faults.note(turn.index as u64, bench.fault());
-        bench.fault().is_none().then(|| Run {
+        bench.fault().is_none().then(|| RecordedRun {
             start: start.clone(),
             noise,
             is_success: bench.verdict().is_some_and(|verdict| verdict.is_success()),
@@ -198,10 +200,10 @@ pub(super) fn planned<'a>(
 ///
 /// The model reads the inputs while the ego repeats its recorded motion, so they match
 /// the inputs during planning. `None`: the world has no driving scene.
-pub(super) fn answered(world: &Scenario, runs: &[Run]) -> Option<Vec<Answered>> {
+pub(super) fn answered(world: &Scenario, runs: &[RecordedRun]) -> Option<Vec<LabelledRun>> {
     let mut model = ModelBench::quick(world)?;
     let sample_s = model.bench.clock().sample_s;
-    let one = |run: &Run| {
+    let one = |run: &RecordedRun| {
         let heard = model.percepts(run.from(), &run.so_far);
         let pairs = run.so_far.motion.windows(2);
         let answers = heard.percepts.iter().zip(pairs).map(|(percept, pair)| {
@@ -210,15 +212,15 @@ pub(super) fn answered(world: &Scenario, runs: &[Run]) -> Option<Vec<Answered>> 
             [next_mps2 - percept.own.accel_mps2, lateral_mps]
         });
         let answers = answers.collect();
-        Answered { heard, answers }
+        LabelledRun { heard, answers }
     };
     Some(runs.iter().map(one).collect())
 }
 
 /// Converts runs to rows and answers, including those of stock controllers.
-pub(super) fn samples(runs: &[Answered], alike: &Arc<[Likeness]>) -> Samples {
-    let mut samples = Samples::default();
-    let (mut reading, mut row) = (Reading::default(), Vec::new());
+pub(super) fn samples(runs: &[LabelledRun], alike: &Arc<[FittedModel]>) -> FitSamples {
+    let mut samples = FitSamples::default();
+    let (mut reading, mut row) = (ModelInputs::default(), Vec::new());
     for run in runs {
         let percepts = &run.heard.percepts;
         if let Some(first) = percepts.first() {

@@ -8,7 +8,7 @@
 use std::borrow::Cow;
 
 use super::strategy::Strategy;
-use super::surrogate_sim::SoFar;
+use super::surrogate_sim::RunPrefix;
 
 /// Distance in decisions between two points at which an earlier run can be left.
 const EVERY: usize = 2;
@@ -16,14 +16,14 @@ const EVERY: usize = 2;
 /// Earlier runs from a start, none of them successful.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Earlier {
-    runs: Vec<SoFar>,
+    runs: Vec<RunPrefix>,
     /// Strategies that the ado followed from beginning to end.
     followed: Vec<Strategy>,
 }
 
 impl Earlier {
     /// Adds an unsuccessful run and the strategy followed throughout it.
-    pub fn add(&mut self, run: SoFar, kept: Option<Strategy>) {
+    pub fn add(&mut self, run: RunPrefix, kept: Option<Strategy>) {
         self.followed.extend(kept);
         self.runs.push(run);
     }
@@ -52,10 +52,10 @@ impl Earlier {
     /// It is `so_far`, or a longer part of an earlier run that began with the actions.
     pub fn known<'a>(
         &self,
-        so_far: &'a SoFar,
+        so_far: &'a RunPrefix,
         actions: &[usize],
         samples: usize,
-    ) -> Cow<'a, SoFar> {
+    ) -> Cow<'a, RunPrefix> {
         let runs = self.runs.iter().map(|run| (common(run, actions), run));
         // A replay of an earlier run is worth it only where it is longer than this run.
         match runs.max_by_key(|(same, _)| *same) {
@@ -69,8 +69,8 @@ impl Earlier {
     /// Returns the points at which earlier runs can be left.
     ///
     /// `samples` is the number of samples per decision.
-    pub fn beginnings(&self, samples: usize) -> Vec<SoFar> {
-        let of_run = |run: &SoFar| {
+    pub fn beginnings(&self, samples: usize) -> Vec<RunPrefix> {
+        let of_run = |run: &RunPrefix| {
             let lengths = (EVERY..run.actions.len()).step_by(EVERY);
             let beginnings = lengths.map(|length| run.up_to(length, samples));
             beginnings.collect::<Vec<_>>()
@@ -80,7 +80,7 @@ impl Earlier {
 }
 
 /// Returns how many leading actions of a run equal these actions, the last action held.
-fn common(run: &SoFar, actions: &[usize]) -> usize {
+fn common(run: &RunPrefix, actions: &[usize]) -> usize {
     // The last action is held, so a short plan is compared with the whole run.
     let asked = actions.iter().chain(std::iter::repeat_n(
         actions.last().unwrap_or(&0),
@@ -93,15 +93,15 @@ fn common(run: &SoFar, actions: &[usize]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surrogate::motion::Moment;
+    use crate::surrogate::motion::MotionSample;
 
     /// Run with two samples per decision. The sample number is the position.
-    fn run(actions: &[usize]) -> SoFar {
-        let moment = |sample: usize| Moment {
+    fn run(actions: &[usize]) -> RunPrefix {
+        let moment = |sample: usize| MotionSample {
             s_m: sample as f64,
-            ..Moment::default()
+            ..MotionSample::default()
         };
-        SoFar {
+        RunPrefix {
             actions: actions.to_vec(),
             motion: (0..=2 * actions.len()).map(moment).collect(),
         }

@@ -64,12 +64,12 @@ pub(super) struct Situation {
     pub sample_s: f64,
     pub own: Own,
     /// All vehicles ahead.
-    ahead: Vec<Ahead>,
+    ahead: Vec<VehicleAhead>,
 }
 
 /// Vehicle ahead, as a brake sees it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ahead {
+pub(super) struct VehicleAhead {
     pub clearance_m: f64,
     own_mps: f64,
     other_mps: f64,
@@ -78,15 +78,15 @@ pub(super) struct Ahead {
     towards_mps: f64,
 }
 
-impl Ahead {
+impl VehicleAhead {
     /// Returns the vehicle, or `None` if it is not ahead.
-    fn of(own: &Own, seen: &Seen) -> Option<Ahead> {
+    fn of(own: &Own, seen: &Seen) -> Option<VehicleAhead> {
         let room = seen.room();
         // A vehicle that still overlaps the ego lengthwise counts as ahead.
         if room.far_m <= 0.0 {
             return None;
         }
-        Some(Ahead {
+        Some(VehicleAhead {
             clearance_m: room.near_m,
             own_mps: own.speed_mps,
             other_mps: seen.speed_mps,
@@ -126,13 +126,13 @@ impl Situation {
             sample_s: percept.sample_s,
             own: percept.own,
             ahead: others
-                .filter_map(|seen| Ahead::of(&percept.own, seen))
+                .filter_map(|seen| VehicleAhead::of(&percept.own, seen))
                 .collect(),
         }
     }
 
     /// Returns the nearest vehicle that counts.
-    pub fn nearest(&self, counts: BrakedFor) -> Option<&Ahead> {
+    pub fn nearest(&self, counts: BrakedFor) -> Option<&VehicleAhead> {
         let BrakedFor {
             side_m,
             look_ahead_s,

@@ -44,21 +44,21 @@ pub(super) struct Features {
     /// Largest danger of each other vehicle so far.
     worst: Vec<Danger>,
     /// Time that each other vehicle has spent in the ego's way.
-    ways: Vec<Way>,
+    ways: Vec<PathOccupancy>,
 }
 
 /// Time that a vehicle has spent in the ego's way.
 ///
 /// Most egos react to no other vehicle, and some only after a delay.
 #[derive(Clone, Copy, Debug, Default)]
-struct Way {
+struct PathOccupancy {
     /// Time ahead in the ego's path, s. 0: it is not there.
     in_s: f64,
     /// Time ahead in the path or about to enter it, s.
     coming_s: f64,
 }
 
-impl Way {
+impl PathOccupancy {
     fn follow(&mut self, own: &Own, seen: &Seen, sample_s: f64) {
         let count = |since_s: f64, is: bool| if is { since_s + sample_s } else { 0.0 };
         let is_in = seen.is_ahead_of(own);
@@ -125,7 +125,7 @@ impl Features {
             hardest_mps2: 0.0,
             braking_s: 0.0,
             worst: vec![Danger::default(); percept.others.len()],
-            ways: vec![Way::default(); percept.others.len()],
+            ways: vec![PathOccupancy::default(); percept.others.len()],
         }
     }
 
@@ -163,7 +163,7 @@ impl Features {
         let ahead = if 0.0 <= gap_m { 1.0 } else { -1.0 };
         let [brake_mps2, closing_per_s] = danger(gap_m, closing_mps);
         let (worst, way) = (&self.worst[i], &self.ways[i]);
-        let [is_in, is_coming, in_s, coming_s] = Way::state([way.in_s, way.coming_s]);
+        let [is_in, is_coming, in_s, coming_s] = PathOccupancy::state([way.in_s, way.coming_s]);
         let nearness = ahead * 10.0 / (near_m + 5.0);
         let state = [
             gap_m,

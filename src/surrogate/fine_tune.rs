@@ -7,10 +7,10 @@
 use std::sync::Arc;
 
 use super::fit::MEMBERS;
-use super::model::{Casting, Part, Surrogate};
+use super::model::{ModelDriverConfig, ModelDriverSlot, Surrogate};
 use super::surrogate_sim::ModelBench;
 use crate::experiment::Watch;
-use crate::rl::{Bundle, Control, Env, Spaces, Step, fine_tuner};
+use crate::rl::{Control, Env, Spaces, Step, TensorFile, fine_tuner};
 use crate::seed::Purpose;
 use crate::testbench::Gym;
 use crate::world::Scenario;
@@ -23,7 +23,7 @@ const DECISIONS: u64 = 30_000;
 /// The ado then relies only on behaviour that all members share.
 struct Inside {
     gym: Gym,
-    casting: Casting,
+    casting: ModelDriverSlot,
     surrogate: Arc<Surrogate>,
 }
 
@@ -33,11 +33,11 @@ impl Env for Inside {
     }
 
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
-        self.casting.give(Part {
+        self.casting.give(ModelDriverConfig {
             surrogate: Some(Arc::clone(&self.surrogate)),
             // The episode index selects the member, so equal requests repeat the training.
             member: Some(index as usize % MEMBERS),
-            ..Part::default()
+            ..ModelDriverConfig::default()
         });
         self.gym.reset(index, obs);
     }
@@ -53,10 +53,10 @@ impl Env for Inside {
 /// conditional or not from deep Q-learning. Equal requests give equal policies.
 pub(super) fn trained_on(
     world: &Scenario,
-    policy: Option<&Bundle>,
+    policy: Option<&TensorFile>,
     (surrogate, seed): (&Arc<Surrogate>, u64),
     watch: &Watch<'_>,
-) -> Option<Bundle> {
+) -> Option<TensorFile> {
     let ModelBench { bench, casting, .. } = ModelBench::quick(world)?;
     let mut learner = fine_tuner(bench.spaces(), (DECISIONS, seed), policy?)?;
     let mut inside = Inside {
@@ -109,9 +109,9 @@ mod tests {
             let key = gym.key(*index);
             let bench = gym.bench();
             let (start, noise) = (bench.draw(key), bench.noise_of(key));
-            casting.give(Part {
+            casting.give(ModelDriverConfig {
                 surrogate: Some(Arc::clone(surrogate)),
-                ..Part::default()
+                ..ModelDriverConfig::default()
             });
             let mut actor = PolicyActor(policy);
             let episode = play(bench, &start, noise, &mut actor, Aftermath::Skip);
@@ -120,7 +120,7 @@ mod tests {
         (0..20).filter(is_success).count()
     }
 
-    fn unlearned(world: &Scenario, learner: LearnerConfig) -> Bundle {
+    fn unlearned(world: &Scenario, learner: LearnerConfig) -> TensorFile {
         learner.build(&world.spaces(), 3).policy_bundle()
     }
 
@@ -136,10 +136,10 @@ mod tests {
         // always brakes hard and fails from the nearest starts only.
         let keeps = surrogate_of(&world, 0.0);
         let brakes = surrogate_of(&world, -1.0);
-        let learn = |policy: &Bundle, ego: &Arc<Surrogate>| {
+        let learn = |policy: &TensorFile, ego: &Arc<Surrogate>| {
             trained_on(&world, Some(policy), (ego, 5), &watch)
         };
-        let solves = |kept: &Bundle, ego| {
+        let solves = |kept: &TensorFile, ego| {
             let policy = load_policy(kept).expect("a policy");
             solved(&world, ego, &*policy)
         };

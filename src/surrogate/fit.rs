@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::brake_detection::brake_in;
 use super::emergency_brake::{EmergencyBrake, Situation};
-use super::fitted_model::Likeness;
+use super::fitted_model::FittedModel;
 use super::model::{OUTPUTS, Surrogate, expected_mps2, said};
 use crate::experiment::{EpisodeLoop, Watch};
-use crate::rl::Dice;
+use crate::rl::LearnerRng;
 use crate::rl::nn::{Adam, Mlp};
 
 /// Number of networks in the ensemble.
@@ -34,7 +34,7 @@ const BRIEF_UPDATES: u64 = 10_000;
 
 /// Recorded inputs of an ego and its answers, sample by sample.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Samples {
+pub(super) struct FitSamples {
     /// Length of a row of inputs.
     pub width: usize,
     /// All rows in sequence.
@@ -45,7 +45,7 @@ pub(super) struct Samples {
     pub situations: Vec<Situation>,
 }
 
-impl Samples {
+impl FitSamples {
     fn row(&self, sample: usize) -> &[f32] {
         &self.inputs[sample * self.width..][..self.width]
     }
@@ -67,7 +67,7 @@ impl Samples {
     }
 
     /// Returns the value of an output of 1, or 0 for an output that is always 0.
-    fn units(&self, alike: &[Likeness]) -> [f64; 2] {
+    fn units(&self, alike: &[FittedModel]) -> [f64; 2] {
         let across_mps = self.rms(|_, answer| answer[2]);
         let steers = LEAST_LATERAL_MPS < across_mps;
         let left = |row: &[f32], answer: &[f64; 3]| answer[1] - expected_mps2(alike, row);
@@ -121,8 +121,8 @@ impl Samples {
 /// `None`: stopped, or there are no samples.
 /// Equal samples and seeds give equal networks on any number of threads.
 pub(super) fn fit(
-    samples: &Samples,
-    alike: &Arc<[Likeness]>,
+    samples: &FitSamples,
+    alike: &Arc<[FittedModel]>,
     (before, updates, seed): (Option<EmergencyBrake>, u64, u64),
     watch: &Watch<'_>,
 ) -> Option<Arc<Surrogate>> {
@@ -171,18 +171,18 @@ pub(super) fn fit(
 
 /// Fit of one member.
 struct Lesson<'a> {
-    samples: &'a Samples,
+    samples: &'a FitSamples,
     /// All rows in standard deviations.
     scaled: Vec<f32>,
     targets: Vec<[f32; ANSWERS]>,
     /// Upper limit of the first answer where the brake acts, infinite elsewhere.
     limits: Vec<f32>,
     critical: Vec<usize>,
-    dice: Dice,
+    dice: LearnerRng,
 }
 
 impl<'a> Lesson<'a> {
-    fn new(samples: &'a Samples, surrogate: &Surrogate, seed: u64) -> Lesson<'a> {
+    fn new(samples: &'a FitSamples, surrogate: &Surrogate, seed: u64) -> Lesson<'a> {
         let rows = 0..samples.answers.len();
         let scaled = rows.flat_map(|sample| surrogate.scaled(samples.row(sample)));
         let [accel, lateral] = surrogate.unit;
@@ -200,7 +200,7 @@ impl<'a> Lesson<'a> {
             scaled: scaled.collect(),
             targets: samples.answers.iter().enumerate().map(target).collect(),
             critical: samples.critical(samples.rms(|_, answer| answer[1])),
-            dice: Dice::new(seed),
+            dice: LearnerRng::new(seed),
         };
         if let Some(brake) = &surrogate.brake {
             lesson.limit(surrogate, brake);
@@ -314,11 +314,11 @@ mod tests {
     use super::*;
 
     /// Samples of an ego that changes its acceleration by `law` of two inputs.
-    fn samples(count: usize, law: impl Fn(f32, f32) -> f64) -> Samples {
-        let mut dice = Dice::new(7);
-        let mut samples = Samples {
+    fn samples(count: usize, law: impl Fn(f32, f32) -> f64) -> FitSamples {
+        let mut dice = LearnerRng::new(7);
+        let mut samples = FitSamples {
             width: 2,
-            ..Samples::default()
+            ..FitSamples::default()
         };
         for _ in 0..count {
             let row = [0, 1].map(|_| 2.0 * dice.unit() as f32 - 1.0);
@@ -351,7 +351,7 @@ mod tests {
 
     #[test]
     fn what_a_brake_does_is_not_learned() {
-        let net = Mlp::orthogonal(&[2, 4, OUTPUTS], 1.0, &mut Dice::new(3));
+        let net = Mlp::orthogonal(&[2, 4, OUTPUTS], 1.0, &mut LearnerRng::new(3));
         let batch = vec![0.5; 2 * BATCH];
         let gradient = |limit: f32| {
             let (mut tape, mut gradient) = (net.tape(BATCH), vec![0.0; net.parameters().len()]);
@@ -370,13 +370,13 @@ mod tests {
     fn an_ego_that_keeps_its_lane_is_none_that_steers() {
         let watch = Watch::unwatched();
         let mut seen = samples(50, |x, _| f64::from(x));
-        let learned = |seen: &Samples| fit(seen, &Arc::default(), (None, 10, 1), &watch);
-        let across = |seen: &Samples| learned(seen).expect("fitted").unit[1];
+        let learned = |seen: &FitSamples| fit(seen, &Arc::default(), (None, 10, 1), &watch);
+        let across = |seen: &FitSamples| learned(seen).expect("fitted").unit[1];
         assert_eq!(across(&seen), 0.0);
         for answer in &mut seen.answers {
             answer[2] = 0.5;
         }
         assert_eq!(across(&seen), 0.5);
-        assert_eq!(learned(&Samples::default()), None);
+        assert_eq!(learned(&FitSamples::default()), None);
     }
 }

@@ -17,7 +17,7 @@ const PER_PARAMETER: f64 = 0.002;
 
 /// Stock controller with the parameters that reproduce most of an ego's behaviour.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Likeness {
+pub struct FittedModel {
     /// Controller and the actuator lag behind it.
     pub controller: Actuated<ControllerSpec>,
     /// Delay between percept and answer, s.
@@ -28,7 +28,7 @@ pub struct Likeness {
     pub unexplained: f64,
 }
 
-impl std::fmt::Display for Likeness {
+impl std::fmt::Display for FittedModel {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
@@ -48,7 +48,7 @@ impl std::fmt::Display for Likeness {
     }
 }
 
-impl Likeness {
+impl FittedModel {
     /// Returns whether networks learn only its residual.
     pub(super) fn is_close(&self) -> bool {
         self.unexplained < CLOSE
@@ -152,15 +152,15 @@ pub(super) fn late(now: &Percept, then: &Percept) -> Percept {
 
 /// Inputs of an ego in a run.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Heard {
+pub(super) struct EgoInputs {
     pub briefing: Briefing,
     pub percepts: Vec<Percept>,
 }
 
 /// Inputs of an ego in a run, and its answers.
 #[derive(Clone, Debug)]
-pub(super) struct Answered {
-    pub heard: Heard,
+pub(super) struct LabelledRun {
+    pub heard: EgoInputs,
     /// Change of acceleration until the next sample, m/s², and lateral speed, m/s.
     pub answers: Vec<[f64; 2]>,
 }

@@ -4,23 +4,23 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::dataset::{Run, alike, answered, mixed, planned, samples, starts};
+use super::dataset::{RecordedRun, alike, answered, mixed, planned, samples, starts};
 use super::emergency_brake::EmergencyBrake;
 use super::fine_tune::trained_on;
 use super::fit::fit;
-use super::fitted_model::Likeness;
+use super::fitted_model::FittedModel;
 use super::model::Surrogate;
 use super::model_fit::likenesses;
 use super::model_library::kinds_but;
-use super::motion::Moment;
+use super::motion::MotionSample;
 use super::open_loop_policy::{TriedActions, best_fixed};
 use super::plan::Planner;
-use super::planning_budget::Care;
+use super::planning_budget::PlanningBudget;
 use super::plant::judged_on;
 use super::strategy::Policies;
-use super::surrogate_sim::{ModelBench, SoFar, VARIATIONS};
+use super::surrogate_sim::{ModelBench, RunPrefix, VARIATIONS};
 use crate::experiment::Watch;
-use crate::rl::{Bundle, Policy, load_policy};
+use crate::rl::{Policy, TensorFile, load_policy};
 use crate::scene::Start;
 use crate::sim::PlantKind;
 use crate::stats::predicted;
@@ -50,7 +50,7 @@ pub struct LearnEgoRequest<'a> {
     /// Policy of the trained ado.
     pub policy: &'a dyn Policy,
     /// Bundle to continue training from inside the surrogate, if any.
-    pub kept: Option<&'a Bundle>,
+    pub kept: Option<&'a TensorFile>,
     /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`](crate::sysid::LEAST_RUNS).
     pub runs: u64,
     /// Kinds of stock controllers that are not compared with the ego.
@@ -122,7 +122,7 @@ pub struct LearnedFrom {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub brake: Option<EmergencyBrake>,
     /// Most similar stock controllers, the nearest first.
-    pub alike: Vec<Likeness>,
+    pub alike: Vec<FittedModel>,
 }
 
 impl LearnedFrom {
@@ -182,7 +182,7 @@ impl LearnedFrom {
 pub struct LearnedEgo {
     pub(super) surrogate: Arc<Surrogate>,
     /// Policy that the ado learned inside the surrogate.
-    pub(super) trained_on: Option<Arc<Bundle>>,
+    pub(super) trained_on: Option<Arc<TensorFile>>,
     /// Facts recorded while the ego was learned.
     pub from: LearnedFrom,
 }
@@ -204,11 +204,11 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         seed,
     } = *request;
     let mut kinds = kinds_but(unknown);
-    let mut learned = |runs: &[Run], (brake, updates): (Option<EmergencyBrake>, u64)| {
+    let mut learned = |runs: &[RecordedRun], (brake, updates): (Option<EmergencyBrake>, u64)| {
         let answered = answered(ego, runs)?;
         let found = likenesses(&answered, &kinds, seed, watch);
         // Later rounds fit only the kinds that came close in the round before.
-        let alike: Arc<[Likeness]> = found.nearest.into();
+        let alike: Arc<[FittedModel]> = found.nearest.into();
         kinds = found.kinds;
         let asked = (brake, updates, seed);
         fit(&samples(&answered, &alike), &alike, asked, watch)
@@ -246,7 +246,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
             trained_on: followed.as_deref(),
         };
         let model = (&surrogate, from.judged_on);
-        let planner = || Planner::new(ego, model, (policies, Care::BRIEF), watch);
+        let planner = || Planner::new(ego, model, (policies, PlanningBudget::BRIEF), watch);
         // Half of the last round tests fixed actions if the surrogate does not predict the ego.
         let doubts = is_last && from.error.is_some_and(|error| !error.is_telling());
         let [to_plan, to_compare] = if doubts {
@@ -296,7 +296,11 @@ fn in_turn(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
 }
 
 /// Returns the error of a surrogate in runs outside its fit.
-fn error_of(world: &Scenario, surrogate: &Arc<Surrogate>, runs: &[Run]) -> Option<SurrogateError> {
+fn error_of(
+    world: &Scenario,
+    surrogate: &Arc<Surrogate>,
+    runs: &[RecordedRun],
+) -> Option<SurrogateError> {
     let mut model = ModelBench::quick(world)?;
     let (mut squares, mut count) = ([0.0; 2], 0u32);
     for run in runs {
@@ -317,11 +321,15 @@ fn error_of(world: &Scenario, surrogate: &Arc<Surrogate>, runs: &[Run]) -> Optio
 ///
 /// They are taken [`AHEAD_S`] after every start of a window, or at the earlier end of
 /// the first of the motions.
-fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Vec<[f64; 2]> {
+fn errors_m(
+    model: &mut ModelBench,
+    surrogate: &Arc<Surrogate>,
+    run: &RecordedRun,
+) -> Vec<[f64; 2]> {
     let clock = *model.bench.clock();
     let ahead = (AHEAD_S / clock.sample_s).round() as usize;
     let step = (AHEAD_S / clock.decision_s).round().max(1.0) as usize;
-    let SoFar { actions, motion } = &run.so_far;
+    let RunPrefix { actions, motion } = &run.so_far;
     let mut errors = Vec::new();
     for decision in (0..actions.len()).step_by(step) {
         let now = decision * clock.samples_per_decision();
@@ -329,7 +337,7 @@ fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Ve
         if motion.len() <= now + ahead {
             break;
         }
-        let so_far = SoFar {
+        let so_far = RunPrefix {
             actions: actions[..decision].to_vec(),
             motion: motion[..=now].to_vec(),
         };
@@ -343,7 +351,7 @@ fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Ve
         // A predicted run may end before the ego's run, and nothing is predicted after it.
         let ends = foreseen.iter().map(|motion| motion.len().saturating_sub(1));
         let at = ends.fold(now + ahead, usize::min);
-        let off_m = |moments: Vec<Moment>| Some(moments.get(at)?.distance_m(&motion[at]));
+        let off_m = |moments: Vec<MotionSample>| Some(moments.get(at)?.distance_m(&motion[at]));
         errors.push(foreseen.map(|moments| off_m(moments).unwrap_or(0.0)));
     }
     errors

@@ -46,7 +46,7 @@ mod surrogate_store;
 
 pub use adapted_policy::{AdaptedRow, AdaptedTo};
 pub use emergency_brake::{BrakedFor, EmergencyBrake};
-pub use fitted_model::Likeness;
+pub use fitted_model::FittedModel;
 pub use learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego};
 pub use open_loop_policy::TriedActions;
 pub(crate) use surrogate_store::learned;

@@ -3,9 +3,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::emergency_brake::{EmergencyBrake, Situation};
-use super::fitted_model::{Heard, Likeness, MODELS};
-use super::model_inputs::Reading;
-use super::motion::Moment;
+use super::fitted_model::{EgoInputs, FittedModel, MODELS};
+use super::model_inputs::ModelInputs;
+use super::motion::MotionSample;
 use crate::ego::{Briefing, Command, Controller, Fault, Percept};
 use crate::rl::nn::Mlp;
 use crate::scene::drive::ControllerFactory;
@@ -36,7 +36,7 @@ pub(super) struct Surrogate {
     /// Hardest recorded braking and acceleration, m/s², which bound the prediction.
     pub range_mps2: [f64; 2],
     /// Most similar stock controllers. Their answers are part of a row.
-    pub alike: Arc<[Likeness]>,
+    pub alike: Arc<[FittedModel]>,
     /// The members of the ensemble.
     pub members: Vec<Mlp>,
     /// Emergency brake over all members.
@@ -94,7 +94,7 @@ pub(super) fn said(out: &[f32]) -> ([f32; 2], [[f32; OUTPUTS]; 2]) {
 /// Returns the change of acceleration that the networks' answer is added to.
 ///
 /// It is the answer of the nearest stock controller if that is close, and 0 otherwise.
-pub(super) fn expected_mps2(alike: &[Likeness], row: &[f32]) -> f64 {
+pub(super) fn expected_mps2(alike: &[FittedModel], row: &[f32]) -> f64 {
     match alike.first() {
         // The answers of the stock controllers are the last inputs, the nearest first.
         Some(first) if first.is_close() => f64::from(row[row.len() - MODELS]),
@@ -104,9 +104,9 @@ pub(super) fn expected_mps2(alike: &[Likeness], row: &[f32]) -> f64 {
 
 /// Behaviour of a model's driver in the next episode.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Part {
+pub(super) struct ModelDriverConfig {
     /// Recorded motion of the ego, which is repeated sample by sample.
-    pub known: Arc<[Moment]>,
+    pub known: Arc<[MotionSample]>,
     /// Behaviour afterwards. `None`: constant acceleration.
     pub surrogate: Option<Arc<Surrogate>>,
     /// Member of the ensemble. `None`: the mean of all.
@@ -114,19 +114,19 @@ pub(super) struct Part {
     /// Jerk added to every answer, which makes the ego more or less careful.
     pub bias_mps3: f64,
     /// Record of the percepts of every sample.
-    pub heard: Option<Arc<Mutex<Heard>>>,
+    pub heard: Option<Arc<Mutex<EgoInputs>>>,
 }
 
 /// Slot that hands a part to the driver of a model at the start of an episode.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Casting(Arc<Mutex<Part>>);
+pub(super) struct ModelDriverSlot(Arc<Mutex<ModelDriverConfig>>);
 
-impl Casting {
-    pub fn give(&self, part: Part) {
+impl ModelDriverSlot {
+    pub fn give(&self, part: ModelDriverConfig) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = part;
     }
 
-    fn take(&self) -> Part {
+    fn take(&self) -> ModelDriverConfig {
         self.0
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -139,9 +139,9 @@ impl Casting {
         Arc::new(move || {
             Box::new(ModelDriver {
                 casting: casting.clone(),
-                part: Part::default(),
+                part: ModelDriverConfig::default(),
                 briefing: Briefing::default(),
-                reading: Reading::default(),
+                reading: ModelInputs::default(),
                 row: Vec::new(),
                 scaled: Vec::new(),
                 sample: 0,
@@ -153,10 +153,10 @@ impl Casting {
 /// Driver that repeats the recorded motion and then follows the surrogate.
 #[derive(Clone)]
 struct ModelDriver {
-    casting: Casting,
-    part: Part,
+    casting: ModelDriverSlot,
+    part: ModelDriverConfig,
     briefing: Briefing,
-    reading: Reading,
+    reading: ModelInputs,
     row: Vec<f32>,
     scaled: Vec<f32>,
     sample: usize,
@@ -237,11 +237,11 @@ impl Controller for ModelDriver {
 mod tests {
     use super::*;
     use crate::ego::Own;
-    use crate::rl::Dice;
+    use crate::rl::LearnerRng;
 
     fn surrogate(range_mps2: [f64; 2], unit_mps2: f64) -> Surrogate {
         let width = crate::surrogate::features::Features::width(0, 0) + MODELS;
-        let mut dice = Dice::new(3);
+        let mut dice = LearnerRng::new(3);
         let mut member = || Mlp::orthogonal(&[width, 8, OUTPUTS], 1.0, &mut dice);
         Surrogate {
             mean: vec![0.0; width],
@@ -299,10 +299,10 @@ mod tests {
         };
         // An answer of this size exceeds every limit.
         for unit_mps2 in [1e6, -1e6] {
-            let casting = Casting::default();
-            casting.give(Part {
+            let casting = ModelDriverSlot::default();
+            casting.give(ModelDriverConfig {
                 surrogate: Some(Arc::new(surrogate([-4.0, 2.0], unit_mps2))),
-                ..Part::default()
+                ..ModelDriverConfig::default()
             });
             let mut driver = casting.factory()();
             driver.reset(0);

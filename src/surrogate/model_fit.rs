@@ -7,12 +7,12 @@
 //! The best controllers become inputs of the surrogate. If a controller explains nearly
 //! all changes, the networks learn only the residual.
 
-use super::fitted_model::{Answered, Likeness, MODELS, late};
-use super::model_library::Kind;
+use super::fitted_model::{FittedModel, LabelledRun, MODELS, late};
+use super::model_library::ModelKind;
 use crate::ego::{KINDS, Percept};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::seed;
-use crate::stats::{Search, descend};
+use crate::stats::{CrossEntropySearch, descend};
 
 /// Number of samples for the search and for the final fit.
 const SAMPLES: [usize; 2] = [600, 3000];
@@ -27,7 +27,7 @@ const CRITICAL_MPS2: f64 = 1.0;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Likenesses {
     /// Fitted controllers, the nearest first.
-    pub nearest: Vec<Likeness>,
+    pub nearest: Vec<FittedModel>,
     /// Kinds that are worth fitting again.
     pub kinds: Vec<&'static str>,
 }
@@ -36,7 +36,7 @@ pub(super) struct Likenesses {
 ///
 /// Equal requests give equal results on any number of threads.
 pub(super) fn likenesses(
-    runs: &[Answered],
+    runs: &[LabelledRun],
     kinds: &[&'static str],
     seed: u64,
     watch: &Watch<'_>,
@@ -46,30 +46,30 @@ pub(super) fn likenesses(
         return Likenesses::default();
     };
     let asked = KINDS.iter().filter(|(kind, _)| kinds.contains(kind));
-    let kinds: Vec<Kind> = asked.filter_map(Kind::of).collect();
+    let kinds: Vec<ModelKind> = asked.filter_map(ModelKind::of).collect();
     // The parallel fits report no progress of their own.
     let quiet = watch.quiet();
     let all = EpisodeLoop::uncounted(&quiet);
-    let one = |_: &mut (), kind: &Kind, _: &_| {
+    let one = |_: &mut (), kind: &ModelKind, _: &_| {
         let begun = (0..RESTARTS).map(|restart| few.begun(kind, (seed, restart)));
         let settled = begun.map(|point| many.settled(kind, point));
         nearest(settled)
     };
-    let alone: Vec<Option<Found>> = all.run(&kinds, || (), one);
+    let alone: Vec<Option<FitMinimum>> = all.run(&kinds, || (), one);
     // Composite controllers start from the best simple controller and share its parameters.
     let pairs = alone.iter().zip(&kinds);
     let pairs = pairs.filter_map(|(found, kind)| Some((found.as_ref()?, kind)));
     let Some(first) = pairs.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)) else {
         return Likenesses::default();
     };
-    let with_first = |_: &mut (), kind: &Kind, _: &_| {
+    let with_first = |_: &mut (), kind: &ModelKind, _: &_| {
         let point = few.begun_with(kind, first, seed)?;
         Some(many.settled(kind, point))
     };
     let with_first = all.run(&kinds, || (), with_first);
     let both = alone.iter().cloned().zip(with_first).zip(&kinds);
     let both = both.filter_map(|((a, b), kind)| Some((nearest(a.into_iter().chain(b))?, kind)));
-    let mut tried: Vec<(Found, &Kind)> = both.collect();
+    let mut tried: Vec<(FitMinimum, &ModelKind)> = both.collect();
     // The sort is stable, so equal candidates keep the order of the list.
     tried.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
     let kinds = tried
@@ -79,32 +79,32 @@ pub(super) fn likenesses(
         .collect();
     // Only the inputs of the surrogate are worth the slow local search.
     tried.truncate(MODELS);
-    let again = |_: &mut (), (found, kind): &(Found, &Kind), _: &_| {
+    let again = |_: &mut (), (found, kind): &(FitMinimum, &ModelKind), _: &_| {
         let near = many.near(kind, found.point.clone(), seed);
         let settled = many.settled(kind, near);
         let best = nearest([found.clone(), settled].into_iter())?;
         many.likeness(kind, &best)
     };
     let found = all.run(&tried, || (), again);
-    let mut nearest: Vec<Likeness> = found.into_iter().flatten().collect();
+    let mut nearest: Vec<FittedModel> = found.into_iter().flatten().collect();
     nearest.sort_by(|a, b| a.left().total_cmp(&b.left()));
     Likenesses { nearest, kinds }
 }
 
 /// End point of a search.
 #[derive(Clone, Debug)]
-struct Found {
+struct FitMinimum {
     point: Vec<f64>,
     /// Mean square of the deviations.
     cost: f64,
 }
 
-fn nearest(found: impl Iterator<Item = Found>) -> Option<Found> {
+fn nearest(found: impl Iterator<Item = FitMinimum>) -> Option<FitMinimum> {
     found.min_by(|a, b| a.cost.total_cmp(&b.cost))
 }
 /// Runs that stock controllers are fitted to.
 struct Fitting<'a> {
-    runs: Vec<&'a Answered>,
+    runs: Vec<&'a LabelledRun>,
     /// Acceleration error that counts as 1.
     unit_mps2: f64,
     /// Weights of critical and other samples, so that both kinds count alike.
@@ -117,11 +117,11 @@ impl<'a> Fitting<'a> {
     /// Selects runs with about `samples` samples together.
     ///
     /// `None`: the acceleration never changes in them.
-    fn of(runs: &'a [Answered], samples: usize) -> Option<Fitting<'a>> {
+    fn of(runs: &'a [LabelledRun], samples: usize) -> Option<Fitting<'a>> {
         let all: usize = runs.iter().map(|run| run.answers.len()).sum();
         // Whole runs are skipped, because delays and lags need consecutive samples.
         let every = (all / samples).max(1);
-        let runs: Vec<&Answered> = runs.iter().step_by(every).collect();
+        let runs: Vec<&LabelledRun> = runs.iter().step_by(every).collect();
         let changes = || {
             runs.iter()
                 .flat_map(|run| &run.answers)
@@ -167,7 +167,7 @@ impl<'a> Fitting<'a> {
     /// Huber loss.
     fn deviations<M: FnMut(&Percept, usize) -> f64>(
         &self,
-        mut model: impl FnMut(&'a Answered) -> M,
+        mut model: impl FnMut(&'a LabelledRun) -> M,
     ) -> Vec<f64> {
         let mut deviations = Vec::new();
         for run in &self.runs {
@@ -189,7 +189,7 @@ impl<'a> Fitting<'a> {
     }
 
     /// Returns the deviations of a stock controller.
-    fn deviations_of(&self, like: &Likeness) -> Vec<f64> {
+    fn deviations_of(&self, like: &FittedModel) -> Vec<f64> {
         self.deviations(|run| {
             let mut model = like.model(&run.heard.briefing);
             let delay = std::mem::take(&mut model.delay);
@@ -204,7 +204,7 @@ impl<'a> Fitting<'a> {
         })
     }
 
-    fn measured(&self, kind: &Kind, points: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    fn measured(&self, kind: &ModelKind, points: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let measured = points.iter().filter_map(|point| kind.at(point));
         measured.map(|like| self.deviations_of(&like)).collect()
     }
@@ -212,7 +212,7 @@ impl<'a> Fitting<'a> {
     /// Returns a starting point, found by cross-entropy search.
     ///
     /// Every second restart fixes the delay at 0.
-    fn begun(&self, kind: &Kind, (seed, restart): (u64, u64)) -> Vec<f64> {
+    fn begun(&self, kind: &ModelKind, (seed, restart): (u64, u64)) -> Vec<f64> {
         let mut dice = seed::generator(kind.kind, &[seed, restart]);
         let at_once = restart.is_multiple_of(2);
         let with_delay = |point: &Vec<f64>| {
@@ -228,14 +228,23 @@ impl<'a> Fitting<'a> {
             self.costs(kind, &points)
         };
         let middle = vec![0.0; kind.ranges.len() + usize::from(!at_once)];
-        with_delay(&Search::WIDE.run(middle, &mut dice, &costs).point)
+        with_delay(
+            &CrossEntropySearch::WIDE
+                .run(middle, &mut dice, &costs)
+                .point,
+        )
     }
 
     /// Returns a starting point that shares the parameters of another kind.
     ///
     /// The remaining parameters are searched. `None`: no parameters are shared, or none
     /// remain.
-    fn begun_with(&self, kind: &Kind, (found, of): (&Found, &Kind), seed: u64) -> Option<Vec<f64>> {
+    fn begun_with(
+        &self,
+        kind: &ModelKind,
+        (found, of): (&FitMinimum, &ModelKind),
+        seed: u64,
+    ) -> Option<Vec<f64>> {
         let shared =
             |range: &(&str, f64, f64)| of.ranges.iter().position(|other| other.0 == range.0);
         let shared: Vec<Option<usize>> = kind.ranges.iter().map(shared).collect();
@@ -260,39 +269,41 @@ impl<'a> Fitting<'a> {
         };
         let mut dice = seed::generator(kind.kind, &[seed, RESTARTS + 1]);
         Some(whole(
-            &Search::WIDE.run(vec![0.0; own], &mut dice, &costs).point,
+            &CrossEntropySearch::WIDE
+                .run(vec![0.0; own], &mut dice, &costs)
+                .point,
         ))
     }
 
     /// Continues the search around a point.
     ///
     /// Gauss-Newton steps find no slope if an ego reacts beyond a threshold.
-    fn near(&self, kind: &Kind, point: Vec<f64>, seed: u64) -> Vec<f64> {
+    fn near(&self, kind: &ModelKind, point: Vec<f64>, seed: u64) -> Vec<f64> {
         let mut dice = seed::generator(kind.kind, &[seed, RESTARTS]);
         let costs = |points: &[Vec<f64>]| self.costs(kind, points);
-        Search::NEAR.run(point, &mut dice, &costs).point
+        CrossEntropySearch::NEAR.run(point, &mut dice, &costs).point
     }
 
-    fn costs(&self, kind: &Kind, points: &[Vec<f64>]) -> Vec<f64> {
+    fn costs(&self, kind: &ModelKind, points: &[Vec<f64>]) -> Vec<f64> {
         let measured = self.measured(kind, points);
         measured.iter().map(|off| mean_square(off)).collect()
     }
 
     /// Refines a point by Gauss-Newton steps.
-    fn settled(&self, kind: &Kind, point: Vec<f64>) -> Found {
+    fn settled(&self, kind: &ModelKind, point: Vec<f64>) -> FitMinimum {
         // The delay is a whole number of samples and so has no slope.
         let free: Vec<usize> = (0..kind.ranges.len()).collect();
         let measure = |points: &[Vec<f64>]| self.measured(kind, points);
         let point = descend(point, &free, &measure).point;
         let cost = self.costs(kind, std::slice::from_ref(&point));
-        Found {
+        FitMinimum {
             cost: cost.into_iter().sum(),
             point,
         }
     }
 
-    fn likeness(&self, kind: &Kind, found: &Found) -> Option<Likeness> {
-        Some(Likeness {
+    fn likeness(&self, kind: &ModelKind, found: &FitMinimum) -> Option<FittedModel> {
+        Some(FittedModel {
             unexplained: found.cost / self.nothing,
             ..kind.at(&found.point)?
         })
@@ -313,7 +324,7 @@ mod tests {
     use crate::surrogate::recorded_ego::runs_of;
     use crate::world::Scenario;
 
-    fn parameter(like: &Likeness, name: &str) -> f64 {
+    fn parameter(like: &FittedModel, name: &str) -> f64 {
         let all = like.controller.parameters();
         let found = all.iter().find(|parameter| parameter.name == name);
         found.expect("a parameter").value
@@ -361,7 +372,7 @@ mod tests {
 
     #[test]
     fn a_delay_hands_on_what_others_did_then_and_oneself_now() {
-        let like = Likeness {
+        let like = FittedModel {
             controller: Actuated::of_kind(
                 "Idm",
                 &[
@@ -382,7 +393,7 @@ mod tests {
             sample_s: 0.05,
             ..Briefing::default()
         };
-        let at_once = Likeness {
+        let at_once = FittedModel {
             delay_s: 0.0,
             ..like.clone()
         };
@@ -419,7 +430,7 @@ mod tests {
             let kind = KINDS
                 .iter()
                 .find(|other| other.0 == kind)
-                .and_then(Kind::of);
+                .and_then(ModelKind::of);
             let kind = kind.expect("tried");
             for parameter in controller.parameters() {
                 let mut ranges = kind.ranges.iter();

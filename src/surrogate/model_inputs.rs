@@ -5,20 +5,20 @@
 use std::sync::Arc;
 
 use super::features::Features;
-use super::fitted_model::{Likeness, MODELS, StockModel};
+use super::fitted_model::{FittedModel, MODELS, StockModel};
 use crate::ego::{Briefing, Percept};
 
 /// Converter from percepts to the rows of a surrogate.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Reading {
+pub(super) struct ModelInputs {
     features: Features,
     models: Vec<StockModel>,
-    of: Arc<[Likeness]>,
+    of: Arc<[FittedModel]>,
 }
 
-impl Reading {
+impl ModelInputs {
     /// Begins an episode with its first percept.
-    pub fn begin(&mut self, alike: &Arc<[Likeness]>, briefing: &Briefing, percept: &Percept) {
+    pub fn begin(&mut self, alike: &Arc<[FittedModel]>, briefing: &Briefing, percept: &Percept) {
         self.features = Features::begin(percept);
         // Building controllers is slow, so the same surrogate reuses those of the last episode.
         if Arc::ptr_eq(&self.of, alike) {

@@ -1,6 +1,6 @@
 //! Kinds of stock controllers and the ranges of their parameters.
 
-use super::fitted_model::Likeness;
+use super::fitted_model::FittedModel;
 use crate::ego::{Actuated, KINDS};
 
 /// Longest delay of an ego's reaction, s.
@@ -66,32 +66,32 @@ pub(super) fn kinds_but(unknown: &[&str]) -> Vec<&'static str> {
 }
 
 /// Kind of stock controller and the ranges of its parameters.
-pub(super) struct Kind {
+pub(super) struct ModelKind {
     pub kind: &'static str,
     pub ranges: Vec<(&'static str, f64, f64)>,
 }
 
-impl Kind {
+impl ModelKind {
     /// Returns the kind, or `None` if a range of its parameters is missing.
-    pub fn of(&(kind, names): &(&'static str, &[&'static str])) -> Option<Kind> {
+    pub fn of(&(kind, names): &(&'static str, &[&'static str])) -> Option<ModelKind> {
         let range = |name: &str| RANGES.iter().find(|range| range.0 == name).copied();
         // Every kind is tried with an actuator lag.
         let ranges = names.iter().map(|name| range(name)).chain([range("lag_s")]);
         let ranges: Vec<_> = ranges.collect::<Option<_>>()?;
         // A kind with the lag as its only parameter cannot be fitted.
-        (1 < ranges.len()).then_some(Kind { kind, ranges })
+        (1 < ranges.len()).then_some(ModelKind { kind, ranges })
     }
 
     /// Returns the controller at a point of the box.
     ///
     /// Coordinates run from −1 to 1, one per parameter and one for the delay.
-    pub fn at(&self, point: &[f64]) -> Option<Likeness> {
+    pub fn at(&self, point: &[f64]) -> Option<FittedModel> {
         let within = |at: f64, low: f64, high: f64| low + 0.5 * (at + 1.0) * (high - low);
         let pairs = self.ranges.iter().zip(point);
         let values: Vec<_> = pairs
             .map(|(&(name, low, high), &at)| (name, within(at, low, high)))
             .collect();
-        Some(Likeness {
+        Some(FittedModel {
             controller: Actuated::of_kind(self.kind, &values)?,
             delay_s: within(*point.last()?, 0.0, LONGEST_DELAY_S),
             unexplained: f64::INFINITY,

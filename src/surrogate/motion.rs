@@ -9,7 +9,7 @@ use crate::world::Scenario;
 
 /// Position and speed of an ego at a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Moment {
+pub(super) struct MotionSample {
     /// Position along the road.
     pub s_m: f64,
     /// Position to the left of the middle of lane 0.
@@ -18,14 +18,14 @@ pub(super) struct Moment {
     pub speed_mps: f64,
 }
 
-impl Moment {
+impl MotionSample {
     /// Returns the distance between two positions on the road.
-    pub fn distance_m(&self, other: &Moment) -> f64 {
+    pub fn distance_m(&self, other: &MotionSample) -> f64 {
         libm::hypot(self.s_m - other.s_m, self.lateral_m - other.lateral_m)
     }
 
     /// Returns whether two motions differ too much to share a plan.
-    pub fn strays_from(&self, other: &Moment) -> bool {
+    pub fn strays_from(&self, other: &MotionSample) -> bool {
         const APART_M: f64 = 0.1;
         const APART_MPS: f64 = 0.1;
         APART_M < self.distance_m(other) || APART_MPS < (self.speed_mps - other.speed_mps).abs()
@@ -53,7 +53,7 @@ impl MotionReader {
     }
 
     /// Appends the samples of a bench that `motion` does not hold yet.
-    pub fn follow(&self, bench: &Testbench, motion: &mut Vec<Moment>) {
+    pub fn follow(&self, bench: &Testbench, motion: &mut Vec<MotionSample>) {
         let [x, y, speed] = self.columns.map(|column| bench.trace().column(column));
         // After a held contact the trace continues to the horizon, but the motion ends.
         let moved = bench.physics_steps() / u64::from(bench.clock().substeps);
@@ -64,7 +64,7 @@ impl MotionReader {
                 // The heading has no influence on the position along the road.
                 heading_rad: 0.0,
             });
-            motion.push(Moment {
+            motion.push(MotionSample {
                 s_m: at.s_m,
                 lateral_m: at.lateral_m,
                 speed_mps: speed[sample],

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::model::Surrogate;
-use super::surrogate_sim::{ModelBench, SoFar, VARIATIONS};
+use super::surrogate_sim::{ModelBench, RunPrefix, VARIATIONS};
 use crate::rulebook::Verdict;
 use crate::scene::Start;
 use crate::world::Scenario;
@@ -58,7 +58,7 @@ pub(super) fn best_fixed(
         let mut worth = Worth::default();
         for (start, noise) in starts {
             let from = (start, *noise);
-            model.begin(from, &SoFar::default(), Some(surrogate), VARIATIONS[0]);
+            model.begin(from, &RunPrefix::default(), Some(surrogate), VARIATIONS[0]);
             model.go_on(actions);
             match model.bench.verdict() {
                 Some(Verdict::Counterexample { .. }) => worth.successes += 1,
@@ -123,7 +123,7 @@ mod tests {
             members: vec![Mlp::orthogonal(
                 &[width, 4, OUTPUTS],
                 0.1,
-                &mut crate::rl::Dice::new(1),
+                &mut crate::rl::LearnerRng::new(1),
             )],
             brake: None,
         });

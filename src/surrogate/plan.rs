@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use super::earlier_attempts::Earlier;
 use super::model::Surrogate;
-use super::motion::{Moment, MotionReader};
-use super::planning_budget::Care;
-use super::robust_score::{Trial, go_on};
+use super::motion::{MotionReader, MotionSample};
+use super::planning_budget::PlanningBudget;
+use super::robust_score::{RobustScore, go_on};
 use super::strategy::{Policies, Strategy};
-use super::surrogate_sim::{ModelBench, Origin, SoFar, VARIATIONS};
+use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
 use crate::experiment::Watch;
 use crate::rulebook::Verdict;
-use crate::search::{Next, Tree};
+use crate::search::{Tree, WalkControl};
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Testbench};
 use crate::world::Scenario;
@@ -40,7 +40,7 @@ const LEADS: [usize; 4] = [0, 4, 5, 10];
 
 /// Strategy with its score.
 #[derive(Clone, Debug)]
-pub(super) struct Choice {
+pub(super) struct ScoredStrategy {
     pub strategy: Strategy,
     /// Rank of the leading variation that it was made for.
     ///
@@ -50,7 +50,7 @@ pub(super) struct Choice {
     score: usize,
 }
 
-impl Choice {
+impl ScoredStrategy {
     /// Returns whether it succeeds on the variation of the attempt.
     ///
     /// In the first attempt this is the surrogate itself.
@@ -58,23 +58,23 @@ impl Choice {
         self.lead == 0 && 0 < self.score
     }
 
-    fn is_better_than(&self, other: &Choice) -> bool {
+    fn is_better_than(&self, other: &ScoredStrategy) -> bool {
         self.lead < other.lead || (self.lead == other.lead && other.score < self.score)
     }
 }
 
 /// Run of the real ego under a choice.
 #[derive(Clone, Debug)]
-pub(super) struct PlannedRun {
+pub(super) struct PartialRun {
     /// Choice at the start.
-    pub first: Choice,
+    pub first: ScoredStrategy,
     /// Actions of the ado and motion of the ego.
-    pub so_far: SoFar,
+    pub so_far: RunPrefix,
     /// Number of later changes of strategy.
     pub replans: u32,
 }
 
-impl PlannedRun {
+impl PartialRun {
     /// Returns the strategy that the ado followed from beginning to end.
     pub fn kept(&self) -> Option<&Strategy> {
         (self.replans == 0).then_some(&self.first.strategy)
@@ -93,7 +93,7 @@ pub(super) struct Planner<'a> {
     reader: MotionReader,
     surrogate: Arc<Surrogate>,
     policies: Policies<'a>,
-    care: Care,
+    care: PlanningBudget,
     /// Number of searches in vain during the present run.
     in_vain: u32,
     /// Earlier runs from the present start.
@@ -110,7 +110,7 @@ impl<'a> Planner<'a> {
     pub fn new(
         world: &Scenario,
         (surrogate, plant): (&Arc<Surrogate>, PlantKind),
-        (policies, care): (Policies<'a>, Care),
+        (policies, care): (Policies<'a>, PlanningBudget),
         watch: &'a Watch<'a>,
     ) -> Option<Planner<'a>> {
         Some(Planner {
@@ -130,12 +130,12 @@ impl<'a> Planner<'a> {
     /// Returns the strategy that succeeds on most variations, from `so_far` on.
     ///
     /// The leading variations are tried in order until a strategy succeeds on one of them.
-    fn choose(&mut self, from: Origin<'_>, so_far: &SoFar, leads: usize) -> Choice {
+    fn choose(&mut self, from: NoisyStart<'_>, so_far: &RunPrefix, leads: usize) -> ScoredStrategy {
         let bench = &self.judge.bench;
         let size = (bench.spaces().actions, bench.clock().decisions());
         for lead in 0..leads {
             let is_first = lead == 0 && so_far.actions.is_empty();
-            let mut best = Choice {
+            let mut best = ScoredStrategy {
                 strategy: Strategy::AsTrained,
                 lead,
                 score: 0,
@@ -147,7 +147,7 @@ impl<'a> Planner<'a> {
                 }
                 let score = self.score(from, so_far, (&strategy, lead), VARIATIONS.len());
                 if best.score < score {
-                    best = Choice {
+                    best = ScoredStrategy {
                         strategy,
                         score,
                         ..best
@@ -173,7 +173,7 @@ impl<'a> Planner<'a> {
                 return best;
             }
         }
-        Choice {
+        ScoredStrategy {
             strategy: Strategy::AsTrained,
             lead: LEADS.len(),
             score: 0,
@@ -184,7 +184,7 @@ impl<'a> Planner<'a> {
     ///
     /// Plans may leave an earlier run at any of its beginnings, and the plan with the most
     /// variations is taken. Without any, another variation of the surrogate leads.
-    fn choose_again(&mut self, from: Origin<'_>, so_far: &SoFar) -> Choice {
+    fn choose_again(&mut self, from: NoisyStart<'_>, so_far: &RunPrefix) -> ScoredStrategy {
         let samples = self.judge.bench.clock().samples_per_decision();
         let mut best = self.choose(from, so_far, 1);
         for beginning in self.earlier.beginnings(samples) {
@@ -207,10 +207,10 @@ impl<'a> Planner<'a> {
     /// Searches all sequences with this number of switches for a better strategy.
     fn search(
         &mut self,
-        from: Origin<'_>,
-        so_far: &SoFar,
+        from: NoisyStart<'_>,
+        so_far: &RunPrefix,
         (switches, stride): (usize, usize),
-        best: &mut Choice,
+        best: &mut ScoredStrategy,
     ) {
         let quiet = self.watch.quiet();
         let rank = best.lead;
@@ -229,11 +229,11 @@ impl<'a> Planner<'a> {
             found += 1;
             // Neighbours in the tree are similar, so later finds are thinned out.
             if FIRST < found && !found.is_multiple_of(EVERY) {
-                return Next::Continue;
+                return WalkControl::Continue;
             }
             tried += 1;
             let strategy = Strategy::Plan(actions.to_vec());
-            let mut trial = Trial {
+            let mut trial = RobustScore {
                 judge,
                 surrogate,
                 from,
@@ -244,16 +244,16 @@ impl<'a> Planner<'a> {
             };
             let score = trial.score(&strategy, best.score..VARIATIONS.len());
             if best.score < score {
-                *best = Choice {
+                *best = ScoredStrategy {
                     strategy,
                     score,
                     lead: rank,
                 };
             }
             if best.score == VARIATIONS.len() || TRIED <= tried {
-                Next::Stop
+                WalkControl::Stop
             } else {
-                Next::Continue
+                WalkControl::Continue
             }
         };
         let root = &mut tree.bench;
@@ -262,7 +262,7 @@ impl<'a> Planner<'a> {
         walk.after = so_far.actions.clone();
         walk.stride = stride;
         for action in 0..actions {
-            if walk.begin(root, action, switches) == Next::Stop {
+            if walk.begin(root, action, switches) == WalkControl::Stop {
                 break;
             }
         }
@@ -278,13 +278,13 @@ impl<'a> Planner<'a> {
     /// `lead` is the leading variation that it was made for.
     fn score(
         &mut self,
-        from: Origin<'_>,
-        so_far: &SoFar,
+        from: NoisyStart<'_>,
+        so_far: &RunPrefix,
         (strategy, lead): (&Strategy, usize),
         enough: usize,
     ) -> usize {
         let lead = self.variation(lead);
-        let mut trial = Trial {
+        let mut trial = RobustScore {
             judge: &mut self.judge,
             surrogate: &self.surrogate,
             from,
@@ -297,7 +297,7 @@ impl<'a> Planner<'a> {
     }
 
     /// Returns the policy or constant that comes nearest to a success.
-    fn nearest(&mut self, from: Origin<'_>, so_far: &SoFar) -> Strategy {
+    fn nearest(&mut self, from: NoisyStart<'_>, so_far: &RunPrefix) -> Strategy {
         let actions = self.judge.bench.spaces().actions;
         let constants = (0..actions).map(|action| {
             let mut whole = so_far.actions.clone();
@@ -327,7 +327,12 @@ impl<'a> Planner<'a> {
     }
 
     /// Predicts the motion of the ego under a strategy.
-    fn predict(&mut self, from: Origin<'_>, so_far: &SoFar, strategy: &Strategy) -> Vec<Moment> {
+    fn predict(
+        &mut self,
+        from: NoisyStart<'_>,
+        so_far: &RunPrefix,
+        strategy: &Strategy,
+    ) -> Vec<MotionSample> {
         let samples = self.judge.bench.clock().samples_per_decision();
         let known = match strategy {
             Strategy::Plan(actions) => self.earlier.known(so_far, actions, samples),
@@ -340,7 +345,12 @@ impl<'a> Planner<'a> {
     }
 
     /// Returns a better choice than the present choice, after updating its score.
-    fn rethink(&mut self, from: Origin<'_>, so_far: &SoFar, now: &mut Choice) -> Option<Choice> {
+    fn rethink(
+        &mut self,
+        from: NoisyStart<'_>,
+        so_far: &RunPrefix,
+        now: &mut ScoredStrategy,
+    ) -> Option<ScoredStrategy> {
         now.score = self.score(from, so_far, (&now.strategy, now.lead), ENOUGH);
         // A robust plan is kept, because a search costs more than its likely gain.
         if now.is_sure() && ENOUGH <= now.score {
@@ -359,12 +369,12 @@ impl<'a> Planner<'a> {
     pub fn run(
         &mut self,
         real: &mut Testbench,
-        from: Origin<'_>,
+        from: NoisyStart<'_>,
         aftermath: Aftermath,
         earlier: &Earlier,
-    ) -> PlannedRun {
+    ) -> PartialRun {
         real.begin(from.0, from.1, aftermath);
-        let mut so_far = SoFar::default();
+        let mut so_far = RunPrefix::default();
         // The motion holds the sample at the start before any decision.
         self.reader.follow(real, &mut so_far.motion);
         self.earlier = earlier.clone();
@@ -418,7 +428,7 @@ impl<'a> Planner<'a> {
             }
             predicted = self.predict(from, &so_far, &now.strategy);
         }
-        PlannedRun {
+        PartialRun {
             first,
             so_far,
             replans,

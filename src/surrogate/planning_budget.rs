@@ -2,7 +2,7 @@
 
 /// Spacing of the decisions at which a sequence may switch actions.
 #[derive(Clone, Copy, Debug)]
-struct Grid {
+struct SwitchSpacing {
     /// Spacing with one switch, decisions.
     one: usize,
     /// Smallest spacing with two switches, decisions.
@@ -14,7 +14,7 @@ struct Grid {
 }
 
 /// Spacing that suits three actions and 30 decisions.
-const FINE: Grid = Grid {
+const FINE: SwitchSpacing = SwitchSpacing {
     one: 1,
     two: 2,
     most: 6_000,
@@ -22,7 +22,7 @@ const FINE: Grid = Grid {
 /// Largest number of sequences if nothing else was found, about five times as slow.
 const FINEST: usize = 30_000;
 /// Spacing for searches that are repeated often.
-const QUICK: Grid = Grid {
+const QUICK: SwitchSpacing = SwitchSpacing {
     one: 1,
     two: 4,
     most: 2_000,
@@ -30,15 +30,15 @@ const QUICK: Grid = Grid {
 
 /// Planning effort of a run.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Care {
+pub(super) struct PlanningBudget {
     /// Number of leading variations to plan for.
     ///
     /// They are tried if the surrogate itself has no plan.
     pub leads: usize,
     /// Spacing before the first action, for the surrogate itself.
-    first: Grid,
+    first: SwitchSpacing,
     /// Spacing for its variations and during the run.
-    later: Grid,
+    later: SwitchSpacing,
     /// Whether a last, finer search follows if nothing else was found.
     is_finest: bool,
     /// Decisions without a search after the first search in vain.
@@ -47,9 +47,9 @@ pub(super) struct Care {
     rest: usize,
 }
 
-impl Care {
+impl PlanningBudget {
     /// Effort for a run that counts.
-    pub const FULL: Care = Care {
+    pub const FULL: PlanningBudget = PlanningBudget {
         leads: 4,
         first: FINE,
         later: QUICK,
@@ -59,10 +59,10 @@ impl Care {
     /// Effort for a run that is recorded for learning.
     ///
     /// Such a run need not succeed, and there are many of them.
-    pub const BRIEF: Care = Care {
+    pub const BRIEF: PlanningBudget = PlanningBudget {
         leads: 2,
         first: QUICK,
-        later: Grid { one: 2, ..QUICK },
+        later: SwitchSpacing { one: 2, ..QUICK },
         is_finest: false,
         rest: 4,
     };
@@ -116,13 +116,13 @@ mod tests {
     fn with_many_actions_switches_are_further_apart() {
         // `acc` is searched completely. `cut_in` is searched at every fifth or seventh
         // decision, and at every second decision in the last search.
-        assert_eq!(Care::FULL.finest((3, 30)), Some(1));
-        assert_eq!(Care::FULL.stride((3, 30), 2, true), 2);
-        assert_eq!(Care::FULL.stride((3, 30), 2, false), 4);
-        assert_eq!(Care::FULL.finest((6, 40)), Some(2));
-        assert_eq!(Care::FULL.finest((10, 100)), Some(11));
-        assert_eq!(Care::FULL.stride((6, 40), 2, true), 5);
-        assert_eq!(Care::FULL.stride((6, 40), 2, false), 7);
+        assert_eq!(PlanningBudget::FULL.finest((3, 30)), Some(1));
+        assert_eq!(PlanningBudget::FULL.stride((3, 30), 2, true), 2);
+        assert_eq!(PlanningBudget::FULL.stride((3, 30), 2, false), 4);
+        assert_eq!(PlanningBudget::FULL.finest((6, 40)), Some(2));
+        assert_eq!(PlanningBudget::FULL.finest((10, 100)), Some(11));
+        assert_eq!(PlanningBudget::FULL.stride((6, 40), 2, true), 5);
+        assert_eq!(PlanningBudget::FULL.stride((6, 40), 2, false), 7);
         // A single action has no switches, and too many actions leave no place for them.
         assert_eq!(stride((1, 40), 1, 6_000), 1);
         assert_eq!(stride((1000, 40), 1, 6_000), 21);
@@ -131,8 +131,11 @@ mod tests {
 
     #[test]
     fn a_recorded_run_is_thought_over_less_and_less_often() {
-        assert_eq!([0, 1, 2, 3].map(|n| Care::FULL.rest(n)), [0; 4]);
-        assert_eq!([0, 1, 2, 3].map(|n| Care::BRIEF.rest(n)), [0, 4, 8, 16]);
-        assert_eq!(Care::BRIEF.finest((3, 30)), None);
+        assert_eq!([0, 1, 2, 3].map(|n| PlanningBudget::FULL.rest(n)), [0; 4]);
+        assert_eq!(
+            [0, 1, 2, 3].map(|n| PlanningBudget::BRIEF.rest(n)),
+            [0, 4, 8, 16]
+        );
+        assert_eq!(PlanningBudget::BRIEF.finest((3, 30)), None);
     }
 }

@@ -1,6 +1,6 @@
 //! Selection of the plant on which a model matches its world.
 
-use super::dataset::Run;
+use super::dataset::RecordedRun;
 use super::surrogate_sim::{ModelBench, VARIATIONS};
 use crate::sim::PlantKind;
 use crate::testbench::Testbench;
@@ -15,13 +15,13 @@ const ALIKE_M: f64 = 0.005;
 /// as on the world's own plant in these runs.
 /// Along a lane both plants agree. A lane change differs by some centimetres on the rigid
 /// plant, and centimetres decide whether a rule is kept.
-pub(super) fn judged_on(world: &Scenario, runs: &[Run]) -> Option<PlantKind> {
+pub(super) fn judged_on(world: &Scenario, runs: &[RecordedRun]) -> Option<PlantKind> {
     let own = world.drive()?.plant;
     let Some(columns) = places(world) else {
         return Some(own);
     };
     let (mut there, mut here) = (ModelBench::on(world, own)?, ModelBench::quick(world)?);
-    let alike = |run: &Run| {
+    let alike = |run: &RecordedRun| {
         for model in [&mut there, &mut here] {
             model.begin(run.from(), &run.so_far, None, VARIATIONS[0]);
         }

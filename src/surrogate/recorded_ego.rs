@@ -1,14 +1,14 @@
 //! Recorded runs for tests.
 
 use super::dataset::{answered, mixed, starts};
-use super::fitted_model::Answered;
+use super::fitted_model::LabelledRun;
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::rl::Policy;
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
 /// Returns runs of an ego of `acc_structures` under mixed actions.
-pub(super) fn runs_of(name: &str, plant: PlantKind, count: u64) -> Vec<Answered> {
+pub(super) fn runs_of(name: &str, plant: PlantKind, count: u64) -> Vec<LabelledRun> {
     struct Coasts;
 
     impl Policy for Coasts {

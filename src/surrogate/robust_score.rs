@@ -7,12 +7,12 @@ use std::sync::Arc;
 use super::earlier_attempts::Earlier;
 use super::model::Surrogate;
 use super::strategy::{Policies, Strategy};
-use super::surrogate_sim::{ModelBench, Origin, SoFar, VARIATIONS};
+use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
 
 /// Continues from `so_far` with a strategy.
 pub(super) fn go_on(
     judge: &mut ModelBench,
-    so_far: &SoFar,
+    so_far: &RunPrefix,
     (strategy, policies): (&Strategy, Policies<'_>),
 ) {
     if let Strategy::Plan(actions) = strategy {
@@ -25,17 +25,17 @@ pub(super) fn go_on(
 }
 
 /// Trial of strategies on all variations.
-pub(super) struct Trial<'a> {
+pub(super) struct RobustScore<'a> {
     pub judge: &'a mut ModelBench,
     pub surrogate: &'a Arc<Surrogate>,
-    pub from: Origin<'a>,
-    pub so_far: &'a SoFar,
+    pub from: NoisyStart<'a>,
+    pub so_far: &'a RunPrefix,
     pub policies: Policies<'a>,
     pub earlier: &'a Earlier,
     pub lead: usize,
 }
 
-impl Trial<'_> {
+impl RobustScore<'_> {
     /// Returns the number of variations on which a strategy succeeds.
     ///
     /// A failure on the leading variation gives 0. Counting ends at `asked.end`, or as soon

@@ -3,9 +3,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::features::Features;
-use super::fitted_model::{Heard, MODELS};
-use super::model::{Casting, Part, Surrogate};
-use super::motion::{Moment, MotionReader};
+use super::fitted_model::{EgoInputs, MODELS};
+use super::model::{ModelDriverConfig, ModelDriverSlot, Surrogate};
+use super::motion::{MotionReader, MotionSample};
 use crate::rl::Policy;
 use crate::scene::Start;
 use crate::sim::PlantKind;
@@ -13,21 +13,21 @@ use crate::testbench::{Aftermath, Testbench};
 use crate::world::Scenario;
 
 /// Start with the seed of its noise.
-pub(super) type Origin<'a> = (&'a Start, u64);
+pub(super) type NoisyStart<'a> = (&'a Start, u64);
 
 /// Known actions of the ado and motion of the ego, up to now.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct SoFar {
+pub(super) struct RunPrefix {
     pub actions: Vec<usize>,
-    pub motion: Vec<Moment>,
+    pub motion: Vec<MotionSample>,
 }
 
-impl SoFar {
+impl RunPrefix {
     /// Returns the part up to a number of decisions.
-    pub fn up_to(&self, decisions: usize, samples_per_decision: usize) -> SoFar {
+    pub fn up_to(&self, decisions: usize, samples_per_decision: usize) -> RunPrefix {
         // A motion has a sample more than intervals: the sample at the start.
         let moments = (decisions * samples_per_decision + 1).min(self.motion.len());
-        SoFar {
+        RunPrefix {
             actions: self.actions[..decisions].to_vec(),
             motion: self.motion[..moments].to_vec(),
         }
@@ -39,7 +39,7 @@ impl SoFar {
 /// It uses one member of the ensemble or the mean of all members. The bias makes the
 /// ego a little more or less careful.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Variation {
+pub(super) struct SurrogateVariation {
     pub member: Option<usize>,
     pub bias_mps3: f64,
 }
@@ -51,14 +51,14 @@ pub(super) struct Variation {
 /// The careful variations are close together, because an ego that brakes at the last
 /// moment leaves only centimetres. Among the plans that fit these centimetres, the
 /// search must find the plan with the largest margin.
-pub(super) const VARIATIONS: [Variation; 12] = {
-    const fn mean(bias_mps3: f64) -> Variation {
+pub(super) const VARIATIONS: [SurrogateVariation; 12] = {
+    const fn mean(bias_mps3: f64) -> SurrogateVariation {
         let member = None;
-        Variation { member, bias_mps3 }
+        SurrogateVariation { member, bias_mps3 }
     }
-    const fn one(member: usize, bias_mps3: f64) -> Variation {
+    const fn one(member: usize, bias_mps3: f64) -> SurrogateVariation {
         let member = Some(member);
-        Variation { member, bias_mps3 }
+        SurrogateVariation { member, bias_mps3 }
     }
     [
         mean(0.0),
@@ -86,7 +86,7 @@ pub(super) fn width_of(world: &Scenario) -> usize {
 /// Model world that is played decision by decision.
 pub(super) struct ModelBench {
     pub bench: Testbench,
-    pub casting: Casting,
+    pub casting: ModelDriverSlot,
     reader: MotionReader,
     obs: Vec<f32>,
 }
@@ -103,7 +103,7 @@ impl ModelBench {
     /// Returns the same model on any plant.
     pub fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
         let reader = MotionReader::of(world)?;
-        let casting = Casting::default();
+        let casting = ModelDriverSlot::default();
         // The bench takes its driver from `casting`, so the part can change between episodes.
         let bench = world.as_model(plant, casting.factory()).bench();
         Some(ModelBench {
@@ -117,10 +117,10 @@ impl ModelBench {
     /// Begins at a start and repeats the known actions.
     pub fn begin(
         &mut self,
-        from: Origin<'_>,
-        so_far: &SoFar,
+        from: NoisyStart<'_>,
+        so_far: &RunPrefix,
         surrogate: Option<&Arc<Surrogate>>,
-        variation: Variation,
+        variation: SurrogateVariation,
     ) {
         self.cast(so_far, surrogate, variation);
         self.bench.begin(from.0, from.1, Aftermath::Skip);
@@ -134,8 +134,13 @@ impl ModelBench {
     }
 
     /// Sets the motion and the surrogate that the ego follows in the next episodes.
-    pub fn cast(&self, so_far: &SoFar, surrogate: Option<&Arc<Surrogate>>, variation: Variation) {
-        self.casting.give(Part {
+    pub fn cast(
+        &self,
+        so_far: &RunPrefix,
+        surrogate: Option<&Arc<Surrogate>>,
+        variation: SurrogateVariation,
+    ) {
+        self.casting.give(ModelDriverConfig {
             known: so_far.motion.as_slice().into(),
             surrogate: surrogate.cloned(),
             member: variation.member,
@@ -175,20 +180,20 @@ impl ModelBench {
     }
 
     /// Returns the motion of the ego.
-    pub fn motion(&self) -> Vec<Moment> {
+    pub fn motion(&self) -> Vec<MotionSample> {
         let mut motion = Vec::new();
         self.reader.follow(&self.bench, &mut motion);
         motion
     }
 
     /// Returns the ego's percepts in a run, sample by sample.
-    pub fn percepts(&mut self, from: Origin<'_>, run: &SoFar) -> Heard {
-        let heard = Arc::new(Mutex::new(Heard::default()));
+    pub fn percepts(&mut self, from: NoisyStart<'_>, run: &RunPrefix) -> EgoInputs {
+        let heard = Arc::new(Mutex::new(EgoInputs::default()));
         // Without a surrogate the ego follows the recorded motion only.
-        self.casting.give(Part {
+        self.casting.give(ModelDriverConfig {
             known: run.motion.as_slice().into(),
             heard: Some(Arc::clone(&heard)),
-            ..Part::default()
+            ..ModelDriverConfig::default()
         });
         self.bench.begin(from.0, from.1, Aftermath::Skip);
         self.go_on(&run.actions);
@@ -208,7 +213,7 @@ mod tests {
     }
 
     /// Returns a run of the real ego of `world` under random actions.
-    fn run_of(world: &Scenario, index: u64) -> (Start, u64, SoFar) {
+    fn run_of(world: &Scenario, index: u64) -> (Start, u64, RunPrefix) {
         let mut bench = world.bench();
         let key = StartKey {
             purpose: Purpose::Calibration,
@@ -223,7 +228,7 @@ mod tests {
             .expect("driven")
             .follow(&bench, &mut motion);
         let actions = episode.actions;
-        (start, noise, SoFar { actions, motion })
+        (start, noise, RunPrefix { actions, motion })
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::model::{OUTPUTS, Surrogate};
 use crate::content_hash::sha256;
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::rl::nn::Mlp;
-use crate::rl::{Bundle, BundleError, load_policy_for};
+use crate::rl::{BundleError, TensorFile, load_policy_for};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::sysid::{DIR, place_of};
 use crate::world::Scenario;
@@ -77,7 +77,7 @@ fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
     })?;
     let surrogate = &*learned.surrogate;
     let width = surrogate.mean.len();
-    let mut bundle = Bundle::new(from);
+    let mut bundle = TensorFile::new(from);
     bundle.put("mean", &[width], surrogate.mean.clone());
     bundle.put("inverse_sd", &[width], surrogate.inverse_sd.clone());
     bundle.put("unit", &[2], surrogate.unit.to_vec());
@@ -95,8 +95,8 @@ fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
 }
 
 /// Returns the bundle if its seal matches, so any flipped bit is detected.
-fn unsealed(bytes: &[u8]) -> Result<Bundle, BundleError> {
-    let sealed = Bundle::from_bytes(bytes)?;
+fn unsealed(bytes: &[u8]) -> Result<TensorFile, BundleError> {
+    let sealed = TensorFile::from_bytes(bytes)?;
     let says = sealed.rows::<u8>(SEAL, &[])?.to_vec();
     let bundle = sealed.without(SEAL);
     let found = sha256(&bundle.to_bytes()?);
@@ -142,7 +142,7 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
         brake: from.brake,
     };
     let trained_on = match bundle.shape(TRAINED_ON) {
-        Some(_) => Some(Bundle::from_bytes(bundle.rows::<u8>(TRAINED_ON, &[])?)?),
+        Some(_) => Some(TensorFile::from_bytes(bundle.rows::<u8>(TRAINED_ON, &[])?)?),
         None => None,
     };
     if let Some(policy) = &trained_on {

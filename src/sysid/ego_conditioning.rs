@@ -9,7 +9,7 @@ use crate::experiment::{EgoUnderTest, Watch};
 use crate::rl::Policy;
 use crate::run_dir::RunDir;
 use crate::sim::PlantKind;
-use crate::world::Against;
+use crate::world::TrainingEgos;
 
 /// Runs of an ego from which it is identified, where more are left to learn it from.
 pub const RECORDED_RUNS: u64 = 10;
@@ -32,7 +32,7 @@ pub enum ContextSource {
 pub struct ConditionedAdo {
     /// Its policy; a conditional one is told what it takes the ego for.
     pub policy: Box<dyn Policy>,
-    /// The same told of other egos, for [`crate::adversary::Tries`].
+    /// The same told of other egos, for [`crate::adversary::BestOfN`].
     pub others: Vec<Box<dyn Policy>>,
     /// What it was told, as rows have it; `None`: it is not told anything.
     pub told: Option<&'static str>,
@@ -53,13 +53,15 @@ impl ContextSource {
         runs: Option<NonZeroU64>,
     ) -> Result<Option<ContextSource>, ConditioningError> {
         run.policy_bundle()?;
-        Ok((run.manifest().against == Against::Conditional).then_some(
-            match runs.map(NonZeroU64::get) {
-                None => ContextSource::Nominal,
-                Some(few) if few < RECORDED_RUNS + LEAST_RUNS => ContextSource::Identified(few),
-                _ => ContextSource::Identified(RECORDED_RUNS),
-            },
-        ))
+        Ok(
+            (run.manifest().against == TrainingEgos::Conditioned).then_some(
+                match runs.map(NonZeroU64::get) {
+                    None => ContextSource::Nominal,
+                    Some(few) if few < RECORDED_RUNS + LEAST_RUNS => ContextSource::Identified(few),
+                    _ => ContextSource::Identified(RECORDED_RUNS),
+                },
+            ),
+        )
     }
 
     /// Runs of each ego that go into identifying it.

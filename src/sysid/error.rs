@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::identify::IdentifyError;
 use crate::run_dir::RunError;
-use crate::world::MisfitMember;
+use crate::world::SampleError;
 
 /// The parameters of an ego could not be given to an ado.
 #[derive(Debug, thiserror::Error)]
@@ -20,7 +20,7 @@ pub enum ConditioningError {
     #[error("{error}")]
     Misfit {
         /// The parameter that is missing, unknown or out of range.
-        error: MisfitMember,
+        error: SampleError,
         /// Parameters of the ado, in order.
         known: Vec<String>,
     },
@@ -32,7 +32,7 @@ pub enum ConditioningError {
     NoPlant,
     /// The member that was identified is none: a fault of this program.
     #[error("{0}")]
-    NoMember(MisfitMember),
+    NoMember(SampleError),
     /// The ego cannot be identified.
     #[error(transparent)]
     Identify(#[from] IdentifyError),

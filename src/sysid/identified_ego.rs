@@ -11,7 +11,7 @@ use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::sim::PlantKind;
 use crate::world::file_text;
-use crate::world::{Family, Member, Scenario};
+use crate::world::{EgoSample, Family, Scenario};
 
 /// An ego as the nearest member of a family, and how far that is to be trusted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,7 +89,7 @@ impl IdentifiedAs {
         &self,
         family: &Family,
         plant: PlantKind,
-    ) -> Result<(Member, &'static str), ConditioningError> {
+    ) -> Result<(EgoSample, &'static str), ConditioningError> {
         if !is_telling(self.explains, self.residual_m, self.nominal_residual_m) {
             return Ok((family.nominal(plant), "nominal"));
         }
@@ -103,20 +103,21 @@ impl IdentifiedAs {
 
 /// What a run keeps of an ego.
 #[derive(Serialize, Deserialize)]
-struct Kept {
+struct IdentificationRecord {
     sha256: String,
     identified: IdentifiedAs,
 }
 
-impl Kept {
+impl IdentificationRecord {
     fn read(text: &str) -> Result<IdentifiedAs, String> {
-        let kept: Kept = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let kept: IdentificationRecord =
+            serde_json::from_str(text).map_err(|error| error.to_string())?;
         check(text, &kept.sha256)?;
         Ok(kept.identified)
     }
 
     fn written(found: &IdentifiedAs) -> Result<String, serde_json::Error> {
-        let kept = Kept {
+        let kept = IdentificationRecord {
             sha256: BLANK.to_owned(),
             identified: found.clone(),
         };
@@ -142,7 +143,7 @@ pub(super) fn identified(
         && let Ok(text) = file_text(place)
     {
         let (name, place) = (ego.name(), place.display());
-        match Kept::read(&text) {
+        match IdentificationRecord::read(&text) {
             Ok(kept) => {
                 watch.note(&format!("`{name}`: identified before ({place})"));
                 return Ok(Some(kept));
@@ -165,7 +166,7 @@ pub(super) fn identified(
     let family = family.ok_or(ConditioningError::NoFamily)?;
     let found = IdentifiedAs::of(ego.name(), family, &found);
     if let Some(place) = &place {
-        let text = Kept::written(&found).map_err(|error| RunError::Damaged {
+        let text = IdentificationRecord::written(&found).map_err(|error| RunError::Damaged {
             path: place.clone(),
             why: error.to_string(),
         })?;

@@ -13,13 +13,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::recording::IdentifyRequest;
-use super::recording::{Recorded, deviations, noise_m, record};
+use super::recording::{RecordedRuns, deviations, noise_m, record};
 use crate::experiment::Watch;
 use crate::seed;
 use crate::sim::PlantKind;
 pub(super) use crate::stats::descend;
-use crate::stats::{Fit, Search, cost};
-use crate::world::{Family, Member, Scenario};
+use crate::stats::{CrossEntropySearch, Fit, cost};
+use crate::world::{EgoSample, Family, Scenario};
 
 /// Number of independent fits, which show if they agree.
 const REFITS: u64 = 3;
@@ -40,7 +40,7 @@ const SHOWS_SHARE: f64 = 0.05;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
     /// Nearest member. Quantities that are not observable are nominal.
-    pub member: Member,
+    pub member: EgoSample,
     /// Standard deviation of each quantity over independent fits.
     pub spread: Vec<f64>,
     /// Whether each quantity is not observable in the runs.
@@ -69,7 +69,7 @@ impl Identified {
     ///
     /// They are those of the member, or nominal if the member does not describe the ego
     /// ([`is_telling`]).
-    pub fn told(&self, family: &Family) -> (Member, &'static str) {
+    pub fn told(&self, family: &Family) -> (EgoSample, &'static str) {
         if is_telling(self.explains(), self.residual_m, self.nominal_residual_m) {
             (self.member.clone(), "identified")
         } else {
@@ -195,7 +195,7 @@ fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> 
 struct Lab<'a> {
     world: &'a Scenario,
     family: &'a Family,
-    recorded: &'a Recorded,
+    recorded: &'a RecordedRuns,
     watch: &'a Watch<'a>,
     simulations: AtomicU64,
 }
@@ -214,7 +214,7 @@ impl Lab<'_> {
         let costs = |points: &[Vec<f64>]| coarse(points).iter().map(|d| cost(d)).collect();
         let nominal = free.iter().map(|&i| self.family.quantities[i].unit());
         let nominal: Vec<f64> = nominal.collect();
-        let mut found = Search::WIDE.run(nominal.clone(), &mut dice, &costs);
+        let mut found = CrossEntropySearch::WIDE.run(nominal.clone(), &mut dice, &costs);
         let smooth: Vec<usize> = (0..free.len())
             .filter(|&d| self.family.quantities[free[d]].step == 0.0)
             .collect();
@@ -249,7 +249,7 @@ impl Lab<'_> {
         } else {
             return found;
         };
-        let near = Search::NEAR.run(centre, &mut dice, &costs);
+        let near = CrossEntropySearch::NEAR.run(centre, &mut dice, &costs);
         let near = descend(near.point, &smooth, &fine);
         if near.cost < found.cost { near } else { found }
     }
@@ -266,7 +266,7 @@ impl Lab<'_> {
             .collect()
     }
 
-    fn member(&self, free: &[usize], plant: PlantKind, point: &[f64]) -> Member {
+    fn member(&self, free: &[usize], plant: PlantKind, point: &[f64]) -> EgoSample {
         let mut member = self.family.nominal(plant);
         for (&i, u) in free.iter().zip(point) {
             let quantity = &self.family.quantities[i];
@@ -275,11 +275,11 @@ impl Lab<'_> {
         member
     }
 
-    fn residual_m(&self, member: &Member) -> f64 {
+    fn residual_m(&self, member: &EgoSample) -> f64 {
         cost(&self.deviations(member))
     }
 
-    fn deviations(&self, member: &Member) -> Vec<f64> {
+    fn deviations(&self, member: &EgoSample) -> Vec<f64> {
         let mut variant = self.family.variant(member);
         // Members drive without noise, as they do on average.
         variant.sensors.position_sd_m = 0.0;
@@ -299,7 +299,7 @@ impl Lab<'_> {
     }
 
     fn conclude(&self, free: &[usize], plant: PlantKind, fits: &[Fit]) -> Identified {
-        let members: Vec<Member> = fits
+        let members: Vec<EgoSample> = fits
             .iter()
             .map(|fit| self.member(free, plant, &fit.point))
             .collect();
@@ -328,7 +328,7 @@ impl Lab<'_> {
     }
 
     /// Sets a quantity to nominal if its whole range fits about as well.
-    fn hide(&self, member: &mut Member, i: usize, cost_m: f64) -> bool {
+    fn hide(&self, member: &mut EgoSample, i: usize, cost_m: f64) -> bool {
         let quantity = &self.family.quantities[i];
         let bound_m = self.bound_m();
         let allowed_m = cost_m + SHOWS_M.max(SHOWS_SHARE * cost_m);

@@ -2,7 +2,7 @@
 
 use crate::ego::Fault;
 use crate::experiment::Watch;
-use crate::scene::{Flow, Scene, Start};
+use crate::scene::{Scene, Start, StepOutcome};
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
 use crate::world::Scenario;
@@ -27,20 +27,20 @@ pub struct IdentifyRequest<'a> {
 }
 
 /// Position x, y and speed of the ego.
-type Seen = [f64; 3];
+type EgoState = [f64; 3];
 
 /// Runs from one start under the same actions, with the ego's mean motion.
-pub(super) struct Recording {
+pub(super) struct EgoRecording {
     start: Start,
     actions: Vec<usize>,
-    seen: Vec<Seen>,
+    seen: Vec<EgoState>,
     /// Sum of squared differences between two runs under different noise.
     apart: f64,
 }
 
 /// Recordings and the number of runs that they took.
-pub(super) struct Recorded {
-    pub recordings: Vec<Recording>,
+pub(super) struct RecordedRuns {
+    pub recordings: Vec<EgoRecording>,
     pub runs: u64,
 }
 
@@ -50,12 +50,12 @@ pub(super) struct Recorded {
 /// The first start is run twice under different noise. If the runs differ, every start is
 /// run twice and the two runs are averaged.
 /// A start is left out if the ego fails at once or if too few runs are left.
-pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Recorded {
+pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> RecordedRuns {
     let (ego, starts, seed) = (request.ego, request.runs, request.seed);
     let mut scene = ego.world().scene();
     let bench = ego.bench();
     let columns = columns(ego);
-    let mut recorded = Recorded {
+    let mut recorded = RecordedRuns {
         recordings: Vec::with_capacity(starts),
         runs: 0,
     };
@@ -101,7 +101,7 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
         }
         // A single sample contains no motion.
         if 1 < seen.len() {
-            recorded.recordings.push(Recording {
+            recorded.recordings.push(EgoRecording {
                 start,
                 actions,
                 seen,
@@ -112,7 +112,7 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
     recorded
 }
 
-fn mean(one: &[Seen], other: &[Seen]) -> Vec<Seen> {
+fn mean(one: &[EgoState], other: &[EgoState]) -> Vec<EgoState> {
     let pairs = one.iter().zip(other);
     pairs
         .map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i])))
@@ -125,7 +125,7 @@ fn mean(one: &[Seen], other: &[Seen]) -> Vec<Seen> {
 pub(super) fn deviations(
     scene: &mut dyn Scene,
     world: &Scenario,
-    recordings: &[Recording],
+    recordings: &[EgoRecording],
 ) -> Vec<f64> {
     let columns = columns(world);
     let mut all = Vec::new();
@@ -140,23 +140,27 @@ pub(super) fn deviations(
 }
 
 /// Pairs the samples of a recording with those of a run, extended by its last sample.
-fn pairs<'a>(seen: &'a [Seen], run: &'a [Seen]) -> impl Iterator<Item = (&'a Seen, &'a Seen)> {
+fn pairs<'a>(
+    seen: &'a [EgoState],
+    run: &'a [EgoState],
+) -> impl Iterator<Item = (&'a EgoState, &'a EgoState)> {
     // Invariant: every run has a first sample.
     let rest = run.last().into_iter().cycle();
     seen.iter().zip(run.iter().chain(rest))
 }
 
 /// Returns the error of an ego's averaged runs due to its noise, m.
-pub(super) fn noise_m(runs: &[Recording]) -> f64 {
+pub(super) fn noise_m(runs: &[EgoRecording]) -> f64 {
     let sum: f64 = runs.iter().map(|run| run.apart).sum();
     let count: usize = runs.iter().map(|run| run.seen.len()).sum();
     // Two runs differ by √2 σ, and their mean differs from the true mean by σ/√2.
     0.5 * (sum / count.max(1) as f64).sqrt()
 }
 
-fn squares(one: &[Seen], other: &[Seen]) -> f64 {
-    let square =
-        |(a, b): (&Seen, &Seen)| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
+fn squares(one: &[EgoState], other: &[EgoState]) -> f64 {
+    let square = |(a, b): (&EgoState, &EgoState)| -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+    };
     pairs(one, other).map(square).sum()
 }
 
@@ -176,7 +180,7 @@ fn run(
     noise: u64,
     actions: &[usize],
     columns: [usize; 3],
-) -> Result<Vec<Seen>, Fault> {
+) -> Result<Vec<EgoState>, Fault> {
     let clock = *scene.clock();
     let mut row = vec![0.0; scene.schema().len()];
     let mut seen = Vec::with_capacity(clock.samples());
@@ -190,12 +194,12 @@ fn run(
                 return Ok(seen);
             }
             let flow = scene.advance();
-            if let Flow::Fault(fault) = flow {
+            if let StepOutcome::Fault(fault) = flow {
                 return Err(fault);
             }
             scene.publish(&mut row);
             seen.push(columns.map(|column| row[column]));
-            if matches!(flow, Flow::Contact(_)) {
+            if matches!(flow, StepOutcome::Contact(_)) {
                 return Ok(seen);
             }
         }

@@ -76,10 +76,10 @@ pub fn count_faults<'a>(faults: impl IntoIterator<Item = (u64, &'a Fault)>) -> V
 /// faults are allowed, only an ego that never ran is given up. Clones share
 /// their counts.
 #[derive(Clone, Debug, Default)]
-pub struct FaultLog(Arc<Shared>);
+pub struct FaultLog(Arc<FaultBudget>);
 
 #[derive(Debug, Default)]
-struct Shared {
+struct FaultBudget {
     /// Largest allowed share of invalid episodes in a row.
     allowed: f64,
     given_up: AtomicBool,
@@ -99,9 +99,9 @@ struct State {
 impl FaultLog {
     /// Creates a log that allows a share of invalid episodes per row, from 0 to 1.
     pub fn allowing(share: f64) -> FaultLog {
-        FaultLog(Arc::new(Shared {
+        FaultLog(Arc::new(FaultBudget {
             allowed: share,
-            ..Shared::default()
+            ..FaultBudget::default()
         }))
     }
 

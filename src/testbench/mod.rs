@@ -23,10 +23,10 @@ use crate::ego::{Command, Fault, FaultKind};
 use crate::preventability::Replayer;
 use crate::rl::Spaces;
 use crate::rulebook::{Counts, Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdict};
-use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
+use crate::scene::{Axis, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start, StepOutcome};
 use crate::seed::StartKey;
 use crate::trace::{Schema, Trace};
-use recording::Recording;
+use recording::MotionRecorder;
 
 /// Record of a played episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ pub struct Episode {
     /// ρ(ψ_ego) of the judged samples.
     pub robustness: f64,
     /// The first contact, if the agents touched.
-    pub contact: Option<Touch>,
+    pub contact: Option<ContactEvent>,
     /// After a success that ended in contact: rules kept or broken up to the contact.
     pub rules_until_contact: Option<RulesUntilContact>,
     /// Fault that made the verdict invalid.
@@ -85,14 +85,14 @@ pub struct Testbench {
     row: Vec<f64>,
     verdict: Option<Verdict>,
     judged: usize,
-    contact: Option<Touch>,
+    contact: Option<ContactEvent>,
     /// First rule violated after a success, with its time.
     lost: Option<(usize, f64)>,
     fault: Option<Fault>,
     decisions: usize,
     advances: u64,
     aftermath: Aftermath,
-    recording: Recording,
+    recording: MotionRecorder,
     /// Replays with reference drivers in the ego's place, created on first use.
     replayer: Option<Replayer>,
 }
@@ -113,7 +113,7 @@ impl Testbench {
             decisions: 0,
             advances: 0,
             aftermath: Aftermath::Skip,
-            recording: Recording::asked(matches!(rulebook.counts, Counts::Preventable { .. })),
+            recording: MotionRecorder::asked(matches!(rulebook.counts, Counts::Preventable { .. })),
             replayer: None,
             scene,
             rulebook,
@@ -123,7 +123,7 @@ impl Testbench {
     /// Plays on a different scene from the next episode on.
     ///
     /// It must publish the same signals on the same clocks.
-    pub fn restage(&mut self, scene: Box<dyn Scene>) {
+    pub fn replace_scene(&mut self, scene: Box<dyn Scene>) {
         // Invariant: the rulebook is bound to this schema.
         assert!(
             Arc::ptr_eq(self.scene.schema(), scene.schema()),
@@ -170,7 +170,7 @@ impl Testbench {
     }
 
     /// Returns the static content, for viewers.
-    pub fn stage(&self) -> Stage {
+    pub fn stage(&self) -> SceneGeometry {
         self.scene.stage()
     }
 
@@ -267,7 +267,7 @@ impl Testbench {
     }
 
     /// Returns the first contact, if the agents touched.
-    pub fn contact(&self) -> Option<&Touch> {
+    pub fn contact(&self) -> Option<&ContactEvent> {
         self.contact.as_ref()
     }
 
@@ -343,13 +343,13 @@ impl Testbench {
     fn sample(&mut self) {
         self.advances += 1;
         let stop = match self.scene.advance() {
-            Flow::Going if self.samples_left() == 1 => Some(Stop::Horizon),
-            Flow::Going => None,
-            Flow::Contact(touch) => {
+            StepOutcome::Going if self.samples_left() == 1 => Some(Stop::Horizon),
+            StepOutcome::Going => None,
+            StepOutcome::Contact(touch) => {
                 self.contact = Some(touch);
                 Some(Stop::Contact)
             }
-            Flow::Fault(fault) => return self.fail(fault),
+            StepOutcome::Fault(fault) => return self.fail(fault),
         };
         self.push_motion();
         self.record(stop);

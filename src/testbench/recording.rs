@@ -5,19 +5,19 @@ use crate::scene::{BodySample, Motion, Passage, Start};
 
 /// Recording of the running episode.
 #[derive(Clone, Default)]
-pub(super) struct Recording {
+pub(super) struct MotionRecorder {
     asked: bool,
     motion: Option<Motion>,
     /// Current sample of every agent, kept to save the allocation.
     bodies: Vec<BodySample>,
 }
 
-impl Recording {
+impl MotionRecorder {
     /// Creates a recording that is active from the first episode, if requested.
-    pub(super) fn asked(asked: bool) -> Recording {
-        Recording {
+    pub(super) fn asked(asked: bool) -> MotionRecorder {
+        MotionRecorder {
             asked,
-            ..Recording::default()
+            ..MotionRecorder::default()
         }
     }
 
@@ -52,7 +52,7 @@ impl Testbench {
         }
         self.read_bodies();
         let sample_s = self.clock().sample_s;
-        let Recording { motion, bodies, .. } = &mut self.recording;
+        let MotionRecorder { motion, bodies, .. } = &mut self.recording;
         if let Some(motion) = motion {
             motion.push(bodies);
             motion.contact = self.contact.clone();

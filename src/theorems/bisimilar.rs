@@ -11,8 +11,8 @@ use super::TheoremsError;
 use super::compare::Witness;
 use super::nearby::TheoremOutcome;
 use super::plays::ROUNDING;
-use crate::experiment::{EpisodeLoop, Turn, Watch};
-use crate::rl::{Dice, Policy};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
+use crate::rl::{LearnerRng, Policy};
 use crate::scene::grid::bisimulation::{Bisimulation, coarse};
 use crate::scene::grid::exact::Game;
 use crate::scene::grid::{Arena, GridWorld, Position, start_of};
@@ -52,9 +52,9 @@ pub struct Theorem3 {
     /// Smallest τ of the trained ado's counterexamples on the unchanged grid.
     pub tau: Option<f64>,
     /// Related start pairs with a counterexample from the unchanged start and ε < τ.
-    pub inside: Carried,
+    pub inside: ReplayedOnGrid,
     /// Unrelated start pairs with a counterexample from the unchanged start.
-    pub outside: Carried,
+    pub outside: ReplayedOnGrid,
     /// Broken promises of the theorem, each of which is a bug.
     pub misses: usize,
     /// Overall result of the check.
@@ -63,7 +63,7 @@ pub struct Theorem3 {
 
 /// Counterexamples that were played on the changed grid.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Carried {
+pub struct ReplayedOnGrid {
     /// Start pairs played.
     pub pairs: usize,
     /// Runs in which the ego failed under the same actions (Definition 5).
@@ -109,7 +109,7 @@ pub fn theorem_3(
     relation: &Bisimulation,
 ) -> Result<Theorem3, TheoremsError> {
     let (first, second) = (world(nominal)?, world(changed)?);
-    let trial = Trial {
+    let trial = GridComparison {
         nominal: found(nominal, policy),
         worlds: [first, second],
         games: [Game::of(first), Game::of(second)],
@@ -195,7 +195,7 @@ fn found(nominal: &Scenario, policy: &dyn Policy) -> HashMap<Position, FoundAt> 
     let arena = nominal.grid().map(|world| world.spec().arena);
     let starts: Vec<Position> = arena.iter().flat_map(Arena::starts).collect();
     let horizon = nominal.bench().clock().samples();
-    let one = |bench: &mut Testbench, both: &Position, _: &Turn| {
+    let one = |bench: &mut Testbench, both: &Position, _: &WorkItem| {
         // A grid has no noise, so the seed is 0 everywhere.
         let start = start_of(*both);
         let episode = play(bench, &start, 0, &mut PolicyActor(policy), Aftermath::Skip);
@@ -213,7 +213,7 @@ fn found(nominal: &Scenario, policy: &dyn Policy) -> HashMap<Position, FoundAt> 
     found.into_iter().flatten().collect()
 }
 
-struct Trial<'a> {
+struct GridComparison<'a> {
     nominal: HashMap<Position, FoundAt>,
     worlds: [&'a GridWorld; 2],
     games: [Game; 2],
@@ -222,7 +222,7 @@ struct Trial<'a> {
     epsilon: f64,
 }
 
-impl Trial<'_> {
+impl GridComparison<'_> {
     fn coarse(&self, both: Position) -> Position {
         coarse(&self.games[0], &self.games[1], both)
     }
@@ -238,7 +238,12 @@ impl Trial<'_> {
     ///
     /// `promised` enables the count, and `by_cell` includes the policy on unchanged cells.
     /// At most [`MOST_PLAYED`] pairs are played.
-    fn carried(&self, starts: Vec<Position>, by_cell: bool, promised: bool) -> (Carried, usize) {
+    fn carried(
+        &self,
+        starts: Vec<Position>,
+        by_cell: bool,
+        promised: bool,
+    ) -> (ReplayedOnGrid, usize) {
         let below = |found: &&FoundAt| !promised || self.epsilon < found.tau;
         let pairs = starts.into_iter().filter_map(|both| {
             let found = self.nominal.get(&self.coarse(both)).filter(below)?;
@@ -247,12 +252,12 @@ impl Trial<'_> {
         let mut pairs: Vec<(Position, &FoundAt)> = pairs.collect();
         if MOST_PLAYED < pairs.len() {
             // The seed is fixed, so equal requests play the same pairs.
-            Dice::new(CHOICE).shuffle(&mut pairs);
+            LearnerRng::new(CHOICE).shuffle(&mut pairs);
             pairs.truncate(MOST_PLAYED);
         }
         let unwatched = Watch::unwatched();
         let all = EpisodeLoop::uncounted(&unwatched);
-        let one = |bench: &mut Testbench, pair: &(Position, &FoundAt), _: &Turn| {
+        let one = |bench: &mut Testbench, pair: &(Position, &FoundAt), _: &WorkItem| {
             let (both, found) = *pair;
             let lifted = self.lifted(both);
             let own = &mut PolicyActor(self.policy);
@@ -266,7 +271,7 @@ impl Trial<'_> {
             Some((runs.map(|run| Fate::of(&run)), found.by))
         };
         let played = all.run(&pairs, || self.changed.bench(), one);
-        let mut carried = Carried::default();
+        let mut carried = ReplayedOnGrid::default();
         let mut misses = 0;
         for (runs, by) in played.into_iter().flatten() {
             let [replayed, cell, own] = runs.map(|run| usize::from(run.success));

@@ -38,7 +38,7 @@ pub struct Forecast {
 }
 
 /// Test pair in the form that a forecast uses.
-pub(super) struct Case {
+pub(super) struct ForecastCase {
     /// Distances that the prediction bounded.
     pub distances: Vec<f64>,
     /// Margins below which carry-over is certain.
@@ -50,7 +50,7 @@ pub(super) struct Case {
 /// Bounds each component of the distance, jointly at level 1 − `alpha`.
 ///
 /// Several components share `alpha` equally (Bonferroni).
-pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[Case], alpha: f64) -> Forecast {
+pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[ForecastCase], alpha: f64) -> Forecast {
     let components = calibration.first().map_or(1, Vec::len).max(1);
     let share = alpha / components as f64;
     let quantiles: Vec<f64> = (0..components)
@@ -59,16 +59,16 @@ pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[Case], alpha: f64) -> 
             conformal(column.copied().collect(), share)
         })
         .collect();
-    let below = |case: &&Case| {
+    let below = |case: &&ForecastCase| {
         let mut pairs = case.distances.iter().zip(&quantiles);
         pairs.all(|(distance, q)| distance <= q)
     };
-    let promises = |case: &&Case| {
+    let promises = |case: &&ForecastCase| {
         let mut pairs = quantiles.iter().zip(&case.margins);
         // Strictly below, as Theorem 3 requires ε < τ.
         pairs.all(|(q, margin)| q < margin)
     };
-    let count = |test: &dyn Fn(&&Case) -> bool| tests.iter().filter(test).count();
+    let count = |test: &dyn Fn(&&ForecastCase) -> bool| tests.iter().filter(test).count();
     let covered = count(&below);
     let predicted = count(&promises);
     let carried = count(&|case| case.carried);
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn a_prediction_is_made_where_the_bound_is_below_the_margin() {
         let calibration: Vec<Vec<f64>> = (1..=9).map(|i| vec![f64::from(i)]).collect();
-        let case = |distance, margin, carried| Case {
+        let case = |distance, margin, carried| ForecastCase {
             distances: vec![distance],
             margins: vec![margin],
             carried,

@@ -13,7 +13,7 @@ mod nearby;
 mod plays;
 mod transfer;
 
-pub use bisimilar::{Carried, Theorem3, bisimulations, lifted, theorem_3};
+pub use bisimilar::{ReplayedOnGrid, Theorem3, bisimulations, lifted, theorem_3};
 pub use compare::{Distance, Witness};
 pub use forecast::Forecast;
 pub use grid::{GridTheorems, grid_theorems, optimal_values};

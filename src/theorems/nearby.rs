@@ -6,7 +6,7 @@
 use serde::Serialize;
 
 use super::TheoremsError;
-use super::plays::{GridUnderTest, Played, ROUNDING};
+use super::plays::{GridUnderTest, ROUNDING, TheoremEpisode};
 use crate::rl::Policy;
 use crate::scene::grid::values::ValueTable;
 use crate::world::Scenario;
@@ -111,7 +111,7 @@ pub fn theorem_1(
     let values = grid.values(table);
     let played = [grid.greedy(table)?, grid.trained(policy)?];
     let learned = grid.values(&table.learned(grid.world, policy));
-    let paid = played[0].iter().map(Played::paid);
+    let paid = played[0].iter().map(TheoremEpisode::paid);
     let found: Vec<bool> = played[1].iter().map(|run| run.success).collect();
     let optimally = found.iter().zip(&played[1]).zip(&values);
     let mut checked = Theorem1 {
@@ -134,7 +134,7 @@ pub fn theorem_1(
 }
 
 /// Returns whether a run earned the value of a table: the proof's V*(x0) = γ^T τ.
-fn is_paid(run: &Played, value: f64) -> bool {
+fn is_paid(run: &TheoremEpisode, value: f64) -> bool {
     (run.paid() - value).abs() <= ROUNDING
 }
 
@@ -146,7 +146,7 @@ fn largest_gap(ours: impl Iterator<Item = f64>, others: &[f64]) -> f64 {
 fn theorem_1_row(
     grid: &GridUnderTest<'_>,
     values: &[f64],
-    played: &[Vec<Played>; 2],
+    played: &[Vec<TheoremEpisode>; 2],
     delta: f64,
 ) -> Theorem1Row {
     let held = grid.held_at_best();
@@ -377,7 +377,7 @@ pub fn theorem_2(
 fn theorem_2_row(
     grid: &GridUnderTest<'_>,
     values: &[f64],
-    [greedy, agent]: &[&Vec<Played>; 2],
+    [greedy, agent]: &[&Vec<TheoremEpisode>; 2],
     beta: f64,
     [spent, loss]: [f64; 2],
 ) -> Theorem2Row {
@@ -395,7 +395,8 @@ fn theorem_2_row(
         let near = |there: &usize| (values[here] - values[*there]).abs() <= beta;
         for there in (0..values.len()).filter(near) {
             let (greedy, agent) = (greedy[there], agent[there]);
-            let kept = |run: &Played, have: f64, want: f64| run.lawful && want - ROUNDING <= have;
+            let kept =
+                |run: &TheoremEpisode, have: f64, want: f64| run.lawful && want - ROUNDING <= have;
             counts[0] += 1;
             counts[1] += u64::from(held < bound);
             counts[2] += u64::from(!kept(&greedy, greedy.paid(), bound));

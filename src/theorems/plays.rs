@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::TheoremsError;
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::Start;
@@ -29,7 +29,7 @@ pub(super) struct GridUnderTest<'a> {
 
 /// Episode in the form that Theorems 1 and 2 use.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Played {
+pub(super) struct TheoremEpisode {
     /// γ^T, where T is the index of the decision that ended the episode.
     pub(super) weight: f64,
     /// Reward R_T.
@@ -40,7 +40,7 @@ pub(super) struct Played {
     pub(super) success: bool,
 }
 
-impl Played {
+impl TheoremEpisode {
     /// Returns γ^T R_T.
     pub(super) fn paid(&self) -> f64 {
         self.weight * self.reward
@@ -70,7 +70,7 @@ impl<'a> GridUnderTest<'a> {
     }
 
     /// Plays the greedy policy of a table from every start.
-    pub(super) fn greedy(&self, table: &ValueTable) -> Result<Vec<Played>, TheoremsError> {
+    pub(super) fn greedy(&self, table: &ValueTable) -> Result<Vec<TheoremEpisode>, TheoremsError> {
         self.played(|bench, start| {
             let actions = table.actions(position_of(start, &self.game.arena));
             let mut ado = Replay::holding(&actions);
@@ -79,16 +79,19 @@ impl<'a> GridUnderTest<'a> {
     }
 
     /// Plays the trained ado from every start.
-    pub(super) fn trained(&self, policy: &dyn Policy) -> Result<Vec<Played>, TheoremsError> {
+    pub(super) fn trained(
+        &self,
+        policy: &dyn Policy,
+    ) -> Result<Vec<TheoremEpisode>, TheoremsError> {
         self.played(|bench, start| play(bench, start, 0, &mut PolicyActor(policy), Aftermath::Skip))
     }
 
     fn played(
         &self,
         episode: impl Fn(&mut Testbench, &Start) -> Episode + Sync + Send,
-    ) -> Result<Vec<Played>, TheoremsError> {
+    ) -> Result<Vec<TheoremEpisode>, TheoremsError> {
         let unwatched = Watch::unwatched();
-        let one = |bench: &mut Testbench, start: &Start, _: &Turn| {
+        let one = |bench: &mut Testbench, start: &Start, _: &WorkItem| {
             let episode = episode(bench, start);
             Some(self.read(&episode))
         };
@@ -98,7 +101,7 @@ impl<'a> GridUnderTest<'a> {
     }
 
     /// Reads an episode, if its specification is supported.
-    fn read(&self, episode: &Episode) -> Result<Played, TheoremsError> {
+    fn read(&self, episode: &Episode) -> Result<TheoremEpisode, TheoremsError> {
         let not_solved = |why: String| not_solved(self.scenario, why);
         let from = &episode.start.0;
         let Some(reward) = self.scenario.rulebook().reward_of(&episode.verdict) else {
@@ -116,7 +119,7 @@ impl<'a> GridUnderTest<'a> {
             )));
         }
         let last = episode.actions.len().saturating_sub(1);
-        Ok(Played {
+        Ok(TheoremEpisode {
             weight: self.discount.powi(last as i32),
             reward,
             lawful,

@@ -3,9 +3,9 @@
 use serde::{Serialize, Serializer};
 
 use super::compare::Witness;
-use super::forecast::{Case, Forecast, forecast, word};
+use super::forecast::{Forecast, ForecastCase, forecast, word};
 use super::{TheoremsError, TheoremsRequest};
-use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Actor, Aftermath, Constant, Episode, PolicyActor, Replay, Testbench};
@@ -137,7 +137,7 @@ pub fn carry_over(
     if changed.is_empty() && refused.is_empty() {
         return Err(TheoremsError::NothingChanged { world });
     }
-    let played = Played {
+    let played = TransferReplay {
         request,
         changed: &changed,
         // Test and calibration starts share a progress bar.
@@ -180,16 +180,16 @@ fn is_stochastic(scenario: &Scenario) -> bool {
 }
 
 /// Nominal counterexample with its runs on the changed egos.
-struct Compared {
+struct ComparedCounterexample {
     tau_at_verdict: f64,
     tau: f64,
     /// Margins of the sharper test. `None` unless it applies.
     sharp_margins: Option<Vec<f64>>,
     /// Run per changed ego and way of acting.
-    runs: Vec<Run>,
+    runs: Vec<TransferRun>,
 }
 
-struct Run {
+struct TransferRun {
     carried: bool,
     epsilon: f64,
     covered: bool,
@@ -200,18 +200,18 @@ struct Run {
 /// Bench of the nominal ego and a bench per changed ego.
 type Benches = (Testbench, Vec<Testbench>);
 
-struct Played<'a> {
+struct TransferReplay<'a> {
     request: &'a TheoremsRequest<'a>,
     changed: &'a [&'a (String, Scenario)],
     all: EpisodeLoop<'a>,
     watch: &'a Watch<'a>,
 }
 
-impl Played<'_> {
+impl TransferReplay<'_> {
     /// Returns the counterexamples of a purpose, in the order of their starts.
-    fn all(&self, purpose: Purpose) -> Vec<Compared> {
+    fn all(&self, purpose: Purpose) -> Vec<ComparedCounterexample> {
         let starts = self.request.starts;
-        let compare_one = |benches: &mut Benches, test: &(Start, u64), turn: &Turn| {
+        let compare_one = |benches: &mut Benches, test: &(Start, u64), turn: &WorkItem| {
             let (start, noise) = match purpose {
                 // The ego fails there by itself, so the ado has no part in the failure.
                 Purpose::Test if starts.trivial[turn.index] => return None,
@@ -251,7 +251,7 @@ impl Played<'_> {
         (nominal, changed): &mut Benches,
         (start, noise): (&Start, u64),
         index: usize,
-    ) -> Option<Compared> {
+    ) -> Option<ComparedCounterexample> {
         let horizon = nominal.clock().samples();
         let mut ado = PolicyActor(self.request.policy);
         let (watch, from) = (self.watch, (start, noise));
@@ -259,7 +259,7 @@ impl Played<'_> {
         let first = watch.play(nominal, from, index, &mut ado, Aftermath::Play);
         let witness = Witness::of(nominal.rulebook(), &first, horizon)?;
         let runs = changed.iter_mut().flat_map(|bench| {
-            let mut run = |ado: &mut dyn Actor| -> Run {
+            let mut run = |ado: &mut dyn Actor| -> TransferRun {
                 let other = watch.play(bench, from, index, ado, Aftermath::Play);
                 compare(&witness, bench, &other, horizon)
             };
@@ -267,7 +267,7 @@ impl Played<'_> {
             // The replay uses the nominal actions, as Definition 5 requires.
             [closed, run(&mut Replay::holding(&first.actions))]
         });
-        Some(Compared {
+        Some(ComparedCounterexample {
             runs: runs.collect(),
             tau_at_verdict: witness.tau_at_verdict,
             tau: witness.tau,
@@ -276,14 +276,14 @@ impl Played<'_> {
     }
 }
 
-fn compare(witness: &Witness, bench: &Testbench, other: &Episode, horizon: usize) -> Run {
+fn compare(witness: &Witness, bench: &Testbench, other: &Episode, horizon: usize) -> TransferRun {
     let distance = witness.distance(bench.rulebook(), other, horizon);
     let sharp = witness.covers_sharply(&distance).and_then(|covered| {
         let rules = distance.rules.iter().copied();
         let parts = std::iter::once(distance.rise?).chain(rules);
         Some((parts.collect(), covered))
     });
-    Run {
+    TransferRun {
         carried: other.verdict.is_success(),
         epsilon: distance.epsilon,
         covered: witness.covers(&distance),
@@ -295,13 +295,13 @@ fn row(
     ego: &str,
     ado: &'static str,
     column: usize,
-    (tests, calibration): (&[Compared], &[Compared]),
+    (tests, calibration): (&[ComparedCounterexample], &[ComparedCounterexample]),
     request: &TheoremsRequest<'_>,
 ) -> CarriedOver {
     let alpha = request.alpha;
     let runs = || tests.iter().map(|test| (test, &test.runs[column]));
-    let plain: Vec<Case> = runs()
-        .map(|(test, run)| Case {
+    let plain: Vec<ForecastCase> = runs()
+        .map(|(test, run)| ForecastCase {
             distances: vec![run.epsilon],
             margins: vec![test.tau],
             carried: run.carried,
@@ -312,16 +312,16 @@ fn row(
         .map(|start| vec![start.runs[column].epsilon])
         .collect();
     // `None` as soon as a case lacks the sharper test, which applies to all or none.
-    let sharp: Option<Vec<Case>> = runs()
+    let sharp: Option<Vec<ForecastCase>> = runs()
         .map(|(test, run)| {
-            Some(Case {
+            Some(ForecastCase {
                 distances: run.sharp.as_ref()?.0.clone(),
                 margins: test.sharp_margins.clone()?,
                 carried: run.carried,
             })
         })
         .collect();
-    let promised = |test: fn(&Run) -> bool| runs().filter(|(_, run)| test(run)).count();
+    let promised = |test: fn(&TransferRun) -> bool| runs().filter(|(_, run)| test(run)).count();
     let sharper = sharp.map(|cases| {
         let seen = calibration
             .iter()
@@ -346,7 +346,7 @@ fn row(
     }
 }
 
-impl Run {
+impl TransferRun {
     fn is_sharply_covered(&self) -> bool {
         self.sharp.as_ref().is_some_and(|(_, covered)| *covered)
     }

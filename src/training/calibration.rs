@@ -3,7 +3,7 @@
 
 use super::demonstrations::{Budget, Seeded};
 use super::rollout::successes;
-use super::training_search::{Effort, Scout};
+use super::training_search::{SearchEffort, TrainingSearch};
 use crate::experiment::Watch;
 use crate::rl::Policy;
 use crate::run_dir::Calibration;
@@ -42,7 +42,7 @@ impl<'a> Calibrator<'a> {
     /// With at most one switch of action, then with two where one solves nothing,
     /// as far as the budget goes.
     pub fn new(scenario: &'a Scenario, seed: u64, watch: &Watch<'_>) -> Option<Calibrator<'a>> {
-        let scout = Scout::new(scenario, Purpose::Calibration, seed);
+        let scout = TrainingSearch::new(scenario, Purpose::Calibration, seed);
         let decisions = scenario.learner.decisions();
         let starts = (decisions / 1000).clamp(STARTS.0, STARTS.1);
         let forks = scout.forks();
@@ -53,7 +53,7 @@ impl<'a> Calibrator<'a> {
         };
         let indices: Vec<u64> = (0..starts).collect();
         let progress = (0, indices.len());
-        let effort = Effort::Walk { switches: 1 };
+        let effort = SearchEffort::Walk { switches: 1 };
         let found = scout.search(&indices, (effort, each.max(20)), progress, watch);
         if watch.stopped() {
             return None;

@@ -2,7 +2,7 @@
 //! demonstrations: before a training, and where the ado fails later.
 
 use super::rollout::successes;
-use super::training_search::{Effort, Scout, Scouted};
+use super::training_search::{Scouted, SearchEffort, TrainingSearch};
 use crate::experiment::Watch;
 use crate::rl::{Demonstration, Policy, Seeding};
 use crate::run_dir::Sought;
@@ -49,7 +49,7 @@ pub(super) fn seed_training(
     seeding: &Seeding,
     watch: &Watch<'_>,
 ) -> Option<Seeded> {
-    let scout = Scout::new(scenario, Purpose::Train, seed);
+    let scout = TrainingSearch::new(scenario, Purpose::Train, seed);
     let most = most_simulations(scenario, &scout, seeding);
     let indices: Vec<u64> = (0..seeding.starts as u64)
         .map(|i| FIRST_START + i)
@@ -65,7 +65,7 @@ pub(super) fn seed_training(
         }
         let each = ((most - spent) / CHUNK as u64).max(1);
         let progress = (tried, indices.len());
-        let effort = Effort::Walk { switches: 1 };
+        let effort = SearchEffort::Walk { switches: 1 };
         let found = scout.search(chunk, (effort, each), progress, watch);
         if watch.stopped() {
             return None;
@@ -97,7 +97,7 @@ pub(super) fn seed_failures(
     (seeding, spent): (&Seeding, u64),
     watch: &Watch<'_>,
 ) -> Option<Seeded> {
-    let scout = Scout::new(scenario, Purpose::Train, seed);
+    let scout = TrainingSearch::new(scenario, Purpose::Train, seed);
     let left = most_simulations(scenario, &scout, seeding).saturating_sub(spent);
     let mut seeded = Seeded::default();
     if left <= PLAYED || seeding.starts == 0 {
@@ -130,7 +130,7 @@ pub(super) fn seed_failures(
 }
 
 /// What all searches of a training may spend.
-fn most_simulations(scenario: &Scenario, scout: &Scout<'_>, seeding: &Seeding) -> u64 {
+fn most_simulations(scenario: &Scenario, scout: &TrainingSearch<'_>, seeding: &Seeding) -> u64 {
     let decisions = scenario.learner.decisions();
     let most = seeding.simulations.min(decisions.saturating_mul(2));
     if scout.forks() { most } else { most / 100 }
@@ -152,7 +152,7 @@ impl Seeded {
     /// near starts are changed as soon as there are some, which takes far less.
     pub fn search_harder(
         &mut self,
-        scout: &Scout<'_>,
+        scout: &TrainingSearch<'_>,
         indices: &[u64],
         budget: Budget,
         watch: &Watch<'_>,
@@ -170,7 +170,7 @@ impl Seeded {
             let known = self.demonstrations.clone();
             let mut rest = chunk.to_vec();
             if known.len() >= FEW {
-                let effort = Effort::Mutate {
+                let effort = SearchEffort::Mutate {
                     known: &known,
                     switches: budget.switches,
                 };
@@ -179,7 +179,7 @@ impl Seeded {
                 rest = self.note(&rest, found);
             }
             if known.len() < MANY && !rest.is_empty() {
-                let effort = Effort::Walk { switches: 2 };
+                let effort = SearchEffort::Walk { switches: 2 };
                 let found = scout.search(&rest, (effort, share), progress, watch);
                 self.note(&rest, found);
             }

@@ -6,7 +6,7 @@ use super::train_loop::TrainError;
 use crate::experiment::EgoError;
 use crate::rl::ConfigError;
 use crate::run_dir::{KeptError, RunError};
-use crate::world::{Against, ChangeError, guessed};
+use crate::world::{ChangeError, TrainingEgos, guessed};
 
 /// A training could not begin, go on or end.
 ///
@@ -62,9 +62,9 @@ pub enum SessionError {
         /// The run that is fine-tuned.
         run: PathBuf,
         /// Kind of its ado.
-        was: Against,
+        was: TrainingEgos,
         /// Kind asked for.
-        asked: Against,
+        asked: TrainingEgos,
     },
     /// Goals that the world cannot have.
     #[error("{}", .0.what)]

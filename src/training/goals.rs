@@ -6,8 +6,8 @@
 //! (Goldberg and Richardson, "Genetic algorithms with sharing for multimodal
 //! function optimization", ICGA 1987) with counts in place of a population.
 
-use crate::experiment::{Shape, Story};
-use crate::rl::{Bundle, BundleError};
+use crate::experiment::{CrashClass, CrashFeatures};
+use crate::rl::{BundleError, TensorFile};
 use crate::rulebook::TrainingGoal;
 use crate::testbench::Episode;
 use crate::world::Scenario;
@@ -16,7 +16,7 @@ use crate::world::Scenario;
 pub struct GoalTracker {
     goals: Vec<TrainingGoal>,
     /// The first success of each group, and how many there were.
-    groups: Vec<(Shape, u64)>,
+    groups: Vec<(CrashFeatures, u64)>,
     met: u64,
 }
 
@@ -28,7 +28,7 @@ impl GoalTracker {
     /// The checkpoint holds no counts, or damaged ones.
     pub fn of(
         scenario: &Scenario,
-        checkpoint: Option<&Bundle>,
+        checkpoint: Option<&TensorFile>,
     ) -> Result<Option<GoalTracker>, BundleError> {
         if scenario.goals().is_empty() {
             return Ok(None);
@@ -55,12 +55,12 @@ impl GoalTracker {
         let goals = self.goals.clone();
         let shares = goals.iter().map(|goal| match goal {
             TrainingGoal::Severe => severe(episode),
-            TrainingGoal::Distinct => self.distinct(Shape::of(scenario, episode)),
+            TrainingGoal::Distinct => self.distinct(CrashFeatures::of(scenario, episode)),
         });
         shares.sum::<f64>() / goals.len() as f64
     }
 
-    fn distinct(&mut self, shape: Shape) -> f64 {
+    fn distinct(&mut self, shape: CrashFeatures) -> f64 {
         self.met += 1;
         let found = self
             .groups
@@ -76,9 +76,9 @@ impl GoalTracker {
     }
 
     /// Writes what was counted into a checkpoint.
-    pub fn save(&self, bundle: &mut Bundle) {
+    pub fn save(&self, bundle: &mut TensorFile) {
         let n = self.groups.len();
-        let stories: Vec<&Story> = self.groups.iter().map(|(shape, _)| &shape.story).collect();
+        let stories: Vec<&CrashClass> = self.groups.iter().map(|(shape, _)| &shape.story).collect();
         // Invariant: a story is text and words, which serde_json always writes.
         let stories = serde_json::to_vec(&stories).unwrap_or_default();
         bundle.put("goals/stories", &[stories.len()], stories);
@@ -90,9 +90,9 @@ impl GoalTracker {
         bundle.put::<u64>("goals/counts", &[n], counts);
     }
 
-    fn restore(&mut self, bundle: &Bundle) -> Result<(), BundleError> {
+    fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
         let stories = bundle.rows::<u8>("goals/stories", &[])?;
-        let stories: Vec<Story> =
+        let stories: Vec<CrashClass> =
             serde_json::from_slice(stories).map_err(|error| BundleError::Format {
                 why: error.to_string(),
             })?;
@@ -105,7 +105,8 @@ impl GoalTracker {
         let signals = bundle.get::<f64>("goals/signals", &[n, width])?;
         for (i, story) in stories.into_iter().enumerate() {
             let signals = signals[i * width..(i + 1) * width].to_vec();
-            self.groups.push((Shape { story, signals }, counts[i]));
+            self.groups
+                .push((CrashFeatures { story, signals }, counts[i]));
         }
         self.met = counts.iter().sum();
         Ok(())

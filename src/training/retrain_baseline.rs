@@ -2,8 +2,8 @@
 
 use super::train_loop::{TrainError, train};
 use crate::experiment::Watch;
-use crate::run_dir::{Asked, Beginning, ChangedEgo, RunDir, RunError, file_name};
-use crate::world::{Against, Scenario};
+use crate::run_dir::{Beginning, ChangedEgo, RequestedTraining, RunDir, RunError, file_name};
+use crate::world::{Scenario, TrainingEgos};
 
 /// The ado that was trained for a changed ego, under `RUN/retrained/`.
 ///
@@ -19,7 +19,7 @@ pub fn retrained(
     changed: &Scenario,
     watch: &Watch<'_>,
 ) -> Result<Option<RunDir>, TrainError> {
-    let plain = changed.training_against(Against::Nominal);
+    let plain = changed.training_against(TrainingEgos::Nominal);
     let changed = plain.as_ref().unwrap_or(changed);
     let plant = format!("{:?}", changed.plant()).to_lowercase();
     let name = file_name(&format!("{}-{plant}", ego.name));
@@ -33,7 +33,7 @@ pub fn retrained(
         }
         Err(error) => return Err(error.into()),
     };
-    own.must_be_of(Asked {
+    own.must_be_of(RequestedTraining {
         scenario: changed,
         seed,
         ego: Some(ego),

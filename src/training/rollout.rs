@@ -8,7 +8,7 @@ use crate::world::Scenario;
 
 /// Result of one greedy episode of an ado.
 #[derive(Clone, Default)]
-pub(super) struct Attempt {
+pub(super) struct GreedyEpisode {
     /// Actions of a success, in which the ego failed and all rules were kept.
     pub success: Option<Vec<usize>>,
     pub physics_steps: u64,
@@ -21,13 +21,13 @@ pub(super) fn successes(
     indices: &[u64],
     policy: &dyn Policy,
     watch: &Watch<'_>,
-) -> Option<Vec<Attempt>> {
+) -> Option<Vec<GreedyEpisode>> {
     let all = EpisodeLoop::counted(watch, indices.len());
     let gym = || TrainingGym::new(scenario, purpose, seed);
     let played = all.run(indices, gym, |gym, &index, turn| {
         let before = gym.inner().spent().physics_steps;
         let success = succeeds(gym, index, policy);
-        Some(Attempt {
+        Some(GreedyEpisode {
             success,
             physics_steps: gym.inner().spent().physics_steps - before,
             cpu_s: turn.cpu_s(),

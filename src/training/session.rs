@@ -12,9 +12,9 @@ use crate::experiment::{
 };
 use crate::rl::{LearnerConfig, Policy};
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{Asked, Beginning, ChangedEgo, Row, RunDir, RunError};
+use crate::run_dir::{Beginning, ChangedEgo, RequestedTraining, Row, RunDir, RunError};
 use crate::sim::PlantKind;
-use crate::world::{Against, Change, Scenario};
+use crate::world::{Change, Scenario, TrainingEgos};
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
 const KEPT_EPISODES: usize = 5;
@@ -32,7 +32,7 @@ pub struct TrainRequest<'a> {
     /// Which failures to look for, instead of what the world says.
     pub goals: Option<&'a [TrainingGoal]>,
     /// Against the world's ego, or its family.
-    pub against: Against,
+    pub against: TrainingEgos,
     /// A structure of the family that is not met.
     pub leave_out: Option<&'a str>,
     /// Against a changed ego: a name under `reuse`, or a RON file.
@@ -123,7 +123,7 @@ impl TrainSession {
                 ego: name.to_owned(),
             });
         }
-        run.must_be_of(Asked {
+        run.must_be_of(RequestedTraining {
             scenario: &world,
             seed,
             ego: ego.as_ref(),
@@ -177,7 +177,7 @@ impl TrainSession {
         };
         let request = |ado| self.ego.met_by(ado, &starts);
         let mut evaluated = eval(&request(self.trained(&*policy)), watch);
-        if self.world.against == Against::Conditional {
+        if self.world.against == TrainingEgos::Conditioned {
             evaluated.row.context = Some("nominal".to_owned());
         }
         let (scenario, name) = (self.ego.scenario(), self.ego.name());
@@ -257,7 +257,7 @@ impl TrainRequest<'_> {
             };
             world = world.learning_by(name).ok_or_else(none)?;
         }
-        if self.leave_out.is_some() && self.against != Against::Wide {
+        if self.leave_out.is_some() && self.against != TrainingEgos::Randomized {
             return Err(SessionError::Options(OptionClash::LeaveOut));
         }
         if !self.against.is_nominal() {
@@ -356,7 +356,7 @@ impl TrainRequest<'_> {
 /// become the other.
 fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), SessionError> {
     let was = from.manifest().against;
-    if (was == Against::Conditional) == (world.against == Against::Conditional) {
+    if (was == TrainingEgos::Conditioned) == (world.against == TrainingEgos::Conditioned) {
         return Ok(());
     }
     Err(SessionError::OtherKind {

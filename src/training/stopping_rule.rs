@@ -6,7 +6,7 @@ use super::demonstrations::seed_failures;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
 use crate::rl::Learner;
-use crate::run_dir::{Calibration, Ended, Manifest, Sought};
+use crate::run_dir::{Calibration, Manifest, Sought, TrainingEnd};
 use crate::seed::Purpose;
 use crate::world::Scenario;
 
@@ -19,7 +19,7 @@ const STUCK: f64 = 0.5;
 const EXTENSION: f64 = 0.5;
 
 /// Decides when a training begins anew, goes on, and ends.
-pub(super) struct Patience<'a> {
+pub(super) struct StoppingRule<'a> {
     scenario: &'a Scenario,
     seed: u64,
     watch: &'a Watch<'a>,
@@ -32,7 +32,7 @@ pub(super) struct Patience<'a> {
     looked: u64,
     /// As of the last time that all decisions asked for were taken.
     pub calibration: Option<Calibration>,
-    pub ended: Option<Ended>,
+    pub ended: Option<TrainingEnd>,
     /// What was searched for demonstrations, before the training and since.
     pub sought: Option<Sought>,
     /// Physics steps of searches that nobody has counted yet.
@@ -40,15 +40,15 @@ pub(super) struct Patience<'a> {
     searched_cpu_s: f64,
 }
 
-impl<'a> Patience<'a> {
+impl<'a> StoppingRule<'a> {
     /// Of a training that is as far as its manifest says.
     pub fn new(
         scenario: &'a Scenario,
         manifest: &Manifest,
         seed: u64,
         watch: &'a Watch<'a>,
-    ) -> Patience<'a> {
-        Patience {
+    ) -> StoppingRule<'a> {
+        StoppingRule {
             scenario,
             seed,
             watch,
@@ -117,13 +117,13 @@ impl<'a> Patience<'a> {
         let solved = before.map(|before| before.solved());
         let nothing = now.searched == 0 && now.solved() == 0;
         let ended = if nothing || !self.adapts() {
-            Some(Ended::Asked)
+            Some(TrainingEnd::Asked)
         } else if now.is_complete() {
-            Some(Ended::Learned)
+            Some(TrainingEnd::Learned)
         } else if solved.is_some_and(|solved| now.solved() <= solved) {
-            Some(Ended::Settled)
+            Some(TrainingEnd::Settled)
         } else if self.longest <= taken {
-            Some(Ended::Longest)
+            Some(TrainingEnd::Longest)
         } else {
             None
         };

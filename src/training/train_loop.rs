@@ -4,10 +4,10 @@ use cpu_time::ThreadTime;
 
 use super::demonstrations::seed_training;
 use super::goals::GoalTracker;
-use super::stopping_rule::Patience;
+use super::stopping_rule::StoppingRule;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
-use crate::rl::{Bundle, BundleError, Control, Learner, LearnerReport};
+use crate::rl::{BundleError, Control, Learner, LearnerReport, TensorFile};
 use crate::run_dir::{Done, RunDir, RunError, Window};
 use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
@@ -120,7 +120,7 @@ pub fn train(
         window: run.manifest().window,
         ..Ledger::default()
     };
-    let mut patience = Patience::new(scenario, run.manifest(), seed, &judging);
+    let mut patience = StoppingRule::new(scenario, run.manifest(), seed, &judging);
     loop {
         learning.phase("training (decisions)");
         (watch.progress)(learner.decisions(), learner.tally().asked);
@@ -190,7 +190,7 @@ pub fn train(
 }
 
 /// Counts what patience searched as part of the training.
-fn note_searches(patience: &mut Patience<'_>, run: &mut RunDir, gym: &mut TrainingGym<'_>) {
+fn note_searches(patience: &mut StoppingRule<'_>, run: &mut RunDir, gym: &mut TrainingGym<'_>) {
     if let Some(sought) = patience.sought {
         run.note_sought(sought);
     }
@@ -200,7 +200,7 @@ fn note_searches(patience: &mut Patience<'_>, run: &mut RunDir, gym: &mut Traini
 }
 
 /// Returns a learner's checkpoint with the counts of its training goals.
-fn checkpoint_of(learner: &dyn Learner, gym: &TrainingGym<'_>) -> Bundle {
+fn checkpoint_of(learner: &dyn Learner, gym: &TrainingGym<'_>) -> TensorFile {
     let mut checkpoint = learner.checkpoint();
     if let Some(goals) = gym.goals() {
         goals.save(&mut checkpoint);
@@ -307,7 +307,7 @@ impl Ledger {
     fn done(
         &self,
         learner: &dyn Learner,
-        patience: &Patience<'_>,
+        patience: &StoppingRule<'_>,
         spent: Spent,
         cpu_s: f64,
     ) -> Done {

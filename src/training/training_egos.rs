@@ -4,7 +4,7 @@ use super::goals::GoalTracker;
 use crate::rl::{End, Env, Spaces, Step};
 use crate::seed::Purpose;
 use crate::testbench::Gym;
-use crate::world::{Against, Scenario};
+use crate::world::{Scenario, TrainingEgos};
 
 /// The decision problem of a training: starts and, in a family, egos.
 ///
@@ -60,9 +60,9 @@ impl<'a> TrainingGym<'a> {
         };
         let member = family.draw(&self.scenario.name, self.gym.key(index));
         if let Some(scene) = self.scenario.scene_of(&family.variant(&member)) {
-            self.gym.bench().restage(scene);
+            self.gym.bench().replace_scene(scene);
         }
-        if against == Against::Conditional {
+        if against == TrainingEgos::Conditioned {
             self.told = family.told(&member);
         }
     }

@@ -8,7 +8,7 @@ use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::Demonstration;
 use crate::scene::{Dynamics, Start};
 use crate::search::mutate;
-use crate::search::{Next, Tree};
+use crate::search::{Tree, WalkControl};
 use crate::seed;
 use crate::seed::{Purpose, StartKey};
 use crate::sim::PlantKind;
@@ -30,7 +30,7 @@ const ELITES: usize = 5;
 
 /// How a start is searched.
 #[derive(Clone, Copy)]
-pub(super) enum Effort<'a> {
+pub(super) enum SearchEffort<'a> {
     /// All sequences with at most so many switches of action, or as many as the
     /// simulations allow.
     Walk { switches: usize },
@@ -57,7 +57,7 @@ pub(super) struct Scouted {
 
 /// Searches the starts of one stream, each with the member of the family that a
 /// training meets there.
-pub(super) struct Scout<'a> {
+pub(super) struct TrainingSearch<'a> {
     scenario: &'a Scenario,
     /// The same on the plant that sorts out sequences first, where another one
     /// is asked for.
@@ -66,15 +66,15 @@ pub(super) struct Scout<'a> {
     seed: u64,
 }
 
-impl<'a> Scout<'a> {
+impl<'a> TrainingSearch<'a> {
     /// Of the stream (purpose, seed), whose test starts nobody may look at.
-    pub fn new(scenario: &'a Scenario, purpose: Purpose, seed: u64) -> Scout<'a> {
+    pub fn new(scenario: &'a Scenario, purpose: Purpose, seed: u64) -> TrainingSearch<'a> {
         // Invariant: training never sees a test start.
         let open = matches!(purpose, Purpose::Train | Purpose::Calibration);
         assert!(open, "nobody scouts test starts");
         let rigid = scenario.plant() == Dynamics::Rigid;
         let cheap = rigid.then(|| scenario.on(PlantKind::Kinematic));
-        Scout {
+        TrainingSearch {
             scenario,
             cheap,
             purpose,
@@ -107,7 +107,7 @@ impl<'a> Scout<'a> {
     pub fn search(
         &self,
         indices: &[u64],
-        (effort, simulations): (Effort<'_>, u64),
+        (effort, simulations): (SearchEffort<'_>, u64),
         (done, total): (usize, usize),
         watch: &Watch<'_>,
     ) -> Vec<Option<Scouted>> {
@@ -121,8 +121,8 @@ impl<'a> Scout<'a> {
         })
     }
 
-    fn worker<'b>(&'b self, watch: &'b Watch<'b>) -> Worker<'b> {
-        Worker {
+    fn worker<'b>(&'b self, watch: &'b Watch<'b>) -> SearchWorker<'b> {
+        SearchWorker {
             scout: self,
             first: self.cheap.as_ref().unwrap_or(self.scenario).bench(),
             asked: self.cheap.as_ref().map(|_| self.scenario.bench()),
@@ -140,19 +140,19 @@ impl<'a> Scout<'a> {
         if let Some(asked) = asked
             && let Some(scene) = self.scenario.scene_of(&family.variant(&member))
         {
-            asked.restage(scene);
+            asked.replace_scene(scene);
         }
         member.plant = PlantKind::Kinematic;
         let cheap = self.cheap.as_ref().unwrap_or(self.scenario);
         if let Some(scene) = cheap.scene_of(&family.variant(&member)) {
-            first.restage(scene);
+            first.replace_scene(scene);
         }
     }
 }
 
 /// One thread's benches.
-struct Worker<'a> {
-    scout: &'a Scout<'a>,
+struct SearchWorker<'a> {
+    scout: &'a TrainingSearch<'a>,
     /// Where sequences are looked for.
     first: Testbench,
     /// Where they must succeed, if that is elsewhere.
@@ -160,8 +160,13 @@ struct Worker<'a> {
     watch: &'a Watch<'a>,
 }
 
-impl Worker<'_> {
-    fn search(&mut self, index: u64, effort: Effort<'_>, simulations: u64) -> Option<Scouted> {
+impl SearchWorker<'_> {
+    fn search(
+        &mut self,
+        index: u64,
+        effort: SearchEffort<'_>,
+        simulations: u64,
+    ) -> Option<Scouted> {
         let key = self.scout.key(index);
         self.scout.meet(key, &mut self.first, self.asked.as_mut());
         let (start, noise) = (self.first.draw(key), self.first.noise_of(key));
@@ -169,9 +174,11 @@ impl Worker<'_> {
         self.first.begin(&start, noise, Aftermath::Skip);
         let forks = self.first.fork().is_some();
         let scouted = match effort {
-            Effort::Walk { switches } if forks => self.walk(from, index, switches, simulations),
-            Effort::Walk { switches } => self.sample(from, index, switches, simulations),
-            Effort::Mutate { known, switches } => {
+            SearchEffort::Walk { switches } if forks => {
+                self.walk(from, index, switches, simulations)
+            }
+            SearchEffort::Walk { switches } => self.sample(from, index, switches, simulations),
+            SearchEffort::Mutate { known, switches } => {
                 self.mutate(from, index, (known, switches), simulations)
             }
         };
@@ -196,7 +203,7 @@ impl Worker<'_> {
     /// far as the simulations go.
     ///
     /// A branch ends where a rule is broken, so the sequences that can be played
-    /// may be far fewer than [`Worker::sequences`] counts. Where even those may
+    /// may be far fewer than [`SearchWorker::sequences`] counts. Where even those may
     /// be too many, sequences that switch at every 16th decision come first, then
     /// those at every 8th and so on: what is left out is spread evenly.
     fn walk(
@@ -226,21 +233,21 @@ impl Worker<'_> {
                 scouted.actions = Some(actions.to_vec());
             }
             if confirmed || MAX_CONFIRMATIONS <= confirmations {
-                Next::Stop
+                WalkControl::Stop
             } else {
-                Next::Continue
+                WalkControl::Continue
             }
         };
         let from = (from, index as usize);
         let first = &mut self.first;
         let mut tree = Tree::new(first, from, Aftermath::Skip, &mut accept, self.watch);
         tree.most = simulations;
-        let mut next = Next::Continue;
+        let mut next = WalkControl::Continue;
         for stride in strides {
             tree.stride = *stride;
             for switches in 0..=switches {
                 for action in 0..first.spaces().actions {
-                    if next == Next::Continue {
+                    if next == WalkControl::Continue {
                         next = tree.begin(first, action, switches);
                     }
                 }
@@ -414,13 +421,13 @@ mod tests {
     fn a_walk_is_not_given_up_for_sequences_that_rules_end_early() {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
         let world = world.on(PlantKind::Kinematic);
-        let scout = Scout::new(&world, Purpose::Calibration, 3);
+        let scout = TrainingSearch::new(&world, Purpose::Calibration, 3);
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..20).collect();
         let solved = |simulations: u64| {
             let found = scout.search(
                 &indices,
-                (Effort::Walk { switches: 2 }, simulations),
+                (SearchEffort::Walk { switches: 2 }, simulations),
                 (0, indices.len()),
                 &watch,
             );
@@ -444,10 +451,10 @@ mod tests {
     fn changes_of_known_successes_solve_other_starts() {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
         let world = world.on(PlantKind::Kinematic);
-        let scout = Scout::new(&world, Purpose::Calibration, 3);
+        let scout = TrainingSearch::new(&world, Purpose::Calibration, 3);
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..40).collect();
-        let walk = (Effort::Walk { switches: 2 }, 3000);
+        let walk = (SearchEffort::Walk { switches: 2 }, 3000);
         let walked = scout.search(&indices, walk, (0, 40), &watch);
         let mut known = Vec::new();
         let mut solved = 0;
@@ -462,7 +469,7 @@ mod tests {
         let others: Vec<u64> = (20..40).collect();
         let count = |known: &[Demonstration]| {
             let switches = 2;
-            let effort = (Effort::Mutate { known, switches }, 100);
+            let effort = (SearchEffort::Mutate { known, switches }, 100);
             let found = scout.search(&others, effort, (0, 20), &watch);
             let found: Vec<Scouted> = found.into_iter().flatten().collect();
             assert!(found.iter().all(|it| it.simulations <= 101));

@@ -4,8 +4,8 @@ use rerun::blueprint::components::Eye3DKind;
 use rerun::external::re_sdk_types::blueprint::archetypes::{EyeControls3D, LineGrid3D};
 
 use super::error::ViewError;
-use super::layout::{Layout, Node};
-use super::story::Story;
+use super::layout::{BlueprintBuilder, BlueprintNode};
+use super::viewed_episode::ViewedEpisode;
 
 /// Entity whose frame moves the cameras.
 pub(super) const FOLLOW: &str = "/follow";
@@ -20,8 +20,8 @@ pub(super) const SPACE: [&str; 4] = [
 
 /// Places the camera of a view in the frame that follows the ego.
 pub(super) fn look(
-    layout: &mut Layout<'_>,
-    view: &Node,
+    layout: &mut BlueprintBuilder<'_>,
+    view: &BlueprintNode,
     eye_m: [f32; 3],
     at_m: [f32; 3],
     up: [f32; 3],
@@ -37,7 +37,7 @@ pub(super) fn look(
 }
 
 /// Extent of the agents near the ego at the verdict, relative to the ego.
-pub(super) struct Around {
+pub(super) struct ViewExtent {
     /// Least and greatest position along its heading.
     pub ahead_m: (f32, f32),
     /// Least and greatest position to its left.
@@ -46,7 +46,7 @@ pub(super) struct Around {
     pub behind_m: f32,
 }
 
-impl Around {
+impl ViewExtent {
     /// Greatest distance in metres at which an agent widens the view.
     const FAR_M: f64 = 60.0;
     /// Position in metres from which an agent is invisible to a camera behind the ego.
@@ -57,11 +57,11 @@ impl Around {
     const WIDE: f32 = 1.6;
 
     /// Returns the extent at the sample of the verdict, or at the last sample.
-    pub fn of(story: &Story<'_>) -> Around {
-        let mut around = Around {
+    pub fn of(story: &ViewedEpisode<'_>) -> ViewExtent {
+        let mut around = ViewExtent {
             ahead_m: (0.0, 0.0),
             left_m: (0.0, 0.0),
-            behind_m: (story.stage.cast[story.ego()].size_m[0] - 4.5) as f32,
+            behind_m: (story.stage.agents[story.ego()].size_m[0] - 4.5) as f32,
         };
         let last = story.frames.len().saturating_sub(1);
         let Some(frame) = story.frames.get(story.decided.unwrap_or(last)) else {
@@ -75,7 +75,7 @@ impl Around {
         for other in &frame.placements {
             let [dx, dy] = [0, 1].map(|axis| other.centre_m[axis] - ego.centre_m[axis]);
             let (ahead_m, left_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
-            if ahead_m.abs() <= Around::FAR_M && left_m.abs() <= Around::FAR_M {
+            if ahead_m.abs() <= ViewExtent::FAR_M && left_m.abs() <= ViewExtent::FAR_M {
                 around.ahead_m = grown(around.ahead_m, ahead_m);
                 around.left_m = grown(around.left_m, left_m);
             }
@@ -89,7 +89,7 @@ impl Around {
     /// it.
     pub fn seen_aslant(&self) -> ([f32; 3], [f32; 3]) {
         let (rear_m, front_m) = self.ahead_m;
-        if Around::BEHIND_M <= rear_m {
+        if ViewExtent::BEHIND_M <= rear_m {
             // A long ego would fill the picture, so the camera moves back and
             // up with its length.
             let back_m = self.behind_m.clamp(0.0, 25.0);
@@ -99,11 +99,11 @@ impl Around {
         // All agents from the nearest behind to the nearest ahead fit. The
         // limits keep the ego large enough.
         let (rear_m, front_m) = (rear_m.max(-26.0), front_m.min(26.0));
-        let far_m = ((front_m - rear_m + 9.0) / Around::WIDE).clamp(14.0, 27.0);
+        let far_m = ((front_m - rear_m + 9.0) / ViewExtent::WIDE).clamp(14.0, 27.0);
         let middle_m = 0.5 * (rear_m + front_m);
         // The target is never so far ahead or behind that the ego leaves the
         // picture.
-        let reach_m = (0.5 * Around::WIDE * far_m - 5.0).max(0.0);
+        let reach_m = (0.5 * ViewExtent::WIDE * far_m - 5.0).max(0.0);
         let at_m = [middle_m.clamp(-reach_m, reach_m), 0.0, 0.4];
         let eye_m = [at_m[0] - 0.22 * far_m, -0.8 * far_m, 0.55 * far_m];
         (eye_m, at_m)
@@ -171,7 +171,7 @@ mod tests {
             (-20.0, 12.0),
         ];
         for (rear_m, front_m) in cases {
-            let around = Around {
+            let around = ViewExtent {
                 ahead_m: (rear_m, front_m),
                 left_m: (-3.5, 3.5),
                 behind_m: 0.0,

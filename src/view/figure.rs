@@ -4,14 +4,18 @@ use rerun::{AsComponents, Boxes3D, Capsules3D, Cylinders3D, FillMode, Points3D};
 
 use super::entity::agent_path;
 use super::error::ViewError;
-use super::journal::Journal;
+use super::log_writer::LogWriter;
 use super::palette::{self, Rgb};
-use super::story::Story;
-use crate::scene::{Cast, Figure};
+use super::viewed_episode::ViewedEpisode;
+use crate::scene::{AgentDescription, BodyFigure};
 
 /// Logs a body in the frame of its own centre: x forward, y left, z up.
-pub(super) fn log(story: &Story<'_>, who: usize, journal: &mut Journal) -> Result<(), ViewError> {
-    let cast = &story.stage.cast[who];
+pub(super) fn log(
+    story: &ViewedEpisode<'_>,
+    who: usize,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
+    let cast = &story.stage.agents[who];
     let colour = story.colour(who);
     let figure = cast.figure();
     let scale = Scale::of(cast);
@@ -26,7 +30,7 @@ pub(super) fn log(story: &Story<'_>, who: usize, journal: &mut Journal) -> Resul
         .with_fill_mode(FillMode::Solid)
         .with_show_labels(false);
     let label = match figure {
-        Figure::Car => cast.name.clone(),
+        BodyFigure::Car => cast.name.clone(),
         _ => format!("{} ({})", cast.name, cast.body),
     };
     // The ego's name lies to its right and other names to their left. Seen from
@@ -57,7 +61,7 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(cast: &Cast) -> Scale {
+    fn of(cast: &AgentDescription) -> Scale {
         let [length_m, width_m, height_m] = cast.size_m.map(|size_m| size_m as f32);
         Scale {
             length_m,
@@ -80,13 +84,13 @@ impl Scale {
     }
 }
 
-type Part = ([f32; 3], [f32; 3], Rgb);
+type ColouredBox = ([f32; 3], [f32; 3], Rgb);
 
 /// Boxes (centre, size, colour) of a figure.
 ///
 /// `colour` identifies the agent, and `paint` is its own.
-fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
-    let part = |at: [f32; 3], size: [f32; 3], colour: Rgb| -> Part {
+fn boxes(figure: BodyFigure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<ColouredBox> {
+    let part = |at: [f32; 3], size: [f32; 3], colour: Rgb| -> ColouredBox {
         let (place, size) = (
             body.place(at[0], at[1], at[2]),
             body.size(size[0], size[1], size[2]),
@@ -95,8 +99,10 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
     };
     let mut parts = match figure {
         // A face shows the direction in which a person looks.
-        Figure::Person => return vec![part([0.16, 0.0, 0.92], [0.2, 0.16, 0.06], palette::GLASS)],
-        Figure::TwoWheeler => {
+        BodyFigure::Person => {
+            return vec![part([0.16, 0.0, 0.92], [0.2, 0.16, 0.06], palette::GLASS)];
+        }
+        BodyFigure::TwoWheeler => {
             return vec![
                 part([0.0, 0.0, 0.36], [0.5, 0.36, 0.22], colour),
                 part([-0.22, 0.0, 0.5], [0.34, 0.3, 0.06], palette::TYRE),
@@ -105,7 +111,7 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
                 part([-0.44, 0.0, 0.48], [0.03, 0.2, 0.05], palette::TAIL_LIGHT),
             ];
         }
-        Figure::Car => vec![
+        BodyFigure::Car => vec![
             part([0.0, 0.0, 0.38], [1.0, 1.0, 0.40], colour),
             part([-0.10, 0.0, 0.74], [0.50, 0.86, 0.36], palette::GLASS),
             part([-0.10, 0.0, 0.96], [0.45, 0.84, 0.08], colour),
@@ -113,14 +119,14 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
             // rear.
             part([0.325, 0.0, 0.59], [0.31, 0.16, 0.03], palette::MARKING),
         ],
-        Figure::Van => vec![
+        BodyFigure::Van => vec![
             part([0.0, 0.0, 0.30], [1.0, 1.0, 0.40], colour),
             part([-0.16, 0.0, 0.74], [0.68, 0.98, 0.48], paint),
             part([0.27, 0.0, 0.66], [0.22, 0.94, 0.32], palette::GLASS),
             part([0.24, 0.0, 0.90], [0.20, 0.96, 0.16], colour),
             part([0.43, 0.0, 0.505], [0.13, 0.16, 0.02], palette::MARKING),
         ],
-        Figure::Truck => vec![
+        BodyFigure::Truck => vec![
             part([-0.02, 0.0, 0.18], [0.94, 0.70, 0.12], palette::TYRE),
             part([0.39, 0.0, 0.34], [0.22, 1.0, 0.40], colour),
             part([0.40, 0.0, 0.60], [0.20, 0.96, 0.14], palette::GLASS),
@@ -131,14 +137,18 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
         ],
     };
     // Pillars in the role's colour hold the roof of a car.
-    if figure == Figure::Car {
+    if figure == BodyFigure::Car {
         for x in [0.13, -0.33] {
             for side in [-0.42, 0.42] {
                 parts.push(part([x, side, 0.74], [0.02, 0.05, 0.40], colour));
             }
         }
     }
-    let low = if figure == Figure::Car { 0.45 } else { 0.24 };
+    let low = if figure == BodyFigure::Car {
+        0.45
+    } else {
+        0.24
+    };
     for side in [-0.36, 0.36] {
         parts.push(part(
             [0.5, side, low],
@@ -155,15 +165,15 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
 }
 
 /// Wheels: four, or two on a motorcycle, or none on foot.
-fn wheels(figure: Figure, body: &Scale) -> Option<Cylinders3D> {
+fn wheels(figure: BodyFigure, body: &Scale) -> Option<Cylinders3D> {
     let (axles, sides, radius_m, breadth_m): (_, &[f32], _, _) = match figure {
-        Figure::Person => return None,
-        Figure::TwoWheeler => ([-0.34, 0.34], &[0.0], 0.31, 0.14),
-        Figure::Car | Figure::Van => {
+        BodyFigure::Person => return None,
+        BodyFigure::TwoWheeler => ([-0.34, 0.34], &[0.0], 0.31, 0.14),
+        BodyFigure::Car | BodyFigure::Van => {
             let radius_m = 0.07 * body.length_m;
             ([-0.31, 0.31], &[-0.45, 0.45], radius_m, 0.13 * body.width_m)
         }
-        Figure::Truck => ([-0.28, 0.34], &[-0.44, 0.44], 0.48, 0.3),
+        BodyFigure::Truck => ([-0.28, 0.34], &[-0.44, 0.44], 0.48, 0.3),
     };
     // A flat body limits the radius, since wheels must not reach above it.
     let radius_m = f32::min(radius_m, 0.5 * body.height_m);
@@ -193,10 +203,10 @@ fn wheels(figure: Figure, body: &Scale) -> Option<Cylinders3D> {
 }
 
 /// Round parts of people, on foot or on a motorcycle.
-fn limbs(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Option<Capsules3D> {
+fn limbs(figure: BodyFigure, body: &Scale, colour: Rgb, paint: Rgb) -> Option<Capsules3D> {
     // Foot of the axis, its length and its radius, in shares of the height.
     let upright: &[([f32; 3], f32, f32, Rgb)] = match figure {
-        Figure::Person => &[
+        BodyFigure::Person => &[
             ([0.0, -0.2, 0.06], 0.42, 0.05, palette::dimmed(colour, 0.5)),
             ([0.0, 0.2, 0.06], 0.42, 0.05, palette::dimmed(colour, 0.5)),
             ([0.0, 0.0, 0.54], 0.2, 0.12, colour),
@@ -204,13 +214,13 @@ fn limbs(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Option<Capsul
             ([0.0, 0.42, 0.48], 0.3, 0.035, colour),
             ([0.0, 0.0, 0.9], 0.03, 0.068, palette::HEADLIGHT),
         ],
-        Figure::TwoWheeler => &[
+        BodyFigure::TwoWheeler => &[
             ([-0.1, 0.0, 0.56], 0.2, 0.12, colour),
             ([-0.1, -0.3, 0.42], 0.36, 0.05, palette::dimmed(colour, 0.6)),
             ([-0.1, 0.3, 0.42], 0.36, 0.05, palette::dimmed(colour, 0.6)),
             ([-0.1, 0.0, 0.93], 0.02, 0.085, paint),
         ],
-        Figure::Car | Figure::Van | Figure::Truck => return None,
+        BodyFigure::Car | BodyFigure::Van | BodyFigure::Truck => return None,
     };
     let height_m = body.height_m;
     let feet = upright.iter().map(|([x, y, z], ..)| body.place(*x, *y, *z));
@@ -233,15 +243,15 @@ mod tests {
     #[test]
     fn shipped_bodies_are_recognised_and_drawn_within_their_size() {
         let expected = [
-            ("sedan", Figure::Car),
-            ("van", Figure::Van),
-            ("truck", Figure::Truck),
-            ("motorcycle", Figure::TwoWheeler),
-            ("pedestrian", Figure::Person),
+            ("sedan", BodyFigure::Car),
+            ("van", BodyFigure::Van),
+            ("truck", BodyFigure::Truck),
+            ("motorcycle", BodyFigure::TwoWheeler),
+            ("pedestrian", BodyFigure::Person),
         ];
         for (name, figure) in expected {
             let body = Body::shipped(name).unwrap().unwrap();
-            let cast = Cast {
+            let cast = AgentDescription {
                 name: "ado".to_owned(),
                 role: Role::Ado,
                 body: name.to_owned(),

@@ -14,9 +14,9 @@ use rerun::external::re_sdk_types::blueprint::archetypes::{
 use rerun::external::re_sdk_types::datatypes::{self, Range1D};
 
 use super::error::ViewError;
-use super::journal::{Journal, UNTIL_VERDICT, nanos};
 use super::lines;
-use super::story::Story;
+use super::log_writer::{LogWriter, UNTIL_VERDICT, nanos};
+use super::viewed_episode::ViewedEpisode;
 
 /// Height of a plot, of a line of its legend, and of the legend's frame.
 const PLOT_PX: f32 = 140.0;
@@ -27,7 +27,7 @@ const LEGEND_ROOM_PX: f32 = 62.0;
 ///
 /// It suffices for a legend of `curves` and the marks of the story. Without a
 /// legend it is smaller.
-pub(super) fn height_of(story: &Story<'_>, curves: usize) -> f32 {
+pub(super) fn height_of(story: &ViewedEpisode<'_>, curves: usize) -> f32 {
     let marks = usize::from(story.decided.is_some()) + usize::from(story.episode.contact.is_some());
     match curves {
         0 => 0.75,
@@ -46,32 +46,32 @@ const LETTER_PX: f64 = 5.7;
 ///
 /// The longest name of a rule then has room after the last event. The factor is
 /// limited to half of a plot.
-fn legend_room(story: &Story<'_>) -> f64 {
+fn legend_room(story: &ViewedEpisode<'_>) -> f64 {
     let longest = story.rules.iter().map(|rule| rule.name.chars().count());
     let legend_px = 40.0 + LETTER_PX * longest.max().unwrap_or(0) as f64;
     (1.0 / (1.0 - (legend_px / PLOT_WIDE_PX).min(0.5))).max(1.45)
 }
 
 /// Builder of a blueprint, node by node.
-pub(super) struct Layout<'a> {
-    journal: &'a mut Journal,
+pub(super) struct BlueprintBuilder<'a> {
+    journal: &'a mut LogWriter,
     next: u64,
 }
 
-impl<'a> Layout<'a> {
-    pub fn new(journal: &'a mut Journal) -> Layout<'a> {
-        Layout { journal, next: 0 }
+impl<'a> BlueprintBuilder<'a> {
+    pub fn new(journal: &'a mut LogWriter) -> BlueprintBuilder<'a> {
+        BlueprintBuilder { journal, next: 0 }
     }
 
     /// Adds a plot of curves over time. `axis` is the range of their values.
     pub fn plot(
         &mut self,
-        story: &Story<'_>,
+        story: &ViewedEpisode<'_>,
         title: &str,
         origin: &str,
         axis: (f64, f64),
         legend: Option<Corner2D>,
-    ) -> Result<Node, ViewError> {
+    ) -> Result<BlueprintNode, ViewError> {
         let marks = format!("+ {}/**", lines::MARKS);
         let view = self.view("TimeSeries", title, origin, &["$origin/**", &marks])?;
         // Marks extend beyond every axis, so the axis must be fixed.
@@ -98,7 +98,11 @@ impl<'a> Layout<'a> {
     }
 
     /// Adds the window: no panels of the viewer itself, and the time at its end.
-    pub fn window(&mut self, story: &Story<'_>, root: &Node) -> Result<(), ViewError> {
+    pub fn window(
+        &mut self,
+        story: &ViewedEpisode<'_>,
+        root: &BlueprintNode,
+    ) -> Result<(), ViewError> {
         let viewport = ViewportBlueprint::new()
             .with_root_container(datatypes::Uuid {
                 bytes: root.id.to_be_bytes(),
@@ -128,7 +132,7 @@ impl<'a> Layout<'a> {
         title: &str,
         origin: &str,
         contents: &[&str],
-    ) -> Result<Node, ViewError> {
+    ) -> Result<BlueprintNode, ViewError> {
         let view = self.node("view");
         let class = rerun::blueprint::components::ViewClass(class.into());
         let about = ViewBlueprint::new(class)
@@ -147,9 +151,9 @@ impl<'a> Layout<'a> {
         &mut self,
         kind: ContainerKind,
         title: &str,
-        contents: &[Node],
+        contents: &[BlueprintNode],
         shares: &[f32],
-    ) -> Result<Node, ViewError> {
+    ) -> Result<BlueprintNode, ViewError> {
         let container = self.node("container");
         let children = contents
             .iter()
@@ -169,7 +173,7 @@ impl<'a> Layout<'a> {
 
     pub fn property(
         &mut self,
-        view: &Node,
+        view: &BlueprintNode,
         name: &str,
         value: &dyn AsComponents,
     ) -> Result<(), ViewError> {
@@ -177,7 +181,7 @@ impl<'a> Layout<'a> {
     }
 
     /// Returns a new node with an id of the shape that the viewer requires.
-    fn node(&mut self, kind: &str) -> Node {
+    fn node(&mut self, kind: &str) -> BlueprintNode {
         // Consecutive ids keep equal layouts equal, unlike random ids.
         self.next += 1;
         let id = 0xb7a6_e000_0000_4000_8000_0000_0000_0000_u128 + u128::from(self.next);
@@ -189,7 +193,7 @@ impl<'a> Layout<'a> {
             &hex[16..20],
             &hex[20..],
         ];
-        Node {
+        BlueprintNode {
             path: format!("{kind}/{}", parts.join("-")),
             id,
         }
@@ -197,10 +201,10 @@ impl<'a> Layout<'a> {
 }
 
 /// Views from top to bottom, with their shares of a column's height.
-pub(super) type Views = Vec<(Node, f32)>;
+pub(super) type Views = Vec<(BlueprintNode, f32)>;
 
 /// View or container in the blueprint.
-pub(super) struct Node {
+pub(super) struct BlueprintNode {
     path: String,
     id: u128,
 }

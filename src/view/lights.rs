@@ -5,10 +5,10 @@ use rerun::{Color, Transform3D};
 
 use super::entity::{agent_path, path};
 use super::error::ViewError;
-use super::journal::{Journal, clock};
+use super::log_writer::{LogWriter, clock};
 use super::palette;
 use super::space::{distance, lifted};
-use super::story::Story;
+use super::viewed_episode::ViewedEpisode;
 use crate::ego::Phase;
 use crate::scene::LightPost;
 
@@ -25,7 +25,10 @@ const LINE_M: f32 = 0.5;
 const PHASES: [Phase; 3] = [Phase::Red, Phase::Yellow, Phase::Green];
 
 /// Logs every light at its place, with its lit lamp.
-pub(super) fn log_posts(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+pub(super) fn log_posts(
+    story: &ViewedEpisode<'_>,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
     for (l, light) in story.stage.lights.iter().enumerate() {
         log_post(light, journal)?;
         for (sample, phase) in turns(story, l) {
@@ -36,7 +39,10 @@ pub(super) fn log_posts(story: &Story<'_>, journal: &mut Journal) -> Result<(), 
 }
 
 /// Logs the phases of every light as coloured lanes.
-pub(super) fn log_phases(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+pub(super) fn log_phases(
+    story: &ViewedEpisode<'_>,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
     for (l, light) in story.stage.lights.iter().enumerate() {
         log_lanes(story, light, &turns(story, l), journal)?;
     }
@@ -44,7 +50,7 @@ pub(super) fn log_phases(story: &Story<'_>, journal: &mut Journal) -> Result<(),
 }
 
 /// Samples at which a light changes its phase, including the first.
-pub(super) fn turns(story: &Story<'_>, light: usize) -> Vec<(usize, Phase)> {
+pub(super) fn turns(story: &ViewedEpisode<'_>, light: usize) -> Vec<(usize, Phase)> {
     let mut turns: Vec<(usize, Phase)> = Vec::new();
     for (sample, frame) in story.frames.iter().enumerate() {
         let phase = frame.phases[light];
@@ -68,7 +74,7 @@ pub(super) fn word(phase: Phase) -> &'static str {
 ///
 /// Its frame is at the right end of the stop line: x along the road, y along
 /// the line to the left.
-fn log_post(light: &LightPost, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_post(light: &LightPost, journal: &mut LogWriter) -> Result<(), ViewError> {
     let [right, left] = light.stop_line_m;
     let turn_rad = (left[1] - right[1]).atan2(left[0] - right[0]) - std::f64::consts::FRAC_PI_2;
     let (sin, cos) = (0.5 * turn_rad as f32).sin_cos();
@@ -99,10 +105,10 @@ fn lamp(phase: Phase, ahead_m: f32) -> [f32; 3] {
 
 /// Logs the lit lamp and the stop line in its colour, from a sample on.
 fn log_lit(
-    story: &Story<'_>,
+    story: &ViewedEpisode<'_>,
     light: &LightPost,
     (sample, phase): (usize, Phase),
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let [right, left] = light.stop_line_m;
     // The only cast from lengths to pictures here.
@@ -122,10 +128,10 @@ fn log_lit(
 
 /// Logs the phases of one light as coloured lanes.
 fn log_lanes(
-    story: &Story<'_>,
+    story: &ViewedEpisode<'_>,
     light: &LightPost,
     turns: &[(usize, Phase)],
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let entity = path(["lights", &light.name]);
     let colour = |phase: Phase| {

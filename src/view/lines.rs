@@ -4,9 +4,9 @@ use rerun::{Color, EntityPath, Scalars, SeriesLines, TimeColumn};
 
 use super::entity::path;
 use super::error::ViewError;
-use super::journal::{Journal, clock};
+use super::log_writer::{LogWriter, clock};
 use super::palette::{self, Rgb};
-use super::story::Story;
+use super::viewed_episode::ViewedEpisode;
 
 /// Entity of the marks that all plots show.
 pub(super) const MARKS: &str = "/marks";
@@ -14,12 +14,15 @@ pub(super) const MARKS: &str = "/marks";
 const MARK_REACH: f64 = 2e3;
 
 /// Returns true if there is an instant to mark.
-pub(super) fn has_marks(story: &Story<'_>) -> bool {
+pub(super) fn has_marks(story: &ViewedEpisode<'_>) -> bool {
     story.decided.is_some() || story.episode.contact.is_some()
 }
 
 /// Logs vertical lines at the instants of the verdict and of the contact.
-pub(super) fn log_marks(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+pub(super) fn log_marks(
+    story: &ViewedEpisode<'_>,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
     let mut upright = |what: &str, (sample, time_s): (usize, f64), name: &str, rgb: Rgb| {
         // A curve has one value per instant, so the line takes two instants.
         let instants = clock([(sample, time_s), (sample, time_s + 1e-6)]);
@@ -50,7 +53,7 @@ pub(super) fn log_lines(
     pens: &[Pen<'_>],
     instants: [TimeColumn; 2],
     values: Vec<f64>,
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let rows = values.len() / pens.len();
     let style = SeriesLines::new()
@@ -63,7 +66,7 @@ pub(super) fn log_lines(
 }
 
 /// Both timelines at every sample.
-pub(super) fn every_sample(story: &Story<'_>) -> [TimeColumn; 2] {
+pub(super) fn every_sample(story: &ViewedEpisode<'_>) -> [TimeColumn; 2] {
     clock((0..story.samples()).map(|sample| (sample, story.time_s(sample))))
 }
 

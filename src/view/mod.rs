@@ -65,16 +65,16 @@ mod camera;
 mod entity;
 mod error;
 mod figure;
-mod journal;
 mod layout;
 mod lights;
 mod lines;
+mod log_writer;
 mod palette;
 mod panel;
 mod panels;
 mod road;
 mod space;
-mod story;
+mod viewed_episode;
 
 use std::path::{Path, PathBuf};
 
@@ -86,10 +86,10 @@ use rerun::{EntityPath, RecordingInfo, StoreKind};
 use crate::testbench::Episode;
 use crate::world::Scenario;
 pub use error::ViewError;
-use journal::Journal;
+use log_writer::LogWriter;
 pub use panel::Entity;
 pub use panels::entities;
-use story::Story;
+use viewed_episode::ViewedEpisode;
 
 /// Recording file that was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -162,12 +162,12 @@ fn readable(_file: &std::fs::File) -> std::io::Result<()> {
 }
 
 /// Episode prepared for viewing: replayed, with its formulas evaluated.
-pub struct Recording<'a>(Story<'a>);
+pub struct Recording<'a>(ViewedEpisode<'a>);
 
 impl<'a> Recording<'a> {
     /// Replays `episode` to obtain the places of all agents.
     pub fn new(scenario: &'a Scenario, episode: &'a Episode, caption: &'a str) -> Recording<'a> {
-        Recording(Story::new(scenario, episode, caption))
+        Recording(ViewedEpisode::new(scenario, episode, caption))
     }
 
     /// Returns all data, column by column, as messages for the viewer.
@@ -177,11 +177,11 @@ impl<'a> Recording<'a> {
     /// Returns an error if the viewer's library rejects the data.
     pub fn messages(&self) -> Result<Messages, ViewError> {
         let story = &self.0;
-        let mut journal = Journal::new(StoreKind::Recording).ending_at(story.opens_s());
+        let mut journal = LogWriter::new(StoreKind::Recording).ending_at(story.opens_s());
         let about = RecordingInfo::update_fields().with_name(story.scenario.name.as_str());
         journal.always(EntityPath::properties(), &[&about])?;
         panels::log(story, &mut journal)?;
-        let mut blueprint = Journal::new(StoreKind::Blueprint);
+        let mut blueprint = LogWriter::new(StoreKind::Blueprint);
         panels::lay_out(story, &mut blueprint)?;
         // A blueprint has no effect until a command activates it.
         let activate = BlueprintActivationCommand::make_active(blueprint.store().clone());

@@ -1,9 +1,9 @@
 //! Panels: the entities they write, and the views that show them.
 
 use super::error::ViewError;
-use super::journal::Journal;
-use super::layout::{Layout, Views};
-use super::story::Story;
+use super::layout::{BlueprintBuilder, Views};
+use super::log_writer::LogWriter;
+use super::viewed_episode::ViewedEpisode;
 use crate::world::Scenario;
 
 /// Part of recordings, as a file in `panels/` and a line in the list there.
@@ -11,13 +11,13 @@ pub(super) struct Panel {
     /// Name of the panel.
     pub name: &'static str,
     pub column: Column,
-    pub shown: Shown,
+    pub shown: PanelWorlds,
     /// Entities with their descriptions, as in [`Entity::path`].
     pub entities: &'static [(&'static str, &'static str)],
     /// Function that writes the entities.
-    pub log: fn(&Story<'_>, &mut Journal) -> Result<(), ViewError>,
+    pub log: fn(&ViewedEpisode<'_>, &mut LogWriter) -> Result<(), ViewError>,
     /// Function that adds the views, from top to bottom, with their shares.
-    pub views: fn(&Story<'_>, &mut Layout<'_>) -> Result<Views, ViewError>,
+    pub views: fn(&ViewedEpisode<'_>, &mut BlueprintBuilder<'_>) -> Result<Views, ViewError>,
 }
 
 /// Entity of recordings, for programs that read them.
@@ -53,7 +53,7 @@ impl Column {
 
 /// Worlds that have a panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shown {
+pub(super) enum PanelWorlds {
     Everywhere,
     OnRoads,
     OnGrids,
@@ -63,9 +63,9 @@ impl Panel {
     /// Returns true if recordings of a world have the panel.
     pub fn applies(&self, scenario: &Scenario) -> bool {
         match self.shown {
-            Shown::Everywhere => true,
-            Shown::OnRoads => scenario.grid().is_none(),
-            Shown::OnGrids => scenario.grid().is_some(),
+            PanelWorlds::Everywhere => true,
+            PanelWorlds::OnRoads => scenario.grid().is_none(),
+            PanelWorlds::OnGrids => scenario.grid().is_some(),
         }
     }
 }

@@ -3,10 +3,10 @@
 use rerun::{LineStrips3D, Mesh3D};
 
 use super::error::ViewError;
-use super::journal::Journal;
+use super::log_writer::LogWriter;
 use super::palette::{self, Rgb};
 use super::space::lifted;
-use super::story::Story;
+use super::viewed_episode::ViewedEpisode;
 use crate::scene::ground::{GroundPoint, along, beside, near, reach};
 
 /// Distance in metres from the cars' paths up to which the road is drawn.
@@ -20,7 +20,7 @@ const GROUND_M: f64 = -0.03;
 const POST_M: f64 = 0.6;
 
 /// Logs the part of the road with agents on it.
-pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+pub(super) fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let reach = reach(&story.frames, MARGIN_M);
     for (number, side) in story.stage.side_roads_m.iter().enumerate() {
         // Each side road lies slightly lower, so that crossing surfaces do not
@@ -36,7 +36,7 @@ pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewEr
 fn one_road(
     borders: &[Vec<GroundPoint>],
     (name, sunk_m): (&str, f64),
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return Ok(());

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::cast::Cast;
+use super::agents::Agents;
 use super::error::Problem;
-use super::family::Against;
+use super::family::TrainingEgos;
 use super::file::ScenarioFile;
 use super::language::{Judging, Language, constants, formula, rulebook};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::problems::Problems;
-use super::runs::{Assembled, Origin, RunSource};
+use super::runs::{Assembled, RunSource, WorldOrigin};
 use super::warnings::Warnings;
 use super::{
     Scenario, check, counting, dry_run, family_check, limits, plans, points, read, roads, starts,
@@ -26,13 +26,13 @@ pub(super) fn build(
     text: &str,
     parsed: ScenarioFile,
 ) -> Result<Scenario, Vec<Problem>> {
-    let origin = Origin {
+    let origin = WorldOrigin {
         file,
         runs,
         assemble: within,
     };
     let mut problems = Problems::new(text);
-    let top = Path::top();
+    let top = ValuePath::top();
     // Limits come first: beyond them the checks below would take minutes.
     limits::check(&mut problems, &parsed);
     problems.done()?;
@@ -64,24 +64,28 @@ pub(super) fn build(
 /// Assembles the world of a run that a world refers to.
 ///
 /// Trial runs are omitted, because they took place before its training.
-fn within(origin: Origin<'_>, text: &str) -> Assembled {
+fn within(origin: WorldOrigin<'_>, text: &str) -> Assembled {
     let one = |problem| vec![problem];
     Ok(match read::kind(text).map_err(one)? {
-        read::Kind::Scenario => {
+        read::WorldKind::Scenario => {
             let parsed = read::parse(text).map_err(one)?;
             let mut problems = Problems::new(text);
             limits::check(&mut problems, &parsed);
             problems.done()?;
             Some(assemble(origin, text, parsed)?.world().clone())
         }
-        read::Kind::Grid => None,
+        read::WorldKind::Grid => None,
     })
 }
 
 /// Assembles a scenario without trial runs.
-fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
+fn assemble(
+    origin: WorldOrigin<'_>,
+    text: &str,
+    file: ScenarioFile,
+) -> Result<Scenario, Vec<Problem>> {
     let mut problems = Problems::new(text);
-    let top = Path::top();
+    let top = ValuePath::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);
     check::road(&mut problems, &top.to("road"), &file.road);
     let roads = roads::placed(&mut problems, &top.to("roads"), &file.road, &file.roads);
@@ -102,10 +106,10 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         &file.sensors,
         &file.clock,
     );
-    let cast = Cast::read(&mut problems, origin, &file, &roads);
+    let cast = Agents::read(&mut problems, origin, &file, &roads);
     // Reported together, so that users see all mistakes of the agents at once.
     problems.done()?;
-    let Cast {
+    let Agents {
         agents,
         ego: Some(ego),
         entries,
@@ -244,7 +248,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         learners,
         learning: None,
         goals: file.goals,
-        against: Against::Nominal,
+        against: TrainingEgos::Nominal,
         left_out: None,
         family: family.map(Arc::new),
         reuse: file.reuse.0,

@@ -3,7 +3,7 @@
 use indexmap::IndexMap;
 
 use super::file::AdoFile;
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::repeats::{MAX_REPEATS, Repeats};
@@ -22,14 +22,14 @@ const MAX_SAMPLES: f64 = 1e5;
 const MAX_LANES: usize = 100;
 
 /// Reports a number outside of `lo ..= hi`.
-pub(super) fn within(problems: &mut Problems, path: &Path, value: f64, lo: f64, hi: f64) {
+pub(super) fn within(problems: &mut Problems, path: &ValuePath, value: f64, lo: f64, hi: f64) {
     if !(lo..=hi).contains(&value) {
         let what = format!("{value} is outside of {lo} ..= {hi}");
         problems.add(path, what, "out of range", None);
     }
 }
 
-pub(super) fn clock(problems: &mut Problems, path: &Path, clock: &Clock) {
+pub(super) fn clock(problems: &mut Problems, path: &ValuePath, clock: &Clock) {
     let positive = [
         ("horizon_s", clock.horizon_s),
         ("decision_s", clock.decision_s),
@@ -91,7 +91,7 @@ fn tidy(value: f64) -> f64 {
 }
 
 /// Checks the lanes of a road.
-pub(super) fn lanes(problems: &mut Problems, path: &Path, road: &Road) {
+pub(super) fn lanes(problems: &mut Problems, path: &ValuePath, road: &Road) {
     if !(1..=MAX_LANES).contains(&road.lanes()) {
         problems.add(
             &path.to("lanes"),
@@ -109,7 +109,7 @@ pub(super) fn lanes(problems: &mut Problems, path: &Path, road: &Road) {
     );
 }
 
-pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
+pub(super) fn road(problems: &mut Problems, path: &ValuePath, road: &Road) {
     lanes(problems, path, road);
     within(problems, &path.to("friction"), road.friction(), 0.01, 2.0);
     if let Some(limit_mps) = road.speed_limit_mps() {
@@ -126,7 +126,7 @@ pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
     }
 }
 
-pub(super) fn reward(problems: &mut Problems, path: &Path, reward: &Reward) {
+pub(super) fn reward(problems: &mut Problems, path: &ValuePath, reward: &Reward) {
     within(problems, &path.to("rho_max"), reward.rho_max(), 1e-6, 1e9);
     if let Reward::Tanh {
         scale,
@@ -143,7 +143,7 @@ pub(super) fn reward(problems: &mut Problems, path: &Path, reward: &Reward) {
 
 pub(super) fn learner(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     settings: &LearnerSettings,
 ) -> LearnerConfig {
     LearnerConfig::new(settings.clone()).unwrap_or_else(|error| {
@@ -157,7 +157,7 @@ pub(super) fn learner(
 
 pub(super) fn learners(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     learners: &Ordered<LearnerSettings>,
 ) -> IndexMap<String, LearnerConfig> {
     let learners = learners.0.iter();
@@ -168,7 +168,7 @@ pub(super) fn learners(
     checked.collect()
 }
 
-pub(super) fn range(problems: &mut Problems, path: &Path, range: Range) {
+pub(super) fn range(problems: &mut Problems, path: &ValuePath, range: Range) {
     if range.hi < range.lo {
         let what = format!("the range ({}, {}) is reversed", range.lo, range.hi);
         let help = Some(format!("write ({}, {})", range.hi, range.lo));
@@ -176,7 +176,7 @@ pub(super) fn range(problems: &mut Problems, path: &Path, range: Range) {
     }
 }
 
-pub(super) fn agent_name(problems: &mut Problems, path: &Path, name: &str) {
+pub(super) fn agent_name(problems: &mut Problems, path: &ValuePath, name: &str) {
     if !is_identifier(name) {
         let what = format!("`{name}` cannot name an agent");
         let help = Some("letters, digits and _, beginning with a letter".to_owned());
@@ -184,7 +184,7 @@ pub(super) fn agent_name(problems: &mut Problems, path: &Path, name: &str) {
     }
 }
 
-pub(super) fn signal_name(problems: &mut Problems, path: &Path, name: &str, taken: bool) {
+pub(super) fn signal_name(problems: &mut Problems, path: &ValuePath, name: &str, taken: bool) {
     if taken {
         let what = format!("the signal `{name}` is published already");
         problems.add(path, what, "choose another name", None);
@@ -196,7 +196,7 @@ pub(super) fn signal_name(problems: &mut Problems, path: &Path, name: &str, take
 }
 
 /// Checks the name of a constant or a formula, which must have no other meaning.
-pub(super) fn free_name(problems: &mut Problems, path: &Path, name: &str, taken: bool) {
+pub(super) fn free_name(problems: &mut Problems, path: &ValuePath, name: &str, taken: bool) {
     if taken {
         let what = format!("`{name}` is the name of something else already");
         problems.add(path, what, "choose another name", None);
@@ -209,7 +209,7 @@ pub(super) fn free_name(problems: &mut Problems, path: &Path, name: &str, taken:
 }
 
 /// Checks the world's name, after which files are named.
-pub(super) fn world_name(problems: &mut Problems, path: &Path, name: &str) {
+pub(super) fn world_name(problems: &mut Problems, path: &ValuePath, name: &str) {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if name.is_empty() || 64 < name.len() || !name.chars().all(plain) {
         let what = format!("`{name}` cannot name a world");
@@ -224,7 +224,7 @@ fn is_identifier(name: &str) -> bool {
 }
 
 /// Checks the number of runs of each start, and of failures that count.
-pub(super) fn repeats(problems: &mut Problems, path: &Path, repeats: Repeats) {
+pub(super) fn repeats(problems: &mut Problems, path: &ValuePath, repeats: Repeats) {
     let Repeats { runs, gate } = repeats;
     if !(1..=MAX_REPEATS).contains(&runs) {
         let what = format!("every start is played {runs} times");
@@ -237,7 +237,11 @@ pub(super) fn repeats(problems: &mut Problems, path: &Path, repeats: Repeats) {
     }
 }
 
-pub(super) fn controller(problems: &mut Problems, path: &Path, ego: &Actuated<ControllerSpec>) {
+pub(super) fn controller(
+    problems: &mut Problems,
+    path: &ValuePath,
+    ego: &Actuated<ControllerSpec>,
+) {
     if let Some((field, what, help)) = ego.controller.program().and_then(Process::flaw) {
         problems.add(&path.to(field), what, "here", Some(help.to_owned()));
         return;
@@ -245,7 +249,7 @@ pub(super) fn controller(problems: &mut Problems, path: &Path, ego: &Actuated<Co
     parameters(problems, path, &ego.parameters());
 }
 
-fn parameters(problems: &mut Problems, path: &Path, parameters: &[Parameter]) {
+fn parameters(problems: &mut Problems, path: &ValuePath, parameters: &[Parameter]) {
     for parameter in parameters {
         // This form also rejects NaN, unlike a comparison with the bound.
         if !(parameter.at_least..).contains(&parameter.value) {
@@ -259,9 +263,9 @@ fn parameters(problems: &mut Problems, path: &Path, parameters: &[Parameter]) {
 }
 
 /// Checks the actions of an ado: their range, and their fit for its body.
-pub(super) fn actions(problems: &mut Problems, path: &Path, ado: &AdoFile, body: ActsAs) {
+pub(super) fn actions(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, body: ActsAs) {
     let list = path.to("actions");
-    let numbers: Vec<(Path, f64)> = match &ado.actions {
+    let numbers: Vec<(ValuePath, f64)> = match &ado.actions {
         Actions::Accelerations(accelerations) => {
             let numbered = accelerations.iter().enumerate();
             numbered.map(|(i, a)| (list.at(0).at(i), *a)).collect()
@@ -405,7 +409,7 @@ pub(super) fn still_apart(spec: &DriveSpec) -> Result<(), ChangeError> {
     // The spans are not used, so no text is needed.
     let mut problems = Problems::new("");
     let entries: Vec<usize> = (0..spec.agents.len()).collect();
-    super::starts::check(&mut problems, &Path::top(), spec, &entries);
+    super::starts::check(&mut problems, &ValuePath::top(), spec, &entries);
     match problems.into_list().into_iter().next() {
         Some(problem) => Err(ChangeError {
             what: problem.what,
@@ -417,7 +421,7 @@ pub(super) fn still_apart(spec: &DriveSpec) -> Result<(), ChangeError> {
 }
 
 /// Checks a script: times that rise from 0 on, and valid parameters.
-pub(super) fn script(problems: &mut Problems, path: &Path, script: &Script) {
+pub(super) fn script(problems: &mut Problems, path: &ValuePath, script: &Script) {
     let times: Vec<f64> = match script {
         Script::ConstantSpeed | Script::Stand => Vec::new(),
         Script::Profile(points) => points.iter().map(|point| point.0).collect(),
@@ -435,7 +439,7 @@ pub(super) fn script(problems: &mut Problems, path: &Path, script: &Script) {
 }
 
 /// Checks the ego's sensors: their range, and a delay of whole samples.
-pub(super) fn sensors(problems: &mut Problems, path: &Path, sensors: &Sensors, clock: &Clock) {
+pub(super) fn sensors(problems: &mut Problems, path: &ValuePath, sensors: &Sensors, clock: &Clock) {
     if let Some((field, what, help)) = sensor_flaw(sensors, clock) {
         problems.add(&path.to(field), what, "here", Some(help));
     }
@@ -482,8 +486,8 @@ pub(super) fn sensor_flaw(
 }
 
 /// Verifies that every change under `reuse` fits.
-pub(super) fn reuse(problems: &mut Problems, path: &Path, scenario: &Scenario) {
-    world_name(problems, &Path::top().to("name"), &scenario.name);
+pub(super) fn reuse(problems: &mut Problems, path: &ValuePath, scenario: &Scenario) {
+    world_name(problems, &ValuePath::top().to("name"), &scenario.name);
     for (name, change) in &scenario.reuse {
         if name.is_empty() || ["nominal", "all"].contains(&name.as_str()) || name.ends_with(".ron")
         {

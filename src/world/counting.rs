@@ -2,14 +2,14 @@
 
 use super::check;
 use super::file::{AgentFile, DriveFile, ScenarioFile};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::problems::Problems;
 use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 
 /// Greatest closing speed that `counts` may require, in m/s.
 const MAX_CLOSING_MPS: f64 = 150.0;
 
-pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
+pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFile) {
     let others = file
         .agents
         .iter()
@@ -99,7 +99,7 @@ fn is_other_with_a_body(agent: &AgentFile) -> bool {
 /// Refuses a judge or a count that requires contacts in a world of cells.
 pub(super) fn nothing_touches(
     problems: &mut Problems,
-    top: &Path,
+    top: &ValuePath,
     judge: JudgeKind,
     counts: &Counts,
 ) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Scenario;
 use super::error::Problem;
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::problems::Problems;
 use super::warnings::Oddity;
 use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
@@ -75,7 +75,7 @@ fn tried_starts(scenario: &Scenario) -> Vec<Start> {
 }
 
 /// Checks that no rule is broken, and ψ_ego not violated, at t = 0.
-pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scenario) {
+pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &Scenario) {
     let tried = scenario.on(PlantKind::Kinematic);
     let mut bench = tried.bench();
     let rulebook = tried.rulebook();
@@ -104,7 +104,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
         }
         let overlap = || first_overlap(&bench);
         if let Some((i, j)) = scenario.drive().and_then(|_| overlap()) {
-            let names = bench.stage().cast;
+            let names = bench.stage().agents;
             let (first, second) = (&names[i].name, &names[j].name);
             let what = format!("`{first}` and `{second}` may start inside each other");
             let place = entry_of(&path.to("agents"), &scenario.text, second).to("start");
@@ -145,37 +145,37 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
 
 /// First two bodies that overlap from above.
 fn first_overlap(bench: &Testbench) -> Option<(usize, usize)> {
-    let (cast, frame) = (bench.stage().cast, bench.frame());
-    let boxes: Vec<Footprint> = cast
+    let (cast, frame) = (bench.stage().agents, bench.frame());
+    let boxes: Vec<GroundRectangle> = cast
         .iter()
         .zip(&frame.placements)
-        .map(|(who, place)| Footprint::of(who.size_m, place))
+        .map(|(who, place)| GroundRectangle::of(who.size_m, place))
         .collect();
     let mut pairs = (0..boxes.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
     pairs.find(|&(i, j)| boxes[i].overlaps(&boxes[j]))
 }
 
 /// Body as a rectangle on the ground.
-struct Footprint {
+struct GroundRectangle {
     centre_m: [f64; 2],
     /// Half length along, and half width across.
     half_m: [[f64; 2]; 2],
 }
 
-impl Footprint {
-    fn of(size_m: [f64; 3], place: &Placement) -> Footprint {
+impl GroundRectangle {
+    fn of(size_m: [f64; 3], place: &Placement) -> GroundRectangle {
         let [x, y, _] = place.centre_m;
         let [_, _, turn, real] = place.rotation;
         let (sin, cos) = libm::sincos(2.0 * libm::atan2(turn, real));
         let (long, broad) = (0.5 * size_m[0], 0.5 * size_m[1]);
-        Footprint {
+        GroundRectangle {
             centre_m: [x, y],
             half_m: [[long * cos, long * sin], [-broad * sin, broad * cos]],
         }
     }
 
     /// Returns true if no side of either rectangle separates them.
-    fn overlaps(&self, other: &Footprint) -> bool {
+    fn overlaps(&self, other: &GroundRectangle) -> bool {
         let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
         let apart: [f64; 2] = std::array::from_fn(|i| other.centre_m[i] - self.centre_m[i]);
         let sides = || self.half_m.into_iter().chain(other.half_m);
@@ -187,7 +187,7 @@ impl Footprint {
 }
 
 /// Entry of an agent in the file's list of agents.
-fn entry_of(list: &Path, text: &str, name: &str) -> Path {
+fn entry_of(list: &ValuePath, text: &str, name: &str) -> ValuePath {
     let quoted = format!("\"{name}\"");
     let mut entries = (0..MAX_AGENTS).map(|i| list.at(i));
     // Searched in the text, because the entry may differ from the position in
@@ -209,10 +209,10 @@ fn in_words(scenario: &Scenario, start: &Start) -> String {
     }
 }
 
-fn rule_place(scenario: &Scenario, rule: &str) -> Path {
+fn rule_place(scenario: &Scenario, rule: &str) -> ValuePath {
     let mut rules = scenario.rules.iter();
     let found = rules.find(|spec| spec.name == rule);
-    found.map_or_else(Path::top, |spec| spec.place.clone())
+    found.map_or_else(ValuePath::top, |spec| spec.place.clone())
 }
 
 /// Reports a rule that is broken whatever the ados do, which cannot be intended.
@@ -412,7 +412,7 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
         let tie = rules
             .iter()
             .find(|rule| rule.monitor.robustness(&judged, &mut scratch) == 0.0);
-        let top = Path::top();
+        let top = ValuePath::top();
         let (what, place) = match tie {
             Some(rule) => (
                 format!(

@@ -2,7 +2,7 @@
 //!
 //! `train_against` of a world file names ranges over the parameters of its ego,
 //! over the ego's sensors and the road, and the plants to train on. A
-//! [`Member`] is one point of the family. An ado trained against the complete
+//! [`EgoSample`] is one point of the family. An ado trained against the complete
 //! family is *wide* or *conditional*. A conditional ado has the member's
 //! quantities appended to its observation, and a wide ado has not.
 //!
@@ -47,17 +47,21 @@ const PURE: f64 = 0.15;
 )]
 #[serde(rename_all = "lowercase")]
 #[strum(serialize_all = "kebab-case")]
-pub enum Against {
+pub enum TrainingEgos {
     /// The world's own ego.
     #[default]
     Nominal,
     /// All egos of the family; the ado is not told which one it meets.
-    Wide,
+    #[serde(rename = "wide")]
+    #[strum(serialize = "wide")]
+    Randomized,
     /// All egos of the family; the ado is told the parameters of each.
-    Conditional,
+    #[serde(rename = "conditional")]
+    #[strum(serialize = "conditional")]
+    Conditioned,
 }
 
-impl Against {
+impl TrainingEgos {
     /// Returns the word in files and on the command line.
     pub fn word(self) -> &'static str {
         self.into()
@@ -65,13 +69,13 @@ impl Against {
 
     /// Returns true for the world's own ego, which is the default.
     pub fn is_nominal(&self) -> bool {
-        *self == Against::Nominal
+        *self == TrainingEgos::Nominal
     }
 }
 
 /// Ego on a plant, with a value for every quantity of the family.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Member {
+pub struct EgoSample {
     /// Values in the order of [`Family::quantities`].
     pub values: Vec<f64>,
     /// Plant of the member.
@@ -115,7 +119,7 @@ pub struct NoMember {
 
 /// Named quantities that do not describe a member of the family.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MisfitMember {
+pub enum SampleError {
     /// A quantity is missing.
     #[error("`{name}` is missing; the family varies {known}")]
     Missing {
@@ -148,8 +152,8 @@ pub enum MisfitMember {
 
 impl Family {
     /// Returns the world's own ego on a plant.
-    pub fn nominal(&self, plant: PlantKind) -> Member {
-        Member {
+    pub fn nominal(&self, plant: PlantKind) -> EgoSample {
+        EgoSample {
             values: self.quantities.iter().map(|q| q.nominal).collect(),
             plant,
             controller: None,
@@ -162,7 +166,7 @@ impl Family {
     /// quantity is nominal with the family's probability, and otherwise uniform
     /// in its range. The plant is drawn by the weights of all plants. Each of
     /// `n` other structures is drawn in one episode of `n + 1`.
-    pub fn draw(&self, world: &str, key: StartKey) -> Member {
+    pub fn draw(&self, world: &str, key: StartKey) -> EgoSample {
         let mut member = self.draw_own(world, key);
         if !self.structures.is_empty() {
             // A separate stream, so that an additional structure changes no
@@ -176,7 +180,7 @@ impl Family {
     }
 
     /// Returns a member of the world's own structure.
-    fn draw_own(&self, world: &str, key: StartKey) -> Member {
+    fn draw_own(&self, world: &str, key: StartKey) -> EgoSample {
         let mut rng = key.generator(world, "family");
         let plant = self.draw_plant(&mut rng);
         if rng.random::<f64>() < PURE {
@@ -192,7 +196,7 @@ impl Family {
                 value
             }
         });
-        Member {
+        EgoSample {
             values: values.collect(),
             plant,
             controller: None,
@@ -222,20 +226,20 @@ impl Family {
     ///
     /// The plant is no input. An ado with that input would learn each plant
     /// from its own episodes only.
-    pub fn told(&self, member: &Member) -> Vec<f32> {
+    pub fn told(&self, member: &EgoSample) -> Vec<f32> {
         self.unit(member).iter().map(|&u| u as f32).collect()
     }
 
     /// Returns a member as a point: every quantity scaled to −1 ..= 1 over its range.
-    pub fn unit(&self, member: &Member) -> Vec<f64> {
+    pub fn unit(&self, member: &EgoSample) -> Vec<f64> {
         let pairs = self.quantities.iter().zip(&member.values);
         pairs.map(|(q, value)| q.scaled(*value)).collect()
     }
 
     /// Returns the member at a point, or the nearest member.
-    pub fn at(&self, point: &[f64], plant: PlantKind) -> Member {
+    pub fn at(&self, point: &[f64], plant: PlantKind) -> EgoSample {
         let pairs = self.quantities.iter().zip(point);
-        Member {
+        EgoSample {
             values: pairs.map(|(q, unit)| q.at(*unit)).collect(),
             plant,
             controller: None,
@@ -249,7 +253,7 @@ impl Family {
     }
 
     /// Returns the ego of a member.
-    pub fn variant(&self, member: &Member) -> EgoVariant {
+    pub fn variant(&self, member: &EgoSample) -> EgoVariant {
         let mut variant = EgoVariant {
             plant: member.plant,
             ..self.base.clone()
@@ -266,7 +270,7 @@ impl Family {
     }
 
     /// Returns the member as a change of the world, on the world's own plant.
-    pub(crate) fn change(&self, member: &Member) -> Change {
+    pub(crate) fn change(&self, member: &EgoSample) -> Change {
         let variant = self.variant(member);
         let own = self.quantities.iter().zip(&member.values);
         let ego = own.filter_map(|(quantity, value)| match &quantity.varied {
@@ -295,14 +299,14 @@ impl Family {
     ///
     /// Returns an error if the controller lacks a parameter that the family
     /// varies.
-    pub fn member_of(&self, spec: &DriveSpec) -> Result<Member, NoMember> {
+    pub fn member_of(&self, spec: &DriveSpec) -> Result<EgoSample, NoMember> {
         let values = self.quantities.iter().map(|quantity| {
             let value = quantity.varied.read(spec).ok_or_else(|| NoMember {
                 name: quantity.varied.name().to_owned(),
             })?;
             Ok(quantity.fit(value))
         });
-        Ok(Member {
+        Ok(EgoSample {
             values: values.collect::<Result<_, _>>()?,
             plant: spec.plant,
             controller: None,
@@ -319,25 +323,25 @@ impl Family {
         &self,
         values: &IndexMap<String, f64>,
         plant: PlantKind,
-    ) -> Result<Member, MisfitMember> {
+    ) -> Result<EgoSample, SampleError> {
         let names: Vec<&str> = self.quantities.iter().map(|q| q.varied.name()).collect();
         let known = || names.join(", ");
         if let Some(name) = values.keys().find(|name| !names.contains(&name.as_str())) {
-            return Err(MisfitMember::Unknown {
+            return Err(SampleError::Unknown {
                 name: name.clone(),
                 known: known(),
             });
         }
         let found = self.quantities.iter().map(|quantity| {
             let name = quantity.varied.name();
-            let value = *values.get(name).ok_or_else(|| MisfitMember::Missing {
+            let value = *values.get(name).ok_or_else(|| SampleError::Missing {
                 name: name.to_owned(),
                 known: known(),
             })?;
             if quantity.contains(value) {
                 Ok(value)
             } else {
-                Err(MisfitMember::Outside {
+                Err(SampleError::Outside {
                     name: name.to_owned(),
                     value,
                     lo: quantity.lo,
@@ -345,7 +349,7 @@ impl Family {
                 })
             }
         });
-        Ok(Member {
+        Ok(EgoSample {
             values: found.collect::<Result<_, _>>()?,
             plant,
             controller: None,
@@ -421,7 +425,7 @@ impl Family {
     }
 
     /// Returns a member in words.
-    pub fn in_words(&self, member: &Member) -> String {
+    pub fn in_words(&self, member: &EgoSample) -> String {
         let pairs = self.quantities.iter().zip(&member.values);
         let list: Vec<String> = pairs
             .map(|(q, value)| format!("{} {value:.3}", q.varied.name()))
@@ -430,7 +434,7 @@ impl Family {
     }
 }
 
-impl fmt::Display for Against {
+impl fmt::Display for TrainingEgos {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())
     }

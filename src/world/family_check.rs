@@ -6,7 +6,7 @@ use super::check;
 use super::error::{did_you_mean, guessed, known_names};
 use super::family::Family;
 use super::file::{Change, FamilyFile};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::quantity::controller;
@@ -25,7 +25,7 @@ const MAX_WEIGHT: u32 = 1000;
 /// Reads the family of a world and reports its mistakes.
 pub(super) fn family(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     file: FamilyFile,
     spec: &DriveSpec,
     reuse: &IndexMap<String, Change>,
@@ -108,7 +108,7 @@ pub(super) fn family(
 /// Reads a controller of another structure, which is that of a changed ego.
 fn structure(
     problems: &mut Problems,
-    place: &Path,
+    place: &ValuePath,
     (name, ranges): (&str, &Ordered<(f64, f64)>),
     reuse: &IndexMap<String, Change>,
 ) -> Option<Structure> {
@@ -138,7 +138,7 @@ fn structure(
 /// Reads ranges over the parameters of a controller.
 fn of_controller(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     ranges: &Ordered<(f64, f64)>,
     controller: &Actuated<ControllerSpec>,
 ) -> Vec<Quantity> {
@@ -156,7 +156,7 @@ fn of_controller(
     quantities
 }
 
-fn unknown(problems: &mut Problems, place: &Path, name: &str, kind: &str, known: &[&str]) {
+fn unknown(problems: &mut Problems, place: &ValuePath, name: &str, kind: &str, known: &[&str]) {
     let list = known_names("parameters", known.iter().copied());
     let help = match did_you_mean(name, known.iter().copied()) {
         Some(guess) => format!("{guess} — {list}"),
@@ -168,7 +168,7 @@ fn unknown(problems: &mut Problems, place: &Path, name: &str, kind: &str, known:
 
 fn of_ego(
     problems: &mut Problems,
-    place: &Path,
+    place: &ValuePath,
     (lo, hi): (f64, f64),
     parameter: &Parameter,
 ) -> Option<Quantity> {
@@ -191,7 +191,7 @@ fn of_ego(
 }
 
 /// Checks a range: it rises, contains the nominal value and ends on whole steps.
-fn sound(problems: &mut Problems, place: &Path, quantity: Quantity) -> Option<Quantity> {
+fn sound(problems: &mut Problems, place: &ValuePath, quantity: Quantity) -> Option<Quantity> {
     let Quantity {
         lo, hi, nominal, ..
     } = quantity;
@@ -229,7 +229,7 @@ fn sound(problems: &mut Problems, place: &Path, quantity: Quantity) -> Option<Qu
 
 fn plants(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     file: &FamilyFile,
     own: PlantKind,
 ) -> Vec<(PlantKind, u32)> {

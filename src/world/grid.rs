@@ -6,10 +6,10 @@ use indexmap::IndexMap;
 use serde::Deserialize;
 
 use super::error::Problem;
-use super::family::Against;
+use super::family::TrainingEgos;
 use super::file::{GridChange, RuleFile, SignalFile};
 use super::language::{Judging, Language, constants, formula, rulebook};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::warnings::Warnings;
@@ -42,7 +42,7 @@ pub(super) struct GridFile {
     #[serde(default)]
     counts: Counts,
     ego: EgoFile,
-    ado: AdoFile,
+    ado: GridAdoFile,
     #[serde(default)]
     starts: Starts,
     #[serde(default)]
@@ -86,7 +86,7 @@ enum EgoFile {
 
 #[derive(Deserialize)]
 #[serde(rename = "Ado", deny_unknown_fields)]
-struct AdoFile {
+struct GridAdoFile {
     moves: Vec<(i32, i32)>,
     neutral: usize,
     observe: Vec<String>,
@@ -97,7 +97,7 @@ struct AdoFile {
 ///
 /// Moves have a limit of their own.
 fn too_much(problems: &mut Problems, file: &GridFile) {
-    let top = Path::top();
+    let top = ValuePath::top();
     let counts = [
         ("signals", file.signals.0.len(), limits::SIGNALS),
         ("formulas", file.formulas.0.len(), limits::FORMULAS),
@@ -125,7 +125,7 @@ fn too_much(problems: &mut Problems, file: &GridFile) {
 
 pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>> {
     let mut problems = Problems::new(text);
-    let top = Path::top();
+    let top = ValuePath::top();
     too_much(&mut problems, &file);
     problems.done()?;
     let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &file.allow);
@@ -190,7 +190,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     }
     let observed = file.ado.observe.into_iter().enumerate();
     let observe = top.to("ado").to("observe");
-    let observed: Vec<(String, Path)> = observed.map(|(i, name)| (name, observe.at(i))).collect();
+    let observed: Vec<(String, ValuePath)> =
+        observed.map(|(i, name)| (name, observe.at(i))).collect();
     spec.observe = language.observe(&mut problems, &observed, &observe);
     problems.done()?;
     // Only used signals are published.
@@ -231,7 +232,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         learners,
         learning: None,
         goals: Vec::new(),
-        against: Against::Nominal,
+        against: TrainingEgos::Nominal,
         left_out: None,
         family: None,
         reuse,
@@ -251,7 +252,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     Ok(scenario)
 }
 
-fn moves(problems: &mut Problems, path: &Path, ado: &AdoFile) {
+fn moves(problems: &mut Problems, path: &ValuePath, ado: &GridAdoFile) {
     let count = ado.moves.len();
     if count == 0 || MAX_MOVES < count {
         let what = format!("an ado with {count} moves");
@@ -281,7 +282,7 @@ fn moves(problems: &mut Problems, path: &Path, ado: &AdoFile) {
     }
 }
 
-fn rules(problems: &mut Problems, path: &Path, file: &[RuleFile]) -> Vec<RuleSpec> {
+fn rules(problems: &mut Problems, path: &ValuePath, file: &[RuleFile]) -> Vec<RuleSpec> {
     let mut rules: Vec<RuleSpec> = Vec::new();
     for (i, rule) in file.iter().enumerate() {
         let place = path.at(i).to("stl");
@@ -309,7 +310,7 @@ struct Misfit {
 
 impl Misfit {
     /// Returns the place in a world file.
-    fn in_file(&self, top: &Path) -> Path {
+    fn in_file(&self, top: &ValuePath) -> ValuePath {
         match self.field {
             "size" | "refine" => top.to("map").to(self.field),
             "ego_step" => top.to("ego").to("step"),

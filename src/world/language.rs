@@ -10,7 +10,7 @@ use super::RuleSpec;
 use super::check;
 use super::error::{did_you_mean, known_names};
 use super::file::SignalFile;
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::scenario::bound_rules;
@@ -61,7 +61,7 @@ impl Language {
     pub(super) fn derive(
         &mut self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         file: &Ordered<SignalFile>,
     ) -> Vec<Derived> {
         let mut all = Vec::new();
@@ -79,7 +79,7 @@ impl Language {
     fn derive_one(
         &mut self,
         problems: &mut Problems,
-        key: &Path,
+        key: &ValuePath,
         names: &[&str],
         signal: &SignalFile,
     ) -> Option<Derived> {
@@ -135,10 +135,10 @@ impl Language {
     pub(super) fn names(
         &self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         file: &Ordered<String>,
     ) -> Names {
-        let top = Path::top();
+        let top = ValuePath::top();
         for name in self.constants.keys() {
             let taken = self.ranges.contains_key(name);
             check::free_name(problems, &top.to("constants").to(name), name, taken);
@@ -170,7 +170,7 @@ impl Language {
     pub(super) fn bind(
         &mut self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         formula: &Formula,
         names: &Names,
     ) {
@@ -191,7 +191,7 @@ impl Language {
     pub(super) fn bind_past(
         &mut self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         formula: &Formula,
         names: &Names,
     ) {
@@ -215,8 +215,8 @@ impl Language {
     pub(super) fn observe(
         &mut self,
         problems: &mut Problems,
-        names: &[(String, Path)],
-        list: &Path,
+        names: &[(String, ValuePath)],
+        list: &ValuePath,
     ) -> Vec<Observed> {
         if names.is_empty() {
             let what = "an ado that observes nothing cannot learn";
@@ -289,7 +289,7 @@ pub(super) fn rulebook(
 /// `given_by` is the field that determines T.
 pub(super) fn constants(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     (horizon_s, given_by): (f64, &str),
     file: &Ordered<f64>,
 ) -> Constants {
@@ -335,14 +335,14 @@ fn usual_range(unit: &str) -> (f64, f64) {
 }
 
 /// Parses a formula and reports its mistakes.
-pub(super) fn formula(problems: &mut Problems, path: &Path, text: &str) -> Option<Formula> {
+pub(super) fn formula(problems: &mut Problems, path: &ValuePath, text: &str) -> Option<Formula> {
     let parsed = text.parse();
     parsed.map_err(|error| problems.stl(path, &error)).ok()
 }
 
 impl Problems<'_> {
     /// Reports an unknown name, with a guess and the known names.
-    pub(super) fn unknown(&mut self, path: &Path, what: &str, name: &str, known: &[&str]) {
+    pub(super) fn unknown(&mut self, path: &ValuePath, what: &str, name: &str, known: &[&str]) {
         let list = known_names("known", known.iter().copied());
         let help = match did_you_mean(name, known.iter().copied()) {
             Some(guess) => format!("{guess} — {list}"),

@@ -5,7 +5,7 @@
 //! `docs/files.md` lists them.
 
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::problems::Problems;
 use crate::scene::drive::{Actions, MotionPlan, Road, Script};
 
@@ -51,7 +51,7 @@ const ALL: [Limit; 19] = [
 ];
 
 /// Reports a number above its limit at the value under `path`.
-pub(super) fn within(problems: &mut Problems, path: &Path, count: usize, limit: Limit) {
+pub(super) fn within(problems: &mut Problems, path: &ValuePath, count: usize, limit: Limit) {
     let Limit { most, of, what } = limit;
     if most < count {
         let what = format!("{of} has at most {most} {what}, not {count}");
@@ -61,7 +61,7 @@ pub(super) fn within(problems: &mut Problems, path: &Path, count: usize, limit: 
 
 /// Reports all counts of a world that exceed their limits.
 pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
-    let top = Path::top();
+    let top = ValuePath::top();
     let counts = [
         ("agents", file.agents.len(), AGENTS),
         ("roads", file.roads.0.len(), ROADS),
@@ -111,7 +111,7 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
     }
 }
 
-fn road(problems: &mut Problems, path: &Path, road: &Road) {
+fn road(problems: &mut Problems, path: &ValuePath, road: &Road) {
     match road {
         Road::Straight { .. } => {}
         Road::Curved { pieces, .. } => within(problems, &path.to("pieces"), pieces.len(), PIECES),
@@ -122,7 +122,7 @@ fn road(problems: &mut Problems, path: &Path, road: &Road) {
 }
 
 /// Checks the counts of an agent's drive.
-fn drive(problems: &mut Problems, path: &Path, agent: &AgentFile) {
+fn drive(problems: &mut Problems, path: &ValuePath, agent: &AgentFile) {
     match agent {
         AgentFile::Vehicle { drive, .. } | AgentFile::Pedestrian { drive, .. } => match drive {
             DriveFile::Ado(file) => ado(problems, &path.at(0), file),
@@ -149,7 +149,7 @@ fn drive(problems: &mut Problems, path: &Path, agent: &AgentFile) {
     }
 }
 
-fn ado(problems: &mut Problems, path: &Path, ado: &AdoFile) {
+fn ado(problems: &mut Problems, path: &ValuePath, ado: &AdoFile) {
     let observed = ado.observe.as_ref().map_or(0, Vec::len);
     within(problems, &path.to("observe"), observed, OBSERVED);
     within(
@@ -165,7 +165,7 @@ fn ado(problems: &mut Problems, path: &Path, ado: &AdoFile) {
 }
 
 /// Checks the number of an ado's rules, and the length of their formulas.
-pub(super) fn rules(problems: &mut Problems, path: &Path, rules: &[RuleFile]) {
+pub(super) fn rules(problems: &mut Problems, path: &ValuePath, rules: &[RuleFile]) {
     within(problems, path, rules.len(), RULES);
     // Rules beyond the limit are one mistake already.
     for (i, rule) in rules.iter().take(RULES.most).enumerate() {

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// Step into a RON value.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Step {
+enum ValueStep {
     /// Field of a struct, or value under a key of a map.
     Name(String),
     /// Element of a list or tuple.
@@ -17,28 +17,28 @@ enum Step {
 
 /// Path from the top of a file to a value, such as `agents[1].start`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Path(Vec<Step>);
+pub struct ValuePath(Vec<ValueStep>);
 
-impl Path {
+impl ValuePath {
     /// Returns the path of the file's top value.
-    pub fn top() -> Path {
-        Path::default()
+    pub fn top() -> ValuePath {
+        ValuePath::default()
     }
 
     /// Returns the path of a field, or of the value under a key.
-    pub fn to(&self, name: &str) -> Path {
-        self.with(Step::Name(name.to_owned()))
+    pub fn to(&self, name: &str) -> ValuePath {
+        self.with(ValueStep::Name(name.to_owned()))
     }
 
     /// Returns the path of an element of a list or tuple.
-    pub fn at(&self, index: usize) -> Path {
-        self.with(Step::Index(index))
+    pub fn at(&self, index: usize) -> ValuePath {
+        self.with(ValueStep::Index(index))
     }
 
-    fn with(&self, step: Step) -> Path {
+    fn with(&self, step: ValueStep) -> ValuePath {
         let mut steps = self.0.clone();
         steps.push(step);
-        Path(steps)
+        ValuePath(steps)
     }
 
     /// Returns the bytes of the value in `text`, or of its innermost existing parent.
@@ -46,7 +46,7 @@ impl Path {
         // Shorter paths come next: a missing field is shown at the struct that
         // lacks it.
         for depth in (0..=self.0.len()).rev() {
-            let mut cursor = Cursor { text, at: 0 };
+            let mut cursor = RonCursor { text, at: 0 };
             if let Some(range) = cursor.find(&self.0[..depth]) {
                 return range;
             }
@@ -55,13 +55,13 @@ impl Path {
     }
 }
 
-impl fmt::Display for Path {
+impl fmt::Display for ValuePath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, step) in self.0.iter().enumerate() {
             match step {
-                Step::Name(name) if i == 0 => write!(f, "{name}")?,
-                Step::Name(name) => write!(f, ".{name}")?,
-                Step::Index(index) => write!(f, "[{index}]")?,
+                ValueStep::Name(name) if i == 0 => write!(f, "{name}")?,
+                ValueStep::Name(name) => write!(f, ".{name}")?,
+                ValueStep::Index(index) => write!(f, "[{index}]")?,
             }
         }
         Ok(())
@@ -72,7 +72,7 @@ impl fmt::Display for Path {
 ///
 /// The RON reader accepts such numbers, and worlds must not contain them.
 pub fn first_non_finite(text: &str) -> Option<Range<usize>> {
-    let mut cursor = Cursor { text, at: 0 };
+    let mut cursor = RonCursor { text, at: 0 };
     loop {
         cursor.blank();
         let start = cursor.at;
@@ -99,7 +99,7 @@ pub fn first_non_finite(text: &str) -> Option<Range<usize>> {
 
 /// Returns the name before the first bracket of a RON text, if it is plain.
 pub fn first_word(text: &str) -> Option<Range<usize>> {
-    let mut cursor = Cursor { text, at: 0 };
+    let mut cursor = RonCursor { text, at: 0 };
     cursor.blank();
     let start = cursor.at;
     if !cursor.peek()?.is_alphabetic() {
@@ -115,12 +115,12 @@ fn is_word(c: char) -> bool {
     c.is_alphanumeric() || matches!(c, '_' | '.' | '-' | '+')
 }
 
-struct Cursor<'a> {
+struct RonCursor<'a> {
     text: &'a str,
     at: usize,
 }
 
-impl Cursor<'_> {
+impl RonCursor<'_> {
     fn rest(&self) -> &str {
         &self.text[self.at..]
     }
@@ -209,7 +209,7 @@ impl Cursor<'_> {
     }
 
     /// Returns the bytes of the value under `steps`, with the cursor before a value.
-    fn find(&mut self, steps: &[Step]) -> Option<Range<usize>> {
+    fn find(&mut self, steps: &[ValueStep]) -> Option<Range<usize>> {
         self.blank();
         let start = self.at;
         match self.peek()? {
@@ -250,7 +250,7 @@ impl Cursor<'_> {
     }
 
     /// Searches a bracketed group. Without a match, the cursor is left behind it.
-    fn children(&mut self, steps: &[Step]) -> Option<Range<usize>> {
+    fn children(&mut self, steps: &[ValueStep]) -> Option<Range<usize>> {
         let close = match self.bump()? {
             '(' => ')',
             '[' => ']',
@@ -265,12 +265,12 @@ impl Cursor<'_> {
             let before = self.at;
             let name = self.named();
             let wanted = match (steps.first(), &name) {
-                (Some(Step::Name(want)), Some(name)) => want == name,
-                (Some(Step::Index(want)), _) => *want == index,
+                (Some(ValueStep::Name(want)), Some(name)) => want == name,
+                (Some(ValueStep::Index(want)), _) => *want == index,
                 _ => false,
             };
             // Other children are skipped by a search for nothing.
-            let inner: &[Step] = if wanted { &steps[1..] } else { &[] };
+            let inner: &[ValueStep] = if wanted { &steps[1..] } else { &[] };
             let found = self.find(inner);
             if wanted && found.is_some() {
                 return found;
@@ -314,7 +314,7 @@ Scenario(
 
     #[test]
     fn values_are_found_by_their_path() {
-        let top = Path::top();
+        let top = ValuePath::top();
         let agents = top.to("agents");
         let cases = [
             (top.to("clock").to("horizon_s"), "15.0"),

@@ -12,8 +12,8 @@
 //! assert!(error.to_string().starts_with("mine.ron:1:"));
 //! ```
 
+mod agents;
 mod build;
-mod cast;
 mod changed;
 mod check;
 mod counting;
@@ -30,7 +30,7 @@ mod named_file;
 mod ordered;
 mod plans;
 mod points;
-mod preventing;
+mod preventability;
 mod problems;
 mod quantity;
 mod read;
@@ -52,9 +52,9 @@ use serde::de::DeserializeOwned;
 
 pub(crate) use error::guessed;
 pub use error::{LoadError, Problem, ScenarioError};
-pub use family::{Against, Family, Member, MisfitMember, NoMember};
+pub use family::{EgoSample, Family, NoMember, SampleError, TrainingEgos};
 pub use file::{Change, GridChange};
-pub use locate::Path;
+pub use locate::ValuePath;
 pub(crate) use named_file::{file_bytes, file_text};
 pub(crate) use ordered::Ordered;
 pub use ordered::Patch;
@@ -131,11 +131,11 @@ impl Scenario {
         // The kind decides the type to read, so that errors name the fields of
         // that kind.
         match read::kind(text).map_err(one)? {
-            read::Kind::Scenario => {
+            read::WorldKind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
                 build::build(file, runs, text, parsed).map_err(fail)
             }
-            read::Kind::Grid => {
+            read::WorldKind::Grid => {
                 let parsed = read::parse(text).map_err(one)?;
                 grid::build(text, parsed).map_err(fail)
             }

@@ -4,7 +4,7 @@ use super::check::{self, ActsAs};
 use super::file::{NumberOrRange, PlanFile};
 use super::language::Language;
 use super::language::formula;
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::problems::Problems;
 use crate::scene::drive::{
     Agent, Drive, DriveSpec, MeetEgo, MotionLaw, MotionPlan, PlanSpec, Range, ScriptStep,
@@ -18,7 +18,7 @@ const MOST: f64 = 5_000.0;
 /// Reads and checks a plan. `path` is the list of its steps, or its meeting.
 pub(super) fn read(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     plan: &PlanFile,
     acts_as: ActsAs,
 ) -> Option<PlanSpec> {
@@ -40,7 +40,7 @@ pub(super) fn read(
     }
 }
 
-fn read_meet(problems: &mut Problems, path: &Path, meet: &MeetEgo<NumberOrRange>) {
+fn read_meet(problems: &mut Problems, path: &ValuePath, meet: &MeetEgo<NumberOrRange>) {
     let fields = [
         ("ego_at_m", meet.ego_at_m, -MOST),
         ("here_at_m", meet.here_at_m, -MOST),
@@ -56,7 +56,7 @@ fn read_meet(problems: &mut Problems, path: &Path, meet: &MeetEgo<NumberOrRange>
 
 fn read_step(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     step: &ScriptStep<NumberOrRange, String>,
     acts_as: ActsAs,
 ) -> Option<ScriptStep<Range, Formula>> {
@@ -94,7 +94,12 @@ fn read_step(
     })
 }
 
-fn read_law(problems: &mut Problems, path: &Path, law: &MotionLaw<NumberOrRange>, acts_as: ActsAs) {
+fn read_law(
+    problems: &mut Problems,
+    path: &ValuePath,
+    law: &MotionLaw<NumberOrRange>,
+    acts_as: ActsAs,
+) {
     let walks = acts_as == ActsAs::Walker;
     let (numbers, on_wheels): (Vec<(&str, NumberOrRange, f64)>, bool) = match law {
         MotionLaw::Speed {
@@ -142,7 +147,7 @@ fn read_law(problems: &mut Problems, path: &Path, law: &MotionLaw<NumberOrRange>
     }
 }
 
-fn number_in(problems: &mut Problems, path: &Path, number: NumberOrRange, least: f64) {
+fn number_in(problems: &mut Problems, path: &ValuePath, number: NumberOrRange, least: f64) {
     check::range(problems, path, number.0);
     for value in [number.0.lo, number.0.hi] {
         check::within(problems, path, value, least, MOST);
@@ -150,7 +155,7 @@ fn number_in(problems: &mut Problems, path: &Path, number: NumberOrRange, least:
 }
 
 /// Place of an agent's plan in the file.
-fn place_of(entry: &Path, agent: &Agent) -> Path {
+fn place_of(entry: &ValuePath, agent: &Agent) -> ValuePath {
     let drive = entry.to("drive");
     let plan = match &agent.drive {
         Drive::Ado { .. } => drive.to("base"),
@@ -169,7 +174,7 @@ pub(super) fn bind(
     problems: &mut Problems,
     language: &mut Language,
     names: &Names,
-    (list, spec, entries): (&Path, &DriveSpec, &[usize]),
+    (list, spec, entries): (&ValuePath, &DriveSpec, &[usize]),
 ) {
     let known: Vec<&str> = spec.agents.iter().map(|it| it.name.as_str()).collect();
     for (agent, entry) in spec.agents.iter().zip(entries) {
@@ -212,7 +217,7 @@ pub(super) fn bind(
 /// Reports a meeting that is impossible at a start, which `words` describe.
 pub(super) fn meets(
     problems: &mut Problems,
-    entry: &Path,
+    entry: &ValuePath,
     agent: &Agent,
     (why, cure): (String, &str),
     words: &str,

@@ -5,7 +5,7 @@ use indexmap::IndexMap;
 use super::check;
 use super::error::known_names;
 use super::file::{NumberOrRange, PointsFile};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use crate::scene::Start;
@@ -17,7 +17,7 @@ const MAX_ROWS: usize = 100_000;
 /// Reads the numbers of a start besides the agents' places.
 pub(super) fn parameters(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     file: &Ordered<NumberOrRange>,
     taken: &[&str],
 ) -> IndexMap<String, Range> {
@@ -33,7 +33,7 @@ pub(super) fn parameters(
 /// Reads the rows in the order of the world's axes. Without a table there are none.
 pub(super) fn read(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     points: Option<&PointsFile>,
     spec: &DriveSpec,
 ) -> Vec<Start> {

@@ -1,7 +1,7 @@
 //! Mistakes of a world file with their places.
 
 use super::error::Problem;
-use super::locate::Path;
+use super::locate::ValuePath;
 use crate::stl::StlError;
 
 /// Greatest number of reported mistakes, which suffices for a round of corrections.
@@ -24,7 +24,7 @@ impl<'a> Problems<'a> {
     /// Reports a mistake at the value under `path`.
     pub(super) fn add(
         &mut self,
-        path: &Path,
+        path: &ValuePath,
         what: impl Into<String>,
         label: &str,
         help: Option<String>,
@@ -41,7 +41,7 @@ impl<'a> Problems<'a> {
     }
 
     /// Reports a mistake inside the STL string under `path`.
-    pub(super) fn stl(&mut self, path: &Path, error: &StlError) {
+    pub(super) fn stl(&mut self, path: &ValuePath, error: &StlError) {
         self.list.push(Problem {
             what: error.to_string(),
             span: self.place_in_stl(path, error),
@@ -51,7 +51,7 @@ impl<'a> Problems<'a> {
     }
 
     /// Reports that the signal `name` uses a signal that is not declared before it.
-    pub(super) fn too_early(&mut self, path: &Path, error: &StlError, used: &str, name: &str) {
+    pub(super) fn too_early(&mut self, path: &ValuePath, error: &StlError, used: &str, name: &str) {
         let (what, label, help) = if used == name {
             (
                 format!("the signal `{name}` is defined by itself"),
@@ -73,11 +73,11 @@ impl<'a> Problems<'a> {
         });
     }
 
-    fn place_in_stl(&self, path: &Path, error: &StlError) -> std::ops::Range<usize> {
+    fn place_in_stl(&self, path: &ValuePath, error: &StlError) -> std::ops::Range<usize> {
         // The mistake may be in a named formula that this formula uses.
         let named = error
             .formula()
-            .map(|name| Path::top().to("formulas").to(name));
+            .map(|name| ValuePath::top().to("formulas").to(name));
         let path = named.as_ref().unwrap_or(path);
         let value = path.find(self.text);
         let quoted = &self.text[value.clone()];

@@ -55,7 +55,7 @@ pub(super) fn without_mark(text: &str) -> &str {
 
 /// Kind of world that a file describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum WorldKind {
     /// `Scenario(…)`: driving.
     Scenario,
     /// `Grid(…)`: cells.
@@ -65,14 +65,14 @@ pub(super) enum Kind {
 /// Returns the kind of world that the first word of a file names.
 ///
 /// Other mistakes are left to [`parse`].
-pub(super) fn kind(text: &str) -> Result<Kind, Problem> {
+pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
     let Some(span) = first_word(text) else {
-        return Ok(Kind::Scenario);
+        return Ok(WorldKind::Scenario);
     };
     let known = ["Scenario", "Grid"];
     match &text[span.clone()] {
-        "Scenario" => Ok(Kind::Scenario),
-        "Grid" => Ok(Kind::Grid),
+        "Scenario" => Ok(WorldKind::Scenario),
+        "Grid" => Ok(WorldKind::Grid),
         other => {
             let list = known_names("one of", known);
             Err(Problem {

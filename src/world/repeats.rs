@@ -41,8 +41,8 @@ fn one() -> u32 {
 
 impl<'de> Deserialize<'de> for Repeats {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Repeats, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
+        struct RepeatsVisitor;
+        impl<'de> Visitor<'de> for RepeatsVisitor {
             type Value = Repeats;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -64,6 +64,6 @@ impl<'de> Deserialize<'de> for Repeats {
                 })
             }
         }
-        deserializer.deserialize_any(Either)
+        deserializer.deserialize_any(RepeatsVisitor)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::check;
 use super::file::{AgentFile, RoadFile, ScenarioFile};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use crate::scene::drive::{Direction, PlacedRoad, PlacedRoads, Road};
@@ -16,7 +16,7 @@ const MAX_AWAY_M: f64 = 5_000.0;
 /// width.
 pub(super) fn placed(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     own: &Road,
     file: &Ordered<RoadFile>,
 ) -> PlacedRoads {
@@ -65,7 +65,7 @@ pub(super) fn placed(
 /// Number of the road that an agent names. 0 is the world's own.
 pub(super) fn number(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     file: &ScenarioFile,
     entry: &AgentFile,
 ) -> Option<usize> {
@@ -90,7 +90,7 @@ pub(super) fn number(
 /// Refuses an ego on a named road, or against the world's own road.
 ///
 /// The ego's perception is expressed along that road.
-pub(super) fn ego_on_its_own(problems: &mut Problems, path: &Path, entry: &AgentFile) {
+pub(super) fn ego_on_its_own(problems: &mut Problems, path: &ValuePath, entry: &AgentFile) {
     if entry.road().is_some() {
         let what = "the ego drives on the world's own `road`, not on a named one";
         let help = "write its road as `road`, and place the others relative to it";

@@ -60,9 +60,9 @@ pub(super) type Assembled = Result<Option<World>, Vec<Problem>>;
 
 /// Origin of a world: the name of its file, and the source of its runs.
 #[derive(Clone, Copy)]
-pub(super) struct Origin<'a> {
+pub(super) struct WorldOrigin<'a> {
     pub(super) file: &'a str,
     pub(super) runs: &'a dyn RunSource,
     /// Function that assembles the world of a run within this world.
-    pub(super) assemble: fn(Origin<'_>, &str) -> Assembled,
+    pub(super) assemble: fn(WorldOrigin<'_>, &str) -> Assembled,
 }

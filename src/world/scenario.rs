@@ -5,9 +5,9 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 
 use super::error::Problem;
-use super::family::{Against, Family};
+use super::family::{Family, TrainingEgos};
 use super::file::Change;
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::{LearnerConfig, Spaces};
@@ -49,7 +49,7 @@ pub struct Scenario {
     /// Failures that a training looks for. Empty for any.
     pub(crate) goals: Vec<TrainingGoal>,
     /// Training opponent of an ado.
-    pub(crate) against: Against,
+    pub(crate) against: TrainingEgos,
     /// Structure of the family that training leaves out.
     pub(crate) left_out: Option<String>,
     /// Changed egos for the reuse of a trained ado.
@@ -86,7 +86,7 @@ pub struct RuleSpec {
     /// Requirement that it expresses, such as a paragraph of a regulation.
     pub requirement: Option<String>,
     /// Place of the formula in the file.
-    pub(super) place: Path,
+    pub(super) place: ValuePath,
 }
 
 impl Scenario {
@@ -141,7 +141,7 @@ impl Scenario {
     }
 
     /// Returns the training opponent of an ado.
-    pub fn against(&self) -> Against {
+    pub fn against(&self) -> TrainingEgos {
         self.against
     }
 
@@ -224,7 +224,7 @@ impl Scenario {
     /// Returns the spaces of an ado, including the inputs of conditional ados.
     pub fn spaces(&self) -> Spaces {
         let mut spaces = self.world.spaces().clone();
-        if let (Against::Conditional, Some(family)) = (self.against, self.family()) {
+        if let (TrainingEgos::Conditioned, Some(family)) = (self.against, self.family()) {
             spaces.observation += family.told_width();
         }
         spaces
@@ -335,7 +335,7 @@ pub struct ChangeError {
 }
 
 impl ChangeError {
-    pub(super) fn path(&self, change: &Path) -> Path {
+    pub(super) fn path(&self, change: &ValuePath) -> ValuePath {
         self.place
             .iter()
             .fold(change.clone(), |path, name| path.to(name))

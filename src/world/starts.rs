@@ -1,6 +1,6 @@
 //! Checks of starts: within bounds, and without overlap of agents.
 
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::problems::Problems;
 use crate::scene::drive::{Agent, Direction, Drive, DriveSpec, Range, Script, StartPlace};
 
@@ -15,7 +15,12 @@ const MAX_ASIDE_M: f64 = 20.0;
 /// Checks starts for speed, distance and overlap.
 ///
 /// `entries` are the agents' positions in the file's list.
-pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entries: &[usize]) {
+pub(super) fn check(
+    problems: &mut Problems,
+    path: &ValuePath,
+    spec: &DriveSpec,
+    entries: &[usize],
+) {
     for (i, agent) in spec.agents.iter().enumerate() {
         let start = path.at(entries[i]).to("start");
         let speed = agent.place.speed_mps();
@@ -66,7 +71,7 @@ pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entr
 /// `entries` are the positions of agents and lights in the file's list.
 pub(super) fn on_the_road(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     spec: &DriveSpec,
     entries: (&[usize], &[usize]),
 ) {

@@ -14,14 +14,14 @@ use std::sync::Arc;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use self::run::{Run, RunFile, TrainedFile, opened};
+use self::run::{LoadedRun, RunFile, TrainedFile, opened};
 use super::check::{self, ActsAs};
 use super::error::{did_you_mean, known_names};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
-use super::runs::{Origin, RunRefused, refused};
-use crate::rl::{Bundle, Policy, load_policy_for};
+use super::runs::{RunRefused, WorldOrigin, refused};
+use crate::rl::{Policy, TensorFile, load_policy_for};
 use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec, LightDrive, TrainedAdo, TrainedError};
 
@@ -30,10 +30,10 @@ use crate::scene::drive::{Drive, DriveSpec, LightDrive, TrainedAdo, TrainedError
 /// `None` after a mistake, which is reported.
 pub(super) fn open(
     problems: &mut Problems,
-    (path, origin): (&Path, Origin<'_>),
+    (path, origin): (&ValuePath, WorldOrigin<'_>),
     trained: &TrainedFile,
     acts_as: ActsAs,
-) -> Option<(TrainedAdo, Option<(Path, String)>)> {
+) -> Option<(TrainedAdo, Option<(ValuePath, String)>)> {
     let place = path.to("run");
     let made = opened(&trained.run, origin).and_then(|run| {
         // Nesting is checked first, since assembling a run recurses into its
@@ -64,9 +64,9 @@ pub(super) fn open(
 }
 
 fn made_from(
-    run: &Run,
+    run: &LoadedRun,
     names: &Ordered<String>,
-    origin: Origin<'_>,
+    origin: WorldOrigin<'_>,
 ) -> Result<TrainedAdo, RunRefused> {
     let from = &run.from;
     let world = world_of(run, origin)?;
@@ -89,7 +89,7 @@ fn made_from(
             ));
         }
     };
-    let bundle = Bundle::from_bytes(&run.policy);
+    let bundle = TensorFile::from_bytes(&run.policy);
     // The policy is checked against the spaces of its own world, where it was
     // trained.
     let policy = bundle.and_then(|bundle| load_policy_for(world.spaces(), &bundle));
@@ -122,10 +122,10 @@ fn lag_s(home: &DriveSpec) -> f64 {
 /// Returns the run's world.
 ///
 /// Trial runs are omitted, because they took place before its training.
-fn world_of(run: &Run, origin: Origin<'_>) -> Result<World, RunRefused> {
+fn world_of(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<World, RunRefused> {
     let name = run.world_name();
     // Runs of the inner world are searched beside the inner file.
-    let inner = Origin {
+    let inner = WorldOrigin {
         file: &name,
         ..origin
     };
@@ -145,7 +145,7 @@ fn world_of(run: &Run, origin: Origin<'_>) -> Result<World, RunRefused> {
 }
 
 /// Run as a single RON value.
-fn written(run: &Run) -> String {
+fn written(run: &LoadedRun) -> String {
     // A raw string needs more hashes than follow any quote inside it.
     let longest = |text: &str| {
         let hashes = text.split('"').skip(1);
@@ -165,7 +165,7 @@ fn written(run: &Run) -> String {
 }
 
 /// Replaces values in a text.
-pub(super) fn with_values(text: &str, values: &[(Path, String)]) -> String {
+pub(super) fn with_values(text: &str, values: &[(ValuePath, String)]) -> String {
     let mut places: Vec<(std::ops::Range<usize>, &String)> = values
         .iter()
         .map(|(path, value)| (path.find(text), value))
@@ -184,7 +184,7 @@ pub(super) fn with_values(text: &str, values: &[(Path, String)]) -> String {
 /// `entries` contains the positions of agents and lights in the file's list.
 pub(super) fn check(
     problems: &mut Problems,
-    list: &Path,
+    list: &ValuePath,
     spec: &DriveSpec,
     entries: (&[usize], &[usize]),
 ) {
@@ -208,7 +208,7 @@ pub(super) fn check(
 }
 
 /// Place, label and fix of an ado that does not fit.
-fn explained(drive: &Path, error: &TrainedError) -> (Path, &'static str, Option<String>) {
+fn explained(drive: &ValuePath, error: &TrainedError) -> (ValuePath, &'static str, Option<String>) {
     let names = drive.to("names");
     let guessed = |written: &str, known: &[String]| {
         let known: Vec<&str> = known.iter().map(String::as_str).collect();

@@ -2,14 +2,14 @@
 
 use super::Scenario;
 use super::error::Problem;
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::problems::Problems;
 use super::warnings::Oddity;
 use crate::scene::drive::Bounds;
 use crate::stl::{Interval, Monitor};
 
 /// Reports a specification that no run violates, and rules that no run keeps.
-pub(super) fn check(problems: &mut Problems, path: &Path, scenario: &Scenario) {
+pub(super) fn check(problems: &mut Problems, path: &ValuePath, scenario: &Scenario) {
     let Some(spec) = scenario.drive() else {
         return;
     };
@@ -28,7 +28,7 @@ pub(super) fn check(problems: &mut Problems, path: &Path, scenario: &Scenario) {
     }
 }
 
-fn check_spec(problems: &mut Problems, place: &Path, scenario: &Scenario, bounds: &[Bounds]) {
+fn check_spec(problems: &mut Problems, place: &ValuePath, scenario: &Scenario, bounds: &[Bounds]) {
     let ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
     let monitor = &scenario.rulebook().spec;
     let signals = monitor.signals();
@@ -73,10 +73,10 @@ pub(super) fn warnings(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
     .collect()
 }
 
-fn place_of(scenario: &Scenario, rule: &str) -> Path {
+fn place_of(scenario: &Scenario, rule: &str) -> ValuePath {
     let mut rules = scenario.rules.iter();
     let found = rules.find(|spec| spec.name == rule);
-    found.map_or_else(Path::top, |spec| spec.place.clone())
+    found.map_or_else(ValuePath::top, |spec| spec.place.clone())
 }
 
 /// Bounds of the signals that explain a formula's range.

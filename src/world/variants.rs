@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
-use super::{Against, ChangeError, Family, LoadError, Path, Repeats, Scenario, ScenarioError};
+use super::{
+    ChangeError, Family, LoadError, Repeats, Scenario, ScenarioError, TrainingEgos, ValuePath,
+};
 use super::{changed, check, counting, read};
 use crate::ego::Command;
 use crate::rl::{ConfigError, LearnerConfig};
@@ -102,14 +104,14 @@ impl Scenario {
     /// Returns the world with a training opponent.
     ///
     /// `None` if it has no family.
-    pub fn training_against(&self, against: Against) -> Option<Scenario> {
+    pub fn training_against(&self, against: TrainingEgos) -> Option<Scenario> {
         let learner = match (against, self.family()) {
-            (Against::Nominal, _) => self.learner.clone(),
-            (Against::Wide, family) => family?.wide.clone(),
-            (Against::Conditional, family) => family?.conditional.clone(),
+            (TrainingEgos::Nominal, _) => self.learner.clone(),
+            (TrainingEgos::Randomized, family) => family?.wide.clone(),
+            (TrainingEgos::Conditioned, family) => family?.conditional.clone(),
         };
         // The inputs of a conditional ado cannot express a structure.
-        let told = against == Against::Conditional;
+        let told = against == TrainingEgos::Conditioned;
         let family = self.family().filter(|_| told).map(|family| {
             let structures = Vec::new();
             Arc::new(Family {
@@ -308,7 +310,7 @@ impl Scenario {
         match self.with(&change) {
             Ok(scenario) => Ok((change, scenario)),
             Err(error) => {
-                let at = error.path(&Path::top());
+                let at = error.path(&ValuePath::top());
                 Err(fail(error.problem(at.find(text))))
             }
         }

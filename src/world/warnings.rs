@@ -5,7 +5,7 @@ use strum::{IntoStaticStr, VariantArray};
 use super::Scenario;
 use super::error::Problem;
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile};
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::problems::Problems;
 use crate::ego::ControllerSpec;
 use crate::scene::Clock;
@@ -57,18 +57,22 @@ pub(super) enum Oddity {
 pub(super) struct Warnings {
     allowed: Vec<&'static str>,
     found: Vec<(Oddity, Problem)>,
-    noted: Vec<(Oddity, Path, Note)>,
+    noted: Vec<(Oddity, ValuePath, WarningText)>,
 }
 
 /// Statement, label and fix of an oddity.
-type Note = (String, &'static str, &'static str);
+type WarningText = (String, &'static str, &'static str);
 
 /// Label and fix.
-type Words = (&'static str, &'static str);
+type LabelAndFix = (&'static str, &'static str);
 
 impl Warnings {
     /// Reads `allow`, and reports unknown warnings.
-    pub(super) fn allowing(problems: &mut Problems, path: &Path, allow: &[String]) -> Warnings {
+    pub(super) fn allowing(
+        problems: &mut Problems,
+        path: &ValuePath,
+        allow: &[String],
+    ) -> Warnings {
         let known: Vec<&'static str> = Oddity::VARIANTS.iter().map(Into::into).collect();
         let mut allowed = Vec::new();
         for (i, name) in allow.iter().enumerate() {
@@ -89,7 +93,7 @@ impl Warnings {
         self.found.extend(found);
     }
 
-    fn note(&mut self, oddity: Oddity, path: Path, what: String, (label, help): Words) {
+    fn note(&mut self, oddity: Oddity, path: ValuePath, what: String, (label, help): LabelAndFix) {
         self.noted.push((oddity, path, (what, label, help)));
     }
 
@@ -126,7 +130,7 @@ impl Warnings {
         if question.trim().is_empty() {
             self.note(
                 Oddity::EmptyQuestion,
-                Path::top().to("question"),
+                ValuePath::top().to("question"),
                 "the world asks nothing".to_owned(),
                 (
                     "empty",
@@ -137,7 +141,7 @@ impl Warnings {
     }
 
     /// Warns of an ado's rules and observations.
-    pub(super) fn ado(&mut self, path: &Path, rules: &[RuleFile], observe: &[String]) {
+    pub(super) fn ado(&mut self, path: &ValuePath, rules: &[RuleFile], observe: &[String]) {
         if rules.is_empty() {
             self.note(
                 Oddity::EmptyRulebook,
@@ -183,7 +187,7 @@ impl Warnings {
 
     /// Warns of a driving world's text.
     pub(super) fn driving(&mut self, file: &ScenarioFile) {
-        let top = Path::top();
+        let top = ValuePath::top();
         self.question(&file.question);
         self.clock(&top.to("clock"), &file.clock);
         self.changed_egos(file);
@@ -205,7 +209,7 @@ impl Warnings {
         }
     }
 
-    fn drive(&mut self, path: &Path, drive: &DriveFile) {
+    fn drive(&mut self, path: &ValuePath, drive: &DriveFile) {
         match drive {
             DriveFile::Ego(ego) => {
                 self.lag(&path.at(0).to("lag_s"), ego.lag_s);
@@ -219,13 +223,13 @@ impl Warnings {
         }
     }
 
-    fn driven_ado(&mut self, path: &Path, ado: &AdoFile) {
+    fn driven_ado(&mut self, path: &ValuePath, ado: &AdoFile) {
         let observe = ado.observe.as_deref().unwrap_or_default();
         self.ado(path, &ado.rulebook, observe);
         self.lag(&path.to("lag_s"), ado.lag_s);
     }
 
-    fn clock(&mut self, path: &Path, clock: &Clock) {
+    fn clock(&mut self, path: &ValuePath, clock: &Clock) {
         let Clock {
             decision_s,
             horizon_s,
@@ -239,7 +243,7 @@ impl Warnings {
         }
     }
 
-    fn start(&mut self, path: &Path, start: &StartFile) {
+    fn start(&mut self, path: &ValuePath, start: &StartFile) {
         let (StartFile::At { speed_mps, .. } | StartFile::Ahead { speed_mps, .. }) = start;
         let most_mps = speed_mps.0.lo.abs().max(speed_mps.0.hi.abs());
         if FAST_MPS < most_mps {
@@ -251,14 +255,14 @@ impl Warnings {
     }
 
     /// Warns of speeds of a controller that look like km/h.
-    fn controller(&mut self, path: &Path, controller: &ControllerSpec) {
+    fn controller(&mut self, path: &ValuePath, controller: &ControllerSpec) {
         for parameter in controller.parameters() {
             self.speed(path, parameter.name, parameter.value);
         }
     }
 
     /// Warns of a speed of a controller. Parameters of other units are ignored.
-    fn speed(&mut self, path: &Path, name: &str, value: f64) {
+    fn speed(&mut self, path: &ValuePath, name: &str, value: f64) {
         if name.ends_with("_mps") && FAST_MPS < value {
             let kmh = 3.6 * value;
             let what = format!("`{name}` is {value} m/s, which is {kmh:.0} km/h");
@@ -270,7 +274,7 @@ impl Warnings {
     /// Warns of speeds of the egos under `reuse` and of the family that look like km/h.
     fn changed_egos(&mut self, file: &ScenarioFile) {
         for (name, change) in &file.reuse.0 {
-            let path = Path::top().to("reuse").to(name);
+            let path = ValuePath::top().to("reuse").to(name);
             if let Some(controller) = &change.controller {
                 self.controller(&path.to("controller").at(0), &controller.controller);
             }
@@ -280,11 +284,11 @@ impl Warnings {
         }
         let family = file.train_against.iter();
         for (name, (_, hi)) in family.flat_map(|family| &family.ego.0) {
-            self.speed(&Path::top().to("train_against").to("ego"), name, *hi);
+            self.speed(&ValuePath::top().to("train_against").to("ego"), name, *hi);
         }
     }
 
-    fn lag(&mut self, path: &Path, lag_s: f64) {
+    fn lag(&mut self, path: &ValuePath, lag_s: f64) {
         if SLOW_S < lag_s {
             let what = format!("an actuator that lags by {lag_s} s");
             let words = ("hardly moves", "lags are in seconds; 0.1 to 0.5 are usual");
@@ -360,14 +364,14 @@ impl Warnings {
 }
 
 /// Specification and rules: name, place and monitor of each.
-fn formulas(scenario: &Scenario) -> Vec<(String, Path, &Monitor)> {
+fn formulas(scenario: &Scenario) -> Vec<(String, ValuePath, &Monitor)> {
     let rulebook = scenario.rulebook();
-    let spec = Path::top().to("ego_spec");
+    let spec = ValuePath::top().to("ego_spec");
     let spec = ("the ego's specification".to_owned(), spec, &rulebook.spec);
     let rules = rulebook.rules.iter().map(|rule| {
         let mut specs = scenario.rules.iter();
         let same = specs.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
-        let place = same.map_or_else(Path::top, |spec| spec.place.clone());
+        let place = same.map_or_else(ValuePath::top, |spec| spec.place.clone());
         (format!("the rule `{}`", rule.name), place, &rule.monitor)
     });
     std::iter::once(spec).chain(rules).collect()

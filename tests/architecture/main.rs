@@ -359,6 +359,15 @@ fn no_two_public_types_have_one_name() {
     assert!(twice.is_empty(), "\n{twice:#?}");
 }
 
+/// Names of types that several files may define, private ones included.
+const MOST_SHARED_NAMES: usize = 19;
+
+#[test]
+fn few_types_share_a_name() {
+    let shared = names::in_several_files(&texts());
+    assert!(shared.len() <= MOST_SHARED_NAMES, "\n{shared:#?}");
+}
+
 /// A verb parses, calls the library and prints; what it decides is below.
 const MOST_LINES_OF_A_VERB: usize = 40;
 

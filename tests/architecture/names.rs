@@ -1,6 +1,6 @@
-//! Public types by their names.
+//! Types by their names.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use proc_macro2::{TokenStream, TokenTree};
 use syn::visit::{self, Visit};
@@ -29,6 +29,62 @@ pub fn twice(
     }
     public.types.retain(|_, places| 1 < places.len());
     public.types
+}
+
+/// The names of types, private ones included, that several files define.
+///
+/// Types of tests and the associated types of traits do not count, since a trait
+/// of the standard library names some of those.
+pub fn in_several_files(
+    texts: &[(impl AsRef<str>, impl AsRef<str>)],
+) -> BTreeMap<String, BTreeSet<String>> {
+    let mut types = Types::default();
+    for (path, text) in texts {
+        let file = syn::parse_file(text.as_ref()).expect("a source file");
+        if file.attrs.iter().any(is_for_tests) {
+            continue;
+        }
+        types.path = path.as_ref().to_owned();
+        types.visit_file(&file);
+    }
+    types.files.retain(|_, files| files.len() > 1);
+    types.files
+}
+
+#[derive(Default)]
+struct Types {
+    path: String,
+    files: BTreeMap<String, BTreeSet<String>>,
+}
+
+impl<'a> Visit<'a> for Types {
+    fn visit_item(&mut self, item: &'a syn::Item) {
+        if let Some((_, name, attributes)) = type_of(item) {
+            if attributes.iter().any(is_for_tests) {
+                return;
+            }
+            let files = self.files.entry(name.to_string()).or_default();
+            files.insert(self.path.clone());
+        } else if let syn::Item::Mod(it) = item
+            && it.attrs.iter().any(is_for_tests)
+        {
+            return;
+        }
+        visit::visit_item(self, item);
+    }
+}
+
+/// Visibility, name and attributes of an item that is a type.
+fn type_of(item: &syn::Item) -> Option<(&syn::Visibility, &syn::Ident, &[syn::Attribute])> {
+    use syn::Item;
+    Some(match item {
+        Item::Enum(it) => (&it.vis, &it.ident, &it.attrs),
+        Item::Struct(it) => (&it.vis, &it.ident, &it.attrs),
+        Item::Trait(it) => (&it.vis, &it.ident, &it.attrs),
+        Item::Type(it) => (&it.vis, &it.ident, &it.attrs),
+        Item::Union(it) => (&it.vis, &it.ident, &it.attrs),
+        _ => return None,
+    })
 }
 
 #[derive(Default)]

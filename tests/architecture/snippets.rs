@@ -233,6 +233,30 @@ fn code_of_a_head_file_counts_and_its_list_of_modules_does_not() {
 }
 
 #[test]
+fn a_name_of_private_types_in_two_files_is_seen() {
+    let shared = |code: &str| {
+        let texts = [("src/sim/mod.rs", "struct Body;"), ("src/rl/mod.rs", code)];
+        names::in_several_files(&texts).len()
+    };
+    for code in [
+        "struct Body;",
+        "pub(super) enum Body {}",
+        "mod inner { trait Body {} }",
+        "fn f() { type Body = u8; }",
+    ] {
+        assert_eq!(shared(code), 1, "{code}");
+    }
+    for code in [
+        "struct Bodies;",
+        "use crate::sim::Body;",
+        "impl Iterator for Own { type Body = u8; }",
+        "#[cfg(test)] mod tests { struct Body; }",
+    ] {
+        assert_eq!(shared(code), 0, "{code}");
+    }
+}
+
+#[test]
 fn a_name_of_two_public_types_is_seen_wherever_they_stand() {
     let twice = |code: &str| {
         let texts = [

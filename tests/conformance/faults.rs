@@ -9,7 +9,7 @@ use brakecheck::conformance::{
 };
 use brakecheck::ego::{Command, Controller, Fault, FaultKind, Percept};
 use brakecheck::rl::{End, Env, Policy, Spaces, Step};
-use brakecheck::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start};
+use brakecheck::scene::{Axis, Clock, Frame, Scene, SceneGeometry, Start, StepOutcome};
 use brakecheck::seed::StartKey;
 use brakecheck::trace::{Schema, Signal};
 
@@ -342,11 +342,11 @@ impl Scene for Line {
 
     fn decide(&mut self, _action: usize) {}
 
-    fn advance(&mut self) -> Flow {
+    fn advance(&mut self) -> StepOutcome {
         self.shown = self.counter.next();
         match self.counter.planted {
-            Faults => Flow::Fault(Fault::new(FaultKind::Physics, "it exploded")),
-            _ => Flow::Going,
+            Faults => StepOutcome::Fault(Fault::new(FaultKind::Physics, "it exploded")),
+            _ => StepOutcome::Going,
         }
     }
 
@@ -361,9 +361,9 @@ impl Scene for Line {
         }
     }
 
-    fn stage(&self) -> Stage {
-        Stage {
-            cast: Vec::new(),
+    fn stage(&self) -> SceneGeometry {
+        SceneGeometry {
+            agents: Vec::new(),
             lane_borders_m: Vec::new(),
             side_roads_m: Vec::new(),
             lights: Vec::new(),

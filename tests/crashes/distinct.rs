@@ -1,6 +1,6 @@
 //! Which counterexamples are the same one over and over.
 
-use brakecheck::experiment::{NEAR, Shape, clusters};
+use brakecheck::experiment::{CrashFeatures, NEAR, clusters};
 use brakecheck::testbench::Episode;
 
 use super::found::{acc, acc_found, cut_in, cut_in_found, replayed};
@@ -9,7 +9,10 @@ use super::near;
 #[test]
 fn alike_is_what_is_near_and_of_one_kind() {
     let episodes = cut_in_found();
-    let shapes: Vec<Shape> = episodes.iter().map(|it| Shape::of(cut_in(), it)).collect();
+    let shapes: Vec<CrashFeatures> = episodes
+        .iter()
+        .map(|it| CrashFeatures::of(cut_in(), it))
+        .collect();
     for (a, one) in shapes.iter().enumerate() {
         near(one.distance(one), 0.0);
         assert!(one.is_like(one));
@@ -47,7 +50,7 @@ fn the_distance_is_in_half_ranges() {
             trace,
             ..one.clone()
         };
-        Shape::of(world, &episode)
+        CrashFeatures::of(world, &episode)
     };
     let observed = world.world().observed();
     let speed = observed
@@ -68,7 +71,10 @@ fn every_one_is_in_one_cluster_that_its_first_leads() {
     // The same one once more is in the cluster of the first.
     let again = replayed(acc(), &episodes[0], &episodes[0].actions);
     episodes.push(again);
-    let shapes: Vec<Shape> = episodes.iter().map(|it| Shape::of(acc(), it)).collect();
+    let shapes: Vec<CrashFeatures> = episodes
+        .iter()
+        .map(|it| CrashFeatures::of(acc(), it))
+        .collect();
     let clusters = clusters(&shapes);
     let mut all: Vec<usize> = clusters.iter().flatten().copied().collect();
     all.sort_unstable();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use brakecheck::crashes::{
-    Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, Regressions, about,
+    CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, Regressions, about,
 };
 use brakecheck::experiment::Watch;
 use brakecheck::testbench::{Episode, Testbench};
@@ -11,8 +11,8 @@ use brakecheck::world::Change;
 
 use super::found::{cut_in, cut_in_found};
 
-fn kept(dir: &Path, episodes: &[Episode], choice: Choice, form: Form) -> KeptFiles {
-    let keeper = Keeper {
+fn kept(dir: &Path, episodes: &[Episode], choice: CrashSelection, form: Form) -> KeptFiles {
+    let keeper = CrashWriter {
         scenario: cut_in(),
         ego: "nominal",
         change: &Change::default(),
@@ -34,7 +34,12 @@ fn the_worst_that_differ_and_persist_are_handed_over() {
     let count = episodes.len();
     // Each once more: as many clusters, twice as large.
     episodes.extend_from_within(..);
-    let kept = kept(dir.path(), &episodes, Choice::Worst(3), Form::Shrunk);
+    let kept = kept(
+        dir.path(),
+        &episodes,
+        CrashSelection::Worst(3),
+        Form::Shrunk,
+    );
     assert_eq!(kept.found, 2 * count);
     assert!(kept.distinct <= count && kept.files.len() <= 3);
     assert!(!kept.files.is_empty());
@@ -67,7 +72,7 @@ fn the_worst_that_differ_and_persist_are_handed_over() {
 fn all_are_kept_as_they_were_found_if_asked_for() {
     let dir = tempfile::tempdir().expect("a directory");
     let episodes = &cut_in_found()[..3];
-    let kept = kept(dir.path(), episodes, Choice::All, Form::AsFound);
+    let kept = kept(dir.path(), episodes, CrashSelection::All, Form::AsFound);
     assert_eq!(kept.files.len(), episodes.len());
     let read = Regressions::load(dir.path()).expect("files");
     for one in read.kept() {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use brakecheck::crashes::{Kept, Regressions, Replayed, openx};
+use brakecheck::crashes::{Regressions, Replayed, SavedCounterexample, openx};
 use brakecheck::openx::OpenX;
 use brakecheck::scene::World;
 use brakecheck::scene::drive::{DriveSpec, DriveWorld};
@@ -24,7 +24,7 @@ pub(super) fn regressions() -> PathBuf {
 
 /// A kept counterexample of a road with its three files, read.
 pub(super) struct Exported {
-    pub kept: Kept,
+    pub kept: SavedCounterexample,
     replayed: Replayed,
     pub trace: Trace,
     road: Node,

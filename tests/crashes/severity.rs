@@ -1,6 +1,6 @@
 //! Contacts by hand: two boxes, their speeds, and what that does to the ego.
 
-use brakecheck::scene::Touch;
+use brakecheck::scene::ContactEvent;
 use brakecheck::severity::{CrashKind, Impact, Party, RiskCurve, Side};
 use brakecheck::sim::{Body, BodyState, Ground, PlantKind, Pose, plant};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -248,7 +248,7 @@ fn both_plants_report_the_face_that_is_touched() {
 #[test]
 fn a_contact_of_an_earlier_version_is_compared_as_far_as_it_says() {
     let ego = ("sedan", at(0.0, 0.0, 0.0, 20.0));
-    let now = Touch {
+    let now = ContactEvent {
         between: ("ego".to_owned(), "ado".to_owned()),
         time_s: 3.0,
         closing_speed_mps: 10.0,
@@ -260,13 +260,13 @@ fn a_contact_of_an_earlier_version_is_compared_as_far_as_it_says() {
             10.0,
         )),
     };
-    let of_old = Touch {
+    let of_old = ContactEvent {
         impact: None,
         ..now.clone()
     };
     assert!(now.is_as_recorded(&of_old) && now.is_as_recorded(&now));
     assert!(!of_old.is_as_recorded(&now));
-    let later = Touch {
+    let later = ContactEvent {
         time_s: 3.1,
         ..of_old.clone()
     };

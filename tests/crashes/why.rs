@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brakecheck::crashes::{Driver, decisive, last_chance, shrink, why};
+use brakecheck::crashes::{SubstituteDriver, decisive, last_chance, shrink, why};
 use brakecheck::ego::{Acc, Controller, ControllerSpec, FullBrake, Takeover};
 use brakecheck::experiment::Watch;
 use brakecheck::rulebook::Verdict;
@@ -91,7 +91,7 @@ fn braking_from(world: &Scenario, of: &Episode, after: usize) -> bool {
 #[test]
 fn the_last_chance_is_the_last_sample_from_which_braking_helps() {
     let (world, episodes) = (acc(), &acc_found()[..4]);
-    let driver = Driver::full_brake(world).expect("driven");
+    let driver = SubstituteDriver::full_brake(world).expect("driven");
     let mut seen = 0;
     for episode in episodes {
         let chance = last_chance(world, episode, &driver).expect("driven");
@@ -118,7 +118,7 @@ fn another_driver_may_be_asked() {
         max_brake_mps2: 0.0,
         max_accel_mps2: 0.0,
     });
-    let driver = Driver {
+    let driver = SubstituteDriver {
         name: "nobody".to_owned(),
         factory: Arc::new(move || idle.build()),
     };

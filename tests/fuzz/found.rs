@@ -1,6 +1,6 @@
 //! What fuzzing found once, each mended, each held here for good.
 
-use brakecheck::rl::{Bundle, load_policy};
+use brakecheck::rl::{TensorFile, load_policy};
 use brakecheck::stl::Formula;
 
 /// Formulas whose canonical text did not read back.
@@ -32,7 +32,7 @@ fn a_small_policy_file_cannot_ask_for_much_room() {
     for kind in ["brakecheck dqn policy 1", "brakecheck ppo policy 1"] {
         for shapes in EMPTY_LAYERS {
             for prefix in ["q", "actor", "critic"] {
-                let mut bundle = Bundle::new(kind);
+                let mut bundle = TensorFile::new(kind);
                 for (i, shape) in shapes.iter().enumerate() {
                     let count = shape.iter().fold(1usize, |all, n| all.wrapping_mul(*n));
                     let numbers = if shape.contains(&0) { 0 } else { count };

@@ -1,6 +1,6 @@
 //! Kept counterexamples: refused, or replayed in the world that is in them.
 
-use brakecheck::crashes::{Kept, replay};
+use brakecheck::crashes::{SavedCounterexample, replay};
 use brakecheck::rulebook::Verdict;
 use brakecheck::run_dir::{Counterexample, KeptError, digests_of};
 use brakecheck::trace::Trace;
@@ -81,7 +81,7 @@ fn any_kept_file_is_refused_or_replays_alike_each_time() {
         if AFFORDABLE < steps * scenario.repeats().runs as u64 {
             return Seen::Accepted;
         }
-        let kept = Kept {
+        let kept = SavedCounterexample {
             path: path.clone(),
             counterexample,
         };

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use brakecheck::rl::{
-    Bins, Bundle, DqnSettings, End, Env, LearnerConfig, LearnerSettings, Policy, PpoSettings,
-    QTableSettings, Spaces, Step, load_policy, load_policy_for,
+    Bins, DqnSettings, End, Env, LearnerConfig, LearnerSettings, Policy, PpoSettings,
+    QTableSettings, Spaces, Step, TensorFile, load_policy, load_policy_for,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -224,8 +224,8 @@ fn files(goods: Vec<Good>) -> impl Strategy<Value = (Option<Mutant>, Damage, Byt
 }
 
 /// Every byte string is a bundle of finite numbers, or refused.
-fn read(bytes: &[u8]) -> Option<Bundle> {
-    let bundle = match Bundle::from_bytes(bytes) {
+fn read(bytes: &[u8]) -> Option<TensorFile> {
+    let bundle = match TensorFile::from_bytes(bytes) {
         Ok(bundle) => bundle,
         Err(error) => {
             assert!(!error.to_string().is_empty());
@@ -243,7 +243,7 @@ fn read(bytes: &[u8]) -> Option<Bundle> {
         assert!(reals.iter().all(|value| value.is_finite()), "{name}");
     }
     let again = bundle.to_bytes().expect("bytes");
-    assert_eq!(Bundle::from_bytes(&again).as_ref(), Ok(&bundle));
+    assert_eq!(TensorFile::from_bytes(&again).as_ref(), Ok(&bundle));
     Some(bundle)
 }
 
@@ -367,7 +367,7 @@ fn any_bundle_of_known_names_is_refused_or_acts() {
     target.run(&inputs, |(kind, shapes, value)| {
         let (_, config) = &learners()[*kind];
         let good = config.build(&spaces, 1).policy_bundle();
-        let mut bundle = Bundle::new(good.meta());
+        let mut bundle = TensorFile::new(good.meta());
         for (name, other) in good.names().zip(shapes.iter().cycle()) {
             let own = good.shape(name).expect("named").to_vec();
             let shape = other.clone().unwrap_or_else(|| own.clone());

@@ -1,7 +1,7 @@
 //! World files: refused with a place and a reason, or playable.
 
 use brakecheck::cli::{Failure, plain_theme};
-use brakecheck::crashes::{Kept, replay};
+use brakecheck::crashes::{SavedCounterexample, replay};
 use brakecheck::rulebook::Verdict;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
@@ -244,7 +244,7 @@ fn kept(world: &Scenario, episode: &Episode, dir: &std::path::Path) {
         .scenario(&path)
         .unwrap_or_else(|error| panic!("{error}"));
     let replayed = replay(
-        &Kept {
+        &SavedCounterexample {
             path,
             counterexample,
         },

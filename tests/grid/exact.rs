@@ -1,6 +1,6 @@
 //! Counts that were computed independently before this solver existed.
 
-use brakecheck::rl::Dice;
+use brakecheck::rl::LearnerRng;
 use brakecheck::scene::grid::exact::{Game, PositionPolicy, UNIT_MOVES, chase};
 use brakecheck::scene::grid::position_of;
 use brakecheck::testbench::{Aftermath, Random, Replay, play};
@@ -79,7 +79,7 @@ fn random_tables_capture_little() {
     for (size, k, known) in [(2, 2, 1.8), (4, 2, 11.0), (5, 2, 14.6), (10, 2, 31.5)] {
         let game = game(A, size, k, 2 * size);
         let tables = 4_000 / size.pow(3).max(27);
-        let mut dice = Dice::new(7);
+        let mut dice = LearnerRng::new(7);
         let captured: usize = (0..tables)
             .map(|_| game.table_captures(|| dice.below(5)))
             .sum();

@@ -1,6 +1,6 @@
 //! Theorems 1 and 2, played from every start, and the faults that they notice.
 
-use brakecheck::rl::{Control, Dice, Policy};
+use brakecheck::rl::{Control, LearnerRng, Policy};
 use brakecheck::scene::grid::exact::{Game, PositionPolicy};
 use brakecheck::scene::grid::values::ValueTable;
 use brakecheck::scene::grid::{AtWall, Horizon};
@@ -61,7 +61,7 @@ pub(super) fn trained(scenario: &Scenario, name: &str, decisions: u64) -> Box<dy
 
 /// The values of every number of steps left, among the pairs in random order.
 fn shuffled(table: &ValueTable) -> ValueTable {
-    let mut dice = Dice::new(1);
+    let mut dice = LearnerRng::new(1);
     let mut layers = vec![Vec::new(); table.game().steps as usize + 1];
     let _ = table.replaced(|left, _, value| {
         layers[left as usize].push(value);
@@ -257,7 +257,7 @@ fn the_greedy_bound_of_theorem_2_holds_for_disturbed_values() {
     let scenario = grid(B, 0.6, 2, "UntilViolation");
     let truth = optimal_values(&scenario).expect("a grid");
     for (seed, size) in (0..).zip([0.01, 0.03, 0.1, 0.3]) {
-        let mut dice = Dice::new(seed);
+        let mut dice = LearnerRng::new(seed);
         let noisy = truth.replaced(|_, _, value| value + size * (2.0 * dice.unit() - 1.0));
         let measured = Approximation {
             values: &noisy,

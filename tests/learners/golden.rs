@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use brakecheck::rl::{Bundle, Dice, Element, End, Spaces};
+use brakecheck::rl::{Element, End, LearnerRng, Spaces, TensorFile};
 use serde_json::Value;
 
 use crate::config;
@@ -56,12 +56,12 @@ fn floats(value: &Value) -> Vec<f32> {
     list(value).map(|x| x.as_f64().unwrap() as f32).collect()
 }
 
-fn bundle(case: &Value) -> Bundle {
-    fn put<T: Element>(bundle: &mut Bundle, name: &str, tensor: &Value, read: fn(&Value) -> T) {
+fn bundle(case: &Value) -> TensorFile {
+    fn put<T: Element>(bundle: &mut TensorFile, name: &str, tensor: &Value, read: fn(&Value) -> T) {
         let shape: Vec<usize> = list(&tensor["shape"]).map(whole).collect();
         bundle.put(name, &shape, list(&tensor["values"]).map(read).collect());
     }
-    let mut bundle = Bundle::new(case["kind"].as_str().unwrap());
+    let mut bundle = TensorFile::new(case["kind"].as_str().unwrap());
     for (name, tensor) in case["before"].as_object().unwrap() {
         match tensor["type"].as_str().unwrap() {
             "f32" => put(&mut bundle, name, tensor, |x| x.as_f64().unwrap() as f32),
@@ -80,8 +80,8 @@ fn bundle(case: &Value) -> Bundle {
 /// Single precision keeps seven digits, of which the sums over a batch and a
 /// layer lose one or two; and 1 − 0.999 in it is 0.001 less 1.3e-5 of that. So
 /// numbers agree to 2e-5 of the largest in the tensor.
-fn difference(found: &Bundle, after: &Value) -> Option<String> {
-    fn wide<T: Element + Into<f64>>(found: &Bundle, name: &str, shape: &[usize]) -> Vec<f64> {
+fn difference(found: &TensorFile, after: &Value) -> Option<String> {
+    fn wide<T: Element + Into<f64>>(found: &TensorFile, name: &str, shape: &[usize]) -> Vec<f64> {
         let numbers = found.get::<T>(name, shape).unwrap();
         numbers.iter().map(|x| (*x).into()).collect()
     }
@@ -116,7 +116,7 @@ fn difference(found: &Bundle, after: &Value) -> Option<String> {
 fn outcome(case: &Case, seed: Option<u64>) -> Result<usize, String> {
     let mut before = bundle(&case.data);
     if let Some(seed) = seed {
-        Dice::new(seed).save(&mut before);
+        LearnerRng::new(seed).save(&mut before);
     }
     let learner = config(case.data["learner"].as_str().unwrap());
     let mut learner = learner.restore(&case.spaces, &before).unwrap();

@@ -1,7 +1,7 @@
 //! The paper's settings: squared loss, a step per decision, a random table, a
 //! floor under the exploration.
 
-use brakecheck::rl::{Bundle, End, LearnerConfig, LearnerSettings, Spaces};
+use brakecheck::rl::{End, LearnerConfig, LearnerSettings, Spaces, TensorFile};
 
 use crate::config;
 use crate::scripted::{Episode, Scripted, level};
@@ -66,7 +66,7 @@ fn the_gradient_of_each_loss_is_its_central_difference() {
 
 /// A checkpoint after one episode of five decisions, and the numbers of updates
 /// and of transitions in it.
-fn after_five(ron: &str, end: End) -> (Bundle, u64, usize) {
+fn after_five(ron: &str, end: End) -> (TensorFile, u64, usize) {
     let mut learner = config(ron).build(&spaces(), 5);
     learner.episode(&mut Scripted::new(&spaces(), |_| Episode {
         observations: (0..=5).map(|t| vec![t as f32]).collect(),

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use brakecheck::rl::replay::{Batch, ReplayBuffer, Transition};
-use brakecheck::rl::{Bins, Bundle, Dice, End, LearnerConfig, QTableSettings, Spaces};
+use brakecheck::rl::{Bins, End, LearnerConfig, LearnerRng, QTableSettings, Spaces, TensorFile};
 
 use crate::config;
 use crate::scripted::{Episode, Scripted, level};
@@ -82,7 +82,7 @@ fn draws_are_as_the_errors_to_the_power_of_alpha_and_weights_undo_it_by_beta() {
                 replay.prioritise(slot, error);
             }
             let mut batch = Batch::default();
-            replay.sample(1000, beta, &mut Dice::new(1), &mut batch);
+            replay.sample(1000, beta, &mut LearnerRng::new(1), &mut batch);
             for (slot, share) in shares.into_iter().enumerate() {
                 // Stratified: only the two strata at the ends are left to chance.
                 let count = batch.slots.iter().filter(|s| **s == slot).count();
@@ -122,7 +122,7 @@ fn a_new_transition_has_the_largest_priority_ever_seen() {
     }
     push(&mut replay, 2);
     let (mut batch, mut counts) = (Batch::default(), [0i32; 3]);
-    replay.sample(1000, 0.5, &mut Dice::new(1), &mut batch);
+    replay.sample(1000, 0.5, &mut LearnerRng::new(1), &mut batch);
     batch.actions.iter().for_each(|action| counts[*action] += 1);
     for (count, expected) in counts.into_iter().zip([200, 200, 600]) {
         assert!((count - expected).abs() <= 2, "{counts:?}");
@@ -133,7 +133,7 @@ fn a_new_transition_has_the_largest_priority_ever_seen() {
 
 /// An actor with the probabilities 1/8, 1/4, 5/8 and a critic that says
 /// V(s) = 2 s + ½ for s ≥ 0, playing this episode `times` times.
-fn rollout(ron: &str, episode: &Episode, times: usize) -> (Bundle, Vec<usize>, f64) {
+fn rollout(ron: &str, episode: &Episode, times: usize) -> (TensorFile, Vec<usize>, f64) {
     let learner = config(&format!("Ppo(hidden: [1], horizon: 1000000, {ron})"));
     let mut checkpoint = learner.build(&spaces(3), 4).checkpoint();
     let logits = [1.0, 2.0, 5.0].map(|share: f64| share.ln() as f32);
@@ -224,7 +224,7 @@ fn the_table_learns_backwards_from_the_best_next_value() {
     for end in [End::Terminated, End::Truncated] {
         let mut met = BTreeSet::new();
         for seed in 0..40 {
-            Dice::new(seed).save(&mut checkpoint);
+            LearnerRng::new(seed).save(&mut checkpoint);
             let mut learner = learner.restore(&spaces(2), &checkpoint).unwrap();
             let mut env = Scripted::new(&spaces(2), |_| Episode {
                 observations: [-0.5, 0.5, -0.25].map(|s| vec![s]).to_vec(),

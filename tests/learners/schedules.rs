@@ -1,6 +1,6 @@
 //! What changes while training goes on: exploration, rates, corrections.
 
-use brakecheck::rl::{Bundle, Learner, Spaces};
+use brakecheck::rl::{Learner, Spaces, TensorFile};
 
 use crate::config;
 use crate::scripted::{Episode, Scripted, level};
@@ -123,7 +123,7 @@ fn exploratory_actions_are_held_one_to_hold_decisions_each_equally_often() {
 
 /// Transitions of one decision each, ended, in a checkpoint: action, reward
 /// and priority.
-fn remember(checkpoint: &mut Bundle, kept: &[(u32, f32, f64)]) {
+fn remember(checkpoint: &mut TensorFile, kept: &[(u32, f32, f64)]) {
     let n = kept.len();
     let rows = kept.iter().flat_map(|k| [0.0, 0.0, k.1, 0.0]).collect();
     checkpoint.put("replay/rows", &[n, 4], rows);
@@ -135,7 +135,7 @@ fn remember(checkpoint: &mut Bundle, kept: &[(u32, f32, f64)]) {
 
 /// A checkpoint after one episode from this many decisions on; before it all
 /// values were 0 and the memory held `kept`.
-fn trained(ron: &str, decisions: u64, kept: &[(u32, f32, f64)], episode: usize) -> Bundle {
+fn trained(ron: &str, decisions: u64, kept: &[(u32, f32, f64)], episode: usize) -> TensorFile {
     let (learner, spaces) = (config(ron), spaces(2));
     let mut checkpoint = learner.build(&spaces, 5).checkpoint();
     checkpoint.put("counters", &[3], vec![decisions, 0, 0]);

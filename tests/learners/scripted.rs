@@ -1,6 +1,6 @@
 //! Episodes that are the same whatever is done in them.
 
-use brakecheck::rl::{Bundle, End, Env, Spaces, Step};
+use brakecheck::rl::{End, Env, Spaces, Step, TensorFile};
 
 /// An episode written down: one more observation than rewards.
 #[derive(Clone, Debug)]
@@ -80,7 +80,7 @@ impl Env for Scripted<'_> {
 }
 
 /// Gives a network with one hidden unit these outputs, whatever it is shown.
-pub fn level(checkpoint: &mut Bundle, prefix: &str, outputs: &[f32]) {
+pub fn level(checkpoint: &mut TensorFile, prefix: &str, outputs: &[f32]) {
     let n = outputs.len();
     checkpoint.put(format!("{prefix}/0/bias"), &[1], vec![0.0f32]);
     checkpoint.put(format!("{prefix}/0/weight"), &[1, 1], vec![0.0f32]);

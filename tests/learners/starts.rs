@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use brakecheck::rl::{Dice, End, Spaces};
+use brakecheck::rl::{End, LearnerRng, Spaces};
 
 use crate::config;
 use crate::scripted::{Episode, Scripted};
@@ -166,7 +166,7 @@ fn every_failed_start_of_the_pool_is_as_likely_as_the_others() {
     checkpoint.put("starts/fresh", &[1], vec![20u64]);
     let mut times = BTreeMap::new();
     for seed in 0..2000 {
-        Dice::new(seed).save(&mut checkpoint);
+        LearnerRng::new(seed).save(&mut checkpoint);
         let mut learner = config.restore(&spaces(), &checkpoint).unwrap();
         let mut env = Scripted::new(&spaces(), |_| Episode::paying(1.0));
         learner.episode(&mut env);

@@ -1,8 +1,8 @@
 //! The worked labels of `tests/data/reference`, on the plant itself.
 
 use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::preventability::{Case, DriverOutcome, Replayer, Seat, Struck};
-use brakecheck::scene::{BodySample, Motion, Start, Touch};
+use brakecheck::preventability::{DriverOutcome, RecordedEpisode, Replayer, Seat, Struck};
+use brakecheck::scene::{BodySample, ContactEvent, Motion, Start};
 use brakecheck::sim::{BodyState, Pose};
 use brakecheck::testbench::{Aftermath, Constant, play};
 use brakecheck::world::Scenario;
@@ -110,7 +110,7 @@ fn motion(case: &Value, side: f64) -> Motion {
     }
     let mut motion = motion.expect("a motion");
     motion.end_s = samples as f64 * dt;
-    motion.contact = Some(Touch {
+    motion.contact = Some(ContactEvent {
         between: ("ego".to_owned(), "ado".to_owned()),
         time_s: 0.0,
         closing_speed_mps: 0.0,
@@ -121,7 +121,7 @@ fn motion(case: &Value, side: f64) -> Motion {
 }
 
 /// How the drivers of the panel fare on the plant.
-fn outcomes(replayer: &mut Replayer, case: &Case) -> Vec<(&'static str, DriverOutcome)> {
+fn outcomes(replayer: &mut Replayer, case: &RecordedEpisode) -> Vec<(&'static str, DriverOutcome)> {
     let mut outcomes = Vec::new();
     for name in ["CC", "CC_LANE", "CC_LATCHED", "REG", "RSS", "FSM"] {
         let driver: ReferenceDriver = name.parse().expect("a driver");

@@ -3,7 +3,7 @@
 use brakecheck::evaluation::break_even;
 use brakecheck::experiment::Cost;
 use brakecheck::run_dir::Row;
-use brakecheck::search::{Found, Searched};
+use brakecheck::search::{SearchResult, Searched};
 use serde_json::json;
 
 use super::near;
@@ -61,12 +61,12 @@ fn the_invalid_share_is_of_all_starts_that_were_asked_for() {
 #[test]
 fn a_training_has_paid_when_the_search_has_cost_as_much() {
     let found = |simulations: u64, solved: bool, physics_steps: u64| {
-        Some(Found {
+        Some(SearchResult {
             actions: solved.then(|| vec![0]),
             simulations,
             physics_steps,
             cpu_s: 2.0 * simulations as f64,
-            ..Found::default()
+            ..SearchResult::default()
         })
     };
     let searched = Searched {
@@ -138,10 +138,10 @@ fn a_training_has_paid_when_the_search_has_cost_as_much() {
 #[test]
 fn the_least_budget_is_the_least() {
     let found = |simulations: u64| {
-        Some(Found {
+        Some(SearchResult {
             actions: Some(vec![0]),
             simulations,
-            ..Found::default()
+            ..SearchResult::default()
         })
     };
     let searched = Searched {

@@ -1,6 +1,6 @@
 //! Rows of evaluations, number by number.
 
-use brakecheck::adversary::{Ado, EvalRequest, Evaluated, Tries, best_constant_action, eval};
+use brakecheck::adversary::{Ado, BestOfN, EvalRequest, Evaluated, best_constant_action, eval};
 use brakecheck::ego::{Fault, FaultKind};
 use brakecheck::experiment::{TestStarts, test_starts};
 use brakecheck::rl::Policy;
@@ -350,7 +350,7 @@ fn tries_count_every_run_until_the_first_success() {
     let others: [Box<dyn Policy>; 2] = [Box::new(Always(4)), Box::new(Always(3))];
     let run = |greedy: usize, tries: u64| {
         let policy = Always(greedy);
-        let tries = Tries {
+        let tries = BestOfN {
             request: EvalRequest {
                 scenario: &world,
                 ego: "nominal",

@@ -8,7 +8,8 @@ use brakecheck::run_dir::{ClosingSpeed, Stored, Unconfirmed};
 use brakecheck::scene::Start;
 use brakecheck::scene::drive::ControllerFactory;
 use brakecheck::search::{
-    Cem, Found, Hold, Method, Mutate, SearchRequest, Searched, Switches, Uniform, anytime, search,
+    Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Searched, Switches, Uniform, anytime,
+    search,
 };
 use brakecheck::stats::{at_most, wilson};
 use brakecheck::testbench::{FaultLog, Success};
@@ -403,11 +404,11 @@ fn searches_with_a_budget_cost_their_episodes() {
 #[test]
 fn what_was_reached_with_less_is_counted_by_hand() {
     let found = |simulations: u64, solved: bool, faulty: bool| {
-        Some(Found {
+        Some(SearchResult {
             actions: solved.then(|| vec![0]),
             simulations,
             fault: faulty.then(|| brakecheck::ego::Fault::error("no answer")),
-            ..Found::default()
+            ..SearchResult::default()
         })
     };
     let all = [

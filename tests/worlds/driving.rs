@@ -76,7 +76,7 @@ fn the_ego_may_be_put_into_a_body_of_the_world_s_own() {
     );
     let world = world(&text);
     let longer = world.with(&world.reuse()["limousine"]).expect("it fits");
-    let ego = |world: &Scenario| world.bench().stage().cast[0].size_m[0];
+    let ego = |world: &Scenario| world.bench().stage().agents[0].size_m[0];
     assert_eq!((ego(&world), ego(&longer)), (4.54, 6.4));
     for (name, what) in [("limosine", "no body"), ("pedestrian", "no vehicle")] {
         let change = format!("ego_body: \"{name}\"");

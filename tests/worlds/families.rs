@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brakecheck::adversary::{Ado, EvalRequest, Tries, eval};
+use brakecheck::adversary::{Ado, BestOfN, EvalRequest, eval};
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::rl::{Control, Policy};
@@ -14,7 +14,7 @@ use brakecheck::stats::StartOutcome::{Solved, Trivial};
 use brakecheck::sysid::{Identified, IdentifyRequest, identify};
 use brakecheck::testbench::{Aftermath, Gym, HeldRandom, play};
 use brakecheck::training::train;
-use brakecheck::world::{Against, Change, Family, Scenario};
+use brakecheck::world::{Change, Family, Scenario, TrainingEgos};
 
 use super::acc;
 
@@ -154,7 +154,7 @@ fn a_tuned_scene_drives_like_the_changed_world() {
         let spec = changed.drive().expect("a driving world");
         let member = family.member_of(spec).expect("a member");
         let mut tuned = world.bench();
-        tuned.restage(world.scene_of(&family.variant(&member)).expect("a scene"));
+        tuned.replace_scene(world.scene_of(&family.variant(&member)).expect("a scene"));
         let mut bench = changed.bench();
         let actions = bench.spaces().actions;
         for index in 0..4 {
@@ -197,7 +197,7 @@ fn nominal_training_is_what_it_was_without_a_family() {
 }
 
 /// The ACC world against its family, briefly.
-fn brief(against: Against, decisions: u64) -> Scenario {
+fn brief(against: TrainingEgos, decisions: u64) -> Scenario {
     let mut world = acc().training_against(against).expect("a family");
     world = world.training_for(decisions).expect("in range");
     world
@@ -206,7 +206,7 @@ fn brief(against: Against, decisions: u64) -> Scenario {
 #[test]
 fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
     let dir = tempfile::tempdir().expect("scratch");
-    for against in [Against::Wide, Against::Conditional] {
+    for against in [TrainingEgos::Randomized, TrainingEgos::Conditioned] {
         let world = brief(against, 5000);
         let path = |name: &str| dir.path().join(format!("{against}-{name}"));
         let mut whole = RunDir::create(&path("whole"), &world, 7).expect("a run");
@@ -232,7 +232,10 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
         train(&kept, &mut cut, &quiet()).expect("trained");
         let bytes = |run: &RunDir| std::fs::read(run.path().join("policy.safetensors")).expect("p");
         assert_eq!(bytes(&whole), bytes(&cut), "{against}");
-        assert_eq!(whole.policy().is_err(), against == Against::Conditional);
+        assert_eq!(
+            whole.policy().is_err(),
+            against == TrainingEgos::Conditioned
+        );
     }
 }
 
@@ -240,12 +243,12 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
 fn every_episode_of_a_family_meets_the_ego_of_its_key() {
     // A start that is tried again meets the same ego, whatever came between.
     let dir = tempfile::tempdir().expect("scratch");
-    let world = brief(Against::Conditional, 300);
+    let world = brief(TrainingEgos::Conditioned, 300);
     let mut run = RunDir::create(&dir.path().join("run"), &world, 1).expect("a run");
     train(&world, &mut run, &quiet()).expect("trained");
     let family = family(&world);
     let spec = world.drive().expect("driven");
-    let told = |member: brakecheck::world::Member| run.policy_told(&member).expect("a policy");
+    let told = |member: brakecheck::world::EgoSample| run.policy_told(&member).expect("a policy");
     let nominal = told(family.nominal(spec.plant));
     let sporty = world.with(&world.reuse()["sporty"]).expect("it fits");
     let sporty = told(
@@ -453,7 +456,7 @@ fn more_tries_never_solve_less_and_are_counted() {
     };
     let once = eval(&request, &quiet());
     let tries = |tries| {
-        let tries = Tries {
+        let tries = BestOfN {
             request,
             policy: &Near,
             others: &[],
@@ -488,7 +491,7 @@ fn more_tries_never_solve_less_and_are_counted() {
     let (few, many) = (once.row.successes, before.evaluated.row.successes);
     assert!(few + 5 < many, "{few} {many}");
     // What a try did is played again bit for bit.
-    let all = Tries {
+    let all = BestOfN {
         request,
         policy: &Near,
         others: &[],
@@ -561,7 +564,7 @@ fn mistakes_in_a_family_have_a_place_a_reason_and_a_cure() {
 fn a_grid_has_no_family() {
     let text = include_str!("../../worlds/grid.ron");
     let world = Scenario::parse("grid.ron", text).expect("a sound world");
-    assert!(world.family().is_none() && world.training_against(Against::Wide).is_none());
+    assert!(world.family().is_none() && world.training_against(TrainingEgos::Randomized).is_none());
     assert_eq!(world.plant(), Dynamics::Cells);
 }
 

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use brakecheck::adversary::{Ado, EvalRequest, eval};
 use brakecheck::experiment::{Remark, Watch, test_starts};
-use brakecheck::run_dir::{Ended, RunDir};
+use brakecheck::run_dir::{RunDir, TrainingEnd};
 use brakecheck::sim::PlantKind;
 use brakecheck::training::{TrainRequest, TrainSession, TrainingOutcome};
 use brakecheck::world::Scenario;
@@ -48,7 +48,7 @@ fn a_world_without_a_learner_is_searched_first_and_the_search_is_paid_for() {
     assert_eq!(outcome.done.calibration, Some(calibration));
     assert_eq!(calibration.starts, 10);
     assert!(0 < calibration.searched, "{calibration:?}");
-    assert_eq!(manifest.ended, Some(Ended::Asked));
+    assert_eq!(manifest.ended, Some(TrainingEnd::Asked));
     let once = manifest.episodes + sought.simulations + calibration.simulations;
     assert_eq!(
         brakecheck::experiment::Cost::of_training(manifest).simulations,
@@ -66,7 +66,10 @@ fn a_training_that_misses_what_search_finds_goes_on_and_says_so() {
     let outcome = trained(&acc(Some(learner)), &path, &TrainRequest::default());
     assert!(600 <= outcome.done.decisions, "{outcome:?}");
     assert!(
-        matches!(outcome.done.ended, Some(Ended::Settled | Ended::Longest)),
+        matches!(
+            outcome.done.ended,
+            Some(TrainingEnd::Settled | TrainingEnd::Longest)
+        ),
         "{outcome:?}"
     );
     let calibration = outcome.done.calibration.expect("a calibration");
@@ -84,7 +87,7 @@ fn a_training_that_misses_what_search_finds_goes_on_and_says_so() {
     let path = dir.path().join("asked");
     let outcome = trained(&acc(Some(learner)), &path, &request);
     assert!(outcome.done.decisions < 440, "{outcome:?}");
-    assert_eq!(outcome.done.ended, Some(Ended::Asked));
+    assert_eq!(outcome.done.ended, Some(TrainingEnd::Asked));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use brakecheck::evaluation::break_even;
 use brakecheck::experiment::{Cost, TestStarts, Watch, test_starts};
 use brakecheck::run_dir::{RunDir, Stored};
 use brakecheck::search::{
-    Cem, Found, Hold, Method, Mutate, SearchRequest, Switches, Uniform, search,
+    Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Switches, Uniform, search,
 };
 use brakecheck::sim::PlantKind;
 use brakecheck::stats::StartOutcome::{Solved, Unsolved};
@@ -235,12 +235,12 @@ fn break_even_is_the_training_over_what_each_start_saves() {
     let starts = test_starts(&world, 77, 5, &quiet()).expect("not stopped");
     let mut searched = search(&request(&world, Hold.into(), 100, &starts), &quiet());
     let found = |simulations: u64, solved: bool| {
-        Some(Found {
+        Some(SearchResult {
             actions: solved.then(|| vec![0]),
             simulations,
             physics_steps: 1000 * simulations,
             cpu_s: 0.5 * simulations as f64,
-            ..Found::default()
+            ..SearchResult::default()
         })
     };
     searched.found = vec![

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use brakecheck::cli::Failure;
 use brakecheck::crashes::Regressions;
 use brakecheck::experiment::Watch;
-use brakecheck::run_dir::{Asked, Counterexample, RunDir, RunError};
+use brakecheck::run_dir::{Counterexample, RequestedTraining, RunDir, RunError};
 use brakecheck::seed::generator;
 use brakecheck::sim::PlantKind;
 use brakecheck::training::{TrainError, TrainRequest, TrainSession, train};
@@ -160,7 +160,7 @@ fn a_training_goes_on_only_as_what_it_was_begun_as() {
     let run = RunDir::resume(&begun).expect("a run");
     let world = quick(12_000);
     let differences = |scenario: &Scenario, seed| {
-        let asked = Asked {
+        let asked = RequestedTraining {
             scenario,
             seed,
             ego: None,

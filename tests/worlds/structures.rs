@@ -2,7 +2,7 @@
 
 use brakecheck::run_dir::RunDir;
 use brakecheck::training::{TrainRequest, TrainSession};
-use brakecheck::world::{Against, Change, Scenario};
+use brakecheck::world::{Change, Scenario, TrainingEgos};
 
 use super::families::{family, key, quiet};
 
@@ -48,7 +48,7 @@ fn controllers_of_other_structures_are_met_as_often_as_the_worlds_own() {
     }
     // What else is drawn does not depend on the structures.
     let alone = world
-        .training_against(Against::Conditional)
+        .training_against(TrainingEgos::Conditioned)
         .expect("a family");
     let alone = alone.family().expect("told");
     assert_eq!(alone.structures.len(), 0);
@@ -73,7 +73,7 @@ fn a_structure_that_is_left_out_is_never_met_and_the_run_says_so() {
     let path = dir.path().join("run");
     let request = TrainRequest {
         decisions: Some(300),
-        against: Against::Wide,
+        against: TrainingEgos::Randomized,
         leave_out: Some("idm"),
         ..TrainRequest::default()
     };
@@ -97,8 +97,8 @@ fn a_structure_that_is_left_out_is_never_met_and_the_run_says_so() {
         .expect("another");
     assert!(refused.to_string().contains("left out"), "{refused}");
     for (asked, against) in [
-        (Some("idm"), Against::Nominal),
-        (Some("idmm"), Against::Wide),
+        (Some("idm"), TrainingEgos::Nominal),
+        (Some("idmm"), TrainingEgos::Randomized),
     ] {
         let request = TrainRequest {
             against,

@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use brakecheck::adversary::{Ado, EvalRequest, best_constant, eval};
 use brakecheck::experiment::{TestStarts, Watch, test_starts};
-use brakecheck::run_dir::{Asked, Row, RunDir, RunError};
+use brakecheck::run_dir::{RequestedTraining, Row, RunDir, RunError};
 use brakecheck::search::{SWITCHES, SearchRequest, Switches, search};
 use brakecheck::seed::Seeds;
 use brakecheck::stats::{Outcomes, paired_difference, seeds_interval};
 use brakecheck::training::{TrainError, train};
-use brakecheck::world::{Against, Scenario};
+use brakecheck::world::{Scenario, TrainingEgos};
 
 /// Largest number of joint actions for a search with two switches.
 ///
@@ -188,7 +188,7 @@ pub fn trained_run(
 ) -> Result<(PathBuf, f64), TrainError> {
     let path = runs.join(match scenario.against() {
         // Runs against a family have names of their own, so both kinds can coexist.
-        Against::Nominal => format!("{}-{seed}", scenario.name()),
+        TrainingEgos::Nominal => format!("{}-{seed}", scenario.name()),
         family => format!("{}-{family}-{seed}", scenario.name()),
     });
     let mut run = match RunDir::resume(&path) {
@@ -198,7 +198,7 @@ pub fn trained_run(
         Err(error) => return Err(error.into()),
     };
     // A run with other settings must not be continued or reported under this name.
-    run.must_be_of(Asked {
+    run.must_be_of(RequestedTraining {
         scenario,
         seed,
         ego: None,

@@ -29,9 +29,9 @@ pub use letter::{
     JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow, LetterStudy,
     LetterStudyError, letter_baselines, letter_markdown, letter_row,
 };
-pub use near::{Alumnus, NearFailing, near_starts, near_starts_markdown};
+pub use near::{NearFailing, TrainedPolicy, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
 pub use protocols::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
-pub use reuse_study::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
+pub use reuse_study::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 pub use structures::{RUNS, StructureRow, StructuresAsked, other_structures, structures_markdown};
 pub use table1::{Table1, Table1Error, table1, table1_markdown};

@@ -20,7 +20,7 @@ const SAME: f64 = 0.01;
 
 /// Trained ado with its training starts.
 #[derive(Clone, Copy)]
-pub struct Alumnus<'a> {
+pub struct TrainedPolicy<'a> {
     /// Policy of the ado.
     pub policy: &'a dyn Policy,
     /// Seed of its training.
@@ -69,7 +69,7 @@ pub struct NearRow {
 /// is a lower bound. `None`: stopped.
 pub fn near_starts(
     scenario: &Scenario,
-    alumnus: Alumnus<'_>,
+    alumnus: TrainedPolicy<'_>,
     around: &Start,
     starts: &TestStarts,
     deltas: &[f64],

@@ -184,7 +184,8 @@ impl StructuresAsked<'_> {
             return Ok(None);
         };
         let searched = search.solved.clone();
-        let met = |of: &Part, ado: &str| Some(SolvedBy::of(of.row(ado)?.clone(), &searched));
+        let met =
+            |of: &StructureRows, ado: &str| Some(SolvedBy::of(of.row(ado)?.clone(), &searched));
         let row = || {
             let told = first.told.as_ref()?;
             Some(StructureRow {
@@ -220,7 +221,7 @@ impl StructuresAsked<'_> {
         ados: &[AdoKind],
         (runs, tries, search, unknown): (u64, u64, Option<usize>, &[&str]),
         watch: &Watch<'_>,
-    ) -> Result<Option<Part>, EvaluationError> {
+    ) -> Result<Option<StructureRows>, EvaluationError> {
         let egos = std::slice::from_ref(ego);
         let evaluation = Evaluation {
             run: self.run,
@@ -245,7 +246,7 @@ impl StructuresAsked<'_> {
         if watch.stopped() {
             return Ok(None);
         }
-        Ok(Some(Part {
+        Ok(Some(StructureRows {
             rows: table.rows(),
             told: table.adapted_to.pop(),
         }))
@@ -253,12 +254,12 @@ impl StructuresAsked<'_> {
 }
 
 /// Evaluation of an ego.
-struct Part {
+struct StructureRows {
     rows: Vec<Row>,
     told: Option<AdaptedTo>,
 }
 
-impl Part {
+impl StructureRows {
     fn row(&self, ado: &str) -> Option<&Row> {
         self.rows.iter().find(|row| row.ado == ado.into())
     }

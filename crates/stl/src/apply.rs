@@ -5,8 +5,8 @@
 //! samples are known, both are the same slice. Offline and online monitors share
 //! this file.
 
-use crate::kernel::{self, Extremum, Max, Min, Tail, View, Window, merge, opposite};
-use crate::program::{Edge, Gate, Op, Side, Strength};
+use crate::kernel::{self, Extremum, Max, Min, SampleWindow, View, WindowTail, merge, opposite};
+use crate::program::{BooleanOp, Edge, MinMax, Op, Strength};
 use crate::settings::Until;
 
 /// End of the interval of possible values.
@@ -27,7 +27,7 @@ impl Bound {
 
 /// Known part of the trace, and its end.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Reading {
+pub(crate) struct EvalWindow {
     pub(crate) until: Until,
     /// Number of samples known so far.
     pub(crate) known: usize,
@@ -35,17 +35,17 @@ pub(crate) struct Reading {
     pub(crate) bounded_len: usize,
     /// Trace length for unbounded windows, `usize::MAX` if unknown.
     pub(crate) unbounded_len: usize,
-    pub(crate) tail: Tail,
+    pub(crate) tail: WindowTail,
 }
 
-impl Reading {
+impl EvalWindow {
     /// Returns true if lower and upper bounds are the same everywhere.
     pub(crate) fn is_exact(&self) -> bool {
         self.bounded_len <= self.known && self.unbounded_len <= self.known
     }
 
     /// Returns the number of samples that a window can reach.
-    pub(crate) fn len(&self, window: Window) -> usize {
+    pub(crate) fn len(&self, window: SampleWindow) -> usize {
         match window.to {
             Some(_) => self.bounded_len,
             None => self.unbounded_len,
@@ -53,7 +53,7 @@ impl Reading {
     }
 
     /// Returns the range of samples whose window includes unknown samples.
-    fn open(&self, window: Window) -> Option<(usize, usize)> {
+    fn open(&self, window: SampleWindow) -> Option<(usize, usize)> {
         let len = self.len(window);
         if len <= self.known {
             return None;
@@ -69,7 +69,7 @@ impl Reading {
     /// Returns the open part of `out`, whose first value is of sample `from`.
     fn open_part<'a>(
         &self,
-        window: Window,
+        window: SampleWindow,
         from: usize,
         out: &'a mut [f64],
     ) -> (usize, &'a mut [f64]) {
@@ -92,12 +92,12 @@ impl Reading {
 
 /// Operand with its bounds at consecutive samples.
 #[derive(Clone, Copy)]
-pub(crate) struct Operand<'a> {
+pub(crate) struct OperandBounds<'a> {
     pub(crate) lower: View<'a>,
     pub(crate) upper: View<'a>,
 }
 
-impl<'a> Operand<'a> {
+impl<'a> OperandBounds<'a> {
     pub(crate) fn bound(self, bound: Bound) -> View<'a> {
         match bound {
             Bound::Lower => self.lower,
@@ -108,7 +108,7 @@ impl<'a> Operand<'a> {
 
 /// Buffers for intermediate results of kernels.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Work {
+pub(crate) struct KernelBuffers {
     window: Vec<f64>,
     goal: Vec<f64>,
     weak: Vec<f64>,
@@ -120,12 +120,12 @@ pub(crate) struct Work {
 /// samples that the operator reads, as far as these are known.
 pub(crate) fn apply(
     op: &Op,
-    reading: &Reading,
-    (a, b): (Operand<'_>, Operand<'_>),
+    reading: &EvalWindow,
+    (a, b): (OperandBounds<'_>, OperandBounds<'_>),
     bound: Bound,
     from: usize,
     out: &mut [f64],
-    work: &mut Work,
+    work: &mut KernelBuffers,
 ) {
     let (a_here, a_there) = (a.bound(bound), a.bound(bound.opposite()));
     let (b_here, b_there) = (b.bound(bound), b.bound(bound.opposite()));
@@ -143,11 +143,15 @@ pub(crate) fn apply(
             let b = (b_here.from(from), b_there.from(from));
             combine(gate, a, b, out);
         }
-        Op::Ahead(Side::Min, window, _) => ahead::<Min>(a_here, window, reading, bound, from, out),
-        Op::Ahead(Side::Max, window, _) => ahead::<Max>(a_here, window, reading, bound, from, out),
-        Op::Behind(Side::Min, window, _) => kernel::behind::<Min>(a_here, window, from, out),
-        Op::Behind(Side::Max, window, _) => kernel::behind::<Max>(a_here, window, from, out),
-        Op::Until(Side::Max, strength, window, ..) => {
+        Op::Ahead(MinMax::Min, window, _) => {
+            ahead::<Min>(a_here, window, reading, bound, from, out)
+        }
+        Op::Ahead(MinMax::Max, window, _) => {
+            ahead::<Max>(a_here, window, reading, bound, from, out)
+        }
+        Op::Behind(MinMax::Min, window, _) => kernel::behind::<Min>(a_here, window, from, out),
+        Op::Behind(MinMax::Max, window, _) => kernel::behind::<Max>(a_here, window, from, out),
+        Op::Until(MinMax::Max, strength, window, ..) => {
             until::<Max>(
                 (a_here, b_here),
                 (strength, window),
@@ -158,7 +162,7 @@ pub(crate) fn apply(
                 work,
             );
         }
-        Op::Until(Side::Min, strength, window, ..) => {
+        Op::Until(MinMax::Min, strength, window, ..) => {
             until::<Min>(
                 (a_here, b_here),
                 (strength, window),
@@ -194,17 +198,17 @@ pub(crate) fn apply(
 }
 
 /// Applies a gate to slices: `(same bound, opposite bound)` of both operands.
-pub(crate) fn combine(gate: Gate, a: (&[f64], &[f64]), b: (&[f64], &[f64]), out: &mut [f64]) {
+pub(crate) fn combine(gate: BooleanOp, a: (&[f64], &[f64]), b: (&[f64], &[f64]), out: &mut [f64]) {
     let each = |out: &mut [f64], at: fn(f64, f64) -> f64| {
         for ((out, a), b) in out.iter_mut().zip(a.0).zip(b.0) {
             *out = at(*a, *b);
         }
     };
     match gate {
-        Gate::And => each(out, Min::pick),
-        Gate::Or => each(out, Max::pick),
+        BooleanOp::And => each(out, Min::pick),
+        BooleanOp::Or => each(out, Max::pick),
         // These gates negate an operand, so they need its opposite bound as well.
-        Gate::Implies | Gate::Iff | Gate::Xor => {
+        BooleanOp::Implies | BooleanOp::Iff | BooleanOp::Xor => {
             let sides = a.0.iter().zip(a.1).zip(b.0.iter().zip(b.1));
             for (out, ((a, a_up), (b, b_up))) in out.iter_mut().zip(sides) {
                 *out = gate.at(*a, *a_up, *b, *b_up);
@@ -223,8 +227,8 @@ fn is_moved<E: Extremum>(bound: Bound) -> bool {
 
 fn ahead<E: Extremum>(
     operand: View<'_>,
-    window: Window,
-    reading: &Reading,
+    window: SampleWindow,
+    reading: &EvalWindow,
     bound: Bound,
     from: usize,
     out: &mut [f64],
@@ -242,12 +246,12 @@ fn ahead<E: Extremum>(
 
 fn until<E: Extremum>(
     (left, right): (View<'_>, View<'_>),
-    (strength, window): (Strength, Window),
-    reading: &Reading,
+    (strength, window): (Strength, SampleWindow),
+    reading: &EvalWindow,
     bound: Bound,
     from: usize,
     out: &mut [f64],
-    work: &mut Work,
+    work: &mut KernelBuffers,
 ) {
     let goal = goal::<E>(left, right, reading.until, &mut work.goal);
     kernel::until::<E>(
@@ -270,7 +274,7 @@ fn until<E: Extremum>(
     }
     if strength == Strength::Weak {
         // From the present on: the left side must hold before the window too.
-        let throughout = Window {
+        let throughout = SampleWindow {
             from: 0,
             to: window.to,
         };

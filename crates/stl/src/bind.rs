@@ -6,13 +6,13 @@ use std::sync::Arc;
 
 use crate::error::{StlError, suggest};
 use crate::formula::{Expr, Formula};
-use crate::kernel::Window;
-use crate::leaf::{Leaf, Value};
+use crate::kernel::SampleWindow;
+use crate::leaf::{BoundExpression, Leaf};
 use crate::monitor::Monitor;
 use crate::number::Ratio;
-use crate::program::{Edge, Gate, Id, Op, Program, Side, Strength};
+use crate::program::{BooleanOp, BoundProgram, Edge, Id, MinMax, Op, Strength};
 use crate::settings::{Constants, Names, Settings};
-use crate::syntax::{Arithmetic, Binary, Comparison, Kind, Node, Term, TermKind, Unary};
+use crate::syntax::{Arithmetic, Binary, Comparison, Node, NodeKind, Term, TermKind, Unary};
 use crate::trace::{Schema, SignalKind};
 use crate::undefined;
 
@@ -64,10 +64,10 @@ impl Formula {
             StlError::new(what, 0..0, "cannot be sampled")
         })?;
         let mut binder = Binder {
-            scope: Scope { schema, names },
+            scope: NameScope { schema, names },
             settings,
             period,
-            program: Program::new(schema),
+            program: BoundProgram::new(schema),
             open: Vec::new(),
             depth: 0,
         };
@@ -87,7 +87,7 @@ impl Expr {
             constants: constants.clone(),
             ..Names::default()
         };
-        let value = Scope {
+        let value = NameScope {
             schema,
             names: &names,
         }
@@ -102,7 +102,7 @@ impl Expr {
 /// Expression bound to a schema, which maps a row to a number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundExpr {
-    pub(crate) value: Value,
+    pub(crate) value: BoundExpression,
     width: usize,
 }
 
@@ -127,18 +127,18 @@ impl BoundExpr {
 }
 
 /// Meanings of a name: a signal, else a constant, else a formula.
-struct Scope<'a> {
+struct NameScope<'a> {
     schema: &'a Schema,
     names: &'a Names,
 }
 
-impl<'a> Scope<'a> {
-    fn value(&self, term: &Term) -> Result<Value, StlError> {
+impl<'a> NameScope<'a> {
+    fn value(&self, term: &Term) -> Result<BoundExpression, StlError> {
         let value = match &term.kind {
-            TermKind::Number(value) => Value::Number(*value),
+            TermKind::Number(value) => BoundExpression::Number(*value),
             TermKind::Name(name) => return self.number(name, term.span.0.clone()),
-            TermKind::Negative(a) => Value::Negative(Box::new(self.value(a)?)),
-            TermKind::Calculated(op, sides) => Value::Calculated(
+            TermKind::Negative(a) => BoundExpression::Negative(Box::new(self.value(a)?)),
+            TermKind::Calculated(op, sides) => BoundExpression::Calculated(
                 *op,
                 Box::new((self.value(&sides.0)?, self.value(&sides.1)?)),
             ),
@@ -147,7 +147,7 @@ impl<'a> Scope<'a> {
                     .iter()
                     .map(|a| self.value(a))
                     .collect::<Result<_, _>>()?;
-                Value::Call(*function, all)
+                BoundExpression::Call(*function, all)
             }
         };
         // Folded on the way up: leaves then compare a signal with a plain number. A
@@ -155,10 +155,10 @@ impl<'a> Scope<'a> {
         fold_constant(value, term)
     }
 
-    fn number(&self, name: &str, span: Range<usize>) -> Result<Value, StlError> {
+    fn number(&self, name: &str, span: Range<usize>) -> Result<BoundExpression, StlError> {
         if let Some(signal) = self.schema.position(name) {
             return match self.schema.signals()[signal].kind {
-                SignalKind::Real => Ok(Value::Signal(signal)),
+                SignalKind::Real => Ok(BoundExpression::Signal(signal)),
                 SignalKind::Boolean => Err(StlError::new(
                     format!("the signal `{name}` is Boolean, not a number"),
                     span,
@@ -171,7 +171,7 @@ impl<'a> Scope<'a> {
         }
         if let Some(value) = self.names.constants.get(name) {
             return if value.is_finite() {
-                Ok(Value::Number(*value))
+                Ok(BoundExpression::Number(*value))
             } else {
                 Err(not_finite(name, *value, span))
             };
@@ -212,10 +212,10 @@ fn not_finite(name: &str, value: f64, span: Range<usize>) -> StlError {
 }
 
 /// Evaluates a value without signals.
-fn fold_constant(value: Value, term: &Term) -> Result<Value, StlError> {
+fn fold_constant(value: BoundExpression, term: &Term) -> Result<BoundExpression, StlError> {
     // Refused even for a signal divided by 0, which is ±inf or NaN at every sample.
-    if let Value::Calculated(Arithmetic::Divide, sides) = &value
-        && sides.1 == Value::Number(0.0)
+    if let BoundExpression::Calculated(Arithmetic::Divide, sides) = &value
+        && sides.1 == BoundExpression::Number(0.0)
     {
         return Err(StlError::new(
             format!("`{term}` divides by zero"),
@@ -224,10 +224,15 @@ fn fold_constant(value: Value, term: &Term) -> Result<Value, StlError> {
         ));
     }
     let constant = match &value {
-        Value::Negative(a) => matches!(**a, Value::Number(_)),
-        Value::Calculated(_, sides) => matches!(**sides, (Value::Number(_), Value::Number(_))),
-        Value::Call(_, all) => all.iter().all(|a| matches!(a, Value::Number(_))),
-        Value::Number(_) | Value::Signal(_) => return Ok(value),
+        BoundExpression::Negative(a) => matches!(**a, BoundExpression::Number(_)),
+        BoundExpression::Calculated(_, sides) => matches!(
+            **sides,
+            (BoundExpression::Number(_), BoundExpression::Number(_))
+        ),
+        BoundExpression::Call(_, all) => {
+            all.iter().all(|a| matches!(a, BoundExpression::Number(_)))
+        }
+        BoundExpression::Number(_) | BoundExpression::Signal(_) => return Ok(value),
     };
     if !constant {
         return Ok(value);
@@ -235,7 +240,7 @@ fn fold_constant(value: Value, term: &Term) -> Result<Value, StlError> {
     // Without signals no row is read.
     let number = value.at(&[]);
     if number.is_finite() {
-        Ok(Value::Number(number))
+        Ok(BoundExpression::Number(number))
     } else {
         Err(StlError::new(
             format!("`{term}` is {number}"),
@@ -253,10 +258,10 @@ enum Whole {
 }
 
 struct Binder<'a> {
-    scope: Scope<'a>,
+    scope: NameScope<'a>,
     settings: &'a Settings,
     period: Ratio,
-    program: Program,
+    program: BoundProgram,
     /// Named formulas being bound, outermost first.
     open: Vec<&'a str>,
     depth: usize,
@@ -277,56 +282,56 @@ impl<'a> Binder<'a> {
 
     fn operator(&mut self, node: &Arc<Node>) -> Result<Id, StlError> {
         match &node.kind {
-            Kind::Constant(value) => self.push(Op::Constant(*value), node),
-            Kind::Name(name) => self.name(name, node),
-            Kind::Compare(first, rest) => self.comparison(first, rest, node),
-            Kind::In(x, range) => {
+            NodeKind::Constant(value) => self.push(Op::Constant(*value), node),
+            NodeKind::Name(name) => self.name(name, node),
+            NodeKind::Compare(first, rest) => self.comparison(first, rest, node),
+            NodeKind::In(x, range) => {
                 let low = (Comparison::GreaterEqual, range.0.clone());
                 let high = (Comparison::LessEqual, range.1.clone());
                 let low = self.pair(x, &low, node, Whole::No)?;
                 let high = self.pair(x, &high, node, Whole::No)?;
-                self.push(Op::Gate(Gate::And, low, high), node)
+                self.push(Op::Gate(BooleanOp::And, low, high), node)
             }
-            Kind::Not(a) => {
+            NodeKind::Not(a) => {
                 let a = self.node(a)?;
                 self.push(Op::Not(a), node)
             }
-            Kind::And(all) => self.all_of(Gate::And, all, node),
-            Kind::Or(all) => self.all_of(Gate::Or, all, node),
-            Kind::Implies(a, b) => self.gate(Gate::Implies, a, b, node),
-            Kind::Iff(a, b) => self.gate(Gate::Iff, a, b, node),
-            Kind::Xor(a, b) => self.gate(Gate::Xor, a, b, node),
-            Kind::Unary(op, bounds, a) => {
+            NodeKind::And(all) => self.all_of(BooleanOp::And, all, node),
+            NodeKind::Or(all) => self.all_of(BooleanOp::Or, all, node),
+            NodeKind::Implies(a, b) => self.gate(BooleanOp::Implies, a, b, node),
+            NodeKind::Iff(a, b) => self.gate(BooleanOp::Iff, a, b, node),
+            NodeKind::Xor(a, b) => self.gate(BooleanOp::Xor, a, b, node),
+            NodeKind::Unary(op, bounds, a) => {
                 let window = self.window(bounds.as_ref())?;
                 // `Min` of an empty window is +inf and `Max` is −inf. That alone makes `next`
                 // and `prev` weak or strong at the ends of a trace.
-                let one = Window {
+                let one = SampleWindow {
                     from: 1,
                     to: Some(1),
                 };
                 let a = self.node(a)?;
                 let op = match op {
-                    Unary::Always => Op::Ahead(Side::Min, window, a),
-                    Unary::Eventually => Op::Ahead(Side::Max, window, a),
-                    Unary::Historically => Op::Behind(Side::Min, window, a),
-                    Unary::Once => Op::Behind(Side::Max, window, a),
-                    Unary::Next => Op::Ahead(Side::Min, one, a),
-                    Unary::StrongNext => Op::Ahead(Side::Max, one, a),
-                    Unary::Prev => Op::Behind(Side::Min, one, a),
-                    Unary::StrongPrev => Op::Behind(Side::Max, one, a),
+                    Unary::Always => Op::Ahead(MinMax::Min, window, a),
+                    Unary::Eventually => Op::Ahead(MinMax::Max, window, a),
+                    Unary::Historically => Op::Behind(MinMax::Min, window, a),
+                    Unary::Once => Op::Behind(MinMax::Max, window, a),
+                    Unary::Next => Op::Ahead(MinMax::Min, one, a),
+                    Unary::StrongNext => Op::Ahead(MinMax::Max, one, a),
+                    Unary::Prev => Op::Behind(MinMax::Min, one, a),
+                    Unary::StrongPrev => Op::Behind(MinMax::Max, one, a),
                     Unary::Rise => Op::Edge(Edge::Rise, a),
                     Unary::Fall => Op::Edge(Edge::Fall, a),
                 };
                 self.push(op, node)
             }
-            Kind::Binary(op, bounds, a, b) => {
+            NodeKind::Binary(op, bounds, a, b) => {
                 let window = self.window(bounds.as_ref())?;
                 let (a, b) = (self.node(a)?, self.node(b)?);
                 let op = match op {
                     // Release is the dual of until: the same operator with exchanged extrema.
-                    Binary::Until => Op::Until(Side::Max, Strength::Strong, window, a, b),
-                    Binary::Unless => Op::Until(Side::Max, Strength::Weak, window, a, b),
-                    Binary::Release => Op::Until(Side::Min, Strength::Strong, window, a, b),
+                    Binary::Until => Op::Until(MinMax::Max, Strength::Strong, window, a, b),
+                    Binary::Unless => Op::Until(MinMax::Max, Strength::Weak, window, a, b),
+                    Binary::Release => Op::Until(MinMax::Min, Strength::Strong, window, a, b),
                     Binary::Since => Op::Since(window, a, b),
                 };
                 self.push(op, node)
@@ -357,7 +362,7 @@ impl<'a> Binder<'a> {
 
     fn gate(
         &mut self,
-        gate: Gate,
+        gate: BooleanOp,
         a: &Arc<Node>,
         b: &Arc<Node>,
         node: &Arc<Node>,
@@ -367,7 +372,12 @@ impl<'a> Binder<'a> {
     }
 
     /// Builds a balanced tree, so that a thousand rules are ten levels deep.
-    fn all_of(&mut self, gate: Gate, all: &[Arc<Node>], node: &Arc<Node>) -> Result<Id, StlError> {
+    fn all_of(
+        &mut self,
+        gate: BooleanOp,
+        all: &[Arc<Node>],
+        node: &Arc<Node>,
+    ) -> Result<Id, StlError> {
         match all {
             [only] => self.node(only),
             _ => {
@@ -398,7 +408,7 @@ impl<'a> Binder<'a> {
             let pair = self.pair(left, side, node, alone)?;
             whole = Some(match whole {
                 None => pair,
-                Some(before) => self.push(Op::Gate(Gate::And, before, pair), node)?,
+                Some(before) => self.push(Op::Gate(BooleanOp::And, before, pair), node)?,
             });
             left = &side.1;
         }
@@ -419,7 +429,7 @@ impl<'a> Binder<'a> {
             Whole::Yes => node.clone(),
             // A node of its own, so that explanations show the pair and not the chain.
             Whole::No => {
-                let kind = Kind::Compare(left.clone(), vec![side.clone()]);
+                let kind = NodeKind::Compare(left.clone(), vec![side.clone()]);
                 Arc::new(Node::new(kind, node.span.0.clone()))
             }
         };

@@ -10,11 +10,11 @@ use std::sync::Arc;
 use serde::{Serialize, Serializer};
 
 use crate::apply::Bound;
-use crate::kernel::{Tail, Window};
-use crate::leaf::{Columns, Question};
+use crate::kernel::{SampleWindow, WindowTail};
+use crate::leaf::{Columns, Semantics};
 use crate::monitor::Monitor;
-use crate::offline::{Evaluation, Scratch};
-use crate::program::{Edge, Gate, Id, Op, Side};
+use crate::offline::{Scratch, TraceEvaluation};
+use crate::program::{BooleanOp, Edge, Id, MinMax, Op};
 use crate::samples::Samples;
 use crate::settings::Until;
 use crate::trace::Trace;
@@ -162,7 +162,7 @@ impl Monitor {
 /// Explains `len` samples of the signals to which the monitor is bound.
 fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation {
     let mut scratch = Scratch::new();
-    let value = monitor.value(columns, len, Question::Margin, &mut scratch);
+    let value = monitor.value(columns, len, Semantics::Margin, &mut scratch);
     let robustness = monitor.clamp(value);
     let mut explanation = Explanation {
         robustness,
@@ -175,11 +175,11 @@ fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation
     }
     let program = &monitor.program;
     let reading = monitor.reading(len);
-    let mut search = Search {
+    let mut search = ExplanationSearch {
         closed: reading.until == Until::Closed,
-        evaluation: monitor.evaluation(columns, len, reading, Question::Margin, &mut scratch),
+        evaluation: monitor.evaluation(columns, len, reading, Semantics::Margin, &mut scratch),
     };
-    let mut place = Place {
+    let mut place = DecidingNode {
         id: program.root(),
         sample: 0,
         // A strict reading leaves an interval, whose lower end is the robustness.
@@ -201,8 +201,8 @@ fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation
         }
         shown = Some(step);
         match search.next(place, value) {
-            Next::Down(next) => place = next,
-            Next::Stop(reason) => {
+            SearchMove::Down(next) => place = next,
+            SearchMove::Stop(reason) => {
                 explanation.reason = reason;
                 break;
             }
@@ -228,29 +228,29 @@ fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation
 
 /// Sub-formula at a sample, with the bound that decides.
 #[derive(Clone, Copy)]
-struct Place {
+struct DecidingNode {
     id: Id,
     sample: usize,
     bound: Bound,
 }
 
-enum Next {
-    Down(Place),
+enum SearchMove {
+    Down(DecidingNode),
     Stop(Reason),
 }
 
-struct Search<'a, C> {
+struct ExplanationSearch<'a, C> {
     closed: bool,
-    evaluation: Evaluation<'a, C>,
+    evaluation: TraceEvaluation<'a, C>,
 }
 
-impl<C: Columns> Search<'_, C> {
-    fn value(&mut self, place: Place) -> f64 {
+impl<C: Columns> ExplanationSearch<'_, C> {
+    fn value(&mut self, place: DecidingNode) -> f64 {
         self.values(place, place.sample, place.sample)[0]
     }
 
     /// Returns the bound in question at the samples `from ..= to`.
-    fn values(&mut self, place: Place, from: usize, to: usize) -> Vec<f64> {
+    fn values(&mut self, place: DecidingNode, from: usize, to: usize) -> Vec<f64> {
         // Without an upper vector both bounds are equal.
         let stretch = self.evaluation.run(place.id, from, to + 1);
         match (place.bound, stretch.upper) {
@@ -259,30 +259,30 @@ impl<C: Columns> Search<'_, C> {
         }
     }
 
-    fn next(&mut self, place: Place, value: f64) -> Next {
+    fn next(&mut self, place: DecidingNode, value: f64) -> SearchMove {
         let program = self.evaluation.program;
-        let at = |id, sample| Place {
+        let at = |id, sample| DecidingNode {
             id,
             sample,
             ..place
         };
-        let against = |id, sample| Place {
+        let against = |id, sample| DecidingNode {
             id,
             sample,
             bound: place.bound.opposite(),
         };
         let now = place.sample;
         match program.get(place.id).op {
-            Op::Leaf(_) => Next::Stop(Reason::Leaf),
-            Op::Constant(_) => Next::Stop(Reason::Constant),
-            Op::Not(a) => Next::Down(against(a, now)),
-            Op::Gate(Gate::And | Gate::Or, a, b) => {
+            Op::Leaf(_) => SearchMove::Stop(Reason::Leaf),
+            Op::Constant(_) => SearchMove::Stop(Reason::Constant),
+            Op::Not(a) => SearchMove::Down(against(a, now)),
+            Op::Gate(BooleanOp::And | BooleanOp::Or, a, b) => {
                 self.first_of(value, &[(at(a, now), 1.0), (at(b, now), 1.0)])
             }
-            Op::Gate(Gate::Implies, a, b) => {
+            Op::Gate(BooleanOp::Implies, a, b) => {
                 self.first_of(value, &[(against(a, now), -1.0), (at(b, now), 1.0)])
             }
-            Op::Gate(Gate::Iff | Gate::Xor, a, b) => {
+            Op::Gate(BooleanOp::Iff | BooleanOp::Xor, a, b) => {
                 // Each operand enters both as it is and negated, so either may decide.
                 let same = [(at(a, now), 1.0), (at(b, now), 1.0)];
                 let opposite = [(against(a, now), -1.0), (against(b, now), -1.0)];
@@ -313,15 +313,15 @@ impl<C: Columns> Search<'_, C> {
                 let from = window.to.map_or(0, |to| now.saturating_sub(to));
                 match now.checked_sub(window.from) {
                     Some(to) => self.within(value, at(a, now), from, to),
-                    None => Next::Stop(Reason::EmptyWindow),
+                    None => SearchMove::Stop(Reason::EmptyWindow),
                 }
             }
             Op::Until(side, _, window, a, b) => {
-                let (_, to) = self.ahead(Window { from: 0, ..window }, now);
+                let (_, to) = self.ahead(SampleWindow { from: 0, ..window }, now);
                 let mut guards = self.values(at(a, now), now, to);
                 let mut goals = self.values(at(b, now), now, to);
                 // A held trace has no empty window: samples beyond the end equal the last.
-                let held = self.evaluation.reading.tail == Tail::Held;
+                let held = self.evaluation.reading.tail == WindowTail::Held;
                 let from = if held {
                     window.from.min(guards.len())
                 } else {
@@ -332,10 +332,10 @@ impl<C: Columns> Search<'_, C> {
                     guards.extend(guards.last().copied());
                     goals.extend(goals.last().copied());
                 }
-                let sign = if side == Side::Max { 1.0 } else { -1.0 };
+                let sign = if side == MinMax::Max { 1.0 } else { -1.0 };
                 match self.until(sign, value, (&guards, &goals), from) {
-                    Some(Found::Guard(i)) => Next::Down(at(a, (now + i).min(to))),
-                    Some(Found::Goal(i)) => Next::Down(at(b, (now + i).min(to))),
+                    Some(DecidingOperand::Guard(i)) => SearchMove::Down(at(a, (now + i).min(to))),
+                    Some(DecidingOperand::Goal(i)) => SearchMove::Down(at(b, (now + i).min(to))),
                     None => self.nothing(window, now),
                 }
             }
@@ -347,19 +347,19 @@ impl<C: Columns> Search<'_, C> {
                 guards.reverse();
                 goals.reverse();
                 match self.until(1.0, value, (&guards, &goals), window.from) {
-                    Some(Found::Guard(i)) => Next::Down(at(a, now - i)),
-                    Some(Found::Goal(i)) => Next::Down(at(b, now - i)),
-                    None => Next::Stop(Reason::EmptyWindow),
+                    Some(DecidingOperand::Guard(i)) => SearchMove::Down(at(a, now - i)),
+                    Some(DecidingOperand::Goal(i)) => SearchMove::Down(at(b, now - i)),
+                    None => SearchMove::Stop(Reason::EmptyWindow),
                 }
             }
         }
     }
 
     /// Returns the samples of a window, empty when the first exceeds the second.
-    fn ahead(&self, window: Window, now: usize) -> (usize, usize) {
+    fn ahead(&self, window: SampleWindow, now: usize) -> (usize, usize) {
         let last = self.evaluation.reading.known - 1;
         let from = now.saturating_add(window.from);
-        let from = if self.evaluation.reading.tail == Tail::Held {
+        let from = if self.evaluation.reading.tail == WindowTail::Held {
             from.min(last)
         } else {
             from
@@ -372,43 +372,43 @@ impl<C: Columns> Search<'_, C> {
         )
     }
 
-    fn nothing(&self, window: Window, now: usize) -> Next {
+    fn nothing(&self, window: SampleWindow, now: usize) -> SearchMove {
         let reading = &self.evaluation.reading;
         let len = reading.len(window);
         let open = reading.known < len
             && window
                 .to
                 .is_none_or(|to| reading.known <= now.saturating_add(to));
-        Next::Stop(if open {
+        SearchMove::Stop(if open {
             Reason::BeyondTheEnd
         } else {
             Reason::EmptyWindow
         })
     }
 
-    fn first_of(&mut self, value: f64, places: &[(Place, f64)]) -> Next {
+    fn first_of(&mut self, value: f64, places: &[(DecidingNode, f64)]) -> SearchMove {
         for (place, sign) in places {
             // Exact comparison is safe: logic copies values and changes only their sign.
             if sign * self.value(*place) == value {
-                return Next::Down(*place);
+                return SearchMove::Down(*place);
             }
         }
-        Next::Stop(Reason::EmptyWindow)
+        SearchMove::Stop(Reason::EmptyWindow)
     }
 
     /// Finds the first sample of `from ..= to` with the value.
-    fn within(&mut self, value: f64, place: Place, from: usize, to: usize) -> Next {
+    fn within(&mut self, value: f64, place: DecidingNode, from: usize, to: usize) -> SearchMove {
         let program = self.evaluation.program;
         let nothing = match &program.get(place.id).op {
-            _ if to < from => Next::Stop(Reason::EmptyWindow),
-            _ => Next::Stop(Reason::BeyondTheEnd),
+            _ if to < from => SearchMove::Stop(Reason::EmptyWindow),
+            _ => SearchMove::Stop(Reason::BeyondTheEnd),
         };
         if to < from {
             return nothing;
         }
         let values = self.values(place, from, to);
         match values.iter().position(|v| *v == value) {
-            Some(i) => Next::Down(Place {
+            Some(i) => SearchMove::Down(DecidingNode {
                 sample: from + i,
                 ..place
             }),
@@ -423,7 +423,7 @@ impl<C: Columns> Search<'_, C> {
         value: f64,
         (guards, goals): (&[f64], &[f64]),
         from: usize,
-    ) -> Option<Found> {
+    ) -> Option<DecidingOperand> {
         let mut held = f64::INFINITY;
         for (i, (guard, goal)) in guards.iter().zip(goals).enumerate() {
             let (guard, goal) = (sign * guard, sign * goal);
@@ -431,9 +431,12 @@ impl<C: Columns> Search<'_, C> {
             // If goal and guard have equal values, the goal is reported.
             if from <= i && goal.min(before) == sign * value {
                 if goal == sign * value {
-                    return Some(Found::Goal(i));
+                    return Some(DecidingOperand::Goal(i));
                 }
-                return guards.iter().position(|g| *g == value).map(Found::Guard);
+                return guards
+                    .iter()
+                    .position(|g| *g == value)
+                    .map(DecidingOperand::Guard);
             }
             held = held.min(guard);
         }
@@ -441,11 +444,11 @@ impl<C: Columns> Search<'_, C> {
         guards
             .iter()
             .position(|g| *g == value && sign * g == held)
-            .map(Found::Guard)
+            .map(DecidingOperand::Guard)
     }
 }
 
-enum Found {
+enum DecidingOperand {
     Guard(usize),
     Goal(usize),
 }

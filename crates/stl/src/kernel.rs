@@ -183,12 +183,12 @@ impl<'a> View<'a> {
 
 /// Window of samples: `from ..= to` away, or to the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Window {
+pub(crate) struct SampleWindow {
     pub(crate) from: usize,
     pub(crate) to: Option<usize>,
 }
 
-impl Window {
+impl SampleWindow {
     pub(crate) fn width(self) -> Option<usize> {
         self.to.map(|to| to - self.from + 1)
     }
@@ -196,18 +196,18 @@ impl Window {
 
 /// Continuation behind the last value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Tail {
+pub(crate) enum WindowTail {
     /// No values, so windows are cut.
     Cut,
     /// The last value, repeated.
     Held,
 }
 
-impl Tail {
+impl WindowTail {
     fn value(self, values: &[f64], neutral: f64) -> f64 {
         match self {
-            Tail::Cut => neutral,
-            Tail::Held => values.last().copied().unwrap_or(neutral),
+            WindowTail::Cut => neutral,
+            WindowTail::Held => values.last().copied().unwrap_or(neutral),
         }
     }
 }
@@ -215,8 +215,8 @@ impl Tail {
 /// Always / eventually: the extremum over the window ahead of each sample.
 pub(crate) fn ahead<E: Extremum>(
     child: View<'_>,
-    window: Window,
-    tail: Tail,
+    window: SampleWindow,
+    tail: WindowTail,
     from: usize,
     out: &mut [f64],
 ) {
@@ -231,7 +231,12 @@ pub(crate) fn ahead<E: Extremum>(
 }
 
 /// Historically / once: the extremum over the window behind each sample.
-pub(crate) fn behind<E: Extremum>(child: View<'_>, window: Window, from: usize, out: &mut [f64]) {
+pub(crate) fn behind<E: Extremum>(
+    child: View<'_>,
+    window: SampleWindow,
+    from: usize,
+    out: &mut [f64],
+) {
     let end = from + out.len();
     // Up to here the window is cut at the start of the trace.
     let cut = window.to.map_or(end, |to| to.min(end)).max(from);
@@ -272,8 +277,8 @@ pub(crate) fn behind<E: Extremum>(child: View<'_>, window: Window, from: usize, 
 pub(crate) fn until<E: Extremum>(
     left: View<'_>,
     right: View<'_>,
-    window: Window,
-    tail: Tail,
+    window: SampleWindow,
+    tail: WindowTail,
     from: usize,
     out: &mut [f64],
     work: &mut Vec<f64>,
@@ -300,7 +305,7 @@ pub(crate) fn until<E: Extremum>(
     }
     beyond.fill(tail.value(right.values, E::NEUTRAL));
     if window.from != 0 {
-        let before = Window {
+        let before = SampleWindow {
             from: 0,
             to: Some(window.from - 1),
         };
@@ -316,7 +321,7 @@ pub(crate) fn until<E: Extremum>(
 pub(crate) fn since(
     left: View<'_>,
     right: View<'_>,
-    window: Window,
+    window: SampleWindow,
     from: usize,
     out: &mut [f64],
     work: &mut Vec<f64>,
@@ -342,7 +347,7 @@ pub(crate) fn since(
     // As in `until`, mirrored: the bounded goal first, then the guard.
     if let Some(width) = window.width() {
         work.resize(len - empty, 0.0);
-        let within = Window {
+        let within = SampleWindow {
             from: 0,
             to: Some(width - 1),
         };
@@ -350,7 +355,7 @@ pub(crate) fn since(
         merge::<Min>(&mut out[empty..], work);
     }
     if window.from != 0 {
-        let after = Window {
+        let after = SampleWindow {
             from: 0,
             to: Some(window.from - 1),
         };

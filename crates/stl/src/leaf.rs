@@ -31,31 +31,33 @@ impl Columns for Vec<Vec<f64>> {
 
 /// Expression whose names are bound to signals.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Value {
+pub(crate) enum BoundExpression {
     Number(f64),
     Signal(usize),
-    Negative(Box<Value>),
-    Calculated(Arithmetic, Box<(Value, Value)>),
-    Call(Function, Vec<Value>),
+    Negative(Box<BoundExpression>),
+    Calculated(Arithmetic, Box<(BoundExpression, BoundExpression)>),
+    Call(Function, Vec<BoundExpression>),
 }
 
-impl Value {
+impl BoundExpression {
     /// Returns the value in a row.
     pub(crate) fn at(&self, row: &[f64]) -> f64 {
         match self {
-            Value::Number(value) => *value,
-            Value::Signal(signal) => row[*signal],
-            Value::Negative(a) => -a.at(row),
-            Value::Calculated(op, sides) => calculate(*op, sides.0.at(row), sides.1.at(row)),
-            Value::Call(Function::Min, all) => {
+            BoundExpression::Number(value) => *value,
+            BoundExpression::Signal(signal) => row[*signal],
+            BoundExpression::Negative(a) => -a.at(row),
+            BoundExpression::Calculated(op, sides) => {
+                calculate(*op, sides.0.at(row), sides.1.at(row))
+            }
+            BoundExpression::Call(Function::Min, all) => {
                 all.iter().map(|a| a.at(row)).reduce(least).unwrap_or(0.0)
             }
-            Value::Call(Function::Max, all) => all
+            BoundExpression::Call(Function::Max, all) => all
                 .iter()
                 .map(|a| a.at(row))
                 .reduce(greatest)
                 .unwrap_or(0.0),
-            Value::Call(function, all) => {
+            BoundExpression::Call(function, all) => {
                 let argument = |i: usize| all.get(i).map_or(0.0, |a| a.at(row));
                 match function {
                     Function::Pow => power(argument(0), argument(1)),
@@ -70,15 +72,15 @@ impl Value {
         debug_assert!(out.len() <= CHUNK);
         let len = out.len();
         match self {
-            Value::Number(value) => out.fill(*value),
-            Value::Signal(signal) => {
+            BoundExpression::Number(value) => out.fill(*value),
+            BoundExpression::Signal(signal) => {
                 out.copy_from_slice(&columns.column(*signal)[from..from + len])
             }
-            Value::Negative(a) => {
+            BoundExpression::Negative(a) => {
                 a.fill(columns, from, out);
                 out.iter_mut().for_each(|v| *v = -*v);
             }
-            Value::Calculated(op, sides) => {
+            BoundExpression::Calculated(op, sides) => {
                 sides.0.fill(columns, from, out);
                 // An own loop per operation, so that each compiles to vector instructions.
                 sides.1.with(columns, from, len, |right| match op {
@@ -88,7 +90,7 @@ impl Value {
                     Arithmetic::Divide => zip(out, right, |a, b| a / b),
                 });
             }
-            Value::Call(function, all) => {
+            BoundExpression::Call(function, all) => {
                 let mut all = all.iter();
                 if let Some(first) = all.next() {
                     first.fill(columns, from, out);
@@ -118,8 +120,8 @@ impl Value {
         use_them: impl FnOnce(Operand<'_>),
     ) {
         match self {
-            Value::Number(value) => use_them(Operand::Number(*value)),
-            Value::Signal(signal) => {
+            BoundExpression::Number(value) => use_them(Operand::Number(*value)),
+            BoundExpression::Signal(signal) => {
                 use_them(Operand::Column(&columns.column(*signal)[from..from + len]))
             }
             _ => {
@@ -134,28 +136,28 @@ impl Value {
     /// Calls `visit` with every signal that the expression reads.
     pub(crate) fn signals(&self, visit: &mut impl FnMut(usize)) {
         match self {
-            Value::Number(_) => {}
-            Value::Signal(signal) => visit(*signal),
-            Value::Negative(a) => a.signals(visit),
-            Value::Calculated(_, sides) => {
+            BoundExpression::Number(_) => {}
+            BoundExpression::Signal(signal) => visit(*signal),
+            BoundExpression::Negative(a) => a.signals(visit),
+            BoundExpression::Calculated(_, sides) => {
                 sides.0.signals(visit);
                 sides.1.signals(visit);
             }
-            Value::Call(_, all) => all.iter().for_each(|a| a.signals(visit)),
+            BoundExpression::Call(_, all) => all.iter().for_each(|a| a.signals(visit)),
         }
     }
 
     /// Returns true if finite signals can give NaN.
     pub(crate) fn can_be_nan(&self) -> bool {
         match self {
-            Value::Number(_) | Value::Signal(_) => false,
-            Value::Negative(a) => a.can_be_nan(),
-            Value::Call(Function::Abs | Function::Min | Function::Max, all) => {
-                all.iter().any(Value::can_be_nan)
+            BoundExpression::Number(_) | BoundExpression::Signal(_) => false,
+            BoundExpression::Negative(a) => a.can_be_nan(),
+            BoundExpression::Call(Function::Abs | Function::Min | Function::Max, all) => {
+                all.iter().any(BoundExpression::can_be_nan)
             }
             // A sum or product of two signals can be infinite, but not NaN. Deeper terms
             // can be NaN.
-            Value::Calculated(
+            BoundExpression::Calculated(
                 Arithmetic::Add | Arithmetic::Subtract | Arithmetic::Multiply,
                 sides,
             ) => !(sides.0.is_finite() && sides.1.is_finite()),
@@ -165,10 +167,10 @@ impl Value {
 
     fn is_finite(&self) -> bool {
         match self {
-            Value::Number(_) | Value::Signal(_) => true,
-            Value::Negative(a) => a.is_finite(),
-            Value::Call(Function::Abs | Function::Min | Function::Max, all) => {
-                all.iter().all(Value::is_finite)
+            BoundExpression::Number(_) | BoundExpression::Signal(_) => true,
+            BoundExpression::Negative(a) => a.is_finite(),
+            BoundExpression::Call(Function::Abs | Function::Min | Function::Max, all) => {
+                all.iter().all(BoundExpression::is_finite)
             }
             // Sums and products of finite values may overflow.
             _ => false,
@@ -232,14 +234,14 @@ fn greatest(a: f64, b: f64) -> f64 {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Leaf {
     /// `left − right` for ≥, >, ==, != and `right − left` for ≤, <.
-    difference: Value,
-    shape: Shape,
+    difference: BoundExpression,
+    shape: ComparisonKind,
     can_be_nan: bool,
     undefined: Undefined,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Shape {
+enum ComparisonKind {
     AtLeast,
     MoreThan,
     Equal,
@@ -264,10 +266,10 @@ impl Undefined {
         }
     }
 
-    fn answer(self, question: Question) -> f64 {
+    fn answer(self, question: Semantics) -> f64 {
         let magnitude = match question {
-            Question::Margin => f64::INFINITY,
-            Question::Truth => 1.0,
+            Semantics::Margin => f64::INFINITY,
+            Semantics::Truth => 1.0,
         };
         match self {
             Undefined::Fails => -magnitude,
@@ -278,7 +280,7 @@ impl Undefined {
 
 /// Quantity that a leaf computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Question {
+pub(crate) enum Semantics {
     /// Distance to a change of the verdict: the robustness.
     Margin,
     /// 1 for true, −1 for false, so that `>` and `≥` differ.
@@ -286,18 +288,18 @@ pub(crate) enum Question {
 }
 
 impl Leaf {
-    pub(crate) fn compare(left: Value, op: Comparison, right: Value) -> Leaf {
+    pub(crate) fn compare(left: BoundExpression, op: Comparison, right: BoundExpression) -> Leaf {
         // Exchanged sides turn ≤ and < into the two other shapes.
         let (shape, sides) = match op {
-            Comparison::GreaterEqual => (Shape::AtLeast, (left, right)),
-            Comparison::Greater => (Shape::MoreThan, (left, right)),
-            Comparison::LessEqual => (Shape::AtLeast, (right, left)),
-            Comparison::Less => (Shape::MoreThan, (right, left)),
-            Comparison::Equal => (Shape::Equal, (left, right)),
-            Comparison::NotEqual => (Shape::NotEqual, (left, right)),
+            Comparison::GreaterEqual => (ComparisonKind::AtLeast, (left, right)),
+            Comparison::Greater => (ComparisonKind::MoreThan, (left, right)),
+            Comparison::LessEqual => (ComparisonKind::AtLeast, (right, left)),
+            Comparison::Less => (ComparisonKind::MoreThan, (right, left)),
+            Comparison::Equal => (ComparisonKind::Equal, (left, right)),
+            Comparison::NotEqual => (ComparisonKind::NotEqual, (left, right)),
         };
         let sides = (unsigned(sides.0, 0.0), unsigned(sides.1, -0.0));
-        let difference = Value::Calculated(Arithmetic::Subtract, Box::new(sides));
+        let difference = BoundExpression::Calculated(Arithmetic::Subtract, Box::new(sides));
         let can_be_nan = difference.can_be_nan();
         Leaf {
             difference,
@@ -329,46 +331,52 @@ impl Leaf {
 
     pub(crate) fn boolean(signal: usize) -> Leaf {
         Leaf {
-            difference: Value::Signal(signal),
-            shape: Shape::Boolean,
+            difference: BoundExpression::Signal(signal),
+            shape: ComparisonKind::Boolean,
             can_be_nan: false,
             undefined: Undefined::Fails,
         }
     }
 
     /// Returns the expression behind the robustness.
-    pub(crate) fn difference(&self) -> &Value {
+    pub(crate) fn difference(&self) -> &BoundExpression {
         &self.difference
     }
 
     /// Returns the range of the robustness, given a range of the difference.
     pub(crate) fn margins(&self, difference: Interval) -> Interval {
         match self.shape {
-            Shape::AtLeast | Shape::MoreThan => difference,
-            Shape::Equal => difference.absolute().negated(),
-            Shape::NotEqual => difference.absolute(),
-            Shape::Boolean if !difference.contains(0.0) => Interval::exactly(f64::INFINITY),
-            Shape::Boolean => Interval::ANY,
+            ComparisonKind::AtLeast | ComparisonKind::MoreThan => difference,
+            ComparisonKind::Equal => difference.absolute().negated(),
+            ComparisonKind::NotEqual => difference.absolute(),
+            ComparisonKind::Boolean if !difference.contains(0.0) => {
+                Interval::exactly(f64::INFINITY)
+            }
+            ComparisonKind::Boolean => Interval::ANY,
         }
     }
 
     /// Returns the robustness in a row.
     pub(crate) fn at(&self, row: &[f64]) -> f64 {
         // Fast path for the common leaf, `signal ≥ number`, without a tree walk.
-        if let (Shape::AtLeast | Shape::MoreThan, Value::Calculated(_, sides)) =
-            (self.shape, &self.difference)
+        if let (
+            ComparisonKind::AtLeast | ComparisonKind::MoreThan,
+            BoundExpression::Calculated(_, sides),
+        ) = (self.shape, &self.difference)
         {
             match **sides {
-                (Value::Signal(a), Value::Number(b)) => return row[a] - b,
-                (Value::Number(a), Value::Signal(b)) => return a - row[b],
+                (BoundExpression::Signal(a), BoundExpression::Number(b)) => return row[a] - b,
+                (BoundExpression::Number(a), BoundExpression::Signal(b)) => return a - row[b],
                 // The difference of two signals may be −0, unlike that with a constant.
-                (Value::Signal(a), Value::Signal(b)) => return row[a] - row[b] + 0.0,
+                (BoundExpression::Signal(a), BoundExpression::Signal(b)) => {
+                    return row[a] - row[b] + 0.0;
+                }
                 _ => {}
             }
         }
         let margin = self.shape.margin(self.difference.at(row));
         if margin.is_nan() {
-            self.undefined.answer(Question::Margin)
+            self.undefined.answer(Semantics::Margin)
         } else {
             margin
         }
@@ -378,7 +386,7 @@ impl Leaf {
     pub(crate) fn fill(
         &self,
         columns: &impl Columns,
-        question: Question,
+        question: Semantics,
         from: usize,
         out: &mut [f64],
     ) {
@@ -387,12 +395,15 @@ impl Leaf {
             self.difference.fill(columns, from + i * CHUNK, out);
             // The match is outside the loops, so that each loop is free of branches.
             match (question, shape) {
-                (Question::Truth, _) => each(out, |d| shape.truth(d)),
-                (_, Shape::AtLeast | Shape::MoreThan) if self.is_its_difference() => {}
-                (_, Shape::AtLeast | Shape::MoreThan) => each(out, |d| Shape::AtLeast.margin(d)),
-                (_, Shape::Equal) => each(out, |d| Shape::Equal.margin(d)),
-                (_, Shape::NotEqual) => each(out, |d| Shape::NotEqual.margin(d)),
-                (_, Shape::Boolean) => each(out, |d| Shape::Boolean.margin(d)),
+                (Semantics::Truth, _) => each(out, |d| shape.truth(d)),
+                (_, ComparisonKind::AtLeast | ComparisonKind::MoreThan)
+                    if self.is_its_difference() => {}
+                (_, ComparisonKind::AtLeast | ComparisonKind::MoreThan) => {
+                    each(out, |d| ComparisonKind::AtLeast.margin(d))
+                }
+                (_, ComparisonKind::Equal) => each(out, |d| ComparisonKind::Equal.margin(d)),
+                (_, ComparisonKind::NotEqual) => each(out, |d| ComparisonKind::NotEqual.margin(d)),
+                (_, ComparisonKind::Boolean) => each(out, |d| ComparisonKind::Boolean.margin(d)),
             }
             // Most leaves cannot be NaN and skip this pass.
             if self.can_be_nan {
@@ -404,11 +415,17 @@ impl Leaf {
 
     /// Returns true if the margin is the difference bit for bit, never −0.
     fn is_its_difference(&self) -> bool {
-        let Value::Calculated(_, sides) = &self.difference else {
+        let BoundExpression::Calculated(_, sides) = &self.difference else {
             return false;
         };
-        let one_is_number = matches!(**sides, (Value::Number(_), _) | (_, Value::Number(_)));
-        matches!(self.shape, Shape::AtLeast | Shape::MoreThan) && one_is_number
+        let one_is_number = matches!(
+            **sides,
+            (BoundExpression::Number(_), _) | (_, BoundExpression::Number(_))
+        );
+        matches!(
+            self.shape,
+            ComparisonKind::AtLeast | ComparisonKind::MoreThan
+        ) && one_is_number
     }
 
     pub(crate) fn signals(&self, visit: &mut impl FnMut(usize)) {
@@ -420,9 +437,9 @@ impl Leaf {
 ///
 /// `x − y` is −0 only for x = −0 and y = 0. With 0 on the left and −0 on the
 /// right, a difference with a constant is never −0, at no cost.
-fn unsigned(side: Value, zero: f64) -> Value {
+fn unsigned(side: BoundExpression, zero: f64) -> BoundExpression {
     match side {
-        Value::Number(0.0) => Value::Number(zero),
+        BoundExpression::Number(0.0) => BoundExpression::Number(zero),
         side => side,
     }
 }
@@ -432,15 +449,15 @@ fn each(out: &mut [f64], answer: impl Fn(f64) -> f64) {
 }
 
 /// NaN stays NaN here, because the leaf knows its replacement value.
-impl Shape {
+impl ComparisonKind {
     fn margin(self, difference: f64) -> f64 {
         match self {
             // Adding 0 turns −0 into 0 and leaves every other value as it is.
-            Shape::AtLeast | Shape::MoreThan => difference + 0.0,
-            Shape::Equal => opposite(difference.abs()),
-            Shape::NotEqual => difference.abs(),
-            Shape::Boolean if difference != 0.0 => f64::INFINITY,
-            Shape::Boolean => f64::NEG_INFINITY,
+            ComparisonKind::AtLeast | ComparisonKind::MoreThan => difference + 0.0,
+            ComparisonKind::Equal => opposite(difference.abs()),
+            ComparisonKind::NotEqual => difference.abs(),
+            ComparisonKind::Boolean if difference != 0.0 => f64::INFINITY,
+            ComparisonKind::Boolean => f64::NEG_INFINITY,
         }
     }
 
@@ -449,11 +466,11 @@ impl Shape {
             return difference;
         }
         let holds = match self {
-            Shape::AtLeast => 0.0 <= difference,
-            Shape::MoreThan => 0.0 < difference,
-            Shape::Equal => difference == 0.0,
-            Shape::NotEqual => difference != 0.0,
-            Shape::Boolean => difference != 0.0,
+            ComparisonKind::AtLeast => 0.0 <= difference,
+            ComparisonKind::MoreThan => 0.0 < difference,
+            ComparisonKind::Equal => difference == 0.0,
+            ComparisonKind::NotEqual => difference != 0.0,
+            ComparisonKind::Boolean => difference != 0.0,
         };
         if holds { 1.0 } else { -1.0 }
     }

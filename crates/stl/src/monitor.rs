@@ -3,12 +3,12 @@
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
 
-use crate::apply::Reading;
+use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::kernel::Tail;
-use crate::leaf::{Columns, Question};
-use crate::offline::{Evaluation, Scratch};
-use crate::program::Program;
+use crate::kernel::WindowTail;
+use crate::leaf::{Columns, Semantics};
+use crate::offline::{Scratch, TraceEvaluation};
+use crate::program::BoundProgram;
 use crate::settings::{Settings, TraceEnd};
 use crate::trace::{Schema, Trace};
 
@@ -17,12 +17,12 @@ use crate::trace::{Schema, Trace};
 /// Cheap to clone, and safe to share between threads.
 #[derive(Clone, Debug)]
 pub struct Monitor {
-    pub(crate) program: Arc<Program>,
+    pub(crate) program: Arc<BoundProgram>,
     pub(crate) settings: Settings,
 }
 
 impl Monitor {
-    pub(crate) fn new(program: Program, settings: &Settings) -> Monitor {
+    pub(crate) fn new(program: BoundProgram, settings: &Settings) -> Monitor {
         Monitor {
             program: Arc::new(program),
             settings: settings.clone(),
@@ -40,7 +40,7 @@ impl Monitor {
     /// another sampling period. Units and kinds are not compared.
     pub fn robustness(&self, trace: &Trace, scratch: &mut Scratch) -> f64 {
         self.check(trace.schema());
-        self.clamp(self.value(trace, trace.len(), Question::Margin, scratch))
+        self.clamp(self.value(trace, trace.len(), Semantics::Margin, scratch))
     }
 
     /// Returns true if the formula holds at sample 0, with ties decided.
@@ -52,7 +52,7 @@ impl Monitor {
     /// As [`Monitor::robustness`].
     pub fn satisfied(&self, trace: &Trace, scratch: &mut Scratch) -> bool {
         self.check(trace.schema());
-        0.0 < self.value(trace, trace.len(), Question::Truth, scratch)
+        0.0 < self.value(trace, trace.len(), Semantics::Truth, scratch)
     }
 
     /// Returns the robustness at every sample.
@@ -86,7 +86,7 @@ impl Monitor {
             return all.clear();
         }
         let reading = self.reading(len);
-        let mut evaluation = self.evaluation(columns, len, reading, Question::Margin, scratch);
+        let mut evaluation = self.evaluation(columns, len, reading, Semantics::Margin, scratch);
         let mut stretch = evaluation.run(self.program.root(), 0, len);
         // Swapped instead of copied: the caller's old memory becomes scratch.
         std::mem::swap(all, &mut stretch.lower);
@@ -118,14 +118,14 @@ impl Monitor {
             return Interval::ANY.map(|value| self.clamp(value));
         }
         // Any length is possible, so every window that reaches further stays open.
-        let reading = Reading {
+        let reading = EvalWindow {
             known: len,
             bounded_len: usize::MAX,
             unbounded_len: usize::MAX,
-            tail: Tail::Cut,
+            tail: WindowTail::Cut,
             until: self.settings.until,
         };
-        let mut evaluation = self.evaluation(columns, len, reading, Question::Margin, scratch);
+        let mut evaluation = self.evaluation(columns, len, reading, Semantics::Margin, scratch);
         let stretch = evaluation.run(self.program.root(), 0, 1);
         let lo = stretch.lower[0];
         let hi = stretch.upper.as_ref().map_or(lo, |upper| upper[0]);
@@ -169,7 +169,7 @@ impl Monitor {
         &self,
         columns: &impl Columns,
         len: usize,
-        question: Question,
+        question: Semantics,
         scratch: &mut Scratch,
     ) -> f64 {
         if len == 0 {
@@ -184,24 +184,24 @@ impl Monitor {
     }
 
     /// Returns the reading of a complete trace of `len` samples.
-    pub(crate) fn reading(&self, len: usize) -> Reading {
+    pub(crate) fn reading(&self, len: usize) -> EvalWindow {
         let until = self.settings.until;
         match self.settings.end {
-            TraceEnd::Truncate => Reading {
+            TraceEnd::Truncate => EvalWindow {
                 until,
                 known: len,
                 bounded_len: len,
                 unbounded_len: len,
-                tail: Tail::Cut,
+                tail: WindowTail::Cut,
             },
-            TraceEnd::Strict => Reading {
+            TraceEnd::Strict => EvalWindow {
                 until,
                 known: len,
                 // Bounded windows may reach unknown samples. Unbounded windows end with the
                 // trace by definition.
                 bounded_len: usize::MAX,
                 unbounded_len: len,
-                tail: Tail::Cut,
+                tail: WindowTail::Cut,
             },
             TraceEnd::Hold => {
                 // From here on every operator repeats its last value.
@@ -213,12 +213,12 @@ impl Monitor {
                     .max()
                     .unwrap_or(0);
                 let len = len + memory;
-                Reading {
+                EvalWindow {
                     until,
                     known: len,
                     bounded_len: len,
                     unbounded_len: len,
-                    tail: Tail::Held,
+                    tail: WindowTail::Held,
                 }
             }
         }
@@ -228,11 +228,11 @@ impl Monitor {
         &'a self,
         columns: &'a C,
         recorded: usize,
-        reading: Reading,
-        question: Question,
+        reading: EvalWindow,
+        question: Semantics,
         scratch: &'a mut Scratch,
-    ) -> Evaluation<'a, C> {
-        Evaluation {
+    ) -> TraceEvaluation<'a, C> {
+        TraceEvaluation {
             program: &self.program,
             columns,
             recorded,

@@ -1,9 +1,9 @@
 //! Robustness of a whole trace, from each sample that matters, once.
 
-use crate::apply::{Bound, Operand, Reading, Work, apply, combine};
-use crate::kernel::{Extremum, Max, Min, Tail, View, Window, fold, opposite};
-use crate::leaf::{CHUNK, Columns, Question};
-use crate::program::{Id, Op, Program, Side};
+use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, apply, combine};
+use crate::kernel::{Extremum, Max, Min, SampleWindow, View, WindowTail, fold, opposite};
+use crate::leaf::{CHUNK, Columns, Semantics};
+use crate::program::{BoundProgram, Id, MinMax, Op};
 
 /// Reusable memory of evaluations.
 ///
@@ -12,7 +12,7 @@ use crate::program::{Id, Op, Program, Side};
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     free: Vec<Vec<f64>>,
-    pub(crate) work: Work,
+    pub(crate) work: KernelBuffers,
 }
 
 impl Scratch {
@@ -35,20 +35,20 @@ impl Scratch {
 }
 
 /// Bounds of an operator at the samples `first ..`.
-pub(crate) struct Stretch {
+pub(crate) struct BoundsSeries {
     first: usize,
     pub(crate) lower: Vec<f64>,
     /// Upper bounds, `None` if they equal `lower`.
     pub(crate) upper: Option<Vec<f64>>,
 }
 
-impl Stretch {
-    fn operand(&self) -> Operand<'_> {
+impl BoundsSeries {
+    fn operand(&self) -> OperandBounds<'_> {
         let view = |values| View {
             first: self.first,
             values,
         };
-        Operand {
+        OperandBounds {
             lower: view(&self.lower),
             upper: view(self.upper.as_ref().unwrap_or(&self.lower)),
         }
@@ -56,19 +56,19 @@ impl Stretch {
 }
 
 /// Evaluation of a program over a trace.
-pub(crate) struct Evaluation<'a, C> {
-    pub(crate) program: &'a Program,
+pub(crate) struct TraceEvaluation<'a, C> {
+    pub(crate) program: &'a BoundProgram,
     pub(crate) columns: &'a C,
     /// Samples in the columns. Beyond them the last sample is held.
     pub(crate) recorded: usize,
-    pub(crate) reading: Reading,
-    pub(crate) question: Question,
+    pub(crate) reading: EvalWindow,
+    pub(crate) question: Semantics,
     pub(crate) scratch: &'a mut Scratch,
 }
 
-impl<C: Columns> Evaluation<'_, C> {
+impl<C: Columns> TraceEvaluation<'_, C> {
     /// Computes the bounds of `id` at the samples `from .. to`, at least one sample.
-    pub(crate) fn run(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+    pub(crate) fn run(&mut self, id: Id, from: usize, to: usize) -> BoundsSeries {
         // A tree returns buffers on the way up, so it needs little memory at a time.
         if self.program.is_tree() {
             self.descend(id, from, to)
@@ -81,7 +81,7 @@ impl<C: Columns> Evaluation<'_, C> {
     ///
     /// On the way down, a shared operator would be evaluated once per path, and the
     /// number of paths doubles from level to level.
-    fn ascend(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+    fn ascend(&mut self, id: Id, from: usize, to: usize) -> BoundsSeries {
         let program = self.program;
         let last = self.reading.known - 1;
         let mut reached: Vec<Option<(usize, usize)>> = vec![None; id];
@@ -99,7 +99,7 @@ impl<C: Columns> Evaluation<'_, C> {
                 reached[operand] = Some((first.min(from), end.max(to)));
             }
         }
-        let mut done: Vec<Option<Stretch>> = Vec::with_capacity(id + 1);
+        let mut done: Vec<Option<BoundsSeries>> = Vec::with_capacity(id + 1);
         for (id, reached) in reached.into_iter().enumerate() {
             let stretch = reached.map(|(from, to)| {
                 let mut operands = program.get(id).op.operands();
@@ -117,19 +117,19 @@ impl<C: Columns> Evaluation<'_, C> {
         whole.unwrap_or_else(|| self.pointwise(id, from, to))
     }
 
-    fn pointwise(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+    fn pointwise(&mut self, id: Id, from: usize, to: usize) -> BoundsSeries {
         let mut lower = self.scratch.take(to - from);
         for (i, out) in lower.chunks_mut(CHUNK).enumerate() {
             self.fill(id, from + i * CHUNK, out);
         }
-        Stretch {
+        BoundsSeries {
             first: from,
             lower,
             upper: None,
         }
     }
 
-    fn descend(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+    fn descend(&mut self, id: Id, from: usize, to: usize) -> BoundsSeries {
         let program = self.program;
         let instruction = program.get(id);
         if instruction.pointwise {
@@ -164,8 +164,8 @@ impl<C: Columns> Evaluation<'_, C> {
         id: Id,
         from: usize,
         to: usize,
-        (a, b): (&Stretch, &Stretch),
-    ) -> Stretch {
+        (a, b): (&BoundsSeries, &BoundsSeries),
+    ) -> BoundsSeries {
         let program = self.program;
         let instruction = program.get(id);
         let pair = (a.operand(), b.operand());
@@ -194,22 +194,23 @@ impl<C: Columns> Evaluation<'_, C> {
             &mut lower,
             &mut self.scratch.work,
         );
-        Stretch {
+        BoundsSeries {
             first: from,
             lower,
             upper,
         }
     }
 
-    pub(crate) fn give_back(&mut self, stretch: Stretch) {
+    pub(crate) fn give_back(&mut self, stretch: BoundsSeries) {
         self.scratch.free.push(stretch.lower);
         self.scratch.free.extend(stretch.upper);
     }
 
     /// Returns the range of the operands' samples that matter for `from ..= to`.
     fn reach(&self, op: &Op, from: usize, to: usize, last: usize) -> (usize, usize) {
-        let ahead = |window: Window| window.to.map_or(last, |b| to.saturating_add(b).min(last));
-        let behind = |window: Window| window.to.map_or(0, |b| from.saturating_sub(b));
+        let ahead =
+            |window: SampleWindow| window.to.map_or(last, |b| to.saturating_add(b).min(last));
+        let behind = |window: SampleWindow| window.to.map_or(0, |b| from.saturating_sub(b));
         match op {
             // Clamped, since a held tail still needs the last sample.
             Op::Ahead(_, window, _) => (from.saturating_add(window.from).min(last), ahead(*window)),
@@ -263,26 +264,26 @@ impl<C: Columns> Evaluation<'_, C> {
 
     fn truth(&self) -> f64 {
         match self.question {
-            Question::Margin => f64::INFINITY,
-            Question::Truth => 1.0,
+            Semantics::Margin => f64::INFINITY,
+            Semantics::Truth => 1.0,
         }
     }
 
     /// Always / eventually at a single sample, in one pass without temporaries.
-    fn scan(&mut self, side: Side, window: Window, child: Id, at: usize) -> Stretch {
+    fn scan(&mut self, side: MinMax, window: SampleWindow, child: Id, at: usize) -> BoundsSeries {
         let mut lower = self.scratch.take(1);
         let reading = self.reading;
         let start = match reading.tail {
-            Tail::Cut => at.saturating_add(window.from),
-            Tail::Held => at.saturating_add(window.from).min(reading.known - 1),
+            WindowTail::Cut => at.saturating_add(window.from),
+            WindowTail::Held => at.saturating_add(window.from).min(reading.known - 1),
         };
         let end = window.to.map_or(reading.known, |to| {
             at.saturating_add(to).saturating_add(1).min(reading.known)
         });
         let mut chunk = [0.0; CHUNK];
         let neutral = match side {
-            Side::Min => Min::NEUTRAL,
-            Side::Max => Max::NEUTRAL,
+            MinMax::Min => Min::NEUTRAL,
+            MinMax::Max => Max::NEUTRAL,
         };
         let (mut value, mut next) = (neutral, start);
         while next < end {
@@ -290,8 +291,8 @@ impl<C: Columns> Evaluation<'_, C> {
             let part = &mut chunk[..len];
             self.fill(child, next, part);
             value = match side {
-                Side::Min => Min::pick(value, fold::<Min>(part)),
-                Side::Max => Max::pick(value, fold::<Max>(part)),
+                MinMax::Min => Min::pick(value, fold::<Min>(part)),
+                MinMax::Max => Max::pick(value, fold::<Max>(part)),
             };
             next += len;
         }
@@ -302,7 +303,7 @@ impl<C: Columns> Evaluation<'_, C> {
             && window
                 .to
                 .is_none_or(|to| reading.known <= at.saturating_add(to));
-        lower[0] = if is_open && side == Side::Min {
+        lower[0] = if is_open && side == MinMax::Min {
             f64::NEG_INFINITY
         } else {
             value
@@ -310,14 +311,14 @@ impl<C: Columns> Evaluation<'_, C> {
         let mut upper = None;
         if !reading.is_exact() {
             let mut out = self.scratch.take(1);
-            out[0] = if is_open && side == Side::Max {
+            out[0] = if is_open && side == MinMax::Max {
                 f64::INFINITY
             } else {
                 value
             };
             upper = Some(out);
         }
-        Stretch {
+        BoundsSeries {
             first: at,
             lower,
             upper,

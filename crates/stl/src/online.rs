@@ -10,13 +10,13 @@
 //! down keep the stretch that has not settled and recompute it at each sample,
 //! with the kernels of the offline monitor: O(their horizon) per sample.
 
-use crate::apply::{Bound, Operand, Reading, Work, apply};
+use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, apply};
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min, Tail, opposite};
-use crate::leaf::Question;
+use crate::kernel::{Extremum, Max, Min, WindowTail, opposite};
+use crate::leaf::Semantics;
 use crate::monitor::Monitor;
 use crate::offline::Scratch;
-use crate::program::{Edge, Id, Op, Program, Side};
+use crate::program::{BoundProgram, Edge, Id, MinMax, Op};
 use crate::settings::{TraceEnd, Until};
 use crate::trace::RowError;
 
@@ -167,7 +167,7 @@ impl OnlineMonitor {
                 Some(held) => {
                     let value =
                         self.monitor
-                            .value(&held, self.known, Question::Margin, &mut self.scratch);
+                            .value(&held, self.known, Semantics::Margin, &mut self.scratch);
                     self.held = Some(held);
                     value
                 }
@@ -195,7 +195,7 @@ impl OnlineMonitor {
         self.interval = interval.map(|value| self.monitor.clamp(value));
     }
 
-    fn reading(&self) -> Reading {
+    fn reading(&self) -> EvalWindow {
         let settings = &self.monitor.settings;
         let len = if self.ended {
             Some(self.known)
@@ -213,19 +213,19 @@ impl OnlineMonitor {
             // No cut, since `finish` has the values beyond the end.
             TraceEnd::Hold => (usize::MAX, usize::MAX),
         };
-        Reading {
+        EvalWindow {
             until: settings.until,
             known: self.known,
             bounded_len,
             unbounded_len,
-            tail: Tail::Cut,
+            tail: WindowTail::Cut,
         }
     }
 
     /// Updates every operator in use.
     ///
     /// Without a row, it updates only those that the end of the trace changes.
-    fn settle(&mut self, reading: &Reading, row: Option<&[f64]>) {
+    fn settle(&mut self, reading: &EvalWindow, row: Option<&[f64]>) {
         let program = &self.monitor.program;
         let now = reading.known - 1;
         for (id, need) in &self.needs {
@@ -270,7 +270,7 @@ impl OnlineMonitor {
 }
 
 /// Returns the operands of an operator, equal for a unary operator.
-fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(Operand<'a>, Operand<'a>)> {
+fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(OperandBounds<'a>, OperandBounds<'a>)> {
     let mut ids = op.operands();
     let a = ids.next()?;
     let b = ids.next().unwrap_or(a);
@@ -279,13 +279,13 @@ fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(Operand<'a>, Operand<'a
 
 /// Returns the latest value of an operator that needs no later sample.
 fn present(
-    program: &Program,
+    program: &BoundProgram,
     id: Id,
     track: &mut Track,
     tracks: &[Track],
-    reading: &Reading,
+    reading: &EvalWindow,
     row: &[f64],
-    work: &mut Work,
+    work: &mut KernelBuffers,
 ) -> f64 {
     let now = reading.known - 1;
     let op = &program.get(id).op;
@@ -304,8 +304,8 @@ fn present(
             let new = sample.and_then(|t| Some((t, tracks[a].operand().lower.at(t)?)));
             let first = window.to.map(|to| now.saturating_sub(to));
             match side {
-                Side::Min => track.slide::<Min>(first, new),
-                Side::Max => track.slide::<Max>(first, new),
+                MinMax::Min => track.slide::<Min>(first, new),
+                MinMax::Max => track.slide::<Max>(first, new),
             }
         }
         // φ S ψ at t = max(ψ(t), min(φ(t), φ S ψ at t − 1)): a single number carries the
@@ -351,12 +351,12 @@ fn present(
 /// ago that was true up to t = known − 2 − horizon, so the recomputation begins at
 /// the next sample. Earlier values are never changed again.
 fn redo(
-    program: &Program,
+    program: &BoundProgram,
     id: Id,
     track: &mut Track,
     tracks: &[Track],
-    reading: &Reading,
-    work: &mut Work,
+    reading: &EvalWindow,
+    work: &mut KernelBuffers,
 ) {
     let instruction = program.get(id);
     let from = instruction

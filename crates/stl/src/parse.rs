@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use crate::error::{StlError, suggest};
-use crate::syntax::{Arithmetic, Comparison, Function, Kind, Node, Term, TermKind, Unary};
+use crate::syntax::{Arithmetic, Comparison, Function, Node, NodeKind, Term, TermKind, Unary};
 use crate::token::{Spanned, Token};
 
 mod bounds;
@@ -152,7 +152,7 @@ impl<'a> Parser<'a> {
             .last()
             .map_or(first.span.0.end, |(_, term)| term.span.0.end);
         let span = first.span.0.start..end;
-        Parsed::formula(Kind::Compare(*first, rest), span)
+        Parsed::formula(NodeKind::Compare(*first, rest), span)
     }
 
     /// Parses `x in [low, high]`.
@@ -170,7 +170,7 @@ impl<'a> Parser<'a> {
         let high = self.expression(strength::COMPARE + 1)?.into_term(&what)?;
         let end = self.close("]", open)?;
         let span = x.span.0.start..end;
-        Parsed::formula(Kind::In(*x, Box::new((*low, *high))), span)
+        Parsed::formula(NodeKind::In(*x, Box::new((*low, *high))), span)
     }
 
     fn operand(&mut self) -> Result<Parsed, StlError> {
@@ -196,7 +196,7 @@ impl<'a> Parser<'a> {
             Token::Word("true" | "TRUE" | "false" | "FALSE") => {
                 self.advance();
                 let value = matches!(token, Token::Word("true" | "TRUE"));
-                Parsed::formula(Kind::Constant(value), span)
+                Parsed::formula(NodeKind::Constant(value), span)
             }
             Token::Word(word) if is_word_operator(word) => {
                 Err(self.unexpected("a formula or a number"))
@@ -293,8 +293,8 @@ impl<'a> Parser<'a> {
             .into_formula(&format!("{word} needs a formula"))?;
         let span = start..inner.span.0.end;
         let kind = match prefix {
-            Prefix::Temporal(op) => Kind::Unary(op, bounds, Arc::from(inner)),
-            Prefix::Not | Prefix::Negate => Kind::Not(Arc::from(inner)),
+            Prefix::Temporal(op) => NodeKind::Unary(op, bounds, Arc::from(inner)),
+            Prefix::Not | Prefix::Negate => NodeKind::Not(Arc::from(inner)),
         };
         Parsed::formula(kind, span)
     }

@@ -2,24 +2,24 @@
 
 use std::sync::Arc;
 
-use crate::kernel::{Extremum, Max, Min, Window, opposite};
+use crate::kernel::{Extremum, Max, Min, SampleWindow, opposite};
 use crate::leaf::Leaf;
 use crate::syntax::Node;
 use crate::trace::Schema;
 
-/// Position of an operator in a [`Program`].
+/// Position of an operator in a [`BoundProgram`].
 pub(crate) type Id = usize;
 
 /// Minimum or maximum, as data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Side {
+pub(crate) enum MinMax {
     Min,
     Max,
 }
 
 /// Operators on a single sample of two operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Gate {
+pub(crate) enum BooleanOp {
     And,
     Or,
     Implies,
@@ -27,7 +27,7 @@ pub(crate) enum Gate {
     Xor,
 }
 
-impl Gate {
+impl BooleanOp {
     /// Returns the lower bound of the gate.
     ///
     /// `a` and `b` are lower bounds, `a_up` and `b_up` upper bounds. Exchange them to
@@ -35,12 +35,12 @@ impl Gate {
     #[inline(always)]
     pub(crate) fn at(self, a: f64, a_up: f64, b: f64, b_up: f64) -> f64 {
         match self {
-            Gate::And => Min::pick(a, b),
-            Gate::Or => Max::pick(a, b),
-            Gate::Implies => Max::pick(opposite(a_up), b),
+            BooleanOp::And => Min::pick(a, b),
+            BooleanOp::Or => Max::pick(a, b),
+            BooleanOp::Implies => Max::pick(opposite(a_up), b),
             // These use each operand both as it is and negated, hence all four bounds.
-            Gate::Iff => Min::pick(Max::pick(opposite(a_up), b), Max::pick(a, opposite(b_up))),
-            Gate::Xor => Min::pick(Max::pick(a, b), Max::pick(opposite(a_up), opposite(b_up))),
+            BooleanOp::Iff => Min::pick(Max::pick(opposite(a_up), b), Max::pick(a, opposite(b_up))),
+            BooleanOp::Xor => Min::pick(Max::pick(a, b), Max::pick(opposite(a_up), opposite(b_up))),
         }
     }
 }
@@ -60,14 +60,14 @@ pub(crate) enum Op {
     Constant(bool),
     Leaf(Leaf),
     Not(Id),
-    Gate(Gate, Id, Id),
+    Gate(BooleanOp, Id, Id),
     /// `Min`: always, next. `Max`: eventually, strong next.
-    Ahead(Side, Window, Id),
+    Ahead(MinMax, SampleWindow, Id),
     /// `Min`: historically, prev. `Max`: once, strong prev.
-    Behind(Side, Window, Id),
+    Behind(MinMax, SampleWindow, Id),
     /// `Max`: until, unless. `Min`: release.
-    Until(Side, Strength, Window, Id, Id),
-    Since(Window, Id, Id),
+    Until(MinMax, Strength, SampleWindow, Id, Id),
+    Since(SampleWindow, Id, Id),
     Edge(Edge, Id),
 }
 
@@ -90,7 +90,7 @@ impl Op {
     }
 
     /// Returns the window of a temporal operator.
-    pub(crate) fn window(&self) -> Option<Window> {
+    pub(crate) fn window(&self) -> Option<SampleWindow> {
         match *self {
             Op::Ahead(_, window, _)
             | Op::Behind(_, window, _)
@@ -136,15 +136,15 @@ pub(crate) struct Instruction {
 
 /// Bound formula, whose last instruction is the root.
 #[derive(Clone, Debug)]
-pub(crate) struct Program {
+pub(crate) struct BoundProgram {
     pub(crate) instructions: Vec<Instruction>,
     /// Schema to which the formula is bound.
     pub(crate) schema: Schema,
 }
 
-impl Program {
-    pub(crate) fn new(schema: &Schema) -> Program {
-        Program {
+impl BoundProgram {
+    pub(crate) fn new(schema: &Schema) -> BoundProgram {
+        BoundProgram {
             instructions: Vec::new(),
             schema: schema.clone(),
         }

@@ -3,9 +3,9 @@
 use crate::bind::BoundExpr;
 use crate::interval::Interval;
 use crate::kernel::{Extremum, Max, Min};
-use crate::leaf::{Leaf, Value};
+use crate::leaf::{BoundExpression, Leaf};
 use crate::monitor::Monitor;
-use crate::program::{Op, Side, Strength};
+use crate::program::{MinMax, Op, Strength};
 use crate::syntax::{Arithmetic, Function};
 
 impl Monitor {
@@ -57,11 +57,11 @@ fn range_of(op: &Op, known: &[Interval], ranges: &[Interval]) -> Interval {
         // is −inf.
         Op::Ahead(side, window, a) | Op::Behind(side, window, a) => match side {
             _ if window.from == 0 => known[a],
-            Side::Min => Interval {
+            MinMax::Min => Interval {
                 hi: f64::INFINITY,
                 ..known[a]
             },
-            Side::Max => Interval {
+            MinMax::Max => Interval {
                 lo: f64::NEG_INFINITY,
                 ..known[a]
             },
@@ -93,12 +93,12 @@ fn range_of_leaf(leaf: &Leaf, ranges: &[Interval]) -> Interval {
 }
 
 /// Returns the range of a value, `None` if the value can be NaN.
-fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
+fn range_of_value(value: &BoundExpression, ranges: &[Interval]) -> Option<Interval> {
     let range = match value {
-        Value::Number(value) => Interval::exactly(*value),
-        Value::Signal(signal) => ranges[*signal],
-        Value::Negative(a) => range_of_value(a, ranges)?.negated(),
-        Value::Calculated(op, sides) => {
+        BoundExpression::Number(value) => Interval::exactly(*value),
+        BoundExpression::Signal(signal) => ranges[*signal],
+        BoundExpression::Negative(a) => range_of_value(a, ranges)?.negated(),
+        BoundExpression::Calculated(op, sides) => {
             let a = range_of_value(&sides.0, ranges)?;
             let b = range_of_value(&sides.1, ranges)?;
             // inf − inf and 0 · inf, although the signals themselves are finite.
@@ -121,7 +121,7 @@ fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
                 Arithmetic::Divide => of_corners(a, b, |x, y| x / y)?,
             }
         }
-        Value::Call(function, all) => {
+        BoundExpression::Call(function, all) => {
             let mut arguments = Vec::with_capacity(all.len());
             for argument in all {
                 arguments.push(range_of_value(argument, ranges)?);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::interval::Interval;
-use crate::leaf::{Columns, Question};
+use crate::leaf::{Columns, Semantics};
 use crate::monitor::Monitor;
 use crate::offline::Scratch;
 use crate::trace::{RowError, Schema};
@@ -129,7 +129,7 @@ impl Monitor {
     /// As [`Monitor::robustness`].
     pub fn robustness_of(&self, samples: &Samples<'_>, scratch: &mut Scratch) -> f64 {
         self.check(&samples.schema);
-        self.clamp(self.value(samples, samples.len, Question::Margin, scratch))
+        self.clamp(self.value(samples, samples.len, Semantics::Margin, scratch))
     }
 
     /// Computes [`Monitor::satisfied`] of borrowed samples.
@@ -138,7 +138,7 @@ impl Monitor {
     /// As [`Monitor::robustness`].
     pub fn satisfied_of(&self, samples: &Samples<'_>, scratch: &mut Scratch) -> bool {
         self.check(&samples.schema);
-        0.0 < self.value(samples, samples.len, Question::Truth, scratch)
+        0.0 < self.value(samples, samples.len, Semantics::Truth, scratch)
     }
 
     /// Computes [`Monitor::robustness_into`] of borrowed samples.

@@ -3,11 +3,11 @@
 //! Logic applies only minimum, maximum and sign to them. A robustness therefore
 //! never moves by more than the leaf that moves most: Lemma 1.
 
-use crate::apply::Reading;
-use crate::leaf::Question;
+use crate::apply::EvalWindow;
+use crate::leaf::Semantics;
 use crate::monitor::Monitor;
 use crate::offline::Scratch;
-use crate::program::{Id, Op, Side};
+use crate::program::{Id, MinMax, Op};
 use crate::trace::Trace;
 
 impl Monitor {
@@ -40,8 +40,8 @@ impl Monitor {
         self.check(trace.schema());
         let root = self.program.root();
         let (sign, side, ahead) = match self.program.get(root).op {
-            Op::Not(inner) => (-1.0, Side::Max, inner),
-            _ => (1.0, Side::Min, root),
+            Op::Not(inner) => (-1.0, MinMax::Max, inner),
+            _ => (1.0, MinMax::Min, root),
         };
         match self.program.get(ahead).op {
             // Only windows that cover the trace, over operands of a single sample.
@@ -64,9 +64,9 @@ impl Monitor {
             return Vec::new();
         }
         let mut scratch = Scratch::new();
-        let reading: Reading = self.reading(trace.len());
+        let reading: EvalWindow = self.reading(trace.len());
         let len = trace.len();
-        let mut evaluation = self.evaluation(trace, len, reading, Question::Margin, &mut scratch);
+        let mut evaluation = self.evaluation(trace, len, reading, Semantics::Margin, &mut scratch);
         evaluation.run(id, 0, len).lower
     }
 }

@@ -22,14 +22,14 @@ impl PartialEq for Span {
 /// Formula with its place in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Node {
-    pub(crate) kind: Kind,
+    pub(crate) kind: NodeKind,
     pub(crate) span: Span,
     /// Number of levels, including this level.
     pub(crate) depth: usize,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Kind {
+pub(crate) enum NodeKind {
     Constant(bool),
     /// Boolean signal or named formula.
     Name(Arc<str>),
@@ -42,8 +42,8 @@ pub(crate) enum Kind {
     Implies(Arc<Node>, Arc<Node>),
     Iff(Arc<Node>, Arc<Node>),
     Xor(Arc<Node>, Arc<Node>),
-    Unary(Unary, Option<Bounds>, Arc<Node>),
-    Binary(Binary, Option<Bounds>, Arc<Node>, Arc<Node>),
+    Unary(Unary, Option<TimeBounds>, Arc<Node>),
+    Binary(Binary, Option<TimeBounds>, Arc<Node>, Arc<Node>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,7 +128,7 @@ impl Comparison {
 
 /// Bounds `[from, to]`, without `to` up to the end of the trace.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Bounds {
+pub(crate) struct TimeBounds {
     pub(crate) from: Time,
     pub(crate) to: Option<Time>,
     pub(crate) span: Span,
@@ -145,47 +145,47 @@ pub(crate) struct Time {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum TimeKind {
-    Literal(Decimal, Option<Unit>),
-    Name(Arc<str>, Option<Unit>),
+    Literal(Decimal, Option<TimeUnit>),
+    Name(Arc<str>, Option<TimeUnit>),
     Negative(Box<Time>),
     Calculated(Arithmetic, Box<(Time, Time)>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Unit {
+pub(crate) enum TimeUnit {
     S,
     Ms,
     Us,
     Ns,
 }
 
-impl Unit {
-    pub(crate) fn parse(word: &str) -> Option<Unit> {
+impl TimeUnit {
+    pub(crate) fn parse(word: &str) -> Option<TimeUnit> {
         Some(match word {
-            "s" => Unit::S,
-            "ms" => Unit::Ms,
+            "s" => TimeUnit::S,
+            "ms" => TimeUnit::Ms,
             // The micro sign and the Greek letter look alike, so both are accepted.
-            "us" | "µs" | "μs" => Unit::Us,
-            "ns" => Unit::Ns,
+            "us" | "µs" | "μs" => TimeUnit::Us,
+            "ns" => TimeUnit::Ns,
             _ => return None,
         })
     }
 
     pub(crate) fn word(self) -> &'static str {
         match self {
-            Unit::S => "s",
-            Unit::Ms => "ms",
-            Unit::Us => "us",
-            Unit::Ns => "ns",
+            TimeUnit::S => "s",
+            TimeUnit::Ms => "ms",
+            TimeUnit::Us => "us",
+            TimeUnit::Ns => "ns",
         }
     }
 
     pub(crate) fn per_second(self) -> i128 {
         match self {
-            Unit::S => 1,
-            Unit::Ms => 1_000,
-            Unit::Us => 1_000_000,
-            Unit::Ns => 1_000_000_000,
+            TimeUnit::S => 1,
+            TimeUnit::Ms => 1_000,
+            TimeUnit::Us => 1_000_000,
+            TimeUnit::Ns => 1_000_000_000,
         }
     }
 }
@@ -275,20 +275,23 @@ impl Function {
 }
 
 impl Node {
-    pub(crate) fn new(kind: Kind, span: Range<usize>) -> Node {
+    pub(crate) fn new(kind: NodeKind, span: Range<usize>) -> Node {
         let terms =
             |terms: &mut dyn Iterator<Item = &Term>| terms.map(|t| t.depth).max().unwrap_or(0);
         let below = match &kind {
-            Kind::Constant(_) | Kind::Name(_) => 0,
-            Kind::Compare(first, rest) => {
+            NodeKind::Constant(_) | NodeKind::Name(_) => 0,
+            NodeKind::Compare(first, rest) => {
                 terms(&mut std::iter::once(first).chain(rest.iter().map(|(_, t)| t)))
             }
-            Kind::In(x, range) => terms(&mut [x, &range.0, &range.1].into_iter()),
-            Kind::Not(a) | Kind::Unary(_, _, a) => a.depth,
-            Kind::And(all) | Kind::Or(all) => all.iter().map(|a| a.depth).max().unwrap_or(0),
-            Kind::Implies(a, b) | Kind::Iff(a, b) | Kind::Xor(a, b) | Kind::Binary(_, _, a, b) => {
-                a.depth.max(b.depth)
+            NodeKind::In(x, range) => terms(&mut [x, &range.0, &range.1].into_iter()),
+            NodeKind::Not(a) | NodeKind::Unary(_, _, a) => a.depth,
+            NodeKind::And(all) | NodeKind::Or(all) => {
+                all.iter().map(|a| a.depth).max().unwrap_or(0)
             }
+            NodeKind::Implies(a, b)
+            | NodeKind::Iff(a, b)
+            | NodeKind::Xor(a, b)
+            | NodeKind::Binary(_, _, a, b) => a.depth.max(b.depth),
         };
         Node {
             kind,

@@ -97,11 +97,11 @@ pub enum SchemaError {
 #[derive(Clone, Debug)]
 pub struct Schema {
     dt_s: f64,
-    declared: Arc<Declared>,
+    declared: Arc<SchemaSignals>,
 }
 
 #[derive(Debug)]
-struct Declared {
+struct SchemaSignals {
     signals: Vec<Signal>,
     index: HashMap<String, usize>,
 }
@@ -130,7 +130,7 @@ impl Schema {
         }
         Ok(Schema {
             dt_s,
-            declared: Arc::new(Declared { signals, index }),
+            declared: Arc::new(SchemaSignals { signals, index }),
         })
     }
 

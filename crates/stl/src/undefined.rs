@@ -19,22 +19,22 @@
 
 use std::sync::Arc;
 
-use crate::kernel::Window;
+use crate::kernel::SampleWindow;
 use crate::leaf::Undefined;
-use crate::program::{Edge, Gate, Id, Op, Program, Side};
-use crate::syntax::{Kind, Node, Unary};
+use crate::program::{BooleanOp, BoundProgram, Edge, Id, MinMax, Op};
+use crate::syntax::{Node, NodeKind, Unary};
 
 /// Gives every comparison that can be undefined its worst value.
-pub(crate) fn settle(program: Program) -> Program {
+pub(crate) fn settle(program: BoundProgram) -> BoundProgram {
     let doubtful = doubtful(&program);
     // No comparison can be undefined, so the program stays as it is.
     if !doubtful.contains(&true) {
         return program;
     }
     let uses = uses(&program);
-    let mut settled = Settled {
+    let mut settled = DefinedProgram {
         old: &program,
-        new: Program::new(&program.schema),
+        new: BoundProgram::new(&program.schema),
         places: Vec::with_capacity(uses.len()),
     };
     for (id, (doubtful, uses)) in doubtful.into_iter().zip(uses).enumerate() {
@@ -54,7 +54,7 @@ pub(crate) fn settle(program: Program) -> Program {
 }
 
 /// Returns the operators with a comparison in them that can be undefined.
-fn doubtful(program: &Program) -> Vec<bool> {
+fn doubtful(program: &BoundProgram) -> Vec<bool> {
     let mut doubtful = Vec::with_capacity(program.instructions.len());
     for instruction in &program.instructions {
         let own = match &instruction.op {
@@ -87,7 +87,7 @@ impl Uses {
     }
 }
 
-fn uses(program: &Program) -> Vec<Uses> {
+fn uses(program: &BoundProgram) -> Vec<Uses> {
     const BOTH: Uses = Uses {
         fails: true,
         holds: true,
@@ -100,11 +100,11 @@ fn uses(program: &Program) -> Vec<Uses> {
         let own = uses[id];
         match instruction.op {
             Op::Not(a) => uses[a].also(own.negated()),
-            Op::Gate(Gate::Implies, a, b) => {
+            Op::Gate(BooleanOp::Implies, a, b) => {
                 uses[a].also(own.negated());
                 uses[b].also(own);
             }
-            Op::Gate(Gate::Iff | Gate::Xor, a, b) => {
+            Op::Gate(BooleanOp::Iff | BooleanOp::Xor, a, b) => {
                 uses[a].also(BOTH);
                 uses[b].also(BOTH);
             }
@@ -131,13 +131,13 @@ impl Places {
     }
 }
 
-struct Settled<'a> {
-    old: &'a Program,
-    new: Program,
+struct DefinedProgram<'a> {
+    old: &'a BoundProgram,
+    new: BoundProgram,
     places: Vec<Places>,
 }
 
-impl Settled<'_> {
+impl DefinedProgram<'_> {
     /// Adds an operator of the old program in one sense, after its operands.
     fn operator(&mut self, id: Id, sense: Undefined) -> Id {
         let instruction = self.old.get(id);
@@ -147,34 +147,36 @@ impl Settled<'_> {
         let op = match instruction.op {
             Op::Leaf(ref leaf) => Op::Leaf(leaf.counting(sense)),
             Op::Not(a) => Op::Not(opposite(a)),
-            Op::Gate(Gate::Implies, a, b) => Op::Gate(Gate::Implies, opposite(a), same(b)),
-            Op::Gate(Gate::Iff, a, b) => {
-                let there = Op::Gate(Gate::Implies, opposite(a), same(b));
-                let back = Op::Gate(Gate::Implies, opposite(b), same(a));
-                let (there, back) = (self.add(there, source), self.add(back, source));
-                Op::Gate(Gate::And, there, back)
+            Op::Gate(BooleanOp::Implies, a, b) => {
+                Op::Gate(BooleanOp::Implies, opposite(a), same(b))
             }
-            Op::Gate(Gate::Xor, a, b) => {
+            Op::Gate(BooleanOp::Iff, a, b) => {
+                let there = Op::Gate(BooleanOp::Implies, opposite(a), same(b));
+                let back = Op::Gate(BooleanOp::Implies, opposite(b), same(a));
+                let (there, back) = (self.add(there, source), self.add(back, source));
+                Op::Gate(BooleanOp::And, there, back)
+            }
+            Op::Gate(BooleanOp::Xor, a, b) => {
                 let (a_fails, b_fails) = (opposite(a), Op::Not(opposite(b)));
-                let one = Op::Gate(Gate::Or, same(a), same(b));
+                let one = Op::Gate(BooleanOp::Or, same(a), same(b));
                 let (one, b_fails) = (self.add(one, source), self.add(b_fails, source));
-                let not_both = Op::Gate(Gate::Implies, a_fails, b_fails);
+                let not_both = Op::Gate(BooleanOp::Implies, a_fails, b_fails);
                 let not_both = self.add(not_both, source);
-                Op::Gate(Gate::And, one, not_both)
+                Op::Gate(BooleanOp::And, one, not_both)
             }
             Op::Edge(edge, a) => {
                 let (holds, fails) = (same(a), Op::Not(opposite(a)));
                 // Sources of the added operators, so that explanations print them.
                 let operand = &self.old.get(a).source;
-                let negation = node(Kind::Not(operand.clone()), source);
+                let negation = node(NodeKind::Not(operand.clone()), source);
                 let fails = self.add(fails, &negation);
                 let (now, before, was) = match edge {
                     Edge::Rise => (holds, fails, &negation),
                     Edge::Fall => (fails, holds, operand),
                 };
-                let previous = node(Kind::Unary(Unary::Prev, None, was.clone()), source);
-                let before = self.add(Op::Behind(Side::Min, ONE, before), &previous);
-                Op::Gate(Gate::And, now, before)
+                let previous = node(NodeKind::Unary(Unary::Prev, None, was.clone()), source);
+                let before = self.add(Op::Behind(MinMax::Min, ONE, before), &previous);
+                Op::Gate(BooleanOp::And, now, before)
             }
             ref op => op.over(same),
         };
@@ -202,12 +204,12 @@ impl Settled<'_> {
     }
 }
 
-const ONE: Window = Window {
+const ONE: SampleWindow = SampleWindow {
     from: 1,
     to: Some(1),
 };
 
 /// Creates a node for a part of `whole` that is not written there.
-fn node(kind: Kind, whole: &Node) -> Arc<Node> {
+fn node(kind: NodeKind, whole: &Node) -> Arc<Node> {
     Arc::new(Node::new(kind, whole.span.0.clone()))
 }

@@ -6,7 +6,7 @@ use crate::campaign::file::AdoEntry;
 use crate::campaign::plan::{PlannedAdo, PlannedRun, PlannedTraining};
 use crate::run_dir::{RunDir, file_name};
 use crate::search::{BUDGET, Method, MethodOption, MethodSettings, SWITCHES};
-use crate::world::{Path, Scenario, guessed};
+use crate::world::{Scenario, ValuePath, guessed};
 
 /// Largest number of decisions in a script.
 const MAX_DECISIONS: f64 = 1e6;
@@ -22,8 +22,8 @@ impl Checker {
     ) -> Result<Vec<PlannedAdo>, CampaignError> {
         let mut ados = Vec::new();
         let places = [
-            Path::top().to("worlds").at(world).to("ados"),
-            Path::top().to("ados"),
+            ValuePath::top().to("worlds").at(world).to("ados"),
+            ValuePath::top().to("ados"),
         ];
         for (place, entries) in places.iter().zip([own, common]) {
             for (nth, entry) in entries.iter().enumerate() {
@@ -37,7 +37,7 @@ impl Checker {
 
     fn planned(
         &mut self,
-        at: &Path,
+        at: &ValuePath,
         world: usize,
         entry: &AdoEntry,
     ) -> Result<Vec<PlannedAdo>, CampaignError> {
@@ -72,7 +72,7 @@ impl Checker {
     /// Returns the actions of a script, one per decision, the last action held.
     fn script(
         &self,
-        at: &Path,
+        at: &ValuePath,
         world: &Scenario,
         (steps, then): (&[(String, f64)], &str),
     ) -> Result<Vec<usize>, CampaignError> {
@@ -100,7 +100,7 @@ impl Checker {
 
     fn search(
         &self,
-        at: &Path,
+        at: &ValuePath,
         (method, switches, budget): (Option<&str>, Option<usize>, Option<u64>),
     ) -> Result<PlannedAdo, CampaignError> {
         // The same default as on the command line.
@@ -133,7 +133,7 @@ impl Checker {
     /// Plans the trainings that are pieces of the campaign.
     fn trainings(
         &mut self,
-        at: &Path,
+        at: &ValuePath,
         world: usize,
         (seeds, first_seed, decisions): (u64, u64, Option<u64>),
     ) -> Result<Vec<PlannedAdo>, CampaignError> {
@@ -176,7 +176,7 @@ impl Checker {
                 let seed = seed.map_or(String::new(), |seed| format!(" of seed {seed}"));
                 let what = format!("two ados of a world are called `{word}`{seed}");
                 let help = "rows tell them apart by `ado` and `train_seed`: make two campaigns";
-                let at = Path::top().to("ados");
+                let at = ValuePath::top().to("ados");
                 return Err(self.source.wrong(&at, what, Some(help.to_owned())));
             }
         }
@@ -184,7 +184,12 @@ impl Checker {
     }
 
     /// Returns the number of an action with this label, as `check` lists it.
-    fn action(&self, at: &Path, world: &Scenario, label: &str) -> Result<usize, CampaignError> {
+    fn action(
+        &self,
+        at: &ValuePath,
+        world: &Scenario,
+        label: &str,
+    ) -> Result<usize, CampaignError> {
         let actions = 0..world.world().spaces().actions;
         let labels: Vec<String> = actions.map(|it| world.action_label(it)).collect();
         let found = labels.iter().position(|known| known == label);
@@ -199,7 +204,7 @@ impl Checker {
     /// Returns the ado of a run, which must fit the world.
     fn trained(
         &mut self,
-        at: &Path,
+        at: &ValuePath,
         world: usize,
         dir: &str,
     ) -> Result<Vec<PlannedAdo>, CampaignError> {

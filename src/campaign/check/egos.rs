@@ -7,7 +7,7 @@ use crate::evaluation::Sweep;
 use crate::experiment::EgoUnderTest;
 use crate::run_dir::ChangedEgo;
 use crate::seed::{Purpose, StartKey};
-use crate::world::Path;
+use crate::world::ValuePath;
 
 /// Largest number of members of a family.
 const MAX_MEMBERS: u64 = 10_000;
@@ -21,7 +21,7 @@ impl Checker {
     ) -> Result<Vec<ChangedEgo>, CampaignError> {
         let mut egos: Vec<ChangedEgo> = Vec::new();
         for (nth, entry) in entries.iter().enumerate() {
-            let at = Path::top().to("egos").at(nth);
+            let at = ValuePath::top().to("egos").at(nth);
             for ego in self.found(&at, world, entry)? {
                 self.starts_alike(&at, world, &ego)?;
                 let ego = ChangedEgo {
@@ -45,7 +45,7 @@ impl Checker {
 
     fn found(
         &self,
-        at: &Path,
+        at: &ValuePath,
         world: usize,
         entry: &EgoEntry,
     ) -> Result<Vec<EgoUnderTest>, CampaignError> {
@@ -100,7 +100,7 @@ impl Checker {
     /// Refuses an ego with other starts, which would not pair with those of other egos.
     fn starts_alike(
         &self,
-        at: &Path,
+        at: &ValuePath,
         world: usize,
         ego: &EgoUnderTest,
     ) -> Result<(), CampaignError> {

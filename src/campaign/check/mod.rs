@@ -14,7 +14,7 @@ use crate::content_hash::sha256;
 use crate::evaluation::GateOn;
 use crate::experiment::on_plant;
 use crate::run_dir::file_name;
-use crate::world::{LoadError, Path, Problem, Scenario, ScenarioError, guessed, read_file};
+use crate::world::{LoadError, Problem, Scenario, ScenarioError, ValuePath, guessed, read_file};
 
 /// Largest number of units of a campaign.
 const MAX_UNITS: usize = 100_000;
@@ -39,7 +39,7 @@ pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
     })?;
     let dir = path.parent().unwrap_or(FilePath::new("")).to_owned();
     Checker {
-        source: Source { name, text },
+        source: CampaignText { name, text },
         dir,
         worlds: Vec::new(),
         planned: Vec::new(),
@@ -51,13 +51,18 @@ pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
 }
 
 /// Text of the campaign file, for errors that show the place.
-struct Source {
+struct CampaignText {
     name: String,
     text: String,
 }
 
-impl Source {
-    fn wrong(&self, at: &Path, what: impl Into<String>, help: Option<String>) -> CampaignError {
+impl CampaignText {
+    fn wrong(
+        &self,
+        at: &ValuePath,
+        what: impl Into<String>,
+        help: Option<String>,
+    ) -> CampaignError {
         LoadError::Scenario(Box::new(ScenarioError {
             file: self.name.clone(),
             text: self.text.clone(),
@@ -72,7 +77,10 @@ impl Source {
     }
 
     /// Returns a function that gives an error its place in the file.
-    fn at<E: Into<CampaignError>>(&self, at: &Path) -> impl Fn(E) -> CampaignError + use<'_, E> {
+    fn at<E: Into<CampaignError>>(
+        &self,
+        at: &ValuePath,
+    ) -> impl Fn(E) -> CampaignError + use<'_, E> {
         let at = at.clone();
         // Errors with a place of their own, such as those of other files, stay as they are.
         move |error| {
@@ -86,7 +94,7 @@ impl Source {
 }
 
 struct Checker {
-    source: Source,
+    source: CampaignText,
     /// Directory in which files are found.
     dir: PathBuf,
     /// Worlds on the requested plants and on the plants of their files.
@@ -99,7 +107,7 @@ struct Checker {
 
 impl Checker {
     fn check(mut self, file: CampaignFile) -> Result<Checked, CampaignError> {
-        let top = Path::top();
+        let top = ValuePath::top();
         for (nth, entry) in file.worlds.iter().enumerate() {
             self.world(&top.to("worlds").at(nth), entry)?;
         }
@@ -153,7 +161,7 @@ impl Checker {
             None => Ok(()),
             Some((field, _)) => {
                 let what = format!("`{field}` is empty: nothing would be played");
-                Err(self.source.wrong(&Path::top().to(field), what, None))
+                Err(self.source.wrong(&ValuePath::top().to(field), what, None))
             }
         }
     }
@@ -200,7 +208,7 @@ impl Checker {
         }
         let help = guessed(&baseline, "egos", known);
         let what = format!("no ego of the campaign is called `{baseline}`");
-        let at = Path::top().to("gate").to("baseline");
+        let at = ValuePath::top().to("gate").to("baseline");
         Err(self.source.wrong(&at, what, Some(help)))
     }
 
@@ -214,7 +222,7 @@ impl Checker {
         // The formula must bind in every world, since each world has a map.
         for (world, _) in &self.worlds {
             regulation_boundary::monitor(world, &stl).map_err(|error| {
-                let at = Path::top().to("boundary").to("stl");
+                let at = ValuePath::top().to("boundary").to("stl");
                 let what = format!("in `{}`: {error}", world.name());
                 let help = error.help().map(ToString::to_string);
                 self.source.wrong(&at, what, help)
@@ -223,7 +231,7 @@ impl Checker {
         Ok(Some((name, stl)))
     }
 
-    fn world(&mut self, at: &Path, entry: &WorldEntry) -> Result<(), CampaignError> {
+    fn world(&mut self, at: &ValuePath, entry: &WorldEntry) -> Result<(), CampaignError> {
         let path = self.dir.join(&entry.file);
         let shipped = || Scenario::shipped(&entry.file).and_then(Result::ok);
         // A file takes precedence over a shipped world of the same name.

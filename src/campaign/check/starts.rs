@@ -3,7 +3,7 @@
 use super::Checker;
 use crate::campaign::error::CampaignError;
 use crate::campaign::file::{StartsAsked, StartsEntry};
-use crate::world::{Path, Scenario, guessed};
+use crate::world::{Scenario, ValuePath, guessed};
 
 /// Largest number of starts of a unit.
 const MAX_STARTS: usize = 1_000_000_000;
@@ -13,7 +13,7 @@ const MAX_VALUES: usize = 100_000;
 impl Checker {
     pub(super) fn starts(
         &self,
-        at: &Path,
+        at: &ValuePath,
         entry: &StartsEntry,
     ) -> Result<StartsAsked, CampaignError> {
         let (axes, seed) = match *entry {
@@ -69,7 +69,7 @@ impl Checker {
     /// Checks that a world may start everywhere along an axis.
     fn axis(
         &self,
-        place: &Path,
+        place: &ValuePath,
         world: &Scenario,
         (name, lo, hi): (&str, f64, f64),
     ) -> Result<(), CampaignError> {

@@ -10,7 +10,7 @@ use crate::world::Scenario;
 
 /// Program that a world names, with its answers.
 #[derive(Serialize)]
-pub(super) struct Named {
+pub(super) struct ProgramCheck {
     ego: String,
     command: Vec<String>,
     started: bool,
@@ -21,7 +21,7 @@ pub(super) struct Named {
 }
 
 /// Starts and tests the programs of a world, if you consented.
-pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
+pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<ProgramCheck> {
     let programs = scenario.programs().into_iter();
     programs
         .map(|(ego, process)| {
@@ -31,7 +31,7 @@ pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
             let done = allowed.then(|| exercise(&process));
             let mut findings = done.iter().flat_map(|done| &done.findings);
             let wrong = findings.find(|found| !found.passed).cloned();
-            Named {
+            ProgramCheck {
                 ego: ego.to_owned(),
                 command: process.command,
                 started: allowed,
@@ -44,7 +44,7 @@ pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
 }
 
 /// Formats the results in lines, empty if the world names no program.
-pub(super) fn text(named: &[Named]) -> String {
+pub(super) fn text(named: &[ProgramCheck]) -> String {
     let mut text = String::new();
     for one in named {
         let (ego, command) = (&one.ego, command_line(&one.command));
@@ -75,7 +75,7 @@ fn said(hello: &Hello) -> String {
 }
 
 /// The first program that did not answer as it should.
-pub(super) fn first_fault(named: &[Named]) -> Option<Failure> {
+pub(super) fn first_fault(named: &[ProgramCheck]) -> Option<Failure> {
     named.iter().find_map(|one| match (&one.fault, &one.wrong) {
         (Some(fault), _) => Some(failure(&one.command, fault)),
         (None, Some(wrong)) => Some(unkept(&one.command, wrong)),

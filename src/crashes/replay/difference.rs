@@ -1,6 +1,6 @@
 //! First difference between a replay and its recording.
 
-use super::kept::Kept;
+use super::saved_counterexample::SavedCounterexample;
 use crate::run_dir::{KeptError, digests_of};
 use crate::testbench::Episode;
 use crate::trace::Schema;
@@ -46,7 +46,7 @@ impl std::fmt::Display for Difference {
 /// # Errors
 /// Returns an error if the samples beside the file are damaged.
 pub(super) fn first_difference(
-    kept: &Kept,
+    kept: &SavedCounterexample,
     episode: &Episode,
 ) -> Result<Option<Difference>, KeptError> {
     let recorded = &kept.counterexample;
@@ -107,7 +107,7 @@ mod tests {
     use crate::crashes::replay::Regressions;
     use crate::run_dir::Counterexample;
 
-    fn kept() -> Kept {
+    fn kept() -> SavedCounterexample {
         let file = concat!(
             env!("CARGO_MANIFEST_DIR"),
             "/tests/regressions/acc-nominal-0001.ron"
@@ -116,14 +116,18 @@ mod tests {
         all.kept()[0].clone()
     }
 
-    fn replayed(kept: &Kept) -> Episode {
+    fn replayed(kept: &SavedCounterexample) -> Episode {
         let scenario = kept.counterexample.scenario(&kept.path).expect("a world");
         let replayed = super::super::replay(kept, scenario).expect("replayed");
         replayed.episode
     }
 
     /// Counterexample as an earlier version would have recorded `names`.
-    fn recorded_as(kept: &Kept, episode: &Episode, names: &[(&str, &str)]) -> Kept {
+    fn recorded_as(
+        kept: &SavedCounterexample,
+        episode: &Episode,
+        names: &[(&str, &str)],
+    ) -> SavedCounterexample {
         let schema = episode.trace.schema();
         let columns = names.iter().map(|(_, now)| schema.position(now));
         let columns: Vec<usize> = columns.map(|column| column.expect("published")).collect();
@@ -132,7 +136,7 @@ mod tests {
             digests: digests_of(&episode.trace, &columns),
             ..kept.counterexample.clone()
         };
-        Kept {
+        SavedCounterexample {
             counterexample,
             ..kept.clone()
         }

@@ -149,7 +149,7 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
 }
 
 /// All other agents and lights at an instant.
-type Around = (Vec<Seen>, Vec<SeenLight>);
+type Surroundings = (Vec<Seen>, Vec<SeenLight>);
 
 /// Runs an episode in which the ego moves as it commands.
 ///
@@ -159,7 +159,7 @@ fn episode(
     (seed, briefing): (u64, &Briefing),
     samples: usize,
     timeout: Duration,
-    around: &dyn Fn(f64, f64) -> Around,
+    around: &dyn Fn(f64, f64) -> Surroundings,
 ) -> Result<Vec<(Command, Duration)>, Fault> {
     talk.reset(seed, briefing, timeout)?;
     let mut own = Own {
@@ -211,7 +211,7 @@ fn car(name: &str, headway_m: f64, lateral_m: f64, speed_mps: f64) -> Seen {
 }
 
 /// Returns a leader that brakes from 20 m/s to a stop, initially 40 m ahead.
-fn follow(time_s: f64, own_s_m: f64) -> Around {
+fn follow(time_s: f64, own_s_m: f64) -> Surroundings {
     let braking_s = time_s.min(10.0);
     let s_m = 40.0 + 20.0 * braking_s - braking_s * braking_s;
     let speed_mps = 20.0 - 2.0 * braking_s;
@@ -219,7 +219,7 @@ fn follow(time_s: f64, own_s_m: f64) -> Around {
     (vec![leader], Vec::new())
 }
 
-fn crowd(time_s: f64, own_s_m: f64) -> Around {
+fn crowd(time_s: f64, own_s_m: f64) -> Surroundings {
     let others = [(60.0, 0.0), (-20.0, 0.0), (10.0, 3.5), (-5.0, -3.5)];
     let others = others.iter().enumerate();
     let others = others.map(|(i, &(ahead_m, lateral_m))| {

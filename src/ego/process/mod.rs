@@ -12,13 +12,13 @@
 //! caller's consent. A [`Process`] read from a file has no consent until
 //! [`Process::allow`] gives it, and consent is never written to a file.
 
-#[cfg(not(unix))]
-mod elsewhere;
 mod exercise;
 mod pool;
 #[cfg(unix)]
 mod program;
 mod protocol;
+#[cfg(not(unix))]
+mod unsupported_platform;
 
 use std::time::Duration;
 
@@ -53,7 +53,7 @@ pub struct Process {
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename = "Process", deny_unknown_fields)]
-struct InFile {
+struct ProcessFile {
     command: Vec<String>,
     #[serde(default = "default_timeout_s")]
     timeout_s: f64,
@@ -61,8 +61,8 @@ struct InFile {
     lag_s: f64,
 }
 
-impl From<InFile> for Actuated<Process> {
-    fn from(file: InFile) -> Actuated<Process> {
+impl From<ProcessFile> for Actuated<Process> {
+    fn from(file: ProcessFile) -> Actuated<Process> {
         Actuated {
             controller: Process {
                 timeout_s: file.timeout_s,
@@ -73,9 +73,9 @@ impl From<InFile> for Actuated<Process> {
     }
 }
 
-impl From<Actuated<Process>> for InFile {
-    fn from(Actuated { controller, lag_s }: Actuated<Process>) -> InFile {
-        InFile {
+impl From<Actuated<Process>> for ProcessFile {
+    fn from(Actuated { controller, lag_s }: Actuated<Process>) -> ProcessFile {
+        ProcessFile {
             command: controller.command,
             timeout_s: controller.timeout_s,
             lag_s,
@@ -83,7 +83,7 @@ impl From<Actuated<Process>> for InFile {
     }
 }
 
-written_as!(Process, InFile);
+written_as!(Process, ProcessFile);
 
 fn default_timeout_s() -> f64 {
     10.0

@@ -8,14 +8,14 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::super::{Briefing, Command, Fault, FaultKind, Percept};
-#[cfg(not(unix))]
-use super::elsewhere::{Program, shown};
 #[cfg(unix)]
 use super::program::{Program, shown};
 use super::protocol::{
     AskReset, AskStep, DOCUMENT, Empty, Greeting, Hello, HelloAnswer, Numbered, PROTOCOL,
     ReadyAnswer, Reset, Say, StepAnswer,
 };
+#[cfg(not(unix))]
+use super::unsupported_platform::{UnsupportedProgram as Program, shown};
 
 /// Grace period for the end of a program after its farewell.
 const GRACE: Duration = Duration::from_millis(300);

@@ -4,14 +4,14 @@
 //! begin before the previous event ends are refused. Their priorities would
 //! decide, and a script has none.
 
-use super::entity::{Approached, Entity, Law, Step};
+use super::entity::{Approached, ImportedEntity, ImportedLaw, ImportedStep};
 use super::error::ImportError;
 use super::laws::{Speeds, approached, dynamics, gap_of, speed, walked};
 use super::motion::{friction_of, is_still};
-use super::places::{Ground, OnLane, Placed, lane_beside};
-use super::scope::Scope;
-use super::tree::Node;
-use super::triggers::{Starts, StoryElement, starts};
+use super::places::{OnLane, Placed, PositionContext, lane_beside};
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
+use super::triggers::{StartTrigger, StoryElement, starts};
 
 /// Latest time in seconds of a meeting that counts as prepared from the start.
 ///
@@ -23,14 +23,14 @@ const SAME_M: f64 = 0.01;
 
 /// Reads the acts into the steps of the entities, and removes deleted entities.
 pub(super) fn acts(
-    board: &Node,
-    scope: &Scope,
-    ground: Ground<'_>,
-    entities: &mut Vec<Entity>,
+    board: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+    entities: &mut Vec<ImportedEntity>,
 ) -> Result<(), ImportError> {
     let mut reader = Reader {
         ground,
-        scripts: entities.iter().map(Script::of).collect(),
+        scripts: entities.iter().map(EntityScript::of).collect(),
         gone: Vec::new(),
         relative: Vec::new(),
     };
@@ -51,7 +51,7 @@ pub(super) fn acts(
 }
 
 /// Steps of one entity, as far as they have been read.
-struct Script {
+struct EntityScript {
     name: String,
     placed: Placed,
     speeds: Speeds,
@@ -59,7 +59,7 @@ struct Script {
     lane: Option<i32>,
     t_m: f64,
     changed_m: f64,
-    steps: Vec<Step>,
+    steps: Vec<ImportedStep>,
     meets: Option<Approached>,
     gap_m: Option<f64>,
     /// True once an event of the entity has been read.
@@ -70,9 +70,9 @@ struct Script {
     act: usize,
 }
 
-impl Script {
-    fn of(entity: &Entity) -> Script {
-        Script {
+impl EntityScript {
+    fn of(entity: &ImportedEntity) -> EntityScript {
+        EntityScript {
             name: entity.name.clone(),
             placed: entity.placed.clone(),
             speeds: Speeds {
@@ -94,25 +94,25 @@ impl Script {
 
 /// Event with its surrounding elements.
 struct EventContext<'a> {
-    act: &'a Node,
+    act: &'a XmlNode,
     begins_s: f64,
-    group: &'a Node,
-    maneuver: &'a Node,
-    event: &'a Node,
-    scope: &'a Scope,
+    group: &'a XmlNode,
+    maneuver: &'a XmlNode,
+    event: &'a XmlNode,
+    scope: &'a ParameterScope,
     actors: &'a [String],
 }
 
 struct Reader<'a> {
-    ground: Ground<'a>,
-    scripts: Vec<Script>,
+    ground: PositionContext<'a>,
+    scripts: Vec<EntityScript>,
     gone: Vec<String>,
     /// Entities to whose lane a target is relative, with the error if they leave it.
     relative: Vec<(String, ImportError)>,
 }
 
 impl Reader<'_> {
-    fn act(&mut self, act: &Node, scope: &Scope) -> Result<(), ImportError> {
+    fn act(&mut self, act: &XmlNode, scope: &ParameterScope) -> Result<(), ImportError> {
         let mut context = Vec::new();
         for group in act.all("ManeuverGroup") {
             let actors = group.child("Actors");
@@ -144,9 +144,9 @@ impl Reader<'_> {
             return Ok(());
         }
         let begins_s = match starts(act, scope, 0.0)? {
-            Starts::Never => return Ok(()),
-            Starts::At(at_s) => at_s,
-            Starts::After { .. } | Starts::When { .. } => {
+            StartTrigger::Never => return Ok(()),
+            StartTrigger::At(at_s) => at_s,
+            StartTrigger::After { .. } | StartTrigger::When { .. } => {
                 let help = "begin the act by a time, and its events by what they wait for";
                 return Err(act.refused("an act that waits for something is not read", help));
             }
@@ -220,7 +220,7 @@ impl Reader<'_> {
     }
 
     /// Refuses weather that changes the friction after the Init.
-    fn weather(&self, action: &Node, context: &EventContext<'_>) -> Result<(), ImportError> {
+    fn weather(&self, action: &XmlNode, context: &EventContext<'_>) -> Result<(), ImportError> {
         let global = action.child("GlobalAction");
         let changed = global.and_then(|it| it.child("EnvironmentAction"));
         let Some(changed) = changed else {
@@ -235,7 +235,7 @@ impl Reader<'_> {
         }
     }
 
-    fn global(&mut self, context: &EventContext<'_>, it: &Node) -> Result<(), ImportError> {
+    fn global(&mut self, context: &EventContext<'_>, it: &XmlNode) -> Result<(), ImportError> {
         let deletes = it.name == "EntityAction" && it.child("DeleteEntityAction").is_some();
         if !deletes {
             return Err(it.refused(
@@ -245,8 +245,10 @@ impl Reader<'_> {
         }
         match starts(context.event, context.scope, context.begins_s)? {
             // A deletion at the start equals a file without the entity.
-            Starts::At(at_s) if at_s <= 0.0 => self.gone.push(context.scope.text(it, "entityRef")?),
-            Starts::Never => {}
+            StartTrigger::At(at_s) if at_s <= 0.0 => {
+                self.gone.push(context.scope.text(it, "entityRef")?)
+            }
+            StartTrigger::Never => {}
             _ => {
                 let help = "delete it at the start, or leave it out of the file";
                 return Err(it.refused("somebody who vanishes on the way is not read", help));
@@ -259,7 +261,7 @@ impl Reader<'_> {
         &mut self,
         who: usize,
         context: &EventContext<'_>,
-        actions: &[&Node],
+        actions: &[&XmlNode],
     ) -> Result<(), ImportError> {
         let event = context.event;
         let script = &self.scripts[who];
@@ -268,7 +270,7 @@ impl Reader<'_> {
             let help = "let the SynchronizeAction be the only event of the entity";
             return Err(event.refused("an event beside a meeting is not read", help));
         }
-        let mut step = Step {
+        let mut step = ImportedStep {
             when: None,
             after_s: 0.0,
             laws: Vec::new(),
@@ -277,23 +279,27 @@ impl Reader<'_> {
         // trigger would then miss that end.
         let in_time = context.begins_s == 0.0 || script.act == context.act.place;
         match starts(event, context.scope, context.begins_s)? {
-            Starts::Never => return Ok(()),
-            Starts::At(at_s) if is_first => step.after_s = at_s,
-            Starts::After { element, delay_s } if script.ended.contains(&element) && in_time => {
+            StartTrigger::Never => return Ok(()),
+            StartTrigger::At(at_s) if is_first => step.after_s = at_s,
+            StartTrigger::After { element, delay_s }
+                if script.ended.contains(&element) && in_time =>
+            {
                 step.after_s = delay_s;
             }
             // An edge that rises before the act begins would be missed by a
             // player.
-            Starts::When { watch, .. } if is_first && watch.rises && 0.0 < context.begins_s => {
+            StartTrigger::When { watch, .. }
+                if is_first && watch.rises && 0.0 < context.begins_s =>
+            {
                 let help = "begin the act at 0 s, or write conditionEdge=\"none\"";
                 let what = "a rising edge in an act that begins later is not read";
                 return Err(event.refused(what, help));
             }
-            Starts::When { watch, delay_s } if is_first => {
+            StartTrigger::When { watch, delay_s } if is_first => {
                 // A condition is only observed once its act has begun, so an
                 // empty step waits for it.
                 if 0.0 < context.begins_s {
-                    self.scripts[who].steps.push(Step {
+                    self.scripts[who].steps.push(ImportedStep {
                         after_s: context.begins_s,
                         ..step.clone()
                     });
@@ -332,9 +338,9 @@ impl Reader<'_> {
         &mut self,
         who: usize,
         context: &EventContext<'_>,
-        action: &Node,
+        action: &XmlNode,
         at_start: bool,
-        step: &mut Step,
+        step: &mut ImportedStep,
     ) -> Result<(), ImportError> {
         let (scope, ground) = (context.scope, self.ground);
         let it = match action.name.as_str() {
@@ -387,7 +393,12 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn lane_change(&mut self, who: usize, it: &Node, scope: &Scope) -> Result<Law, ImportError> {
+    fn lane_change(
+        &mut self,
+        who: usize,
+        it: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<ImportedLaw, ImportError> {
         let ground = self.ground;
         let on = own_lane(&self.scripts[who], it)?;
         let target = it.inner("LaneChangeTarget")?.only()?;
@@ -405,10 +416,15 @@ impl Reader<'_> {
         script.lane = Some(to);
         script.t_m = to_m;
         script.changed_m += by_m;
-        Ok(Law::LaneChange { by_m, rate_mps })
+        Ok(ImportedLaw::LaneChange { by_m, rate_mps })
     }
 
-    fn lane_offset(&mut self, who: usize, it: &Node, scope: &Scope) -> Result<Law, ImportError> {
+    fn lane_offset(
+        &mut self,
+        who: usize,
+        it: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<ImportedLaw, ImportError> {
         let ground = self.ground;
         let on = own_lane(&self.scripts[who], it)?;
         if it.raw("continuous").is_some_and(|value| value != "false") {
@@ -436,7 +452,7 @@ impl Reader<'_> {
         let most_lateral_mps2 = scope.number(dynamics, "maxLateralAcc")?;
         let script = &mut self.scripts[who];
         script.t_m = middle_m + offset_m;
-        Ok(Law::Beside {
+        Ok(ImportedLaw::Beside {
             // A world adds lane changes and offsets, so the changes so far are
             // subtracted.
             t_m: script.t_m - script.changed_m,
@@ -448,7 +464,7 @@ impl Reader<'_> {
     ///
     /// The entity must keep its initial lane for as long as it exists.
     /// `lanes_stay` checks this after all acts are read.
-    fn lane_of(&mut self, target: &Node, scope: &Scope) -> Result<OnLane, ImportError> {
+    fn lane_of(&mut self, target: &XmlNode, scope: &ParameterScope) -> Result<OnLane, ImportError> {
         let name = scope.text(target, "entityRef")?;
         let other = self.ground.placed.get(&name);
         let lane = other.and_then(|it| it.lane.clone());
@@ -470,23 +486,28 @@ impl Reader<'_> {
             let script = self.scripts.iter().find(|it| it.name == name);
             let laws = script.into_iter().flat_map(|it| &it.steps);
             let mut laws = laws.flat_map(|step| &step.laws);
-            laws.any(|law| matches!(law, Law::LaneChange { .. } | Law::Beside { .. }))
+            laws.any(|law| {
+                matches!(
+                    law,
+                    ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }
+                )
+            })
         };
         let wrong = self.relative.iter().find(|(name, _)| leaves(name));
         wrong.map_or(Ok(()), |(_, error)| Err(error.clone()))
     }
 }
 
-fn own_lane(script: &Script, it: &Node) -> Result<OnLane, ImportError> {
+fn own_lane(script: &EntityScript, it: &XmlNode) -> Result<OnLane, ImportError> {
     let lane = script.placed.lane.clone();
     lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }
 
 /// Actions of an event that move an entity, each with its containing element.
 fn moving<'a>(
-    event: &'a Node,
+    event: &'a XmlNode,
     actors: &[String],
-) -> Result<Vec<(&'a Node, &'a Node)>, ImportError> {
+) -> Result<Vec<(&'a XmlNode, &'a XmlNode)>, ImportError> {
     let is_for_ego = actors.iter().all(|it| it == "Ego");
     let mut moving = Vec::new();
     for action in event.all("Action") {
@@ -529,7 +550,7 @@ fn ended(context: &EventContext<'_>, moving: usize) -> Vec<StoryElement> {
         return ended;
     }
     ended.extend(StoryElement::of("event", context.event));
-    let actions: Vec<&Node> = context.event.all("Action").collect();
+    let actions: Vec<&XmlNode> = context.event.all("Action").collect();
     if let ([action], 1) = (&actions[..], moving) {
         ended.extend(StoryElement::of("action", action));
     }

@@ -4,8 +4,8 @@
 //! values.
 
 use super::error::ImportError;
-use super::scope::Scope;
-use super::tree::Node;
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
 
 /// Body in the form of a world file.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +22,7 @@ pub(super) struct ImportedBody {
 }
 
 impl ImportedBody {
-    pub fn of(entity: &Node, scope: &Scope) -> Result<ImportedBody, ImportError> {
+    pub fn of(entity: &XmlNode, scope: &ParameterScope) -> Result<ImportedBody, ImportError> {
         let name = scope.text(entity, "name")?;
         let bounds = entity.inner("BoundingBox")?;
         let size = bounds.inner("Dimensions")?;
@@ -52,7 +52,7 @@ impl ImportedBody {
                 let wheelbase_m = scope.number(front, "positionX")?;
                 let wheel_m = 0.5 * scope.number(front, "wheelDiameter")?;
                 let track_m = scope.number(front, "trackWidth")?;
-                vehicle(Vehicle {
+                vehicle(ImportedVehicle {
                     name: &name,
                     sizes: &sizes,
                     mass_kg,
@@ -65,7 +65,7 @@ impl ImportedBody {
                     track_m,
                 })
             }
-            "MiscObject" => vehicle(Vehicle {
+            "MiscObject" => vehicle(ImportedVehicle {
                 name: &name,
                 sizes: &sizes,
                 mass_kg,
@@ -100,7 +100,7 @@ impl ImportedBody {
     }
 }
 
-struct Vehicle<'a> {
+struct ImportedVehicle<'a> {
     name: &'a str,
     sizes: &'a str,
     mass_kg: f64,
@@ -113,7 +113,7 @@ struct Vehicle<'a> {
     track_m: f64,
 }
 
-fn vehicle(it: Vehicle<'_>) -> String {
+fn vehicle(it: ImportedVehicle<'_>) -> String {
     // Same width as the limit of two-wheelers in exported files.
     let narrow = it.width_m < 1.1;
     let usual_kg = match (narrow, 2.2 < it.width_m) {

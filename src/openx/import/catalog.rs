@@ -8,8 +8,8 @@ use std::rc::Rc;
 use super::dropped::DropLog;
 use super::error::ImportError;
 use super::files::Files;
-use super::scope::Scope;
-use super::tree::Node;
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
 
 /// Catalogs of a scenario file.
 ///
@@ -20,11 +20,15 @@ pub(super) struct Catalogs {
     directories: Vec<PathBuf>,
     /// Log of the elements of catalog entries that have no effect.
     dropped: Rc<DropLog>,
-    read: RefCell<BTreeMap<String, Rc<Node>>>,
+    read: RefCell<BTreeMap<String, Rc<XmlNode>>>,
 }
 
 impl Catalogs {
-    pub fn of(root: &Node, beside: &Path, dropped: Rc<DropLog>) -> Result<Catalogs, ImportError> {
+    pub fn of(
+        root: &XmlNode,
+        beside: &Path,
+        dropped: Rc<DropLog>,
+    ) -> Result<Catalogs, ImportError> {
         let mut directories = Vec::new();
         for location in root
             .child("CatalogLocations")
@@ -49,10 +53,10 @@ impl Catalogs {
     /// assignment.
     pub fn entry(
         &self,
-        reference: &Node,
-        scope: &Scope,
+        reference: &XmlNode,
+        scope: &ParameterScope,
         files: Files<'_>,
-    ) -> Result<(Node, Scope), ImportError> {
+    ) -> Result<(XmlNode, ParameterScope), ImportError> {
         let catalog = scope.text(reference, "catalogName")?;
         let name = scope.text(reference, "entryName")?;
         let root = self.catalog(reference, &catalog, files)?;
@@ -80,16 +84,16 @@ impl Catalogs {
         self.dropped.look(entry);
         // Parameters of the entry start from the caller's scope: assigned
         // values may refer to it.
-        let own = Scope::declared(entry.child("ParameterDeclarations"), scope, &set)?;
+        let own = ParameterScope::declared(entry.child("ParameterDeclarations"), scope, &set)?;
         Ok((entry.clone(), own))
     }
 
     fn catalog(
         &self,
-        reference: &Node,
+        reference: &XmlNode,
         name: &str,
         files: Files<'_>,
-    ) -> Result<Rc<Node>, ImportError> {
+    ) -> Result<Rc<XmlNode>, ImportError> {
         // Catalogs are cached: every entity at every point may refer to the
         // same file.
         if let Some(known) = self.read.borrow().get(name) {
@@ -103,7 +107,7 @@ impl Catalogs {
             if files(&path).is_err() {
                 continue;
             }
-            let root = Node::read(&path, files)?;
+            let root = XmlNode::read(&path, files)?;
             // A file of the right name may be another catalog, so the search
             // continues.
             let named = root.child("Catalog").and_then(|it| it.raw("name"));

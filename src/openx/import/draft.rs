@@ -19,7 +19,7 @@ pub struct ImportedWorld {
 
 /// Part of a draft.
 #[derive(Clone, Debug, PartialEq)]
-enum Part {
+enum DraftPart {
     Text(String),
     /// Number that may differ between points.
     ///
@@ -38,7 +38,7 @@ enum Part {
 /// Text with holes.
 #[derive(Clone, Debug)]
 pub(super) struct Draft {
-    parts: Vec<Part>,
+    parts: Vec<DraftPart>,
     /// Least duration of the run, and earliest time at which an entity leaves its road.
     until_s: f64,
     leaves_s: f64,
@@ -61,8 +61,8 @@ impl Draft {
 
     pub fn text(&mut self, text: &str) {
         match self.parts.last_mut() {
-            Some(Part::Text(before)) => before.push_str(text),
-            _ => self.parts.push(Part::Text(text.to_owned())),
+            Some(DraftPart::Text(before)) => before.push_str(text),
+            _ => self.parts.push(DraftPart::Text(text.to_owned())),
         }
     }
 
@@ -72,18 +72,18 @@ impl Draft {
 
     /// Adds a number of which the greatest of all points is written.
     pub fn most(&mut self, value: f64) {
-        self.parts.push(Part::Most(value));
+        self.parts.push(DraftPart::Most(value));
     }
 
     /// Adds a number of which the least of all points is written.
     pub fn least(&mut self, value: f64) {
-        self.parts.push(Part::Least(value));
+        self.parts.push(DraftPart::Least(value));
     }
 
     pub fn beside(&mut self, axis: &str, value: f64, more: f64) {
         // Values that differ only in rounding must be equal, or they would
         // become an axis.
-        self.parts.push(Part::Hole {
+        self.parts.push(DraftPart::Hole {
             axis: axis.to_owned(),
             value: tidy(value),
             more,
@@ -91,17 +91,18 @@ impl Draft {
     }
 
     fn is_like(&self, other: &Draft) -> bool {
-        let alike = |pair: (&Part, &Part)| match pair {
-            (Part::Text(a), Part::Text(b)) => a == b,
+        let alike = |pair: (&DraftPart, &DraftPart)| match pair {
+            (DraftPart::Text(a), DraftPart::Text(b)) => a == b,
             (
-                Part::Hole {
+                DraftPart::Hole {
                     axis: a, more: m, ..
                 },
-                Part::Hole {
+                DraftPart::Hole {
                     axis: b, more: n, ..
                 },
             ) => a == b && m == n,
-            (Part::Most(_), Part::Most(_)) | (Part::Least(_), Part::Least(_)) => true,
+            (DraftPart::Most(_), DraftPart::Most(_))
+            | (DraftPart::Least(_), DraftPart::Least(_)) => true,
             _ => false,
         };
         let same_length = self.parts.len() == other.parts.len();
@@ -168,8 +169,10 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
         // All drafts of a group have the same parts, so the index fits all of
         // them.
         let values = group.iter().filter_map(|(_, draft)| match draft.parts[i] {
-            Part::Hole { value, .. } | Part::Most(value) | Part::Least(value) => Some(value),
-            Part::Text(_) => None,
+            DraftPart::Hole { value, .. } | DraftPart::Most(value) | DraftPart::Least(value) => {
+                Some(value)
+            }
+            DraftPart::Text(_) => None,
         });
         let (least, most) = values.clone().fold(
             (f64::INFINITY, f64::NEG_INFINITY),
@@ -177,11 +180,11 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
         );
         // Writing to a string cannot fail.
         let _ = match part {
-            Part::Text(part) => write!(text, "{part}"),
-            Part::Most(_) => write!(text, "{}", decimal(tidy(most))),
-            Part::Least(_) => write!(text, "{}", decimal(tidy(least))),
-            Part::Hole { .. } if least == most => write!(text, "{}", decimal(least)),
-            Part::Hole { axis, more, .. } => {
+            DraftPart::Text(part) => write!(text, "{part}"),
+            DraftPart::Most(_) => write!(text, "{}", decimal(tidy(most))),
+            DraftPart::Least(_) => write!(text, "{}", decimal(tidy(least))),
+            DraftPart::Hole { .. } if least == most => write!(text, "{}", decimal(least)),
+            DraftPart::Hole { axis, more, .. } => {
                 let column = values.map(|value| value + more);
                 axes.push((axis.clone(), column.collect()));
                 write!(text, "({}, {})", decimal(least), decimal(most))

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::scope::number;
-use super::tree::Node;
+use super::tree::XmlNode;
 
 /// Elements of one kind that have no effect on the worlds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ struct DropLists {
 
 impl DropLog {
     /// Examines an element and all elements below it.
-    pub fn look(&self, node: &Node) {
+    pub fn look(&self, node: &XmlNode) {
         let kind = KINDS.iter().find(|(name, _)| *name == node.name);
         match kind {
             Some((_, kind)) => {
@@ -96,7 +96,7 @@ impl DropLog {
     }
 
     /// Counts an element, once however often it is found.
-    pub fn note(&self, kind: &'static str, node: &Node) {
+    pub fn note(&self, kind: &'static str, node: &XmlNode) {
         let mut found = self.0.borrow_mut();
         let places = found.known.entry(node.file().to_owned()).or_default();
         // Every point reads the same files, and two references may name one
@@ -123,7 +123,7 @@ impl DropLog {
 }
 
 /// Returns true for a curve or a lane height whose terms are all 0.
-fn says_nothing(node: &Node) -> bool {
+fn says_nothing(node: &XmlNode) -> bool {
     let is_curve = CURVES.contains(&node.name.as_str());
     let mut terms = TERMS.iter().filter_map(|term| node.raw(term));
     is_curve && terms.all(|term| number(term) == Some(0.0))
@@ -132,7 +132,7 @@ fn says_nothing(node: &Node) -> bool {
 /// Only condition of a group, if it is a simulation time that comes.
 ///
 /// Returns the condition and its time.
-pub(super) fn lone_time(group: &Node) -> Option<(&Node, &Node)> {
+pub(super) fn lone_time(group: &XmlNode) -> Option<(&XmlNode, &XmlNode)> {
     let [condition] = &group.children[..] else {
         return None;
     };

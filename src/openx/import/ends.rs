@@ -2,7 +2,7 @@
 
 use core::f64::consts::{FRAC_PI_3, PI};
 
-use super::entity::{Entity, Law, Step};
+use super::entity::{ImportedEntity, ImportedLaw, ImportedStep};
 use super::places::Placed;
 use super::roads::RoadMap;
 
@@ -48,7 +48,7 @@ pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f
 /// Earliest time in seconds at which an entity has driven `ahead_m`.
 ///
 /// Relative speeds assume an ego that coasts.
-pub(super) fn leaves_s(entity: &Entity, ahead_m: f64, ego_mps: f64) -> f64 {
+pub(super) fn leaves_s(entity: &ImportedEntity, ahead_m: f64, ego_mps: f64) -> f64 {
     let t_m = entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m);
     let mut journey = Journey {
         time_s: 0.0,
@@ -74,9 +74,9 @@ pub(super) fn leaves_s(entity: &Entity, ahead_m: f64, ego_mps: f64) -> f64 {
 }
 
 /// Final speed in m/s of a law, beside an ego that coasts.
-pub(super) fn to_mps(law: &Law, ego_mps: f64) -> Option<f64> {
+pub(super) fn to_mps(law: &ImportedLaw, ego_mps: f64) -> Option<f64> {
     match law {
-        Law::Speed {
+        ImportedLaw::Speed {
             to_mps,
             relative_to,
             ..
@@ -85,7 +85,9 @@ pub(super) fn to_mps(law: &Law, ego_mps: f64) -> Option<f64> {
             // A negative sum would reverse, which no plan does.
             Some((base_mps + to_mps).max(0.0))
         }
-        Law::Walk { .. } | Law::LaneChange { .. } | Law::Beside { .. } => None,
+        ImportedLaw::Walk { .. } | ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. } => {
+            None
+        }
     }
 }
 
@@ -127,7 +129,7 @@ impl Journey {
     ///
     /// Returns the time at which the end is reached, if it is reached on the
     /// way.
-    fn carry_out(&mut self, step: &Step, ego_mps: f64) -> Option<f64> {
+    fn carry_out(&mut self, step: &ImportedStep, ego_mps: f64) -> Option<f64> {
         let waits = self.go_on(step.after_s, self.speed_mps);
         if waits.is_some() {
             return waits;
@@ -135,21 +137,21 @@ impl Journey {
         let (mut ramp_s, mut aside_s, mut ends_mps) = (0.0, 0.0, self.speed_mps);
         for law in &step.laws {
             match law {
-                Law::Speed { rate_mps2, .. } => {
+                ImportedLaw::Speed { rate_mps2, .. } => {
                     ends_mps = to_mps(law, ego_mps).unwrap_or(ends_mps);
                     match rate_mps2 {
                         Some(rate_mps2) => ramp_s = (ends_mps - self.speed_mps).abs() / rate_mps2,
                         None => self.speed_mps = ends_mps,
                     }
                 }
-                Law::LaneChange { by_m, rate_mps } => {
+                ImportedLaw::LaneChange { by_m, rate_mps } => {
                     // A cosine of amplitude by/2 has its greatest slope
                     // π·by/(2·T), which is the rate.
                     aside_s = PI * by_m.abs() / (2.0 * rate_mps);
                     self.t_m += by_m;
                     self.changed_m += by_m;
                 }
-                Law::Beside {
+                ImportedLaw::Beside {
                     t_m,
                     most_lateral_mps2,
                 } => {
@@ -161,7 +163,7 @@ impl Journey {
                 }
                 // Pedestrians stop at the end of their path and never leave a
                 // road.
-                Law::Walk { .. } => return Some(f64::INFINITY),
+                ImportedLaw::Walk { .. } => return Some(f64::INFINITY),
             }
         }
         // Laws of one step run at the same time, so the longer one determines

@@ -6,13 +6,13 @@ use super::places::Placed;
 
 /// Entity of a scenario.
 #[derive(Clone, Debug)]
-pub(super) struct Entity {
+pub(super) struct ImportedEntity {
     pub name: String,
     pub is_ego: bool,
     pub body: ImportedBody,
     pub placed: Placed,
     pub speed_mps: f64,
-    pub steps: Vec<Step>,
+    pub steps: Vec<ImportedStep>,
     pub meets: Option<Approached>,
     /// Initial bumper-to-bumper gap to the ego in metres, which replaces the place.
     pub gap_m: Option<f64>,
@@ -22,17 +22,17 @@ pub(super) struct Entity {
 
 /// Step of an entity's script.
 #[derive(Clone, Debug)]
-pub(super) struct Step {
-    pub when: Option<Watch>,
+pub(super) struct ImportedStep {
+    pub when: Option<ClearanceCondition>,
     pub after_s: f64,
-    pub laws: Vec<Law>,
+    pub laws: Vec<ImportedLaw>,
 }
 
 /// Condition of a step: a clearance along the road, as a length or a time.
 ///
 /// As a time, it is the clearance divided by the triggering entity's speed.
 #[derive(Clone, Debug)]
-pub(super) struct Watch {
+pub(super) struct ClearanceCondition {
     /// Entities of which one, or all, must meet the condition.
     pub who: Vec<String>,
     pub needs_all: bool,
@@ -48,7 +48,7 @@ pub(super) struct Watch {
 
 /// Law of motion of a step.
 #[derive(Clone, Debug)]
-pub(super) enum Law {
+pub(super) enum ImportedLaw {
     Speed {
         to_mps: f64,
         relative_to: Option<String>,

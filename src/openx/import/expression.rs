@@ -17,7 +17,7 @@ pub(super) fn evaluate(
     text: &str,
     value: &dyn Fn(&str) -> Result<f64, String>,
 ) -> Result<f64, String> {
-    let mut cursor = Cursor {
+    let mut cursor = ExpressionCursor {
         rest: text,
         value,
         depth: 0,
@@ -31,13 +31,13 @@ pub(super) fn evaluate(
     }
 }
 
-struct Cursor<'a> {
+struct ExpressionCursor<'a> {
     rest: &'a str,
     value: &'a dyn Fn(&str) -> Result<f64, String>,
     depth: usize,
 }
 
-impl<'a> Cursor<'a> {
+impl<'a> ExpressionCursor<'a> {
     fn blank(&mut self) {
         self.rest = self.rest.trim_start();
     }

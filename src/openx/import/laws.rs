@@ -1,14 +1,18 @@
 //! Laws of motion from the actions of a storyboard.
 
-use super::entity::{Approached, Law, Steady};
+use super::entity::{Approached, ImportedLaw, Steady};
 use super::error::ImportError;
-use super::places::Ground;
-use super::scope::Scope;
-use super::tree::Node;
+use super::places::PositionContext;
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
 use super::ways::OnWay;
 
 /// Bumper-to-bumper gap in metres at which an entity is placed ahead of the ego.
-pub(super) fn gap_of(action: &Node, scope: &Scope, speed_mps: f64) -> Result<f64, ImportError> {
+pub(super) fn gap_of(
+    action: &XmlNode,
+    scope: &ParameterScope,
+    speed_mps: f64,
+) -> Result<f64, ImportError> {
     // Attributes that are left out have the values that are read.
     let is = |name: &str, value: &str| action.raw(name).is_none_or(|it| it == value);
     let fits = is("continuous", "false")
@@ -37,7 +41,11 @@ pub(super) struct Speeds {
 /// Reads a speed action.
 ///
 /// Rates are those of the file, but no greater than the body's `Performance`.
-pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law, ImportError> {
+pub(super) fn speed(
+    it: &XmlNode,
+    scope: &ParameterScope,
+    speeds: &mut Speeds,
+) -> Result<ImportedLaw, ImportError> {
     let target = it.inner("SpeedActionTarget")?.only()?;
     let to_mps = scope.number(target, "value")?;
     let relative_to = match target.name.as_str() {
@@ -103,7 +111,7 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
             let help = "leave the event out, or give it a rate above 0";
             dynamics.refused("a speed that stays as it is on the way is not read", help)
         })?;
-        return Ok(Law::Speed {
+        return Ok(ImportedLaw::Speed {
             to_mps: now_mps,
             relative_to: None,
             rate_mps2: None,
@@ -111,7 +119,7 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
     }
     // After a relative speed, the speed is unknown until the run.
     speeds.now_mps = relative_to.is_none().then_some(to_mps);
-    Ok(Law::Speed {
+    Ok(ImportedLaw::Speed {
         to_mps,
         relative_to,
         rate_mps2,
@@ -119,7 +127,7 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
 }
 
 /// Refuses a change that ends wherever the body takes it.
-fn keeps_place(dynamics: &Node) -> Result<(), ImportError> {
+fn keeps_place(dynamics: &XmlNode) -> Result<(), ImportError> {
     match dynamics.raw("followingMode") {
         None | Some("position") => Ok(()),
         Some(_) => {
@@ -130,7 +138,7 @@ fn keeps_place(dynamics: &Node) -> Result<(), ImportError> {
 }
 
 /// Refuses a relative speed other than a sum that is taken once.
-pub(super) fn is_delta(target: &Node) -> Result<(), ImportError> {
+pub(super) fn is_delta(target: &XmlNode) -> Result<(), ImportError> {
     let is = |name: &str, value: &str| target.raw(name).is_none_or(|it| it == value);
     if is("continuous", "false") && is("speedTargetValueType", "delta") {
         Ok(())
@@ -141,7 +149,11 @@ pub(super) fn is_delta(target: &Node) -> Result<(), ImportError> {
 }
 
 /// Rate of a sinusoidal change in the given dimension.
-pub(super) fn dynamics(it: &Node, scope: &Scope, dimension: &str) -> Result<f64, ImportError> {
+pub(super) fn dynamics(
+    it: &XmlNode,
+    scope: &ParameterScope,
+    dimension: &str,
+) -> Result<f64, ImportError> {
     keeps_place(it)?;
     let fits = it.raw("dynamicsShape") == Some("sinusoidal")
         && it.raw("dynamicsDimension") == Some(dimension);
@@ -154,9 +166,9 @@ pub(super) fn dynamics(it: &Node, scope: &Scope, dimension: &str) -> Result<f64,
 
 /// Reads a meeting with the ego.
 pub(super) fn approached(
-    it: &Node,
-    scope: &Scope,
-    ground: Ground<'_>,
+    it: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
 ) -> Result<Approached, ImportError> {
     if scope.text(it, "masterEntityRef")? != "Ego" {
         return Err(it.refused(
@@ -186,15 +198,15 @@ pub(super) fn approached(
 
 /// Reads a straight path that is walked in the time between its vertices.
 pub(super) fn walked(
-    it: &Node,
-    scope: &Scope,
-    ground: Ground<'_>,
-) -> Result<(OnWay, Law), ImportError> {
+    it: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+) -> Result<(OnWay, ImportedLaw), ImportError> {
     let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
     timed(it, scope, &trajectory)?;
     let on = ground.way(&trajectory, &own)?;
     let shape = trajectory.inner("Shape")?.only()?;
-    let vertices: Vec<&Node> = shape.all("Vertex").collect();
+    let vertices: Vec<&XmlNode> = shape.all("Vertex").collect();
     let (Some(first), Some(last)) = (vertices.first(), vertices.last()) else {
         return Err(shape.refused("a way without places", "give the way at least two vertices"));
     };
@@ -211,7 +223,7 @@ pub(super) fn walked(
     }
     Ok((
         on,
-        Law::Walk {
+        ImportedLaw::Walk {
             speed_mps: way_m / lasts_s,
             way_m,
         },
@@ -221,7 +233,7 @@ pub(super) fn walked(
 /// Refuses a trajectory with other times than from the start of its event.
 ///
 /// It also refuses trajectories that are not followed exactly.
-fn timed(it: &Node, scope: &Scope, trajectory: &Node) -> Result<(), ImportError> {
+fn timed(it: &XmlNode, scope: &ParameterScope, trajectory: &XmlNode) -> Result<(), ImportError> {
     let timing = it.child("TimeReference").and_then(|it| it.child("Timing"));
     let Some(timing) = timing else {
         let help = "write a <Timing domainAbsoluteRelative=\"relative\" scale=\"1\" offset=\"0\"/>";

@@ -1,12 +1,12 @@
 //! Init of a storyboard: initial places, initial speeds and the end of the run.
 
 use super::dropped::lone_time;
-use super::entity::Entity;
+use super::entity::ImportedEntity;
 use super::error::ImportError;
 use super::laws::{gap_of, is_delta};
-use super::places::{Ground, Placed};
-use super::scope::Scope;
-use super::tree::Node;
+use super::places::{Placed, PositionContext};
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
 
 /// Actions without an effect on motion, such as lights, weather and logs.
 const STILL: [&str; 6] = [
@@ -32,8 +32,8 @@ const HANDS_OVER: [&str; 4] = [
 /// # Errors
 ///
 /// Returns an error for a controller that moves an entity other than the ego.
-pub(super) fn is_still(action: &Node, is_for_ego: bool) -> Result<bool, ImportError> {
-    fn hands_over(node: &Node) -> bool {
+pub(super) fn is_still(action: &XmlNode, is_for_ego: bool) -> Result<bool, ImportError> {
+    fn hands_over(node: &XmlNode) -> bool {
         // The attributes may belong to a nested element of the action.
         let names = HANDS_OVER.iter();
         let mut set = names.filter_map(|name| node.raw(name));
@@ -51,9 +51,9 @@ pub(super) fn is_still(action: &Node, is_for_ego: bool) -> Result<bool, ImportEr
 
 /// Returns the initial place of an entity.
 pub(super) fn begins(
-    private: &Node,
-    scope: &Scope,
-    ground: Ground<'_>,
+    private: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
 ) -> Result<Placed, ImportError> {
     let mut at = None;
     let is_ego = private.raw("entityRef") == Some("Ego");
@@ -94,7 +94,11 @@ pub(super) fn begins(
     Ok(at)
 }
 
-fn on_trajectory(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<Placed, ImportError> {
+fn on_trajectory(
+    it: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+) -> Result<Placed, ImportError> {
     let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
     let mut on = ground.way(&trajectory, &own)?;
     on.move_on(it, scope.number_or_zero(it, "initialDistanceOffset")?)?;
@@ -112,7 +116,7 @@ fn on_trajectory(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<Placed,
     })
 }
 
-fn longitudinal<'a>(private: &'a Node, name: &'a str) -> impl Iterator<Item = &'a Node> {
+fn longitudinal<'a>(private: &'a XmlNode, name: &'a str) -> impl Iterator<Item = &'a XmlNode> {
     let actions = private.all("PrivateAction");
     let along = actions.filter_map(|it| it.child("LongitudinalAction"));
     along.filter_map(move |it| it.child(name))
@@ -120,9 +124,9 @@ fn longitudinal<'a>(private: &'a Node, name: &'a str) -> impl Iterator<Item = &'
 
 /// Initial speed of an entity, in m/s.
 pub(super) fn first_speed_mps(
-    private: &Node,
-    scope: &Scope,
-    before: &[Entity],
+    private: &XmlNode,
+    scope: &ParameterScope,
+    before: &[ImportedEntity],
 ) -> Result<f64, ImportError> {
     let mut speed_mps = 0.0;
     for action in longitudinal(private, "SpeedAction") {
@@ -163,8 +167,8 @@ pub(super) fn first_speed_mps(
 
 /// Initial bumper-to-bumper gap in metres of an entity ahead of the ego, if stated.
 pub(super) fn first_gap_m(
-    private: &Node,
-    scope: &Scope,
+    private: &XmlNode,
+    scope: &ParameterScope,
     speed_mps: f64,
 ) -> Result<Option<f64>, ImportError> {
     let mut gap_m = None;
@@ -175,7 +179,7 @@ pub(super) fn first_gap_m(
 }
 
 /// Time in seconds at which the file ends the run, if it states a time alone.
-pub(super) fn stop_s(board: &Node, scope: &Scope) -> Result<Option<f64>, ImportError> {
+pub(super) fn stop_s(board: &XmlNode, scope: &ParameterScope) -> Result<Option<f64>, ImportError> {
     let groups = board.child("StopTrigger");
     let groups = groups.into_iter().flat_map(|it| it.all("ConditionGroup"));
     let mut stop_s: Option<f64> = None;
@@ -192,9 +196,9 @@ pub(super) fn stop_s(board: &Node, scope: &Scope) -> Result<Option<f64>, ImportE
 
 /// Factor by which the Init scales the friction of all roads.
 pub(super) fn friction_scale(
-    init: &Node,
-    scope: &Scope,
-    ground: Ground<'_>,
+    init: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
 ) -> Result<f64, ImportError> {
     let mut scale = 1.0;
     for global in init.all("GlobalAction") {
@@ -223,9 +227,9 @@ pub(super) fn friction_scale(
 
 /// Factor by which an environment scales friction, if it states one.
 pub(super) fn friction_of(
-    action: &Node,
-    scope: &Scope,
-    ground: Ground<'_>,
+    action: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
 ) -> Result<Option<f64>, ImportError> {
     let it = action.only()?;
     let (environment, own) = match it.name.as_str() {

@@ -6,10 +6,10 @@ use super::catalog::Catalogs;
 use super::error::ImportError;
 use super::files::Files;
 use super::roads::RoadMap;
-use super::scope::Scope;
+use super::scope::ParameterScope;
 use super::spot::{Spot, wrapped};
-use super::tree::Node;
-use super::ways::{Bend, OnWay, Spiral, Way};
+use super::tree::XmlNode;
+use super::ways::{Bend, ImportedPath, OnWay, Spiral};
 
 /// Greatest angle in radians between two directions that count as equal.
 const SAME_RAD: f64 = 1e-6;
@@ -40,7 +40,7 @@ pub(super) struct OnLane {
 
 /// Context to which positions may refer.
 #[derive(Clone, Copy)]
-pub(super) struct Ground<'a> {
+pub(super) struct PositionContext<'a> {
     pub roads: &'a RoadMap,
     pub catalogs: &'a Catalogs,
     pub files: Files<'a>,
@@ -48,9 +48,9 @@ pub(super) struct Ground<'a> {
     pub placed: &'a BTreeMap<String, Placed>,
 }
 
-impl Ground<'_> {
+impl PositionContext<'_> {
     /// Returns the place of a `Position`.
-    pub fn place(&self, position: &Node, scope: &Scope) -> Result<Placed, ImportError> {
+    pub fn place(&self, position: &XmlNode, scope: &ParameterScope) -> Result<Placed, ImportError> {
         let it = position.only()?;
         match it.name.as_str() {
             "LanePosition" => {
@@ -124,9 +124,9 @@ impl Ground<'_> {
     /// Returns a trajectory, with the parameters that it may use.
     pub fn trajectory(
         &self,
-        reference: &Node,
-        scope: &Scope,
-    ) -> Result<(Node, Scope), ImportError> {
+        reference: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<(XmlNode, ParameterScope), ImportError> {
         let it = reference.only()?;
         match it.name.as_str() {
             "CatalogReference" => self.catalogs.entry(it, scope, self.files),
@@ -135,7 +135,7 @@ impl Ground<'_> {
     }
 
     /// Returns the path of a trajectory, and the position of its start on the path.
-    pub fn way(&self, trajectory: &Node, scope: &Scope) -> Result<OnWay, ImportError> {
+    pub fn way(&self, trajectory: &XmlNode, scope: &ParameterScope) -> Result<OnWay, ImportError> {
         let shape = trajectory.inner("Shape")?.only()?;
         match shape.name.as_str() {
             "Polyline" => {
@@ -144,7 +144,7 @@ impl Ground<'_> {
                     Ok(placed.spot)
                 });
                 let vertices = vertices.collect::<Result<Vec<Spot>, ImportError>>()?;
-                let way = Way::through(shape, &vertices)?;
+                let way = ImportedPath::through(shape, &vertices)?;
                 let last = vertices.last().unwrap_or(&way.begins);
                 Ok(OnWay {
                     ends_m: way.begins.sees(last).x_m,
@@ -158,7 +158,7 @@ impl Ground<'_> {
     }
 
     /// Returns a path of lines, arcs and spirals.
-    fn spline(&self, shape: &Node, scope: &Scope) -> Result<OnWay, ImportError> {
+    fn spline(&self, shape: &XmlNode, scope: &ParameterScope) -> Result<OnWay, ImportError> {
         let mut begins = None;
         let mut pieces = Vec::new();
         for segment in shape.all("ClothoidSplineSegment") {
@@ -204,7 +204,7 @@ impl Ground<'_> {
         let lengths = pieces.iter().map(|piece: &Bend| piece.length_m);
         let mut on = OnWay {
             ends_m: lengths.sum(),
-            way: Way {
+            way: ImportedPath {
                 begins: begins.spot,
                 pieces,
             },
@@ -227,7 +227,7 @@ impl Ground<'_> {
         Ok(on)
     }
 
-    fn other(&self, it: &Node, scope: &Scope) -> Result<&Placed, ImportError> {
+    fn other(&self, it: &XmlNode, scope: &ParameterScope) -> Result<&Placed, ImportError> {
         let name = scope.text(it, "entityRef")?;
         let other = self.placed.get(&name);
         other.ok_or_else(|| it.error(format!("`{name}` is not placed before")))
@@ -235,8 +235,8 @@ impl Ground<'_> {
 
     fn on_lane(
         &self,
-        it: &Node,
-        scope: &Scope,
+        it: &XmlNode,
+        scope: &ParameterScope,
         (road, lane): (String, i32),
         s_m: f64,
         offset_m: f64,
@@ -268,8 +268,8 @@ impl Ground<'_> {
 
     fn on_road(
         &self,
-        it: &Node,
-        scope: &Scope,
+        it: &XmlNode,
+        scope: &ParameterScope,
         road: String,
         (s_m, t_m): (f64, f64),
     ) -> Result<Placed, ImportError> {
@@ -288,12 +288,12 @@ impl Ground<'_> {
         })
     }
 
-    fn on_route(&self, it: &Node, scope: &Scope) -> Result<Placed, ImportError> {
+    fn on_route(&self, it: &XmlNode, scope: &ParameterScope) -> Result<Placed, ImportError> {
         let reference = it.inner("RouteRef")?.only()?;
         let (route, stops) = self.route(reference, scope)?;
         let spots: Vec<Spot> = stops.iter().map(|stop| stop.spot).collect();
         // Only the direction of the route matters here: it must be straight.
-        let begins = Way::through(&route, &spots)?.begins;
+        let begins = ImportedPath::through(&route, &spots)?.begins;
         let on = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(on, "pathS")?;
         let last = spots.last().unwrap_or(&begins);
@@ -319,7 +319,7 @@ impl Ground<'_> {
             spot: begins.moved(along_m, 0.0),
             lane: None,
             way: Some(OnWay {
-                way: Way::straight(begins),
+                way: ImportedPath::straight(begins),
                 along_m,
                 ends_m,
             }),
@@ -327,7 +327,11 @@ impl Ground<'_> {
     }
 
     /// Returns a route and its waypoints.
-    fn route(&self, it: &Node, scope: &Scope) -> Result<(Node, Vec<Placed>), ImportError> {
+    fn route(
+        &self,
+        it: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<(XmlNode, Vec<Placed>), ImportError> {
         let (route, own) = match it.name.as_str() {
             "CatalogReference" => self.catalogs.entry(it, scope, self.files)?,
             _ => (it.clone(), scope.clone()),
@@ -340,7 +344,12 @@ impl Ground<'_> {
     }
 
     /// Refuses a route that leaves the straight line ahead of a place and its road.
-    pub fn leads_on(&self, assigned: &Node, scope: &Scope, at: &Placed) -> Result<(), ImportError> {
+    pub fn leads_on(
+        &self,
+        assigned: &XmlNode,
+        scope: &ParameterScope,
+        at: &Placed,
+    ) -> Result<(), ImportError> {
         let (_, stops) = self.route(assigned.only()?, scope)?;
         let from = at.way.as_ref().map_or(at.spot, |on| on.way.begins);
         let road = |it: &Placed| it.lane.as_ref().map(|lane| lane.road.clone());
@@ -360,7 +369,7 @@ impl Ground<'_> {
 }
 
 /// Refuses a place before the start or after the end of its road or path.
-fn within(it: &Node, s_m: f64, length_m: f64, what: &str) -> Result<(), ImportError> {
+fn within(it: &XmlNode, s_m: f64, length_m: f64, what: &str) -> Result<(), ImportError> {
     if (-SAME_M..=length_m + SAME_M).contains(&s_m) {
         Ok(())
     } else {
@@ -372,7 +381,7 @@ fn within(it: &Node, s_m: f64, length_m: f64, what: &str) -> Result<(), ImportEr
 }
 
 /// Turns a place by its `Orientation`.
-fn turned(it: &Node, scope: &Scope, spot: Spot) -> Result<Spot, ImportError> {
+fn turned(it: &XmlNode, scope: &ParameterScope, spot: Spot) -> Result<Spot, ImportError> {
     let Some(orientation) = it.child("Orientation") else {
         return Ok(spot);
     };

@@ -1,10 +1,10 @@
 //! Plans of entities in the form of a world file: meetings and scripts.
 
 use super::draft::{Draft, tidy};
-use super::entity::{Law, Steady, Step, Watch};
+use super::entity::{ClearanceCondition, ImportedLaw, ImportedStep, Steady};
 use super::error::ImportError;
 use super::scenario::Concrete;
-use super::seen::{Path, Seen, ego_lever_m, named};
+use super::seen::{EntityInFrame, EntityPath, ego_lever_m, named};
 
 /// Writes the plan of an entity, as its `drive` or as the base of an ado.
 ///
@@ -15,8 +15,8 @@ use super::seen::{Path, Seen, ego_lever_m, named};
 pub(super) fn plan(
     draft: &mut Draft,
     concrete: &Concrete,
-    all: &[Seen],
-    it: &Seen,
+    all: &[EntityInFrame],
+    it: &EntityInFrame,
     trigger: &mut Option<(String, f64)>,
 ) -> Result<(), ImportError> {
     let name = &it.name;
@@ -25,8 +25,8 @@ pub(super) fn plan(
         let here = concrete.in_frame(&meets.here)?;
         // Places are those of reference points, and worlds state fronts.
         let here_m = match it.path {
-            Path::Left | Path::Right => here.y_m + it.front_left_m(),
-            Path::Own(begins, on) => {
+            EntityPath::Left | EntityPath::Right => here.y_m + it.front_left_m(),
+            EntityPath::Own(begins, on) => {
                 // On a bent path, the station is the distance along the pieces.
                 let along_m = match &meets.here.way {
                     Some(here) if here.way == on.way && !on.way.pieces.is_empty() => here.along_m,
@@ -66,9 +66,9 @@ pub(super) fn plan(
 fn step_of(
     draft: &mut Draft,
     concrete: &Concrete,
-    all: &[Seen],
-    it: &Seen,
-    (step, number): (&Step, usize),
+    all: &[EntityInFrame],
+    it: &EntityInFrame,
+    (step, number): (&ImportedStep, usize),
     trigger: &mut Option<(String, f64)>,
 ) -> Result<(), ImportError> {
     // Names of axes start with the entity and the number of the step, so they are
@@ -106,8 +106,8 @@ fn step_of(
 fn law_of(
     draft: &mut Draft,
     concrete: &Concrete,
-    it: &Seen,
-    law: &Law,
+    it: &EntityInFrame,
+    law: &ImportedLaw,
     axis: &impl Fn(&str) -> String,
 ) {
     let mut call = |law: &str, fields: [(&str, &str, f64); 2]| {
@@ -119,7 +119,7 @@ fn law_of(
         draft.text(")");
     };
     match law {
-        Law::Speed {
+        ImportedLaw::Speed {
             to_mps,
             relative_to,
             rate_mps2,
@@ -135,14 +135,14 @@ fn law_of(
             }
             draft.text(")");
         }
-        Law::LaneChange { by_m, rate_mps } => {
+        ImportedLaw::LaneChange { by_m, rate_mps } => {
             let by = ("by_m", "lane_change.by", *by_m);
             call(
                 "LaneChange",
                 [by, ("rate_mps", "lane_change.rate", *rate_mps)],
             );
         }
-        Law::Beside {
+        ImportedLaw::Beside {
             t_m,
             most_lateral_mps2,
         } => {
@@ -157,7 +157,7 @@ fn law_of(
             );
             call("LaneOffset", [("to_m", "lane_offset.to", to_m), most]);
         }
-        Law::Walk { speed_mps, way_m } => {
+        ImportedLaw::Walk { speed_mps, way_m } => {
             let speed = ("speed_mps", "walk.speed", *speed_mps);
             call("Walk", [speed, ("way_m", "walk.way", *way_m)]);
         }
@@ -168,8 +168,8 @@ fn law_of(
 ///
 /// It concerns one of several entities, or all of them.
 fn formula(
-    all: &[Seen],
-    watch: &Watch,
+    all: &[EntityInFrame],
+    watch: &ClearanceCondition,
     parameter: &str,
     is_first: bool,
 ) -> Result<String, ImportError> {
@@ -180,7 +180,7 @@ fn formula(
     };
     let whom = find(&watch.whom)?;
     let who = watch.who.iter().map(|name| find(name));
-    let who = who.collect::<Result<Vec<&Seen>, ImportError>>()?;
+    let who = who.collect::<Result<Vec<&EntityInFrame>, ImportError>>()?;
     let mut holding = who.iter().map(|it| holds_at_start(watch, it, whom));
     let holds = if watch.needs_all {
         holding.all(|holds| holds)
@@ -205,8 +205,8 @@ fn formula(
 }
 
 /// Returns true if the condition of a step holds at the start of the run.
-fn holds_at_start(watch: &Watch, who: &Seen, whom: &Seen) -> bool {
-    let front_m = |it: &Seen| it.spot.x_m + it.front_along_m();
+fn holds_at_start(watch: &ClearanceCondition, who: &EntityInFrame, whom: &EntityInFrame) -> bool {
+    let front_m = |it: &EntityInFrame| it.spot.x_m + it.front_along_m();
     let ahead_m = front_m(whom) - front_m(who);
     // The pair is clear by the gap on either side. The gap is negative while
     // they overlap.
@@ -223,7 +223,13 @@ fn holds_at_start(watch: &Watch, who: &Seen, whom: &Seen) -> bool {
     }
 }
 
-fn waits(watch: &Watch, who: &Seen, whom: &Seen, parameter: &str, is_first: bool) -> String {
+fn waits(
+    watch: &ClearanceCondition,
+    who: &EntityInFrame,
+    whom: &EntityInFrame,
+    parameter: &str,
+    is_first: bool,
+) -> String {
     let headway = format!("{}.{}.headway", who.name, whom.name);
     let ahead = format!("{headway} - {}", tidy(whom.rear_m()));
     let behind = format!("-{headway} - {}", tidy(who.rear_m()));

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::error::ImportError;
 use super::files::Files;
 use super::scope::number;
-use super::tree::Node;
+use super::tree::XmlNode;
 
 /// Greatest number of points.
 const MAX_POINTS: usize = 1_000_000;
@@ -20,7 +20,7 @@ pub struct ImportedPoint(pub Vec<(String, String)>);
 ///
 /// Returns an error for other distributions and for more than [`MAX_POINTS`].
 pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, ImportError> {
-    let root = Node::read(path, files)?;
+    let root = XmlNode::read(path, files)?;
     let list = root
         .child("ParameterValueDistribution")
         .ok_or_else(|| root.error("it has no `ParameterValueDistribution`: no variation file"))?;
@@ -51,7 +51,7 @@ pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, 
 }
 
 /// Values that each step of an axis sets.
-fn axis_of(axis: &Node) -> Result<Vec<Vec<(String, String)>>, ImportError> {
+fn axis_of(axis: &XmlNode) -> Result<Vec<Vec<(String, String)>>, ImportError> {
     match axis.name.as_str() {
         "DeterministicSingleParameterDistribution" => {
             let name = axis.need("parameterName")?;
@@ -85,9 +85,9 @@ fn axis_of(axis: &Node) -> Result<Vec<Vec<(String, String)>>, ImportError> {
 }
 
 /// Values of a range, including both ends.
-fn range_of(range: &Node) -> Result<Vec<String>, ImportError> {
+fn range_of(range: &XmlNode) -> Result<Vec<String>, ImportError> {
     let limits = range.inner("Range")?;
-    let of = |node: &Node, name: &str| {
+    let of = |node: &XmlNode, name: &str| {
         let text = node.need(name)?;
         number(text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
     };

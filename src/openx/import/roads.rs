@@ -5,10 +5,10 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::error::ImportError;
-use super::scope::Scope;
+use super::scope::ParameterScope;
 use super::spot::{Spot, wrapped};
 use super::surface::Surface;
-use super::tree::Node;
+use super::tree::XmlNode;
 use super::ways::{Bend, Spiral};
 
 /// Lateral distance in metres up to which lanes stay near their spirals.
@@ -23,7 +23,7 @@ const MOST_SAMPLES: f64 = 20_000.0;
 
 /// Piece of a reference line.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch {
+pub(super) struct ReferenceSegment {
     pub s_m: f64,
     start: Spot,
     pub length_m: f64,
@@ -32,10 +32,10 @@ pub(super) struct Stretch {
 
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]
-pub(super) struct Line {
-    node: Node,
+pub(super) struct ImportedRoad {
+    node: XmlNode,
     pub length_m: f64,
-    pub pieces: Vec<Stretch>,
+    pub pieces: Vec<ReferenceSegment>,
     /// First unsupported content, returned when an entity is on the road.
     refused: Option<ImportError>,
     offset_m: f64,
@@ -47,24 +47,24 @@ pub(super) struct Line {
 
 /// Roads of a file by their id.
 #[derive(Clone, Debug)]
-pub(super) struct RoadMap(BTreeMap<String, Line>);
+pub(super) struct RoadMap(BTreeMap<String, ImportedRoad>);
 
 impl RoadMap {
-    pub fn of(root: &Node) -> Result<RoadMap, ImportError> {
+    pub fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
         let roads = root.all("road").map(|road| {
             let id = road.need("id")?.to_owned();
-            Ok((id, Line::of(road)?))
+            Ok((id, ImportedRoad::of(road)?))
         });
         Ok(RoadMap(roads.collect::<Result<_, ImportError>>()?))
     }
 
     /// Returns a road by its id.
-    pub fn get(&self, id: &str) -> Option<&Line> {
+    pub fn get(&self, id: &str) -> Option<&ImportedRoad> {
         self.0.get(id)
     }
 
     /// Returns all roads.
-    pub fn all(&self) -> impl Iterator<Item = &Line> {
+    pub fn all(&self) -> impl Iterator<Item = &ImportedRoad> {
         self.0.values()
     }
 
@@ -91,7 +91,7 @@ impl RoadMap {
         road: Option<&str>,
         of: impl Fn(&Surface) -> Result<T, ImportError>,
     ) -> Result<T, ImportError> {
-        let asked = |(id, _): &(&String, &Line)| road.is_none_or(|road| road == *id);
+        let asked = |(id, _): &(&String, &ImportedRoad)| road.is_none_or(|road| road == *id);
         let mut roads = self.0.iter().filter(asked).map(|(_, line)| line);
         let Some(first) = roads.next() else {
             // A file without roads has the default surface.
@@ -111,7 +111,7 @@ impl RoadMap {
     /// Returns a road by its id, if it is supported.
     ///
     /// `asks` is the element that refers to the road.
-    pub fn road(&self, asks: &Node, id: &str) -> Result<&Line, ImportError> {
+    pub fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
         let road = self.0.get(id);
         let road = road.ok_or_else(|| asks.error(format!("there is no road `{id}`")))?;
         match &road.refused {
@@ -121,9 +121,9 @@ impl RoadMap {
     }
 }
 
-impl Line {
-    fn of(road: &Node) -> Result<Line, ImportError> {
-        let plain = Scope::default();
+impl ImportedRoad {
+    fn of(road: &XmlNode) -> Result<ImportedRoad, ImportError> {
+        let plain = ParameterScope::default();
         // The first problem of a road is kept and reading continues: an unused
         // road must not fail the import.
         let mut refused = None;
@@ -132,11 +132,11 @@ impl Line {
             refused = Some(road.refused("left-hand traffic is not read", help));
         }
         let length_m = plain.number(road, "length")?;
-        let mut pieces: Vec<Stretch> = Vec::new();
+        let mut pieces: Vec<ReferenceSegment> = Vec::new();
         for geometry in road.inner("planView")?.all("geometry") {
             let shape = geometry.only()?;
             let length_m = plain.number(geometry, "length")?;
-            let before = pieces.last().map(Stretch::end);
+            let before = pieces.last().map(ReferenceSegment::end);
             let bend = |per_m| vec![Bend { length_m, per_m }];
             let bends = match shape.name.as_str() {
                 "line" => bend(0.0),
@@ -169,7 +169,7 @@ impl Line {
                 refused = meets(geometry, before, (s_m, start)).err();
             }
             for Bend { length_m, per_m } in bends {
-                pieces.push(Stretch {
+                pieces.push(ReferenceSegment {
                     s_m,
                     start,
                     length_m,
@@ -216,7 +216,7 @@ impl Line {
             }
             all.push((id, width_m, lane.raw("type") == Some("driving")));
         }
-        let mut line = Line {
+        let mut line = ImportedRoad {
             surface: Surface::of(road, first)?,
             node: road.clone(),
             length_m,
@@ -275,7 +275,7 @@ impl Line {
     /// Returns whether the reference line is straight between two stations.
     pub fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
         let (from_m, to_m) = (from_m.min(to_m), from_m.max(to_m));
-        let between = |it: &&Stretch| it.s_m < to_m && from_m < it.s_m + it.length_m;
+        let between = |it: &&ReferenceSegment| it.s_m < to_m && from_m < it.s_m + it.length_m;
         let mut pieces = self.pieces.iter().filter(between);
         pieces.all(|it| it.per_m == 0.0)
     }
@@ -306,7 +306,7 @@ impl Line {
     /// # Errors
     ///
     /// Returns an error for an unknown lane.
-    pub fn middle_m(&self, asks: &Node, lane: i32) -> Result<f64, ImportError> {
+    pub fn middle_m(&self, asks: &XmlNode, lane: i32) -> Result<f64, ImportError> {
         let width_of = |id: i32| {
             let found = self.lanes.iter().find(|(known, ..)| *known == id);
             found.map(|(_, width_m, _)| *width_m).ok_or_else(|| {
@@ -339,7 +339,7 @@ impl Line {
     }
 }
 
-impl Stretch {
+impl ReferenceSegment {
     /// Station and place of its end.
     fn end(&self) -> (f64, Spot) {
         let end = self.start.bent(self.length_m, self.per_m);
@@ -349,7 +349,7 @@ impl Stretch {
 
 /// Refuses a piece that does not start at the end of the previous piece.
 fn meets(
-    geometry: &Node,
+    geometry: &XmlNode,
     before: Option<(f64, Spot)>,
     (s_m, start): (f64, Spot),
 ) -> Result<(), ImportError> {
@@ -370,8 +370,8 @@ fn meets(
 }
 
 /// Lateral offset of all lanes in metres.
-fn lane_offset_m(lanes: &Node, refused: &mut Option<ImportError>) -> Result<f64, ImportError> {
-    let plain = Scope::default();
+fn lane_offset_m(lanes: &XmlNode, refused: &mut Option<ImportError>) -> Result<f64, ImportError> {
+    let plain = ParameterScope::default();
     let mut offset_m = 0.0;
     for (i, offset) in lanes.all("laneOffset").enumerate() {
         let before_m = offset_m;
@@ -388,8 +388,8 @@ fn lane_offset_m(lanes: &Node, refused: &mut Option<ImportError>) -> Result<f64,
     Ok(offset_m)
 }
 
-fn refuse_changes(width: &Node, refused: &mut Option<ImportError>) -> Result<(), ImportError> {
-    let plain = Scope::default();
+fn refuse_changes(width: &XmlNode, refused: &mut Option<ImportError>) -> Result<(), ImportError> {
+    let plain = ParameterScope::default();
     for term in ["b", "c", "d"] {
         if plain.number_or_zero(width, term)? != 0.0 {
             let help = "only a may differ from 0";

@@ -9,17 +9,17 @@ use super::acts::acts;
 use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
 use super::dropped::DropLog;
-use super::entity::Entity;
+use super::entity::ImportedEntity;
 use super::error::{At, ImportError};
 use super::files::Files;
 use super::motion;
-use super::places::{Ground, OnLane, Placed};
+use super::places::{OnLane, Placed, PositionContext};
 use super::points::ImportedPoint;
 use super::roads::RoadMap;
-use super::scope::Scope;
+use super::scope::ParameterScope;
 use super::spot::Spot;
-use super::tree::Node;
-use super::ways::{Bend, OnWay, Way};
+use super::tree::XmlNode;
+use super::ways::{Bend, ImportedPath, OnWay};
 
 /// Valid range of friction coefficients.
 const FRICTIONS: core::ops::RangeInclusive<f64> = 0.01..=2.0;
@@ -28,7 +28,7 @@ const LEAST_AHEAD_M: f64 = 100.0;
 
 /// Scenario file with its catalogs and roads.
 pub(super) struct Protocol {
-    root: Node,
+    root: XmlNode,
     path: PathBuf,
     catalogs: Catalogs,
     roads: RefCell<BTreeMap<PathBuf, Rc<RoadMap>>>,
@@ -40,18 +40,18 @@ pub(super) struct Protocol {
 
 /// Frame of the ego's road, to which all places refer.
 #[derive(Clone, Debug)]
-pub(super) enum Frame {
+pub(super) enum RoadFrame {
     /// Straight line from a place.
     Straight(Spot),
     /// Parallel to a reference line, `t_m` to its left.
     Beside { road: String, t_m: f64 },
     /// Bent path.
-    Along(Way),
+    Along(ImportedPath),
 }
 
 /// Scenario at a point.
 pub(super) struct Concrete {
-    pub frame: Frame,
+    pub frame: RoadFrame,
     /// Lateral position of a straight frame, from its reference line.
     straight_zero_m: f64,
     pub roads: Rc<RoadMap>,
@@ -60,7 +60,7 @@ pub(super) struct Concrete {
     /// Friction coefficient μ of the ego's road.
     pub friction: f64,
     pub limit_mps: Option<f64>,
-    pub entities: Vec<Entity>,
+    pub entities: Vec<ImportedEntity>,
     /// Time at which the file ends the run, if it states a time alone.
     pub stop_s: Option<f64>,
     /// Place of the file, for later errors.
@@ -69,7 +69,7 @@ pub(super) struct Concrete {
 
 impl Protocol {
     pub fn open(path: &Path, files: Files<'_>) -> Result<Protocol, ImportError> {
-        let root = Node::read(path, files)?;
+        let root = XmlNode::read(path, files)?;
         if root.child("Storyboard").is_none() {
             let error = root.error("there is no `Storyboard` in it: it is no scenario");
             return Err(error.helped("a variation file is named with --points"));
@@ -98,7 +98,7 @@ impl Protocol {
         stop.unwrap_or(&self.root).line
     }
 
-    fn declarations(&self) -> Option<&Node> {
+    fn declarations(&self) -> Option<&XmlNode> {
         self.root.child("ParameterDeclarations")
     }
 
@@ -107,7 +107,7 @@ impl Protocol {
     /// # Errors
     ///
     /// Returns an error for a value of an undeclared parameter.
-    pub fn scope(&self, point: &ImportedPoint) -> Result<Scope, ImportError> {
+    pub fn scope(&self, point: &ImportedPoint) -> Result<ParameterScope, ImportError> {
         let declared = |name: &str| {
             let list = self.declarations();
             let mut list = list
@@ -120,11 +120,11 @@ impl Protocol {
             let what = format!("a point sets `{name}`, which the scenario does not declare");
             return Err(self.root.error(what));
         }
-        Scope::declared(self.declarations(), &Scope::default(), &point.0)
+        ParameterScope::declared(self.declarations(), &ParameterScope::default(), &point.0)
     }
 
     /// Returns the error of a point whose values break a constraint of the file.
-    pub fn broken(&self, scope: &Scope) -> Result<Option<ImportError>, ImportError> {
+    pub fn broken(&self, scope: &ParameterScope) -> Result<Option<ImportError>, ImportError> {
         let broken = scope.broken(self.declarations())?;
         Ok(broken.map(|declaration| {
             let name = declaration.raw("name").unwrap_or_default();
@@ -139,7 +139,7 @@ impl Protocol {
     /// # Errors
     ///
     /// Returns an error with file and element for unsupported content.
-    pub fn at(&self, scope: &Scope, files: Files<'_>) -> Result<Concrete, ImportError> {
+    pub fn at(&self, scope: &ParameterScope, files: Files<'_>) -> Result<Concrete, ImportError> {
         let roads = self.road_map(scope, files)?;
         let mut placed: BTreeMap<String, Placed> = BTreeMap::new();
         let mut entities = Vec::new();
@@ -149,8 +149,8 @@ impl Protocol {
             .inner("Init")?
             .inner("Actions")?;
         let objects = self.root.inner("Entities")?;
-        let objects: Vec<&Node> = objects.all("ScenarioObject").collect();
-        let privates: Vec<&Node> = init.all("Private").collect();
+        let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
+        let privates: Vec<&XmlNode> = init.all("Private").collect();
         for object in &objects {
             let name = object.need("name")?;
             if !privates.iter().any(|it| it.raw("entityRef") == Some(name)) {
@@ -171,7 +171,7 @@ impl Protocol {
                 it => (it.clone(), scope.clone()),
             };
             let body = ImportedBody::of(&body, &own)?;
-            let ground = Ground {
+            let ground = PositionContext {
                 roads: &roads,
                 catalogs: &self.catalogs,
                 files,
@@ -183,7 +183,7 @@ impl Protocol {
             let speed_mps = motion::first_speed_mps(begun, scope, &entities)?;
             let gap_m = motion::first_gap_m(begun, scope, speed_mps)?;
             placed.insert(name.to_owned(), at.clone());
-            entities.push(Entity {
+            entities.push(ImportedEntity {
                 name: name.to_owned(),
                 is_ego: name == "Ego",
                 body,
@@ -195,7 +195,7 @@ impl Protocol {
                 at: begun.at(),
             });
         }
-        let ground = Ground {
+        let ground = PositionContext {
             roads: &roads,
             catalogs: &self.catalogs,
             files,
@@ -234,7 +234,11 @@ impl Protocol {
         })
     }
 
-    fn road_map(&self, scope: &Scope, files: Files<'_>) -> Result<Rc<RoadMap>, ImportError> {
+    fn road_map(
+        &self,
+        scope: &ParameterScope,
+        files: Files<'_>,
+    ) -> Result<Rc<RoadMap>, ImportError> {
         let file = self.root.inner("RoadNetwork")?.inner("LogicFile")?;
         let beside = self.path.parent().unwrap_or(Path::new(""));
         let path = beside.join(scope.text(file, "filepath")?);
@@ -242,7 +246,7 @@ impl Protocol {
         if let Some(known) = self.roads.borrow().get(&path) {
             return Ok(Rc::clone(known));
         }
-        let root = Node::read(&path, files)?;
+        let root = XmlNode::read(&path, files)?;
         self.dropped.look(&root);
         let map = Rc::new(RoadMap::of(&root)?);
         self.roads.borrow_mut().insert(path, Rc::clone(&map));
@@ -262,15 +266,15 @@ impl Concrete {
     pub fn in_frame(&self, placed: &Placed) -> Result<Spot, ImportError> {
         let refused = |what: String| self.at.error(what);
         match &self.frame {
-            Frame::Straight(origin) => Ok(origin.sees(&placed.spot)),
-            Frame::Along(way) => Ok(match &placed.way {
+            RoadFrame::Straight(origin) => Ok(origin.sees(&placed.spot)),
+            RoadFrame::Along(way) => Ok(match &placed.way {
                 Some(on) if on.way == *way => Spot {
                     x_m: on.along_m,
                     ..on.spot().sees(&placed.spot)
                 },
                 _ => way.begins.sees(&placed.spot),
             }),
-            Frame::Beside { road, t_m } => {
+            RoadFrame::Beside { road, t_m } => {
                 let OnLane {
                     road: own,
                     s_m,
@@ -315,14 +319,14 @@ impl Concrete {
     /// Every place is, except beside an ego that turns off.
     pub fn is_on_road(&self, placed: &Placed) -> bool {
         match &self.frame {
-            Frame::Along(way) => placed.way.as_ref().is_some_and(|on| on.way == *way),
-            Frame::Straight(_) | Frame::Beside { .. } => true,
+            RoadFrame::Along(way) => placed.way.as_ref().is_some_and(|on| on.way == *way),
+            RoadFrame::Straight(_) | RoadFrame::Beside { .. } => true,
         }
     }
 
     /// Returns true if the ego's lane bends anywhere.
     pub fn bends(&self) -> bool {
-        !matches!(self.frame, Frame::Straight(_))
+        !matches!(self.frame, RoadFrame::Straight(_))
     }
 
     /// Returns true if the curvature of the ego's lane changes.
@@ -334,8 +338,8 @@ impl Concrete {
     /// Lateral position of lane 0, from the reference line of the ego's road.
     pub fn zero_m(&self) -> f64 {
         match &self.frame {
-            Frame::Beside { t_m, .. } => *t_m,
-            Frame::Straight(_) | Frame::Along(_) => self.straight_zero_m,
+            RoadFrame::Beside { t_m, .. } => *t_m,
+            RoadFrame::Straight(_) | RoadFrame::Along(_) => self.straight_zero_m,
         }
     }
 
@@ -349,9 +353,9 @@ impl Concrete {
     /// Pieces of the ego's lane 0 up to a length. A straight lane has none.
     pub fn pieces(&self, until_m: f64) -> Vec<Bend> {
         let (road, t_m) = match &self.frame {
-            Frame::Straight(_) => return Vec::new(),
-            Frame::Along(way) => return way.pieces.clone(),
-            Frame::Beside { road, t_m } => (road, t_m),
+            RoadFrame::Straight(_) => return Vec::new(),
+            RoadFrame::Along(way) => return way.pieces.clone(),
+            RoadFrame::Beside { road, t_m } => (road, t_m),
         };
         let Some(line) = self.roads.get(road) else {
             return Vec::new();
@@ -379,16 +383,16 @@ impl Concrete {
 /// Returns the frame, the lateral position of its outermost lane, and the
 /// number and the width of its lanes.
 fn frame(
-    asks: &Node,
+    asks: &XmlNode,
     roads: &RoadMap,
-    ego: &Entity,
-) -> Result<(Frame, f64, usize, f64), ImportError> {
+    ego: &ImportedEntity,
+) -> Result<(RoadFrame, f64, usize, f64), ImportError> {
     if let Some(OnWay { way, .. }) = &ego.placed.way {
         // A path has no lanes of its own, so two of a usual width are drawn.
         let frame = if way.pieces.is_empty() {
-            Frame::Straight(way.begins)
+            RoadFrame::Straight(way.begins)
         } else {
-            Frame::Along(way.clone())
+            RoadFrame::Along(way.clone())
         };
         return Ok((frame, 0.0, 2, 3.5));
     }
@@ -423,9 +427,9 @@ fn frame(
     };
     let t_m = line.middle_m(asks, outer)?;
     let frame = if line.is_straight() {
-        Frame::Straight(line.at(0.0, t_m))
+        RoadFrame::Straight(line.at(0.0, t_m))
     } else {
-        Frame::Beside {
+        RoadFrame::Beside {
             road: at.road.clone(),
             t_m,
         }

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use super::error::ImportError;
 use super::expression::evaluate;
-use super::tree::Node;
+use super::tree::XmlNode;
 
 /// Values of the parameters that a part of a file may use.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Scope(BTreeMap<String, String>);
+pub(super) struct ParameterScope(BTreeMap<String, String>);
 
-impl Scope {
+impl ParameterScope {
     /// Returns the parameters of an element, in addition to the outer parameters.
     ///
     /// Values are evaluated in the order of their declarations. `set` overrides
@@ -20,10 +20,10 @@ impl Scope {
     ///
     /// Returns an error for an invalid expression or an unknown parameter.
     pub fn declared(
-        node: Option<&Node>,
-        outer: &Scope,
+        node: Option<&XmlNode>,
+        outer: &ParameterScope,
         set: &[(String, String)],
-    ) -> Result<Scope, ImportError> {
+    ) -> Result<ParameterScope, ImportError> {
         let mut scope = outer.clone();
         let declarations = node
             .into_iter()
@@ -49,18 +49,18 @@ impl Scope {
     }
 
     /// Returns a required attribute, evaluated.
-    pub fn text(&self, node: &Node, name: &str) -> Result<String, ImportError> {
+    pub fn text(&self, node: &XmlNode, name: &str) -> Result<String, ImportError> {
         self.resolve_text(node, node.need(name)?)
     }
 
     /// Returns a required attribute as a number.
-    pub fn number(&self, node: &Node, name: &str) -> Result<f64, ImportError> {
+    pub fn number(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
         let text = self.text(node, name)?;
         number(&text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
     }
 
     /// Returns an attribute as a number, or 0 if it is missing.
-    pub fn number_or_zero(&self, node: &Node, name: &str) -> Result<f64, ImportError> {
+    pub fn number_or_zero(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
         match node.raw(name) {
             Some(_) => self.number(node, name),
             None => Ok(0.0),
@@ -68,7 +68,7 @@ impl Scope {
     }
 
     /// Evaluates a text.
-    pub fn resolve_text(&self, node: &Node, text: &str) -> Result<String, ImportError> {
+    pub fn resolve_text(&self, node: &XmlNode, text: &str) -> Result<String, ImportError> {
         // Only complete texts are expressions or references. OpenSCENARIO has
         // no interpolation.
         let trimmed = text.trim();
@@ -102,7 +102,10 @@ impl Scope {
     /// Returns the first declaration whose constraints its value breaks.
     ///
     /// One constraint group must hold, with all its constraints.
-    pub fn broken<'a>(&self, node: Option<&'a Node>) -> Result<Option<&'a Node>, ImportError> {
+    pub fn broken<'a>(
+        &self,
+        node: Option<&'a XmlNode>,
+    ) -> Result<Option<&'a XmlNode>, ImportError> {
         let declarations = node
             .into_iter()
             .flat_map(|it| it.all("ParameterDeclaration"));

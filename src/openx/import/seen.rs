@@ -2,7 +2,7 @@
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
-use super::entity::Entity;
+use super::entity::ImportedEntity;
 use super::error::ImportError;
 use super::places::is_along;
 use super::scenario::Concrete;
@@ -13,16 +13,16 @@ use super::ways::OnWay;
 const SQUARE_RAD: f64 = 0.02;
 
 /// Entity in the frame of the ego's road.
-pub(super) struct Seen<'a> {
-    pub entity: &'a Entity,
+pub(super) struct EntityInFrame<'a> {
+    pub entity: &'a ImportedEntity,
     pub name: String,
     /// Reference point of the entity.
     pub spot: Spot,
-    pub path: Path<'a>,
+    pub path: EntityPath<'a>,
 }
 
 /// Path of an entity.
-pub(super) enum Path<'a> {
+pub(super) enum EntityPath<'a> {
     /// Along the ego's road, with its direction or against it.
     With,
     Against,
@@ -35,23 +35,23 @@ pub(super) enum Path<'a> {
     Turned,
 }
 
-impl Seen<'_> {
+impl EntityInFrame<'_> {
     /// Distance in metres from the reference point to the front, along the road.
     pub fn front_along_m(&self) -> f64 {
         let front_m = self.entity.body.front_m;
         match self.path {
-            Path::With => front_m,
-            Path::Against => -front_m,
-            Path::Own(..) => front_m,
-            Path::Left | Path::Right | Path::Turned => 0.0,
+            EntityPath::With => front_m,
+            EntityPath::Against => -front_m,
+            EntityPath::Own(..) => front_m,
+            EntityPath::Left | EntityPath::Right | EntityPath::Turned => 0.0,
         }
     }
 
     pub fn front_left_m(&self) -> f64 {
         let front_m = self.entity.body.front_m;
         match self.path {
-            Path::Left => front_m,
-            Path::Right => -front_m,
+            EntityPath::Left => front_m,
+            EntityPath::Right => -front_m,
             _ => 0.0,
         }
     }
@@ -65,10 +65,10 @@ impl Seen<'_> {
     pub fn rear_m(&self) -> f64 {
         let body = &self.entity.body;
         match self.path {
-            Path::With => body.length_m,
+            EntityPath::With => body.length_m,
             // A crossing pedestrian covers its width along the road, half on
             // each side of its front.
-            Path::Left | Path::Right => 0.5 * body.width_m,
+            EntityPath::Left | EntityPath::Right => 0.5 * body.width_m,
             _ => 0.0,
         }
     }
@@ -79,7 +79,10 @@ impl Seen<'_> {
 /// # Errors
 ///
 /// Returns an error for a direction that a world file cannot express.
-pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'a>, ImportError> {
+pub(super) fn seen<'a>(
+    concrete: &Concrete,
+    entity: &'a ImportedEntity,
+) -> Result<EntityInFrame<'a>, ImportError> {
     let spot = concrete.in_frame(&entity.placed)?;
     let refused = |what: String| entity.at.error(what);
     let moves = entity.speed_mps != 0.0 || !entity.steps.is_empty() || entity.meets.is_some();
@@ -105,24 +108,24 @@ pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'
                 "nobody on foot is read beside a way that bends".to_owned(),
             ));
         }
-        true if near(FRAC_PI_2) => Path::Left,
-        true if near(-FRAC_PI_2) => Path::Right,
-        true if near(0.0) => Path::With,
-        true if near(PI) || near(-PI) => Path::Against,
+        true if near(FRAC_PI_2) => EntityPath::Left,
+        true if near(-FRAC_PI_2) => EntityPath::Right,
+        true if near(0.0) => EntityPath::With,
+        true if near(PI) || near(-PI) => EntityPath::Against,
         true => {
             return Err(refused(
                 "on foot one faces along the road or across it".to_owned(),
             ));
         }
-        false if shares_road && is_along(heading_rad, 0.0) => Path::With,
-        false if shares_road && is_along(heading_rad, PI) => Path::Against,
+        false if shares_road && is_along(heading_rad, 0.0) => EntityPath::With,
+        false if shares_road && is_along(heading_rad, PI) => EntityPath::Against,
         false => match (&entity.placed.way, moves) {
             (Some(on), true) => {
                 let placed = super::places::Placed {
                     spot: on.way.begins,
                     ..entity.placed.clone()
                 };
-                Path::Own(concrete.in_frame(&placed)?, on)
+                EntityPath::Own(concrete.in_frame(&placed)?, on)
             }
             (None, true) => {
                 return Err(refused(
@@ -130,10 +133,10 @@ pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'
                 ));
             }
             // A standing entity needs no path.
-            (_, false) => Path::Turned,
+            (_, false) => EntityPath::Turned,
         },
     };
-    Ok(Seen {
+    Ok(EntityInFrame {
         entity,
         name: named(&entity.name),
         spot,
@@ -142,7 +145,7 @@ pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'
 }
 
 /// Distance in metres from the ego's reference point to its front.
-pub(super) fn ego_lever_m(all: &[Seen]) -> f64 {
+pub(super) fn ego_lever_m(all: &[EntityInFrame]) -> f64 {
     let ego = all.iter().find(|it| it.entity.is_ego);
     ego.map_or(0.0, |it| it.entity.body.front_m)
 }

@@ -1,8 +1,8 @@
 //! Friction and speed limit of a road.
 
 use super::error::ImportError;
-use super::scope::Scope;
-use super::tree::Node;
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
 
 /// Metres per second in one mile per hour.
 const MPH_MPS: f64 = 0.44704;
@@ -30,13 +30,13 @@ impl Default for Surface {
 
 impl Surface {
     /// Returns the surface of a road with the lanes of one section.
-    pub fn of(road: &Node, section: Option<&Node>) -> Result<Surface, ImportError> {
+    pub fn of(road: &XmlNode, section: Option<&XmlNode>) -> Result<Surface, ImportError> {
         let sides = section.into_iter().flat_map(|it| &it.children);
         let lanes = sides.flat_map(|side| side.all("lane"));
         // Materials of shoulders and sidewalks do not matter: no vehicle drives
         // there.
         let driven = lanes.filter(|lane| lane.raw("type") == Some("driving"));
-        let driven: Vec<&Node> = driven.collect();
+        let driven: Vec<&XmlNode> = driven.collect();
         Ok(Surface {
             friction: friction(&driven)?,
             limit_mps: limit_mps(road, &driven)?,
@@ -44,11 +44,11 @@ impl Surface {
     }
 }
 
-fn friction(driven: &[&Node]) -> Result<Result<f64, ImportError>, ImportError> {
+fn friction(driven: &[&XmlNode]) -> Result<Result<f64, ImportError>, ImportError> {
     let mut known = None;
     for material in driven.iter().flat_map(|lane| lane.all("material")) {
-        let value = Scope::default().number_or_zero(material, "friction")?;
-        let begins_m = Scope::default().number_or_zero(material, "sOffset")?;
+        let value = ParameterScope::default().number_or_zero(material, "friction")?;
+        let begins_m = ParameterScope::default().number_or_zero(material, "sOffset")?;
         if begins_m != 0.0 || known.is_some_and(|known| known != value) {
             let what = "friction that changes along the road or from lane to lane is not read";
             let help = "give every driving lane the same `material` from sOffset=\"0\" on";
@@ -63,8 +63,8 @@ fn friction(driven: &[&Node]) -> Result<Result<f64, ImportError>, ImportError> {
 ///
 /// The outer error is a malformed file, the inner error an unsupported limit.
 fn limit_mps(
-    road: &Node,
-    driven: &[&Node],
+    road: &XmlNode,
+    driven: &[&XmlNode],
 ) -> Result<Result<Option<f64>, ImportError>, ImportError> {
     let of_road = road
         .all("type")
@@ -84,7 +84,7 @@ fn limit_mps(
     let mut known = has_none.then_some(None);
     for (record, begins, speed) in records {
         let limit_mps = max_mps(speed)?;
-        let begins_late = Scope::default().number_or_zero(record, begins)? != 0.0;
+        let begins_late = ParameterScope::default().number_or_zero(record, begins)? != 0.0;
         let begins_late = begins_late && limit_mps.is_some() && known.is_none();
         if begins_late || known.is_some_and(|known| known != limit_mps) {
             let what = "a speed limit that changes along the road or from lane to lane is not read";
@@ -97,11 +97,11 @@ fn limit_mps(
 }
 
 /// Limit of a `speed` element. `no limit` and `undefined` are no limit.
-fn max_mps(speed: &Node) -> Result<Option<f64>, ImportError> {
+fn max_mps(speed: &XmlNode) -> Result<Option<f64>, ImportError> {
     if matches!(speed.raw("max"), None | Some("no limit" | "undefined")) {
         return Ok(None);
     }
-    let value = Scope::default().number(speed, "max")?;
+    let value = ParameterScope::default().number(speed, "max")?;
     let per_mps = match speed.raw("unit") {
         None | Some("m/s") => 1.0,
         Some("km/h") => 1.0 / 3.6,

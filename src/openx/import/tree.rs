@@ -17,39 +17,39 @@ const MAX_DEPTH: usize = 200;
 
 /// Element of a file.
 #[derive(Clone, Debug)]
-pub(super) struct Node {
+pub(super) struct XmlNode {
     pub name: String,
     attributes: Vec<(String, String)>,
-    pub children: Vec<Node>,
+    pub children: Vec<XmlNode>,
     pub line: usize,
     /// Offset behind its opening tag, which distinguishes elements of one line.
     pub place: usize,
     file: Rc<PathBuf>,
 }
 
-impl Node {
+impl XmlNode {
     /// Reads the root element of a file.
     ///
     /// # Errors
     ///
     /// Returns an error for an unreadable or too large file, and for invalid
     /// XML.
-    pub fn read(path: &Path, files: Files<'_>) -> Result<Node, ImportError> {
+    pub fn read(path: &Path, files: Files<'_>) -> Result<XmlNode, ImportError> {
         let at = At::file(path);
         let text = files(path).map_err(|error| at.error(error.to_string()))?;
         if MAX_BYTES < text.len() {
             return Err(at.error(format!("it is larger than {MAX_BYTES} bytes")));
         }
         // A byte order mark is no part of the XML.
-        Node::parse(path, text.trim_start_matches('\u{feff}'))
+        XmlNode::parse(path, text.trim_start_matches('\u{feff}'))
     }
 
-    pub fn parse(path: &Path, text: &str) -> Result<Node, ImportError> {
+    pub fn parse(path: &Path, text: &str) -> Result<XmlNode, ImportError> {
         let file = Rc::new(path.to_owned());
         let mut reader = Reader::from_str(text);
         let (mut line, mut counted) = (1, 0);
-        let mut open: Vec<Node> = Vec::new();
-        let mut root: Option<Node> = None;
+        let mut open: Vec<XmlNode> = Vec::new();
+        let mut root: Option<XmlNode> = None;
         loop {
             let event = reader.read_event();
             // The position lies behind the event, so the line is that of the
@@ -60,13 +60,15 @@ impl Node {
                 .map_or(0, |part| part.matches('\n').count());
             counted = upto;
             let close =
-                |open: &mut Vec<Node>, root: &mut Option<Node>, node: Node| match open.last_mut() {
+                |open: &mut Vec<XmlNode>, root: &mut Option<XmlNode>, node: XmlNode| match open
+                    .last_mut()
+                {
                     Some(parent) => parent.children.push(node),
                     None => *root = Some(node),
                 };
             match event {
                 Ok(Event::Start(start)) => {
-                    let node = Node::of(&file, &start, (line, upto))
+                    let node = XmlNode::of(&file, &start, (line, upto))
                         .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
                     open.push(node);
                     // Guards the stack of the recursive functions that read the
@@ -76,7 +78,7 @@ impl Node {
                     }
                 }
                 Ok(Event::Empty(start)) => {
-                    let node = Node::of(&file, &start, (line, upto))
+                    let node = XmlNode::of(&file, &start, (line, upto))
                         .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
                     close(&mut open, &mut root, node);
                 }
@@ -103,13 +105,13 @@ impl Node {
         file: &Rc<PathBuf>,
         start: &BytesStart<'_>,
         (line, place): (usize, usize),
-    ) -> Result<Node, String> {
+    ) -> Result<XmlNode, String> {
         let attributes = start.attributes().map(|attribute| {
             let attribute = attribute.map_err(|error| error.to_string())?;
             let value = unescape(&attribute.value).map_err(|error| error.to_string())?;
             Ok((attribute.key.0.to_owned(), value.into_owned()))
         });
-        Ok(Node {
+        Ok(XmlNode {
             name: start.name().0.to_owned(),
             attributes: attributes.collect::<Result<_, String>>()?,
             children: Vec::new(),
@@ -157,17 +159,17 @@ impl Node {
     }
 
     /// Returns the children of a name.
-    pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Node> {
+    pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a XmlNode> {
         self.children.iter().filter(move |child| child.name == name)
     }
 
     /// Returns the first child of a name.
-    pub fn child(&self, name: &str) -> Option<&Node> {
+    pub fn child(&self, name: &str) -> Option<&XmlNode> {
         self.children.iter().find(|child| child.name == name)
     }
 
     /// Returns the first child of a name, or an error.
-    pub fn inner(&self, name: &str) -> Result<&Node, ImportError> {
+    pub fn inner(&self, name: &str) -> Result<&XmlNode, ImportError> {
         self.child(name)
             .ok_or_else(|| self.error(format!("there is no `{name}` in it")))
     }
@@ -175,7 +177,7 @@ impl Node {
     /// Returns the first child, or an error for an empty element.
     ///
     /// It serves elements with exactly one child of several possible kinds.
-    pub fn only(&self) -> Result<&Node, ImportError> {
+    pub fn only(&self) -> Result<&XmlNode, ImportError> {
         self.children
             .first()
             .ok_or_else(|| self.error("there is nothing in it"))

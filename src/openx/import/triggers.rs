@@ -1,12 +1,12 @@
 //! Start times of acts and events.
 
-use super::entity::Watch;
+use super::entity::ClearanceCondition;
 use super::error::ImportError;
-use super::scope::{Scope, compared};
-use super::tree::Node;
+use super::scope::{ParameterScope, compared};
+use super::tree::XmlNode;
 
 /// Start of an act or an event.
-pub(super) enum Starts {
+pub(super) enum StartTrigger {
     Never,
     /// Simulation time in seconds.
     At(f64),
@@ -15,7 +15,7 @@ pub(super) enum Starts {
         delay_s: f64,
     },
     When {
-        watch: Watch,
+        watch: ClearanceCondition,
         delay_s: f64,
     },
 }
@@ -30,7 +30,7 @@ pub(super) struct StoryElement {
 
 impl StoryElement {
     /// Returns the element of a node, or `None` without a name.
-    pub fn of(kind: &str, node: &Node) -> Option<StoryElement> {
+    pub fn of(kind: &str, node: &XmlNode) -> Option<StoryElement> {
         node.raw("name").map(|name| StoryElement {
             kind: kind.to_owned(),
             name: name.to_owned(),
@@ -45,27 +45,31 @@ impl StoryElement {
 /// # Errors
 ///
 /// Returns an error for more than one relevant condition.
-pub(super) fn starts(node: &Node, scope: &Scope, from_s: f64) -> Result<Starts, ImportError> {
+pub(super) fn starts(
+    node: &XmlNode,
+    scope: &ParameterScope,
+    from_s: f64,
+) -> Result<StartTrigger, ImportError> {
     let Some(trigger) = node.child("StartTrigger") else {
-        return Ok(Starts::At(from_s));
+        return Ok(StartTrigger::At(from_s));
     };
-    let mut possible: Vec<Starts> = Vec::new();
+    let mut possible: Vec<StartTrigger> = Vec::new();
     let mut groups = 0;
     for group in trigger.all("ConditionGroup") {
         groups += 1;
-        let mut all: Vec<Starts> = Vec::new();
+        let mut all: Vec<StartTrigger> = Vec::new();
         for condition in group.all("Condition") {
             all.push(condition_of(condition, scope, from_s)?);
         }
         // A group of conditions holds only if all of them hold.
-        if all.iter().any(|it| matches!(it, Starts::Never)) {
+        if all.iter().any(|it| matches!(it, StartTrigger::Never)) {
             continue;
         }
         // A condition that holds at once adds nothing to the others.
-        let is_now = |it: &Starts| matches!(it, Starts::At(at_s) if *at_s == from_s);
+        let is_now = |it: &StartTrigger| matches!(it, StartTrigger::At(at_s) if *at_s == from_s);
         all.retain(|it| !is_now(it));
         match (all.pop(), all.is_empty()) {
-            (None, _) => return Ok(Starts::At(from_s)),
+            (None, _) => return Ok(StartTrigger::At(from_s)),
             (Some(one), true) => possible.push(one),
             _ => {
                 let what = "several conditions at a time are not read";
@@ -78,8 +82,8 @@ pub(super) fn starts(node: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
     match (possible.pop(), possible.is_empty()) {
         // An empty trigger starts at once. Groups that never hold never start
         // it.
-        (None, _) if groups == 0 => Ok(Starts::At(from_s)),
-        (None, _) => Ok(Starts::Never),
+        (None, _) if groups == 0 => Ok(StartTrigger::At(from_s)),
+        (None, _) => Ok(StartTrigger::Never),
         (Some(one), true) => Ok(one),
         _ => {
             let help = "begin the event by one condition group";
@@ -89,7 +93,7 @@ pub(super) fn starts(node: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
 }
 
 /// Returns true if a condition must become true while it is evaluated.
-fn rises(condition: &Node) -> Result<bool, ImportError> {
+fn rises(condition: &XmlNode) -> Result<bool, ImportError> {
     match condition.raw("conditionEdge") {
         None | Some("none") => Ok(false),
         // The conditions that are read become true at most once. A falling edge
@@ -104,7 +108,11 @@ fn rises(condition: &Node) -> Result<bool, ImportError> {
     }
 }
 
-fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, ImportError> {
+fn condition_of(
+    condition: &XmlNode,
+    scope: &ParameterScope,
+    from_s: f64,
+) -> Result<StartTrigger, ImportError> {
     let delay_s = scope.number_or_zero(condition, "delay")?;
     // A negative delay would start before the condition holds.
     if delay_s < 0.0 {
@@ -128,7 +136,7 @@ fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
         return match by.name.as_str() {
             "SimulationTimeCondition" => {
                 let at_s = time_s(by, scope, rises, from_s)?;
-                Ok(Starts::At(at_s + delay_s))
+                Ok(StartTrigger::At(at_s + delay_s))
             }
             "ParameterCondition" => parameter(by, scope, rises, from_s + delay_s),
             "StoryboardElementStateCondition" => {
@@ -142,7 +150,7 @@ fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
                     kind: by.need("storyboardElementType")?.to_owned(),
                     name: by.need("storyboardElementRef")?.to_owned(),
                 };
-                Ok(Starts::After { element, delay_s })
+                Ok(StartTrigger::After { element, delay_s })
             }
             _ => Err(by.refused(
                 "a condition of this kind is not read",
@@ -151,11 +159,16 @@ fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
         };
     }
     let watch = watch(kind, scope, rises)?;
-    Ok(Starts::When { watch, delay_s })
+    Ok(StartTrigger::When { watch, delay_s })
 }
 
 /// Time in seconds at which a time condition holds, evaluated after `from_s`.
-fn time_s(by: &Node, scope: &Scope, rises: bool, from_s: f64) -> Result<f64, ImportError> {
+fn time_s(
+    by: &XmlNode,
+    scope: &ParameterScope,
+    rises: bool,
+    from_s: f64,
+) -> Result<f64, ImportError> {
     let at_s = scope.number(by, "value")?;
     let is_past = match by.raw("rule") {
         // At `from_s` itself, `greaterThan` does not hold yet, and
@@ -178,7 +191,12 @@ fn time_s(by: &Node, scope: &Scope, rises: bool, from_s: f64) -> Result<f64, Imp
     Ok(at_s.max(from_s))
 }
 
-fn parameter(by: &Node, scope: &Scope, rises: bool, at_s: f64) -> Result<Starts, ImportError> {
+fn parameter(
+    by: &XmlNode,
+    scope: &ParameterScope,
+    rises: bool,
+    at_s: f64,
+) -> Result<StartTrigger, ImportError> {
     let name = by.need("parameterRef")?;
     let value = scope.get(name);
     let value = value.ok_or_else(|| by.error(format!("there is no `{name}`")))?;
@@ -190,13 +208,17 @@ fn parameter(by: &Node, scope: &Scope, rises: bool, at_s: f64) -> Result<Starts,
         return Err(by.refused(what, "write conditionEdge=\"none\""));
     }
     Ok(if holds {
-        Starts::At(at_s)
+        StartTrigger::At(at_s)
     } else {
-        Starts::Never
+        StartTrigger::Never
     })
 }
 
-fn watch(kind: &Node, scope: &Scope, rises: bool) -> Result<Watch, ImportError> {
+fn watch(
+    kind: &XmlNode,
+    scope: &ParameterScope,
+    rises: bool,
+) -> Result<ClearanceCondition, ImportError> {
     let entities = kind.inner("TriggeringEntities")?;
     let who = entities
         .all("EntityRef")
@@ -242,7 +264,7 @@ fn watch(kind: &Node, scope: &Scope, rises: bool) -> Result<Watch, ImportError> 
         "greaterThan" | "greaterOrEqual" => false,
         rule => return Err(it.error(format!("the rule `{rule}` is not read here"))),
     };
-    Ok(Watch {
+    Ok(ClearanceCondition {
         who,
         needs_all,
         whom: scope.text(it, "entityRef")?,

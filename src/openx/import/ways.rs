@@ -4,7 +4,7 @@
 
 use super::error::ImportError;
 use super::spot::Spot;
-use super::tree::Node;
+use super::tree::XmlNode;
 
 /// Greatest distance in metres of the arcs from their spiral.
 const NEAR_M: f64 = 0.001;
@@ -23,7 +23,7 @@ pub(super) struct Bend {
 
 /// Path of an entity: pieces from a place on, then straight.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Way {
+pub(super) struct ImportedPath {
     pub begins: Spot,
     /// Pieces. An empty list is a straight line.
     pub pieces: Vec<Bend>,
@@ -32,7 +32,7 @@ pub(super) struct Way {
 /// Position on a path.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct OnWay {
-    pub way: Way,
+    pub way: ImportedPath,
     pub along_m: f64,
     /// Station at which the file ends the path. The path continues straight after it.
     pub ends_m: f64,
@@ -46,10 +46,10 @@ pub(super) struct Spiral {
     pub to_per_m: f64,
 }
 
-impl Way {
+impl ImportedPath {
     /// Returns a straight path from a place.
-    pub fn straight(begins: Spot) -> Way {
-        Way {
+    pub fn straight(begins: Spot) -> ImportedPath {
+        ImportedPath {
             begins,
             pieces: Vec::new(),
         }
@@ -61,7 +61,7 @@ impl Way {
     ///
     /// Returns an error for places beside the line, and for a path without a
     /// length.
-    pub fn through(asks: &Node, spots: &[Spot]) -> Result<Way, ImportError> {
+    pub fn through(asks: &XmlNode, spots: &[Spot]) -> Result<ImportedPath, ImportError> {
         let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
             return Err(asks.refused("a way without places", "give the way at least two places"));
         };
@@ -82,7 +82,7 @@ impl Way {
             None if dx == 0.0 && dy == 0.0 => {
                 Err(asks.refused("a way that leads nowhere", "set its places apart"))
             }
-            None => Ok(Way::straight(begins)),
+            None => Ok(ImportedPath::straight(begins)),
         }
     }
 
@@ -112,7 +112,7 @@ impl OnWay {
     /// # Errors
     ///
     /// Returns an error of the point if the place is not on the path.
-    pub fn move_on(&mut self, asks: &Node, by_m: f64) -> Result<(), ImportError> {
+    pub fn move_on(&mut self, asks: &XmlNode, by_m: f64) -> Result<(), ImportError> {
         let left_m = self.ends_m - self.along_m;
         if !(-STRAIGHT_M..=left_m + STRAIGHT_M).contains(&by_m) {
             let what = format!("it is {by_m} m along a way that has {left_m} m");
@@ -246,7 +246,7 @@ mod tests {
                 from_per_m,
                 to_per_m,
             };
-            let way = Way {
+            let way = ImportedPath {
                 begins: Spot::default(),
                 pieces: spiral.arcs(beside_m),
             };

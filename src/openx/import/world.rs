@@ -5,7 +5,7 @@ use super::ends::{leaves_s, road_ahead_m, to_mps};
 use super::error::ImportError;
 use super::plans::plan;
 use super::scenario::Concrete;
-use super::seen::{Path, Seen, ego_lever_m, seen};
+use super::seen::{EntityInFrame, EntityPath, ego_lever_m, seen};
 use super::ways::{Bend, laid};
 
 /// Duration in seconds of a run after the expected encounter.
@@ -39,7 +39,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         .entities
         .iter()
         .map(|entity| seen(concrete, entity));
-    let mut all = all.collect::<Result<Vec<Seen>, ImportError>>()?;
+    let mut all = all.collect::<Result<Vec<EntityInFrame>, ImportError>>()?;
     let ego = all.iter().position(|it| it.entity.is_ego);
     let ego = ego.ok_or_else(|| concrete.at.error("nobody is called `Ego`"))?;
     // A stated gap to the ego replaces the place in the file.
@@ -95,7 +95,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     // road is the target itself.
     let hides = all
         .iter()
-        .any(|it| it.stands() && matches!(it.path, Path::Turned));
+        .any(|it| it.stands() && matches!(it.path, EntityPath::Turned));
     let hides = hides
         || all
             .iter()
@@ -131,7 +131,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
 }
 
 /// Specification of an ego without other agents: its sides stay within its lane.
-fn within_lane(concrete: &Concrete, ego: &Seen) -> String {
+fn within_lane(concrete: &Concrete, ego: &EntityInFrame) -> String {
     let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
     let room_m = 0.5 * (concrete.lane_width_m - ego.entity.body.width_m);
     format!(
@@ -145,7 +145,7 @@ fn within_lane(concrete: &Concrete, ego: &Seen) -> String {
 /// End of the expected encounters in seconds, where it is known.
 fn ends_s(
     concrete: &Concrete,
-    all: &[Seen],
+    all: &[EntityInFrame],
     (ego_front_m, ego_mps): (f64, f64),
 ) -> Result<Option<f64>, ImportError> {
     let mut until_s: Option<f64> = None;
@@ -160,8 +160,8 @@ fn ends_s(
             None => {
                 let way_m = it.spot.x_m - ego_front_m;
                 let away_mps = match it.path {
-                    Path::With => it.entity.speed_mps,
-                    Path::Against => -it.entity.speed_mps,
+                    EntityPath::With => it.entity.speed_mps,
+                    EntityPath::Against => -it.entity.speed_mps,
                     _ => 0.0,
                 };
                 // Steps change the speeds, so the time of the encounter is not
@@ -185,7 +185,7 @@ fn ends_s(
 /// Time in seconds at which the first entity leaves its road.
 fn first_leaves_s(
     concrete: &Concrete,
-    all: &[Seen],
+    all: &[EntityInFrame],
     (ego_front_m, ego_mps): (f64, f64),
 ) -> Result<f64, ImportError> {
     let mut first_s = f64::INFINITY;
@@ -211,7 +211,7 @@ fn first_leaves_s(
 /// Length in metres of the bends, as far as any entity drives.
 ///
 /// Bends that change are complete.
-fn laid_m(concrete: &Concrete, all: &[Seen], until_s: f64) -> f64 {
+fn laid_m(concrete: &Concrete, all: &[EntityInFrame], until_s: f64) -> f64 {
     // A sequence of bends is driven completely.
     if concrete.bends_change() {
         return f64::INFINITY;
@@ -235,7 +235,7 @@ fn laid_m(concrete: &Concrete, all: &[Seen], until_s: f64) -> f64 {
     }
 }
 
-fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
+fn road(draft: &mut Draft, concrete: &Concrete, all: &[EntityInFrame], until_s: f64) {
     let pieces = concrete.pieces(laid_m(concrete, all, until_s));
     // Numbers in the text are the same at all points of a world. A different
     // road makes another world.
@@ -257,7 +257,7 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
         ));
     }
     let ways = all.iter().filter_map(|it| match it.path {
-        Path::Own(begins, on) => Some((it, begins, on)),
+        EntityPath::Own(begins, on) => Some((it, begins, on)),
         _ => None,
     });
     let ways: Vec<String> = ways
@@ -299,7 +299,7 @@ fn bends(pieces: &[Bend]) -> String {
     pieces.collect::<Vec<_>>().join(", ")
 }
 
-fn bodies(draft: &mut Draft, all: &[Seen]) {
+fn bodies(draft: &mut Draft, all: &[EntityInFrame]) {
     let mut known: Vec<&str> = Vec::new();
     draft.text("    bodies: {\n");
     for it in all {
@@ -316,8 +316,8 @@ fn bodies(draft: &mut Draft, all: &[Seen]) {
 fn agent(
     draft: &mut Draft,
     concrete: &Concrete,
-    all: &[Seen],
-    it: &Seen,
+    all: &[EntityInFrame],
+    it: &EntityInFrame,
     ado: Option<&str>,
     trigger: &mut Option<(String, f64)>,
 ) -> Result<(), ImportError> {
@@ -329,19 +329,19 @@ fn agent(
     );
     // On a path of its own, the station counts from the start of the path.
     let front_m = match it.path {
-        Path::Own(_, on) => on.along_m + it.front_along_m(),
+        EntityPath::Own(_, on) => on.along_m + it.front_along_m(),
         _ => it.spot.x_m + it.front_along_m(),
     };
     let left_m = it.spot.y_m + it.front_left_m();
     // An entity that stands askew is an obstacle, which has no lane.
-    if let Path::Turned = it.path {
+    if let EntityPath::Turned = it.path {
         return obstacle(draft, concrete, all, it);
     }
     if body.on_foot {
         let facing = match it.path {
-            Path::Left => "Left",
-            Path::Right => "Right",
-            Path::Against => "Back",
+            EntityPath::Left => "Left",
+            EntityPath::Right => "Right",
+            EntityPath::Against => "Back",
             _ => "Ahead",
         };
         draft.text(&format!(
@@ -356,7 +356,7 @@ fn agent(
             body.name
         ));
         match it.path {
-            Path::Own(..) => draft.text(&format!(", road: \"{name}_way\"")),
+            EntityPath::Own(..) => draft.text(&format!(", road: \"{name}_way\"")),
             _ => {
                 let width_m = concrete.lane_width_m;
                 let lane = concrete.lane_at(left_m);
@@ -366,7 +366,7 @@ fn agent(
                 if it.entity.is_ego && concrete.bends() {
                     draft.text(", lane_keeping: RearAxle");
                 }
-                if let Path::Against = it.path {
+                if let EntityPath::Against = it.path {
                     draft.text(", direction: Against");
                 }
                 draft.text(", offset_m: ");
@@ -418,8 +418,8 @@ fn agent(
 fn obstacle(
     draft: &mut Draft,
     concrete: &Concrete,
-    all: &[Seen],
-    it: &Seen,
+    all: &[EntityInFrame],
+    it: &EntityInFrame,
 ) -> Result<(), ImportError> {
     let (name, body) = (&it.name, &it.entity.body);
     let front = it.spot.moved(body.front_m, 0.0);
@@ -428,7 +428,7 @@ fn obstacle(
     let mut nearest = shares_road.then(|| (String::new(), front));
     for other in all {
         match other.path {
-            Path::Own(begins, on) if on.way.pieces.is_empty() => {
+            EntityPath::Own(begins, on) if on.way.pieces.is_empty() => {
                 let seen = begins.sees(&front);
                 let best_m = nearest.as_ref().map_or(f64::INFINITY, |it| it.1.y_m.abs());
                 if seen.y_m.abs() < best_m {

@@ -6,10 +6,10 @@
 use maud::{Markup, html};
 
 use super::write::n;
-use crate::scene::{Cast, Figure, Role};
+use crate::scene::{AgentDescription, BodyFigure, Role};
 
 /// CSS class of an agent's colour on the page: ego, ado by number, or scripted.
-pub(in crate::report) fn colour_class(cast: &[Cast], who: usize) -> String {
+pub(in crate::report) fn colour_class(cast: &[AgentDescription], who: usize) -> String {
     let role = cast[who].role;
     let before = cast[..who].iter().filter(|cast| cast.role == role).count();
     match role {
@@ -20,19 +20,19 @@ pub(in crate::report) fn colour_class(cast: &[Cast], who: usize) -> String {
 }
 
 /// Shape of a body.
-pub(super) fn body(cast: &Cast) -> Markup {
+pub(super) fn body(cast: &AgentDescription) -> Markup {
     let [length_m, width_m, _] = cast.size_m;
-    let body = Body { length_m, width_m };
+    let body = BodySize { length_m, width_m };
     match (cast.body.as_str(), cast.figure()) {
         // On a grid, shapes and not only colours distinguish the ego from the
         // ados.
         ("cell", _) if cast.role == Role::Ego => body.hull(0.12),
         ("cell", _) => html! { circle class="paint" r=(n(0.5 * length_m, 3)) {} },
-        (_, Figure::Person) => body.person(),
-        (_, Figure::TwoWheeler) => body.two_wheeler(),
-        (_, Figure::Car) => body.car(&CAR),
-        (_, Figure::Van) => body.car(&VAN),
-        (_, Figure::Truck) => body.truck(),
+        (_, BodyFigure::Person) => body.person(),
+        (_, BodyFigure::TwoWheeler) => body.two_wheeler(),
+        (_, BodyFigure::Car) => body.car(&CAR),
+        (_, BodyFigure::Van) => body.car(&VAN),
+        (_, BodyFigure::Truck) => body.truck(),
     }
 }
 
@@ -53,12 +53,12 @@ const VAN: Cabin = Cabin {
     rear_window: None,
 };
 
-struct Body {
+struct BodySize {
     length_m: f64,
     width_m: f64,
 }
 
-impl Body {
+impl BodySize {
     /// Outline in the size of the body.
     fn hull(&self, rounding: f64) -> Markup {
         self.bar("paint", (-0.5, 0.5), (-0.5, 0.5), rounding * self.width_m)

@@ -1,6 +1,6 @@
 //! Camera: visible part of the world, and its scale.
 
-use super::film::Film;
+use super::episode_frames::EpisodeFrames;
 
 /// Layout of a picture.
 pub(super) struct Canvas {
@@ -59,7 +59,12 @@ impl<'a> Camera<'a> {
     ///
     /// `ego` is the index and the length of the ego. With `None` everything
     /// fits, at any scale.
-    pub fn of(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &'a Canvas) -> Camera<'a> {
+    pub fn of(
+        film: &EpisodeFrames,
+        i: usize,
+        ego: Option<(usize, f64)>,
+        canvas: &'a Canvas,
+    ) -> Camera<'a> {
         let scale = Camera::fitting(film, i, ego, canvas);
         Camera::at_scale(film, i, (ego, scale), canvas)
     }
@@ -67,7 +72,12 @@ impl<'a> Camera<'a> {
     /// Pixels per metre at which all relevant agents fit.
     ///
     /// The scale is greater if the ego would otherwise be too small.
-    pub fn fitting(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &Canvas) -> f64 {
+    pub fn fitting(
+        film: &EpisodeFrames,
+        i: usize,
+        ego: Option<(usize, f64)>,
+        canvas: &Canvas,
+    ) -> f64 {
         let focus = film.focus[i];
         let room_px = canvas.room_px();
         let fits = [0, 1].map(|axis| {
@@ -88,7 +98,7 @@ impl<'a> Camera<'a> {
 
     /// Returns the camera at a sample, with the given pixels per metre.
     pub fn at_scale(
-        film: &Film,
+        film: &EpisodeFrames,
         i: usize,
         (ego, scale): (Option<(usize, f64)>, f64),
         canvas: &'a Canvas,

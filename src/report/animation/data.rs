@@ -5,7 +5,7 @@
 
 use serde_json::to_string;
 
-use super::film::Film;
+use super::episode_frames::EpisodeFrames;
 use super::ground::phase_word;
 use super::picture::Picture;
 use super::write::{list, n};
@@ -43,7 +43,7 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
 }
 
 fn body(picture: &Picture<'_>, who: usize) -> String {
-    let (cast, track) = (&picture.stage.cast[who], &picture.film.tracks[who]);
+    let (cast, track) = (&picture.stage.agents[who], &picture.film.tracks[who]);
     let moves = picture.moves.iter().find(|(ado, _)| *ado == cast.name);
     let moves = moves.map_or(&[][..], |(_, moves)| moves);
     let moves = moves
@@ -63,7 +63,7 @@ fn body(picture: &Picture<'_>, who: usize) -> String {
 }
 
 /// Times at which a light changes, with the new phase.
-fn turns(film: &Film, phases: &[Phase]) -> String {
+fn turns(film: &EpisodeFrames, phases: &[Phase]) -> String {
     let mut turns: Vec<(f64, Phase)> = Vec::new();
     for (time_s, phase) in film.times_s.iter().zip(phases) {
         if turns.last().is_none_or(|(_, last)| last != phase) {

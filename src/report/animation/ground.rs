@@ -2,11 +2,11 @@
 
 use maud::{Markup, html};
 
-use super::film::Film;
+use super::episode_frames::EpisodeFrames;
 use super::write::n;
 use crate::ego::Phase;
 use crate::scene::ground::{GroundPoint, along, beside, near, reach};
-use crate::scene::{Frame, Stage};
+use crate::scene::{Frame, SceneGeometry};
 
 /// Distance in metres beyond the bodies' paths up to which the ground is drawn.
 const MARGIN_M: f64 = 120.0;
@@ -17,7 +17,7 @@ const POSTS_APART_M: f64 = 10.0;
 const LAMP_M: f64 = 0.42;
 
 /// Roads with bodies on them, the world's own road on top.
-pub(super) fn road(stage: &Stage, frames: &[Frame]) -> Markup {
+pub(super) fn road(stage: &SceneGeometry, frames: &[Frame]) -> Markup {
     let reach = reach(frames, MARGIN_M);
     html! {
         @for side in &stage.side_roads_m { (one_road(&near(side, &reach))) }
@@ -43,7 +43,7 @@ fn one_road(borders: &[Vec<GroundPoint>]) -> Markup {
 }
 
 /// Cells of a grid.
-pub(super) fn cells(stage: &Stage) -> Markup {
+pub(super) fn cells(stage: &SceneGeometry) -> Markup {
     let lines = &stage.lane_borders_m;
     let size = lines
         .iter()
@@ -58,7 +58,7 @@ pub(super) fn cells(stage: &Stage) -> Markup {
 }
 
 /// Stop line and lamps of every light, in the given phases.
-pub(super) fn lights(stage: &Stage, phases: &[Phase]) -> Markup {
+pub(super) fn lights(stage: &SceneGeometry, phases: &[Phase]) -> Markup {
     html! {
         @for (light, phase) in stage.lights.iter().zip(phases) {
             @let [right, left] = light.stop_line_m;
@@ -77,7 +77,7 @@ pub(super) fn lights(stage: &Stage, phases: &[Phase]) -> Markup {
 }
 
 /// Paths of all agents, from the first sample to the last.
-pub(super) fn trails(film: &Film, classes: &[String]) -> Markup {
+pub(super) fn trails(film: &EpisodeFrames, classes: &[String]) -> Markup {
     html! {
         @for (track, class) in film.tracks.iter().zip(classes) {
             @let way: Vec<GroundPoint> = track.x_m.iter().zip(&track.y_m).step_by(4).map(|(x, y)| [*x, *y, 0.0]).collect();

@@ -1,10 +1,10 @@
 //! Labels with names and actions, placed beside the bodies on free space.
 
 use super::camera::Camera;
-use super::film::{Film, ego_of};
+use super::episode_frames::{EpisodeFrames, ego_of};
 use super::moves::Move;
 use super::write::n;
-use crate::scene::Stage;
+use crate::scene::SceneGeometry;
 
 /// Width of a letter, height of a line and padding. play.js uses the same numbers.
 const LETTER_PX: f64 = 7.4;
@@ -17,33 +17,33 @@ const CLEAR_MPS2: f64 = 0.5;
 
 /// Label with its upper left corner and its size.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Label {
+pub(super) struct PlacedLabel {
     pub lines: Vec<String>,
     pub at_px: [f64; 2],
     pub size_px: [f64; 2],
 }
 
 /// Rectangle: left, top, right, bottom.
-type Room = [f64; 4];
+type PixelRectangle = [f64; 4];
 
 /// Labels of all agents at a sample.
 pub(super) fn labels(
-    stage: &Stage,
-    film: &Film,
+    stage: &SceneGeometry,
+    film: &EpisodeFrames,
     i: usize,
     (camera, moves): (&Camera<'_>, &[(String, Vec<Move>)]),
-) -> Vec<Label> {
-    let rooms: Vec<Room> = (0..stage.cast.len())
+) -> Vec<PlacedLabel> {
+    let rooms: Vec<PixelRectangle> = (0..stage.agents.len())
         .map(|who| {
             let track = &film.tracks[who];
             let [x, y] = camera.at(film.turned(track.x_m[i], track.y_m[i]));
-            let half = film.half_room(stage.cast[who].size_m, who, i);
+            let half = film.half_room(stage.agents[who].size_m, who, i);
             let [w, h] = half.map(|half_m| half_m * camera.scale);
             [x - w, y - h, x + w, y + h]
         })
         .collect();
     // Bodies are obstacles as well as the labels that are already placed.
-    let mut taken: Vec<Room> = rooms.clone();
+    let mut taken: Vec<PixelRectangle> = rooms.clone();
     let mut labels = Vec::new();
     for (who, room) in rooms.iter().enumerate() {
         let lines = lines(stage, film, (who, i), moves, is_inside(room, camera));
@@ -57,14 +57,14 @@ pub(super) fn labels(
 
 /// Lines of a label: name and speed, then the chosen or the measured action.
 fn lines(
-    stage: &Stage,
-    film: &Film,
+    stage: &SceneGeometry,
+    film: &EpisodeFrames,
     (who, i): (usize, usize),
     moves: &[(String, Vec<Move>)],
     inside: bool,
 ) -> Vec<String> {
-    let name = &stage.cast[who].name;
-    if stage.cast[who].body == "cell" {
+    let name = &stage.agents[who].name;
+    if stage.agents[who].body == "cell" {
         return vec![name.clone()];
     }
     let track = &film.tracks[who];
@@ -91,7 +91,7 @@ fn lines(
     std::iter::once(speed).chain(chosen.or(done)).collect()
 }
 
-fn is_inside(room: &Room, camera: &Camera<'_>) -> bool {
+fn is_inside(room: &PixelRectangle, camera: &Camera<'_>) -> bool {
     let [width_px, height_px] = camera.canvas.size_px;
     0.0 < room[2] && room[0] < width_px && 0.0 < room[3] && room[1] < height_px
 }
@@ -102,11 +102,11 @@ fn is_inside(room: &Room, camera: &Camera<'_>) -> bool {
 /// the other side, ahead and behind follow.
 fn placed(
     lines: Vec<String>,
-    body: &Room,
+    body: &PixelRectangle,
     is_ego: bool,
-    taken: &[Room],
+    taken: &[PixelRectangle],
     camera: &Camera<'_>,
-) -> Label {
+) -> PlacedLabel {
     let letters = lines.iter().map(|line| line.chars().count()).max();
     let w = LETTER_PX * letters.unwrap_or(0) as f64 + 2.0 * ROOM_PX;
     let h = LINE_PX * lines.len() as f64 + ROOM_PX;
@@ -141,7 +141,7 @@ fn placed(
     // Without a free position, an overlap at the preferred position is the
     // least confusing.
     let at_px = places.find(is_free).unwrap_or(within(wanted[0]));
-    Label {
+    PlacedLabel {
         lines,
         at_px,
         size_px: [w, h],
@@ -149,7 +149,7 @@ fn placed(
 }
 
 /// Label as SVG. play.js moves it and replaces its text.
-pub(super) fn drawn(label: &Label, class: &str) -> maud::Markup {
+pub(super) fn drawn(label: &PlacedLabel, class: &str) -> maud::Markup {
     let [x, y] = label.at_px;
     let [w, h] = label.size_px;
     let empty = String::new();

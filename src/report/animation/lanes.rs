@@ -15,7 +15,7 @@ const LETTER_SHARE: f64 = 0.0068;
 const PHONE_LETTER_SHARE: f64 = 0.0245;
 
 /// Stretch of a lane.
-struct Stretch<'a> {
+struct LaneSegment<'a> {
     from_s: f64,
     until_s: f64,
     words: &'a str,
@@ -27,7 +27,7 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
     // An episode may end at its first sample, and the shares divide by its
     // duration.
     let end_s = picture.film.end_s().max(1e-9);
-    let cast = &picture.stage.cast;
+    let cast = &picture.stage.agents;
     // A light that is an ado has a lane of phases instead of actions.
     let is_light = |name: &String| picture.stage.lights.iter().any(|it| it.name == *name);
     html! {
@@ -36,12 +36,12 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
                 @let who = cast.iter().position(|cast| cast.name == *ado);
                 @let class = who.map_or("c-by", |who| picture.classes[who].as_str());
                 span class={ "swatch " (class) } { (ado) }
-                div class="lane" { @for it in moves { (stretch(end_s, &Stretch { from_s: it.from_s, until_s: it.until_s, words: &it.words, class: it.kind.class().to_owned() })) } }
+                div class="lane" { @for it in moves { (stretch(end_s, &LaneSegment { from_s: it.from_s, until_s: it.until_s, words: &it.words, class: it.kind.class().to_owned() })) } }
             }
             @for (light, phases) in picture.stage.lights.iter().zip(&picture.film.phases) {
                 span class="swatch c-by" { (light.name) }
                 div class="lane" { @for (from_s, until_s, phase) in runs(&picture.film.times_s, phases) {
-                    (stretch(end_s, &Stretch { from_s, until_s, words: phase_word(phase), class: format!("p-{}", phase_word(phase)) }))
+                    (stretch(end_s, &LaneSegment { from_s, until_s, words: phase_word(phase), class: format!("p-{}", phase_word(phase)) }))
                 } }
             }
             div class="ticks" { @for moment in picture.moments.iter().skip(1) {
@@ -51,7 +51,7 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
     }
 }
 
-fn stretch(end_s: f64, it: &Stretch<'_>) -> Markup {
+fn stretch(end_s: f64, it: &LaneSegment<'_>) -> Markup {
     let share = (it.until_s - it.from_s) / end_s;
     // Two letters more than the text, for the padding.
     let letters = (it.words.chars().count() + 2) as f64;

@@ -13,7 +13,7 @@
 mod bodies;
 mod camera;
 mod data;
-mod film;
+mod episode_frames;
 mod ground;
 mod labels;
 mod lanes;

@@ -5,7 +5,7 @@
 
 use super::super::Example;
 use super::super::verdict::ego_failed;
-use super::moves::{Kind, Move};
+use super::moves::{Move, MoveKind};
 use crate::stl::Interval;
 use crate::world::Scenario;
 
@@ -14,7 +14,7 @@ const TOGETHER_S: f64 = 0.02;
 
 /// Instant with a still.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Moment {
+pub(super) struct KeyMoment {
     pub time_s: f64,
     pub words: String,
     /// CSS class of its colour in lanes and stills.
@@ -26,8 +26,8 @@ pub(super) fn moments(
     scenario: &Scenario,
     example: &Example,
     moves: &[(String, Vec<Move>)],
-) -> Vec<Moment> {
-    let moment = |time_s: f64, words: String, class| Moment {
+) -> Vec<KeyMoment> {
+    let moment = |time_s: f64, words: String, class| KeyMoment {
         time_s,
         words,
         class,
@@ -90,14 +90,14 @@ fn done_at(time_s: f64, moves: &[(String, Vec<Move>)]) -> String {
         let mut begun = moves.iter().rev().filter(|it| it.from_s < time_s + 1e-9);
         begun.next().map(|it| (ado, it))
     });
-    let done = now.filter(|(_, it)| it.kind != Kind::Neutral);
+    let done = now.filter(|(_, it)| it.kind != MoveKind::Neutral);
     let done = done.map(|(ado, it)| format!("{ado} {}", it.plain()));
     done.collect::<Vec<_>>().join("; ")
 }
 
 /// Joins moments at one time, with the time and the colour of the last.
-fn together(moments: Vec<Moment>) -> Vec<Moment> {
-    let mut joined: Vec<Moment> = Vec::new();
+fn together(moments: Vec<KeyMoment>) -> Vec<KeyMoment> {
+    let mut joined: Vec<KeyMoment> = Vec::new();
     for moment in moments {
         match joined.last_mut() {
             Some(last) if moment.time_s - last.time_s <= TOGETHER_S => {
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn moments_at_one_time_share_a_still() {
-        let at = |time_s: f64, words: &str, class| Moment {
+        let at = |time_s: f64, words: &str, class| KeyMoment {
             time_s,
             words: words.to_owned(),
             class,

@@ -13,7 +13,7 @@ pub(super) struct Move {
     pub from_s: f64,
     pub until_s: f64,
     pub words: String,
-    pub kind: Kind,
+    pub kind: MoveKind,
 }
 
 impl Move {
@@ -31,7 +31,7 @@ fn without_signs(words: &str) -> String {
 
 /// Appearance of a move in the lanes of actions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum MoveKind {
     /// No action is requested.
     Neutral,
     /// Slower, or away.
@@ -42,13 +42,13 @@ pub(super) enum Kind {
     Goes,
 }
 
-impl Kind {
+impl MoveKind {
     pub fn class(self) -> &'static str {
         match self {
-            Kind::Neutral => "m-neutral",
-            Kind::Brakes => "m-brakes",
-            Kind::Speeds => "m-speeds",
-            Kind::Goes => "m-goes",
+            MoveKind::Neutral => "m-neutral",
+            MoveKind::Brakes => "m-brakes",
+            MoveKind::Speeds => "m-speeds",
+            MoveKind::Goes => "m-goes",
         }
     }
 }
@@ -60,7 +60,7 @@ pub(super) fn moves(
     end_s: f64,
 ) -> Vec<(String, Vec<Move>)> {
     let decision_s = scenario.bench().clock().decision_s;
-    let stretched = |own: &[usize], told: &dyn Fn(usize) -> (String, Kind)| {
+    let stretched = |own: &[usize], told: &dyn Fn(usize) -> (String, MoveKind)| {
         let mut moves: Vec<Move> = Vec::new();
         for (nth, action) in own.iter().enumerate() {
             let (words, kind) = told(*action);
@@ -86,9 +86,9 @@ pub(super) fn moves(
         let neutral = scenario.world().spaces().neutral;
         let told = |action| {
             if action == neutral {
-                (scenario.action_label(action), Kind::Neutral)
+                (scenario.action_label(action), MoveKind::Neutral)
             } else {
-                (scenario.action_label(action), Kind::Goes)
+                (scenario.action_label(action), MoveKind::Goes)
             }
         };
         return vec![("ado".to_owned(), stretched(joint, &told))];
@@ -113,7 +113,7 @@ pub(super) fn moves(
 }
 
 /// Action in words, with its appearance.
-fn told(set: &Actions, action: usize) -> (String, Kind) {
+fn told(set: &Actions, action: usize) -> (String, MoveKind) {
     match set {
         Actions::Accelerations(list) => along(list[action]),
         Actions::Grid(grid) => {
@@ -126,29 +126,29 @@ fn told(set: &Actions, action: usize) -> (String, Kind) {
                 Lateral::Right => "▼ moves right",
             };
             match kind {
-                Kind::Neutral => (aside.to_owned(), Kind::Goes),
+                MoveKind::Neutral => (aside.to_owned(), MoveKind::Goes),
                 _ => (format!("{aside}, {words}"), kind),
             }
         }
         Actions::Walks(list) => on_foot(list[action]),
-        Actions::Phases(_) | Actions::Deviate(_) => (set.label(action), Kind::Goes),
+        Actions::Phases(_) | Actions::Deviate(_) => (set.label(action), MoveKind::Goes),
     }
 }
 
-fn along(accel_mps2: f64) -> (String, Kind) {
+fn along(accel_mps2: f64) -> (String, MoveKind) {
     // The picture has forward to the right.
     match accel_mps2 {
-        a if a < 0.0 => (format!("◀ brakes {} m/s²", signed(a)), Kind::Brakes),
-        a if 0.0 < a => (format!("▶ speeds up {} m/s²", signed(a)), Kind::Speeds),
-        _ => ("keeps its speed".to_owned(), Kind::Neutral),
+        a if a < 0.0 => (format!("◀ brakes {} m/s²", signed(a)), MoveKind::Brakes),
+        a if 0.0 < a => (format!("▶ speeds up {} m/s²", signed(a)), MoveKind::Speeds),
+        _ => ("keeps its speed".to_owned(), MoveKind::Neutral),
     }
 }
 
-fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, Kind) {
+fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, MoveKind) {
     let speed_mps = libm::hypot(along_mps, left_mps);
     if speed_mps == 0.0 {
         // A pedestrian with a speed of 0 has no direction.
-        return ("stands".to_owned(), Kind::Neutral);
+        return ("stands".to_owned(), MoveKind::Neutral);
     }
     let verb = if RUNS_MPS < speed_mps {
         "runs"
@@ -169,7 +169,7 @@ fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, Kind) {
     let signs: String = parts.iter().map(|(sign, _)| *sign).collect();
     let ways: Vec<&str> = parts.iter().map(|(_, way)| *way).collect();
     let words = format!("{signs} {verb} {speed_mps:.1} m/s {}", ways.join(" and "));
-    (words, Kind::Goes)
+    (words, MoveKind::Goes)
 }
 
 /// Number with a plus or a true minus sign.

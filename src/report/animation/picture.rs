@@ -4,15 +4,15 @@ use maud::{Markup, html};
 
 use super::bodies::{body, colour_class};
 use super::camera::{Camera, Canvas, SCREEN, THUMB};
-use super::film::{Course, Film, ego_of, is_on_cells};
+use super::episode_frames::{EpisodeFrames, FrameContext, ego_of, is_on_cells};
 use super::ground::{cells, lights, road, trails};
 use super::labels::{drawn, labels};
-use super::moments::{Moment, moments, violated_s};
+use super::moments::{KeyMoment, moments, violated_s};
 use super::moves::{Move, moves};
 use super::write::n;
 use crate::ego::Phase;
 use crate::report::Example;
-use crate::scene::Stage;
+use crate::scene::SceneGeometry;
 use crate::world::Scenario;
 
 /// Deceleration in m/s² above which brake lamps are lit.
@@ -21,13 +21,13 @@ pub(super) const BRAKES_MPS2: f64 = 0.8;
 /// Content of an example's picture.
 pub(super) struct Picture<'a> {
     pub example: &'a Example,
-    pub stage: Stage,
-    pub film: Film,
+    pub stage: SceneGeometry,
+    pub film: EpisodeFrames,
     /// Colour classes of all agents.
     pub classes: Vec<String>,
     /// Moves of each ado by name.
     pub moves: Vec<(String, Vec<Move>)>,
-    pub moments: Vec<Moment>,
+    pub moments: Vec<KeyMoment>,
     /// Time of the violation of ψ_ego in seconds.
     pub violated_s: f64,
     /// Violated leaf of ψ_ego.
@@ -42,13 +42,13 @@ impl<'a> Picture<'a> {
     /// Returns the picture of an example with frames.
     pub fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
         let stage = scenario.bench().stage();
-        let film = Film::of(&stage, &example.frames, &Course::of(&example.episode));
+        let film = EpisodeFrames::of(&stage, &example.frames, &FrameContext::of(&example.episode));
         let why = example.about.why.as_ref();
         let moves = moves(scenario, &example.episode, film.end_s());
         Picture {
             example,
-            classes: (0..stage.cast.len())
-                .map(|who| colour_class(&stage.cast, who))
+            classes: (0..stage.agents.len())
+                .map(|who| colour_class(&stage.agents, who))
                 .collect(),
             moments: moments(scenario, example, &moves),
             moves,
@@ -70,7 +70,7 @@ impl<'a> Picture<'a> {
     /// Index of the ego in the cast, and its length.
     pub fn ego(&self) -> (usize, f64) {
         let ego = ego_of(&self.stage);
-        (ego, self.stage.cast[ego].size_m[0])
+        (ego, self.stage.agents[ego].size_m[0])
     }
 
     fn camera<'c>(&self, i: usize, canvas: &'c Canvas) -> Camera<'c> {
@@ -89,7 +89,7 @@ impl<'a> Picture<'a> {
             svg class="stage" viewBox=(format!("0 0 {width_px} {height_px}")) role="img" aria-label=(label) {
                 defs {
                     g id=(self.part("ground")) { @if self.on_cells { (cells(&self.stage)) } @else { (road(&self.stage, &self.example.frames)) } }
-                    @for (who, cast) in self.stage.cast.iter().enumerate() {
+                    @for (who, cast) in self.stage.agents.iter().enumerate() {
                         g id=(self.body(who)) class=(self.classes[who]) { (body(cast)) }
                     }
                 }
@@ -98,7 +98,7 @@ impl<'a> Picture<'a> {
                     g class="trails" { (trails(&self.film, &self.classes)) }
                     (lights(&self.stage, &self.phases(i)))
                     g class="ghosts" { (self.ghosts()) }
-                    @for who in 0..self.stage.cast.len() { (self.placed(who, i)) }
+                    @for who in 0..self.stage.agents.len() { (self.placed(who, i)) }
                 }
                 @if let Some([x, y]) = self.contact_m().map(|at| camera.at(at)) { (burst(x, y)) }
                 @for (label, class) in words.iter().zip(&self.classes) { (drawn(label, class)) }
@@ -107,7 +107,7 @@ impl<'a> Picture<'a> {
     }
 
     /// Small still of a moment with its words. play.js jumps to it.
-    pub fn thumb(&self, moment: &Moment) -> Markup {
+    pub fn thumb(&self, moment: &KeyMoment) -> Markup {
         let i = self.film.at(moment.time_s);
         let camera = self.camera(i, &THUMB);
         let [width_px, height_px] = THUMB.size_px;
@@ -120,9 +120,9 @@ impl<'a> Picture<'a> {
                     g class="world" transform=(camera.transform()) {
                         use href={ "#" (self.part("ground")) } {}
                         (lights(&self.stage, &self.phases(i)))
-                        @for who in 0..self.stage.cast.len() { (self.placed(who, i)) }
+                        @for who in 0..self.stage.agents.len() { (self.placed(who, i)) }
                     }
-                    @for who in 0..self.stage.cast.len() { (self.beyond(who, i, &camera)) }
+                    @for who in 0..self.stage.agents.len() { (self.beyond(who, i, &camera)) }
                     @if let Some([x, y]) = touched.map(|at| camera.at(at)) { (burst(x, y)) }
                 }
                 span { b { (format!("{:.2} s", moment.time_s)) } " " (moment.words) }
@@ -168,7 +168,7 @@ impl<'a> Picture<'a> {
     }
 
     /// SVG `transform` of a body at a sample.
-    pub fn pose(&self, film: &Film, who: usize, i: usize) -> String {
+    pub fn pose(&self, film: &EpisodeFrames, who: usize, i: usize) -> String {
         let track = &film.tracks[who];
         let turn_deg = track.heading_rad[i].to_degrees();
         let (x, y) = (n(track.x_m[i], 3), n(track.y_m[i], 3));
@@ -181,7 +181,7 @@ impl<'a> Picture<'a> {
         let (ego, _) = self.ego();
         html! {
             @for who in std::iter::once(ego).chain(self.film.met).filter(|_| !self.on_cells) {
-                @let [length_m, width_m, _] = self.stage.cast[who].size_m;
+                @let [length_m, width_m, _] = self.stage.agents[who].size_m;
                 g transform=(self.pose(&self.film, who, i)) {
                     rect class="ghost" x=(n(-0.5 * length_m, 3)) y=(n(-0.5 * width_m, 3)) width=(n(length_m, 3)) height=(n(width_m, 3)) rx="0.3" {}
                 }

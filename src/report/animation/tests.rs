@@ -5,7 +5,7 @@ use super::data::json;
 use super::picture::Picture;
 use super::*;
 use crate::run_dir::{About, Severity};
-use crate::scene::{Cast, Role};
+use crate::scene::{AgentDescription, Role};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::Body;
 use crate::testbench::{Aftermath, Constant, Episode, film, play};
@@ -99,7 +99,7 @@ fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
         let trace = &example.episode.trace;
         let end_s = example.episode.contact.as_ref().expect("a contact").time_s;
         let mut turned = 0.0_f64;
-        for (who, cast) in scenario.bench().stage().cast.iter().enumerate() {
+        for (who, cast) in scenario.bench().stage().agents.iter().enumerate() {
             let body = &data["bodies"][who];
             for (shown_m, size_m) in numbers(&body["size"]).iter().zip(cast.size_m) {
                 assert!(
@@ -202,7 +202,7 @@ fn labels_say_the_speeds_and_actions_of_the_moment() {
     let i = film.at(sample as f64 * trace.dt_s());
     let camera = Camera::of(film, i, Some(picture.ego()), &SCREEN);
     let labels = labels::labels(&picture.stage, film, i, (&camera, &picture.moves));
-    for (cast, label) in picture.stage.cast.iter().zip(&labels) {
+    for (cast, label) in picture.stage.agents.iter().zip(&labels) {
         let speeds_mps = trace.signal(&format!("{}.speed", cast.name));
         let speed_mps = speeds_mps.expect("a speed")[sample];
         assert_eq!(label.lines[0], format!("{} {speed_mps:.1} m/s", cast.name));
@@ -273,7 +273,7 @@ fn the_contact_is_marked_when_and_where_it_is() {
 fn bodies_have_their_true_sizes() {
     for name in ["sedan", "van", "truck", "motorcycle", "pedestrian"] {
         let body = Body::shipped(name).unwrap().unwrap();
-        let cast = Cast {
+        let cast = AgentDescription {
             name: "ado".to_owned(),
             role: Role::Ado,
             body: name.to_owned(),

@@ -13,10 +13,10 @@ mod policy;
 pub use config::PpoSettings;
 use policy::ActorCritic;
 
-use crate::rl::bundle::{Bundle, BundleError};
-use crate::rl::dice::Dice;
-use crate::rl::kind::{Built, Kind, Shaped};
-use crate::rl::learner::{ConfigError, Learner, Tally, expect_sizes, linear};
+use crate::rl::bundle::{BundleError, TensorFile};
+use crate::rl::dice::LearnerRng;
+use crate::rl::kind::{Built, LearnerKind, Shaped};
+use crate::rl::learner::{ConfigError, Learner, TrainingCounters, expect_sizes, linear};
 use crate::rl::nn::{Adam, Mlp, Tape, argmax};
 use crate::rl::replay::check;
 use crate::rl::{End, Env, Policy, Spaces};
@@ -91,15 +91,15 @@ struct Ppo {
     actor_adam: Adam,
     critic_adam: Adam,
     rollout: Rollout,
-    dice: Dice,
-    tally: Tally,
+    dice: LearnerRng,
+    tally: TrainingCounters,
     /// Share of the last episode's actions that were not the likeliest.
     explored: f32,
-    room: Room,
+    room: PpoWorkspace,
 }
 
 /// Reusable buffers without meaning between updates.
-struct Room {
+struct PpoWorkspace {
     order: Vec<u32>,
     inputs: Vec<f32>,
     probabilities: Vec<f32>,
@@ -109,7 +109,7 @@ struct Room {
     critic_gradient: Vec<f32>,
 }
 
-impl Kind for PpoSettings {
+impl LearnerKind for PpoSettings {
     fn bundles(&self) -> [&'static str; 2] {
         [POLICY, CHECKPOINT]
     }
@@ -123,24 +123,24 @@ impl Kind for PpoSettings {
     }
 
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
-        let mut dice = Dice::new(seed);
+        let mut dice = LearnerRng::new(seed);
         // A small gain in the last layer: all actions start equally likely.
         let actor = Mlp::orthogonal(&self.sizes(spaces, spaces.actions), 0.01, &mut dice);
         let critic = Mlp::orthogonal(&self.sizes(spaces, 1), 1.0, &mut dice);
         Box::new(Ppo::around(self, actor, critic, dice))
     }
 
-    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &TensorFile) -> Built {
         Ok(Box::new(Ppo::with_nets(
             self,
             spaces,
             policy,
-            Dice::new(seed),
+            LearnerRng::new(seed),
         )?))
     }
 
-    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
-        let mut ppo = Ppo::with_nets(self, spaces, bundle, Dice::restore(bundle)?)?;
+    fn restore(&self, spaces: &Spaces, bundle: &TensorFile) -> Built {
+        let mut ppo = Ppo::with_nets(self, spaces, bundle, LearnerRng::restore(bundle)?)?;
         ppo.actor_adam = Adam::load(&ppo.actor, "actor_adam", bundle)?;
         ppo.critic_adam = Adam::load(&ppo.critic, "critic_adam", bundle)?;
         ppo.tally.restore(bundle)?;
@@ -163,7 +163,7 @@ impl Kind for PpoSettings {
         Ok(Box::new(ppo))
     }
 
-    fn load(&self, policy: &Bundle) -> Shaped {
+    fn load(&self, policy: &TensorFile) -> Shaped {
         let policy = ActorCritic::load(policy)?;
         let shape = policy.actor.ends();
         Ok((Box::new(policy), shape))
@@ -174,8 +174,8 @@ impl Ppo {
     fn with_nets(
         config: &PpoSettings,
         spaces: &Spaces,
-        bundle: &Bundle,
-        dice: Dice,
+        bundle: &TensorFile,
+        dice: LearnerRng,
     ) -> Result<Ppo, BundleError> {
         let (actor, critic) = (Mlp::load("actor", bundle)?, Mlp::load("critic", bundle)?);
         let expected = [spaces.observation, spaces.actions];
@@ -193,16 +193,16 @@ impl Ppo {
         Ok(Ppo::around(config, actor, critic, dice))
     }
 
-    fn around(config: &PpoSettings, actor: Mlp, critic: Mlp, dice: Dice) -> Ppo {
+    fn around(config: &PpoSettings, actor: Mlp, critic: Mlp, dice: LearnerRng) -> Ppo {
         Ppo {
             config: config.clone(),
             actor_adam: Adam::new(actor.parameters().len()),
             critic_adam: Adam::new(critic.parameters().len()),
             rollout: Rollout::default(),
             dice,
-            tally: Tally::new(config.decisions),
+            tally: TrainingCounters::new(config.decisions),
             explored: 1.0,
-            room: Room {
+            room: PpoWorkspace {
                 order: Vec::new(),
                 inputs: Vec::new(),
                 probabilities: Vec::new(),
@@ -234,7 +234,7 @@ impl Ppo {
     }
 
     fn gradient_step(&mut self, batch: &[u32]) {
-        let Room {
+        let PpoWorkspace {
             inputs,
             probabilities,
             actor,
@@ -365,7 +365,7 @@ impl Learner for Ppo {
         total
     }
 
-    fn tally(&self) -> &Tally {
+    fn tally(&self) -> &TrainingCounters {
         &self.tally
     }
 
@@ -380,15 +380,15 @@ impl Learner for Ppo {
         })
     }
 
-    fn policy_bundle(&self) -> Bundle {
-        let mut bundle = Bundle::new(POLICY);
+    fn policy_bundle(&self) -> TensorFile {
+        let mut bundle = TensorFile::new(POLICY);
         self.actor.save("actor", &mut bundle);
         self.critic.save("critic", &mut bundle);
         bundle
     }
 
-    fn checkpoint(&self) -> Bundle {
-        let mut bundle = Bundle::new(CHECKPOINT);
+    fn checkpoint(&self) -> TensorFile {
+        let mut bundle = TensorFile::new(CHECKPOINT);
         self.actor.save("actor", &mut bundle);
         self.critic.save("critic", &mut bundle);
         self.actor_adam.save(&self.actor, "actor_adam", &mut bundle);

@@ -1,7 +1,7 @@
 //! Kept policy of proximal policy optimisation.
 
 use crate::rl::Policy;
-use crate::rl::bundle::{Bundle, BundleError};
+use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::learner::expect_sizes;
 use crate::rl::nn::{Mlp, argmax};
 
@@ -12,7 +12,7 @@ pub(super) struct ActorCritic {
 }
 
 impl ActorCritic {
-    pub(super) fn load(bundle: &Bundle) -> Result<ActorCritic, BundleError> {
+    pub(super) fn load(bundle: &TensorFile) -> Result<ActorCritic, BundleError> {
         let (actor, critic) = (Mlp::load("actor", bundle)?, Mlp::load("critic", bundle)?);
         let found = [critic.inputs(), critic.outputs()];
         expect_sizes(

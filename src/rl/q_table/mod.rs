@@ -13,12 +13,12 @@ mod table;
 pub use settings::{Bins, LearningRate, QTableSettings};
 use table::Table;
 
-use crate::rl::bundle::{Bundle, BundleError};
-use crate::rl::dice::Dice;
-use crate::rl::kind::{Built, Kind, Shaped};
-use crate::rl::learner::{ConfigError, Learner, Tally, epsilon, expect_sizes, within};
+use crate::rl::bundle::{BundleError, TensorFile};
+use crate::rl::dice::LearnerRng;
+use crate::rl::kind::{Built, LearnerKind, Shaped};
+use crate::rl::learner::{ConfigError, Learner, TrainingCounters, epsilon, expect_sizes, within};
 use crate::rl::nn::argmax;
-use crate::rl::replay::Lived;
+use crate::rl::replay::EpisodeBuffer;
 use crate::rl::{End, Env, Policy, Spaces};
 
 /// Kind of a kept policy.
@@ -26,7 +26,7 @@ const POLICY: &str = "brakecheck q-table policy 1";
 /// Kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck q-table checkpoint 1";
 
-impl Kind for QTableSettings {
+impl LearnerKind for QTableSettings {
     fn bundles(&self) -> [&'static str; 2] {
         [POLICY, CHECKPOINT]
     }
@@ -73,29 +73,29 @@ impl Kind for QTableSettings {
             rows: Default::default(),
             values: Vec::new(),
         };
-        Box::new(QTable::around(self, spaces, table, Dice::new(seed)))
+        Box::new(QTable::around(self, spaces, table, LearnerRng::new(seed)))
     }
 
-    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &TensorFile) -> Built {
         let table = QTable::fitting(self, spaces, policy)?;
         Ok(Box::new(QTable::around(
             self,
             spaces,
             table,
-            Dice::new(seed),
+            LearnerRng::new(seed),
         )))
     }
 
-    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
+    fn restore(&self, spaces: &Spaces, bundle: &TensorFile) -> Built {
         let table = QTable::fitting(self, spaces, bundle)?;
-        let mut learner = QTable::around(self, spaces, table, Dice::restore(bundle)?);
+        let mut learner = QTable::around(self, spaces, table, LearnerRng::restore(bundle)?);
         let shape = [learner.table.rows.len(), spaces.actions];
         learner.visits = bundle.get::<u32>("visits", &shape)?.to_vec();
         learner.tally.restore(bundle)?;
         Ok(Box::new(learner))
     }
 
-    fn load(&self, policy: &Bundle) -> Shaped {
+    fn load(&self, policy: &TensorFile) -> Shaped {
         let table = Table::load(policy)?;
         let shape = [table.observation, table.actions];
         Ok((Box::new(TablePolicy { table }), shape))
@@ -108,10 +108,10 @@ struct QTable {
     spaces: Spaces,
     table: Table,
     visits: Vec<u32>,
-    dice: Dice,
-    tally: Tally,
+    dice: LearnerRng,
+    tally: TrainingCounters,
     cell: Vec<u32>,
-    lived: Lived,
+    lived: EpisodeBuffer,
     /// Row of every observation of the episode.
     trail: Vec<usize>,
 }
@@ -120,7 +120,7 @@ impl QTable {
     fn fitting(
         config: &QTableSettings,
         spaces: &Spaces,
-        bundle: &Bundle,
+        bundle: &TensorFile,
     ) -> Result<Table, BundleError> {
         let table = Table::load(bundle)?;
         let (found, expected) = (
@@ -139,16 +139,16 @@ impl QTable {
         Ok(table)
     }
 
-    fn around(config: &QTableSettings, spaces: &Spaces, table: Table, dice: Dice) -> QTable {
+    fn around(config: &QTableSettings, spaces: &Spaces, table: Table, dice: LearnerRng) -> QTable {
         QTable {
             config: config.clone(),
             spaces: spaces.clone(),
             visits: vec![0; table.values.len()],
             table,
             dice,
-            tally: Tally::new(config.decisions),
+            tally: TrainingCounters::new(config.decisions),
             cell: Vec::new(),
-            lived: Lived::default(),
+            lived: EpisodeBuffer::default(),
             trail: Vec::new(),
         }
     }
@@ -275,7 +275,7 @@ impl Learner for QTable {
         self.lived.rewards.iter().sum()
     }
 
-    fn tally(&self) -> &Tally {
+    fn tally(&self) -> &TrainingCounters {
         &self.tally
     }
 
@@ -290,14 +290,14 @@ impl Learner for QTable {
         })
     }
 
-    fn policy_bundle(&self) -> Bundle {
-        let mut bundle = Bundle::new(POLICY);
+    fn policy_bundle(&self) -> TensorFile {
+        let mut bundle = TensorFile::new(POLICY);
         self.table.save(&mut bundle);
         bundle
     }
 
-    fn checkpoint(&self) -> Bundle {
-        let mut bundle = Bundle::new(CHECKPOINT);
+    fn checkpoint(&self) -> TensorFile {
+        let mut bundle = TensorFile::new(CHECKPOINT);
         self.table.save(&mut bundle);
         let visits = self.table.in_order(&self.visits);
         bundle.put(

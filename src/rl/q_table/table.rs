@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use super::settings::{Bins, QTableSettings};
-use crate::rl::bundle::{Bundle, BundleError};
-use crate::rl::kind::Kind;
+use crate::rl::bundle::{BundleError, TensorFile};
+use crate::rl::kind::LearnerKind;
 use crate::rl::replay::check;
 
 /// Cells in lexicographic order of their indices, with a row for each.
 ///
 /// A sorted map, so that the order of visits never reaches the bytes.
-pub(super) type Rows = BTreeMap<Box<[u32]>, usize>;
+pub(super) type CellRows = BTreeMap<Box<[u32]>, usize>;
 
 /// Action values of every visited cell.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Table {
     pub(super) actions: usize,
     pub(super) neutral: usize,
     pub(super) bins: Vec<Bins>,
-    pub(super) rows: Rows,
+    pub(super) rows: CellRows,
     pub(super) values: Vec<f32>,
 }
 
@@ -44,7 +44,7 @@ impl Table {
     }
 
     /// Writes rows in the order of their cells, independent of the visits.
-    pub(super) fn save(&self, bundle: &mut Bundle) {
+    pub(super) fn save(&self, bundle: &mut TensorFile) {
         let cells: Vec<u32> = self.rows.keys().flatten().copied().collect();
         bundle.put("cells", &[self.rows.len(), self.observation], cells);
         let values = self.in_order(&self.values);
@@ -65,7 +65,7 @@ impl Table {
             .collect()
     }
 
-    pub(super) fn load(bundle: &Bundle) -> Result<Table, BundleError> {
+    pub(super) fn load(bundle: &TensorFile) -> Result<Table, BundleError> {
         let shape = |name: &str| bundle.shape(name).unwrap_or(&[]).to_vec();
         let (n, width) = match shape("cells")[..] {
             // A missing or misshapen tensor fails in `get` below, with its name.
@@ -97,7 +97,7 @@ impl Table {
             found: error.what(),
         })?;
         let keys = cells.chunks_exact(width.max(1)).map(Box::from);
-        let rows: Rows = keys.zip(0..n).collect();
+        let rows: CellRows = keys.zip(0..n).collect();
         // Repeated cells would leave fewer rows than values.
         if rows.len() != n {
             return Err(BundleError::Mismatch {

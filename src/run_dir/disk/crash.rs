@@ -16,16 +16,16 @@ pub(crate) enum How {
     Refused,
 }
 
-struct Plan {
+struct InjectedCrash {
     under: PathBuf,
     at: u64,
     how: How,
     done: u64,
 }
 
-static PLANS: Mutex<Vec<Plan>> = Mutex::new(Vec::new());
+static PLANS: Mutex<Vec<InjectedCrash>> = Mutex::new(Vec::new());
 
-fn plans() -> MutexGuard<'static, Vec<Plan>> {
+fn plans() -> MutexGuard<'static, Vec<InjectedCrash>> {
     PLANS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -47,7 +47,7 @@ pub(super) fn step(path: &Path) -> io::Result<()> {
 ///
 /// Returns the number of steps that were begun as well.
 pub(crate) fn failing<T>(under: &Path, at: u64, how: How, act: impl FnOnce() -> T) -> (T, u64) {
-    plans().push(Plan {
+    plans().push(InjectedCrash {
         under: under.to_owned(),
         at,
         how,

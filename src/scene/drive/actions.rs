@@ -12,7 +12,7 @@ pub enum Actions {
     /// Velocities of a pedestrian, along the road and to the left, in m/s.
     Walks(Vec<(f64, f64)>),
     /// Phase changes of a traffic light.
-    Phases(Vec<Turn>),
+    Phases(Vec<PhaseAction>),
     /// Deviations from the plan of an agent.
     Deviate(Deviation),
 }
@@ -80,7 +80,7 @@ pub enum Lateral {
 
 /// Action of a traffic light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Turn {
+pub enum PhaseAction {
     /// Keep the phase.
     Hold,
     /// Switch to the next phase: green, yellow, red, green.
@@ -89,15 +89,15 @@ pub enum Turn {
 
 /// Decoded action of an ado.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Choice {
+pub(super) enum Maneuver {
     Drive { accel_mps2: f64, lateral_mps: f64 },
     Walk { along_mps: f64, left_mps: f64 },
-    Turn(Turn),
+    Turn(PhaseAction),
 }
 
-impl Choice {
+impl Maneuver {
     /// Action before the first decision: no acceleration, no lateral speed.
-    pub const NONE: Choice = Choice::Drive {
+    pub const NONE: Maneuver = Maneuver::Drive {
         accel_mps2: 0.0,
         lateral_mps: 0.0,
     };
@@ -143,8 +143,8 @@ impl Actions {
                 }
             }
             Actions::Phases(list) => match list[action] {
-                Turn::Hold => "hold".to_owned(),
-                Turn::Advance => "advance".to_owned(),
+                PhaseAction::Hold => "hold".to_owned(),
+                PhaseAction::Advance => "advance".to_owned(),
             },
             Actions::Deviate(added) => match added.at(action) {
                 (0.0, 0.0) => "as planned".to_owned(),
@@ -224,34 +224,34 @@ impl Actions {
             }
             Actions::Walks(list) => ends(&mut list.iter().map(|walk| walk.0).enumerate()),
             Actions::Phases(list) => {
-                let hold = list.iter().position(|turn| *turn == Turn::Hold);
+                let hold = list.iter().position(|turn| *turn == PhaseAction::Hold);
                 [hold.unwrap_or(0); 2]
             }
         }
     }
 
     /// Decodes an action.
-    pub(super) fn choice(&self, action: usize) -> Choice {
+    pub(super) fn choice(&self, action: usize) -> Maneuver {
         match self {
-            Actions::Accelerations(list) => Choice::Drive {
+            Actions::Accelerations(list) => Maneuver::Drive {
                 accel_mps2: list[action],
                 lateral_mps: 0.0,
             },
             Actions::Grid(grid) => {
                 let (accel_mps2, lateral_mps) = grid.command(action);
-                Choice::Drive {
+                Maneuver::Drive {
                     accel_mps2,
                     lateral_mps,
                 }
             }
-            Actions::Walks(list) => Choice::Walk {
+            Actions::Walks(list) => Maneuver::Walk {
                 along_mps: list[action].0,
                 left_mps: list[action].1,
             },
-            Actions::Phases(list) => Choice::Turn(list[action]),
+            Actions::Phases(list) => Maneuver::Turn(list[action]),
             Actions::Deviate(added) => {
                 let (accel_mps2, lateral_mps) = added.at(action);
-                Choice::Drive {
+                Maneuver::Drive {
                     accel_mps2,
                     lateral_mps,
                 }
@@ -335,7 +335,10 @@ mod tests {
                 Actions::Walks(vec![(0.0, 1.0), (1.0, 0.0), (-1.0, 0.0)]),
                 [2, 1],
             ),
-            (Actions::Phases(vec![Turn::Advance, Turn::Hold]), [1, 1]),
+            (
+                Actions::Phases(vec![PhaseAction::Advance, PhaseAction::Hold]),
+                [1, 1],
+            ),
         ];
         for (set, hardest) in sets {
             assert_eq!(set.hardest(), hardest, "{set:?}");

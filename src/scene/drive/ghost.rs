@@ -5,7 +5,7 @@
 
 use super::world::DriveWorld;
 use crate::ego::Fault;
-use crate::scene::{Flow, Motion, Passage, Scene, Start};
+use crate::scene::{Motion, Passage, Scene, Start, StepOutcome};
 
 impl DriveWorld {
     /// Runs an episode to the horizon with bodies that pass through each other.
@@ -32,7 +32,7 @@ impl DriveWorld {
                 let neutral = self.spaces().neutral;
                 scene.decide(actions.get(decision).copied().unwrap_or(neutral));
             }
-            if let Flow::Fault(fault) = scene.advance() {
+            if let StepOutcome::Fault(fault) = scene.advance() {
                 return Err(fault);
             }
             bodies.clear();

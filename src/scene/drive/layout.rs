@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::course::CourseError;
-use super::frozen::{Frozen, TrainedError};
+use super::frozen_policy::{Frozen, TrainedError};
 use super::network::RoadNetwork;
 use super::observing::Observation;
-use super::signals::{Source, schema_of};
+use super::signals::{SignalReading, schema_of};
 use super::spec::{Agent, DriveSpec};
 use super::trained::TrainedAdo;
 use crate::ego::{Briefing, RoadGeometry};
@@ -65,12 +65,12 @@ pub enum SceneError {
 
 /// Data that the scenes of a world share.
 #[derive(Clone)]
-pub(super) struct Layout {
+pub(super) struct DriveLayout {
     pub spec: Arc<DriveSpec>,
     pub network: Arc<RoadNetwork>,
     pub ego: usize,
     pub schema: Arc<Schema>,
-    pub sources: Vec<Source>,
+    pub sources: Vec<SignalReading>,
     pub derived: Vec<BoundExpr>,
     pub observed: Observation,
     /// The trained ados, road users first.
@@ -81,8 +81,8 @@ pub(super) struct Layout {
     pub spaces: Spaces,
 }
 
-impl Layout {
-    pub fn new(spec: DriveSpec) -> Result<Layout, SceneError> {
+impl DriveLayout {
+    pub fn new(spec: DriveSpec) -> Result<DriveLayout, SceneError> {
         let egos: Vec<usize> = spec.egos().collect();
         let [ego] = egos[..] else {
             return Err(SceneError::Egos { count: egos.len() });
@@ -115,7 +115,7 @@ impl Layout {
         let frozen = frozen(&spec)?;
         let whens = spec.agents.iter().map(|agent| whens(&spec, &schema, agent));
         let whens = whens.collect::<Result<_, _>>()?;
-        Ok(Layout {
+        Ok(DriveLayout {
             frozen,
             whens,
             network: Arc::new(RoadNetwork::new(&spec)?),
@@ -176,7 +176,7 @@ fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
     spec.trained().map(bind).collect()
 }
 
-impl Layout {
+impl DriveLayout {
     /// Returns the road data that the ego receives before its first episode.
     pub fn briefing(&self) -> Briefing {
         let road = &self.spec.road;

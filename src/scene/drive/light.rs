@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::actions::{Actions, Turn};
+use super::actions::{Actions, PhaseAction};
 use super::trained::TrainedAdo;
 use crate::ego::Phase;
 
@@ -52,20 +52,20 @@ impl Schedule {
 
 /// Current phase of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Shown {
+pub(super) struct LightState {
     pub phase: Phase,
     /// The sample at which the phase began.
     pub since: usize,
 }
 
-impl Shown {
+impl LightState {
     /// Returns the phase at the start of an episode.
-    pub fn first(light: &Light) -> Shown {
+    pub fn first(light: &Light) -> LightState {
         let phase = match &light.drive {
             LightDrive::Schedule(schedule) => schedule.at(0.0, light.phase),
             LightDrive::Ado { .. } | LightDrive::Trained(_) => light.phase,
         };
-        Shown { phase, since: 0 }
+        LightState { phase, since: 0 }
     }
 
     /// Updates a scheduled light to a time.
@@ -76,8 +76,8 @@ impl Shown {
     }
 
     /// Applies the action of an ado's light.
-    pub fn turn(&mut self, turn: Turn, sample: usize) {
-        if turn == Turn::Advance {
+    pub fn turn(&mut self, turn: PhaseAction, sample: usize) {
+        if turn == PhaseAction::Advance {
             self.show(self.phase.next(), sample);
         }
     }
@@ -86,7 +86,7 @@ impl Shown {
         // `since` is the start of the phase, so showing the same phase again
         // keeps it.
         if phase != self.phase {
-            *self = Shown {
+            *self = LightState {
                 phase,
                 since: sample,
             };

@@ -4,24 +4,26 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
-use super::actions::Choice;
+use super::actions::Maneuver;
 use super::course::wrapped;
-use super::drawn::Drawn;
-use super::layout::Layout;
+use super::layout::DriveLayout;
 use super::light::LightDrive;
-use super::names::Who;
-use super::placed::Direction;
-use super::planned::{Arrival, PlanRun};
+use super::names::SignalOwner;
+use super::plan_execution::{Arrival, PlanRun};
+use super::road_placement::Direction;
 use super::sensors::Sensing;
 use super::spec::{Agent, Drive};
+use super::start_sampling::Drawn;
 use super::state::SceneState;
 use super::steering::LaneKeeper;
 use super::trained::TrainedAdo;
 use super::world::DriveWorld;
-use super::{perceiving, staging};
+use super::{ego_percept, scene_geometry};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
-use crate::scene::{Axis, BodySample, Clock, Flow, Frame, Scene, Stage, Start, Touch};
+use crate::scene::{
+    Axis, BodySample, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start, StepOutcome,
+};
 use crate::seed::StartKey;
 use crate::severity::{Impact, Party};
 use crate::sim::{BodyCommand, BodyId, Contact, Pose};
@@ -29,7 +31,7 @@ use crate::trace::Schema;
 
 /// A driving scene in motion.
 pub struct DriveScene {
-    pub(super) layout: Arc<Layout>,
+    pub(super) layout: Arc<DriveLayout>,
     pub(super) state: SceneState,
     controller: Box<dyn Controller>,
     /// Commands of an external ego so far. Other egos are deterministic and
@@ -39,7 +41,7 @@ pub struct DriveScene {
     /// Lag of each agent's acceleration.
     actuators: Vec<Actuator>,
     pub(super) keepers: Vec<LaneKeeper>,
-    pub(super) chosen: Vec<Choice>,
+    pub(super) chosen: Vec<Maneuver>,
     /// Last command of each body, `None` before the first.
     pub(super) commanded: Vec<Option<BodyCommand>>,
     /// Plan of each agent, in motion. Empty if no agent has a plan.
@@ -61,7 +63,7 @@ impl DriveWorld {
 }
 
 impl DriveScene {
-    pub(super) fn new(layout: Arc<Layout>) -> DriveScene {
+    pub(super) fn new(layout: Arc<DriveLayout>) -> DriveScene {
         let spec = &layout.spec;
         let agents = spec.agents.len();
         let mut controller = spec.ego.controller.build();
@@ -73,7 +75,7 @@ impl DriveScene {
             sensing: Sensing::new(spec.sensors, spec.clock.sample_s),
             actuators: Vec::with_capacity(agents),
             keepers: Vec::with_capacity(agents),
-            chosen: vec![Choice::NONE; agents],
+            chosen: vec![Maneuver::NONE; agents],
             commanded: vec![None; agents],
             plans: Vec::new(),
             unmet: None,
@@ -134,7 +136,7 @@ impl DriveScene {
         self.state.clear();
         self.actuators.clear();
         self.keepers.clear();
-        self.chosen.fill(Choice::NONE);
+        self.chosen.fill(Maneuver::NONE);
         self.commanded.fill(None);
     }
 
@@ -146,10 +148,10 @@ impl DriveScene {
                 continue;
             };
             match (frozen.who, frozen.actions.choice(action)) {
-                (Who::Light(i), Choice::Turn(turn)) => self.state.turn(i, turn),
-                (Who::Agent(i), choice) => self.chosen[i] = choice,
+                (SignalOwner::Light(i), Maneuver::Turn(turn)) => self.state.turn(i, turn),
+                (SignalOwner::Agent(i), choice) => self.chosen[i] = choice,
                 // Invariant: a light's ado has a light's actions.
-                (Who::Light(_), _) => {}
+                (SignalOwner::Light(_), _) => {}
             }
         }
     }
@@ -157,7 +159,7 @@ impl DriveScene {
     fn command_all(&mut self) -> Result<(), Fault> {
         // All commands derive from the state before the sample. The plant moves
         // only after every agent has decided, so the file order has no effect.
-        perceiving::fill(&mut self.percept, &self.state, self.layout.ego);
+        ego_percept::fill(&mut self.percept, &self.state, self.layout.ego);
         self.sensing.look(&mut self.percept);
         let command = self.controller.control(&self.percept)?;
         // A NaN command would otherwise reach the physics and be reported as
@@ -169,7 +171,7 @@ impl DriveScene {
         if self.layout.spec.ego.is_foreign() {
             self.commands.push(command);
         }
-        let asked = Choice::Drive {
+        let asked = Maneuver::Drive {
             accel_mps2: command.accel_mps2,
             lateral_mps: command.lateral_mps,
         };
@@ -184,14 +186,14 @@ impl DriveScene {
                 Drive::Scripted(script) => {
                     if agent.body.is_on_foot() {
                         let (along_mps, left_mps) = script.walk_mps(self.state.time_s());
-                        Choice::Walk {
+                        Maneuver::Walk {
                             along_mps,
                             left_mps,
                         }
                     } else {
                         let speed_mps = self.state.states[i].speed_mps;
                         let leader = || self.state.leader_of(i);
-                        Choice::Drive {
+                        Maneuver::Drive {
                             accel_mps2: script.accel_mps2(self.state.time_s(), speed_mps, leader),
                             lateral_mps: 0.0,
                         }
@@ -203,11 +205,11 @@ impl DriveScene {
         Ok(())
     }
 
-    fn command(&mut self, agent: usize, wish: Choice) {
+    fn command(&mut self, agent: usize, wish: Maneuver) {
         let (state, at) = (&self.state.states[agent], self.state.on_road[agent]);
         let sample_s = self.layout.spec.clock.sample_s;
         let command = match wish {
-            Choice::Drive {
+            Maneuver::Drive {
                 accel_mps2,
                 lateral_mps,
             } => {
@@ -229,7 +231,7 @@ impl DriveScene {
                     ),
                 }
             }
-            Choice::Walk {
+            Maneuver::Walk {
                 along_mps,
                 left_mps,
             } => {
@@ -243,7 +245,7 @@ impl DriveScene {
                 }
             }
             // Invariant: only lights turn, and they have no body.
-            Choice::Turn(_) => return,
+            Maneuver::Turn(_) => return,
         };
         self.commanded[agent] = Some(command);
         let body = self.state.bodies[agent];
@@ -251,17 +253,17 @@ impl DriveScene {
     }
 
     /// Advances the physics by one sample under the current commands.
-    pub(super) fn move_on(&mut self) -> Flow {
+    pub(super) fn move_on(&mut self) -> StepOutcome {
         self.state.advance();
         if !self.state.plant.sound() {
-            return Flow::Fault(Fault::new(
+            return StepOutcome::Fault(Fault::new(
                 FaultKind::Physics,
                 format!("the physics broke down at {:.3} s", self.state.time_s()),
             ));
         }
         match &self.state.touch {
-            Some(contact) => Flow::Contact(self.touch_of(contact)),
-            None => Flow::Going,
+            Some(contact) => StepOutcome::Contact(self.touch_of(contact)),
+            None => StepOutcome::Going,
         }
     }
 
@@ -276,9 +278,9 @@ impl DriveScene {
         }
     }
 
-    fn touch_of(&self, contact: &Contact) -> Touch {
+    fn touch_of(&self, contact: &Contact) -> ContactEvent {
         let name = |body: BodyId| self.layout.spec.agents[body.0].name.clone();
-        Touch {
+        ContactEvent {
             between: (name(contact.pair.0), name(contact.pair.1)),
             // The state's time is already that of the sample's end.
             time_s: self.state.time_s() - self.layout.spec.clock.sample_s + contact.after_s,
@@ -379,7 +381,7 @@ impl Scene for DriveScene {
             .extend(layout.spec.parameters_of(start));
         self.plans_begin();
         self.state.read();
-        self.percept = perceiving::blank(&layout.spec, layout.ego);
+        self.percept = ego_percept::blank(&layout.spec, layout.ego);
         self.sensing.reset(noise);
         self.commands.clear();
         self.controller.reset(noise);
@@ -397,7 +399,7 @@ impl Scene for DriveScene {
         }
         for (i, light) in layout.spec.lights.iter().enumerate() {
             if let LightDrive::Ado { actions, .. } = &light.drive {
-                if let Choice::Turn(turn) = actions.choice(action % actions.len()) {
+                if let Maneuver::Turn(turn) = actions.choice(action % actions.len()) {
                     self.state.turn(i, turn);
                 }
                 action /= actions.len();
@@ -405,20 +407,20 @@ impl Scene for DriveScene {
         }
     }
 
-    fn advance(&mut self) -> Flow {
+    fn advance(&mut self) -> StepOutcome {
         // An episode with an infeasible plan is invalid and must not count as a
         // success.
         if let Some(why) = &self.unmet {
-            return Flow::Fault(Fault::new(FaultKind::Physics, why.clone()));
+            return StepOutcome::Fault(Fault::new(FaultKind::Physics, why.clone()));
         }
         self.decide_trained();
         if let Err(fault) = self.command_all() {
-            return Flow::Fault(fault);
+            return StepOutcome::Fault(fault);
         }
         let flow = self.move_on();
         match (&flow, &self.state.touch) {
-            (Flow::Going, _) => self.arrive_all(),
-            (Flow::Contact(_), Some(contact)) => self.stop_all(contact.after_s),
+            (StepOutcome::Going, _) => self.arrive_all(),
+            (StepOutcome::Contact(_), Some(contact)) => self.stop_all(contact.after_s),
             _ => {}
         }
         flow
@@ -432,8 +434,8 @@ impl Scene for DriveScene {
         self.layout.observed.read(row, obs);
     }
 
-    fn stage(&self) -> Stage {
-        staging::stage(&self.layout)
+    fn stage(&self) -> SceneGeometry {
+        scene_geometry::stage(&self.layout)
     }
 
     fn frame(&self) -> Frame {

@@ -13,7 +13,7 @@ pub struct AgentNames {
 
 /// A road user or a light, by position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Who {
+pub(super) enum SignalOwner {
     Agent(usize),
     Light(usize),
 }
@@ -25,9 +25,11 @@ impl AgentNames {
     }
 
     /// Returns the agent or light with a name.
-    pub(super) fn who(&self, name: &str) -> Option<Who> {
+    pub(super) fn who(&self, name: &str) -> Option<SignalOwner> {
         let agent = self.agents.iter().position(|agent| agent == name);
         let light = || self.lights.iter().position(|light| light == name);
-        agent.map(Who::Agent).or_else(|| light().map(Who::Light))
+        agent
+            .map(SignalOwner::Agent)
+            .or_else(|| light().map(SignalOwner::Light))
     }
 }

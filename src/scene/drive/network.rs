@@ -1,7 +1,7 @@
 //! All roads of a world, and the crossings between the paths of its agents.
 
 use super::course::{Course, CourseError, OnRoad, wrapped};
-use super::placed::{Direction, Priority};
+use super::road_placement::{Direction, Priority};
 use super::spec::{Agent, DriveSpec};
 use crate::sim::Pose;
 
@@ -40,7 +40,7 @@ impl RoadNetwork {
         let own = std::iter::once(spec.road.course());
         let placed = spec.roads.values().map(|placed| placed.course());
         let courses = own.chain(placed).collect::<Result<Vec<_>, _>>()?;
-        let way = |agent: &Agent| Way {
+        let way = |agent: &Agent| TravelLine {
             course: courses[agent.road].clone(),
             // Agents are taken to drive in the middle of their range of starts:
             // crossings are fixed once per world and do not depend on the
@@ -102,15 +102,15 @@ impl RoadNetwork {
 }
 
 /// A line beside a course, driven in a direction.
-struct Way {
+struct TravelLine {
     course: Course,
     lateral_m: f64,
     direction: Direction,
 }
 
-impl Way {
+impl TravelLine {
     /// Returns the offset of a point of the other path to the left of this path.
-    fn offset_m(&self, other: &Way, s_m: f64) -> f64 {
+    fn offset_m(&self, other: &TravelLine, s_m: f64) -> f64 {
         let at = other.course.pose(s_m, other.lateral_m);
         self.course.locate(&at).lateral_m - self.lateral_m
     }
@@ -118,7 +118,7 @@ impl Way {
     /// Returns the crossings with another path, in driving order.
     ///
     /// Follows the other path and detects where it changes sides.
-    fn crossed_by(&self, other: &Way) -> Vec<Crossing> {
+    fn crossed_by(&self, other: &TravelLine) -> Vec<Crossing> {
         let steps = (other.course.end_s_m() + 2.0 * BEYOND_M) / STEP_M;
         let s_m = |step: usize| step as f64 * STEP_M - BEYOND_M;
         let mut found = Vec::new();
@@ -142,7 +142,7 @@ impl Way {
     /// Returns `None` if the sign changes at a bend far from this road.
     fn crossing(
         &self,
-        other: &Way,
+        other: &TravelLine,
         (mut from_m, mut to_m): (f64, f64),
         from_right: bool,
     ) -> Option<Crossing> {

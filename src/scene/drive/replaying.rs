@@ -8,20 +8,20 @@
 use std::sync::Arc;
 
 use super::course::{Course, OnRoad};
-use super::layout::Layout;
+use super::layout::DriveLayout;
+use super::line_of_sight;
 use super::motion::DriveScene;
 use super::road::Road;
-use super::sight;
 use super::spec::EgoController;
 use super::world::DriveWorld;
 use crate::ego::reference::LaneBody;
-use crate::scene::{BodySample, Flow, Motion, Scene};
+use crate::scene::{BodySample, Motion, Scene, StepOutcome};
 use crate::sim::{Body, BodyCommand, BodyState, PlantKind};
 
 impl DriveWorld {
     /// Returns the same world on the kinematic plant, without an ego controller.
     pub fn for_replay(&self) -> DriveWorld {
-        let mut layout = Layout::clone(&self.0);
+        let mut layout = DriveLayout::clone(&self.0);
         Arc::make_mut(&mut layout.spec).plant = PlantKind::Kinematic;
         Arc::make_mut(&mut layout.spec).ego.controller = EgoController::Recorded(Arc::from([]));
         DriveWorld(Arc::new(layout))
@@ -45,7 +45,7 @@ impl DriveWorld {
     pub fn seen(&self, sample: &[BodySample]) -> Vec<bool> {
         let spec = &self.0.spec;
         if spec.sensors.line_of_sight {
-            sight::visible(spec, sample.iter().map(|body| &body.state), self.0.ego)
+            line_of_sight::visible(spec, sample.iter().map(|body| &body.state), self.0.ego)
         } else {
             vec![true; sample.len()]
         }
@@ -253,7 +253,7 @@ impl DriveScene {
     ///
     /// All other agents move as in `next`, a sample of a
     /// [continued](DriveWorld::continued) motion.
-    pub fn advance_along(&mut self, ego: BodyCommand, next: &[BodySample]) -> Flow {
+    pub fn advance_along(&mut self, ego: BodyCommand, next: &[BodySample]) -> StepOutcome {
         for (agent, body) in next.iter().enumerate() {
             let command = if agent == self.layout.ego {
                 Some(ego)
@@ -300,7 +300,7 @@ impl DriveScene {
     pub fn seen(&self) -> Vec<bool> {
         let spec = &self.layout.spec;
         if spec.sensors.line_of_sight {
-            sight::visible(spec, &self.state.states, self.layout.ego)
+            line_of_sight::visible(spec, &self.state.states, self.layout.ego)
         } else {
             vec![true; spec.agents.len()]
         }

@@ -56,7 +56,7 @@ pub enum Road {
 }
 
 /// Data common to all kinds of road.
-struct Shape {
+struct RoadProperties {
     lanes: usize,
     lane_width_m: f64,
     friction: f64,
@@ -64,7 +64,7 @@ struct Shape {
 }
 
 impl Road {
-    fn shape(&self) -> Shape {
+    fn shape(&self) -> RoadProperties {
         match *self {
             Road::Straight {
                 lanes,
@@ -85,7 +85,7 @@ impl Road {
                 friction,
                 speed_limit_mps,
                 ..
-            } => Shape {
+            } => RoadProperties {
                 lanes,
                 lane_width_m,
                 friction,

@@ -5,14 +5,14 @@
 
 use std::sync::Arc;
 
-use super::actions::Turn;
+use super::actions::PhaseAction;
 use super::course::OnRoad;
-use super::light::Shown;
+use super::light::LightState;
 use super::network::RoadNetwork;
-use super::placed::Direction;
-use super::planned::PlannedAt;
+use super::plan_execution::PlannedAt;
+use super::road_placement::Direction;
 use super::spec::{Agent, DriveSpec};
-use crate::ego::Room;
+use crate::ego::LaneOccupancy;
 use crate::sim::{self, Body, BodyId, BodyState, Contact, Ground, Plant, Pose};
 
 /// State of a driving scene at a sample.
@@ -26,7 +26,7 @@ pub(super) struct SceneState {
     pub states: Vec<BodyState>,
     /// Road coordinates of each agent.
     pub on_road: Vec<OnRoad>,
-    pub lights: Vec<Shown>,
+    pub lights: Vec<LightState>,
     /// Planned state of each agent. Empty if no agent has a plan.
     pub planned: Vec<PlannedAt>,
     /// Parameters of the start, in file order.
@@ -62,7 +62,7 @@ impl SceneState {
         self.bodies.clear();
         self.lights.clear();
         self.lights
-            .extend(self.spec.lights.iter().map(Shown::first));
+            .extend(self.spec.lights.iter().map(LightState::first));
         self.touch = None;
         self.sample = 0;
     }
@@ -87,7 +87,7 @@ impl SceneState {
     }
 
     /// Applies an ado's action to a light.
-    pub fn turn(&mut self, light: usize, turn: Turn) {
+    pub fn turn(&mut self, light: usize, turn: PhaseAction) {
         self.lights[light].turn(turn, self.sample);
     }
 
@@ -211,12 +211,12 @@ impl SceneState {
     /// The space is relative to the middle of the driver's front, in its
     /// driving direction. The speed is that at which the body moves away along
     /// the road.
-    fn room_before(&self, driver: usize, agent: usize) -> (Room, f64) {
+    fn room_before(&self, driver: usize, agent: usize) -> (LaneOccupancy, f64) {
         let own = self.as_driven(driver, self.on_road[driver]);
         let at = self.as_driven(driver, self.on_road_of(driver, agent));
         let body = &self.spec.agents[agent].body;
         let front_m = (at.s_m - own.s_m, at.lateral_m - own.lateral_m);
-        let room = Room::of(front_m, at.heading_rad, (body.length_m, body.width_m));
+        let room = LaneOccupancy::of(front_m, at.heading_rad, (body.length_m, body.width_m));
         (room, self.velocity_along(agent, &at).0)
     }
 

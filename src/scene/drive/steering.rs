@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::course::{Course, OnRoad};
-use super::placed::Direction;
+use super::road_placement::Direction;
 use crate::ego::Actuator;
 use crate::sim::{Body, Pose};
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::layout::Layout;
+use super::layout::DriveLayout;
 use super::sensors::Sensors;
 use super::spec::EgoController;
 use super::world::DriveWorld;
@@ -30,7 +30,7 @@ pub struct EgoVariant {
 impl DriveWorld {
     /// Returns the same world with this ego. Cheap, because nothing is bound anew.
     pub fn with_variant(&self, variant: &EgoVariant) -> DriveWorld {
-        let mut layout = Layout::clone(&self.0);
+        let mut layout = DriveLayout::clone(&self.0);
         // Neither the network nor any bound expression depends on these fields,
         // so the rest of the layout stays valid.
         let spec = Arc::make_mut(&mut layout.spec);

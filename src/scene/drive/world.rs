@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::course::Course;
-use super::layout::{Layout, SceneError};
+use super::layout::{DriveLayout, SceneError};
 use super::network::goes_first;
 use super::spec::DriveSpec;
 use crate::rl::Spaces;
@@ -11,7 +11,7 @@ use crate::trace::Schema;
 
 /// An assembled driving world: builds scenes that share all fixed data.
 #[derive(Clone)]
-pub struct DriveWorld(pub(super) Arc<Layout>);
+pub struct DriveWorld(pub(super) Arc<DriveLayout>);
 
 impl DriveWorld {
     /// Assembles a world.
@@ -19,7 +19,7 @@ impl DriveWorld {
     /// # Errors
     /// Signals clash or do not bind, or the number of egos is not one.
     pub fn new(spec: DriveSpec) -> Result<DriveWorld, SceneError> {
-        Layout::new(spec).map(|layout| DriveWorld(Arc::new(layout)))
+        DriveLayout::new(spec).map(|layout| DriveWorld(Arc::new(layout)))
     }
 
     /// Returns the spec it was assembled from.

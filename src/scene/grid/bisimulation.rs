@@ -189,8 +189,8 @@ impl Bisimulation {
         let Some((first, second)) = self.states(slot) else {
             return false;
         };
-        let one = Step::of(&self.first, first);
-        let other = Step::of(&self.second, second);
+        let one = PendingMove::of(&self.first, first);
+        let other = PendingMove::of(&self.second, second);
         (0..self.first.moves.len()).all(|action| {
             // The ado's speed is a signal of the successor, so it is compared
             // here and not in `distance`.
@@ -297,16 +297,16 @@ fn centres_apart(first: &Game, second: &Game, cell: i32, fine: i32) -> f64 {
 }
 
 /// A state about to move. The ego's move is the same under every action.
-struct Step<'a> {
+struct PendingMove<'a> {
     game: &'a Game,
     both: Position,
     ego: Cell,
     captured: bool,
 }
 
-impl<'a> Step<'a> {
-    fn of(game: &'a Game, both: Position) -> Step<'a> {
-        Step {
+impl<'a> PendingMove<'a> {
+    fn of(game: &'a Game, both: Position) -> PendingMove<'a> {
+        PendingMove {
             game,
             both,
             ego: game.arena.ego_moves(both),

@@ -23,19 +23,22 @@ pub use signals::GridSignalSource;
 pub use spec::{GridSpec, Horizon, Starts, position, position_of, start_of};
 
 use super::drive::SceneError;
-use super::{Axis, Cast, Clock, Flow, Frame, Role, Scene, Stage, Start, Touch};
+use super::{
+    AgentDescription, Axis, Clock, ContactEvent, Frame, Role, Scene, SceneGeometry, Start,
+    StepOutcome,
+};
 use crate::rl::Spaces;
 use crate::seed::StartKey;
 use crate::sim::Placement;
 use crate::stl::BoundExpr;
 use crate::trace::{Schema, SchemaError};
-use signals::{Moment, Source};
+use signals::{PositionHistory, Source};
 
 /// An assembled grid world: builds scenes that share all fixed data.
 #[derive(Clone)]
-pub struct GridWorld(Arc<Layout>);
+pub struct GridWorld(Arc<GridLayout>);
 
-struct Layout {
+struct GridLayout {
     spec: GridSpec,
     clock: Clock,
     schema: Arc<Schema>,
@@ -49,8 +52,8 @@ struct Layout {
 /// A grid scene in motion.
 #[derive(Clone)]
 pub struct GridScene {
-    layout: Arc<Layout>,
-    moment: Moment,
+    layout: Arc<GridLayout>,
+    moment: PositionHistory,
     action: usize,
 }
 
@@ -86,7 +89,7 @@ impl GridWorld {
             }),
         };
         let observed: Vec<_> = spec.observe.iter().map(find).collect::<Result<_, _>>()?;
-        Ok(GridWorld(Arc::new(Layout {
+        Ok(GridWorld(Arc::new(GridLayout {
             clock: spec.clock(),
             schema: Arc::new(schema),
             sources: spec.published().iter().map(|offer| offer.source).collect(),
@@ -131,7 +134,7 @@ impl GridWorld {
         };
         GridScene {
             layout: Arc::clone(&self.0),
-            moment: Moment {
+            moment: PositionHistory {
                 now: both,
                 before: both,
                 step: 0,
@@ -196,13 +199,13 @@ impl GridScene {
         self.moment.step = 0;
     }
 
-    fn touch(&self) -> Touch {
+    fn touch(&self) -> ContactEvent {
         let arena = &self.layout.spec.arena;
         let Position { ego, ado } = self.moment.now;
         let apart = |both: Position| f64::from(both.ego.manhattan(both.ado));
         let closed = apart(self.moment.before) - apart(self.moment.now);
         let middle = |a: i32, b: i32| (f64::from(a + b) / 2.0 + 0.5) / f64::from(arena.refine);
-        Touch {
+        ContactEvent {
             between: ("ego".to_owned(), "ado".to_owned()),
             time_s: f64::from(self.moment.step),
             closing_speed_mps: closed / f64::from(arena.refine),
@@ -264,16 +267,16 @@ impl Scene for GridScene {
         self.action = action;
     }
 
-    fn advance(&mut self) -> Flow {
+    fn advance(&mut self) -> StepOutcome {
         let spec = &self.layout.spec;
         let next = spec.arena.next(self.moment.now, spec.moves[self.action]);
         self.moment.before = self.moment.now;
         self.moment.now = next;
         self.moment.step += 1;
         if spec.arena.touching(next) {
-            Flow::Contact(self.touch())
+            StepOutcome::Contact(self.touch())
         } else {
-            Flow::Going
+            StepOutcome::Going
         }
     }
 
@@ -297,10 +300,10 @@ impl Scene for GridScene {
         }
     }
 
-    fn stage(&self) -> Stage {
+    fn stage(&self) -> SceneGeometry {
         let arena = &self.layout.spec.arena;
         let side = 1.0 / f64::from(arena.refine);
-        let cast = |name: &str, role| Cast {
+        let cast = |name: &str, role| AgentDescription {
             name: name.to_owned(),
             role,
             body: "cell".to_owned(),
@@ -314,8 +317,8 @@ impl Scene for GridScene {
             let along = vec![[at, 0.0, 0.0], [at, size, 0.0]];
             [across, along]
         });
-        Stage {
-            cast: vec![cast("ego", Role::Ego), cast("ado", Role::Ado)],
+        SceneGeometry {
+            agents: vec![cast("ego", Role::Ego), cast("ado", Role::Ado)],
             lane_borders_m: lines.collect(),
             side_roads_m: Vec::new(),
             lights: Vec::new(),

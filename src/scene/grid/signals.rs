@@ -228,14 +228,14 @@ impl GridSpec {
 
 /// Current and previous position of both agents, with the step count.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Moment {
+pub(super) struct PositionHistory {
     pub(super) now: Position,
     pub(super) before: Position,
     pub(super) step: u32,
     pub(super) steps: u32,
 }
 
-impl Moment {
+impl PositionHistory {
     /// Returns the value of a signal.
     pub(super) fn value(&self, arena: &Arena, source: Source) -> f64 {
         let per_fine = 1.0 / f64::from(arena.refine);

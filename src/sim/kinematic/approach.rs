@@ -1,8 +1,8 @@
 //! First contact of two bodies on known paths.
 
 use super::mover::Mover;
-use super::path::Path;
-use crate::sim::planar::{Meeting, Separation, TOUCH_M, far_apart};
+use super::path::BodyPath;
+use crate::sim::planar::{ContactGeometry, Separation, TOUCH_M, far_apart};
 
 /// Clearance at which an approach counts as a contact.
 const TOLERANCE_M: f64 = 1e-9;
@@ -20,9 +20,9 @@ const MAX_EVALUATIONS: u32 = 1000;
 /// first that exists. Sampling or root finding alone would not guarantee that.
 pub(super) fn meet(
     (a, b): (&Mover, &Mover),
-    (path_a, path_b): (&Path, &Path),
+    (path_a, path_b): (&BodyPath, &BodyPath),
     horizon_s: f64,
-) -> Option<(f64, Meeting)> {
+) -> Option<(f64, ContactGeometry)> {
     let (mut rect_a, mut rect_b) = (a.rect(&path_a.start), b.rect(&path_b.start));
     let reach_m = (path_a.speed_bound_mps + path_b.speed_bound_mps) * horizon_s;
     if far_apart(&a.shape(&rect_a), &b.shape(&rect_b), reach_m) {

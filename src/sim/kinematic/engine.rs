@@ -1,8 +1,8 @@
 //! Motion models of this plant: one file per kind of body, listed here.
 
+use super::kinematic_playback::PlaybackPose;
 use super::legs::Legs;
-use super::path::{Anchor, Path, PathKind};
-use super::rails::Rails;
+use super::path::{Anchor, BodyPath, PathKind};
 use super::wheels::Wheels;
 use crate::sim::{Body, BodyCommand, BodyKind, Ground};
 
@@ -12,7 +12,7 @@ pub(super) enum Engine {
     Wheels(Wheels),
     Legs(Legs),
     /// Motion along a recording or a plan.
-    Rails(Rails),
+    Rails(PlaybackPose),
 }
 
 impl Engine {
@@ -50,7 +50,7 @@ impl Engine {
     /// Returns the path from `start` for the next `dt_s`.
     ///
     /// No point of the body is farther than `arm_m` from the fixed point.
-    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
+    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         match self {
             Engine::Wheels(wheels) => wheels.path(start, arm_m, dt_s),
             Engine::Legs(legs) => legs.path(start),
@@ -63,18 +63,18 @@ impl Engine {
         match self {
             Engine::Wheels(_) => Wheels::motion(at),
             Engine::Legs(_) => Legs::motion(at),
-            Engine::Rails(_) => Rails::motion(at),
+            Engine::Rails(_) => PlaybackPose::motion(at),
         }
     }
 }
 
-impl Path {
+impl BodyPath {
     /// Returns the state of the fixed point after a time.
     pub fn at(&self, after_s: f64) -> Anchor {
         match self.kind {
             PathKind::Arc(drive) => Wheels::after(self.start, drive, after_s),
             PathKind::Ramp(ramp) => Legs::after(self.start, ramp, after_s),
-            PathKind::Even => Rails::after(self.start, after_s),
+            PathKind::Even => PlaybackPose::after(self.start, after_s),
         }
     }
 }

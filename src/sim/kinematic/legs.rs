@@ -1,6 +1,6 @@
 //! Walkers of the kinematic plant: the velocity of the centre changes evenly.
 
-use super::path::{Anchor, Path, PathKind};
+use super::path::{Anchor, BodyPath, PathKind};
 use crate::sim::walker::{Ramp, Stride, length};
 use crate::sim::{BodyCommand, Walker};
 
@@ -34,9 +34,9 @@ impl Legs {
         true
     }
 
-    pub fn path(&self, start: Anchor) -> Path {
+    pub fn path(&self, start: Anchor) -> BodyPath {
         let ramp = self.walker.ramp(start.walk_mps, self.target_mps);
-        Path {
+        BodyPath {
             start,
             kind: PathKind::Ramp(ramp),
             // Along a straight ramp the speed is convex in time, so an end has the largest.

@@ -8,17 +8,17 @@
 
 mod approach;
 mod engine;
+mod kinematic_playback;
 mod legs;
 mod mover;
 mod path;
-mod rails;
 mod wheels;
 
 use self::approach::meet;
 use self::engine::Engine;
+use self::kinematic_playback::Passing;
 use self::mover::Mover;
-use self::path::{Anchor, Path};
-use self::rails::Passing;
+use self::path::{Anchor, BodyPath};
 use super::body::Body;
 use super::planar::Extent;
 use super::{BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose};
@@ -32,7 +32,7 @@ pub struct Kinematic {
     ground: Ground,
     movers: Vec<Mover>,
     /// Paths of the current `advance`, kept to avoid an allocation.
-    paths: Vec<Path>,
+    paths: Vec<BodyPath>,
     faulty: bool,
     passing: bool,
 }

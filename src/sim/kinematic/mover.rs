@@ -3,10 +3,10 @@
 use core::f64::consts::{PI, TAU};
 
 use super::engine::Engine;
-use super::path::{Anchor, Path};
-use super::rails::{Passing, Rails};
+use super::kinematic_playback::{Passing, PlaybackPose};
+use super::path::{Anchor, BodyPath};
 use crate::sim::Pose;
-use crate::sim::planar::{Extent, Rect, Shape};
+use crate::sim::planar::{Extent, Rect, SizedRect};
 
 /// Body with its size, its state and its motion model.
 #[derive(Clone, Debug)]
@@ -21,8 +21,8 @@ pub(super) struct Mover {
 }
 
 impl Mover {
-    pub fn shape<'a>(&'a self, rect: &'a Rect) -> Shape<'a> {
-        Shape {
+    pub fn shape<'a>(&'a self, rect: &'a Rect) -> SizedRect<'a> {
+        SizedRect {
             rect,
             extent: &self.extent,
         }
@@ -48,7 +48,7 @@ impl Mover {
             } = self.at;
             self.at.walk_mps = (speed_mps * cos, speed_mps * sin);
         }
-        self.engine = Engine::Rails(Rails {
+        self.engine = Engine::Rails(PlaybackPose {
             x_m: to.x_m - back_m * cos,
             y_m: to.y_m - back_m * sin,
             heading_rad: to.heading_rad,
@@ -71,13 +71,13 @@ impl Mover {
         }
     }
 
-    pub fn path(&self, dt_s: f64) -> Path {
+    pub fn path(&self, dt_s: f64) -> BodyPath {
         // Distance of the farthest point of the body from the fixed point.
         let arm_m = self.anchor_ahead_m.abs() + self.extent.radius_m;
         self.engine.path(self.at, arm_m, dt_s)
     }
 
-    pub fn follow(&mut self, path: &Path, elapsed_s: f64) {
+    pub fn follow(&mut self, path: &BodyPath, elapsed_s: f64) {
         let (before_mps, ..) = self.engine.motion(&self.at);
         self.at = path.at(elapsed_s);
         // Keeps the heading in −π to π, however long a body turns.

@@ -1,6 +1,6 @@
 //! State of a body and its motion during one `advance`.
 
-use crate::sim::limits::Drive;
+use crate::sim::limits::DriveStep;
 use crate::sim::walker::Ramp;
 
 /// State of the fixed point of a body.
@@ -22,7 +22,7 @@ pub(super) struct Anchor {
 
 /// Motion of a body during one `advance`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Path {
+pub(super) struct BodyPath {
     pub start: Anchor,
     pub kind: PathKind,
     /// Bounds over the step, for any point of the body.
@@ -33,7 +33,7 @@ pub(super) struct Path {
 /// Path, with one kind for each kind of body.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PathKind {
-    Arc(Drive),
+    Arc(DriveStep),
     Ramp(Ramp),
     /// Constant velocity and yaw rate of the start.
     Even,

@@ -1,13 +1,13 @@
 //! Vehicles of the kinematic plant: the rear axle runs along an arc.
 
-use super::path::{Anchor, Path, PathKind};
-use crate::sim::limits::{Drive, Limits};
+use super::path::{Anchor, BodyPath, PathKind};
+use crate::sim::limits::{DriveStep, VehicleLimits};
 use crate::sim::{Body, BodyCommand, Ground, Vehicle};
 
 /// Limits of a vehicle and its current command.
 #[derive(Clone, Debug)]
 pub(super) struct Wheels {
-    limits: Limits,
+    limits: VehicleLimits,
     rear_axle_ahead_m: f64,
     accel_mps2: f64,
     curvature_per_m: f64,
@@ -16,7 +16,7 @@ pub(super) struct Wheels {
 impl Wheels {
     pub fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> Wheels {
         Wheels {
-            limits: Limits::new(body, vehicle, ground),
+            limits: VehicleLimits::new(body, vehicle, ground),
             rear_axle_ahead_m: vehicle.rear_axle_ahead_m(body),
             accel_mps2: 0.0,
             curvature_per_m: 0.0,
@@ -41,7 +41,7 @@ impl Wheels {
         true
     }
 
-    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
+    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         let drive = self.limits.drive(self.accel_mps2, start.speed_mps, dt_s);
         let end_mps = drive.speed_mps(start.speed_mps, dt_s);
         // The cornering limit must hold at the faster end of the step.
@@ -56,7 +56,7 @@ impl Wheels {
         // Turning adds to the motion of the point farthest from the rear axle.
         let turn = curvature_per_m.abs() * arm_m;
         let centripetal_mps2 = top_mps * top_mps * curvature_per_m.abs() * (1.0 + turn);
-        Path {
+        BodyPath {
             start,
             kind: PathKind::Arc(drive),
             speed_bound_mps: top_mps * (1.0 + turn),
@@ -70,7 +70,7 @@ impl Wheels {
     }
 
     /// Returns the state of the rear axle after a time on its arc.
-    pub fn after(start: Anchor, drive: Drive, after_s: f64) -> Anchor {
+    pub fn after(start: Anchor, drive: DriveStep, after_s: f64) -> Anchor {
         let moving_s = after_s.min(drive.rest_after_s);
         let length_m = moving_s * (start.speed_mps + 0.5 * drive.net_mps2 * moving_s);
         let speed_mps = drive.speed_mps(start.speed_mps, after_s);

@@ -4,8 +4,8 @@ use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 use rapier3d::prelude::RigidBodyHandle;
 
 use super::motor::Motor;
-use super::world::{ComOffset, Motion, World, vector};
-use crate::sim::limits::{Drive, Limits};
+use super::world::{ChassisMotion, ComOffset, RapierWorld, vector};
+use crate::sim::limits::{DriveStep, VehicleLimits};
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, Ground, Placement, Vehicle};
 
@@ -19,7 +19,7 @@ pub(super) struct Car {
     /// Position of rapier's origin for this car.
     origin_m: (f64, f64),
     controller: DynamicRayCastVehicleController,
-    limits: Limits,
+    limits: VehicleLimits,
     com: ComOffset,
     mass_kg: f64,
     wheelbase_m: f64,
@@ -31,14 +31,14 @@ pub(super) struct Car {
     accel_mps2: f64,
     curvature_per_m: f64,
     /// Motion at the beginning of the step, then its origin.
-    before: Motion,
+    before: ChassisMotion,
     origin_before_m: (f64, f64),
 }
 
 impl Car {
     /// Puts a car into the world, with its springs in equilibrium.
     pub fn new(
-        world: &mut World,
+        world: &mut RapierWorld,
         body: &Body,
         vehicle: &Vehicle,
         ground: Ground,
@@ -88,7 +88,7 @@ impl Car {
             handle,
             origin_m,
             controller,
-            limits: Limits::new(body, vehicle, ground),
+            limits: VehicleLimits::new(body, vehicle, ground),
             com: ComOffset::of(body),
             mass_kg: body.mass_kg,
             wheelbase_m: vehicle.wheelbase_m,
@@ -114,7 +114,7 @@ impl Car {
     /// after the step. Tyre and rounding losses of one step are thus recovered in
     /// the next, and a standstill is held by the same law. rapier's brake is not
     /// used, because an engine force would override it.
-    fn accelerate(&mut self, drive: &Drive, speed_mps: f64, dt_s: f64) -> f64 {
+    fn accelerate(&mut self, drive: &DriveStep, speed_mps: f64, dt_s: f64) -> f64 {
         let next_mps = drive.speed_mps(self.target_mps, dt_s);
         let wanted_mps2 = (next_mps - speed_mps) / dt_s;
         // Air drag may exceed the grip, so the net acceleration widens the limit.
@@ -144,7 +144,7 @@ impl Car {
     /// Ackermann: each front wheel points perpendicular to the turn's centre.
     /// Parallel wheels would work against each other and lose a tenth of a tight
     /// turn.
-    fn steer(&self, drive: &Drive, speed_mps: f64) -> [f32; 4] {
+    fn steer(&self, drive: &DriveStep, speed_mps: f64) -> [f32; 4] {
         let top_mps = speed_mps.abs().max(self.target_mps.abs());
         let curvature_per_m =
             self.limits
@@ -174,12 +174,12 @@ impl Motor for Car {
         true
     }
 
-    fn leave(&mut self, world: &mut World) {
+    fn leave(&mut self, world: &mut RapierWorld) {
         world.remove(self.handle);
     }
 
     /// Sets the wheels and lets them act for one step.
-    fn act(&mut self, world: &mut World, rect: &Rect, dt_s: f64) {
+    fn act(&mut self, world: &mut RapierWorld, rect: &Rect, dt_s: f64) {
         // Before the motion is saved: `rewind` mixes two poses of one origin.
         world.recentre(self.handle, &mut self.origin_m);
         self.before = world.motion(self.handle);
@@ -208,12 +208,12 @@ impl Motor for Car {
         world.roll(&mut self.controller, dt_s);
     }
 
-    fn placement(&self, world: &World, height_m: f64) -> Placement {
+    fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {
         let motion = world.motion(self.handle);
         motion.placement(self.origin_m, height_m)
     }
 
-    fn rect(&self, world: &World) -> Rect {
+    fn rect(&self, world: &RapierWorld) -> Rect {
         world.motion(self.handle).rect(self.origin_m, &self.com)
     }
 
@@ -221,13 +221,13 @@ impl Motor for Car {
     ///
     /// rapier moves a body by the velocity at the end of a step, which is ½·dt·Δv
     /// too far. The mean velocity makes constant acceleration exact.
-    fn settle(&mut self, world: &World, dt_s: f64) {
+    fn settle(&mut self, world: &RapierWorld, dt_s: f64) {
         let (gain_x_mps, gain_y_mps) = world.motion(self.handle).gain_mps(&self.before);
         self.origin_m.0 -= 0.5 * dt_s * gain_x_mps;
         self.origin_m.1 -= 0.5 * dt_s * gain_y_mps;
     }
 
-    fn rewind(&mut self, world: &mut World, share: f64) {
+    fn rewind(&mut self, world: &mut RapierWorld, share: f64) {
         let motion = self.before.towards(&world.motion(self.handle), share);
         world.place(self.handle, &motion);
         let mix = |from_m: f64, to_m: f64| from_m + share * (to_m - from_m);

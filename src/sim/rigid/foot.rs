@@ -3,7 +3,7 @@
 //! Their dynamics do not justify a rigid body.
 
 use super::motor::Motor;
-use super::world::World;
+use super::world::RapierWorld;
 use crate::sim::planar::Rect;
 use crate::sim::walker::Stride;
 use crate::sim::{BodyCommand, Placement, Walker};
@@ -48,13 +48,13 @@ impl Motor for Foot {
         true
     }
 
-    fn act(&mut self, _: &mut World, _: &Rect, dt_s: f64) {
+    fn act(&mut self, _: &mut RapierWorld, _: &Rect, dt_s: f64) {
         self.before = self.stride;
         let ramp = self.walker.ramp(self.stride.velocity_mps, self.target_mps);
         self.stride = self.stride.after(&ramp, dt_s);
     }
 
-    fn rewind(&mut self, _: &mut World, share: f64) {
+    fn rewind(&mut self, _: &mut RapierWorld, share: f64) {
         // Linear within the step, like the sweep in which the contact was found.
         let mix = |(ax, ay): (f64, f64), (bx, by): (f64, f64)| {
             (ax + share * (bx - ax), ay + share * (by - ay))
@@ -63,7 +63,7 @@ impl Motor for Foot {
         self.stride.velocity_mps = mix(self.before.velocity_mps, self.stride.velocity_mps);
     }
 
-    fn rect(&self, _: &World) -> Rect {
+    fn rect(&self, _: &RapierWorld) -> Rect {
         let Stride {
             at_m: (x_m, y_m),
             velocity_mps: (vx_mps, vy_mps),
@@ -80,7 +80,7 @@ impl Motor for Foot {
         }
     }
 
-    fn placement(&self, _: &World, height_m: f64) -> Placement {
+    fn placement(&self, _: &RapierWorld, height_m: f64) -> Placement {
         let (x_m, y_m) = self.stride.at_m;
         let half_rad = 0.5 * libm::atan2(self.heading.1, self.heading.0);
         let (sin, cos) = libm::sincos(half_rad);

@@ -11,16 +11,16 @@
 
 mod car;
 mod foot;
+mod kinematic_playback;
 mod motor;
-mod rails;
 mod touch;
 mod world;
 
+use self::kinematic_playback::PlaybackBody;
 use self::motor::{Motor, motor};
-use self::rails::Rails;
-use self::touch::{Sweep, touch};
-use self::world::World;
-use super::planar::{Extent, Meeting, Rect};
+use self::touch::{SweptFootprint, touch};
+use self::world::RapierWorld;
+use super::planar::{ContactGeometry, Extent, Rect};
 use super::{
     Body, BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose,
 };
@@ -34,15 +34,15 @@ const BOUND_MPS: f64 = 200.0;
 #[derive(Clone)]
 pub struct Rigid {
     ground: Ground,
-    world: World,
-    movers: Vec<Mover>,
-    sweeps: Vec<Sweep>,
+    world: RapierWorld,
+    movers: Vec<RigidMover>,
+    sweeps: Vec<SweptFootprint>,
     faulty: bool,
     passing: bool,
 }
 
 #[derive(Clone)]
-struct Mover {
+struct RigidMover {
     motor: Box<dyn Motor>,
     height_m: f64,
     accel_mps2: f64,
@@ -55,7 +55,7 @@ struct FirstTouch {
     pair: (BodyId, BodyId),
     /// Share of the step before the contact.
     share: f64,
-    meeting: Meeting,
+    meeting: ContactGeometry,
 }
 
 impl Rigid {
@@ -63,7 +63,7 @@ impl Rigid {
     pub fn new(ground: Ground) -> Rigid {
         Rigid {
             ground,
-            world: World::new(),
+            world: RapierWorld::new(),
             movers: Vec::new(),
             sweeps: Vec::new(),
             faulty: false,
@@ -111,7 +111,7 @@ impl Rigid {
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
             mover.motor.rewind(&mut self.world, share);
             // At rest at the contact, so that the next `advance` starts from there.
-            *sweep = Sweep::resting(mover.motor.rect(&self.world), sweep.extent);
+            *sweep = SweptFootprint::resting(mover.motor.rect(&self.world), sweep.extent);
         }
     }
 }
@@ -123,7 +123,7 @@ impl Plant for Rigid {
 
     fn clear(&mut self, ground: Ground) {
         self.ground = ground;
-        self.world = World::new();
+        self.world = RapierWorld::new();
         self.movers.clear();
         self.sweeps.clear();
         // `passing` survives, as `Plant::pass_through` documents.
@@ -146,13 +146,13 @@ impl Plant for Rigid {
             vy_mps: speed_mps * sin,
             yaw_rate_rad_per_s: 0.0,
         };
-        let mover = Mover {
+        let mover = RigidMover {
             motor: motor(&mut self.world, body, self.ground, &rect),
             height_m: body.height_m,
             accel_mps2: 0.0,
             before_mps: speed_mps,
         };
-        self.sweeps.push(Sweep::resting(
+        self.sweeps.push(SweptFootprint::resting(
             mover.motor.rect(&self.world),
             Extent::of(body),
         ));
@@ -169,8 +169,8 @@ impl Plant for Rigid {
         if let (BodyCommand::Carry { .. }, false) = (command, motor.is_carried()) {
             // From now on rapier holds nothing of this body.
             motor.leave(&mut self.world);
-            let Sweep { after, extent, .. } = self.sweeps[id.0];
-            *motor = Box::new(Rails::new(after, extent));
+            let SweptFootprint { after, extent, .. } = self.sweeps[id.0];
+            *motor = Box::new(PlaybackBody::new(after, extent));
         }
         self.faulty |= !motor.command(command);
     }
@@ -245,7 +245,7 @@ impl Plant for Rigid {
 
     fn sound(&self) -> bool {
         // NaN compares false, so it is unsound.
-        let fine = |sweep: &Sweep| {
+        let fine = |sweep: &SweptFootprint| {
             let Rect {
                 x_m,
                 y_m,

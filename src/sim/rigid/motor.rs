@@ -2,7 +2,7 @@
 
 use super::car::Car;
 use super::foot::Foot;
-use super::world::World;
+use super::world::RapierWorld;
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, BodyKind, Ground, Placement};
 
@@ -17,19 +17,19 @@ pub(super) trait Motor: Send {
         false
     }
     /// Removes the body's parts from the world.
-    fn leave(&mut self, _world: &mut World) {}
+    fn leave(&mut self, _world: &mut RapierWorld) {}
     /// Acts for one step, before the world's step.
     ///
     /// `rect` is the current footprint with its motion.
-    fn act(&mut self, world: &mut World, rect: &Rect, dt_s: f64);
+    fn act(&mut self, world: &mut RapierWorld, rect: &Rect, dt_s: f64);
     /// Reads the result of the world's step.
-    fn settle(&mut self, _world: &World, _dt_s: f64) {}
+    fn settle(&mut self, _world: &RapierWorld, _dt_s: f64) {}
     /// Moves back to a share of the last step.
-    fn rewind(&mut self, world: &mut World, share: f64);
+    fn rewind(&mut self, world: &mut RapierWorld, share: f64);
     /// Returns the current footprint.
-    fn rect(&self, world: &World) -> Rect;
+    fn rect(&self, world: &RapierWorld) -> Rect;
     /// Returns the centre and orientation of the bounding box.
-    fn placement(&self, world: &World, height_m: f64) -> Placement;
+    fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement;
     /// Returns a copy that continues bit for bit.
     fn fork(&self) -> Box<dyn Motor>;
 }
@@ -41,7 +41,12 @@ impl Clone for Box<dyn Motor> {
 }
 
 /// Puts a body into the world with its motion model.
-pub(super) fn motor(world: &mut World, body: &Body, ground: Ground, rect: &Rect) -> Box<dyn Motor> {
+pub(super) fn motor(
+    world: &mut RapierWorld,
+    body: &Body,
+    ground: Ground,
+    rect: &Rect,
+) -> Box<dyn Motor> {
     match &body.kind {
         BodyKind::Vehicle(vehicle) => Box::new(Car::new(world, body, vehicle, ground, rect)),
         BodyKind::Walker(walker) => Box::new(Foot::new(walker, rect)),

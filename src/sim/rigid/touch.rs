@@ -10,7 +10,7 @@ use parry3d::shape::Cuboid;
 use rapier3d::math::{Pose, Rotation, Vector};
 
 use super::world::vector;
-use crate::sim::planar::{Extent, Meeting, Rect, Shape, TOUCH_M, far_apart};
+use crate::sim::planar::{ContactGeometry, Extent, Rect, SizedRect, TOUCH_M, far_apart};
 
 /// Clearance to which the time of a contact is refined.
 const POLISH_M: f64 = 1e-7;
@@ -19,7 +19,7 @@ const LOOKS: u32 = 64;
 
 /// Footprint during one step: at its beginning, at its end, and its size.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sweep {
+pub(super) struct SweptFootprint {
     pub before: Rect,
     pub after: Rect,
     pub extent: Extent,
@@ -27,10 +27,10 @@ pub(super) struct Sweep {
     pub reach_m: f64,
 }
 
-impl Sweep {
+impl SweptFootprint {
     /// Creates a footprint at rest.
-    pub fn resting(rect: Rect, extent: Extent) -> Sweep {
-        Sweep {
+    pub fn resting(rect: Rect, extent: Extent) -> SweptFootprint {
+        SweptFootprint {
             before: rect,
             after: rect,
             extent,
@@ -65,7 +65,7 @@ impl Sweep {
     }
 
     /// Returns the footprint after the step, as a shape.
-    pub fn now(&self) -> Shape<'_> {
+    pub fn now(&self) -> SizedRect<'_> {
         self.shape(&self.after)
     }
 
@@ -82,8 +82,8 @@ impl Sweep {
         core::f64::consts::FRAC_PI_2 * (dc * dc + ds * ds).sqrt() * self.extent.radius_m
     }
 
-    fn shape<'a>(&'a self, rect: &'a Rect) -> Shape<'a> {
-        Shape {
+    fn shape<'a>(&'a self, rect: &'a Rect) -> SizedRect<'a> {
+        SizedRect {
             rect,
             extent: &self.extent,
         }
@@ -93,7 +93,7 @@ impl Sweep {
 /// Returns the first contact of two footprints and the share of the step before.
 ///
 /// A corner that grazes for less than a 64th of the step may be missed.
-pub(super) fn touch(a: &Sweep, b: &Sweep) -> Option<(f64, Meeting)> {
+pub(super) fn touch(a: &SweptFootprint, b: &SweptFootprint) -> Option<(f64, ContactGeometry)> {
     let (start_a, start_b) = (a.shape(&a.before), b.shape(&b.before));
     if far_apart(&start_a, &start_b, a.reach_m + b.reach_m) {
         return None;
@@ -122,7 +122,7 @@ pub(super) fn touch(a: &Sweep, b: &Sweep) -> Option<(f64, Meeting)> {
 ///
 /// The axis is that of the beginning. A motion apart along it is not credited,
 /// since the positions in between count too, hence the lower bound of 0.
-fn stay_apart(a: &Sweep, b: &Sweep) -> bool {
+fn stay_apart(a: &SweptFootprint, b: &SweptFootprint) -> bool {
     let dx = (a.after.x_m - a.before.x_m) - (b.after.x_m - b.before.x_m);
     let dy = (a.after.y_m - a.before.y_m) - (b.after.y_m - b.before.y_m);
     let swing_m = a.swing_m() + b.swing_m();
@@ -132,7 +132,7 @@ fn stay_apart(a: &Sweep, b: &Sweep) -> bool {
 }
 
 /// Returns the share of the step at which parry's cast detects a contact.
-fn cast(a: &Sweep, b: &Sweep) -> Option<f64> {
+fn cast(a: &SweptFootprint, b: &SweptFootprint) -> Option<f64> {
     let boxed = |extent: &Extent| {
         Cuboid::new(vector(
             extent.half_length_m,
@@ -142,7 +142,7 @@ fn cast(a: &Sweep, b: &Sweep) -> Option<f64> {
     };
     // Relative to the first body, so that f32 does not lose digits far from the
     // origin.
-    let motion = |sweep: &Sweep| {
+    let motion = |sweep: &SweptFootprint| {
         let Rect { x_m, y_m, .. } = sweep.before;
         let start = vector(
             x_m - a.before.x_m,
@@ -181,7 +181,7 @@ fn cast(a: &Sweep, b: &Sweep) -> Option<f64> {
 /// The cast may find a later contact than the first, when a corner came and
 /// went. The search runs only after a contact was found, and a contact ends the
 /// episode anyway.
-fn overlap_before(a: &Sweep, b: &Sweep, share: f64) -> Option<f64> {
+fn overlap_before(a: &SweptFootprint, b: &SweptFootprint, share: f64) -> Option<f64> {
     let looks = (1..LOOKS).map(|look| f64::from(look) / f64::from(LOOKS));
     looks
         .take_while(|look| *look < share)
@@ -189,7 +189,7 @@ fn overlap_before(a: &Sweep, b: &Sweep, share: f64) -> Option<f64> {
 }
 
 /// Returns the clearance at a share of the step.
-fn gap_m(a: &Sweep, b: &Sweep, share: f64) -> f64 {
+fn gap_m(a: &SweptFootprint, b: &SweptFootprint, share: f64) -> f64 {
     let (rect_a, rect_b) = (a.at(share), b.at(share));
     a.shape(&rect_a).separation(&b.shape(&rect_b)).gap_m
 }
@@ -200,7 +200,7 @@ fn gap_m(a: &Sweep, b: &Sweep, share: f64) -> f64 {
 /// and an instant at which the boxes overlap. That instant is the cast's, or the
 /// end of the step. If a corner leaves again within the step, it is the deepest
 /// instant. A cast without a hit is ignored if the boxes overlap at the end.
-fn polish(a: &Sweep, b: &Sweep, cast: Option<f64>) -> Option<f64> {
+fn polish(a: &SweptFootprint, b: &SweptFootprint, cast: Option<f64>) -> Option<f64> {
     let gap_m = |share: f64| gap_m(a, b, share);
     let touching = |share: &f64| gap_m(*share) <= 0.0;
     let mut high = cast
@@ -266,14 +266,14 @@ mod tests {
         }
     }
 
-    fn sweep(from: (f64, f64, f64), by: (f64, f64, f64), half: (f64, f64)) -> Sweep {
+    fn sweep(from: (f64, f64, f64), by: (f64, f64, f64), half: (f64, f64)) -> SweptFootprint {
         let extent = Extent {
             half_length_m: half.0,
             half_width_m: half.1,
             radius_m: (half.0 * half.0 + half.1 * half.1).sqrt(),
             height_m: 1.5,
         };
-        let mut sweep = Sweep::resting(rect(from.0, from.1, from.2), extent);
+        let mut sweep = SweptFootprint::resting(rect(from.0, from.1, from.2), extent);
         sweep.move_on(rect(from.0 + by.0, from.1 + by.1, from.2 + by.2));
         sweep
     }
@@ -301,7 +301,7 @@ mod tests {
     /// Checks a contact against dense samples.
     ///
     /// It lies between the first sample that grazes and the first clearly inside.
-    fn agrees_with_samples(a: &Sweep, b: &Sweep) -> Result<(), TestCaseError> {
+    fn agrees_with_samples(a: &SweptFootprint, b: &SweptFootprint) -> Result<(), TestCaseError> {
         let first = |deep_m: f64| {
             let shares = (0..=500).map(|index| f64::from(index) / 500.0);
             shares

@@ -25,7 +25,7 @@ use crate::sim::{Body, GRAVITY_MPS2, Placement};
 const GRID_M: f64 = 8.0;
 
 /// Sets of rapier, without its events and hooks.
-pub(super) struct World {
+pub(super) struct RapierWorld {
     bodies: RigidBodySet,
     colliders: ColliderSet,
     islands: IslandManager,
@@ -43,20 +43,20 @@ pub(super) struct World {
 
 /// Pose and velocity of a chassis at one instant.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Motion {
+pub(super) struct ChassisMotion {
     pose: Pose,
     linear: Vector,
     angular: Vector,
 }
 
-impl World {
+impl RapierWorld {
     /// Creates flat ground at height 0, without bodies.
-    pub fn new() -> World {
+    pub fn new() -> RapierWorld {
         let mut colliders = ColliderSet::new();
         let ground = ColliderBuilder::new(SharedShape::halfspace(Vector::Z)).build();
         let aabb = ground.compute_aabb();
         let (leaf, _) = colliders.insert(ground).into_raw_parts();
-        World {
+        RapierWorld {
             bodies: RigidBodySet::new(),
             colliders,
             islands: IslandManager::new(),
@@ -152,9 +152,9 @@ impl World {
     }
 
     /// Returns the pose and velocity of a chassis.
-    pub fn motion(&self, handle: RigidBodyHandle) -> Motion {
+    pub fn motion(&self, handle: RigidBodyHandle) -> ChassisMotion {
         let chassis = &self.bodies[handle];
-        Motion {
+        ChassisMotion {
             pose: *chassis.position(),
             linear: chassis.linvel(),
             angular: chassis.angvel(),
@@ -177,7 +177,7 @@ impl World {
     }
 
     /// Sets the pose and velocity of a chassis.
-    pub fn place(&mut self, handle: RigidBodyHandle, motion: &Motion) {
+    pub fn place(&mut self, handle: RigidBodyHandle, motion: &ChassisMotion) {
         let chassis = &mut self.bodies[handle];
         chassis.set_position(motion.pose, true);
         chassis.set_linvel(motion.linear, true);
@@ -185,9 +185,9 @@ impl World {
     }
 }
 
-impl Clone for World {
-    fn clone(&self) -> World {
-        World {
+impl Clone for RapierWorld {
+    fn clone(&self) -> RapierWorld {
+        RapierWorld {
             bodies: self.bodies.clone(),
             colliders: self.colliders.clone(),
             islands: self.islands.clone(),
@@ -204,7 +204,7 @@ impl Clone for World {
     }
 }
 
-impl Motion {
+impl ChassisMotion {
     /// Returns the upright footprint.
     ///
     /// It is placed by the centre of mass, about which the chassis pitches and rolls.
@@ -240,15 +240,15 @@ impl Motion {
     }
 
     /// Returns the velocity gained since an earlier instant, along world x and y.
-    pub fn gain_mps(&self, before: &Motion) -> (f64, f64) {
+    pub fn gain_mps(&self, before: &ChassisMotion) -> (f64, f64) {
         let gain = self.linear - before.linear;
         (f64::from(gain.x), f64::from(gain.y))
     }
 
     /// Interpolates towards another motion by a share.
-    pub fn towards(&self, end: &Motion, share: f64) -> Motion {
+    pub fn towards(&self, end: &ChassisMotion, share: f64) -> ChassisMotion {
         let share = share as f32;
-        Motion {
+        ChassisMotion {
             pose: Pose::from_parts(
                 self.pose.translation.lerp(end.pose.translation, share),
                 self.pose.rotation.lerp(end.pose.rotation, share),

@@ -26,7 +26,7 @@ pub use mcnemar::mcnemar;
 pub use predicted::predicted;
 
 use super::outcomes::{Outcomes, StartOutcome};
-use scores::{Scores, Side};
+use scores::{ScoreSide, Scores};
 
 /// 97.5th percentile of the standard normal distribution.
 const Z: f64 = 1.959_963_984_540_054;
@@ -117,7 +117,7 @@ pub fn runs_interval(solved: &[&Outcomes]) -> [f64; 2] {
     let Some(scores) = Scores::of_rate(solved) else {
         return [0.0, 1.0];
     };
-    let rate: f64 = scores.sides.iter().map(Side::contribution).sum();
+    let rate: f64 = scores.sides.iter().map(ScoreSide::contribution).sum();
     let starts = scores.starts() as f64;
     let variance = scores.start_variance(rate);
     let coins = if 0.0 < variance {
@@ -150,7 +150,7 @@ pub fn mean_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> (f64, [f64
     let Some(scores) = Scores::of_difference(pairs) else {
         return (0.0, [-1.0, 1.0]);
     };
-    let difference: f64 = scores.sides.iter().map(Side::contribution).sum();
+    let difference: f64 = scores.sides.iter().map(ScoreSide::contribution).sum();
     // The trainings of both sides and the starts err independently. So squares
     // add up, separately in each direction (Zou and Donner 2008).
     let (mut below, mut above, mut rest) = (0.0, 0.0, 0.0);

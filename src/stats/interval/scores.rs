@@ -8,15 +8,15 @@ use crate::stats::outcomes::Outcomes;
 const MOST_EFFECTIVE: f64 = 100.0;
 
 /// Outcomes of one side on one ego, with the sign of the side.
-type Part<'a> = (f64, &'a [&'a Outcomes]);
+type SideOutcomes<'a> = (f64, &'a [&'a Outcomes]);
 
 /// Sides of an estimate, whose weighted means add up to it.
 pub(super) struct Scores {
-    pub(super) sides: Vec<Side>,
+    pub(super) sides: Vec<ScoreSide>,
 }
 
 /// Trainings that are drawn together, and their scores on every start.
-pub(super) struct Side {
+pub(super) struct ScoreSide {
     /// Share in the estimate, negative if it is subtracted.
     pub(super) weight: f64,
     /// Score in [0, 1], `[training, start]`.
@@ -26,7 +26,7 @@ pub(super) struct Side {
 }
 
 /// Residual variance of a side, which is due to neither trainings nor starts alone.
-pub(super) struct Spread {
+pub(super) struct ResidualVariance {
     /// Part in the variance of the side's mean.
     pub(super) rest: f64,
     /// Number of independent starts with the same noise in a training's rate.
@@ -41,7 +41,7 @@ impl Scores {
 
     /// Returns two sides, or more if egos have different numbers of trainings.
     pub(super) fn of_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> Option<Scores> {
-        let parts: Vec<Part> = pairs
+        let parts: Vec<SideOutcomes> = pairs
             .iter()
             .flat_map(|(a, b)| [(1.0, &a[..]), (-1.0, &b[..])])
             .collect();
@@ -49,11 +49,11 @@ impl Scores {
     }
 
     /// Returns parts with their signs. Every `together` of them belong to one ego.
-    fn of(parts: &[Part], together: usize) -> Option<Scores> {
+    fn of(parts: &[SideOutcomes], together: usize) -> Option<Scores> {
         let lengths = parts.iter().flat_map(|(_, solved)| solved.iter());
         // Only starts that all parts have can be paired.
         let starts = lengths.map(|marks| marks.len()).min()?;
-        let egos: Vec<(&[Part], Vec<bool>)> = parts
+        let egos: Vec<(&[SideOutcomes], Vec<bool>)> = parts
             .chunks(together)
             .map(|ego| (ego, counted(ego, starts)))
             .filter(|(_, counts)| counts.contains(&true))
@@ -63,11 +63,11 @@ impl Scores {
             .filter(|&start| egos.iter().any(|(_, counts)| counts[start]))
             .collect();
         // A sorted map fixes the order of the sums, and with it the last bits.
-        let mut sides: BTreeMap<(bool, usize), Side> = BTreeMap::new();
+        let mut sides: BTreeMap<(bool, usize), ScoreSide> = BTreeMap::new();
         for (ego, counts) in &egos {
             for &(sign, solved) in *ego {
                 let key = (sign < 0.0, solved.len());
-                let side = sides.entry(key).or_insert_with(|| Side {
+                let side = sides.entry(key).or_insert_with(|| ScoreSide {
                     weight: 0.0,
                     scores: vec![vec![0.0; kept.len()]; solved.len()],
                     means: Vec::new(),
@@ -76,7 +76,7 @@ impl Scores {
                 side.add(solved, counts, &kept);
             }
         }
-        let mut sides: Vec<Side> = sides.into_values().collect();
+        let mut sides: Vec<ScoreSide> = sides.into_values().collect();
         for side in &mut sides {
             // The weight of a side is its number of egos over all egos.
             side.close((side.weight.abs() * egos.len() as f64).round());
@@ -107,7 +107,7 @@ impl Scores {
 }
 
 /// Starts on which every part of an ego has an outcome that counts.
-fn counted(ego: &[Part], starts: usize) -> Vec<bool> {
+fn counted(ego: &[SideOutcomes], starts: usize) -> Vec<bool> {
     let counts = |start: usize| {
         ego.iter().all(|(_, solved)| {
             let mut scores = solved.iter().map(|outcomes| outcomes[start].score());
@@ -117,7 +117,7 @@ fn counted(ego: &[Part], starts: usize) -> Vec<bool> {
     (0..starts).map(counts).collect()
 }
 
-impl Side {
+impl ScoreSide {
     /// Adds the outcomes of one ego.
     ///
     /// An outcome that does not count is replaced by the mean of its training
@@ -171,7 +171,7 @@ impl Side {
     }
 
     /// Residual of the two-way layout training × start.
-    pub(super) fn spread(&self) -> Spread {
+    pub(super) fn spread(&self) -> ResidualVariance {
         let (rows, rate) = (self.scores.len(), self.mean());
         let n = self.scores.first().map_or(0, Vec::len);
         let mut squares = 0.0;
@@ -187,7 +187,7 @@ impl Side {
         let inside = super::trainings::inside(rate, n as f64);
         let coin = inside * (1.0 - inside);
         let noise = (squares + 1.0) / (freedom + 1.0 / coin);
-        Spread {
+        ResidualVariance {
             rest: squares / freedom / (rows * n).max(1) as f64,
             effective_starts: n as f64 * (coin / noise).clamp(1.0, MOST_EFFECTIVE),
         }

@@ -4,17 +4,17 @@ use rerun::{StateChange, StateConfiguration};
 
 use crate::view::entity::path;
 use crate::view::error::ViewError;
-use crate::view::journal::{Journal, clock};
-use crate::view::layout::{Layout, Views};
+use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::lights;
 use crate::view::lines::colour;
-use crate::view::panel::{Column, Panel, Shown};
-use crate::view::story::{Story, action_runs};
+use crate::view::log_writer::{LogWriter, clock};
+use crate::view::panel::{Column, Panel, PanelWorlds};
+use crate::view::viewed_episode::{ViewedEpisode, action_runs};
 
 pub(super) static PANEL: Panel = Panel {
     name: "actions",
     column: Column::Space,
-    shown: Shown::Everywhere,
+    shown: PanelWorlds::Everywhere,
     entities: &[
         ("/actions/<ado>", "what the ado chose, decision by decision"),
         (
@@ -26,7 +26,7 @@ pub(super) static PANEL: Panel = Panel {
     views,
 };
 
-fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let title = if story.stage.lights.is_empty() {
         "actions of the ado"
     } else {
@@ -38,7 +38,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
 }
 
 /// Share of the column for the lanes, which need room for each agent and light.
-fn lanes_share(story: &Story<'_>) -> f32 {
+fn lanes_share(story: &ViewedEpisode<'_>) -> f32 {
     let ados = match story.scenario.drive() {
         Some(spec) => spec.action_sets().count(),
         None => 1,
@@ -47,13 +47,13 @@ fn lanes_share(story: &Story<'_>) -> f32 {
     0.5 + 0.5 * lanes as f32
 }
 
-fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     lights::log_phases(story, journal)?;
     log_actions(story, journal)
 }
 
 /// Logs the chosen actions of each ado as coloured lanes.
-fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_actions(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let joint = &story.episode.actions;
     if story.scenario.grid().is_some() {
         let spaces = story.scenario.world().spaces();
@@ -85,12 +85,12 @@ fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
 
 /// Logs the chosen actions of one ado, decision by decision.
 fn log_choice(
-    story: &Story<'_>,
+    story: &ViewedEpisode<'_>,
     name: &str,
     own: &[usize],
     labels: &[String],
     neutral: usize,
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let entity = path(["actions", name]);
     // Among accelerations, those below the neutral action brake.

@@ -5,16 +5,16 @@ use rerun::external::re_sdk_types::blueprint::archetypes::TextLogColumns;
 use rerun::{TextLog, TextLogLevel};
 
 use crate::view::error::ViewError;
-use crate::view::journal::{Journal, clock};
-use crate::view::layout::{Layout, Views};
+use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::lights;
-use crate::view::panel::{Column, Panel, Shown};
-use crate::view::story::{Story, action_runs};
+use crate::view::log_writer::{LogWriter, clock};
+use crate::view::panel::{Column, Panel, PanelWorlds};
+use crate::view::viewed_episode::{ViewedEpisode, action_runs};
 
 pub(super) static PANEL: Panel = Panel {
     name: "events",
     column: Column::Space,
-    shown: Shown::Everywhere,
+    shown: PanelWorlds::Everywhere,
     entities: &[(
         "/verdict/events",
         "the log: actions, phases, violations, contact",
@@ -23,7 +23,7 @@ pub(super) static PANEL: Panel = Panel {
     views,
 };
 
-fn views(_: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+fn views(_: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let events = layout.view("TextLog", "events", "/verdict/events", &["$origin"])?;
     layout.property(&events, "TextLogColumns", &bodies_only())?;
     Ok(vec![(events, 1.6)])
@@ -37,7 +37,7 @@ fn bodies_only() -> TextLogColumns {
     }])
 }
 
-fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let events = events(story);
     let log = TextLog::update_fields()
         .with_many_text(events.iter().map(|event| event.text.as_str()))
@@ -62,7 +62,7 @@ struct Event {
 }
 
 /// Events with a line in the log, in the order of time.
-fn events(story: &Story<'_>) -> Vec<Event> {
+fn events(story: &ViewedEpisode<'_>) -> Vec<Event> {
     let mut events = Vec::new();
     let mut push = |sample: usize, time_s: f64, text: String, grave: bool| {
         events.push(Event {

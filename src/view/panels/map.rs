@@ -10,16 +10,16 @@ use rerun::{Arrows2D, AsComponents, Boxes2D, LineStrips2D, Points2D};
 use crate::rulebook::Verdict;
 use crate::scene::grid::Arena;
 use crate::view::error::ViewError;
-use crate::view::journal::Journal;
-use crate::view::layout::{Layout, Views};
+use crate::view::layout::{BlueprintBuilder, Views};
+use crate::view::log_writer::LogWriter;
 use crate::view::palette::{self, Rgb};
-use crate::view::panel::{Column, Panel, Shown};
-use crate::view::story::Story;
+use crate::view::panel::{Column, Panel, PanelWorlds};
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "map",
     column: Column::Space,
-    shown: Shown::OnGrids,
+    shown: PanelWorlds::OnGrids,
     entities: &[
         ("/map/cells", "the cells, and fine ones"),
         ("/map/walls", "the walls around them"),
@@ -44,7 +44,7 @@ const FINE_LINE: Rgb = [50, 55, 63];
 const WALL: Rgb = [225, 225, 220];
 
 /// View of the complete map.
-fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let Some(world) = story.scenario.grid() else {
         return Ok(Vec::new());
     };
@@ -63,13 +63,13 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
 }
 
 /// Logs all entities with a place on the map.
-fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let Some(world) = story.scenario.grid() else {
         return Ok(());
     };
     let arena = &world.spec().arena;
     log_map(arena, journal)?;
-    for who in 0..story.stage.cast.len() {
+    for who in 0..story.stage.agents.len() {
         log_player(story, arena, who, journal)?;
     }
     log_outcome(story, arena, journal)
@@ -81,7 +81,7 @@ fn shown(arena: &Arena, [x, y, _]: [f64; 3]) -> [f32; 2] {
     [x as f32, (f64::from(arena.size) - y) as f32]
 }
 
-fn log_map(arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_map(arena: &Arena, journal: &mut LogWriter) -> Result<(), ViewError> {
     let size = arena.size;
     let side = f64::from(size);
     let fine = size * arena.refine;
@@ -122,12 +122,12 @@ fn log_map(arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
 /// Trail and move share an entity, and so do body and name, which gives fewer
 /// and smaller chunks.
 fn log_player(
-    story: &Story<'_>,
+    story: &ViewedEpisode<'_>,
     arena: &Arena,
     who: usize,
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let name = &story.stage.cast[who].name;
+    let name = &story.stage.agents[who].name;
     let is_ego = who == story.ego();
     let colour = story.colour(who);
     // Trails on the same path lie side by side.
@@ -167,7 +167,7 @@ fn log_body(
     centre: [f32; 2],
     colour: Rgb,
     at: (usize, f64),
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let entity = format!("map/{name}");
     let label = Points2D::new([centre])
@@ -188,7 +188,11 @@ fn log_body(
 }
 
 /// Logs a frame around the cell of the decision, from then on.
-fn log_outcome(story: &Story<'_>, arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_outcome(
+    story: &ViewedEpisode<'_>,
+    arena: &Arena,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
     let Some(sample) = story.decided else {
         return Ok(());
     };

@@ -15,10 +15,10 @@ mod verdict;
 use rerun::blueprint::components::ContainerKind;
 
 use super::error::ViewError;
-use super::journal::Journal;
-use super::layout::Layout;
+use super::layout::BlueprintBuilder;
+use super::log_writer::LogWriter;
 use super::panel::{Column, Entity, Panel};
-use super::story::Story;
+use super::viewed_episode::ViewedEpisode;
 use crate::world::Scenario;
 
 /// Panels from the top of their columns to the bottom.
@@ -47,14 +47,14 @@ pub fn entities(scenario: &Scenario) -> impl Iterator<Item = Entity> {
 }
 
 /// Logs the entities of an episode's panels.
-pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+pub(super) fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let mut panels = PANELS.iter().filter(|panel| panel.applies(story.scenario));
     panels.try_for_each(|panel| (panel.log)(story, journal))
 }
 
 /// Writes the blueprint, with every panel in its column.
-pub(super) fn lay_out(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
-    let mut layout = Layout::new(journal);
+pub(super) fn lay_out(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
+    let mut layout = BlueprintBuilder::new(journal);
     let (mut columns, mut widths) = (Vec::new(), Vec::new());
     for (column, title, width) in Column::ALL {
         let panels = PANELS.iter().filter(|panel| panel.column == column);
@@ -80,7 +80,7 @@ pub(super) fn lay_out(story: &Story<'_>, journal: &mut Journal) -> Result<(), Vi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::panel::Shown;
+    use crate::view::panel::PanelWorlds;
 
     const HEAD: &str = include_str!("../mod.rs");
 
@@ -90,9 +90,9 @@ mod tests {
         table += "//! | --- | --- | --- | --- |\n";
         for panel in PANELS {
             let of = match panel.shown {
-                Shown::Everywhere => "all",
-                Shown::OnRoads => "roads",
-                Shown::OnGrids => "grids",
+                PanelWorlds::Everywhere => "all",
+                PanelWorlds::OnRoads => "roads",
+                PanelWorlds::OnGrids => "grids",
             };
             for (entity, about) in panel.entities {
                 table += &format!("//! | {} | {of} | `{entity}` | {about} |\n", panel.name);

@@ -5,17 +5,17 @@ use rerun::blueprint::components::Corner2D;
 
 use crate::view::entity::path;
 use crate::view::error::ViewError;
-use crate::view::journal::{Journal, clock};
-use crate::view::layout::{Layout, Views, height_of};
+use crate::view::layout::{BlueprintBuilder, Views, height_of};
 use crate::view::lines::{every_sample, log_lines, log_marks, roomy, span, union};
+use crate::view::log_writer::{LogWriter, clock};
 use crate::view::palette;
-use crate::view::panel::{Column, Panel, Shown};
-use crate::view::story::Story;
+use crate::view::panel::{Column, Panel, PanelWorlds};
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "running robustness",
     column: Column::Curves,
-    shown: Shown::Everywhere,
+    shown: PanelWorlds::Everywhere,
     entities: &[
         ("/robustness/ego_spec", "running robustness of ψ_ego"),
         ("/robustness/rule/<name>", "and of each rule"),
@@ -33,7 +33,7 @@ pub(super) static PANEL: Panel = Panel {
     views,
 };
 
-fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let legend = Some(Corner2D::RightTop);
     let axis = roomy(robustness_span(story));
     let plot = layout.plot(story, "running robustness ρ", "/robustness", axis, legend)?;
@@ -41,12 +41,12 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     Ok(vec![(plot, height_of(story, 2 + story.rules.len()))])
 }
 
-fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     log_robustness(story, &every_sample(story), journal)?;
     log_marks(story, journal)
 }
 
-fn robustness_span(story: &Story<'_>) -> (f64, f64) {
+fn robustness_span(story: &ViewedEpisode<'_>) -> (f64, f64) {
     let rho_max = story.scenario.rulebook().reward.rho_max();
     let all = std::iter::once(&story.spec).chain(&story.rules);
     let spans = all.map(|running| span(&finite(&running.values, rho_max)));
@@ -67,9 +67,9 @@ fn finite(values: &[f64], rho_max: f64) -> Vec<f64> {
 }
 
 fn log_robustness(
-    story: &Story<'_>,
+    story: &ViewedEpisode<'_>,
     every_sample: &[TimeColumn; 2],
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let rho_max = story.scenario.rulebook().reward.rho_max();
     let spec = (

@@ -7,20 +7,20 @@ use rerun::{Arrows3D, EntityPath, LineStrips3D, Points3D, Transform3D};
 use crate::rulebook::Verdict;
 use crate::scene::Frame;
 use crate::sim::Placement;
-use crate::view::camera::{Around, FOLLOW, SPACE, look};
+use crate::view::camera::{FOLLOW, SPACE, ViewExtent, look};
 use crate::view::entity::agent_path;
 use crate::view::error::ViewError;
-use crate::view::journal::{Journal, clock};
-use crate::view::layout::{Layout, Views};
-use crate::view::panel::{Column, Panel, Shown};
+use crate::view::layout::{BlueprintBuilder, Views};
+use crate::view::log_writer::{LogWriter, clock};
+use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::space::{distance, lifted};
-use crate::view::story::Story;
+use crate::view::viewed_episode::ViewedEpisode;
 use crate::view::{figure, lights, palette, road};
 
 pub(super) static PANEL: Panel = Panel {
     name: "scene",
     column: Column::Space,
-    shown: Shown::OnRoads,
+    shown: PanelWorlds::OnRoads,
     entities: &[
         ("/world/road", "surface, lane markings, a post every 10 m"),
         ("/world/<agent>", "body, moved by its transform"),
@@ -48,8 +48,8 @@ pub(super) static PANEL: Panel = Panel {
 };
 
 /// Scene from behind the ego, with room for the agents ahead.
-fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
-    let around = Around::of(story);
+fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
+    let around = ViewExtent::of(story);
     let view = layout.view("3D", "scene", FOLLOW, &SPACE)?;
     let sky =
         Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(17, 20, 26));
@@ -60,10 +60,10 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
 }
 
 /// Logs all entities with a place in the world.
-fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     road::log(story, journal)?;
     lights::log_posts(story, journal)?;
-    for who in 0..story.stage.cast.len() {
+    for who in 0..story.stage.agents.len() {
         figure::log(story, who, journal)?;
         log_motion(story, who, journal)?;
     }
@@ -74,14 +74,18 @@ fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
 }
 
 /// Logs the pose of an agent, sample by sample.
-fn log_motion(story: &Story<'_>, who: usize, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_motion(
+    story: &ViewedEpisode<'_>,
+    who: usize,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
     let placements = story.frames.iter().map(|frame| frame.placements[who]);
-    let entity = agent_path(&story.stage.cast[who].name);
+    let entity = agent_path(&story.stage.agents[who].name);
     log_transforms(story, entity, placements, journal)
 }
 
 /// Logs the cameras' frame, which follows the ego without pitch and roll.
-fn log_follow(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_follow(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let ego = story.ego();
     let upright = story.frames.iter().map(|frame| {
         let Placement { centre_m, rotation } = frame.placements[ego];
@@ -97,10 +101,10 @@ fn log_follow(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError>
 }
 
 fn log_transforms(
-    story: &Story<'_>,
+    story: &ViewedEpisode<'_>,
     entity: EntityPath,
     placements: impl Iterator<Item = Placement> + Clone,
-    journal: &mut Journal,
+    journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let motion = Transform3D::update_fields()
         .with_many_translation(placements.clone().map(|place| lifted(place.centre_m, 0.0)))
@@ -114,10 +118,10 @@ fn log_transforms(
 }
 
 /// Logs the complete paths on the ground, narrow lines on top of broad lines.
-fn log_trails(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_trails(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     // A hundred points suffice for a path, whatever the length of the episode.
     let every = story.frames.len().div_ceil(100).max(1);
-    let agents = 0..story.stage.cast.len();
+    let agents = 0..story.stage.agents.len();
     let strip = |who: usize| -> Vec<[f32; 3]> {
         let sparse = story
             .frames
@@ -139,7 +143,7 @@ fn log_trails(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError>
 /// Logs a pin at the contact, and an arrow along the closing direction.
 ///
 /// The arrow is as long as the distance closed in 1 s.
-fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let Some(touch) = &story.episode.contact else {
         return Ok(());
     };
@@ -151,7 +155,7 @@ fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
         return Ok(());
     };
     let centre_of = |name: &str| {
-        let who = story.stage.cast.iter().position(|cast| cast.name == name);
+        let who = story.stage.agents.iter().position(|cast| cast.name == name);
         // A touching agent that is not in the cast has no centre.
         who.map_or(touch.point_m, |who| frame.placements[who].centre_m)
     };
@@ -181,7 +185,7 @@ fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
 }
 
 /// Logs a pin at the place of the ego when the verdict became certain.
-fn log_verdict_mark(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log_verdict_mark(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let Some(sample) = story.decided else {
         return Ok(());
     };

@@ -6,17 +6,17 @@ use rerun::blueprint::components::{ContainerKind, Corner2D};
 use crate::scene::drive::Road;
 use crate::view::entity::path;
 use crate::view::error::ViewError;
-use crate::view::journal::Journal;
-use crate::view::layout::{Layout, Node, Views, height_of};
+use crate::view::layout::{BlueprintBuilder, BlueprintNode, Views, height_of};
 use crate::view::lines::{Pen, every_sample, log_lines, roomy, span, union};
+use crate::view::log_writer::LogWriter;
 use crate::view::palette::{self, Rgb};
-use crate::view::panel::{Column, Panel, Shown};
-use crate::view::story::Story;
+use crate::view::panel::{Column, Panel, PanelWorlds};
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "signals",
     column: Column::Curves,
-    shown: Shown::Everywhere,
+    shown: PanelWorlds::Everywhere,
     entities: &[(
         "/signals/<group>",
         "curves, grouped by unit, e.g. `/signals/speed`",
@@ -25,7 +25,7 @@ pub(super) static PANEL: Panel = Panel {
     views,
 };
 
-fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let mut column = Vec::new();
     let mut rest = vec!["+ /signals/**".to_owned()];
     for plot in plots(story).iter().filter(|plot| plot.prominent) {
@@ -49,7 +49,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     let rest = layout.view("TimeSeries", "other signals", "/signals", &rest)?;
     let last = column.pop();
     let height = last.as_ref().map_or(1.0, |(_, height)| *height);
-    let tabs: Vec<Node> = last
+    let tabs: Vec<BlueprintNode> = last
         .into_iter()
         .map(|(node, _)| node)
         .chain([rest])
@@ -59,7 +59,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     Ok(column)
 }
 
-fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let trace = &story.episode.trace;
     let every_sample = every_sample(story);
     for plot in plots(story) {
@@ -129,12 +129,12 @@ const GROUPS: [(&str, &str); 8] = [
 ];
 
 /// Group of a signal. `lanes` states the lane keeping of the agents.
-fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'static str {
+fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: LaneKeepingState) -> &'static str {
     let field = name.rsplit('.').next().unwrap_or(name);
     match (unit, field) {
         // The first two rows take lateral motion out of the positions below.
-        ("m", "y" | "lateral") if lanes == Lanes::Left => "lateral",
-        ("m", "lateral") if lanes == Lanes::Bent => "lateral",
+        ("m", "y" | "lateral") if lanes == LaneKeepingState::Left => "lateral",
+        ("m", "lateral") if lanes == LaneKeepingState::Bent => "lateral",
         ("m", "x" | "s" | "y" | "lateral") if owner.is_some() => "position",
         ("m", _) => "distance",
         ("cell", "d_man") => "chase",
@@ -149,19 +149,19 @@ fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'sta
 ///
 /// On a bent road, y is no measure of it.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Lanes {
+enum LaneKeepingState {
     Kept,
     Left,
     Bent,
 }
 
-impl Lanes {
-    fn of(story: &Story<'_>) -> Lanes {
+impl LaneKeepingState {
+    fn of(story: &ViewedEpisode<'_>) -> LaneKeepingState {
         let road = story.scenario.drive().map(|spec| &spec.road);
         if road.is_some_and(|road| !matches!(road, Road::Straight { .. })) {
-            return Lanes::Bent;
+            return LaneKeepingState::Bent;
         }
-        let moves = (0..story.stage.cast.len()).any(|who| {
+        let moves = (0..story.stage.agents.len()).any(|who| {
             let lateral = story
                 .frames
                 .iter()
@@ -170,14 +170,18 @@ impl Lanes {
             // Half a metre is more than the sway of an agent within its lane.
             least + 0.5 < greatest
         });
-        if moves { Lanes::Left } else { Lanes::Kept }
+        if moves {
+            LaneKeepingState::Left
+        } else {
+            LaneKeepingState::Kept
+        }
     }
 }
 
 /// Signals of an episode in plots, the prominent plots first.
-fn plots(story: &Story<'_>) -> Vec<Plot> {
+fn plots(story: &ViewedEpisode<'_>) -> Vec<Plot> {
     let schema = story.episode.trace.schema();
-    let lanes = Lanes::of(story);
+    let lanes = LaneKeepingState::of(story);
     let mut plots: Vec<Plot> = GROUPS.map(Plot::empty).into();
     let mut nobodys = 0;
     for (i, signal) in schema.signals().iter().enumerate() {
@@ -211,9 +215,13 @@ fn plots(story: &Story<'_>) -> Vec<Plot> {
 }
 
 /// Agent that owns a signal.
-fn owner_of(story: &Story<'_>, signal: &str) -> Option<usize> {
+fn owner_of(story: &ViewedEpisode<'_>, signal: &str) -> Option<usize> {
     let (name, field) = signal.split_once('.')?;
-    let owner = story.stage.cast.iter().position(|cast| cast.name == name)?;
+    let owner = story
+        .stage
+        .agents
+        .iter()
+        .position(|cast| cast.name == name)?;
     // A name of two agents, such as `ego.ado.gap`, belongs to neither.
     (!field.contains('.')).then_some(owner)
 }

@@ -8,39 +8,39 @@ use crate::rulebook::Verdict;
 use crate::scene::Role;
 use crate::stl::Explanation;
 use crate::view::error::ViewError;
-use crate::view::journal::Journal;
-use crate::view::layout::{Layout, Views};
-use crate::view::panel::{Column, Panel, Shown};
-use crate::view::story::{Story, action_runs};
+use crate::view::layout::{BlueprintBuilder, Views};
+use crate::view::log_writer::LogWriter;
+use crate::view::panel::{Column, Panel, PanelWorlds};
+use crate::view::viewed_episode::{ViewedEpisode, action_runs};
 
 pub(super) static PANEL: Panel = Panel {
     name: "verdict",
     column: Column::Words,
-    shown: Shown::Everywhere,
+    shown: PanelWorlds::Everywhere,
     entities: &[("/verdict", "the verdict in words, and why")],
     log,
     views,
 };
 
-fn views(_: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+fn views(_: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let verdict = layout.view("TextDocument", "verdict", "/verdict", &["$origin"])?;
     Ok(vec![(verdict, 1.0)])
 }
 
-fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let document = TextDocument::from_markdown(document(story));
     journal.always("verdict", &[&document])
 }
 
 /// Verdict document as markdown.
-fn document(story: &Story<'_>) -> String {
+fn document(story: &ViewedEpisode<'_>) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = write_document(story, &mut text);
     text
 }
 
-fn write_document(story: &Story<'_>, text: &mut String) -> std::fmt::Result {
+fn write_document(story: &ViewedEpisode<'_>, text: &mut String) -> std::fmt::Result {
     let episode = story.episode;
     writeln!(text, "# {}\n", headline(story))?;
     writeln!(text, "*{}*\n", story.scenario.question)?;
@@ -102,7 +102,7 @@ fn write_document(story: &Story<'_>, text: &mut String) -> std::fmt::Result {
     Ok(())
 }
 
-fn headline(story: &Story<'_>) -> String {
+fn headline(story: &ViewedEpisode<'_>) -> String {
     match story.episode.verdict {
         Verdict::Counterexample { .. } => "Counterexample".to_owned(),
         Verdict::Uncounted { .. } => "Uncounted".to_owned(),
@@ -113,9 +113,9 @@ fn headline(story: &Story<'_>) -> String {
 }
 
 /// Verdict in one sentence.
-fn sentence(story: &Story<'_>) -> String {
+fn sentence(story: &ViewedEpisode<'_>) -> String {
     let names = |role: Role| {
-        let cast = story.stage.cast.iter().filter(|who| who.role == role);
+        let cast = story.stage.agents.iter().filter(|who| who.role == role);
         let names: Vec<&str> = cast.map(|who| who.name.as_str()).collect();
         names.join(" and ")
     };
@@ -151,7 +151,7 @@ fn sentence(story: &Story<'_>) -> String {
 }
 
 /// Explanation of the deciding value: the broken rule, or the specification.
-fn why(story: &Story<'_>) -> Explanation {
+fn why(story: &ViewedEpisode<'_>) -> Explanation {
     let rulebook = story.scenario.rulebook();
     let monitor = match story.episode.verdict {
         Verdict::Foul { rule, .. } => &rulebook.rules[rule].monitor,
@@ -161,7 +161,7 @@ fn why(story: &Story<'_>) -> Explanation {
 }
 
 /// Joint actions as runs such as `0.0-4.5 s: +3 m/s²`.
-fn runs(story: &Story<'_>) -> Vec<String> {
+fn runs(story: &ViewedEpisode<'_>) -> Vec<String> {
     let mut runs = Vec::new();
     for (from, to, action) in action_runs(&story.episode.actions) {
         let from_s = story.time_s(story.decision_sample(from));

@@ -5,10 +5,10 @@
 //! too long (texts within texts). So the runs are traversed beforehand, down to
 //! a limit.
 
-use super::run::{Run, TrainedFile, opened};
+use super::run::{LoadedRun, TrainedFile, opened};
 use crate::world::file::{AgentFile, DriveFile, LightFile, ScenarioFile};
 use crate::world::read;
-use crate::world::runs::{Origin, RunRefused, refused};
+use crate::world::runs::{RunRefused, WorldOrigin, refused};
 
 /// Greatest nesting depth of runs, because each level takes some of the stack.
 const MOST_NESTED: usize = 16;
@@ -18,14 +18,14 @@ const SHOWN: usize = 3;
 /// Refuses a run that contains itself, or too many nested runs.
 ///
 /// Other mistakes are found when they are assembled.
-pub(super) fn check(run: &Run, origin: Origin<'_>) -> Result<(), RunRefused> {
+pub(super) fn check(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<(), RunRefused> {
     walk(run, origin, &mut Vec::new())
 }
 
 /// Nested run: its name and, if it was found on the disk, its identity.
 type Link = (String, Option<String>);
 
-fn walk(run: &Run, origin: Origin<'_>, chain: &mut Vec<Link>) -> Result<(), RunRefused> {
+fn walk(run: &LoadedRun, origin: WorldOrigin<'_>, chain: &mut Vec<Link>) -> Result<(), RunRefused> {
     let mut above = chain.iter();
     // Runs in the text have no identity. They cannot contain themselves, since
     // texts are finite.
@@ -60,8 +60,8 @@ fn names(chain: &[Link]) -> String {
 }
 
 /// Runs in the world of a run, as far as they can be read.
-fn runs_in(run: &Run, origin: Origin<'_>) -> Vec<Run> {
-    let Ok(read::Kind::Scenario) = read::kind(&run.world) else {
+fn runs_in(run: &LoadedRun, origin: WorldOrigin<'_>) -> Vec<LoadedRun> {
+    let Ok(read::WorldKind::Scenario) = read::kind(&run.world) else {
         return Vec::new();
     };
     let Ok(file) = read::parse::<ScenarioFile>(&run.world) else {
@@ -69,7 +69,7 @@ fn runs_in(run: &Run, origin: Origin<'_>) -> Vec<Run> {
     };
     let trained = file.agents.iter().filter_map(trained);
     // References of the inner world are relative to its own file.
-    let inner = Origin {
+    let inner = WorldOrigin {
         file: &run.world_name(),
         ..origin
     };

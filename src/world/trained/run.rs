@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 
 use crate::world::ordered::Ordered;
-use crate::world::runs::{NamedRun, Origin, RunRefused, refused};
+use crate::world::runs::{NamedRun, RunRefused, WorldOrigin, refused};
 
 #[derive(Deserialize)]
 #[serde(rename = "Trained", deny_unknown_fields)]
@@ -38,8 +38,8 @@ pub(in crate::world) struct KeptRun {
 
 impl<'de> Deserialize<'de> for RunFile {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RunFile, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
+        struct RunVisitor;
+        impl<'de> Visitor<'de> for RunVisitor {
             type Value = RunFile;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -54,12 +54,12 @@ impl<'de> Deserialize<'de> for RunFile {
                 KeptRun::deserialize(de::value::MapAccessDeserializer::new(map)).map(RunFile::Kept)
             }
         }
-        deserializer.deserialize_any(Either)
+        deserializer.deserialize_any(RunVisitor)
     }
 }
 
 /// Run that was read.
-pub(super) struct Run {
+pub(super) struct LoadedRun {
     pub(super) from: String,
     /// Identity. `None` for a run in the text.
     pub(super) identity: Option<String>,
@@ -67,7 +67,7 @@ pub(super) struct Run {
     pub(super) policy: Vec<u8>,
 }
 
-impl Run {
+impl LoadedRun {
     /// Returns the name of its world's file.
     pub(super) fn world_name(&self) -> String {
         format!("{}/world.ron", self.from)
@@ -75,7 +75,7 @@ impl Run {
 }
 
 /// Returns the run that a world file refers to or contains.
-pub(super) fn opened(run: &RunFile, origin: Origin<'_>) -> Result<Run, RunRefused> {
+pub(super) fn opened(run: &RunFile, origin: WorldOrigin<'_>) -> Result<LoadedRun, RunRefused> {
     match run {
         RunFile::Directory(name) => {
             let NamedRun {
@@ -83,7 +83,7 @@ pub(super) fn opened(run: &RunFile, origin: Origin<'_>) -> Result<Run, RunRefuse
                 world,
                 policy,
             } = origin.runs.find(name, origin.file)?;
-            Ok(Run {
+            Ok(LoadedRun {
                 from: name.clone(),
                 identity: Some(identity),
                 world,
@@ -94,14 +94,14 @@ pub(super) fn opened(run: &RunFile, origin: Origin<'_>) -> Result<Run, RunRefuse
     }
 }
 
-fn from_text(kept: &KeptRun) -> Result<Run, RunRefused> {
+fn from_text(kept: &KeptRun) -> Result<LoadedRun, RunRefused> {
     let policy = STANDARD.decode(&kept.policy).map_err(|error| {
         refused(
             format!("the policy kept from `{}` is damaged: {error}", kept.from),
             "write `run: \"RUN\"` with a run directory instead",
         )
     })?;
-    Ok(Run {
+    Ok(LoadedRun {
         from: kept.from.clone(),
         identity: None,
         world: kept.world.clone(),

@@ -23,7 +23,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use brakecheck::experiment::Watch;
-use brakecheck::run_dir::{Finished, RunError, make_dir, write_file};
+use brakecheck::run_dir::{CachedResult, RunError, make_dir, write_file};
 use brakecheck::seed::{FIRST_SEALED, Seeds};
 use brakecheck::world::Scenario;
 
@@ -231,7 +231,7 @@ fn once<T: Serialize + DeserializeOwned>(
     settings: Value,
     make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
 ) -> Result<Option<T>, Failure> {
-    let kept = Finished::new(&args.output.join("parts"), piece, scenario, settings);
+    let kept = CachedResult::new(&args.output.join("parts"), piece, scenario, settings);
     match kept.read() {
         Ok(None) => {}
         Ok(made) => return Ok(made),

@@ -3,7 +3,9 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, world};
-use crate::{Alumnus, NearFailing, near_starts, near_starts_markdown, start_with, trained_run};
+use crate::{
+    NearFailing, TrainedPolicy, near_starts, near_starts_markdown, start_with, trained_run,
+};
 use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::run_dir::RunDir;
 use brakecheck::scene::Start;
@@ -81,7 +83,7 @@ fn near(
     };
     let run = RunDir::open(&path)?;
     let policy = run.policy()?;
-    let alumnus = Alumnus {
+    let alumnus = TrainedPolicy {
         policy: &*policy,
         seed: run.manifest().seed,
         episodes: run.manifest().episodes,

@@ -4,7 +4,7 @@ use brakecheck::cli::terminal::bar;
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
-use crate::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
+use crate::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 use brakecheck::experiment::EgoUnderTest;
 use brakecheck::world::Scenario;
 
@@ -18,7 +18,7 @@ const SEEDS: u64 = 3;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let runs = args.output.join("runs");
-    let asked = ReuseAsked {
+    let asked = ReuseStudyConfig {
         seeds: args.asked_seeds(SEEDS),
         starts: args.starts,
         tries: TRIES,
@@ -61,7 +61,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
 fn begin<'a>(
     name: &str,
     scenario: &'a Scenario,
-    asked: ReuseAsked<'a>,
+    asked: ReuseStudyConfig<'a>,
 ) -> Result<Option<ReuseStudy<'a>>, Failure> {
     let shown = bar(name);
     Ok(ReuseStudy::begin(scenario, asked, &shown.watch())?)

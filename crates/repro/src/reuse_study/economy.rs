@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{CONDITIONAL, HELD_BUDGETS, Known};
+use super::{CONDITIONAL, EgoIdentification, HELD_BUDGETS};
 use brakecheck::evaluation::ReusedOn;
 
 /// Cost of a conditional ado and of held random search at equal success.
@@ -29,7 +29,11 @@ pub struct Economy {
 /// Compares the costs per ego on which the ado succeeds, and over all these egos.
 ///
 /// `training` is the number of simulations of a training.
-pub(super) fn economy(training: f64, egos: &[ReusedOn], known: &[Known]) -> Vec<Economy> {
+pub(super) fn economy(
+    training: f64,
+    egos: &[ReusedOn],
+    known: &[EgoIdentification],
+) -> Vec<Economy> {
     let mut lines: Vec<Economy> = egos
         .iter()
         .zip(known)
@@ -52,7 +56,7 @@ pub(super) fn economy(training: f64, egos: &[ReusedOn], known: &[Known]) -> Vec<
     lines
 }
 
-fn of_ego(training: f64, ego: &ReusedOn, known: &Known) -> Option<Economy> {
+fn of_ego(training: f64, ego: &ReusedOn, known: &EgoIdentification) -> Option<Economy> {
     // Several seeds have a row each, and their mean success must be reached.
     let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
     let told: Vec<f64> = told.map(|row| row.success_rate).collect();
@@ -104,7 +108,7 @@ mod tests {
         serde_json::from_value(row).expect("a row")
     }
 
-    fn ego(name: &str, told: f64) -> (ReusedOn, Known) {
+    fn ego(name: &str, told: f64) -> (ReusedOn, EgoIdentification) {
         let rows = vec![
             row(CONDITIONAL, told, 1.0),
             row("search, held, 10", 0.2, 9.0),
@@ -119,7 +123,7 @@ mod tests {
             union: 0.0,
             rows,
         };
-        let known = Known {
+        let known = EgoIdentification {
             ego: name.to_owned(),
             taken_for: String::new(),
             explained: true,

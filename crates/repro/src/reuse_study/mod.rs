@@ -27,7 +27,7 @@ use brakecheck::run_dir::{Row, RunDir, RunError};
 use brakecheck::seed::Seeds;
 use brakecheck::sysid::{Identified, IdentifyError, IdentifyRequest, RECORDED_RUNS, identify};
 use brakecheck::training::TrainError;
-use brakecheck::world::{Against, Family, Member, Scenario};
+use brakecheck::world::{EgoSample, Family, Scenario, TrainingEgos};
 use players::{Player, called};
 
 /// Budgets of held random search, the smaller of which are cut from the largest.
@@ -48,7 +48,7 @@ pub const CONDITIONAL_TRIES: &str = "conditional, tries";
 
 /// Request of the study.
 #[derive(Clone, Copy)]
-pub struct ReuseAsked<'a> {
+pub struct ReuseStudyConfig<'a> {
     /// Training seeds, and the stream of the test starts.
     pub seeds: Seeds,
     /// Number of test starts.
@@ -61,7 +61,7 @@ pub struct ReuseAsked<'a> {
 
 /// Identification of an ego.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Known {
+pub struct EgoIdentification {
     /// Name of the ego.
     pub ego: String,
     /// Identified member, in words.
@@ -78,7 +78,7 @@ pub struct Known {
 
 /// Results of the study.
 #[derive(Clone, Debug, Serialize)]
-pub struct ReuseStudied {
+pub struct ReuseReport {
     /// Name of the world.
     pub world: String,
     /// Number of evaluated starts.
@@ -92,7 +92,7 @@ pub struct ReuseStudied {
     /// Results by ego, the nominal ego first.
     pub egos: Vec<ReusedOn>,
     /// Identification of each ego.
-    pub known: Vec<Known>,
+    pub known: Vec<EgoIdentification>,
     /// Starts from which the conditional ado is cheaper than search.
     pub economy: Vec<Economy>,
     /// Summary by block and over all changed egos, relative to the conditional ado.
@@ -129,7 +129,7 @@ pub enum ReuseError {
 }
 
 /// Ados of a training seed.
-struct Trio {
+struct SeedPolicies {
     nominal: RunDir,
     wide: RunDir,
     conditional: RunDir,
@@ -137,21 +137,21 @@ struct Trio {
 
 /// Results of an ego of the study.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Met {
+pub struct EgoResult {
     /// Summary of its rows.
     pub reused: ReusedOn,
     /// Rows of the ego, which the study lists beside the egos.
     pub rows: Vec<Row>,
     /// Identification of the ego.
-    pub known: Known,
+    pub known: EgoIdentification,
 }
 
 /// Unfinished study: trained ados and the starts of every ego.
 pub struct ReuseStudy<'a> {
     scenario: &'a Scenario,
     family: &'a Family,
-    asked: ReuseAsked<'a>,
-    trios: Vec<Trio>,
+    asked: ReuseStudyConfig<'a>,
+    trios: Vec<SeedPolicies>,
     train_cpu_s: CpuByAdo,
     starts: TestStarts,
     heuristic: OnceLock<Option<Heuristic>>,
@@ -164,7 +164,7 @@ impl<'a> ReuseStudy<'a> {
     /// Returns an error without a family, if a training fails, or if a file cannot be written.
     pub fn begin(
         scenario: &'a Scenario,
-        asked: ReuseAsked<'a>,
+        asked: ReuseStudyConfig<'a>,
         watch: &Watch<'_>,
     ) -> Result<Option<ReuseStudy<'a>>, ReuseError> {
         let Some(family) = scenario.family() else {
@@ -195,7 +195,7 @@ impl<'a> ReuseStudy<'a> {
         &self,
         tested: &EgoUnderTest,
         watch: &Watch<'_>,
-    ) -> Result<Option<Met>, ReuseError> {
+    ) -> Result<Option<EgoResult>, ReuseError> {
         let (ego, changed) = (tested.name(), tested.scenario());
         // All seeds train against the same family, so any run gives the relation.
         let conditional = &self.trios[0].conditional;
@@ -204,7 +204,7 @@ impl<'a> ReuseStudy<'a> {
         let Some(identified) = self.identified((ego, changed), &[], watch)? else {
             return Ok(None);
         };
-        let known = Known {
+        let known = EgoIdentification {
             ego: ego.to_owned(),
             taken_for: self.family.in_words(&identified.member),
             explained: identified.explains(),
@@ -249,7 +249,7 @@ impl<'a> ReuseStudy<'a> {
             }
         }
         let reused = reused_on(changed, (ego, relation), &self.starts, rows.clone(), watch);
-        Ok((!watch.stopped()).then_some(Met {
+        Ok((!watch.stopped()).then_some(EgoResult {
             reused,
             rows,
             known,
@@ -288,7 +288,7 @@ impl<'a> ReuseStudy<'a> {
     fn left_out(
         &self,
         player: &Player<'_>,
-        known: &Member,
+        known: &EgoSample,
         told: &[Row],
     ) -> Result<Option<Vec<Row>>, ReuseError> {
         let mut rows = Vec::new();
@@ -320,8 +320,8 @@ impl<'a> ReuseStudy<'a> {
     }
 
     /// Concludes the study from the egos' results, the nominal ego first.
-    pub fn conclude(&self, met: Vec<Met>) -> ReuseStudied {
-        let known: Vec<Known> = met.iter().map(|met| met.known.clone()).collect();
+    pub fn conclude(&self, met: Vec<EgoResult>) -> ReuseReport {
+        let known: Vec<EgoIdentification> = met.iter().map(|met| met.known.clone()).collect();
         let egos: Vec<ReusedOn> = met
             .into_iter()
             .map(|met| ReusedOn {
@@ -335,7 +335,7 @@ impl<'a> ReuseStudy<'a> {
         let training = trainings.map(|run| run.episodes as f64).sum::<f64>();
         // The economy counts the mean training, because each seed is a training.
         let training = training / self.trios.len().max(1) as f64;
-        ReuseStudied {
+        ReuseReport {
             world: self.scenario.name().to_owned(),
             starts: first.map_or(0, |row| row.starts),
             trivial: first.map_or(0, |row| row.trivial),
@@ -356,12 +356,16 @@ type CpuByAdo = Vec<(&'static str, f64)>;
 /// Trains the ados in parallel, as far as they are not trained yet.
 fn trios(
     scenario: &Scenario,
-    request: &ReuseAsked<'_>,
+    request: &ReuseStudyConfig<'_>,
     watch: &Watch<'_>,
-) -> Result<Option<(Vec<Trio>, CpuByAdo)>, ReuseError> {
+) -> Result<Option<(Vec<SeedPolicies>, CpuByAdo)>, ReuseError> {
     // All trainings form one parallel loop, so no thread waits for a kind to finish.
-    let kinds = [Against::Nominal, Against::Wide, Against::Conditional];
-    let jobs: Vec<(Against, u64)> = kinds
+    let kinds = [
+        TrainingEgos::Nominal,
+        TrainingEgos::Randomized,
+        TrainingEgos::Conditioned,
+    ];
+    let jobs: Vec<(TrainingEgos, u64)> = kinds
         .into_iter()
         .flat_map(|against| request.seeds.trainings().map(move |seed| (against, seed)))
         .collect();
@@ -377,7 +381,7 @@ fn trios(
     if watch.stopped() {
         return Ok(None);
     }
-    let of = |against: Against| {
+    let of = |against: TrainingEgos| {
         let all = jobs.iter().zip(&runs);
         all.filter(move |((kind, _), _)| *kind == against)
             .map(|(_, run)| run)
@@ -386,13 +390,13 @@ fn trios(
         let sum: f64 = of(kind).map(|(_, cpu_s)| cpu_s).sum();
         (kind.word(), sum / request.seeds.count.max(1) as f64)
     });
-    let open = |against: Against| of(against).map(|(path, _)| RunDir::open(path));
+    let open = |against: TrainingEgos| of(against).map(|(path, _)| RunDir::open(path));
     // Runs of all kinds are ordered by seed, so they can be zipped.
-    let trios = open(Against::Nominal)
-        .zip(open(Against::Wide))
-        .zip(open(Against::Conditional))
+    let trios = open(TrainingEgos::Nominal)
+        .zip(open(TrainingEgos::Randomized))
+        .zip(open(TrainingEgos::Conditioned))
         .map(|((nominal, wide), conditional)| {
-            Ok(Trio {
+            Ok(SeedPolicies {
                 nominal: nominal?,
                 wide: wide?,
                 conditional: conditional?,

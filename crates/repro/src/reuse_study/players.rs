@@ -1,8 +1,8 @@
 //! Ados that play against an ego of the reuse study.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, Trio, held_word};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SeedPolicies, held_word};
 use brakecheck::adversary::{
-    Ado, EvalRequest, Heuristic, Tries, best_constant, eval, other_members,
+    Ado, BestOfN, EvalRequest, Heuristic, best_constant, eval, other_members,
 };
 use brakecheck::experiment::{TestStarts, Watch};
 use brakecheck::rl::Policy;
@@ -10,7 +10,7 @@ use brakecheck::run_dir::{Row, RunDir, RunError, Stored};
 use brakecheck::search::{
     Hold, Method, Mutate, SWITCHES, SearchRequest, Searched, Switches, search,
 };
-use brakecheck::world::{Family, Member, Scenario};
+use brakecheck::world::{EgoSample, Family, Scenario};
 
 /// Ego with the starts on which all ados play.
 pub(super) struct Player<'a> {
@@ -24,16 +24,16 @@ impl Player<'_> {
     /// Returns the rows of a training seed.
     pub(super) fn ados(
         &self,
-        trio: &Trio,
+        trio: &SeedPolicies,
         family: &Family,
-        (member, told): (&Member, &str),
+        (member, told): (&EgoSample, &str),
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
         let seed = trio.conditional.manifest().seed;
         let policy = trio.conditional.policy_told(member)?;
         let others = other_members(&trio.conditional, family, member.plant)?;
         // Later tries may use other members, in case the identified member is wrong.
-        let tried = Tries {
+        let tried = BestOfN {
             request: self.request(Ado::Trained(&*policy, seed)),
             policy: &*policy,
             others: &others,
@@ -57,8 +57,8 @@ impl Player<'_> {
     pub(super) fn conditional(
         &self,
         word: &str,
-        trio: &Trio,
-        (member, told): (&Member, &str),
+        trio: &SeedPolicies,
+        (member, told): (&EgoSample, &str),
     ) -> Result<Row, RunError> {
         let seed = trio.conditional.manifest().seed;
         let policy = trio.conditional.policy_told(member)?;

@@ -1,12 +1,12 @@
 //! Markdown of the reuse study.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseReport};
 use brakecheck::evaluation::{ReusedOn, Summary};
 use brakecheck::run_dir::Row;
 use brakecheck::sysid::is_telling;
 
 /// Formats the study: every ego, then the means of every block.
-pub fn reuse_markdown(studies: &[ReuseStudied]) -> String {
+pub fn reuse_markdown(studies: &[ReuseReport]) -> String {
     studies.iter().map(one_markdown).collect()
 }
 
@@ -45,7 +45,7 @@ const SHOWN: [(&str, &str); 8] = [
     ("constant", "best constant"),
 ];
 
-fn one_markdown(study: &ReuseStudied) -> String {
+fn one_markdown(study: &ReuseReport) -> String {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let trained: Vec<String> = study
         .train_cpu_s
@@ -106,7 +106,7 @@ fn one_markdown(study: &ReuseStudied) -> String {
 }
 
 /// Formats the identification of every ego and its economy.
-fn known_markdown(study: &ReuseStudied) -> String {
+fn known_markdown(study: &ReuseReport) -> String {
     let mut text = String::from(
         "\n| ego | taken for | explained | residual m (nominal) | identification: simulations | \
          held search: simulations per start | conditional ado cheaper from |\n\

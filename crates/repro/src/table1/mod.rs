@@ -24,7 +24,7 @@ use maps::{Map, maps};
 
 use brakecheck::adversary::{Ado, EvalRequest, eval};
 use brakecheck::experiment::{TestStarts, Watch};
-use brakecheck::rl::{Control, Dice, LearnerConfig, Policy};
+use brakecheck::rl::{Control, LearnerConfig, LearnerRng, Policy};
 use brakecheck::run_dir::Row;
 use brakecheck::scene::Start;
 use brakecheck::scene::grid::exact::{Game, chase};
@@ -180,7 +180,7 @@ pub fn table1(
         .sum();
     // RQ4 and RQ5 train every learner again, for longer, on the large map.
     let total = request.seeds.count * (own + 2 * own * value::LONGER);
-    let progress = Progress {
+    let progress = TrainingProgress {
         done: AtomicU64::new(0),
         total,
         watch,
@@ -246,7 +246,7 @@ fn learners(scenario: &Scenario) -> Vec<(String, LearnerConfig)> {
 }
 
 /// Progress over the decisions of all trainings.
-struct Progress<'a> {
+struct TrainingProgress<'a> {
     done: AtomicU64,
     total: u64,
     watch: &'a Watch<'a>,
@@ -257,7 +257,7 @@ fn learn(
     scenario: &Scenario,
     learner: &LearnerConfig,
     (index, seed): (usize, u64),
-    progress: &Progress<'_>,
+    progress: &TrainingProgress<'_>,
 ) -> Option<Learned> {
     let clock = cpu_time::ThreadTime::now();
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);
@@ -428,7 +428,7 @@ fn spread(shares: &[f64]) -> LearnerOnMap {
 /// Returns a table with a random action per position.
 fn random_table(game: &Game, seed: u64, index: usize) -> Vec<usize> {
     // The factor keeps the streams of neighbouring seeds apart.
-    let mut dice = Dice::new(seed.wrapping_mul(1_000_003) + index as u64);
+    let mut dice = LearnerRng::new(seed.wrapping_mul(1_000_003) + index as u64);
     (0..game.pairs())
         .map(|_| dice.below(game.moves.len()))
         .collect()
@@ -439,7 +439,7 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
     let starts: Vec<_> = game.arena.starts().collect();
     let one = |ados: usize, paper: f64| {
         // Both lines start from the same seed, so the first 10 ados are the same.
-        let mut dice = Dice::new(request.seeds.starts);
+        let mut dice = LearnerRng::new(request.seeds.starts);
         let mut captured = 0;
         for _ in 0..ados {
             let caught =

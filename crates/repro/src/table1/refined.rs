@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::value::LargeMap;
-use super::{Learned, LearnerOnMap, Progress, References, Table1Error, spread, starts_of};
+use super::{Learned, LearnerOnMap, References, Table1Error, TrainingProgress, spread, starts_of};
 use brakecheck::rl::LearnerConfig;
 use brakecheck::scene::Start;
 use brakecheck::scene::grid::bisimulation::Bisimulation;
@@ -65,7 +65,7 @@ pub(super) fn refined(
     large: &LargeMap,
     learners: &[(String, LearnerConfig)],
     seeds: &[u64],
-    progress: &Progress<'_>,
+    progress: &TrainingProgress<'_>,
 ) -> Result<Option<Vec<RefinedMap>>, Table1Error> {
     let jobs: Vec<(usize, u64)> = (0..learners.len())
         .flat_map(|learner| seeds.iter().map(move |seed| (learner, *seed)))

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Learned, Progress, Table1, Table1Error, learn};
-use brakecheck::rl::{Dice, LearnerConfig};
+use super::{Learned, Table1, Table1Error, TrainingProgress, learn};
+use brakecheck::rl::{LearnerConfig, LearnerRng};
 use brakecheck::scene::Start;
 use brakecheck::scene::grid::exact::Game;
 use brakecheck::scene::grid::{Starts, position_of};
@@ -122,7 +122,7 @@ impl LargeMap {
         learner: &LearnerConfig,
         starts: usize,
         (index, seed): (usize, u64),
-        progress: &Progress<'_>,
+        progress: &TrainingProgress<'_>,
     ) -> Option<Learned> {
         // A training is limited to the largest number of decisions that is allowed.
         let longer = learner.clone().with_decisions(LONGER * learner.decisions());
@@ -139,7 +139,7 @@ impl LargeMap {
     fn training(&self, seed: u64, starts: usize) -> Option<Scenario> {
         let arena = self.map.grid()?.spec().arena;
         // The prime keeps these streams apart from those of other seeds.
-        let mut dice = Dice::new(self.request.seeds.first.wrapping_mul(7919) + seed);
+        let mut dice = LearnerRng::new(self.request.seeds.first.wrapping_mul(7919) + seed);
         let pairs = (0..starts).map(|_| {
             let both = position_of(&self.starts[dice.below(self.starts.len())], &arena);
             ((both.ego.x, both.ego.y), (both.ado.x, both.ado.y))
@@ -156,7 +156,7 @@ impl LargeMap {
         &self,
         learners: &[(String, LearnerConfig)],
         seeds: &[u64],
-        progress: &Progress<'_>,
+        progress: &TrainingProgress<'_>,
     ) -> Result<Option<NearStarts>, Table1Error> {
         let Some(grid) = self.map.grid() else {
             return Ok(None);
@@ -241,7 +241,8 @@ impl LargeMap {
     fn centres(&self, learner: &LearnerConfig, learned: &Learned) -> Vec<(usize, Centre)> {
         let mut met: Vec<&Success> = learned.met.iter().collect();
         // The seed is fixed, so equal requests select the same counterexamples.
-        Dice::new(self.request.seeds.starts.wrapping_mul(104_729) + learned.seed).shuffle(&mut met);
+        LearnerRng::new(self.request.seeds.starts.wrapping_mul(104_729) + learned.seed)
+            .shuffle(&mut met);
         let reward = self.map.rulebook().reward;
         let chosen = met.into_iter().take(COUNTEREXAMPLES).filter_map(|success| {
             let start = self

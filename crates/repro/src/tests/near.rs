@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use crate::extreme::extreme;
-use crate::{Alumnus, FigureError, near_starts, near_starts_markdown, start_with};
+use crate::{FigureError, TrainedPolicy, near_starts, near_starts_markdown, start_with};
 use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::rl::Policy;
 use brakecheck::sim::PlantKind;
@@ -38,7 +38,7 @@ fn near_starts_are_counted_as_they_play() {
     let world = super::acc().on(PlantKind::Kinematic);
     let around = start_with(&world, &CENTRE).expect("within the box");
     let starts = test_starts(&world, 7, 200, &watch()).expect("not stopped");
-    let alumnus = |episodes| Alumnus {
+    let alumnus = |episodes| TrainedPolicy {
         policy: &Brakes,
         seed: 1,
         episodes,

@@ -2,8 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use crate::reuse_study::{CONDITIONAL, CONDITIONAL_TRIES, Met};
-use crate::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
+use crate::reuse_study::{CONDITIONAL, CONDITIONAL_TRIES, EgoResult};
+use crate::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 use brakecheck::evaluation::Relation;
 use brakecheck::experiment::{EgoUnderTest, Watch};
 use brakecheck::seed::Seeds;
@@ -53,7 +53,7 @@ fn brief() -> Scenario {
 fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     let dir = tempfile::tempdir().expect("scratch");
     let world = brief();
-    let asked = ReuseAsked {
+    let asked = ReuseStudyConfig {
         seeds: ONE,
         starts: 16,
         tries: 3,
@@ -61,7 +61,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     };
     let begun = ReuseStudy::begin(&world, asked, &quiet());
     let begun = begun.expect("trainings").expect("not stopped");
-    let meet = |name: &str| -> Met {
+    let meet = |name: &str| -> EgoResult {
         let ego = EgoUnderTest::find(&world, name).expect("an ego");
         let met = begun.meet(&ego[0], &quiet());
         met.expect("rows").expect("not stopped")
@@ -71,7 +71,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     let kept = serde_json::to_string(&met).expect("JSON");
     let study = begun.conclude(met);
     // The stored results of every ego give the same study.
-    let read: Vec<Met> = serde_json::from_str(&kept).expect("what was written");
+    let read: Vec<EgoResult> = serde_json::from_str(&kept).expect("what was written");
     let again = begun.conclude(read);
     assert_eq!(
         reuse_markdown(&[again]),
@@ -163,7 +163,7 @@ fn a_world_without_a_family_is_refused() {
     let world = Scenario::parse("cut_in.ron", include_str!("../../../../worlds/cut_in.ron"));
     let world = world.expect("a world");
     let dir = tempfile::tempdir().expect("scratch");
-    let asked = ReuseAsked {
+    let asked = ReuseStudyConfig {
         seeds: ONE,
         starts: 4,
         tries: 2,

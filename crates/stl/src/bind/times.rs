@@ -4,19 +4,19 @@ use std::ops::Range;
 
 use super::{Binder, not_finite};
 use crate::error::{StlError, suggest};
-use crate::kernel::Window;
+use crate::kernel::SampleWindow;
 use crate::number::Ratio;
-use crate::syntax::{Arithmetic, Bounds, Time, TimeKind, Unit};
+use crate::syntax::{Arithmetic, Time, TimeBounds, TimeKind, TimeUnit};
 
 impl Binder<'_> {
-    pub(super) fn window(&self, bounds: Option<&Bounds>) -> Result<Window, StlError> {
+    pub(super) fn window(&self, bounds: Option<&TimeBounds>) -> Result<SampleWindow, StlError> {
         let Some(bounds) = bounds else {
-            return Ok(Window { from: 0, to: None });
+            return Ok(SampleWindow { from: 0, to: None });
         };
         let from_s = self.time(&bounds.from)?;
         let from = self.samples(from_s, &bounds.from)?;
         let Some(to) = &bounds.to else {
-            return Ok(Window { from, to: None });
+            return Ok(SampleWindow { from, to: None });
         };
         let to_s = self.time(to)?;
         let to_samples = self.samples(to_s, to)?;
@@ -31,7 +31,7 @@ impl Binder<'_> {
                 })),
             );
         }
-        Ok(Window {
+        Ok(SampleWindow {
             from,
             to: Some(to_samples),
         })
@@ -139,7 +139,7 @@ impl Binder<'_> {
     }
 }
 
-fn in_seconds(value: Ratio, unit: Option<Unit>) -> Option<Ratio> {
+fn in_seconds(value: Ratio, unit: Option<TimeUnit>) -> Option<Ratio> {
     value.div(Ratio::new(unit.map_or(1, |unit| unit.per_second()), 1)?)
 }
 

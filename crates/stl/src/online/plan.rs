@@ -7,8 +7,8 @@
 //! demanding reader decides. `None` means "without an end" throughout, so a
 //! missing bound makes any sum or maximum `None`.
 
-use super::point::{Point, Watch};
-use crate::program::{Id, Op, Program};
+use super::point::{Point, WindowProgress};
+use crate::program::{BoundProgram, Id, Op};
 
 /// Requirements on an operator.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +22,7 @@ pub(super) struct Need {
 }
 
 /// Plans the evaluation of the formula at sample 0.
-pub(super) fn plan(program: &Program) -> (Point, Vec<(Id, Need)>) {
+pub(super) fn plan(program: &BoundProgram) -> (Point, Vec<(Id, Need)>) {
     let mut needs: Vec<Option<Need>> = vec![None; program.instructions.len()];
     let point = watch(program, program.root(), &mut needs);
     // Invariant: operands have lower numbers. All readers of an operator have
@@ -40,7 +40,7 @@ pub(super) fn plan(program: &Program) -> (Point, Vec<(Id, Need)>) {
     (point, needs)
 }
 
-fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
+fn watch(program: &BoundProgram, id: Id, needs: &mut [Option<Need>]) -> Point {
     let horizon = |id: Id| program.get(id).horizon;
     // The value at sample 0 is final once `horizon` more samples are known, so nothing
     // is needed after that. Until then the last `horizon` + 1 values have not settled
@@ -86,7 +86,7 @@ fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
                     ..open(a)
                 },
             );
-            Point::Window(Watch::new(window, horizon(a)), side, a)
+            Point::Window(WindowProgress::new(window, horizon(a)), side, a)
         }
         Op::Until(side, strength, window, a, b) => {
             let both = horizon(a).zip(horizon(b)).map(|(a, b)| a.max(b));
@@ -99,7 +99,7 @@ fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
                 };
                 require(needs, id, need);
             }
-            Point::Until(Watch::new(window, both), side, strength, a, b)
+            Point::Until(WindowProgress::new(window, both), side, strength, a, b)
         }
         // Past operators over future operators, at the start of the trace.
         Op::Behind(..) | Op::Since(..) | Op::Edge(..) | Op::Constant(_) | Op::Leaf(_) => {
@@ -123,7 +123,7 @@ fn require(needs: &mut [Option<Need>], id: Id, new: Need) {
 }
 
 /// Adds the requirements of an operator on its operands.
-fn pass_on(program: &Program, id: Id, need: Need, needs: &mut [Option<Need>]) {
+fn pass_on(program: &BoundProgram, id: Id, need: Need, needs: &mut [Option<Need>]) {
     let instruction = program.get(id);
     let instant = program.is_instant(id);
     let plus = |a: Option<usize>, b: Option<usize>| a.zip(b).map(|(a, b)| a.saturating_add(b));

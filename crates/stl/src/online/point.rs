@@ -1,10 +1,10 @@
 //! Formula at sample 0, while samples arrive.
 
 use super::track::Track;
-use crate::apply::Reading;
+use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min, Window, fold};
-use crate::program::{Gate, Id, Program, Side, Strength};
+use crate::kernel::{Extremum, Max, Min, SampleWindow, fold};
+use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Strength};
 use crate::settings::Until;
 
 /// Sub-formula at sample 0.
@@ -20,15 +20,15 @@ pub(super) enum Point {
         id: Id,
     },
     Not(Box<Point>),
-    Gate(Gate, Box<Point>, Box<Point>),
-    Window(Watch, Side, Id),
-    Until(Watch, Side, Strength, Id, Id),
+    Gate(BooleanOp, Box<Point>, Box<Point>),
+    Window(WindowProgress, MinMax, Id),
+    Until(WindowProgress, MinMax, Strength, Id, Id),
 }
 
 /// Part of a window that an operator has read so far.
 #[derive(Clone, Debug)]
-pub(super) struct Watch {
-    window: Window,
+pub(super) struct WindowProgress {
+    window: SampleWindow,
     /// Horizon of the operands.
     horizon: Option<usize>,
     /// First sample that is not folded in.
@@ -39,9 +39,9 @@ pub(super) struct Watch {
     guard: Option<f64>,
 }
 
-impl Watch {
-    pub(super) fn new(window: Window, horizon: Option<usize>) -> Watch {
-        Watch {
+impl WindowProgress {
+    pub(super) fn new(window: SampleWindow, horizon: Option<usize>) -> WindowProgress {
+        WindowProgress {
             window,
             horizon,
             next: 0,
@@ -51,7 +51,7 @@ impl Watch {
     }
 
     /// Returns the last known sample of the window and the settled count.
-    fn last(&self, reading: &Reading) -> (usize, usize) {
+    fn last(&self, reading: &EvalWindow) -> (usize, usize) {
         let now = reading.known - 1;
         let last = self.window.to.map_or(now, |to| to.min(now));
         let settled = match self.horizon {
@@ -64,7 +64,7 @@ impl Watch {
     }
 
     /// Returns true if samples of the window are still to come.
-    fn is_open(&self, reading: &Reading) -> bool {
+    fn is_open(&self, reading: &EvalWindow) -> bool {
         let len = reading.len(self.window);
         reading.known < len
             && self.window.from < len
@@ -83,15 +83,15 @@ impl Point {
                 b.reset();
             }
             Point::Window(watch, ..) | Point::Until(watch, ..) => {
-                *watch = Watch::new(watch.window, watch.horizon)
+                *watch = WindowProgress::new(watch.window, watch.horizon)
             }
         }
     }
 
     pub(super) fn update(
         &mut self,
-        program: &Program,
-        reading: &Reading,
+        program: &BoundProgram,
+        reading: &EvalWindow,
         tracks: &[Track],
     ) -> Interval {
         match self {
@@ -118,16 +118,16 @@ impl Point {
                     hi: gate.at(a.hi, a.lo, b.hi, b.lo),
                 }
             }
-            Point::Window(watch, Side::Min, id) => {
+            Point::Window(watch, MinMax::Min, id) => {
                 window::<Min>(watch, program, *id, reading, tracks)
             }
-            Point::Window(watch, Side::Max, id) => {
+            Point::Window(watch, MinMax::Max, id) => {
                 window::<Max>(watch, program, *id, reading, tracks)
             }
-            Point::Until(watch, Side::Max, strength, a, b) => {
+            Point::Until(watch, MinMax::Max, strength, a, b) => {
                 until::<Max>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
             }
-            Point::Until(watch, Side::Min, strength, a, b) => {
+            Point::Until(watch, MinMax::Min, strength, a, b) => {
                 until::<Min>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
             }
         }
@@ -152,10 +152,10 @@ fn opened<E: Extremum>(interval: Interval) -> Interval {
 }
 
 fn window<E: Extremum>(
-    watch: &mut Watch,
-    program: &Program,
+    watch: &mut WindowProgress,
+    program: &BoundProgram,
     id: Id,
-    reading: &Reading,
+    reading: &EvalWindow,
     tracks: &[Track],
 ) -> Interval {
     let mut folded = watch.folded.unwrap_or(E::NEUTRAL);
@@ -197,10 +197,10 @@ fn window<E: Extremum>(
 }
 
 fn until<E: Extremum>(
-    watch: &mut Watch,
+    watch: &mut WindowProgress,
     strength: Strength,
     (left, right): (&Track, &Track),
-    reading: &Reading,
+    reading: &EvalWindow,
 ) -> Interval {
     let (left, right) = (left.operand(), right.operand());
     let (last, settled) = watch.last(reading);
@@ -267,8 +267,8 @@ fn until<E: Extremum>(
     }
     if strength == Strength::Weak {
         // The left side counts from the present on, not from the window's start.
-        let throughout = Watch {
-            window: Window {
+        let throughout = WindowProgress {
+            window: SampleWindow {
                 from: 0,
                 ..watch.window
             },

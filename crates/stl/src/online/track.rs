@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::apply::Operand;
+use crate::apply::OperandBounds;
 use crate::kernel::{Extremum, View};
 
 /// Bounds of an operator at the known samples `first ..`.
@@ -21,7 +21,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    pub(super) fn operand(&self) -> Operand<'_> {
+    pub(super) fn operand(&self) -> OperandBounds<'_> {
         // Operators of the present and the past are exact, so one vector serves both.
         let upper = if self.upper.is_empty() {
             &self.lower
@@ -32,7 +32,7 @@ impl Track {
             first: self.first,
             values,
         };
-        Operand {
+        OperandBounds {
             lower: view(&self.lower),
             upper: view(upper),
         }

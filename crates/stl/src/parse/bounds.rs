@@ -5,7 +5,7 @@ use super::cursor::Parser;
 use super::words::is_word_operator;
 use crate::error::StlError;
 use crate::number::Decimal;
-use crate::syntax::{Arithmetic, Bounds, Span, Time, TimeKind, Unit};
+use crate::syntax::{Arithmetic, Span, Time, TimeBounds, TimeKind, TimeUnit};
 use crate::token::{Spanned, Token};
 
 /// Greatest depth of a calculated time.
@@ -13,7 +13,7 @@ const MAX_TIME_DEPTH: usize = 16;
 
 impl<'a> Parser<'a> {
     /// Parses the bounds here, if any.
-    pub(super) fn bounds(&mut self) -> Result<Option<Bounds>, StlError> {
+    pub(super) fn bounds(&mut self) -> Result<Option<TimeBounds>, StlError> {
         let open = self.peek(0).span.clone();
         if !self.take_symbol("[") {
             return Ok(None);
@@ -50,7 +50,7 @@ impl<'a> Parser<'a> {
                 _ => Err(self.unexpected("`]`")),
             };
         }
-        Ok(Some(Bounds {
+        Ok(Some(TimeBounds {
             from,
             to,
             span: Span(open.start..end),
@@ -64,7 +64,7 @@ impl<'a> Parser<'a> {
         &mut self,
         operator: &Token<'_>,
         help: impl FnOnce(&str, &str) -> String,
-    ) -> Result<Option<Bounds>, StlError> {
+    ) -> Result<Option<TimeBounds>, StlError> {
         if !self.at_symbol("[") {
             return Ok(None);
         }
@@ -153,11 +153,11 @@ impl<'a> Parser<'a> {
         checked(Time::new(kind, span.start..end))
     }
 
-    fn unit(&mut self) -> Option<Unit> {
+    fn unit(&mut self) -> Option<TimeUnit> {
         let Token::Word(word) = self.peek(0).token else {
             return None;
         };
-        let unit = Unit::parse(word)?;
+        let unit = TimeUnit::parse(word)?;
         self.advance();
         Some(unit)
     }

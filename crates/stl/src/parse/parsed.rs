@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::complaints::{checked, checked_term};
 use super::words::Logic;
 use crate::error::StlError;
-use crate::syntax::{Bounds, Kind, Node, Span, Term, TermKind};
+use crate::syntax::{Node, NodeKind, Span, Term, TermKind, TimeBounds};
 
 /// Parsed part, whose sort is settled by the operator that takes it.
 pub(super) enum Parsed {
@@ -16,7 +16,7 @@ pub(super) enum Parsed {
 }
 
 impl Parsed {
-    pub(super) fn formula(kind: Kind, span: Range<usize>) -> Result<Parsed, StlError> {
+    pub(super) fn formula(kind: NodeKind, span: Range<usize>) -> Result<Parsed, StlError> {
         checked(Node::new(kind, span)).map(|node| Parsed::Formula(Box::new(node)))
     }
 
@@ -36,7 +36,7 @@ impl Parsed {
     pub(super) fn into_formula(self, what: &str) -> Result<Box<Node>, StlError> {
         match self {
             Parsed::Formula(node) => Ok(node),
-            Parsed::Name(name, span) => Ok(Box::new(Node::new(Kind::Name(name), span))),
+            Parsed::Name(name, span) => Ok(Box::new(Node::new(NodeKind::Name(name), span))),
             Parsed::Term(term) => Err(StlError::new(what, term.span.0.clone(), "this is a number")
                 .with_help(format!("compare it with something, such as `{term} > 0`"))),
         }
@@ -59,21 +59,21 @@ impl Parsed {
 /// Joins two operands under a logical operator.
 pub(super) fn join(
     logic: Logic,
-    bounds: Option<Bounds>,
+    bounds: Option<TimeBounds>,
     left: Node,
     right: Node,
 ) -> Result<Parsed, StlError> {
     let span = left.span.0.start..right.span.0.end;
     let node = match logic {
-        Logic::And => flat(left, right, span, Kind::And),
-        Logic::Or => flat(left, right, span, Kind::Or),
+        Logic::And => flat(left, right, span, NodeKind::And),
+        Logic::Or => flat(left, right, span, NodeKind::Or),
         _ => {
             let (left, right) = (Arc::new(left), Arc::new(right));
             let kind = match logic {
-                Logic::Implies => Kind::Implies(left, right),
-                Logic::Iff => Kind::Iff(left, right),
-                Logic::Temporal(op) => Kind::Binary(op, bounds, left, right),
-                Logic::Xor | Logic::And | Logic::Or => Kind::Xor(left, right),
+                Logic::Implies => NodeKind::Implies(left, right),
+                Logic::Iff => NodeKind::Iff(left, right),
+                Logic::Temporal(op) => NodeKind::Binary(op, bounds, left, right),
+                Logic::Xor | Logic::And | Logic::Or => NodeKind::Xor(left, right),
             };
             Node::new(kind, span)
         }
@@ -82,7 +82,7 @@ pub(super) fn join(
 }
 
 /// Joins operands flat: `and` and `or` ignore parentheses among themselves.
-fn flat(left: Node, right: Node, span: Range<usize>, join: fn(Vec<Arc<Node>>) -> Kind) -> Node {
+fn flat(left: Node, right: Node, span: Range<usize>, join: fn(Vec<Arc<Node>>) -> NodeKind) -> Node {
     let same = |node: &Node| {
         std::mem::discriminant(&node.kind) == std::mem::discriminant(&join(Vec::new()))
     };
@@ -93,7 +93,7 @@ fn flat(left: Node, right: Node, span: Range<usize>, join: fn(Vec<Arc<Node>>) ->
         (
             true,
             Node {
-                kind: Kind::And(all) | Kind::Or(all),
+                kind: NodeKind::And(all) | NodeKind::Or(all),
                 ..
             },
         ) => all,

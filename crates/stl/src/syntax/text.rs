@@ -6,31 +6,31 @@
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
 
-use super::{Arithmetic, Bounds, Kind, Node, Term, TermKind, Time, TimeKind};
+use super::{Arithmetic, Node, NodeKind, Term, TermKind, Time, TimeBounds, TimeKind};
 use crate::parse::is_keyword;
 use crate::token::is_plain_name;
 
 impl Display for Node {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match &self.kind {
-            Kind::Constant(value) => write!(f, "{value}"),
-            Kind::Name(name) => write_name(f, name),
-            Kind::Compare(first, rest) => {
+            NodeKind::Constant(value) => write!(f, "{value}"),
+            NodeKind::Name(name) => write_name(f, name),
+            NodeKind::Compare(first, rest) => {
                 write!(f, "{first}")?;
                 rest.iter()
                     .try_for_each(|(op, term)| write!(f, " {} {term}", op.word()))
             }
-            Kind::In(x, range) => write!(f, "{x} in [{}, {}]", range.0, range.1),
-            Kind::Not(a) => {
+            NodeKind::In(x, range) => write!(f, "{x} in [{}, {}]", range.0, range.1),
+            NodeKind::Not(a) => {
                 f.write_str("not ")?;
                 write_prefixed(f, a)
             }
-            Kind::And(all) => write_joined(f, "and", all),
-            Kind::Or(all) => write_joined(f, "or", all),
-            Kind::Implies(a, b) => write_joined(f, "implies", [a, b]),
-            Kind::Iff(a, b) => write_joined(f, "iff", [a, b]),
-            Kind::Xor(a, b) => write_joined(f, "xor", [a, b]),
-            Kind::Unary(op, bounds, a) => {
+            NodeKind::And(all) => write_joined(f, "and", all),
+            NodeKind::Or(all) => write_joined(f, "or", all),
+            NodeKind::Implies(a, b) => write_joined(f, "implies", [a, b]),
+            NodeKind::Iff(a, b) => write_joined(f, "iff", [a, b]),
+            NodeKind::Xor(a, b) => write_joined(f, "xor", [a, b]),
+            NodeKind::Unary(op, bounds, a) => {
                 f.write_str(op.word())?;
                 if let Some(bounds) = bounds {
                     write!(f, "{bounds}")?;
@@ -38,7 +38,7 @@ impl Display for Node {
                 f.write_str(" ")?;
                 write_prefixed(f, a)
             }
-            Kind::Binary(op, bounds, a, b) => {
+            NodeKind::Binary(op, bounds, a, b) => {
                 write_operand(f, a)?;
                 write!(f, " {}", op.word())?;
                 if let Some(bounds) = bounds {
@@ -67,7 +67,7 @@ fn write_joined<'a>(
 
 fn write_operand(f: &mut Formatter<'_>, node: &Node) -> fmt::Result {
     match node.kind {
-        Kind::Constant(_) | Kind::Name(_) => write!(f, "{node}"),
+        NodeKind::Constant(_) | NodeKind::Name(_) => write!(f, "{node}"),
         _ => write!(f, "({node})"),
     }
 }
@@ -75,7 +75,7 @@ fn write_operand(f: &mut Formatter<'_>, node: &Node) -> fmt::Result {
 /// Writes an operand of a prefix operator, without parentheses around a prefix.
 fn write_prefixed(f: &mut Formatter<'_>, node: &Node) -> fmt::Result {
     match node.kind {
-        Kind::Not(_) | Kind::Unary(..) => write!(f, "{node}"),
+        NodeKind::Not(_) | NodeKind::Unary(..) => write!(f, "{node}"),
         _ => write_operand(f, node),
     }
 }
@@ -91,7 +91,7 @@ fn write_name(f: &mut Formatter<'_>, name: &str) -> fmt::Result {
     }
 }
 
-impl Display for Bounds {
+impl Display for TimeBounds {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match &self.to {
             Some(to) => write!(f, "[{}, {to}]", self.from),

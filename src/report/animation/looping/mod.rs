@@ -15,9 +15,9 @@ use maud::{Markup, PreEscaped, html};
 
 use super::bodies::body;
 use super::camera::Canvas;
-use super::film::{Course, Film};
+use super::episode_frames::{EpisodeFrames, FrameContext};
 use super::ground::{cells, road};
-use super::moves::{Kind, Move};
+use super::moves::{Move, MoveKind};
 use super::picture::Picture;
 use super::write::n;
 use crate::preventability::FilmedDriver;
@@ -26,7 +26,7 @@ use crate::report::page::STYLE;
 use crate::visible::visible_markup;
 use crate::world::Scenario;
 use keyframes::{Keyframes, Period};
-use panel::Panel;
+use panel::LoopPanel;
 use words::{ending_of, facts, outcome_of, wrapped};
 
 /// Seconds shown before a contact or violation, and after it.
@@ -67,15 +67,18 @@ pub fn looping_picture(
 ) -> String {
     let picture = Picture::of(scenario, example, 0);
     let other = beside.map(|it| {
-        let course = Course {
+        let course = FrameContext {
             dt_s: example.episode.trace.dt_s(),
             judged: example.episode.judged,
             contact: it.filmed.contact.as_ref(),
             trace: None,
         };
-        (it, Film::of(&picture.stage, &it.filmed.frames, &course))
+        (
+            it,
+            EpisodeFrames::of(&picture.stage, &it.filmed.frames, &course),
+        )
     });
-    let mut panels = vec![Panel {
+    let mut panels = vec![LoopPanel {
         nth: 0,
         film: &picture.film,
         moves: picture.moves.clone(),
@@ -101,7 +104,7 @@ pub fn looping_picture(
 }
 
 /// Half of the other driver.
-fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a Film) -> Panel<'a> {
+fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a EpisodeFrames) -> LoopPanel<'a> {
     let recorded_s = picture.film.end_s();
     let mut moves = picture.moves.clone();
     for (_, moves) in &mut moves {
@@ -110,11 +113,11 @@ fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a Film) -> Panel
             from_s: recorded_s,
             until_s: film.end_s(),
             words: "goes on".to_owned(),
-            kind: Kind::Neutral,
+            kind: MoveKind::Neutral,
         });
     }
     let contact = it.filmed.contact.as_ref();
-    Panel {
+    LoopPanel {
         nth: 1,
         film,
         moves,
@@ -126,7 +129,7 @@ fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a Film) -> Panel
 }
 
 /// Halves, clock and text as one picture.
-fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Example) -> String {
+fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String], example: &Example) -> String {
     let mut keyframes = Keyframes::new(period);
     let count = panels.len() as f64;
     let canvas = Canvas {
@@ -169,7 +172,7 @@ fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Exampl
             defs {
                 clipPath id="half" { rect width=(n(width_px, 1)) height=(HEIGHT_PX) rx="8" {} }
                 g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.stage)) } @else { (road(&picture.stage, &example.frames)) } }
-                @for (who, cast) in picture.stage.cast.iter().enumerate() {
+                @for (who, cast) in picture.stage.agents.iter().enumerate() {
                     g id=(picture.body(who)) class=(picture.classes[who]) { (body(cast)) }
                 }
             }

@@ -4,9 +4,9 @@ use maud::{Markup, html};
 
 use super::keyframes::Keyframes;
 use crate::report::animation::camera::{Camera, Canvas};
-use crate::report::animation::film::Film;
+use crate::report::animation::episode_frames::EpisodeFrames;
 use crate::report::animation::ground::lights;
-use crate::report::animation::labels::{Label, labels};
+use crate::report::animation::labels::{PlacedLabel, labels};
 use crate::report::animation::moves::Move;
 use crate::report::animation::picture::{BRAKES_MPS2, Picture, burst};
 use crate::report::animation::write::n;
@@ -16,11 +16,11 @@ const EVERY_S: f64 = 0.1;
 const WORDS_S: f64 = 0.5;
 
 /// Content of one half.
-pub(super) struct Panel<'a> {
+pub(super) struct LoopPanel<'a> {
     /// Number that makes its identifiers unique.
     pub nth: usize,
     pub picture: &'a Picture<'a>,
-    pub film: &'a Film,
+    pub film: &'a EpisodeFrames,
     /// Moves of the ados, which also apply beside another driver.
     pub moves: Vec<(String, Vec<Move>)>,
     /// Place of the contact in the picture's directions.
@@ -32,7 +32,7 @@ pub(super) struct Panel<'a> {
 }
 
 /// Shown samples of a film within a period.
-fn shown(film: &Film, (from_s, until_s): (f64, f64)) -> Vec<usize> {
+fn shown(film: &EpisodeFrames, (from_s, until_s): (f64, f64)) -> Vec<usize> {
     let (first, last) = (film.at(from_s), film.at(until_s));
     let mut shown = vec![first];
     for i in first + 1..last {
@@ -46,7 +46,7 @@ fn shown(film: &Film, (from_s, until_s): (f64, f64)) -> Vec<usize> {
     shown
 }
 
-impl Panel<'_> {
+impl LoopPanel<'_> {
     /// Pixels per metre at which all agents fit at all times.
     pub fn scale(&self, canvas: &Canvas, from_s: f64) -> f64 {
         let shown = shown(self.film, (from_s, self.ending.0));
@@ -75,7 +75,7 @@ impl Panel<'_> {
         let last = &cameras[cameras.len() - 1];
         let [[x, y], [u, v]] = [last.middle_px(), last.centre_m];
         let turn_deg = n(-self.film.turn_rad.to_degrees(), 3);
-        let everybody = 0..self.picture.stage.cast.len();
+        let everybody = 0..self.picture.stage.agents.len();
         html! {
             g transform=(format!("translate({x} {y}) scale({} {})", n(scale, 3), n(-scale, 3))) {
                 g class=(moved) transform=(format!("translate({} {})", n(-u, 2), n(-v, 2))) {
@@ -169,9 +169,10 @@ impl Panel<'_> {
             let beside = (&cameras[nth], &*self.moves);
             labels(&self.picture.stage, self.film, shown[nth], beside).swap_remove(who)
         };
-        let all: Vec<Label> = (0..shown.len()).map(at).collect();
+        let all: Vec<PlacedLabel> = (0..shown.len()).map(at).collect();
         // The middle moves evenly, while the width changes with the text.
-        let middle = |label: &Label| [label.at_px[0] + 0.5 * label.size_px[0], label.at_px[1]];
+        let middle =
+            |label: &PlacedLabel| [label.at_px[0] + 0.5 * label.size_px[0], label.at_px[1]];
         let time_s = |nth: usize| self.film.times_s[shown[nth]];
         let places = all.iter().enumerate().map(|(nth, label)| {
             let [x, y] = middle(label);
@@ -183,7 +184,7 @@ impl Panel<'_> {
         let moved = keyframes.moving(&places.collect::<Vec<_>>());
         let last = all.len() - 1;
         let from_s = keyframes.period.from_s;
-        let mut words: Vec<(f64, &Label)> = Vec::new();
+        let mut words: Vec<(f64, &PlacedLabel)> = Vec::new();
         for (nth, label) in all.iter().enumerate() {
             // A new action is shown at once, and a new speed only after a
             // while, so that it is readable.
@@ -224,7 +225,7 @@ impl Panel<'_> {
 }
 
 /// Label around the middle of its upper side.
-fn words_of(label: &Label) -> Markup {
+fn words_of(label: &PlacedLabel) -> Markup {
     let [w, h] = label.size_px;
     html! {
         rect x=(n(-0.5 * w, 1)) width=(n(w, 1)) height=(n(h, 1)) rx="5" {}

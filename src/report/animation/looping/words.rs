@@ -2,7 +2,7 @@
 
 use super::Beside;
 use crate::preventability::FilmedDriver;
-use crate::report::animation::film::Film;
+use crate::report::animation::episode_frames::EpisodeFrames;
 use crate::report::animation::picture::Picture;
 use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words};
 use crate::rulebook::{RulesUntilContact, Verdict};
@@ -45,7 +45,7 @@ pub(super) fn ending_of(
 /// It ends with a contact, or `after_s` after the closest approach.
 pub(super) fn outcome_of(
     picture: &Picture<'_>,
-    film: &Film,
+    film: &EpisodeFrames,
     (filmed, after_s): (&FilmedDriver, f64),
 ) -> (f64, String, bool) {
     if let Some(touch) = &filmed.contact {
@@ -63,7 +63,7 @@ pub(super) fn outcome_of(
 }
 
 /// Time of the closest approach of ego and encountered agent, from a time on.
-fn nearest_s(picture: &Picture<'_>, film: &Film, from_s: f64) -> f64 {
+fn nearest_s(picture: &Picture<'_>, film: &EpisodeFrames, from_s: f64) -> f64 {
     let (ego, _) = picture.ego();
     // The encounter of the recorded film, so that both halves refer to one
     // agent.

@@ -14,22 +14,22 @@ use crate::stl::Interval;
 use crate::trace::{Schema, SchemaError, Signal};
 use list::SIGNALS;
 pub use list::TTC_CAP_S;
-use quantity::Value;
+use quantity::QuantityReader;
 pub(super) use quantity::{Of, SignalQuantity};
 
 /// Source of a published value: a quantity and its owners.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Source {
+pub(super) struct SignalReading {
     pub quantity: &'static SignalQuantity,
     pub whose: [usize; 2],
 }
 
-impl Source {
+impl SignalReading {
     /// Returns the value at the current sample.
     pub fn value(self, state: &SceneState) -> f64 {
         match self.quantity.value {
-            Value::Real(value) => value(state, self.whose),
-            Value::Boolean(value) => f64::from(u8::from(value(state, self.whose))),
+            QuantityReader::Real(value) => value(state, self.whose),
+            QuantityReader::Boolean(value) => f64::from(u8::from(value(state, self.whose))),
         }
     }
 
@@ -79,7 +79,7 @@ impl Source {
         }
     }
 
-    fn declared(self, names: &AgentNames) -> Declared {
+    fn declared(self, names: &AgentNames) -> DeclaredSignal {
         let SignalQuantity {
             name, unit, about, ..
         } = *self.quantity;
@@ -89,10 +89,10 @@ impl Source {
             _ => [&owners[..], &[name]].concat().join("."),
         };
         let about = in_words(about, &owners);
-        Declared {
+        DeclaredSignal {
             signal: match self.quantity.value {
-                Value::Real(_) => Signal::real(name, unit, about),
-                Value::Boolean(_) => Signal::boolean(name, about),
+                QuantityReader::Real(_) => Signal::real(name, unit, about),
+                QuantityReader::Boolean(_) => Signal::boolean(name, about),
             },
             source: self,
         }
@@ -118,23 +118,26 @@ pub struct SignalSource {
     /// Signals added by a later version are published when mentioned, so that
     /// recordings of earlier versions keep their columns.
     pub always: bool,
-    pub(super) source: Source,
+    pub(super) source: SignalReading,
 }
 
 /// A signal by name, with the source of its value.
 #[derive(Clone, Debug)]
-pub(super) struct Declared {
+pub(super) struct DeclaredSignal {
     pub signal: Signal,
-    pub source: Source,
+    pub source: SignalReading,
 }
 
 /// Returns every signal of the named agents.
-pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
+pub(super) fn declared(names: &AgentNames) -> Vec<DeclaredSignal> {
     declared_of(names, &|_| true)
 }
 
 /// The same of some quantities only.
-fn declared_of(names: &AgentNames, wanted: &dyn Fn(&SignalQuantity) -> bool) -> Vec<Declared> {
+fn declared_of(
+    names: &AgentNames,
+    wanted: &dyn Fn(&SignalQuantity) -> bool,
+) -> Vec<DeclaredSignal> {
     let agents = 0..names.agents.len();
     // The order of owners is that of the columns in traces. Recorded traces
     // depend on it.
@@ -154,7 +157,7 @@ fn declared_of(names: &AgentNames, wanted: &dyn Fn(&SignalQuantity) -> bool) -> 
         let rows = SIGNALS
             .iter()
             .filter(move |row| row.of == of && wanted(row));
-        rows.map(move |quantity| Source { quantity, whose })
+        rows.map(move |quantity| SignalReading { quantity, whose })
     });
     sources.map(|source| source.declared(names)).collect()
 }
@@ -176,7 +179,7 @@ impl DriveSpec {
     }
 
     fn offers(&self, wanted: &dyn Fn(&SignalQuantity) -> bool) -> Vec<SignalSource> {
-        let offer = |declared: Declared| {
+        let offer = |declared: DeclaredSignal| {
             let (source, quantity) = (declared.source, declared.source.quantity);
             let Interval { lo, hi } = source.range(self);
             // A parameter that is equal at every start would give a scale of width 0.
@@ -192,7 +195,7 @@ impl DriveSpec {
                 source,
             }
         };
-        let exists = |declared: &Declared| declared.source.exists(self);
+        let exists = |declared: &DeclaredSignal| declared.source.exists(self);
         let all = declared_of(&self.names(), wanted).into_iter();
         all.filter(exists).map(offer).collect()
     }

@@ -31,7 +31,7 @@ pub struct SignalQuantity {
     pub name: &'static str,
     pub(super) unit: &'static str,
     pub(super) about: &'static str,
-    pub(super) value: Value,
+    pub(super) value: QuantityReader,
     /// Worlds and owners for which the signal exists.
     pub(super) exists: fn(&DriveSpec, [usize; 2]) -> bool,
     pub(super) bounds: fn(&DriveSpec, [usize; 2]) -> Interval,
@@ -41,21 +41,21 @@ pub struct SignalQuantity {
 
 /// Function that reads a value from a scene, given the positions of its owners.
 #[derive(Debug)]
-pub(super) enum Value {
+pub(super) enum QuantityReader {
     Real(fn(&SceneState, [usize; 2]) -> f64),
     Boolean(fn(&SceneState, [usize; 2]) -> bool),
 }
 
 /// A signal with owner, name and unit.
-pub(super) struct Named(Of, &'static str, &'static str);
+pub(super) struct NamedQuantity(Of, &'static str, &'static str);
 
 impl Of {
-    pub(super) const fn signal(self, name: &'static str, unit: &'static str) -> Named {
-        Named(self, name, unit)
+    pub(super) const fn signal(self, name: &'static str, unit: &'static str) -> NamedQuantity {
+        NamedQuantity(self, name, unit)
     }
 }
 
-impl Named {
+impl NamedQuantity {
     /// A number, unbounded unless `within` is added.
     pub(super) const fn is(self, value: fn(&SceneState, [usize; 2]) -> f64) -> SignalQuantity {
         SignalQuantity {
@@ -63,7 +63,7 @@ impl Named {
             name: self.1,
             unit: self.2,
             about: "",
-            value: Value::Real(value),
+            value: QuantityReader::Real(value),
             exists: |_, _| true,
             bounds: |_, _| Interval::ANY,
             usual: None,
@@ -76,7 +76,7 @@ impl Named {
         value: fn(&SceneState, [usize; 2]) -> bool,
     ) -> SignalQuantity {
         SignalQuantity {
-            value: Value::Boolean(value),
+            value: QuantityReader::Boolean(value),
             bounds: |_, _| zero_to(1.0),
             ..self.is(|_, _| 0.0)
         }

@@ -3,7 +3,7 @@
 use super::palette;
 use super::palette::Rgb;
 use crate::rulebook::Verdict;
-use crate::scene::{Frame, Role, Stage};
+use crate::scene::{Frame, Role, SceneGeometry};
 use crate::stl::{Interval, Monitor};
 use crate::testbench::{Episode, film};
 use crate::world::Scenario;
@@ -14,11 +14,11 @@ use crate::world::Scenario;
 const GOES_ON_S: f64 = 0.3;
 
 /// Episode with all derived values that a viewer shows.
-pub(super) struct Story<'a> {
+pub(super) struct ViewedEpisode<'a> {
     pub scenario: &'a Scenario,
     pub episode: &'a Episode,
     pub caption: &'a str,
-    pub stage: Stage,
+    pub stage: SceneGeometry,
     /// Frames, one per sample of the trace.
     pub frames: Vec<Frame>,
     /// Running robustness of ψ_ego.
@@ -43,9 +43,13 @@ pub(super) struct Running {
     pub lost: Option<usize>,
 }
 
-impl<'a> Story<'a> {
+impl<'a> ViewedEpisode<'a> {
     /// Replays the episode and evaluates its formulas.
-    pub fn new(scenario: &'a Scenario, episode: &'a Episode, caption: &'a str) -> Story<'a> {
+    pub fn new(
+        scenario: &'a Scenario,
+        episode: &'a Episode,
+        caption: &'a str,
+    ) -> ViewedEpisode<'a> {
         let mut bench = scenario.bench();
         let mut frames = film(&mut bench, episode);
         let departs = departure(episode, bench.trace());
@@ -75,7 +79,7 @@ impl<'a> Story<'a> {
             Verdict::Invalid => Some(last),
             Verdict::Held { .. } => None,
         };
-        Story {
+        ViewedEpisode {
             scenario,
             episode,
             caption,
@@ -114,14 +118,14 @@ impl<'a> Story<'a> {
 
     /// Index of the ego in the cast.
     pub fn ego(&self) -> usize {
-        let is_ego = |who: &crate::scene::Cast| who.role == Role::Ego;
-        self.stage.cast.iter().position(is_ego).unwrap_or(0)
+        let is_ego = |who: &crate::scene::AgentDescription| who.role == Role::Ego;
+        self.stage.agents.iter().position(is_ego).unwrap_or(0)
     }
 
     /// Colour of a member of the cast.
     pub fn colour(&self, who: usize) -> Rgb {
-        let role = self.stage.cast[who].role;
-        let before = &self.stage.cast[..who];
+        let role = self.stage.agents[who].role;
+        let before = &self.stage.agents[..who];
         palette::of_role(role, before.iter().filter(|cast| cast.role == role).count())
     }
 

@@ -1,16 +1,16 @@
 //! State of a driver during its drive, and the rows that the drive makes.
 
-use super::replayer::{Case, Replayer, Seat};
+use super::replayer::{RecordedEpisode, Replayer, Seat};
 use crate::ego::Actuator;
 use crate::ego::reference::{ReferenceDriver, Reflexes};
 use crate::rulebook::Rulebook;
 use crate::scene::drive::DriveScene;
-use crate::scene::{Frame, Scene, Touch};
+use crate::scene::{ContactEvent, Frame, Scene};
 use crate::stl::Scratch;
 use crate::trace::Trace;
 
 /// A driver and the actuator behind it.
-pub(super) struct AtWheel {
+pub(super) struct ReferenceDriverRun {
     pub driver: Option<Reflexes<ReferenceDriver>>,
     pub actuator: Actuator,
     /// Samples driven so far, and those before the first danger.
@@ -18,8 +18,13 @@ pub(super) struct AtWheel {
     reacted: Option<usize>,
 }
 
-impl AtWheel {
-    pub fn new(replayer: &Replayer, case: &Case, seat: Seat, from: usize) -> AtWheel {
+impl ReferenceDriverRun {
+    pub fn new(
+        replayer: &Replayer,
+        case: &RecordedEpisode,
+        seat: Seat,
+        from: usize,
+    ) -> ReferenceDriverRun {
         let driver = match seat {
             Seat::Driver(driver) => Some(driver),
             _ => None,
@@ -33,7 +38,7 @@ impl AtWheel {
         // The actuator continues from the acceleration of the recorded ego.
         let arriving_mps2 = case.whole.at(from)[replayer.world.ego()].state.accel_mps2;
         let (sample_s, lane_width_m) = (replayer.sample_s, replayer.lane_width_m);
-        AtWheel {
+        ReferenceDriverRun {
             driver: driver.map(|driver| Reflexes::new(driver, sample_s, lane_width_m)),
             actuator: Actuator::new(lag_s, sample_s).from(arriving_mps2),
             driven: 0,
@@ -59,11 +64,11 @@ impl AtWheel {
 #[derive(Default)]
 pub(super) struct Notes {
     /// Trace, if it is judged.
-    pub rows: Option<Rows>,
+    pub rows: Option<ReplayRows>,
     /// Positions of all agents at each sample, if they are displayed.
     pub frames: Option<Vec<Frame>>,
     /// Contact that ends the replay.
-    pub contact: Option<Touch>,
+    pub contact: Option<ContactEvent>,
 }
 
 impl Notes {
@@ -84,18 +89,18 @@ impl Notes {
 }
 
 /// Rows of a replay, after those of the record up to the takeover.
-pub(super) struct Rows {
+pub(super) struct ReplayRows {
     trace: Trace,
     row: Vec<f64>,
     /// Samples of a full episode.
     most: usize,
 }
 
-impl Rows {
-    pub fn begin(recorded: &Trace, from: usize, most: usize) -> Rows {
+impl ReplayRows {
+    pub fn begin(recorded: &Trace, from: usize, most: usize) -> ReplayRows {
         let mut trace = recorded.clone();
         trace.truncate(from + 1);
-        Rows {
+        ReplayRows {
             row: vec![0.0; trace.schema().signals().len()],
             trace,
             most,

@@ -9,14 +9,14 @@ use crate::world::Scenario;
 
 /// Counterexample with the file that holds it.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct SavedCounterexample {
     /// Path of the file.
     pub path: PathBuf,
     /// World, start, actions and verdict, as read.
     pub counterexample: Counterexample,
 }
 
-impl Kept {
+impl SavedCounterexample {
     /// Determines the labels again and writes the file with them and its hash.
     ///
     /// `episode` must be the recorded episode. The ego of `scenario` is run.

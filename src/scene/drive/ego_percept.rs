@@ -2,7 +2,7 @@
 
 use core::f64::consts::{PI, TAU};
 
-use super::sight;
+use super::line_of_sight;
 use super::spec::DriveSpec;
 use super::state::SceneState;
 use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
@@ -74,7 +74,7 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
     if spec.sensors.line_of_sight {
         // Filtered last: the agents above are matched by position, which gaps
         // would shift.
-        let visible = sight::visible(spec, &scene.states, ego);
+        let visible = line_of_sight::visible(spec, &scene.states, ego);
         let mut sees = others.map(|i| visible[i]);
         percept.others.retain(|_| sees.next().unwrap_or(true));
     }

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::actions::Choice;
+use super::actions::Maneuver;
 use super::motion::DriveScene;
-use super::planned::{PlanRun, SampleSpan};
+use super::plan_execution::{PlanRun, SampleSpan};
 use super::spec::Drive;
 use crate::sim::BodyCommand;
 
@@ -44,7 +44,7 @@ impl DriveScene {
             let asked = match (&layout.spec.agents[i].drive, self.chosen[i]) {
                 (
                     Drive::Ado { .. },
-                    Choice::Drive {
+                    Maneuver::Drive {
                         accel_mps2,
                         lateral_mps,
                     },

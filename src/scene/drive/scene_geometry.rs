@@ -1,13 +1,13 @@
 //! Static content of a driving scene, for viewers.
 
-use super::layout::Layout;
+use super::layout::DriveLayout;
 use super::spec::{Drive, StartPlace};
-use crate::scene::{Cast, LightPost, Role, Stage};
+use crate::scene::{AgentDescription, LightPost, Role, SceneGeometry};
 
 /// Returns the cast, the lanes and the lights.
-pub(super) fn stage(layout: &Layout) -> Stage {
+pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
     let spec = &layout.spec;
-    let cast = spec.agents.iter().map(|agent| Cast {
+    let cast = spec.agents.iter().map(|agent| AgentDescription {
         name: agent.name.clone(),
         role: match agent.drive {
             Drive::Ego => Role::Ego,
@@ -44,8 +44,8 @@ pub(super) fn stage(layout: &Layout) -> Stage {
             .map(|lateral_m| course.polyline_m(lateral_m, reach_m))
             .collect()
     });
-    Stage {
-        cast: cast.collect(),
+    SceneGeometry {
+        agents: cast.collect(),
         lane_borders_m: borders
             .map(|lateral_m| layout.network.main().polyline_m(lateral_m, (0.0, 0.0)))
             .collect(),
@@ -55,7 +55,7 @@ pub(super) fn stage(layout: &Layout) -> Stage {
 }
 
 /// Returns the used part of a named road: its starts and its crossings.
-fn used_m(layout: &Layout, road: usize) -> (f64, f64) {
+fn used_m(layout: &DriveLayout, road: usize) -> (f64, f64) {
     let agents = layout.spec.agents.iter().enumerate();
     let on_it = agents.filter(|(_, agent)| agent.road == road);
     let places = on_it.flat_map(|(i, agent)| {

@@ -5,10 +5,10 @@ use std::time::Duration;
 use super::super::{Fault, FaultKind};
 
 /// A program that cannot exist on this system.
-pub(super) enum Program {}
+pub(super) enum UnsupportedProgram {}
 
-impl Program {
-    pub(super) fn start(command: &[String]) -> Result<Program, Fault> {
+impl UnsupportedProgram {
+    pub(super) fn start(command: &[String]) -> Result<UnsupportedProgram, Fault> {
         Err(Fault::new(
             FaultKind::CannotStart,
             format!(

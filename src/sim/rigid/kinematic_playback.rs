@@ -5,23 +5,23 @@
 use core::f64::consts::TAU;
 
 use super::motor::Motor;
-use super::world::World;
+use super::world::RapierWorld;
 use crate::sim::planar::{Extent, Rect};
 use crate::sim::{BodyCommand, Placement, Pose};
 
 /// Body that moves and turns evenly to a commanded pose.
 #[derive(Clone)]
-pub(super) struct Rails {
+pub(super) struct PlaybackBody {
     extent: Extent,
     rect: Rect,
     before: Rect,
     to: Option<Pose>,
 }
 
-impl Rails {
+impl PlaybackBody {
     /// Creates a carried body at the current pose.
-    pub fn new(rect: Rect, extent: Extent) -> Rails {
-        Rails {
+    pub fn new(rect: Rect, extent: Extent) -> PlaybackBody {
+        PlaybackBody {
             extent,
             rect,
             before: rect,
@@ -30,7 +30,7 @@ impl Rails {
     }
 }
 
-impl Motor for Rails {
+impl Motor for PlaybackBody {
     fn command(&mut self, command: BodyCommand) -> bool {
         let BodyCommand::Carry { to } = command else {
             return false;
@@ -61,12 +61,12 @@ impl Motor for Rails {
         self.rect.yaw_rate_rad_per_s = turn_rad / dt_s;
     }
 
-    fn act(&mut self, _: &mut World, _: &Rect, dt_s: f64) {
+    fn act(&mut self, _: &mut RapierWorld, _: &Rect, dt_s: f64) {
         self.before = self.rect;
         self.rect = after(self.rect, dt_s);
     }
 
-    fn rewind(&mut self, _: &mut World, share: f64) {
+    fn rewind(&mut self, _: &mut RapierWorld, share: f64) {
         let mix = |from: f64, to: f64| from + share * (to - from);
         let turn_rad = libm::atan2(
             self.before.cos * self.rect.sin - self.before.sin * self.rect.cos,
@@ -83,11 +83,11 @@ impl Motor for Rails {
         };
     }
 
-    fn rect(&self, _: &World) -> Rect {
+    fn rect(&self, _: &RapierWorld) -> Rect {
         self.rect
     }
 
-    fn placement(&self, _: &World, height_m: f64) -> Placement {
+    fn placement(&self, _: &RapierWorld, height_m: f64) -> Placement {
         let half_rad = 0.5 * libm::atan2(self.rect.sin, self.rect.cos);
         let (sin, cos) = libm::sincos(half_rad);
         Placement {

@@ -21,23 +21,23 @@ const APPLICATION: &str = "brakecheck";
 pub(super) const UNTIL_VERDICT: &str = "until_verdict";
 
 /// Messages of one store: a recording, or a blueprint.
-pub(super) struct Journal {
+pub(super) struct LogWriter {
     store: StoreId,
     messages: Vec<LogMsg>,
     /// End of the timeline [`UNTIL_VERDICT`], in nanoseconds.
     until: Option<i64>,
 }
 
-impl Journal {
+impl LogWriter {
     /// Returns a journal that opens a new store.
-    pub fn new(kind: StoreKind) -> Journal {
+    pub fn new(kind: StoreKind) -> LogWriter {
         let store = StoreId::random(kind, APPLICATION);
         let source = StoreSource::Other(concat!("brakecheck ", env!("CARGO_PKG_VERSION")).into());
         let opening = LogMsg::SetStoreInfo(SetStoreInfo {
             row_id: *RowId::new(),
             info: StoreInfo::new(store.clone(), source),
         });
-        Journal {
+        LogWriter {
             store,
             messages: vec![opening],
             until: None,
@@ -48,7 +48,7 @@ impl Journal {
     ///
     /// A viewer that follows a timeline opens at its end. Blueprints have no
     /// other way to select the opening time.
-    pub fn ending_at(mut self, time_s: Option<f64>) -> Journal {
+    pub fn ending_at(mut self, time_s: Option<f64>) -> LogWriter {
         // Marks extend one microsecond beyond their instant.
         self.until = time_s.map(|time_s| nanos(time_s + 2e-6));
         self

@@ -8,11 +8,11 @@ use super::file::{
     AdoFile, AgentFile, DriveFile, Facing, LightFile, NumberOrRange, ScenarioFile, StartFile,
 };
 use super::language::formula;
-use super::locate::Path;
+use super::locate::ValuePath;
 use super::plans;
 use super::problems::Problems;
 use super::roads;
-use super::runs::Origin;
+use super::runs::WorldOrigin;
 use super::trained;
 use super::trained::run::TrainedFile;
 use crate::scene::drive::{
@@ -25,7 +25,7 @@ use crate::sim::Body;
 const MAX_OFFSET_M: f64 = 20.0;
 
 /// Agents of a world file, with the observations and rules of their ados.
-pub(super) struct Cast<'a> {
+pub(super) struct Agents<'a> {
     pub(super) agents: Vec<Agent>,
     /// Controller of the ego.
     pub(super) ego: Option<EgoDrive>,
@@ -34,31 +34,31 @@ pub(super) struct Cast<'a> {
     pub(super) lights: Vec<Light>,
     /// Position of each light in the file's list.
     pub(super) light_entries: Vec<usize>,
-    pub(super) observed: Vec<(String, Path)>,
+    pub(super) observed: Vec<(String, ValuePath)>,
     /// Place of the first ado's observations in the file.
-    pub(super) observe: Option<Path>,
+    pub(super) observe: Option<ValuePath>,
     /// True if an ado has no `observe` and gets the default observation.
     pub(super) sees_usual: bool,
     /// Rules of lights and road users, in the order of the file.
     pub(super) rules: Vec<RuleSpec>,
     /// Values to replace in the text.
-    pub(super) written_out: Vec<(Path, String)>,
+    pub(super) written_out: Vec<(ValuePath, String)>,
     /// Names of the road users so far, including invalid agents.
     declared: Vec<String>,
     roads: &'a PlacedRoads,
-    origin: Origin<'a>,
+    origin: WorldOrigin<'a>,
 }
 
-impl Cast<'_> {
+impl Agents<'_> {
     /// Reads all agents and reports their mistakes.
     pub(super) fn read<'a>(
         problems: &mut Problems,
-        origin: Origin<'a>,
+        origin: WorldOrigin<'a>,
         file: &ScenarioFile,
         roads: &'a PlacedRoads,
-    ) -> Cast<'a> {
-        let list = Path::top().to("agents");
-        let mut cast = Cast {
+    ) -> Agents<'a> {
+        let list = ValuePath::top().to("agents");
+        let mut cast = Agents {
             agents: Vec::new(),
             ego: None,
             entries: Vec::new(),
@@ -75,7 +75,7 @@ impl Cast<'_> {
         };
         for (name, body) in &file.bodies.0 {
             if let Err(error) = body.validate() {
-                let place = Path::top().to("bodies").to(name).to(error.field);
+                let place = ValuePath::top().to("bodies").to(name).to(error.field);
                 problems.add(&place, error.to_string(), "here", body_help(error.field));
             }
         }
@@ -121,7 +121,7 @@ impl Cast<'_> {
         cast
     }
 
-    fn count(&self, problems: &mut Problems, list: &Path) {
+    fn count(&self, problems: &mut Problems, list: &ValuePath) {
         let drives = self.agents.iter().map(|agent| &agent.drive);
         let egos = drives.filter(|d| matches!(d, Drive::Ego)).count();
         // Agents with an invalid body or place are missing here, and were
@@ -136,7 +136,7 @@ impl Cast<'_> {
     fn road_user(
         &mut self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         file: &ScenarioFile,
         entry: &AgentFile,
     ) -> Option<Agent> {
@@ -240,7 +240,7 @@ impl Cast<'_> {
     fn drive(
         &mut self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         name: &str,
         drive: &DriveFile,
         acts_as: ActsAs,
@@ -307,7 +307,7 @@ impl Cast<'_> {
     fn trained(
         &mut self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         file: &TrainedFile,
         acts_as: ActsAs,
     ) -> Option<TrainedAdo> {
@@ -319,7 +319,7 @@ impl Cast<'_> {
     fn light_drive(
         &mut self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         name: &str,
         drive: &LightFile,
     ) -> Option<LightDrive> {
@@ -349,7 +349,7 @@ impl Cast<'_> {
         })
     }
 
-    fn rules_of(&mut self, problems: &mut Problems, path: &Path, name: &str, ado: &AdoFile) {
+    fn rules_of(&mut self, problems: &mut Problems, path: &ValuePath, name: &str, ado: &AdoFile) {
         self.observe.get_or_insert_with(|| path.to("observe"));
         self.sees_usual |= ado.observe.is_none();
         for (j, signal) in ado.observe.iter().flatten().enumerate() {
@@ -376,7 +376,7 @@ impl Cast<'_> {
     fn place(
         &self,
         problems: &mut Problems,
-        path: &Path,
+        path: &ValuePath,
         start: &StartFile,
         road: usize,
     ) -> Option<StartPlace> {
@@ -425,7 +425,7 @@ impl Cast<'_> {
 /// Range of lateral positions for a start beside the middle of a lane.
 fn beside(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     middle_m: f64,
     NumberOrRange(offset): NumberOrRange,
 ) -> Range {
@@ -447,7 +447,7 @@ fn beside(
 /// Agent that stands on a road.
 fn obstacle(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     file: &ScenarioFile,
     (entry, number): (&AgentFile, usize),
 ) -> Option<Agent> {
@@ -505,7 +505,7 @@ fn body_help(field: &str) -> Option<String> {
 
 fn find_body(
     problems: &mut Problems,
-    path: &Path,
+    path: &ValuePath,
     file: &ScenarioFile,
     name: &str,
 ) -> Option<Body> {

@@ -6,9 +6,9 @@
 use std::sync::Arc;
 
 use super::actions::Actions;
-use super::names::Who;
+use super::names::SignalOwner;
 use super::observing::Observation;
-use super::signals::{Declared, Of, Source, declared};
+use super::signals::{DeclaredSignal, Of, SignalReading, declared};
 use super::spec::DriveSpec;
 use super::state::SceneState;
 use super::trained::{TrainedAdo, TrainingWorld};
@@ -82,7 +82,7 @@ pub enum TrainedError {
 /// A trained ado bound to the world in which it acts.
 #[derive(Clone)]
 pub(super) struct Frozen {
-    pub(super) who: Who,
+    pub(super) who: SignalOwner,
     pub(super) actions: Actions,
     policy: Arc<dyn Policy>,
     samples_per_decision: usize,
@@ -94,14 +94,14 @@ pub(super) struct Frozen {
 /// A basic signal of the training world, computed in this world.
 #[derive(Clone, Copy)]
 enum Input {
-    Here(Source),
+    Here(SignalReading),
     /// Remaining time, capped at the horizon of the training world.
     TimeLeft {
-        source: Source,
+        source: SignalReading,
         horizon_s: f64,
     },
     Time {
-        source: Source,
+        source: SignalReading,
         later_s: f64,
     },
 }
@@ -152,7 +152,11 @@ impl TrainedAdo {
     }
 
     /// Returns the agent for each part of the training world that has one.
-    fn parts(&self, here: &DriveSpec, own: &str) -> Result<Vec<(String, Who)>, TrainedError> {
+    fn parts(
+        &self,
+        here: &DriveSpec,
+        own: &str,
+    ) -> Result<Vec<(String, SignalOwner)>, TrainedError> {
         let (home, here) = (&self.home.names, here.names());
         for (part, name) in &self.names {
             if home.who(part).is_none() {
@@ -184,7 +188,7 @@ impl TrainedAdo {
             let Some(player) = here.who(name) else {
                 continue;
             };
-            let is_light = |who: Option<Who>| matches!(who, Some(Who::Light(_)));
+            let is_light = |who: Option<SignalOwner>| matches!(who, Some(SignalOwner::Light(_)));
             if is_light(home.who(part)) != is_light(Some(player)) {
                 return Err(TrainedError::Kind {
                     part: part.clone(),
@@ -205,7 +209,7 @@ fn nobody(signal: &str, name: &str) -> TrainedError {
 }
 
 /// Returns the signals on which the observation depends, in order.
-fn needed(home: &TrainingWorld) -> (Vec<Declared>, Vec<&Derived>) {
+fn needed(home: &TrainingWorld) -> (Vec<DeclaredSignal>, Vec<&Derived>) {
     let mut names: Vec<String> = home.observe.iter().map(|o| o.name.clone()).collect();
     let mut derived: Vec<&Derived> = Vec::new();
     // Backwards: a derived signal only mentions earlier ones, so a single pass
@@ -226,8 +230,8 @@ fn needed(home: &TrainingWorld) -> (Vec<Declared>, Vec<&Derived>) {
 fn input(
     home: &TrainingWorld,
     here: &DriveSpec,
-    parts: &[(String, Who)],
-    needed: &Declared,
+    parts: &[(String, SignalOwner)],
+    needed: &DeclaredSignal,
 ) -> Result<Input, TrainedError> {
     let player = |name: &str| {
         let mut parts = parts.iter();
@@ -236,14 +240,14 @@ fn input(
     };
     // Invariant: a light plays a light and a road user a road user.
     let agent = |i: usize| match player(&home.names.agents[i]) {
-        Some(Who::Agent(i)) => Ok(i),
+        Some(SignalOwner::Agent(i)) => Ok(i),
         _ => Err(nobody(&needed.signal.name, &home.names.agents[i])),
     };
     let light = |i: usize| match player(&home.names.lights[i]) {
-        Some(Who::Light(i)) => Ok(i),
+        Some(SignalOwner::Light(i)) => Ok(i),
         _ => Err(nobody(&needed.signal.name, &home.names.lights[i])),
     };
-    let Source { quantity, whose } = needed.source;
+    let SignalReading { quantity, whose } = needed.source;
     let [a, b] = whose;
     let whose = match quantity.of {
         Of::Clock | Of::Scene => whose,
@@ -257,7 +261,7 @@ fn input(
         Of::Light => [light(a)?, 0],
         Of::AgentAndLight => [agent(a)?, light(b)?],
     };
-    let source = Source { quantity, whose };
+    let source = SignalReading { quantity, whose };
     // A quantity can exist in the training world and be meaningless here,
     // depending on roads, plans or kinds of body.
     if !source.exists(here) {

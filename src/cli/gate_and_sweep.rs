@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::eval::EvalArgs;
 use super::{Failure, table_of, talk};
-use crate::evaluation::{EvaluationTable, Gate, GateOn, Point, Sweep, Swept};
+use crate::evaluation::{EvaluationTable, Gate, GateOn, Sweep, SweepPoint, Swept};
 use crate::experiment::Watch;
 use crate::report::sweep_curve;
 use crate::run_dir::write_file;
@@ -17,23 +17,23 @@ failing        starts from which some ado makes the ego fail with that value, ev
 
 /// Egos compared with each other.
 #[derive(Default)]
-pub(super) struct Compared {
+pub(super) struct GateAndSweep {
     gates: Vec<Gate>,
     swept: Option<Swept>,
 }
 
-impl Compared {
+impl GateAndSweep {
     pub(super) fn of(
         args: &EvalArgs,
         sweep: Option<&Sweep>,
         evaluated: &EvaluationTable<'_>,
         watch: &Watch<'_>,
-    ) -> Result<Compared, Failure> {
+    ) -> Result<GateAndSweep, Failure> {
         let swept = sweep.map(|sweep| sweep.swept(&evaluated.egos));
         if let (Some(file), Some(swept)) = (args.curve.as_deref(), &swept) {
             write_file(file, curve(swept).as_bytes())?;
         }
-        Ok(Compared {
+        Ok(GateAndSweep {
             gates: match &args.baseline_ego {
                 Some(baseline) => evaluated.gates(baseline, watch)?,
                 None => Vec::new(),
@@ -105,7 +105,7 @@ fn curve(swept: &Swept) -> String {
 fn of_sweep(swept: &Swept) -> String {
     let parameter = &swept.parameter;
     let lines = swept.points.iter().map(|point| {
-        let Point {
+        let SweepPoint {
             value,
             starts,
             failing,

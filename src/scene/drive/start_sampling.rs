@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::layout::Layout;
+use super::layout::DriveLayout;
 use super::plan::{MotionPlan, Unmet};
-use super::planned::{Carried, PlanRun};
+use super::plan_execution::{PlanConstants, PlanRun};
 use super::range::Range;
 use super::spec::{DriveSpec, StartPlace};
 use crate::scene::Start;
@@ -95,9 +95,9 @@ impl DriveSpec {
         Ok(())
     }
 
-    fn carried(&self, agent: usize, whens: Arc<[Option<Monitor>]>) -> Carried {
+    fn carried(&self, agent: usize, whens: Arc<[Option<Monitor>]>) -> PlanConstants {
         let agent = &self.agents[agent];
-        Carried {
+        PlanConstants {
             lever_m: agent.body.lever_m(),
             facing_rad: agent.facing_rad,
             on_foot: agent.body.is_on_foot(),
@@ -106,7 +106,7 @@ impl DriveSpec {
     }
 }
 
-impl Layout {
+impl DriveLayout {
     /// Begins an agent's plan, if it has one.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Episode as numbers to show: the track of every body, and the camera's focus.
 
 use crate::ego::Phase;
-use crate::scene::{Frame, Role, Stage, Touch};
+use crate::scene::{ContactEvent, Frame, Role, SceneGeometry};
 use crate::testbench::Episode;
 use crate::trace::Trace;
 
@@ -20,21 +20,21 @@ const STRAIGHT_RAD: f64 = 0.2;
 
 /// Properties of a film besides its frames.
 #[derive(Clone, Copy)]
-pub(super) struct Course<'a> {
+pub(super) struct FrameContext<'a> {
     /// Time between two frames in seconds.
     pub dt_s: f64,
     /// Number of samples up to the verdict.
     pub judged: usize,
     /// Final contact.
-    pub contact: Option<&'a Touch>,
+    pub contact: Option<&'a ContactEvent>,
     /// Trace with the speeds. Without a trace, speeds follow from the places.
     pub trace: Option<&'a Trace>,
 }
 
-impl<'a> Course<'a> {
+impl<'a> FrameContext<'a> {
     /// Returns the properties of an episode.
-    pub fn of(episode: &'a Episode) -> Course<'a> {
-        Course {
+    pub fn of(episode: &'a Episode) -> FrameContext<'a> {
+        FrameContext {
             dt_s: episode.trace.dt_s(),
             judged: episode.judged,
             contact: episode.contact.as_ref(),
@@ -49,11 +49,11 @@ impl<'a> Course<'a> {
 }
 
 /// Episode, sample by sample, in the order of the cast.
-pub(super) struct Film {
+pub(super) struct EpisodeFrames {
     /// Times of the samples. The last time is the end.
     pub times_s: Vec<f64>,
     /// Tracks of all agents.
-    pub tracks: Vec<Track>,
+    pub tracks: Vec<BodyTrack>,
     /// Phases of every light, per sample.
     pub phases: Vec<Vec<Phase>>,
     /// Focus of the camera, per sample.
@@ -67,7 +67,7 @@ pub(super) struct Film {
 }
 
 /// Centre of one body over time.
-pub(super) struct Track {
+pub(super) struct BodyTrack {
     pub x_m: Vec<f64>,
     pub y_m: Vec<f64>,
     /// Headings without jumps of a full turn.
@@ -83,12 +83,12 @@ pub(super) struct Focus {
     pub size_m: [f64; 2],
 }
 
-impl Film {
+impl EpisodeFrames {
     /// Returns the film of an episode. `frames` has one per sample, the first at 0 s.
     ///
     /// A contact ends the motion between two samples. The last frame is then
     /// that of the contact.
-    pub fn of(stage: &Stage, frames: &[Frame], course: &Course<'_>) -> Film {
+    pub fn of(stage: &SceneGeometry, frames: &[Frame], course: &FrameContext<'_>) -> EpisodeFrames {
         let dt_s = course.dt_s;
         let end_s = course.contact.map(|touch| touch.time_s);
         let time_s = |i: usize| (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY));
@@ -101,14 +101,14 @@ impl Film {
         let kept: Vec<usize> = (0..frames.len()).filter(shown).collect();
         let times_s: Vec<f64> = kept.iter().map(|i| time_s(*i)).collect();
         let column = |who: usize| {
-            let name = format!("{}.speed", stage.cast[who].name);
+            let name = format!("{}.speed", stage.agents[who].name);
             course.trace?.signal(&name).map(<[f64]>::to_vec)
         };
-        let track = |who| Track::of(who, frames, (&kept, &times_s), column(who));
-        let tracks: Vec<Track> = (0..stage.cast.len()).map(track).collect();
+        let track = |who| BodyTrack::of(who, frames, (&kept, &times_s), column(who));
+        let tracks: Vec<BodyTrack> = (0..stage.agents.len()).map(track).collect();
         let lights = 0..stage.lights.len();
         let phases = lights.map(|light| kept.iter().map(|i| frames[*i].phases[light]).collect());
-        let mut film = Film {
+        let mut film = EpisodeFrames {
             phases: phases.collect(),
             focus: Vec::new(),
             times_s,
@@ -159,7 +159,7 @@ impl Film {
     /// Direction of the picture: the heading of the ego at the verdict.
     ///
     /// A heading close to x does not turn the picture.
-    fn turn(&self, stage: &Stage, course: &Course<'_>) -> f64 {
+    fn turn(&self, stage: &SceneGeometry, course: &FrameContext<'_>) -> f64 {
         let headings = &self.tracks[ego_of(stage)].heading_rad;
         let heading_rad = headings.get(self.at(course.judged_s())).copied();
         match heading_rad {
@@ -169,7 +169,7 @@ impl Film {
     }
 
     /// Focus on all cells, at every sample.
-    fn whole_map(&self, stage: &Stage) -> Vec<Focus> {
+    fn whole_map(&self, stage: &SceneGeometry) -> Vec<Focus> {
         let places = stage.lane_borders_m.iter().flatten();
         let side_m = places.map(|place| place[0]).fold(0.0, f64::max);
         let whole = Focus {
@@ -185,7 +185,7 @@ impl Film {
         libm::hypot(one.x_m[i] - other.x_m[i], one.y_m[i] - other.y_m[i])
     }
 
-    fn met(&self, stage: &Stage, course: &Course<'_>) -> Option<usize> {
+    fn met(&self, stage: &SceneGeometry, course: &FrameContext<'_>) -> Option<usize> {
         let ego = ego_of(stage);
         let i = self.at(course.judged_s());
         let others = (0..self.tracks.len()).filter(|who| *who != ego);
@@ -197,16 +197,16 @@ impl Film {
     }
 
     /// Focus at each sample: the ego, the agent that it encounters, and near agents.
-    fn looked_at(&self, stage: &Stage) -> Vec<Focus> {
+    fn looked_at(&self, stage: &SceneGeometry) -> Vec<Focus> {
         let ego = ego_of(stage);
         let near = |who: usize, i: usize| {
             who == ego || Some(who) == self.met || self.apart_m(ego, who, i) <= FAR_M
         };
         let at = |i: usize| {
-            let everybody = 0..stage.cast.len();
+            let everybody = 0..stage.agents.len();
             let rooms = everybody.filter(|who| near(*who, i)).map(|who| {
                 let centre = self.turned(self.tracks[who].x_m[i], self.tracks[who].y_m[i]);
-                let half = self.half_room(stage.cast[who].size_m, who, i);
+                let half = self.half_room(stage.agents[who].size_m, who, i);
                 [0, 1].map(|axis| (centre[axis] - half[axis], centre[axis] + half[axis]))
             });
             let whole =
@@ -242,13 +242,13 @@ impl Film {
     }
 }
 
-impl Track {
+impl BodyTrack {
     fn of(
         who: usize,
         frames: &[Frame],
         (kept, times_s): (&[usize], &[f64]),
         speeds: Option<Vec<f64>>,
-    ) -> Track {
+    ) -> BodyTrack {
         let places = kept.iter().map(|i| frames[*i].placements[who]);
         let (x_m, y_m): (Vec<f64>, Vec<f64>) = places
             .clone()
@@ -266,7 +266,7 @@ impl Track {
         };
         // Accelerations are slopes of speeds, because not every film has a
         // trace.
-        Track {
+        BodyTrack {
             accel_mps2: slopes(times_s, &speed_mps),
             x_m,
             y_m,
@@ -277,15 +277,15 @@ impl Track {
 }
 
 /// Index of the ego in the cast.
-pub(super) fn ego_of(stage: &Stage) -> usize {
-    let is_ego = |cast: &crate::scene::Cast| cast.role == Role::Ego;
-    stage.cast.iter().position(is_ego).unwrap_or(0)
+pub(super) fn ego_of(stage: &SceneGeometry) -> usize {
+    let is_ego = |cast: &crate::scene::AgentDescription| cast.role == Role::Ego;
+    stage.agents.iter().position(is_ego).unwrap_or(0)
 }
 
 /// Agent that the ego touches.
-fn met_by_ego(stage: &Stage, contact: Option<&Touch>) -> Option<usize> {
+fn met_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Option<usize> {
     let touch = contact?;
-    let named = |name: &String| stage.cast.iter().position(|cast| cast.name == *name);
+    let named = |name: &String| stage.agents.iter().position(|cast| cast.name == *name);
     let ego = ego_of(stage);
     let both = [named(&touch.between.0)?, named(&touch.between.1)?];
     match both {
@@ -296,8 +296,8 @@ fn met_by_ego(stage: &Stage, contact: Option<&Touch>) -> Option<usize> {
 }
 
 /// Returns true for a world of cells.
-pub(super) fn is_on_cells(stage: &Stage) -> bool {
-    stage.cast.iter().any(|cast| cast.body == "cell")
+pub(super) fn is_on_cells(stage: &SceneGeometry) -> bool {
+    stage.agents.iter().any(|cast| cast.body == "cell")
 }
 
 /// Angle about the vertical of a quaternion (x, y, z, w).

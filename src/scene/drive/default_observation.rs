@@ -1,7 +1,7 @@
 //! Default observation of ados, and signals that an observation does not cover.
 
 use super::script::Script;
-use super::signals::{Declared, Of, Source, declared};
+use super::signals::{DeclaredSignal, Of, SignalReading, declared};
 use super::spec::{Drive, DriveSpec};
 
 impl DriveSpec {
@@ -62,7 +62,7 @@ impl DriveSpec {
         let all = declared(&self.names());
         let observed = self.observe.iter();
         let observed = observed.flat_map(|observed| self.sources(&all, &observed.name));
-        let seen: Vec<Source> = observed.collect();
+        let seen: Vec<SignalReading> = observed.collect();
         let hidden = |name: &&'a String| {
             let sources = self.sources(&all, name);
             let mut sources = sources.iter();
@@ -74,7 +74,7 @@ impl DriveSpec {
     /// Returns the published signals behind a name.
     ///
     /// These are the signal itself or the inputs of a derived signal.
-    fn sources(&self, all: &[Declared], name: &str) -> Vec<Source> {
+    fn sources(&self, all: &[DeclaredSignal], name: &str) -> Vec<SignalReading> {
         if let Some(declared) = all.iter().find(|declared| declared.signal.name == name) {
             return vec![declared.source];
         }
@@ -85,7 +85,7 @@ impl DriveSpec {
         parts.flat_map(|part| self.sources(all, part)).collect()
     }
 
-    fn is_told_by(&self, seen: &[Source], wanted: Source) -> bool {
+    fn is_told_by(&self, seen: &[SignalReading], wanted: SignalReading) -> bool {
         let related = |a: usize, b: usize| {
             seen.iter()
                 .any(|s| s.quantity.of == Of::Pair && (s.whose == [a, b] || s.whose == [b, a]))
@@ -117,7 +117,8 @@ impl DriveSpec {
                 .iter()
                 .any(|s| s.quantity.of == Of::Light && s.whose[0] == a),
             Of::AgentAndLight => {
-                let line = |s: &Source| s.quantity.of == Of::AgentAndLight && s.whose == [a, b];
+                let line =
+                    |s: &SignalReading| s.quantity.of == Of::AgentAndLight && s.whose == [a, b];
                 seen.iter().any(line) || is_placed(seen, a)
             }
         }
@@ -125,12 +126,12 @@ impl DriveSpec {
 }
 
 /// Returns whether an agent's place on the road is observed.
-fn is_placed(seen: &[Source], agent: usize) -> bool {
+fn is_placed(seen: &[SignalReading], agent: usize) -> bool {
     let mut seen = seen.iter();
     seen.any(|s| s.quantity.of == Of::Agent && s.whose[0] == agent && places(*s))
 }
 
 /// Returns whether a signal of an agent is a position.
-fn places(source: Source) -> bool {
+fn places(source: SignalReading) -> bool {
     matches!(source.quantity.name, "x" | "y" | "s" | "lateral" | "lane")
 }

@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use super::path::{Anchor, Path, PathKind};
+use super::path::{Anchor, BodyPath, PathKind};
 use crate::sim::walker::length;
 
 /// Bodies that a carried body passes through.
@@ -15,22 +15,22 @@ pub(super) enum Passing {
 
 /// Pose of the fixed point after the next `advance`.
 #[derive(Clone, Debug)]
-pub(super) struct Rails {
+pub(super) struct PlaybackPose {
     pub x_m: f64,
     pub y_m: f64,
     pub heading_rad: f64,
     pub passing: Passing,
 }
 
-impl Rails {
+impl PlaybackPose {
     /// Returns the path there, at constant velocity and yaw rate.
-    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
+    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         let velocity_mps = ((self.x_m - start.x_m) / dt_s, (self.y_m - start.y_m) / dt_s);
         // The shorter way around, whatever turns the recorded headings contain.
         let turn_rad = libm::remainder(self.heading_rad - start.heading_rad, TAU);
         let yaw_rate_rad_per_s = turn_rad / dt_s;
         let turning_mps = yaw_rate_rad_per_s.abs() * arm_m;
-        Path {
+        BodyPath {
             start: Anchor {
                 walk_mps: velocity_mps,
                 yaw_rate_rad_per_s,

@@ -31,7 +31,7 @@ pub(super) struct PlannedAt {
 
 /// Constant data of a planned agent.
 #[derive(Clone, Debug)]
-pub(super) struct Carried {
+pub(super) struct PlanConstants {
     /// Distance from the point moved by the laws to the front.
     pub lever_m: f64,
     /// Heading at the start, relative to the road's direction.
@@ -64,7 +64,7 @@ pub(super) struct Arrival {
 
 /// A speed that changes linearly.
 #[derive(Clone, Copy, Debug)]
-struct Ramp {
+struct SpeedRamp {
     begins_s: f64,
     from_mps: f64,
     to_mps: f64,
@@ -83,7 +83,7 @@ struct Swing {
 }
 
 #[derive(Clone, Debug)]
-enum Phase {
+enum PlanPhase {
     /// Waits for the formula of the step.
     Waits {
         since_s: f64,
@@ -103,11 +103,11 @@ enum Phase {
 /// An agent on its plan.
 #[derive(Clone, Debug)]
 pub(super) struct PlanRun {
-    carried: Carried,
+    carried: PlanConstants,
     steps: Vec<ScriptStep<f64, ()>>,
     step: usize,
-    phase: Phase,
-    ramp: Ramp,
+    phase: PlanPhase,
+    ramp: SpeedRamp,
     swing: Option<Swing>,
     /// The point moved by the laws, on its road.
     s_m: f64,
@@ -123,9 +123,9 @@ pub(super) struct PlanRun {
     last: Arrival,
 }
 
-impl Ramp {
-    fn steady(speed_mps: f64) -> Ramp {
-        Ramp {
+impl SpeedRamp {
+    fn steady(speed_mps: f64) -> SpeedRamp {
+        SpeedRamp {
             begins_s: 0.0,
             from_mps: speed_mps,
             to_mps: speed_mps,
@@ -198,7 +198,7 @@ impl PlanRun {
     /// # Errors
     /// The meeting is infeasible.
     pub fn begin(
-        carried: Carried,
+        carried: PlanConstants,
         plan: MotionPlan<f64, ()>,
         (front_m, lateral_m, speed_mps): (f64, f64, f64),
         ego: (f64, f64),
@@ -221,8 +221,8 @@ impl PlanRun {
         let mut run = PlanRun {
             steps,
             step: 0,
-            phase: Phase::Over,
-            ramp: Ramp::steady(speed_mps),
+            phase: PlanPhase::Over,
+            ramp: SpeedRamp::steady(speed_mps),
             swing: None,
             s_m: front_m - carried.lever_m * cos,
             lateral_m: lateral_m - carried.lever_m * sin,
@@ -248,7 +248,7 @@ impl PlanRun {
 
     /// Returns whether it waits for a formula, which needs rows of signals.
     pub fn is_watching(&self) -> bool {
-        matches!(self.phase, Phase::Waits { .. })
+        matches!(self.phase, PlanPhase::Waits { .. })
     }
 
     /// Checks the trigger of the next step at a sample.
@@ -256,7 +256,7 @@ impl PlanRun {
     /// The instant at which it came true is interpolated from ρ at the previous
     /// and the current sample.
     pub fn look(&mut self, row: &[f64], time_s: f64) {
-        let Phase::Waits {
+        let PlanPhase::Waits {
             since_s,
             before,
             watch,
@@ -281,7 +281,7 @@ impl PlanRun {
             // It held when it was first checked.
             None => *since_s,
         };
-        self.phase = Phase::Due(came_s + self.steps[self.step].after_s);
+        self.phase = PlanPhase::Due(came_s + self.steps[self.step].after_s);
     }
 
     /// Advances by a sample.
@@ -344,17 +344,17 @@ impl PlanRun {
     }
 
     /// Returns the initial phase of a step that is next from an instant on.
-    fn turn_of(&self, step: usize, since_s: f64) -> Phase {
+    fn turn_of(&self, step: usize, since_s: f64) -> PlanPhase {
         let Some(next) = self.steps.get(step) else {
-            return Phase::Over;
+            return PlanPhase::Over;
         };
         match self.carried.whens.get(step).and_then(Option::as_ref) {
-            Some(monitor) => Phase::Waits {
+            Some(monitor) => PlanPhase::Waits {
                 since_s,
                 before: None,
                 watch: Box::new(monitor.online()),
             },
-            None => Phase::Due(since_s + next.after_s),
+            None => PlanPhase::Due(since_s + next.after_s),
         }
     }
 
@@ -362,13 +362,13 @@ impl PlanRun {
     fn settle(&mut self, time_s: f64, road: &Road, speed_of: &impl Fn(&str) -> f64) {
         loop {
             match self.phase {
-                Phase::Due(at_s) if at_s <= time_s + SAME_S => {
+                PlanPhase::Due(at_s) if at_s <= time_s + SAME_S => {
                     let ends_s = self.act(at_s, time_s, road, speed_of);
-                    self.phase = Phase::Acts { ends_s };
+                    self.phase = PlanPhase::Acts { ends_s };
                 }
-                Phase::Acts { ends_s } if ends_s <= time_s + SAME_S => {
+                PlanPhase::Acts { ends_s } if ends_s <= time_s + SAME_S => {
                     if let Some(MotionLaw::Walk { .. }) = self.steps[self.step].does.first() {
-                        self.ramp = Ramp::steady(0.0);
+                        self.ramp = SpeedRamp::steady(0.0);
                     }
                     self.swing = None;
                     self.step += 1;
@@ -381,9 +381,9 @@ impl PlanRun {
 
     fn next_change_s(&self, time_s: f64) -> f64 {
         let step_s = match self.phase {
-            Phase::Due(at_s) => at_s,
-            Phase::Acts { ends_s } => ends_s,
-            Phase::Waits { .. } | Phase::Over => f64::INFINITY,
+            PlanPhase::Due(at_s) => at_s,
+            PlanPhase::Acts { ends_s } => ends_s,
+            PlanPhase::Waits { .. } | PlanPhase::Over => f64::INFINITY,
         };
         let swing = self.swing.map(|it| it.begins_s + it.lasts_s);
         let changes = [Some(step_s), Some(self.ramp.ends_s()), swing];
@@ -401,7 +401,7 @@ impl PlanRun {
         let laws = self.steps[self.step].does.clone();
         for law in &laws {
             let mut to_speed = |to_mps: f64, rate_mps2: f64| {
-                self.ramp = Ramp {
+                self.ramp = SpeedRamp {
                     begins_s: at_s,
                     from_mps,
                     // Plans never reverse: `relative_to` could make the target
@@ -575,7 +575,7 @@ impl PlanRun {
     }
 }
 
-impl Carried {
+impl PlanConstants {
     /// Returns cosine and sine of the facing. Vehicles face along the road.
     fn direction(&self) -> (f64, f64) {
         if self.on_foot {
