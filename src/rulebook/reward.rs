@@ -109,7 +109,8 @@ impl Reward {
     pub fn success(&self, rho: f64, share: f64) -> f64 {
         let (least, most) = (self.lawful(rho), self.lawful(f64::INFINITY));
         let share = if share.is_nan() { 0.0 } else { share };
-        least + share.clamp(0.0, 1.0) * (most - least)
+        // Rounding may carry the sum past the limit that nothing exceeds.
+        (least + share.clamp(0.0, 1.0) * (most - least)).min(most)
     }
 
     /// Returns the reward of a lawful violation by `rho` > 0 that does not count.

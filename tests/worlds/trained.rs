@@ -183,12 +183,17 @@ pub(super) fn fake(dir: &Path, world: &str, policy: &[u8]) {
     };
     std::fs::create_dir(dir).expect("a directory");
     let (world_sha256, policy_sha256) = (sha256(world.as_bytes()), sha256(policy));
-    let manifest = format!(
-        r#"{{"format": 1, "brakecheck": "0.1.0", "target": "", "world": "", "plant": "Rigid",
-            "seed": 1, "decisions": 1, "decisions_done": 1, "episodes": 1,
+    // Each file holds its own hash, taken over zeros in its place.
+    let blank = "0".repeat(64);
+    let sealed = |text: String| text.replacen(&blank, &sha256(text.as_bytes()), 1);
+    let manifest = sealed(format!(
+        r#"{{"format": 3, "sha256": "{blank}", "brakecheck": "0.1.0", "target": "", "world": "",
+            "plant": "Rigid", "seed": 1, "decisions": 1, "decisions_done": 1, "episodes": 1, "physics_steps": 1, "settings": {{}},
             "world_sha256": "{world_sha256}", "policy_sha256": "{policy_sha256}"}}"#
-    );
+    ));
+    let timing = sealed(format!(r#"{{"cpu_s": 1.0, "seal": "{blank}"}}"#));
     std::fs::write(dir.join("manifest.json"), manifest).expect("written");
+    std::fs::write(dir.join("timing.json"), timing).expect("written");
     std::fs::write(dir.join("world.ron"), world).expect("written");
     std::fs::write(dir.join("policy.safetensors"), policy).expect("written");
 }
