@@ -70,7 +70,7 @@ def test_an_ado_of_one_s_own_has_the_rows_of_the_trained_one(run):
     rows = brakecheck.eval("acc", ado=ado, starts=20, search=1)
     trained = brakecheck.eval(run, ado=["trained", "hold", "random", "constant"], starts=20, search=1)
     # Only the run of a training is warned of: an ado of one's own has none.
-    named = {"ado", "method", "train_seed", "cpu_s", "warning"}
+    named = {"ado", "adversary", "method", "train_seed", "cpu_s", "warning"}
     for mine, theirs in zip(rows, trained):
         assert {k: v for k, v in mine.items() if k not in named} == {
             k: v for k, v in theirs.items() if k not in named
