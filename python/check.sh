@@ -27,6 +27,7 @@ fresh="$where/fresh/bin/python"
 cd "$where"
 "$fresh" -m mypy --config-file "$here/pyproject.toml" -p brakecheck
 "$where/fresh/bin/brakecheck" --version
+rm -rf "$where/tutorial"
 mkdir -p "$where/tutorial"
 cp "$here/examples/tutorial.ipynb" "$where/tutorial"
 (cd "$where/tutorial" && "$fresh" -m jupyter execute --inplace tutorial.ipynb)
