@@ -4,13 +4,13 @@ use std::num::NonZeroU64;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use brakecheck::adversary::{Ado, AdoKind, best_constant, eval};
-use brakecheck::crashes::{CrashSelection, CrashWriter, Form, KeepSettings};
+use brakecheck::adversary::{Ado, AdoKind};
+use brakecheck::crashes::{CrashSelection, Form, KeepSettings};
 use brakecheck::evaluation::{Evaluation, GivenRows, ReportRequest, SearchCampaign, untrained};
-use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, consent, on_plant, test_starts};
+use brakecheck::experiment::{consent, on_plant, test_starts};
 use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{Row, RunDir};
-use brakecheck::search::{BUDGET, Method, MethodSettings, SearchRequest, Switches, search};
+use brakecheck::search::{Adversary, BUDGET, Experiment, Method, MethodSettings};
 use brakecheck::sysid::{ContextSource, IdentifyRequest, identify};
 use brakecheck::training::{TrainRequest, TrainSession};
 use brakecheck::world::Scenario;
@@ -250,77 +250,39 @@ pub(crate) fn eval_world<'py>(
             return Ok(None);
         };
         let mut rows = Vec::new();
+        let adversaries = [
+            Adversary::Ado(Ado::Rule(policy, "python", "python")),
+            Adversary::BestConstant,
+            Adversary::Ado(Ado::Held),
+            Adversary::Ado(Ado::Random),
+        ];
         for ego in &egos {
-            let mut met = meet(ego, policy, &starts, watch);
+            let experiment = Experiment {
+                ego,
+                adversaries: &adversaries,
+                starts: &starts,
+            };
+            let mut cells = experiment.run(watch);
             if let Some(keep) = &asked.keep {
-                let request = ego.met_by(played_by(policy), &starts);
-                let solved = met.solved.clone();
-                let mut keeper = CrashWriter::of(&request, ego.change(), keep.settings());
-                keeper.ado = asked.name.as_str().into();
-                let again = |bench: &mut _, at| request.play(bench, at);
-                keeper.keep(&solved, &again, &keep.directory, watch)?;
+                cells[0].adversary = asked.name.as_str().into();
+                cells[0].keep(&keep.directory, keep.settings(), watch)?;
             }
+            cells[0].row.method.clone_from(&asked.name);
+            // The constant is played second and shown last.
+            cells[1..].rotate_left(1);
+            let mut own: Vec<Row> = cells.into_iter().map(|cell| cell.row).collect();
             if let Some(switches) = asked.switches {
-                met.compare(ego, &starts, switches, watch);
+                let search = Adversary::switches(switches).play(ego, &starts, watch);
+                own.extend(search.map(|cell| cell.row));
+                Row::compare_with_last(&mut own);
             }
-            met.rows[0].method.clone_from(&asked.name);
-            rows.append(&mut met.rows);
+            rows.append(&mut own);
         }
         Ok(Some(rows))
     });
     // An exception of the ado says more than what came of it.
     policy.check()?;
     objects(py, &something(rows?)?)
-}
-
-fn played_by(policy: &PythonPolicy) -> Ado<'_> {
-    Ado::Rule(policy, "python", "python")
-}
-
-/// The rows of one ego, the ado's first, and the starts that it solved.
-struct Met {
-    rows: Vec<Row>,
-    solved: Vec<usize>,
-}
-
-fn meet(ego: &EgoUnderTest, policy: &PythonPolicy, starts: &TestStarts, watch: &Watch<'_>) -> Met {
-    let met = |ado| eval(&ego.met_by(ado, starts), watch);
-    let evaluated = met(played_by(policy));
-    let solved = evaluated.outcomes.iter().enumerate();
-    let solved = solved.filter(|(_, outcome)| outcome.is_some_and(|it| it.verdict.is_success()));
-    let solved = solved.map(|(at, _)| at).collect();
-    let constant = best_constant(ego.scenario(), ego.name(), starts, watch).row;
-    let rows = vec![
-        evaluated.row,
-        met(Ado::Held).row,
-        met(Ado::Random).row,
-        constant,
-    ];
-    Met { rows, solved }
-}
-
-impl Met {
-    /// Adds a search's row, and the recall of the others.
-    fn compare(
-        &mut self,
-        ego: &EgoUnderTest,
-        starts: &TestStarts,
-        switches: usize,
-        watch: &Watch<'_>,
-    ) {
-        let request = SearchRequest {
-            scenario: ego.scenario(),
-            ego: ego.name(),
-            method: Switches(switches).into(),
-            budget: 0,
-            starts,
-        };
-        let found = search(&request, watch).row;
-        for row in &mut self.rows {
-            row.compare_with_search(&found.solved);
-        }
-        self.rows.push(found);
-    }
 }
 
 /// What `search` takes.

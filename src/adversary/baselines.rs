@@ -1,4 +1,4 @@
-//! Who can play the ado: the trained one, and what it has to beat.
+//! Kinds of ados: the trained ado, and the baselines that it must beat.
 
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
@@ -12,7 +12,7 @@ use crate::world::{Scenario, TrainingEgos};
 /// Stored counterexamples replayed per start: one row for each number.
 const REPLAYS: [usize; 2] = [1, 10];
 
-/// Who plays the ado in an evaluation.
+/// Kind of ado in an evaluation.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, VariantArray, EnumString, IntoStaticStr, EnumMessage,
 )]
@@ -43,7 +43,7 @@ pub enum AdoKind {
 }
 
 impl AdoKind {
-    /// What applies to a world, in the order of its rows.
+    /// Returns the kinds that apply to a world, in the order of its rows.
     fn all(world: &Scenario) -> Vec<AdoKind> {
         use AdoKind::{
             Chaser, Constant, Heuristic, Hold, Optimal, Random, Replays, Retrained, Switch, Trained,
@@ -57,18 +57,20 @@ impl AdoKind {
     }
 }
 
-/// What is made once, from a run, for all egos of an evaluation.
+/// Baselines of a run, made once for all egos of an evaluation.
 #[derive(Debug)]
 pub(crate) struct Baselines {
-    /// Who plays, in the order of the rows.
+    /// Kinds of ados, in the order of the rows.
     pub(crate) ados: Vec<AdoKind>,
     heuristic: Option<Heuristic>,
     stored: Option<Stored>,
 }
 
 impl Baselines {
-    /// Makes what `asked` needs: the heuristic is tuned on the run's training
-    /// starts, its counterexamples are read.
+    /// Makes the baselines that `asked` needs.
+    ///
+    /// The heuristic is tuned on the run's training starts, and the run's
+    /// counterexamples are read.
     pub(crate) fn of(
         asked: &[AdoKind],
         run: &RunDir,
@@ -97,9 +99,11 @@ impl Baselines {
         })
     }
 
-    /// The tuned rule, or the replays: none, one or several ados.
+    /// Returns the ados of a kind that needs no policy: none, one or several.
     pub(crate) fn made(&self, kind: AdoKind) -> Vec<Ado<'_>> {
         match kind {
+            AdoKind::Random => vec![Ado::Random],
+            AdoKind::Hold => vec![Ado::Held],
             AdoKind::Heuristic => self.heuristic.iter().map(Ado::Heuristic).collect(),
             AdoKind::Replays => {
                 let stored = self.stored.iter();

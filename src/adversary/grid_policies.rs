@@ -4,14 +4,13 @@ use super::error::AdversaryError;
 use super::rollout::Ado;
 use crate::experiment::EgoUnderTest;
 use crate::scene::grid::exact::{PositionPolicy, chase};
-use crate::world::Scenario;
 
-/// Ados of grid worlds that nobody trained: they see both positions.
+/// Untrained ados of grid worlds, which observe both positions.
 #[derive(Clone, Copy)]
 pub(crate) enum GridPolicy {
-    /// The best one.
+    /// Exact solution.
     Optimal,
-    /// A step towards the ego along the larger axis.
+    /// Step towards the ego along the larger axis.
     Chaser,
 }
 
@@ -23,11 +22,11 @@ impl GridPolicy {
         }
     }
 
-    /// The fully observed world and the rule's policy in it.
+    /// Returns the ego in the fully observed world, and the rule's policy there.
     pub(crate) fn policy(
         self,
         ego: &EgoUnderTest,
-    ) -> Result<(Scenario, PositionPolicy), AdversaryError> {
+    ) -> Result<(EgoUnderTest, PositionPolicy), AdversaryError> {
         let not_a_grid = || AdversaryError::NotAGrid {
             world: ego.scenario().name.clone(),
         };
@@ -43,6 +42,6 @@ impl GridPolicy {
                 PositionPolicy::optimal(grid, |rho| reward.lawful(rho))
             }
         };
-        Ok((whole, policy?))
+        Ok((ego.in_world(whole), policy?))
     }
 }

@@ -1,4 +1,4 @@
-//! Adversaries: who plays the ado, and the rollout that makes a row of it.
+//! Adversaries: ados of a row, and the rollout that makes the row.
 
 mod baselines;
 mod best_of_n;
@@ -16,8 +16,8 @@ pub use error::AdversaryError;
 pub(crate) use grid_policies::GridPolicy;
 pub(crate) use open_loop_baselines::in_words;
 pub use open_loop_baselines::{best_constant, best_constant_action, best_then_brake};
-pub use rollout::{Ado, EvalRequest, Evaluated, Outcome, RecordedFailure, eval, explain_first};
+pub use rollout::{Ado, EvalRequest, Evaluated, Outcome, RecordedFailure, eval};
 pub(crate) use rollout::{
-    EpisodeResult, RepeatedEpisode, blank_row, count_solved, groups, note_row,
+    EpisodeResult, RecordedSuccess, RepeatedEpisode, blank_row, count_solved, groups, note_row,
 };
 pub use threshold_rule::{Heuristic, tune_heuristic};

@@ -1,4 +1,4 @@
-//! Evaluating an ado: frozen policy or baseline × ego × test starts → a row.
+//! Evaluation of an ado: policy or baseline × ego × test starts → a row.
 
 use std::sync::Arc;
 
@@ -12,16 +12,16 @@ use crate::rulebook::Verdict;
 use crate::run_dir::{
     AdversaryId, ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row, StartRepeated, Stored,
 };
+use crate::scene::Start;
 use crate::severity::Impact;
 use crate::stats::{Outcomes, StartOutcome, at_most, wilson};
-use crate::stl::Explanation;
 use crate::testbench::{
     Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay,
     Testbench, count_faults, play,
 };
 use crate::world::{Repeats, Scenario, TrainingEgos};
 
-/// Who plays the ado.
+/// Player of the ado's actions.
 #[derive(Clone, Copy)]
 pub enum Ado<'a> {
     /// A trained policy and the seed of its training.
@@ -32,13 +32,13 @@ pub enum Ado<'a> {
     Held,
     /// The same action all the time.
     Constant(usize),
-    /// A rule that nobody trained: its name and its method in rows.
+    /// An untrained rule, with its name and its method in rows.
     Rule(&'a dyn Policy, &'static str, &'static str),
     /// These actions, one per decision; the last one is held.
     Script(&'a [usize]),
     /// A hand-made rule, tuned once.
     Heuristic(&'a Heuristic),
-    /// So many of the nearest stored counterexamples, until one succeeds.
+    /// A number of the nearest stored counterexamples, until one succeeds.
     Replays(&'a Stored, usize),
 }
 
@@ -73,7 +73,7 @@ impl Ado<'_> {
         }
     }
 
-    /// Who plays the ado in episodes with so many joint actions.
+    /// Returns the actor in episodes with a number of joint actions.
     pub fn actor(&self, actions: usize) -> Box<dyn Actor + '_> {
         match *self {
             Ado::Trained(policy, _) | Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
@@ -87,22 +87,22 @@ impl Ado<'_> {
     }
 }
 
-/// What to evaluate.
+/// Request of an evaluation.
 #[derive(Clone, Copy)]
 pub struct EvalRequest<'a> {
-    /// The world, with the ego to be tested.
+    /// World with the ego under test.
     pub scenario: &'a Scenario,
-    /// What rows call that ego.
+    /// Name of the ego in rows.
     pub ego: &'a str,
-    /// Who plays the ado.
+    /// Ado to evaluate.
     pub ado: Ado<'a>,
     /// The test starts.
     pub starts: &'a TestStarts,
 }
 
 impl EgoUnderTest {
-    /// An ado, to be evaluated against it.
-    pub fn met_by<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
+    /// Returns the request to evaluate an ado against the ego.
+    pub fn against<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
         EvalRequest {
             scenario: self.scenario(),
             ego: self.name(),
@@ -112,16 +112,16 @@ impl EgoUnderTest {
     }
 }
 
-/// How one episode of an evaluation went.
+/// Outcome of one episode of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// How it was judged.
+    /// Verdict.
     pub verdict: Verdict,
     /// Closing speed, if the agents touched.
     pub closing_speed_mps: Option<f64>,
-    /// What the contact does to the ego, if it has part in it.
+    /// Effect of the contact on the ego, if the ego takes part in it.
     pub impact: Option<Impact>,
-    /// Whether a rule was broken between a success and the contact.
+    /// True if a rule was broken between a success and the contact.
     pub foul_before_contact: bool,
     /// Episodes run; only `Ado::Replays` may take more than one.
     pub simulations: u64,
@@ -131,19 +131,52 @@ pub struct Outcome {
     pub cpu_s: f64,
 }
 
-/// An outcome, and what it takes to tell of it and to repeat it.
+/// Outcome of a start, with the facts for its row and the record of a success.
 #[derive(Clone, Debug)]
 pub(crate) struct EpisodeResult {
     pub(crate) outcome: Outcome,
-    /// In which way the ego failed, if it did and counts.
+    /// Failure of the ego, if it failed and counts.
     pub(super) failure: Option<RecordedFailure>,
     pub(super) fault: Option<Fault>,
     pub(super) repeated: Option<StartRepeated>,
-    /// What an ego that nobody here wrote commanded in a success.
-    pub(super) commands: Option<Arc<[Command]>>,
+    pub(super) success: Option<RecordedSuccess>,
 }
 
-/// In which way an ego failed, and how bad that was.
+/// Record of a success, from which it is played again bit for bit.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RecordedSuccess {
+    /// Joint actions, one per decision. The last one is held.
+    pub(crate) actions: Vec<usize>,
+    /// Commands of an ego that may act otherwise in another run. Empty for other egos.
+    pub(crate) commands: Arc<[Command]>,
+}
+
+impl RecordedSuccess {
+    /// Creates the record of a search, which repeats no commands of the ego.
+    pub(crate) fn of_actions(actions: Vec<usize>) -> RecordedSuccess {
+        RecordedSuccess {
+            actions,
+            ..RecordedSuccess::default()
+        }
+    }
+
+    /// Plays the success again, on a bench of `scenario` where the ego repeats itself.
+    pub(crate) fn play(
+        &self,
+        scenario: &Scenario,
+        bench: &mut Testbench,
+        (start, noise): (&Start, u64),
+    ) -> Episode {
+        let mut ado = Replay::holding(&self.actions);
+        if self.commands.is_empty() {
+            return play(bench, start, noise, &mut ado, Aftermath::Play);
+        }
+        let world = scenario.with_commands(&self.commands);
+        play(&mut world.bench(), start, noise, &mut ado, Aftermath::Play)
+    }
+}
+
+/// Failure of an ego, with its severity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedFailure {
     pub(super) shape: CrashFeatures,
@@ -151,7 +184,7 @@ pub struct RecordedFailure {
 }
 
 impl RecordedFailure {
-    /// That of an episode, if it is a success of the ados.
+    /// Returns the failure in an episode, if the episode is a success of the ados.
     pub(crate) fn of(scenario: &Scenario, episode: &Episode) -> Option<RecordedFailure> {
         episode.verdict.is_success().then(|| RecordedFailure {
             shape: CrashFeatures::of(scenario, episode),
@@ -165,14 +198,14 @@ impl RecordedFailure {
 pub struct Evaluated {
     /// Rates and costs over all starts.
     pub row: Row,
-    /// Per start; `None` for trivial ones and for those not reached.
+    /// Outcome per start. `None`: trivial or not reached.
     pub outcomes: Vec<Option<Outcome>>,
-    /// Per start; what the ego commanded in a success, if nobody here wrote it.
-    pub(super) commands: Vec<Option<Arc<[Command]>>>,
+    /// Record of each success, per start.
+    pub(crate) successes: Vec<Option<RecordedSuccess>>,
 }
 
 impl Evaluated {
-    /// A row over what was played, noted in the log of faults.
+    /// Creates the row of the played starts, noted in the log of faults.
     pub(crate) fn of(
         request: &EvalRequest<'_>,
         played: Vec<Option<EpisodeResult>>,
@@ -184,42 +217,19 @@ impl Evaluated {
         Evaluated {
             row,
             outcomes: outcomes.collect(),
-            commands: played.into_iter().map(|p| p?.commands).collect(),
+            successes: played.into_iter().map(|p| p?.success).collect(),
         }
     }
 
-    /// Positions of the starts that were solved.
+    /// Returns the positions of the solved starts.
     pub fn solved(&self) -> impl Iterator<Item = usize> {
         let outcomes = self.outcomes.iter().enumerate();
         outcomes
             .filter_map(|(index, outcome)| outcome.as_ref()?.verdict.is_success().then_some(index))
     }
-
-    /// The world in which a success is played again bit for bit.
-    ///
-    /// An ego that nobody here wrote may answer otherwise the next time: then
-    /// its commands are repeated instead.
-    fn world_of(&self, request: &EvalRequest<'_>, index: usize) -> Option<Scenario> {
-        let commands = self.commands.get(index)?.as_ref()?;
-        Some(request.scenario.with_commands(commands))
-    }
-
-    /// Plays a success again, as it was.
-    pub(crate) fn again(
-        &self,
-        request: &EvalRequest<'_>,
-        bench: &mut Testbench,
-        index: usize,
-        play: &mut dyn FnMut(&mut Testbench, usize) -> Episode,
-    ) -> Episode {
-        match self.world_of(request, index) {
-            Some(world) => play(&mut world.bench(), index),
-            None => play(bench, index),
-        }
-    }
 }
 
-/// Tells the log of faults of a finished row.
+/// Notes a finished row in the log of faults.
 pub(crate) fn note_row(watch: &Watch<'_>, row: &Row) {
     let name = || format!("ego {}, {}", row.ego, row.ado);
     watch.faults.note_row(name, row.invalid_share());
@@ -237,11 +247,11 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
     Evaluated::of(request, played, watch)
 }
 
-/// One start, played as often as is asked.
+/// One start, played as often as the world requires.
 pub(crate) struct RepeatedEpisode {
-    /// The run that stands for all of them.
+    /// Run that represents all of them.
     episode: Episode,
-    /// The first fault of any run, also where another one stands for all.
+    /// First fault of any run, even if another run represents them.
     fault: Option<Fault>,
     repeated: Option<StartRepeated>,
     simulations: u64,
@@ -249,7 +259,7 @@ pub(crate) struct RepeatedEpisode {
 }
 
 impl RepeatedEpisode {
-    /// One run that stands for all so far, and what they took.
+    /// Creates the result of runs so far, one of which represents them.
     pub(crate) fn of(episode: Episode, simulations: u64, physics_steps: u64) -> RepeatedEpisode {
         RepeatedEpisode {
             fault: episode.fault.clone(),
@@ -260,11 +270,11 @@ impl RepeatedEpisode {
         }
     }
 
-    /// What rows count of it.
+    /// Returns the result that rows count.
     pub(crate) fn played(self, scenario: &Scenario, cpu_s: f64) -> EpisodeResult {
         let episode = self.episode;
         let failure = RecordedFailure::of(scenario, &episode);
-        let repeatable = episode.verdict.is_success() && !episode.commands.is_empty();
+        let is_success = episode.verdict.is_success();
         EpisodeResult {
             outcome: Outcome {
                 verdict: episode.verdict,
@@ -278,7 +288,10 @@ impl RepeatedEpisode {
             failure,
             fault: self.fault,
             repeated: self.repeated,
-            commands: repeatable.then(|| episode.commands.into()),
+            success: is_success.then(|| RecordedSuccess {
+                actions: episode.actions,
+                commands: episode.commands.into(),
+            }),
         }
     }
 }
@@ -289,8 +302,8 @@ impl EvalRequest<'_> {
         self.attempt(bench, index).0
     }
 
-    /// Plays one start as often as the world asks, for egos that do not answer
-    /// twice alike.
+    /// Plays one start as often as the world requires for egos that are not
+    /// deterministic.
     fn repeat(&self, bench: &mut Testbench, index: usize) -> RepeatedEpisode {
         let Repeats { runs, gate } = self.scenario.repeats;
         let (mut simulations, mut physics_steps) = (0, 0);
@@ -311,7 +324,7 @@ impl EvalRequest<'_> {
         }
     }
 
-    /// One run, with the simulations and physics steps it took.
+    /// Plays one run and returns it with its simulations and physics steps.
     fn attempt(&self, bench: &mut Testbench, index: usize) -> (Episode, u64, u64) {
         let (start, noise) = &self.starts.starts[index];
         if let Ado::Replays(stored, nearest) = self.ado {
@@ -333,7 +346,7 @@ impl EvalRequest<'_> {
         row.physics_steps = all.clone().map(|outcome| outcome.physics_steps).sum();
         // Not `sum`, which is -0.0 of nothing.
         row.cpu_s = all.clone().fold(0.0, |sum, outcome| sum + outcome.cpu_s);
-        // From here on only what tells something of the ego.
+        // The rates below count valid episodes only.
         let valid = all.filter(|outcome| outcome.verdict != Verdict::Invalid);
         let simulations: u64 = valid.clone().map(|outcome| outcome.simulations).sum();
         let fouls = valid.clone();
@@ -380,8 +393,9 @@ impl EvalRequest<'_> {
     }
 }
 
-/// Groups of alike failures, each led by its worst; `None`: one of them was not
-/// recorded, or there are none.
+/// Returns the number of groups of similar failures.
+///
+/// `None`: a failure was not recorded, or there are none.
 pub(crate) fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
     let all: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
     let mut all = all.filter(|all| !all.is_empty())?;
@@ -390,7 +404,7 @@ pub(crate) fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
     Some(clusters(&shapes).len())
 }
 
-/// A row of which only the headings are filled in.
+/// Returns a row without results.
 pub(crate) fn blank_row(
     scenario: &Scenario,
     (ego, ado): (&str, AdversaryId),
@@ -453,25 +467,4 @@ fn share(part: usize, whole: usize) -> f64 {
         0 => 0.0,
         _ => part as f64 / whole as f64,
     }
-}
-
-/// Why the ego fails in the first counterexample of an evaluation.
-///
-/// Gives the position of its start and the explanation of ρ(ψ_ego) on the
-/// judged samples; `None` when nothing was solved.
-pub fn explain_first(
-    request: &EvalRequest<'_>,
-    evaluated: &Evaluated,
-) -> Option<(usize, Explanation)> {
-    let index = evaluated
-        .row
-        .solved
-        .iter()
-        .position(|one| *one == StartOutcome::Solved)?;
-    let bench = &mut request.scenario.bench();
-    let mut again = |bench: &mut Testbench, index| request.play(bench, index);
-    let episode = evaluated.again(request, bench, index, &mut again);
-    let mut judged = episode.trace;
-    judged.truncate(episode.judged);
-    Some((index, request.scenario.rulebook().spec.explain(&judged)))
 }

@@ -1,12 +1,12 @@
 //! Choice of the most informative counterexamples, by explicit criteria.
 
-use crate::adversary::{EvalRequest, Evaluated};
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rulebook::Verdict;
 use crate::scene::Axis;
-use crate::stats::StartOutcome;
+use crate::search::ExperimentCell;
 use crate::stl::Scratch;
 use crate::testbench::{Episode, Testbench};
+use crate::world::Scenario;
 
 /// Counterexample with the criterion that chose it.
 #[derive(Clone, Debug)]
@@ -29,32 +29,23 @@ struct Facts {
     place: Vec<f64>,
 }
 
-/// Returns at most five counterexamples of an evaluation, from different starts.
+/// Returns at most five counterexamples of a cell, from different starts.
 ///
 /// In order: the highest closing speed, the earliest violation, the deepest violation,
 /// the largest margin of all rules, and the start that is farthest from the other four. A
 /// criterion without a value is left out.
-pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Highlight> {
-    let solved: Vec<usize> = evaluated
-        .row
-        .solved
-        .iter()
-        .enumerate()
-        .filter_map(|(start, outcome)| (*outcome == StartOutcome::Solved).then_some(start))
-        .collect();
-    let axes = request.scenario.axes();
-    let again = |bench: &mut Testbench, start: usize| {
-        let mut play = |bench: &mut Testbench, start| request.play(bench, start);
-        evaluated.again(request, bench, start, &mut play)
-    };
+pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
+    let scenario = cell.ego.scenario();
+    let (solved, axes) = (cell.solved(), scenario.axes());
     let facts_again = |bench: &mut Testbench, start: &usize, _: &WorkItem| {
-        Some(facts_of(*start, &again(bench, *start), request, &axes))
+        let episode = cell.replay(bench, *start);
+        Some(facts_of(*start, &episode, scenario, &axes))
     };
     let unwatched = Watch::unwatched();
     let all = EpisodeLoop::uncounted(&unwatched);
-    let facts = all.run(&solved, || request.scenario.bench(), facts_again);
+    let facts = all.run(&solved, || scenario.bench(), facts_again);
     let facts: Vec<Facts> = facts.into_iter().flatten().collect();
-    let dt_s = request.scenario.bench().clock().sample_s;
+    let dt_s = scenario.bench().clock().sample_s;
     let mut chosen: Vec<(String, &Facts)> = Vec::new();
     type Criterion<'a> = (
         &'a dyn Fn(&Facts) -> Option<f64>,
@@ -104,17 +95,17 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Highligh
         chosen.push(("Start most unlike the others".to_owned(), f));
     }
     // Only the chosen episodes are kept in memory, so they are played again.
-    let mut bench = request.scenario.bench();
+    let mut bench = scenario.bench();
     let played = chosen.into_iter().map(|(chosen_for, facts)| Highlight {
         chosen_for,
         start: facts.start,
-        episode: again(&mut bench, facts.start),
+        episode: cell.replay(&mut bench, facts.start),
     });
     played.collect()
 }
 
-fn facts_of(start: usize, episode: &Episode, request: &EvalRequest<'_>, axes: &[Axis]) -> Facts {
-    let rulebook = request.scenario.rulebook();
+fn facts_of(start: usize, episode: &Episode, scenario: &Scenario, axes: &[Axis]) -> Facts {
+    let rulebook = scenario.rulebook();
     let mut judged = episode.trace.clone();
     judged.truncate(episode.judged);
     let mut scratch = Scratch::new();

@@ -12,7 +12,7 @@ mod save_crashes;
 mod view_kind;
 
 pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
-pub use highlights::{Highlight, telling};
+pub use highlights::{Highlight, highlights};
 pub use minimize::{CLOSING, effort, shrink};
 pub use perturbation_robustness::{FRICTION, START, persistence};
 pub use picture::{Inapplicable, picture};
@@ -24,7 +24,6 @@ pub use reruns::KEEP_RUNS;
 pub(crate) use reruns::copies;
 pub use root_cause::{SubstituteDriver, decisive, last_chance, why};
 pub use save_crashes::{
-    Again, CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, about,
-    file_stem, keep,
+    Again, CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, about, file_stem,
 };
 pub use view_kind::{UnknownViewKind, ViewKind};

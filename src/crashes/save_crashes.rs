@@ -13,13 +13,13 @@ use super::minimize::shrink_within;
 use super::perturbation_robustness::{persistence_within, variations};
 use super::reruns::{KEEP_RUNS, Reruns};
 use super::root_cause::{spans_asked, why, why_within};
-use crate::adversary::{EvalRequest, Evaluated};
 use crate::experiment::{CrashFeatures, badness, clusters, descending, worse_first};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
     About, AdversaryId, Counterexample, KeptError, Severity, file_name, make_dir,
 };
+use crate::search::ExperimentCell;
 use crate::testbench::{Episode, Testbench};
 use crate::world::{Change, Scenario};
 
@@ -198,23 +198,7 @@ fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     }
 }
 
-impl<'a> CrashWriter<'a> {
-    /// Creates a keeper for the counterexamples of an evaluation.
-    pub fn of(
-        request: &EvalRequest<'a>,
-        change: &'a Change,
-        settings: KeepSettings,
-    ) -> CrashWriter<'a> {
-        CrashWriter {
-            scenario: request.scenario,
-            ego: request.ego,
-            change,
-            ado: request.ado.id(),
-            seed: request.starts.seed,
-            settings,
-        }
-    }
-
+impl CrashWriter<'_> {
     /// Plays counterexamples again and keeps the selected ones as files.
     ///
     /// A file is `WORLD-EGO-PLANT-SEED-INDEX.ron`, with its samples beside it.
@@ -409,33 +393,50 @@ fn everybody(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
     all
 }
 
-/// Writes the first `most` counterexamples of an evaluation, as found.
-///
-/// They have no labels. A training uses this for its own counterexamples. Each is played
-/// again, because episodes are pure functions of their start. Its file is
-/// `WORLD-EGO-PLANT-SEED-INDEX.ron`, with its samples as `.csv`.
-///
-/// # Errors
-/// The disk refuses.
-pub fn keep(
-    request: &EvalRequest<'_>,
-    change: &Change,
-    evaluated: &Evaluated,
-    dir: &Path,
-    most: usize,
-) -> Result<Vec<PathBuf>, KeptError> {
-    make_dir(dir)?;
-    let mut bench = request.scenario.bench();
-    let mut again = |bench: &mut Testbench, index| request.play(bench, index);
-    let mut files = Vec::new();
-    for index in evaluated.solved().take(most) {
-        let episode = evaluated.again(request, &mut bench, index, &mut again);
-        let (ego, ado) = (request.ego, request.ado.id());
-        let kept = Counterexample::record(request.scenario, ego, change, ado.caption(), &episode);
-        let stem = file_stem(request.scenario, request.ego, request.starts.seed, index);
-        files.push(kept.save_as(dir, &stem, &episode.trace)?);
+impl ExperimentCell {
+    /// Plays the successes again and keeps the selected ones as files.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(
+        &self,
+        dir: &Path,
+        settings: KeepSettings,
+        watch: &Watch<'_>,
+    ) -> Result<KeptFiles, KeptError> {
+        let writer = CrashWriter {
+            scenario: self.ego.scenario(),
+            ego: self.ego.name(),
+            change: self.ego.change(),
+            ado: self.adversary.clone(),
+            seed: self.starts.seed,
+            settings,
+        };
+        let again = |bench: &mut Testbench, index: usize| self.replay(bench, index);
+        writer.keep(&self.solved(), &again, dir, watch)
     }
-    Ok(files)
+
+    /// Writes the first `most` successes as found, without labels.
+    ///
+    /// A training uses this for its own counterexamples. The file of a start is
+    /// `WORLD-EGO-PLANT-SEED-INDEX.ron`, with its samples as `.csv`.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep_first(&self, dir: &Path, most: usize) -> Result<Vec<PathBuf>, KeptError> {
+        make_dir(dir)?;
+        let (scenario, ego, change) = (self.ego.scenario(), self.ego.name(), self.ego.change());
+        let mut bench = scenario.bench();
+        let mut files = Vec::new();
+        for index in self.solved().into_iter().take(most) {
+            let episode = self.replay(&mut bench, index);
+            let ado = self.adversary.caption();
+            let kept = Counterexample::record(scenario, ego, change, ado, &episode);
+            let stem = file_stem(scenario, ego, self.starts.seed, index);
+            files.push(kept.save_as(dir, &stem, &episode.trace)?);
+        }
+        Ok(files)
+    }
 }
 
 /// Returns `WORLD-EGO-PLANT-SEED-INDEX` without characters that disturb a path.

@@ -1,10 +1,10 @@
 //! Baselines and search of a world, before any ado was trained in it.
 
 use super::blocking_rules::{RuleAblation, in_the_way};
-use crate::adversary::{Ado, best_constant, eval};
+use crate::adversary::Ado;
 use crate::experiment::{EgoError, EgoUnderTest, Watch, consent, test_starts};
 use crate::run_dir::Row;
-use crate::search::{SearchRequest, Switches, search};
+use crate::search::{Adversary, Experiment};
 use crate::world::Scenario;
 
 /// Rows of baselines and search, ego by ego.
@@ -39,39 +39,37 @@ pub fn untrained(
             break;
         }
         let watch = &watch.later(nth);
-        let tested = (ego.scenario(), ego.is_nominal());
         // Each ego may have other trivial starts.
-        let Some((starts, alone)) = starts.for_ego(nominal, tested, watch) else {
+        let Some((starts, alone)) = starts.for_ego(nominal, ego, watch) else {
             break;
         };
-        let found = search(
-            &SearchRequest {
-                scenario: ego.scenario(),
-                ego: ego.name(),
-                method: Switches(switches).into(),
-                budget: 0,
-                starts: &starts,
-            },
-            watch,
-        );
-        let met = |ado| eval(&ego.met_by(ado, &starts), watch).row;
-        let constant = best_constant(ego.scenario(), ego.name(), &starts, watch).row;
-        for mut row in [met(Ado::Held), met(Ado::Random), constant] {
-            // The recall of a baseline shows whether the search was needed.
-            row.compare_with_search(&found.row.solved);
-            row.fails_alone = alone;
-            all.rows.push(row);
-        }
+        let adversaries = [
+            Adversary::switches(switches),
+            Adversary::Ado(Ado::Held),
+            Adversary::Ado(Ado::Random),
+            Adversary::BestConstant,
+        ];
+        let experiment = Experiment {
+            ego,
+            adversaries: &adversaries,
+            starts: &starts,
+        };
+        let mut rows = experiment.rows(watch);
+        // The search plays first and comes last in the table.
+        rows.rotate_left(1);
+        // The recall of a baseline shows whether the search was needed.
+        Row::compare_with_last(&mut rows);
+        let found = rows.last();
         // Rules are suspected only after a search without a success.
-        if found.row.successes == 0 && 0 < found.row.starts {
-            let met = (ego.scenario(), ego.name());
-            all.in_the_way
-                .extend(in_the_way(met, &starts, switches, watch));
+        if found.is_some_and(|found| found.successes == 0 && 0 < found.starts) {
+            let ego = (ego.scenario(), ego.name());
+            let blocking = in_the_way(ego, &starts, switches, watch);
+            all.in_the_way.extend(blocking);
         }
-        all.rows.push(Row {
+        all.rows.extend(rows.into_iter().map(|row| Row {
             fails_alone: alone,
-            ..found.row
-        });
+            ..row
+        }));
     }
     Ok(Some(all))
 }

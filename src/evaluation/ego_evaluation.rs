@@ -1,14 +1,11 @@
 //! Evaluation of all ados against an ego.
 
-use super::evaluation_plan::{Evaluation, ExplainedCounterexample, FoundBy};
-use crate::adversary::{
-    Ado, AdoKind, Baselines, EvalRequest, Evaluated, GridPolicy, best_constant, best_then_brake,
-    eval, explain_first,
-};
+use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
+use crate::adversary::{Ado, AdoKind, Baselines, BestOfN, EvalRequest, GridPolicy, eval};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::run_dir::{AdversaryId, Row};
-use crate::search::{Hold, SearchRequest, Switches, search};
+use crate::search::{Adversary, ExperimentCell, Hold};
 use crate::surrogate::{AdaptedTo, LearnEgoRequest, learned};
 use crate::sysid::ConditionedAdo;
 use crate::training::retrained;
@@ -24,149 +21,139 @@ pub(super) struct EgoEvaluation<'a> {
     pub rows: Vec<Row>,
     pub reason: Option<ExplainedCounterexample>,
     pub adapted_to: Option<AdaptedTo>,
-    pub found: Option<FoundBy>,
+    /// Cell whose counterexamples are kept.
+    pub found: Option<ExperimentCell>,
 }
 
 impl<'a> EgoEvaluation<'a> {
     pub fn play(&mut self) -> Result<(), EvaluationError> {
-        for &kind in &self.baselines.ados {
-            for ado in self.baselines.made(kind) {
-                self.rows.push(self.evaluated(ado).row);
+        let baselines = self.baselines;
+        for &kind in &baselines.ados {
+            for ado in baselines.made(kind) {
+                self.add(Adversary::Ado(ado));
             }
-            let row = self.one_ado(kind)?;
-            self.rows.extend(row);
-            // A fair baseline for a learned ego gets as many runs as learning takes.
-            if kind == AdoKind::Hold && self.asked.runs.is_some() {
-                let row = self.held_for_as_much();
-                self.rows.push(row);
+            match kind {
+                AdoKind::Trained | AdoKind::All => {
+                    self.trained();
+                    self.zero_shot();
+                }
+                AdoKind::Constant => self.add(Adversary::BestConstant),
+                AdoKind::Switch => self.add(Adversary::BestSwitch),
+                AdoKind::Retrained => self.retrained()?,
+                AdoKind::Chaser => {
+                    let row = self.on_grid(GridPolicy::Chaser)?.map(|cell| cell.row);
+                    self.rows.extend(row);
+                }
+                AdoKind::Optimal => {
+                    let cell = self.on_grid(GridPolicy::Optimal)?;
+                    self.rows.extend(cell.iter().map(|cell| cell.row.clone()));
+                    // Files are named after world and ego, so those of the trained ado
+                    // take precedence.
+                    if !baselines.ados.contains(&AdoKind::Trained) {
+                        self.found = cell;
+                    }
+                }
+                // A fair baseline for a learned ego gets as many runs as learning takes.
+                AdoKind::Hold if self.asked.runs.is_some() => self.held_for_as_much(),
+                AdoKind::Hold | AdoKind::Random | AdoKind::Heuristic | AdoKind::Replays => {}
             }
         }
         // The adapted ado comes after the reused ado and the baselines that it must
         // exceed.
         if self.asked.learns() {
-            let row = self.adapted()?;
-            self.rows.extend(row);
+            self.adapted()?;
         }
         // The search comes last, because every row is compared with it.
         if let Some(switches) = self.asked.search {
-            let request = SearchRequest {
-                scenario: self.ego.scenario(),
-                ego: self.ego.name(),
-                method: Switches(switches).into(),
-                budget: 0,
-                starts: self.starts,
-            };
-            let searched = search(&request, self.watch).row;
-            for row in &mut self.rows {
-                row.compare_with_search(&searched.solved);
-            }
-            self.rows.push(searched);
+            self.add(Adversary::switches(switches));
+            Row::compare_with_last(&mut self.rows);
         }
         Ok(())
     }
 
-    /// Plays an ado. `None`: it does not apply or has added its rows itself.
-    fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, EvaluationError> {
-        Ok(match kind {
-            AdoKind::Heuristic | AdoKind::Replays => None,
-            AdoKind::Trained | AdoKind::All => {
-                let row = self.trained();
-                self.rows.push(row);
-                self.untold()
-            }
-            AdoKind::Random => Some(self.evaluated(Ado::Random).row),
-            AdoKind::Hold => Some(self.evaluated(Ado::Held).row),
-            AdoKind::Constant => {
-                let (scenario, name) = (self.ego.scenario(), self.ego.name());
-                Some(best_constant(scenario, name, self.starts, self.watch).row)
-            }
-            AdoKind::Switch => {
-                let (scenario, name) = (self.ego.scenario(), self.ego.name());
-                let best = best_then_brake(scenario, name, self.starts, self.watch);
-                best.map(|best| best.row)
-            }
-            AdoKind::Retrained => self.retrained()?,
-            AdoKind::Chaser => Some(self.by_rule(GridPolicy::Chaser)?.row),
-            AdoKind::Optimal => {
-                let evaluated = self.by_rule(GridPolicy::Optimal)?;
-                let row = evaluated.row.clone();
-                // Files are named after world and ego, so those of the trained ado take precedence.
-                if !self.baselines.ados.contains(&AdoKind::Trained) {
-                    self.found = Some(FoundBy::Optimal(evaluated));
-                }
-                Some(row)
-            }
-        })
+    fn row(&self, adversary: Adversary<'_>) -> Option<Row> {
+        let cell = adversary.play(self.ego, self.starts, self.watch);
+        cell.map(|cell| cell.row)
+    }
+
+    fn add(&mut self, adversary: Adversary<'_>) {
+        self.rows.extend(self.row(adversary));
     }
 
     /// Plays held random actions with the same number of runs of the ego.
     ///
     /// It is the number that learning the ego and playing every start takes.
-    fn held_for_as_much(&self) -> Row {
+    fn held_for_as_much(&mut self) {
         // Trivial starts are not played, so they take no runs.
         let trivial = &self.starts.trivial;
         let starts = trivial.iter().filter(|trivial| !**trivial).count() as u64;
         let spent = self.asked.granted() + starts * self.asked.tries;
-        let request = SearchRequest {
-            scenario: self.ego.scenario(),
-            ego: self.ego.name(),
-            method: Hold.into(),
-            // Rounded up, so the baseline never gets fewer runs.
-            budget: spent.div_ceil(starts.max(1)),
-            starts: self.starts,
-        };
-        let mut row = search(&request, self.watch).row;
-        row.ado = AdversaryId::Hold;
-        row.method = format!(
-            "at most {} runs per start, as many as adapting takes",
-            request.budget
-        );
-        row
-    }
-
-    fn evaluated(&self, ado: Ado<'_>) -> Evaluated {
-        eval(&self.ego.met_by(ado, self.starts), self.watch)
+        // Rounded up, so the baseline never gets fewer runs.
+        let budget = spent.div_ceil(starts.max(1));
+        let row = self.row(Adversary::Search(Hold.into(), budget));
+        self.rows.extend(row.map(|row| Row {
+            ado: AdversaryId::Hold,
+            method: format!("at most {budget} runs per start, as many as adapting takes"),
+            ..row
+        }));
     }
 
     /// Plays a conditional ado with nominal parameters, without a run of the ego.
-    fn untold(&self) -> Option<Row> {
-        let policy = self.ado.untold.as_deref()?;
-        let mut row = self
-            .evaluated(Ado::Trained(policy, self.asked.run.manifest().seed))
-            .row;
-        row.ado = AdversaryId::ZeroShot;
-        row.context = Some("nominal".to_owned());
-        Some(row)
+    fn zero_shot(&mut self) {
+        let Some(policy) = self.ado.untold.as_deref() else {
+            return;
+        };
+        let ado = Ado::Trained(policy, self.asked.run.manifest().seed);
+        self.rows
+            .extend(self.row(Adversary::Ado(ado)).map(|row| Row {
+                ado: AdversaryId::ZeroShot,
+                context: Some("nominal".to_owned()),
+                ..row
+            }));
+    }
+
+    fn request(&self) -> EvalRequest<'a> {
+        let ado = Ado::Trained(&*self.ado.policy, self.asked.run.manifest().seed);
+        self.ego.against(ado, self.starts)
     }
 
     /// Plays the trained ado, with several tries per start if requested.
-    fn trained(&mut self) -> Row {
-        let request = self.asked.trained(self.ego, self.ado, self.starts);
-        let (found, mut row) = if 1 < self.asked.tries {
-            let tried = self.asked.several(request, self.ado).run(self.watch);
-            let row = tried.evaluated.row.clone();
-            (FoundBy::Tries(tried), row)
+    fn trained(&mut self) {
+        let request = self.request();
+        let once = self.asked.tries <= 1;
+        let evaluated = if once {
+            eval(&request, self.watch)
         } else {
-            let evaluated = eval(&request, self.watch);
-            // The explanation is made for the plain evaluation only, without tries.
-            let explained = explain_first(&request, &evaluated);
-            self.reason = explained.map(|(start, explanation)| ExplainedCounterexample {
-                ego: self.ego.name().to_owned(),
-                start,
-                requirement: self.ego.scenario().requirement.clone(),
-                explanation,
-            });
-            let row = evaluated.row.clone();
-            (FoundBy::Trained(evaluated), row)
+            let several = BestOfN {
+                request,
+                policy: &*self.ado.policy,
+                others: &self.ado.others,
+                tries: self.asked.tries,
+            };
+            several.run(self.watch).evaluated
         };
-        self.found = Some(found);
-        row.context = self.ado.told.map(str::to_owned);
-        row.warning = self.asked.run.warning();
-        row
+        let cell = ExperimentCell::evaluated(self.ego, self.starts, evaluated);
+        // The explanation is made for the plain evaluation only, without tries.
+        if once {
+            self.reason =
+                cell.explain_first()
+                    .map(|(start, explanation)| ExplainedCounterexample {
+                        ego: self.ego.name().to_owned(),
+                        start,
+                        requirement: self.ego.scenario().requirement.clone(),
+                        explanation,
+                    });
+        }
+        self.rows.push(Row {
+            context: self.ado.told.map(str::to_owned),
+            warning: self.asked.run.warning(),
+            ..cell.row.clone()
+        });
+        self.found = Some(cell);
     }
 
-    /// Plays the ado that plans in a surrogate of this ego. `None`: stopped.
-    fn adapted(&mut self) -> Result<Option<Row>, EvaluationError> {
+    /// Plays the ado that plans in a surrogate of this ego, unless stopped.
+    fn adapted(&mut self) -> Result<(), EvaluationError> {
         let asked = self.asked;
         let policy = &*self.ado.policy;
         // Runs that identified the ego's parameters are runs of the ego too.
@@ -185,47 +172,49 @@ impl<'a> EgoEvaluation<'a> {
         // Learning has phases of its own, which would hide the progress of the evaluation.
         let quiet = self.watch.quiet();
         let Some(ego) = learned(asked.run, self.ego, &request, &quiet)? else {
-            return Ok(None);
+            return Ok(());
         };
         self.watch
             .phase(&format!("planning against {}", self.ego.name()));
-        let request = asked.trained(self.ego, self.ado, self.starts);
-        let adapted = ego.eval(&request, policy, asked.tries, self.watch);
-        let row = adapted.evaluated.row.clone();
-        let whom = (self.ego.name(), self.ego.scenario());
-        let told = AdaptedTo::of(whom, &ego.from, identified_from, &adapted);
-        self.adapted_to = Some(told);
-        self.found = Some(FoundBy::Adapted(adapted));
-        Ok(Some(row))
+        let adapted = ego.eval(&self.request(), policy, asked.tries, self.watch);
+        let named = (self.ego.name(), self.ego.scenario());
+        let record = AdaptedTo::of(named, &ego.from, identified_from, &adapted);
+        self.adapted_to = Some(record);
+        self.rows.push(adapted.evaluated.row.clone());
+        self.found = Some(ExperimentCell {
+            // The planner is the trained ado with a surrogate, and files name the ado.
+            adversary: AdversaryId::Trained,
+            ..ExperimentCell::evaluated(self.ego, self.starts, adapted.evaluated)
+        });
+        Ok(())
     }
 
     /// Plays an ado trained for this ego. The nominal ego has the trained ado already.
-    fn retrained(&self) -> Result<Option<Row>, EvaluationError> {
+    fn retrained(&mut self) -> Result<(), EvaluationError> {
         let Some(changed) = self.ego.as_changed() else {
-            return Ok(None);
+            return Ok(());
         };
         let run = self.asked.run;
         let Some(own) = retrained(run, &changed, self.ego.scenario(), &self.watch.unnumbered())?
         else {
-            return Ok(None);
+            return Ok(());
         };
         let policy = own.policy()?;
-        let mut row = self
-            .evaluated(Ado::Trained(&*policy, run.manifest().seed))
-            .row;
-        row.ado = AdversaryId::Retrained;
-        row.method = own.scenario()?.learner.name().to_lowercase();
-        Ok(Some(row))
+        let ado = Ado::Trained(&*policy, run.manifest().seed);
+        let method = own.scenario()?.learner.name().to_lowercase();
+        self.rows
+            .extend(self.row(Adversary::Ado(ado)).map(|row| Row {
+                ado: AdversaryId::Retrained,
+                method,
+                ..row
+            }));
+        Ok(())
     }
 
-    fn by_rule(&self, rule: GridPolicy) -> Result<Evaluated, EvaluationError> {
+    fn on_grid(&self, rule: GridPolicy) -> Result<Option<ExperimentCell>, EvaluationError> {
         // These ados use both positions, so they play in the fully observed world.
         let (whole, policy) = rule.policy(self.ego)?;
-        let request = EvalRequest {
-            scenario: &whole,
-            ado: rule.ado(&policy),
-            ..self.ego.met_by(Ado::Random, self.starts)
-        };
-        Ok(eval(&request, self.watch))
+        let ado = Adversary::Ado(rule.ado(&policy));
+        Ok(ado.play(&whole, self.starts, self.watch))
     }
 }

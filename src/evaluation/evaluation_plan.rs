@@ -1,14 +1,13 @@
-//! Request of an evaluation, with parts of its results.
+//! Request of an evaluation, and the explanation of a failure.
 
 use std::num::NonZeroU64;
 
-use crate::adversary::{Ado, AdoKind, BestOfN, BestOfNResult, EvalRequest, Evaluated};
+use crate::adversary::AdoKind;
 use crate::evaluation::error::EvaluationError;
-use crate::experiment::{EgoUnderTest, TestStarts};
+use crate::experiment::EgoUnderTest;
 use crate::run_dir::RunDir;
 use crate::stl::Explanation;
-use crate::surrogate::AdaptedRow;
-use crate::sysid::{ConditionedAdo, ContextSource, LEAST_RUNS};
+use crate::sysid::{ContextSource, LEAST_RUNS};
 use crate::world::Scenario;
 
 /// Request of an evaluation.
@@ -64,28 +63,6 @@ impl Evaluation<'_> {
             Ok(())
         }
     }
-
-    pub(super) fn trained<'b>(
-        &self,
-        ego: &'b EgoUnderTest,
-        ado: &'b ConditionedAdo,
-        starts: &'b TestStarts,
-    ) -> EvalRequest<'b> {
-        ego.met_by(Ado::Trained(&*ado.policy, self.run.manifest().seed), starts)
-    }
-
-    pub(super) fn several<'b>(
-        &self,
-        request: EvalRequest<'b>,
-        ado: &'b ConditionedAdo,
-    ) -> BestOfN<'b> {
-        BestOfN {
-            request,
-            policy: &*ado.policy,
-            others: &ado.others,
-            tries: self.tries,
-        }
-    }
 }
 
 /// Explanation of the first counterexample of an ego.
@@ -101,26 +78,4 @@ pub struct ExplainedCounterexample {
     /// Deciding leaf, with its time and value.
     #[serde(rename = "explain")]
     pub explanation: Explanation,
-}
-
-/// Ado that found the counterexamples, with its results.
-pub(crate) enum FoundBy {
-    Trained(Evaluated),
-    /// Trained ado with several tries per start.
-    Tries(BestOfNResult),
-    /// Ado that plans in a surrogate of the ego.
-    Adapted(AdaptedRow),
-    /// Optimal ado of a grid world.
-    Optimal(Evaluated),
-}
-
-impl FoundBy {
-    /// Returns the evaluation.
-    pub fn evaluated(&self) -> &Evaluated {
-        match self {
-            FoundBy::Trained(evaluated) | FoundBy::Optimal(evaluated) => evaluated,
-            FoundBy::Tries(tried) => &tried.evaluated,
-            FoundBy::Adapted(adapted) => &adapted.evaluated,
-        }
-    }
 }

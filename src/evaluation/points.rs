@@ -10,17 +10,16 @@ use std::path::Path;
 use indexmap::IndexMap;
 use serde::Serialize;
 
-use crate::adversary::{Ado, EvalRequest, Evaluated, Outcome, eval};
-use crate::crashes::{CrashWriter, KeepSettings, KeptFiles, about, copies};
+use crate::crashes::{KeepSettings, KeptFiles, about, copies};
 use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, Watch, leaf, note_if_unrepeatable, untried_starts,
 };
 use crate::report::{Example, PointCase, PointsPage};
 use crate::rulebook::Verdict;
-use crate::run_dir::{AdversaryId, KeptError, Row};
-use crate::search::{SearchRequest, SearchResult, Switches, search};
+use crate::run_dir::{KeptError, Row};
+use crate::search::{Adversary, ExperimentCell};
 use crate::stats::StartOutcome;
-use crate::testbench::{Aftermath, Episode, Replay, Testbench, film, play};
+use crate::testbench::{Episode, Testbench, film};
 use crate::world::Scenario;
 
 /// Most changes of the ado's deviation from a plan, for egos that can be copied.
@@ -131,43 +130,14 @@ pub struct PointsTable {
     #[serde(skip)]
     pub rows: Vec<Row>,
     #[serde(skip)]
-    met: EvaluatedEgo,
+    evaluated: EvaluatedEgo,
 }
 
-/// Data to play all points again.
+/// Cells of an ego, from which all points are played again.
 #[derive(Clone)]
 struct EvaluatedEgo {
-    ego: EgoUnderTest,
-    starts: TestStarts,
-    evaluated: Evaluated,
-    found: Vec<Option<SearchResult>>,
-}
-
-impl EvaluatedEgo {
-    fn scenario(&self) -> &Scenario {
-        self.ego.scenario()
-    }
-
-    fn request(&self) -> EvalRequest<'_> {
-        let neutral = self.scenario().world().spaces().neutral;
-        self.ego.met_by(Ado::Constant(neutral), &self.starts)
-    }
-
-    /// A point that is failed, once more and as it was.
-    fn failed_again(&self, bench: &mut Testbench, index: usize) -> Episode {
-        let request = self.request();
-        let mut once = |bench: &mut Testbench, index: usize| request.play(bench, index);
-        self.evaluated.again(&request, bench, index, &mut once)
-    }
-
-    /// The variation that makes the ego fail at a passed point.
-    fn strayed_again(&self, bench: &mut Testbench, index: usize) -> Episode {
-        let (start, noise) = &self.starts.starts[index];
-        let found = self.found.get(index).and_then(Option::as_ref);
-        let actions = found.and_then(|found| found.actions.as_deref());
-        let mut ado = Replay::holding(actions.unwrap_or_default());
-        play(bench, start, *noise, &mut ado, Aftermath::Play)
-    }
+    neutral: ExperimentCell,
+    varied: Option<ExperimentCell>,
 }
 
 /// Plays an ego at every point, and searches variations of the passed points.
@@ -183,71 +153,58 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
         (None, true) => 1,
         (None, false) => count,
     };
-    let neutral = scenario.world().spaces().neutral;
     let starts = untried_starts(scenario, seed, most);
-    let evaluated = eval(&request.ego.met_by(Ado::Constant(neutral), &starts), watch);
-    let mut met = EvaluatedEgo {
-        ego: request.ego.clone(),
-        starts,
-        evaluated,
-        found: Vec::new(),
-    };
-    let mut row = met.evaluated.row.clone();
-    row.ado = AdversaryId::Neutral;
-    if met.evaluated.outcomes.iter().all(Option::is_none) {
+    let neutral = Adversary::Neutral.play(request.ego, &starts, watch)?;
+    if neutral.results.iter().all(Option::is_none) {
         return None;
     }
-    note_if_unrepeatable(request.ego, &met.starts, watch);
-    let mut rows = vec![row];
+    note_if_unrepeatable(request.ego, &starts, watch);
+    let mut rows = vec![neutral.row.clone()];
+    let mut evaluated = EvaluatedEgo {
+        neutral,
+        varied: None,
+    };
     // With a single action there is nothing to vary.
-    let switches = (1 < scenario.world().spaces().actions && !watch.stopped())
-        .then(|| request.switches.unwrap_or_else(|| usual_switches(&met)));
+    let switches = (1 < scenario.world().spaces().actions && !watch.stopped()).then(|| {
+        let default = || default_switches(scenario, &starts);
+        request.switches.unwrap_or_else(default)
+    });
     if let Some(switches) = switches {
         watch.phase(&format!("variations: {}", request.ego.name()));
-        let passed = met.passed();
-        let searched = search(
-            &SearchRequest {
-                scenario,
-                ego: request.ego.name(),
-                method: Switches(switches).into(),
-                budget: 0,
-                starts: &passed,
-            },
-            watch,
-        );
-        met.found = searched.found;
-        rows.push(searched.row);
+        let passed = evaluated.passed();
+        evaluated.varied = Adversary::switches(switches).play(request.ego, &passed, watch);
+        rows.extend(evaluated.varied.iter().map(|cell| cell.row.clone()));
     }
-    let indices: Vec<usize> = (0..met.starts.starts.len()).collect();
+    let indices: Vec<usize> = (0..starts.starts.len()).collect();
     let results = EpisodeLoop::uncounted(&watch.quiet()).run(
         &indices,
         || scenario.bench(),
-        |bench, index, _| Some(met.result(bench, *index)),
+        |bench, index, _| Some(evaluated.result(bench, *index)),
     );
     let reached = indices.iter().zip(results);
     let results: Vec<PointResult> = reached
-        .map(|(index, result)| result.unwrap_or_else(|| met.blank(*index)))
+        .map(|(index, result)| result.unwrap_or_else(|| evaluated.blank(*index)))
         .collect();
     let count = |outcome| results.iter().filter(|it| it.outcome == outcome).count();
-    let strays = results.iter().filter_map(|it| it.varied.as_ref());
-    let strays = strays.filter(|varied| varied.fails).count();
+    let varied = results.iter().filter_map(|it| it.varied.as_ref());
+    let failing = varied.filter(|varied| varied.fails).count();
     Some(PointsTable {
         world: scenario.name().to_owned(),
         ego: request.ego.name().to_owned(),
         passed: count(PointOutcome::Passed),
         failed: count(PointOutcome::Failed),
         invalid: count(PointOutcome::Invalid),
-        strayed: switches.map(|_| strays),
+        strayed: switches.map(|_| failing),
         switches,
         points: results,
         rows,
-        met,
+        evaluated,
     })
 }
 
-fn usual_switches(met: &EvaluatedEgo) -> usize {
-    let (start, noise) = &met.starts.starts[0];
-    if copies(met.scenario(), start, *noise) {
+fn default_switches(scenario: &Scenario, starts: &TestStarts) -> usize {
+    let (start, noise) = &starts.starts[0];
+    if copies(scenario, start, *noise) {
         SWITCHES
     } else {
         SWITCHES_OF_PROGRAMS
@@ -255,27 +212,32 @@ fn usual_switches(met: &EvaluatedEgo) -> usize {
 }
 
 impl EvaluatedEgo {
-    /// The points that are passed, all others left out.
+    fn scenario(&self) -> &Scenario {
+        self.neutral.ego.scenario()
+    }
+
+    /// Returns the starts, with all points left out except the passed ones.
     fn passed(&self) -> TestStarts {
         // A trivial start is not searched, so all points except the passed are marked as
         // such.
-        let outcomes = self.evaluated.row.solved.iter();
+        let outcomes = self.neutral.row.solved.iter();
         TestStarts {
             trivial: outcomes.map(|it| *it != StartOutcome::Unsolved).collect(),
-            ..self.starts.clone()
+            ..self.neutral.starts.clone()
         }
     }
 
     fn blank(&self, index: usize) -> PointResult {
         let scenario = self.scenario();
         let axes = scenario.axes().into_iter().map(|axis| axis.name);
-        let (start, _) = &self.starts.starts[index];
-        let outcome = self.evaluated.outcomes[index].as_ref();
+        let (start, _) = &self.neutral.starts.starts[index];
+        let verdict = self.neutral.results[index].as_ref();
+        let verdict = verdict.and_then(|result| result.verdict.as_ref());
         PointResult {
             point: index,
             start: axes.zip(start.0.iter().copied()).collect(),
-            outcome: outcome.map_or(PointOutcome::NotReached, outcome_of),
-            robustness: outcome.and_then(|outcome| robustness(&outcome.verdict)),
+            outcome: verdict.map_or(PointOutcome::NotReached, outcome_of),
+            robustness: verdict.and_then(robustness),
             failure: None,
             varied: None,
         }
@@ -284,24 +246,31 @@ impl EvaluatedEgo {
     fn result(&self, bench: &mut Testbench, index: usize) -> PointResult {
         let mut result = self.blank(index);
         if result.outcome == PointOutcome::Failed {
-            let episode = self.failed_again(bench, index);
+            let episode = self.neutral.replay(bench, index);
             result.failure = Some(failure(self.scenario(), &episode));
         }
-        let found = self.found.get(index).and_then(Option::as_ref);
-        if let Some(found) = found.filter(|found| !found.is_invalid()) {
-            result.varied = Some(self.varied(bench, index, found));
-        }
+        let varied = self.varied.as_ref();
+        result.varied = varied.and_then(|cell| self.variation(cell, bench, index));
         result
     }
 
-    fn varied(&self, bench: &mut Testbench, index: usize, found: &SearchResult) -> VariedPoint {
+    fn variation(
+        &self,
+        cell: &ExperimentCell,
+        bench: &mut Testbench,
+        index: usize,
+    ) -> Option<VariedPoint> {
+        let outcome = cell.results[index].as_ref()?.outcome;
+        if outcome == StartOutcome::Invalid {
+            return None;
+        }
         let mut varied = VariedPoint {
-            fails: found.actions.is_some(),
+            fails: outcome == StartOutcome::Solved,
             closing_mps: None,
             preventable: None,
         };
         if varied.fails {
-            let episode = self.strayed_again(bench, index);
+            let episode = cell.replay(bench, index);
             let contact = episode.contact.as_ref();
             varied.closing_mps = contact.map(|contact| contact.closing_speed_mps);
             varied.preventable = self
@@ -309,12 +278,12 @@ impl EvaluatedEgo {
                 .preventability(&episode)
                 .human_model_avoids();
         }
-        varied
+        Some(varied)
     }
 }
 
-fn outcome_of(outcome: &Outcome) -> PointOutcome {
-    match outcome.verdict {
+fn outcome_of(verdict: &Verdict) -> PointOutcome {
+    match verdict {
         Verdict::Counterexample { .. } => PointOutcome::Failed,
         Verdict::Held { .. } | Verdict::Uncounted { .. } | Verdict::Foul { .. } => {
             PointOutcome::Passed
@@ -391,18 +360,7 @@ impl PointsTable {
 
     /// The world with the ego.
     pub fn scenario(&self) -> &Scenario {
-        self.met.scenario()
-    }
-
-    /// Points that are failed, and points of which a variation is.
-    fn failing(&self) -> [Vec<usize>; 2] {
-        let failed = |it: &&PointResult| it.outcome == PointOutcome::Failed;
-        let strays = |it: &&PointResult| it.varied.as_ref().is_some_and(|varied| varied.fails);
-        let points = self.points.iter();
-        [
-            points.clone().filter(failed).map(|it| it.point).collect(),
-            points.filter(strays).map(|it| it.point).collect(),
-        ]
+        self.evaluated.scenario()
     }
 
     /// Plays failures again and keeps them as files.
@@ -417,20 +375,9 @@ impl PointsTable {
         settings: KeepSettings,
         watch: &Watch<'_>,
     ) -> Result<Vec<KeptFiles>, KeptError> {
-        let [failed, strayed] = self.failing();
-        let keeper = |ado| CrashWriter {
-            scenario: self.met.scenario(),
-            ego: self.met.ego.name(),
-            change: self.met.ego.change(),
-            ado,
-            seed: self.met.starts.seed,
-            settings,
-        };
-        let again = |bench: &mut Testbench, index: usize| self.met.failed_again(bench, index);
-        let mut all = vec![keeper(AdversaryId::Neutral).keep(&failed, &again, dir, watch)?];
-        if self.strayed.is_some() {
-            let again = |bench: &mut Testbench, index: usize| self.met.strayed_again(bench, index);
-            let mut varied = keeper(AdversaryId::Search).keep(&strayed, &again, dir, watch)?;
+        let mut all = vec![self.evaluated.neutral.keep(dir, settings, watch)?];
+        if let Some(varied) = &self.evaluated.varied {
+            let mut varied = varied.keep(dir, settings, watch)?;
             // The files of the failed points were written just before, and are not older.
             varied.older = varied.older.saturating_sub(all[0].files.len());
             all.push(varied);
@@ -478,14 +425,19 @@ impl PointsTable {
 
     /// Returns failures as examples for a page, at most `most`, the worst first.
     pub fn examples(&self, most: usize, watch: &Watch<'_>) -> Vec<Example> {
-        let [failed, strayed] = self.failing();
-        let failed = failed.into_iter().map(|point| (point, false));
-        let strayed = strayed.into_iter().map(|point| (point, true));
-        let mut chosen: Vec<(usize, bool)> = failed.chain(strayed).collect();
-        let closing = |(point, strays): &(usize, bool)| {
+        let cells = [
+            Some(&self.evaluated.neutral),
+            self.evaluated.varied.as_ref(),
+        ];
+        let solved = cells.map(|cell| cell.map_or(Vec::new(), ExperimentCell::solved));
+        let [failed, varied] = solved.map(Vec::into_iter);
+        let failed = failed.map(|point| (point, false));
+        let varied = varied.map(|point| (point, true));
+        let mut chosen: Vec<(usize, bool)> = failed.chain(varied).collect();
+        let closing = |(point, is_varied): &(usize, bool)| {
             let result = &self.points[*point];
             let (failure, varied) = (result.failure.as_ref(), result.varied.as_ref());
-            let closing = if *strays {
+            let closing = if *is_varied {
                 varied.and_then(|varied| varied.closing_mps)
             } else {
                 failure.and_then(|failure| failure.closing_mps)
@@ -500,14 +452,10 @@ impl PointsTable {
         let examples = EpisodeLoop::counted(watch, chosen.len()).run(
             &chosen,
             || scenario.bench(),
-            |bench, (point, strays), _| {
-                let episode = if *strays {
-                    self.met.strayed_again(bench, *point)
-                } else {
-                    self.met.failed_again(bench, *point)
-                };
+            |bench, (point, is_varied), _| {
+                let episode = cells[usize::from(*is_varied)]?.replay(bench, *point);
                 Some(Example {
-                    chosen_for: if *strays {
+                    chosen_for: if *is_varied {
                         "A lawful variation".to_owned()
                     } else {
                         "The point as it is".to_owned()

@@ -3,14 +3,12 @@
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
-use super::evaluation_plan::FoundBy;
-use super::table::{EvaluationTable, FoundCounterexamples};
-use crate::adversary::{BestOfNResult, Evaluated};
+use super::table::EvaluationTable;
 use crate::evaluation::error::EvaluationError;
-use crate::experiment::{EpisodeLoop, TestStarts, Watch};
+use crate::experiment::{EpisodeLoop, Watch};
 use crate::run_dir::ClosingSpeed;
+use crate::search::ExperimentCell;
 use crate::stats::Flips;
-use crate::testbench::Testbench;
 
 /// Start with another outcome on the new ego.
 #[derive(Clone, Debug, Serialize)]
@@ -93,14 +91,14 @@ impl Gate {
         on.holds_up(self.newly_failing.iter().map(|start| start.preventable))
     }
 
-    /// Compares two evaluations of the same ado over the same starts.
-    fn of((ego, new): (&str, &Evaluated), (baseline, old): (&str, &Evaluated)) -> Gate {
-        let closing = |of: &Evaluated, start: usize| {
-            let outcome = of.outcomes.get(start).copied().flatten();
-            outcome.and_then(|outcome| outcome.closing_speed_mps)
+    /// Compares two egos against the same ado on the same starts.
+    fn of(new: &ExperimentCell, old: &ExperimentCell) -> Gate {
+        let closing = |of: &ExperimentCell, start: usize| {
+            let result = of.results.get(start)?.as_ref();
+            result.and_then(|result| result.closing_speed_mps)
         };
         // Preventability is labelled later, because it needs the episode again.
-        let flipped = |of: &Evaluated, starts: &[usize]| -> Vec<Flipped> {
+        let flipped = |of: &ExperimentCell, starts: &[usize]| -> Vec<Flipped> {
             let one = |&start: &usize| Flipped {
                 start,
                 closing_mps: closing(of, start),
@@ -114,8 +112,8 @@ impl Gate {
         let both = both.filter_map(|&start| Some((closing(old, start)?, closing(new, start)?)));
         let (before, after): (Vec<f64>, Vec<f64>) = both.unzip();
         Gate {
-            ego: ego.to_owned(),
-            baseline: baseline.to_owned(),
+            ego: new.ego.name().to_owned(),
+            baseline: old.ego.name().to_owned(),
             compared: flips.compared,
             newly_failing: flipped(new, &flips.newly_failing),
             newly_fixed: flipped(old, &flips.newly_fixed),
@@ -138,67 +136,26 @@ impl EvaluationTable<'_> {
         let mut gates = self.compared(baseline)?;
         for gate in &mut gates {
             if let Some(found) = self.found_of(&gate.ego) {
-                self.label(gate, found, watch);
+                label(gate, found, watch);
             }
         }
         Ok(gates)
     }
 
-    fn found_of(&self, ego: &str) -> Option<&FoundCounterexamples<'_>> {
+    fn found_of(&self, ego: &str) -> Option<&ExperimentCell> {
         self.found.iter().find(|found| found.ego.name() == ego)
-    }
-
-    /// Returns the starts on which an ego was played.
-    fn starts_of<'s>(&'s self, found: &'s FoundCounterexamples<'_>) -> &'s TestStarts {
-        found.starts.as_ref().unwrap_or(&self.starts)
-    }
-
-    /// Labels every newly failing start as preventable or not.
-    fn label(&self, gate: &mut Gate, found: &FoundCounterexamples<'_>, watch: &Watch<'_>) {
-        let scenario = found.ego.scenario();
-        let starts = self.starts_of(found);
-        let trained = self.asked.trained(found.ego, &found.ado, starts);
-        let play = |bench: &mut Testbench, start: usize| match &found.by {
-            FoundBy::Tries(BestOfNResult { winners, .. }) => {
-                let tries = self.asked.several(trained, &found.ado);
-                // The winning try is repeated, because earlier tries from this start did not succeed.
-                tries.play(bench, start, winners[start].unwrap_or(0))
-            }
-            FoundBy::Adapted(adapted) => adapted.play(bench, starts, start),
-            // On a grid no failure is preventable, whatever the ado.
-            FoundBy::Trained(_) | FoundBy::Optimal(_) => trained.play(bench, start),
-        };
-        let labels = EpisodeLoop::uncounted(watch).run(
-            &gate.newly_failing,
-            || scenario.bench(),
-            |bench, flipped, _| {
-                let evaluated = found.by.evaluated();
-                let mut play = |bench: &mut Testbench, start| play(bench, start);
-                let episode = evaluated.again(&trained, bench, flipped.start, &mut play);
-                scenario.preventability(&episode).human_model_avoids()
-            },
-        );
-        // The loop returns its results in the order of the starts.
-        for (flipped, label) in gate.newly_failing.iter_mut().zip(labels) {
-            flipped.preventable = label;
-        }
     }
 
     fn compared(&self, baseline: &str) -> Result<Vec<Gate>, EvaluationError> {
         let Some(old) = self.found_of(baseline) else {
             return Ok(Vec::new());
         };
-        let others = self
-            .found
-            .iter()
-            .filter(|found| found.ego.name() != baseline);
+        let others = self.found.iter();
         others
+            .filter(|found| found.ego.name() != baseline)
             .map(|new| {
-                if self.starts_of(new).starts == self.starts_of(old).starts {
-                    Ok(Gate::of(
-                        (new.ego.name(), new.by.evaluated()),
-                        (baseline, old.by.evaluated()),
-                    ))
+                if new.starts.starts == old.starts.starts {
+                    Ok(Gate::of(new, old))
                 } else {
                     Err(EvaluationError::StartsDiffer {
                         ego: new.ego.name().to_owned(),
@@ -207,5 +164,22 @@ impl EvaluationTable<'_> {
                 }
             })
             .collect()
+    }
+}
+
+/// Labels every newly failing start as preventable or not.
+fn label(gate: &mut Gate, found: &ExperimentCell, watch: &Watch<'_>) {
+    let scenario = found.ego.scenario();
+    let labels = EpisodeLoop::uncounted(watch).run(
+        &gate.newly_failing,
+        || scenario.bench(),
+        |bench, flipped, _| {
+            let episode = found.replay(bench, flipped.start);
+            scenario.preventability(&episode).human_model_avoids()
+        },
+    );
+    // The loop returns its results in the order of the starts.
+    for (flipped, label) in gate.newly_failing.iter_mut().zip(labels) {
+        flipped.preventable = label;
     }
 }

@@ -6,12 +6,12 @@ use serde::Deserialize;
 
 use super::break_even::BreakEven;
 use super::error::EvaluationError;
-use crate::adversary::{Ado, EvalRequest, eval, explain_first};
-use crate::crashes::{about, telling};
-use crate::experiment::worse_first;
-use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, test_starts};
+use crate::adversary::Ado;
+use crate::crashes::{about, highlights};
+use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, test_starts, worse_first};
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::run_dir::{Row, RunDir, RunError};
+use crate::search::{Adversary, ExperimentCell};
 use crate::sysid::{ContextSource, conditioned};
 use crate::testbench::film;
 use crate::world::file_text;
@@ -149,12 +149,12 @@ impl<'a> ReportRequest<'a> {
             return Ok(None);
         };
         let own = EgoUnderTest::nominal(self.scenario);
-        let told = conditioned(self.run, self.context(), &own, seed, watch)?;
-        let ado = Ado::Trained(&*told.policy, self.run.manifest().seed);
-        let request = own.met_by(ado, &starts);
-        let nominal = self.nominal(report, &request, watch);
+        let ado = conditioned(self.run, self.context(), &own, seed, watch)?;
+        let ado = Ado::Trained(&*ado.policy, self.run.manifest().seed);
+        let cell = Adversary::Ado(ado).play(&own, &starts, watch);
+        report.nominal = cell.as_ref().map(nominal);
         if self.given.rows.is_empty() {
-            report.tested.push(nominal);
+            report.tested.extend(cell.map(tested));
             if self.changed(report, &egos, &starts, watch)?.is_none() {
                 return Ok(None);
             }
@@ -165,43 +165,6 @@ impl<'a> ReportRequest<'a> {
         }
         report.costs = costs(report, &self.given.break_even);
         Ok((!watch.interrupted()).then_some(()))
-    }
-
-    /// Plays the nominal ego on all starts, and adds the best examples.
-    fn nominal(
-        &self,
-        report: &mut Report<'_>,
-        request: &EvalRequest<'_>,
-        watch: &Watch<'_>,
-    ) -> Tested {
-        let evaluated = eval(request, watch);
-        let verdicts = evaluated.outcomes.iter().map(|o| o.map(|o| o.verdict));
-        let all = request.starts.starts.iter().map(|(start, _)| start.clone());
-        let mut chosen = telling(request, &evaluated);
-        // A reader opens the first example first.
-        chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode));
-        report.nominal = Some(Nominal {
-            row: evaluated.row.clone(),
-            starts: all.zip(verdicts).collect(),
-            telling: chosen
-                .into_iter()
-                .map(|chosen| Example {
-                    about: about(request.scenario, &chosen.episode),
-                    frames: film(
-                        &mut request.scenario.repeating(&chosen.episode).bench(),
-                        &chosen.episode,
-                    ),
-                    chosen_for: chosen.chosen_for,
-                    start: chosen.start,
-                    episode: chosen.episode,
-                    scenarios: Vec::new(),
-                })
-                .collect(),
-        });
-        Tested {
-            why: explain_first(request, &evaluated).map(|(_, why)| why.to_string()),
-            row: evaluated.row,
-        }
     }
 
     /// Every ego on the first starts, beside held-random actions. `None`: stopped.
@@ -229,20 +192,16 @@ impl<'a> ReportRequest<'a> {
                     None => return Ok(None),
                 }
             };
-            let told = conditioned(self.run, self.context(), ego, seed, watch)?;
-            let trained = Ado::Trained(&*told.policy, self.run.manifest().seed);
+            let ado = conditioned(self.run, self.context(), ego, seed, watch)?;
+            let trained = Ado::Trained(&*ado.policy, self.run.manifest().seed);
             for ado in [trained, Ado::Held] {
                 // The nominal ego was played against the trained ado on all starts
                 // already.
                 if ego.name() == "nominal" && matches!(ado, Ado::Trained(..)) {
                     continue;
                 }
-                let request = ego.met_by(ado, &own);
-                let evaluated = eval(&request, watch);
-                report.tested.push(Tested {
-                    why: explain_first(&request, &evaluated).map(|(_, why)| why.to_string()),
-                    row: evaluated.row,
-                });
+                let cell = Adversary::Ado(ado).play(ego, &own, watch);
+                report.tested.extend(cell.map(tested));
             }
         }
         report.about_tested = format!(
@@ -258,8 +217,44 @@ impl<'a> ReportRequest<'a> {
 
     /// Returns the true parameters as the context of a conditional ado.
     fn context(&self) -> Option<&'static ContextSource> {
-        let told = self.run.manifest().against == TrainingEgos::Conditioned;
-        told.then_some(&ContextSource::True)
+        let is_conditional = self.run.manifest().against == TrainingEgos::Conditioned;
+        is_conditional.then_some(&ContextSource::True)
+    }
+}
+
+/// Returns the row of a cell with the reason of its first failure.
+fn tested(cell: ExperimentCell) -> Tested {
+    Tested {
+        why: cell.explain_first().map(|(_, why)| why.to_string()),
+        row: cell.row,
+    }
+}
+
+/// Returns the starts of the nominal ego with the best examples.
+fn nominal(cell: &ExperimentCell) -> Nominal {
+    let scenario = cell.ego.scenario();
+    let verdicts = cell.results.iter().map(|it| it.as_ref()?.verdict);
+    let all = cell.starts.starts.iter().map(|(start, _)| start.clone());
+    let mut chosen = highlights(cell);
+    // A reader opens the first example first.
+    chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode));
+    Nominal {
+        row: cell.row.clone(),
+        starts: all.zip(verdicts).collect(),
+        telling: chosen
+            .into_iter()
+            .map(|chosen| Example {
+                about: about(scenario, &chosen.episode),
+                frames: film(
+                    &mut scenario.repeating(&chosen.episode).bench(),
+                    &chosen.episode,
+                ),
+                chosen_for: chosen.chosen_for,
+                start: chosen.start,
+                episode: chosen.episode,
+                scenarios: Vec::new(),
+            })
+            .collect(),
     }
 }
 

@@ -5,14 +5,13 @@ use std::path::Path;
 use super::break_even::{BreakEven, break_even};
 use super::error::EvaluationError;
 use crate::adversary::{Ado, eval};
-use crate::crashes::{CrashWriter, KeepSettings, KeptFiles};
+use crate::crashes::{KeepSettings, KeptFiles};
 use crate::experiment::{
     Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
 use crate::rl::Policy;
-use crate::run_dir::{AdversaryId, Row, RunDir, RunError, Stored};
-use crate::search::{Method, MethodOption, SearchRequest, SearchResult, Searched, search};
-use crate::testbench::{Aftermath, Replay, Testbench, play};
+use crate::run_dir::{Row, RunDir, RunError, Stored};
+use crate::search::{ExperimentCell, Method, MethodOption, SearchRequest, Searched, search};
 use crate::world::Scenario;
 
 /// Request for a search.
@@ -41,34 +40,8 @@ pub struct SearchTable {
     pub break_even: Vec<BreakEven>,
     /// The test starts.
     pub starts: TestStarts,
-    /// Every ego that was searched.
-    pub searched: Vec<SearchedEgo>,
-}
-
-/// One ego of a search.
-#[derive(Clone, Debug)]
-pub struct SearchedEgo {
-    /// The ego.
-    pub ego: EgoUnderTest,
-    /// The test starts, as they are for it.
-    pub starts: TestStarts,
-    /// The solutions, per start.
-    pub found: Vec<Option<SearchResult>>,
-}
-
-impl SearchedEgo {
-    /// Returns the actions that make the ego fail from a start.
-    ///
-    /// If the starts are points and the ego fails by itself, it is the neutral action.
-    fn actions(&self, index: usize) -> Option<Vec<usize>> {
-        let found = self.found[index].as_ref();
-        if let Some(actions) = found.and_then(|found| found.actions.clone()) {
-            return Some(actions);
-        }
-        let scenario = self.ego.scenario();
-        let fails_alone = scenario.judges_each_ego() && self.starts.trivial[index];
-        fails_alone.then(|| vec![scenario.world().spaces().neutral])
-    }
+    /// Search of every ego.
+    cells: Vec<ExperimentCell>,
 }
 
 impl SearchTable {
@@ -83,27 +56,9 @@ impl SearchTable {
         watch: &Watch<'_>,
     ) -> Result<Vec<KeptFiles>, EvaluationError> {
         let mut all = Vec::new();
-        for searched in &self.searched {
-            let ego = &searched.ego;
-            let keeper = CrashWriter {
-                scenario: ego.scenario(),
-                ego: ego.name(),
-                change: ego.change(),
-                ado: AdversaryId::Search,
-                seed: self.starts.seed,
-                settings,
-            };
-            let again = |bench: &mut Testbench, index: usize| {
-                let (start, noise) = &searched.starts.starts[index];
-                let actions = searched.actions(index).unwrap_or_default();
-                let mut ado = Replay::holding(&actions);
-                play(bench, start, *noise, &mut ado, Aftermath::Play)
-            };
-            let all_starts = 0..searched.found.len();
-            // Starts from which the ego fails by itself are kept, too.
-            let solved = all_starts.filter(|index| searched.actions(*index).is_some());
-            let kept = keeper.keep(&solved.collect::<Vec<_>>(), &again, dir, watch)?;
-            kept.note(ego.name(), dir, watch);
+        for cell in &self.cells {
+            let kept = cell.keep(dir, settings, watch)?;
+            kept.note(cell.ego.name(), dir, watch);
             all.push(kept);
         }
         Ok(all)
@@ -128,12 +83,11 @@ impl SearchCampaign<'_> {
         let Some(starts) = test_starts(self.world, seed, count, watch) else {
             return Ok(None);
         };
-        let (mut rows, mut evens, mut all) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut rows, mut evens, mut cells) = (Vec::new(), Vec::new(), Vec::new());
         for (nth, ego) in self.egos.iter().enumerate() {
             let watch = &watch.later(nth);
-            let tested = (ego.scenario(), ego.is_nominal());
             // Each ego may have other trivial starts.
-            let Some((own, alone)) = starts.for_ego(self.world, tested, watch) else {
+            let Some((own, alone)) = starts.for_ego(self.world, ego, watch) else {
                 break;
             };
             let request = SearchRequest {
@@ -151,13 +105,12 @@ impl SearchCampaign<'_> {
                 evens.extend(trained.break_even(&request, &searched, &row, watch));
                 rows.push(row);
             }
-            rows.push(searched.row);
+            rows.push(searched.row.clone());
             note_if_unrepeatable(ego, &own, watch);
-            all.push(SearchedEgo {
-                ego: ego.clone(),
-                starts: own,
-                found: searched.found,
-            });
+            let mut cell = ExperimentCell::searched(ego, &own, searched);
+            // Points that the ego fails by itself are kept, too.
+            cell.record_failing_alone();
+            cells.push(cell);
             if watch.stopped() {
                 break;
             }
@@ -166,7 +119,7 @@ impl SearchCampaign<'_> {
             rows,
             break_even: evens,
             starts,
-            searched: all,
+            cells,
         }))
     }
 
@@ -195,7 +148,7 @@ impl Trained<'_> {
         watch: &Watch<'_>,
     ) -> Row {
         let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
-        let mut row = eval(&ego.met_by(ado, starts), watch).row;
+        let mut row = eval(&ego.against(ado, starts), watch).row;
         row.compare_with_search(&searched.row.solved);
         row.warning = self.run.warning();
         row

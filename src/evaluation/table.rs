@@ -2,22 +2,19 @@
 
 use std::path::Path;
 
-use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
-
 use super::ego_evaluation::EgoEvaluation;
 use super::error::EvaluationError;
-use super::evaluation_plan::FoundBy;
+use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
 use super::reuse::{ReusedOn, reused_on};
-use crate::adversary::{Baselines, BestOfNResult, EvalRequest, Evaluated, GridPolicy};
-use crate::crashes::{Again, CrashWriter, KeepSettings, KeptFiles};
+use crate::adversary::Baselines;
+use crate::crashes::{KeepSettings, KeptFiles};
 use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
-use crate::run_dir::FailsAlone;
-use crate::run_dir::Row;
+use crate::run_dir::{FailsAlone, Row};
+use crate::search::ExperimentCell;
 use crate::surrogate::AdaptedTo;
-use crate::sysid::{ConditionedAdo, IdentifiedAs, conditioned};
-use crate::testbench::Testbench;
+use crate::sysid::{IdentifiedAs, conditioned};
 use crate::theorems::{CarryOver, GridTheorems, TheoremsRequest, carry_over, grid_theorems};
 use crate::world::Scenario;
 
@@ -62,16 +59,8 @@ pub struct EvaluationTable<'a> {
     /// The nominal ego's test starts.
     pub starts: TestStarts,
     pub(crate) asked: Evaluation<'a>,
-    pub(crate) found: Vec<FoundCounterexamples<'a>>,
-}
-
-/// Counterexamples of one ego, to be kept if asked for.
-pub(crate) struct FoundCounterexamples<'a> {
-    pub(crate) ego: &'a EgoUnderTest,
-    pub(crate) by: FoundBy,
-    pub(crate) ado: ConditionedAdo,
-    /// The ego's own starts, where it has others.
-    pub(crate) starts: Option<TestStarts>,
+    /// Cell of each ego whose counterexamples are kept.
+    pub(crate) found: Vec<ExperimentCell>,
 }
 
 impl<'a> Evaluation<'a> {
@@ -101,9 +90,9 @@ impl<'a> Evaluation<'a> {
             found: Vec::new(),
         };
         for (nth, ego) in self.egos.iter().enumerate() {
-            let met = table.meet(ego, &baselines, &watch.later(nth));
+            let played = table.evaluate(ego, &baselines, &watch.later(nth));
             // Rows before an error are kept, because they may have cost hours.
-            table.failure = met.err();
+            table.failure = played.err();
             if watch.stopped() || table.failure.is_some() {
                 break;
             }
@@ -125,7 +114,7 @@ impl<'a> EvaluationTable<'a> {
     }
 
     /// Plays all ados against an ego, and keeps the rows before an error.
-    fn meet(
+    fn evaluate(
         &mut self,
         ego: &'a EgoUnderTest,
         baselines: &Baselines,
@@ -140,7 +129,7 @@ impl<'a> EvaluationTable<'a> {
         let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
         self.identified.extend(ado.identified.clone());
         let starts = own.as_ref().unwrap_or(&self.starts);
-        let mut meeting = EgoEvaluation {
+        let mut evaluation = EgoEvaluation {
             asked,
             ego,
             ado: &ado,
@@ -152,9 +141,9 @@ impl<'a> EvaluationTable<'a> {
             adapted_to: None,
             found: None,
         };
-        let played = meeting.play();
-        let (rows, reason, found) = (meeting.rows, meeting.reason, meeting.found);
-        self.adapted_to.extend(meeting.adapted_to);
+        let played = evaluation.play();
+        let (rows, reason, found) = (evaluation.rows, evaluation.reason, evaluation.found);
+        self.adapted_to.extend(evaluation.adapted_to);
         // An ego without any played start would be an empty block of the table.
         if watch.interrupted() && rows.iter().all(|row| row.starts + row.invalid == 0) {
             return played;
@@ -173,16 +162,7 @@ impl<'a> EvaluationTable<'a> {
         }
         self.egos.push(reused);
         self.reasons.extend(reason);
-        self.found.extend(
-            found
-                .filter(|_| asked.keeps)
-                .map(|by| FoundCounterexamples {
-                    ego,
-                    by,
-                    ado,
-                    starts: own,
-                }),
-        );
+        self.found.extend(found.filter(|_| asked.keeps));
         played
     }
 
@@ -201,9 +181,7 @@ impl<'a> EvaluationTable<'a> {
         if !self.starts.judges_each_ego(asked.nominal) {
             return Some((None, false));
         }
-        let (own, _) =
-            self.starts
-                .for_ego(asked.nominal, (ego.scenario(), ego.is_nominal()), watch)?;
+        let (own, _) = self.starts.for_ego(asked.nominal, ego, watch)?;
         Some((Some(own), true))
     }
 
@@ -267,60 +245,10 @@ impl<'a> EvaluationTable<'a> {
     ) -> Result<Vec<KeptFiles>, EvaluationError> {
         let mut all = Vec::new();
         for found in &self.found {
-            let kept = self.keep_those(found, dir, settings, watch)?;
+            let kept = found.keep(dir, settings, watch)?;
             kept.note(found.ego.name(), dir, watch);
             all.push(kept);
         }
         Ok(all)
-    }
-
-    fn keep_those(
-        &self,
-        found: &FoundCounterexamples<'_>,
-        dir: &Path,
-        settings: KeepSettings,
-        watch: &Watch<'_>,
-    ) -> Result<KeptFiles, EvaluationError> {
-        let starts = found.starts.as_ref().unwrap_or(&self.starts);
-        let trained = self.asked.trained(found.ego, &found.ado, starts);
-        let change = found.ego.change();
-        let keep = |request: EvalRequest<'_>, evaluated: &Evaluated, play: Again<'_>| {
-            let again = |bench: &mut Testbench, index: usize| {
-                let mut played = |bench: &mut Testbench, index| play(bench, index);
-                evaluated.again(&request, bench, index, &mut played)
-            };
-            let keeper = CrashWriter::of(&request, change, settings);
-            let solved: Vec<usize> = evaluated.solved().collect();
-            keeper.keep(&solved, &again, dir, watch)
-        };
-        Ok(match &found.by {
-            FoundBy::Trained(evaluated) => keep(trained, evaluated, &|bench, index| {
-                trained.play(bench, index)
-            })?,
-            FoundBy::Tries(BestOfNResult { evaluated, winners }) => {
-                let tries = self.asked.several(trained, &found.ado);
-                // Each start is replayed with the try that succeeded.
-                let winner = |index: usize| winners[index].unwrap_or(0);
-                keep(trained, evaluated, &|bench, index| {
-                    tries.play(bench, index, winner(index))
-                })?
-            }
-            FoundBy::Adapted(adapted) => keep(trained, &adapted.evaluated, &|bench, index| {
-                adapted.play(bench, starts, index)
-            })?,
-            FoundBy::Optimal(evaluated) => {
-                let (whole, policy) = GridPolicy::Optimal.policy(found.ego)?;
-                let request = EvalRequest {
-                    scenario: &whole,
-                    // The optimal ado plays in the fully observed world, and so must its
-                    // replay.
-                    ado: GridPolicy::Optimal.ado(&policy),
-                    ..trained
-                };
-                keep(request, evaluated, &|bench, index| {
-                    request.play(bench, index)
-                })?
-            }
-        })
     }
 }

@@ -184,6 +184,14 @@ impl EgoUnderTest {
         &self.scenario
     }
 
+    /// Returns the ego in a variant of its world.
+    pub(crate) fn in_world(&self, scenario: Scenario) -> EgoUnderTest {
+        EgoUnderTest {
+            scenario,
+            ..self.clone()
+        }
+    }
+
     /// As manifests name it; `None`: it is the world's own.
     pub fn as_changed(&self) -> Option<ChangedEgo> {
         (self.change != Change::default()).then(|| ChangedEgo {

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::ego_under_test::EgoUnderTest;
 use super::episode_loop::{EpisodeLoop, WorkItem};
 use super::progress::Watch;
 use crate::run_dir::FailsAlone;
@@ -132,17 +133,16 @@ impl TestStarts {
     /// The same starts for an ego under test, and on how many of them it fails by
     /// itself. `None`: stopped.
     ///
-    /// `ego` is the world with that ego, and whether it is the world's own.
-    /// It is judged itself, instead of the nominal ego of `world`, where that says
+    /// The ego is judged itself, instead of the nominal ego of `world`, where that says
     /// nothing of others ([`Scenario::judges_each_ego`]) or fails on every start.
     pub(crate) fn for_ego(
         &self,
         world: &Scenario,
-        (ego, is_nominal): (&Scenario, bool),
+        ego: &EgoUnderTest,
         watch: &Watch<'_>,
     ) -> Option<(TestStarts, Option<FailsAlone>)> {
         let left_out = self.judges_each_ego(world);
-        if is_nominal && !left_out {
+        if ego.is_nominal() && !left_out {
             return Some((self.clone(), None));
         }
         // Faults of an ego that does not run belong to the work that follows.
@@ -150,7 +150,8 @@ impl TestStarts {
             faults: FaultLog::default(),
             ..watch.later(0)
         };
-        let Some(own) = TestStarts::tried(ego, self.seed, self.starts.clone(), &apart) else {
+        let Some(own) = TestStarts::tried(ego.scenario(), self.seed, self.starts.clone(), &apart)
+        else {
             let mut all = self.clone();
             if left_out {
                 all.trivial.fill(false);
@@ -168,9 +169,9 @@ impl TestStarts {
 
     /// The first of those that are not trivial, at most so many.
     pub(crate) fn first(&self, most: usize) -> TestStarts {
-        let told = self.starts.iter().zip(&self.trivial);
-        let told = told.filter(|(_, trivial)| !**trivial).take(most);
-        let starts: Vec<(Start, u64)> = told.map(|(start, _)| start.clone()).collect();
+        let marked = self.starts.iter().zip(&self.trivial);
+        let first = marked.filter(|(_, trivial)| !**trivial).take(most);
+        let starts: Vec<(Start, u64)> = first.map(|(start, _)| start.clone()).collect();
         TestStarts {
             seed: self.seed,
             trivial: vec![false; starts.len()],

@@ -326,4 +326,13 @@ impl Row {
         self.recall = (0 < search).then(|| both as f64 / search as f64);
         self.beyond_search = Some(beyond);
     }
+
+    /// Compares all rows of an ego with the last one, which is that of a search.
+    pub fn compare_with_last(rows: &mut [Row]) {
+        if let Some((search, others)) = rows.split_last_mut() {
+            for row in others {
+                row.compare_with_search(&search.solved);
+            }
+        }
+    }
 }

@@ -1,11 +1,12 @@
-//! Open-loop search per start.
+//! Open-loop search per start, and the experiment over ados and searches.
 //!
-//! It shows which starts an adversary can solve at all, and provides the baselines that
-//! a reusable ado must beat.
+//! A search shows which starts an adversary can solve at all, and provides the baselines
+//! that a reusable ado must beat.
 
 mod cem;
 mod confirm;
 mod dummy;
+mod experiment;
 mod found;
 mod hold;
 mod list;
@@ -19,6 +20,7 @@ mod trials;
 mod uniform;
 
 pub(crate) use confirm::{Confirmed, Confirmer};
+pub use experiment::{Adversary, Experiment, ExperimentCell, StartResult};
 pub use found::SearchResult;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError};

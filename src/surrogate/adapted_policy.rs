@@ -10,36 +10,23 @@ use super::plan::Planner;
 use super::planning_budget::PlanningBudget;
 use super::strategy::{Policies, Strategy};
 use crate::adversary::{EpisodeResult, EvalRequest, Evaluated, RepeatedEpisode, in_words};
-use crate::experiment::{TestStarts, Watch, WorkItem};
+use crate::experiment::{Watch, WorkItem};
 use crate::rl::{Policy, load_policy};
 use crate::run_dir::AdversaryId;
 use crate::scene::Start;
-use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
+use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::Scenario;
 
-/// Row of planned runs, with the ado's actions in each run.
+/// Row of planned runs, with the strategies that the ado followed.
 #[derive(Clone, Debug)]
 pub struct AdaptedRow {
     /// The row.
     pub evaluated: Evaluated,
-    /// Per start, the actions of the run that the row reports.
-    pub actions: Vec<Option<Vec<usize>>>,
     /// Starts on which the ado followed its trained policy throughout.
     pub as_trained: usize,
     /// Starts on which it followed the policy trained inside the surrogate throughout.
     /// `None`: no such policy was trained.
     pub trained_on: Option<usize>,
-}
-
-impl AdaptedRow {
-    /// Plays the reported run of a start again.
-    pub(crate) fn play(&self, bench: &mut Testbench, starts: &TestStarts, index: usize) -> Episode {
-        let (start, noise) = &starts.starts[index];
-        // A start without a reported run replays no actions.
-        let actions = self.actions[index].as_deref().unwrap_or(&[]);
-        let mut again = Replay::holding(actions);
-        play(bench, start, *noise, &mut again, Aftermath::Play)
-    }
 }
 
 /// Record of a learned ego and of the ado's behaviour against it.
@@ -174,7 +161,6 @@ struct PlanningWorker<'a> {
 /// One start, played.
 struct One {
     played: EpisodeResult,
-    actions: Vec<usize>,
     /// Strategy that the ado followed from beginning to end.
     kept: Option<Strategy>,
 }
@@ -222,8 +208,6 @@ impl LearnedEgo {
         let as_trained = kept_to(Strategy::AsTrained);
         // Without such a policy the count is absent, not zero.
         let trained_on = policies.trained_on.map(|_| kept_to(Strategy::TrainedOn));
-        let actions = all.iter().map(|one| Some(one.as_ref()?.actions.clone()));
-        let actions = actions.collect();
         let played = all.into_iter().map(|one| Some(one?.played));
         // The row was filled for a plain evaluation, so ado and method are renamed here.
         let mut evaluated = Evaluated::of(request, played.collect(), watch);
@@ -240,7 +224,6 @@ impl LearnedEgo {
         }
         AdaptedRow {
             evaluated,
-            actions,
             as_trained,
             trained_on,
         }
@@ -295,11 +278,9 @@ impl LearnedEgo {
             watch.faults.note(turn.index as u64, episode.fault.as_ref());
             simulations += 1;
             physics_steps += episode.physics_steps;
-            let actions = episode.actions.clone();
             let attempt = RepeatedEpisode::of(episode, simulations, physics_steps);
             let one = One {
                 played: attempt.played(request.scenario, turn.cpu_s()),
-                actions,
                 kept,
             };
             // A success ends the tries, and its outcome counts every run up to here.

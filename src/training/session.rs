@@ -5,14 +5,12 @@ use std::path::Path;
 
 use super::error::{OptionClash, SessionError};
 use super::train_loop::{TrainError, TrainingOutcome, steps, train};
-use crate::adversary::{Ado, Evaluated, best_constant, eval};
-use crate::crashes::keep;
-use crate::experiment::{
-    EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant, test_starts,
-};
+use crate::adversary::Ado;
+use crate::experiment::{EgoUnderTest, Watch, consent, consent_to_family, on_plant, test_starts};
 use crate::rl::{LearnerConfig, Policy};
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Beginning, ChangedEgo, RequestedTraining, Row, RunDir, RunError};
+use crate::search::{Adversary, Experiment, ExperimentCell};
 use crate::sim::PlantKind;
 use crate::world::{Change, Scenario, TrainingEgos};
 
@@ -54,9 +52,7 @@ pub struct TrainSession {
 pub struct Closing {
     /// The trained ado beside the baselines.
     pub rows: Vec<Row>,
-    policy: Box<dyn Policy>,
-    starts: TestStarts,
-    evaluated: Evaluated,
+    trained: ExperimentCell,
 }
 
 impl TrainSession {
@@ -175,24 +171,26 @@ impl TrainSession {
         let Some(starts) = test_starts(&self.run.world()?, 0, starts, watch) else {
             return Ok(None);
         };
-        let request = |ado| self.ego.met_by(ado, &starts);
-        let mut evaluated = eval(&request(self.trained(&*policy)), watch);
-        if self.world.against == TrainingEgos::Conditioned {
-            evaluated.row.context = Some("nominal".to_owned());
-        }
-        let (scenario, name) = (self.ego.scenario(), self.ego.name());
-        let rows = vec![
-            evaluated.row.clone(),
-            eval(&request(Ado::Held), watch).row,
-            eval(&request(Ado::Random), watch).row,
-            best_constant(scenario, name, &starts, watch).row,
+        let trained = Ado::Trained(&*policy, self.run.manifest().seed);
+        let adversaries = [
+            Adversary::Ado(trained),
+            Adversary::Ado(Ado::Held),
+            Adversary::Ado(Ado::Random),
+            Adversary::BestConstant,
         ];
-        Ok(Some(Closing {
-            rows,
-            policy,
-            starts,
-            evaluated,
-        }))
+        let experiment = Experiment {
+            ego: &self.ego,
+            adversaries: &adversaries,
+            starts: &starts,
+        };
+        // Invariant: every adversary here has a cell, and the first is the trained ado's.
+        let mut cells = experiment.run(watch);
+        let mut rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
+        if self.world.against == TrainingEgos::Conditioned {
+            rows[0].context = Some("nominal".to_owned());
+        }
+        let trained = cells.swap_remove(0);
+        Ok(Some(Closing { rows, trained }))
     }
 
     /// Writes the closing evaluation and some counterexamples into the run.
@@ -202,16 +200,7 @@ impl TrainSession {
     pub fn keep(&self, closing: &Closing) -> Result<(), SessionError> {
         self.run.save_report(&closing.rows)?;
         let episodes = self.run.path().join("episodes");
-        let ado = self.trained(&*closing.policy);
-        let trained = self.ego.met_by(ado, &closing.starts);
-        let change = self.ego.change();
-        keep(
-            &trained,
-            change,
-            &closing.evaluated,
-            &episodes,
-            KEPT_EPISODES,
-        )?;
+        closing.trained.keep_first(&episodes, KEPT_EPISODES)?;
         Ok(())
     }
 
@@ -223,10 +212,6 @@ impl TrainSession {
     /// The world with the learner, the plant and the egos that are trained with.
     pub fn world(&self) -> &Scenario {
         &self.world
-    }
-
-    fn trained<'a>(&self, policy: &'a dyn Policy) -> Ado<'a> {
-        Ado::Trained(policy, self.run.manifest().seed)
     }
 
     /// The trained ado; a conditional one is told the nominal parameters.
