@@ -4,12 +4,12 @@
 //! switches, so every machine shows the same pictures.
 
 use super::extreme::extreme;
-use brakecheck::experiment::{TestStarts, Watch};
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
-use brakecheck::search::{SWITCHES, SearchRequest, Switches, search};
+use brakecheck::search::{Adversary, SWITCHES};
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
+use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
 
 /// Largest number of switches where every sequence is played and two would be too many.
@@ -136,24 +136,11 @@ fn first_found(scenario: &Scenario, start: &Start, watch: &Watch<'_>) -> Option<
         starts: vec![(start.clone(), 0)],
         trivial: vec![false],
     };
-    let request = SearchRequest {
-        scenario,
-        ego: "nominal",
-        method: Switches(SWITCHES).into(),
-        budget: 0,
-        starts: &starts,
-    };
-    let found = search(&request, watch).found.into_iter().flatten().next()?;
-    let actions = found.actions?;
-    // The search returns actions only, so the episode is played for its trace.
-    let mut ado = Replay::holding(&actions);
-    Some(play(
-        &mut scenario.bench(),
-        start,
-        0,
-        &mut ado,
-        Aftermath::Play,
-    ))
+    let ego = EgoUnderTest::nominal(scenario);
+    let cell = Adversary::switches(SWITCHES).play(&ego, &starts, watch)?;
+    // The search keeps actions only, so the episode is played for its trace.
+    let solved = *cell.solved().first()?;
+    Some(cell.replay(&mut scenario.bench(), solved))
 }
 
 /// Fig. 5: the run in which ψ_ego holds best, and a run in which it is violated.

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use brakecheck::adversary::{Ado, EvalRequest, best_constant, eval};
-use brakecheck::experiment::{TestStarts, Watch, test_starts};
+use brakecheck::adversary::Ado;
+use brakecheck::experiment::{EgoUnderTest, Watch, test_starts};
 use brakecheck::run_dir::{RequestedTraining, Row, RunDir, RunError};
-use brakecheck::search::{SWITCHES, SearchRequest, Switches, search};
+use brakecheck::search::{Adversary, Experiment, SWITCHES};
 use brakecheck::seed::Seeds;
 use brakecheck::stats::{Outcomes, paired_difference, seeds_interval};
 use brakecheck::training::{TrainError, train};
@@ -86,35 +86,38 @@ pub fn case_study(
     let Some(starts) = test_starts(scenario, request.seeds.starts, request.starts, watch) else {
         return Ok(None);
     };
+    let ego = EgoUnderTest::nominal(scenario);
     let mut trained = Vec::new();
     for (path, _) in &runs {
         let run = RunDir::open(path)?;
         let policy = run.policy()?;
-        let ado = Ado::Trained(&*policy, run.manifest().seed);
-        let mut row = one(scenario, ado, &starts, watch);
-        row.warning = run.warning();
-        trained.push(row);
+        let ado = Adversary::Ado(Ado::Trained(&*policy, run.manifest().seed));
+        trained.extend(ado.play(&ego, &starts, watch).map(|cell| Row {
+            warning: run.warning(),
+            ..cell.row
+        }));
     }
-    let held = one(scenario, Ado::Held, &starts, watch);
-    let random = one(scenario, Ado::Random, &starts, watch);
-    let constant = best_constant(scenario, "nominal", &starts, watch).row;
     // Each switch multiplies the number of sequences by actions and decisions.
     let switches = match scenario.world().spaces().actions {
         // Two switches define the reachable starts wherever they can be searched.
         ..=MAX_ACTIONS => SWITCHES,
         _ => 1,
     };
-    let searched = search(
-        &SearchRequest {
-            scenario,
-            ego: "nominal",
-            method: Switches(switches).into(),
-            budget: 0,
-            starts: &starts,
-        },
-        watch,
-    )
-    .row;
+    let adversaries = [
+        Adversary::Ado(Ado::Held),
+        Adversary::Ado(Ado::Random),
+        Adversary::BestConstant,
+        Adversary::switches(switches),
+    ];
+    let experiment = Experiment {
+        ego: &ego,
+        adversaries: &adversaries,
+        starts: &starts,
+    };
+    let others = experiment.rows(watch);
+    let (Some(held), Some(searched)) = (others.first(), others.last()) else {
+        return Ok(None);
+    };
     if watch.stopped() {
         return Ok(None);
     }
@@ -143,7 +146,7 @@ pub fn case_study(
         rows: Vec::new(),
     };
     let mut rows = trained;
-    rows.extend([held, random, constant, searched]);
+    rows.extend(others);
     Ok(Some(CaseStudy { rows, ..study }.with_intervals()))
 }
 
@@ -163,16 +166,6 @@ impl CaseStudy {
         (self.ci95, self.over_held, self.over_constant) = (ci95, over_held, over_constant);
         self
     }
-}
-
-fn one(scenario: &Scenario, ado: Ado<'_>, starts: &TestStarts, watch: &Watch<'_>) -> Row {
-    let request = EvalRequest {
-        scenario,
-        ego: "nominal",
-        ado,
-        starts,
-    };
-    eval(&request, watch).row
 }
 
 /// Trains the run of a seed, as far as it does not exist yet.

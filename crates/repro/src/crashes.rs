@@ -9,16 +9,16 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::case_studies::{CaseStudies, trained_run};
-use brakecheck::adversary::{Ado, EvalRequest, Evaluated, best_constant_action, eval};
+use brakecheck::adversary::Ado;
 use brakecheck::crashes::persistence;
 use brakecheck::ego::reference::ReferenceDriver;
 use brakecheck::ego::{Actuated, CcLatchedDriver, ControllerSpec};
-use brakecheck::experiment::{TestStarts, Watch, test_starts};
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
 use brakecheck::run_dir::{ClosingSpeed, RunDir};
-use brakecheck::search::{SearchRequest, Switches, search};
+use brakecheck::search::{Adversary, ExperimentCell};
 use brakecheck::severity::CrashKind;
 use brakecheck::stats::wilson;
-use brakecheck::testbench::{Aftermath, Episode, Replay, Testbench, play};
+use brakecheck::testbench::{Episode, Testbench};
 use brakecheck::training::TrainError;
 use brakecheck::world::{Change, ChangeError, Scenario};
 
@@ -73,12 +73,9 @@ pub struct CrashStudy {
     pub rows: Vec<CrashRow>,
 }
 
-/// Function that plays an adversary from a start.
-type Play<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
-
 /// Worlds and starts of the study.
 struct Study<'a> {
-    scenario: &'a Scenario,
+    ego: &'a EgoUnderTest,
     /// Same world with CC_LATCHED as the ego.
     competent: Scenario,
     starts: &'a TestStarts,
@@ -94,32 +91,41 @@ struct Looked {
 }
 
 impl Study<'_> {
-    fn look(&self, benches: &mut (Testbench, Testbench), index: usize, play: Play<'_>) -> Looked {
-        let episode = play(&mut benches.0, index);
-        let said = self.scenario.preventability(&episode);
-        let preventable = said.human_model_avoids();
+    fn look(
+        &self,
+        benches: &mut (Testbench, Testbench),
+        (adversary, cell): (Adversary<'_>, &ExperimentCell),
+        index: usize,
+    ) -> Looked {
+        let episode = cell.replay(&mut benches.0, index);
+        let judged = self.ego.scenario().preventability(&episode);
+        let preventable = judged.human_model_avoids();
+        // The ado reacts to CC_LATCHED here, so it may still cause a crash.
+        let closed_loop = match adversary {
+            Adversary::Ado(ado) => {
+                let request = self.ego.against(ado, self.starts);
+                request.play(&mut benches.1, index)
+            }
+            // Sequences of actions are the same against every ego.
+            _ => cell.replay(&mut benches.1, index),
+        };
         Looked {
             // The human models decide if the crash can be judged at all.
-            avoided: preventable.map(|_| said.is_avoided_by(COMPETENT)),
+            avoided: preventable.map(|_| judged.is_avoided_by(COMPETENT)),
             preventable,
-            // The ado reacts to CC_LATCHED here, so it may still cause a crash.
-            closed_loop: !is_hard(&play(&mut benches.1, index)),
+            closed_loop: !is_hard(&closed_loop),
             episode,
         }
     }
 
-    fn row(
-        &self,
-        evaluated: (String, Option<u64>, f64),
-        solved: &[usize],
-        play: Play<'_>,
-    ) -> CrashRow {
-        let (ado, seed, foul_rate) = evaluated;
+    /// Plays an adversary, and then its crashes again, because held starts have none.
+    fn row(&self, adversary: Adversary<'_>, name: Option<&str>) -> Option<CrashRow> {
+        let cell = adversary.play(self.ego, self.starts, self.watch)?;
         let all = brakecheck::experiment::EpisodeLoop::uncounted(self.watch);
         let looked = all.each(
-            solved,
-            || (self.scenario.bench(), self.competent.bench()),
-            |benches, index, _| Some(self.look(benches, *index, play)),
+            &cell.solved(),
+            || (self.ego.scenario().bench(), self.competent.bench()),
+            |benches, index, _| Some(self.look(benches, (adversary, &cell), *index)),
         );
         let looked: Vec<Looked> = looked.into_iter().flatten().collect();
         // Without a judged crash the columns are absent, not zero.
@@ -130,9 +136,9 @@ impl Study<'_> {
         let closing = touches.clone().map(|touch| touch.closing_speed_mps);
         let swiped = touches.filter_map(|touch| touch.impact);
         let swiped = swiped.filter(|impact| impact.kind == CrashKind::SideSwipe);
-        CrashRow {
-            ado,
-            seed,
+        Some(CrashRow {
+            ado: name.unwrap_or(&cell.row.method).to_owned(),
+            seed: cell.row.train_seed,
             warning: None,
             starts: self
                 .starts
@@ -147,15 +153,15 @@ impl Study<'_> {
             side_swipes: swiped.count(),
             closing_mps: ClosingSpeed::of(closing.collect()),
             persistence: self.persistence(&looked),
-            foul_rate,
-        }
+            foul_rate: cell.row.foul_rate,
+        })
     }
 
     fn persistence(&self, looked: &[Looked]) -> Option<f64> {
         // Variations are slow, so only the first crashes are varied.
         let some = &looked[..looked.len().min(VARIED)];
         let shares = some.par_iter().filter_map(|one| {
-            let varied = persistence(self.scenario, &one.episode)?;
+            let varied = persistence(self.ego.scenario(), &one.episode)?;
             Some(varied.share())
         });
         let mut shares: Vec<f64> = shares.collect();
@@ -163,59 +169,13 @@ impl Study<'_> {
         shares.sort_by(f64::total_cmp);
         shares.get(shares.len() / 2).copied()
     }
-
-    fn of(&self, ado: Ado<'_>, seed: Option<u64>) -> CrashRow {
-        let request = EvalRequest {
-            scenario: self.scenario,
-            ego: "nominal",
-            ado,
-            starts: self.starts,
-        };
-        self.of_evaluated(&eval(&request, self.watch), &request, seed)
-    }
-
-    fn of_evaluated(
-        &self,
-        evaluated: &Evaluated,
-        request: &EvalRequest<'_>,
-        seed: Option<u64>,
-    ) -> CrashRow {
-        // Only crashes are played again, because held starts have none to judge.
-        let solved: Vec<usize> = evaluated.solved().collect();
-        let name = match seed {
-            Some(_) => "trained".to_owned(),
-            None => evaluated.row.method.clone(),
-        };
-        let named = (name, seed, evaluated.row.foul_rate);
-        self.row(named, &solved, &|bench, index| request.play(bench, index))
-    }
-
-    fn searched(&self, switches: usize) -> CrashRow {
-        let request = SearchRequest {
-            scenario: self.scenario,
-            ego: "nominal",
-            method: Switches(switches).into(),
-            budget: 0,
-            starts: self.starts,
-        };
-        let found = search(&request, self.watch).found;
-        let actions = |index: usize| found[index].as_ref()?.actions.as_deref();
-        let solved: Vec<usize> = (0..found.len()).filter(|i| actions(*i).is_some()).collect();
-        // A search breaks rules only in episodes that it discards, so its rate is 0.
-        let named = (format!("search, switches ≤ {switches}"), None, 0.0);
-        self.row(named, &solved, &|bench, index| {
-            let (start, noise) = &self.starts.starts[index];
-            let mut replay = Replay::holding(actions(index).unwrap_or_default());
-            play(bench, start, *noise, &mut replay, Aftermath::Play)
-        })
-    }
 }
 
 /// Returns whether the ego ends in a hard crash while the ado keeps every rule.
 fn is_hard(episode: &Episode) -> bool {
-    let lawful = !matches!(episode.verdict, brakecheck::rulebook::Verdict::Foul { .. });
+    let keeps_rules = !matches!(episode.verdict, brakecheck::rulebook::Verdict::Foul { .. });
     let contact = episode.contact.as_ref();
-    lawful && contact.is_some_and(|touch| HARD_MPS <= touch.closing_speed_mps)
+    keeps_rules && contact.is_some_and(|touch| HARD_MPS <= touch.closing_speed_mps)
 }
 
 /// Error of a crash study.
@@ -256,7 +216,7 @@ pub fn crash_study(
         ..Change::default()
     };
     let study = Study {
-        scenario,
+        ego: &EgoUnderTest::nominal(scenario),
         competent: scenario.with(&change)?,
         starts: &starts,
         watch,
@@ -265,34 +225,25 @@ pub fn crash_study(
     for path in &runs {
         let run = RunDir::open(path).map_err(TrainError::from)?;
         let policy = run.policy().map_err(TrainError::from)?;
-        let seed = run.manifest().seed;
-        rows.push(CrashRow {
+        let trained = Adversary::Ado(Ado::Trained(&*policy, run.manifest().seed));
+        rows.extend(study.row(trained, Some("trained")).map(|row| CrashRow {
             warning: run.warning().map(|warning| warning.what),
-            ..study.of(Ado::Trained(&*policy, seed), Some(seed))
-        });
+            ..row
+        }));
     }
-    rows.push(study.of(Ado::Held, None));
-    let best = best_constant_action(scenario, "nominal", &starts, watch);
-    rows.push(study.constant(&best));
-    rows.push(study.searched(1));
+    rows.extend(study.row(Adversary::Ado(Ado::Held), None));
+    rows.extend(study.row(Adversary::BestConstant, None));
+    let searched = study.row(Adversary::switches(1), Some("search, switches ≤ 1"));
+    // A search breaks rules only in episodes that it discards, so its rate is 0.
+    rows.extend(searched.map(|row| CrashRow {
+        foul_rate: 0.0,
+        ..row
+    }));
     Ok((!watch.stopped()).then(|| CrashStudy {
         world: scenario.name().to_owned(),
         counts: format!("{:?}", scenario.rulebook().counts),
         rows,
     }))
-}
-
-impl Study<'_> {
-    /// Returns the row of the best constant ado.
-    fn constant(&self, (action, best): &(usize, Evaluated)) -> CrashRow {
-        let request = EvalRequest {
-            scenario: self.scenario,
-            ego: "nominal",
-            ado: Ado::Constant(*action),
-            starts: self.starts,
-        };
-        self.of_evaluated(best, &request, None)
-    }
 }
 
 /// Explanation of the columns, below the table.

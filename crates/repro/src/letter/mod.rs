@@ -6,7 +6,7 @@
 
 mod paths;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -14,10 +14,11 @@ use serde::{Deserialize, Serialize};
 pub use paths::LETTER_PATHS;
 
 use super::case_studies::{CaseStudies, trained_run};
-use brakecheck::adversary::{Ado, EvalRequest, best_constant, eval};
-use brakecheck::experiment::{TestStarts, Watch, test_starts};
+use brakecheck::adversary::Ado;
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
+use brakecheck::report::TextTable;
 use brakecheck::run_dir::{Row, RunDir};
-use brakecheck::search::{SearchRequest, Switches, search};
+use brakecheck::search::{Adversary, Experiment};
 use brakecheck::sim::PlantKind;
 use brakecheck::stats::{Outcomes, seeds_interval};
 use brakecheck::training::TrainError;
@@ -162,29 +163,19 @@ pub fn letter_baselines(
     starts: &TestStarts,
     watch: &Watch<'_>,
 ) -> Option<LetterBaselines> {
-    let played = |ado| {
-        let request = EvalRequest {
-            scenario,
-            ego: "nominal",
-            ado,
-            starts,
-        };
-        eval(&request, watch).row
-    };
-    let sought = SearchRequest {
-        scenario,
-        ego: "nominal",
-        method: Switches(switches).into(),
-        budget: 0,
+    // The search comes first, because `letter_row` compares with the first row.
+    let adversaries = [
+        Adversary::switches(switches),
+        Adversary::Ado(Ado::Held),
+        Adversary::Ado(Ado::Random),
+        Adversary::BestConstant,
+    ];
+    let experiment = Experiment {
+        ego: &EgoUnderTest::nominal(scenario),
+        adversaries: &adversaries,
         starts,
     };
-    // The search comes first, because `letter_row` compares with the first row.
-    let rows = vec![
-        search(&sought, watch).row,
-        played(Ado::Held),
-        played(Ado::Random),
-        best_constant(scenario, "nominal", starts, watch).row,
-    ];
+    let rows = experiment.rows(watch);
     // The rows name the judge that was used, whatever the text asked for.
     let judge = format!("{:?}", rows.first()?.judge);
     (!watch.stopped()).then_some(LetterBaselines { judge, rows })
@@ -263,11 +254,13 @@ pub fn letter_row(
         else {
             return Ok(None);
         };
-        let paths = runs.iter().map(|(path, _)| path.as_path());
+        let ego = EgoUnderTest::nominal(&scenario);
         let mut rows = Vec::new();
-        for path in paths {
-            let row = played(&scenario, path, &starts, watch).map_err(TrainError::from)?;
-            rows.push(row);
+        for (path, _) in &runs {
+            let run = RunDir::open(path).map_err(TrainError::from)?;
+            let policy = run.policy().map_err(TrainError::from)?;
+            let ado = Adversary::Ado(Ado::Trained(&*policy, run.manifest().seed));
+            rows.extend(ado.play(&ego, &starts, watch).map(|cell| cell.row));
         }
         if let Some(searched) = baselines.rows.first() {
             rows.iter_mut()
@@ -284,23 +277,6 @@ pub fn letter_row(
         cpu_s,
         judged,
     }))
-}
-
-fn played(
-    scenario: &Scenario,
-    path: &Path,
-    starts: &TestStarts,
-    watch: &Watch<'_>,
-) -> Result<Row, brakecheck::run_dir::RunError> {
-    let run = RunDir::open(path)?;
-    let policy = run.policy()?;
-    let request = EvalRequest {
-        scenario,
-        ego: "nominal",
-        ado: Ado::Trained(&*policy, run.manifest().seed),
-        starts,
-    };
-    Ok(eval(&request, watch).row)
 }
 
 fn together(rows: &[Row]) -> Judged {
@@ -352,15 +328,13 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
         let starts = study.baselines.iter().filter_map(|one| one.rows.first());
         let starts: Vec<String> = starts.map(|row| row.starts.to_string()).collect();
         text.push_str(&format!(
-            "{}, {}; starts that are not trivial: {} (whole run), {} (until the violation)\n\n\
-             | change | learner, decisions | whole run: success [95 %] | until the violation: \
-             success [95 %] | recall | rule violations | CPU s |\n\
-             | --- | --- | --- | --- | --- | --- | --- |\n",
+            "{}, {}; starts that are not trivial: {} (whole run), {} (until the violation)\n\n",
             study.world,
             study.learner.as_deref().unwrap_or("dqn"),
             starts.first().map_or("–", String::as_str),
             starts.get(1).map_or("–", String::as_str),
         ));
+        let mut lines = Vec::new();
         for row in &study.rows {
             let success = |at: usize| {
                 row.judged.get(at).map_or("–".to_owned(), |judged| {
@@ -377,19 +351,17 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
             };
             // Recall refers to the search until the violation, which is the second judge.
             let recall = row.judged.get(1).and_then(|judged| judged.recall);
-            text.push_str(&format!(
-                "| {} | {}, {} | {} | {} | {} | {} | {:.0} |\n",
-                row.what,
-                row.learner,
-                row.decisions,
+            lines.push([
+                row.what.clone(),
+                format!("{}, {}", row.learner, row.decisions),
                 success(0),
                 success(1),
                 recall.map_or("–".to_owned(), |recall| format!("{recall:.3}")),
                 row.judged
                     .first()
                     .map_or("–".to_owned(), |judged| percent(judged.foul_rate)),
-                row.cpu_s,
-            ));
+                format!("{:.0}", row.cpu_s),
+            ]);
         }
         // The order of `letter_baselines`.
         let names = [
@@ -411,13 +383,26 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
                 })
             };
             let fouls = study.baselines.first().and_then(|one| one.rows.get(at));
-            text.push_str(&format!(
-                "| *{name}* | – | {} | {} | – | {} | – |\n",
+            lines.push([
+                format!("*{name}*"),
+                "–".to_owned(),
                 rate(0),
                 rate(1),
+                "–".to_owned(),
                 fouls.map_or("–".to_owned(), |row| percent(row.foul_rate)),
-            ));
+                "–".to_owned(),
+            ]);
         }
+        let columns = [
+            "change",
+            "learner, decisions",
+            "whole run: success [95 %]",
+            "until the violation: success [95 %]",
+            "recall",
+            "rule violations",
+            "CPU s",
+        ];
+        text.push_str(&TextTable::new(columns, lines).to_markdown());
         text.push('\n');
     }
     text + EXPLAINED

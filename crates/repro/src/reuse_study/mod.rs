@@ -213,8 +213,7 @@ impl<'a> ReuseStudy<'a> {
             simulations: identified.simulations + identified.recorded,
         };
         let player = Player {
-            scenario: changed,
-            ego,
+            ego: tested,
             starts: &self.starts,
             watch,
         };
@@ -243,11 +242,7 @@ impl<'a> ReuseStudy<'a> {
         };
         rows.extend(player.rivals(&self.trios[0].nominal, heuristic.as_ref(), self.asked.tries)?);
         // The search is the last row, and all other rows are compared with it.
-        if let Some((reachable, others)) = rows.split_last_mut() {
-            for row in others {
-                row.compare_with_search(&reachable.solved);
-            }
-        }
+        Row::compare_with_last(&mut rows);
         let reused = reused_on(changed, (ego, relation), &self.starts, rows.clone(), watch);
         Ok((!watch.stopped()).then_some(EgoResult {
             reused,
@@ -301,7 +296,7 @@ impl<'a> ReuseStudy<'a> {
                 rows.extend(told.map(|row| called(&ado, row.clone())));
                 continue;
             }
-            let ego = (player.ego, player.scenario);
+            let ego = (player.ego.name(), player.ego.scenario());
             let member = match self.identified(ego, &[name.to_owned()], player.watch) {
                 Ok(Some(identified)) => identified.member,
                 Ok(None) => return Ok(None),

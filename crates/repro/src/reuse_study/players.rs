@@ -1,21 +1,16 @@
 //! Ados that play against an ego of the reuse study.
 
 use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SeedPolicies, held_word};
-use brakecheck::adversary::{
-    Ado, BestOfN, EvalRequest, Heuristic, best_constant, eval, other_members,
-};
-use brakecheck::experiment::{TestStarts, Watch};
+use brakecheck::adversary::{Ado, BestOfN, Heuristic, eval, other_members};
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::{Row, RunDir, RunError, Stored};
-use brakecheck::search::{
-    Hold, Method, Mutate, SWITCHES, SearchRequest, Searched, Switches, search,
-};
-use brakecheck::world::{EgoSample, Family, Scenario};
+use brakecheck::search::{Adversary, Experiment, Hold, Mutate, SWITCHES, SearchRequest, search};
+use brakecheck::world::{EgoSample, Family};
 
 /// Ego with the starts on which all ados play.
 pub(super) struct Player<'a> {
-    pub(super) scenario: &'a Scenario,
-    pub(super) ego: &'a str,
+    pub(super) ego: &'a EgoUnderTest,
     pub(super) starts: &'a TestStarts,
     pub(super) watch: &'a Watch<'a>,
 }
@@ -34,7 +29,7 @@ impl Player<'_> {
         let others = other_members(&trio.conditional, family, member.plant)?;
         // Later tries may use other members, in case the identified member is wrong.
         let tried = BestOfN {
-            request: self.request(Ado::Trained(&*policy, seed)),
+            request: self.ego.against(Ado::Trained(&*policy, seed), self.starts),
             policy: &*policy,
             others: &others,
             tries,
@@ -76,17 +71,22 @@ impl Player<'_> {
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
         let stored: Stored = run.counterexamples()?;
-        let mut ados = vec![Ado::Replays(&stored, 1), Ado::Replays(&stored, 10)];
-        ados.extend(heuristic.map(Ado::Heuristic));
-        ados.extend([Ado::Held, Ado::Random]);
-        let rows = ados.into_iter();
-        let mut rows: Vec<Row> = rows
-            .map(|ado| eval(&self.request(ado), self.watch).row)
-            .collect();
-        rows.push(best_constant(self.scenario, self.ego, self.starts, self.watch).row);
+        let ados = [Ado::Replays(&stored, 1), Ado::Replays(&stored, 10)].into_iter();
+        let ados = ados.chain(heuristic.map(Ado::Heuristic));
+        let ados = ados.chain([Ado::Held, Ado::Random]);
+        let mut adversaries: Vec<Adversary<'_>> = ados.map(Adversary::Ado).collect();
+        adversaries.push(Adversary::BestConstant);
+        let mut rows = self.rows(&adversaries);
         let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
         // One search with the largest budget contains the smaller ones.
-        let held = self.searched(Hold.into(), most);
+        let held = SearchRequest {
+            scenario: self.ego.scenario(),
+            ego: self.ego.name(),
+            method: Hold.into(),
+            budget: most,
+            starts: self.starts,
+        };
+        let held = search(&held, self.watch);
         for budget in HELD_BUDGETS {
             rows.push(called(
                 &held_word(budget),
@@ -94,36 +94,26 @@ impl Player<'_> {
             ));
         }
         // Mutation gets as many runs per start as the ado with several tries.
-        let mutated = self.searched(Mutate(&stored).into(), tries);
-        rows.push(called(&format!("mutate, {tries}"), mutated.row));
-        // The search comes last, as `ReuseStudy::meet` expects.
-        rows.push(self.searched(Switches(SWITCHES).into(), 0).row);
+        let mutated = self.rows(&[Adversary::Search(Mutate(&stored).into(), tries)]);
+        let name = format!("mutate, {tries}");
+        rows.extend(mutated.into_iter().map(|row| called(&name, row)));
+        // The search comes last, because the other rows are compared with it.
+        rows.extend(self.rows(&[Adversary::switches(SWITCHES)]));
         Ok(rows)
     }
 
-    fn request<'b>(&'b self, ado: Ado<'b>) -> EvalRequest<'b> {
-        EvalRequest {
-            scenario: self.scenario,
+    fn rows(&self, adversaries: &[Adversary<'_>]) -> Vec<Row> {
+        let experiment = Experiment {
             ego: self.ego,
-            ado,
+            adversaries,
             starts: self.starts,
-        }
+        };
+        experiment.rows(self.watch)
     }
 
     fn trained(&self, word: &str, policy: &dyn Policy, seed: u64) -> Row {
-        let request = self.request(Ado::Trained(policy, seed));
+        let request = self.ego.against(Ado::Trained(policy, seed), self.starts);
         called(word, eval(&request, self.watch).row)
-    }
-
-    fn searched(&self, method: Method<'_>, budget: u64) -> Searched {
-        let request = SearchRequest {
-            scenario: self.scenario,
-            ego: self.ego,
-            method,
-            budget,
-            starts: self.starts,
-        };
-        search(&request, self.watch)
     }
 }
 
