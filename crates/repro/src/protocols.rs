@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use brakecheck::evaluation::{PointsRequest, points};
 use brakecheck::experiment::{EgoUnderTest, Watch};
+use brakecheck::report::TextTable;
 use brakecheck::world::Scenario;
 
 /// Largest number of switches in the additions to a plan.
@@ -90,20 +91,11 @@ pub fn protocols_markdown(rows: &[ProtocolRow]) -> String {
             egos.push(row.ego.as_str());
         }
     }
-    let mut text = format!(
-        "Per ego: points passed; *!* at how many of those a lawful variation makes it fail, \
-         found by a search with at most {SWITCHES} switches of what is added to the plan; \
-         *c* at how many of those CC_LATCHED or FSM in its place would not have failed.\n\n\
-         | world | points |{}\n| --- | --- |{}\n",
-        egos.iter()
-            .map(|ego| format!(" {ego} |"))
-            .collect::<String>(),
-        " --- |".repeat(egos.len()),
-    );
     let at = |world: &str, ego: &str| {
         let mut rows = rows.iter();
         rows.find(|row| row.world == world && row.ego == ego)
     };
+    let mut lines: Vec<Vec<String>> = Vec::new();
     for world in &worlds {
         let points = rows.iter().find(|row| row.world == *world);
         // Every ego plays the same points, so any row gives their number.
@@ -111,18 +103,26 @@ pub fn protocols_markdown(rows: &[ProtocolRow]) -> String {
         let cells = egos
             .iter()
             .map(|ego| at(world, ego).map_or("–".to_owned(), cell));
-        text.push_str(&line(world, points, cells));
+        lines.push(line(world, points, cells));
     }
     // The sum over worlds counts every point once.
     let sums: Vec<ProtocolRow> = egos.iter().map(|ego| sum(rows, ego)).collect();
     let points = sums.first().map_or(0, |row| row.points);
-    text.push_str(&line("all", points, sums.iter().map(cell)));
-    text
+    lines.push(line("all", points, sums.iter().map(cell)));
+    let columns = ["world", "points"].into_iter().chain(egos);
+    format!(
+        "Per ego: points passed; *!* at how many of those a lawful variation makes it fail, \
+         found by a search with at most {SWITCHES} switches of what is added to the plan; \
+         *c* at how many of those CC_LATCHED or FSM in its place would not have failed.\n\n{}",
+        TextTable::new(columns, lines).to_markdown()
+    )
 }
 
-fn line(world: &str, points: usize, cells: impl Iterator<Item = String>) -> String {
-    let cells: String = cells.map(|cell| format!(" {cell} |")).collect();
-    format!("| {world} | {points} |{cells}\n")
+fn line(world: &str, points: usize, cells: impl Iterator<Item = String>) -> Vec<String> {
+    [world.to_owned(), points.to_string()]
+        .into_iter()
+        .chain(cells)
+        .collect()
 }
 
 /// Formats a cell: passed points, `!` failing variations, `c` preventable ones.

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use brakecheck::adversary::AdoKind;
 use brakecheck::evaluation::{Evaluation, EvaluationError};
 use brakecheck::experiment::{EgoError, EgoUnderTest, Watch};
+use brakecheck::report::TextTable;
 use brakecheck::run_dir::{Row, RunDir};
 use brakecheck::stats::Outcomes;
 use brakecheck::surrogate::AdaptedTo;
@@ -41,7 +42,7 @@ const KIN: [&[&str]; 4] = [
 /// World with the changed egos that are played in every world.
 const STRUCTURES: &str = "acc_structures";
 /// Number of starts solved by search from which recall enters the means.
-const TELLING: usize = 10;
+const LEAST_SEARCHED: usize = 10;
 
 /// Starts that an ado solves, compared with a search.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -273,18 +274,33 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
          *best switch* are the best of all constants, and of six that accelerate and then brake, \
          on these very starts. *Adapted*: made for the ego, start by start, after {RUNS} or {FEW_RUNS} runs of an ego of \
          unknown structure, neither its kind nor relatives of it among the stock controllers that it \
-         is likened to; *kind known*: all of them.\n\n\
-         | ego | training | search solves | reused policy | held random | best constant | best switch | \
-         adapted, {RUNS} runs | at most {TRIES} tries | {FEW_RUNS} runs | kind known | most like | beyond | off, m | expected | came |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+         is likened to; *kind known*: all of them.\n\n"
     );
-    for row in rows {
-        text.push_str(&line(row));
-    }
+    let columns = [
+        "ego".to_owned(),
+        "training".to_owned(),
+        "search solves".to_owned(),
+        "reused policy".to_owned(),
+        "held random".to_owned(),
+        "best constant".to_owned(),
+        "best switch".to_owned(),
+        format!("adapted, {RUNS} runs"),
+        format!("at most {TRIES} tries"),
+        format!("{FEW_RUNS} runs"),
+        "kind known".to_owned(),
+        "most like".to_owned(),
+        "beyond".to_owned(),
+        "off, m".to_owned(),
+        "expected".to_owned(),
+        "came".to_owned(),
+    ];
     // A recall over a few starts would dominate the mean by chance.
-    let telling: Vec<&StructureRow> = rows.iter().filter(|row| TELLING <= row.searched).collect();
+    let reachable: Vec<&StructureRow> = rows
+        .iter()
+        .filter(|row| LEAST_SEARCHED <= row.searched)
+        .collect();
     let over = |of: fn(&StructureRow) -> &SolvedBy| {
-        let recalls: Vec<f64> = telling.iter().filter_map(|row| of(row).recall).collect();
+        let recalls: Vec<f64> = reachable.iter().filter_map(|row| of(row).recall).collect();
         let mean = recalls.iter().sum::<f64>() / recalls.len().max(1) as f64;
         let worst = recalls.iter().copied().fold(f64::INFINITY, f64::min);
         if recalls.is_empty() {
@@ -293,54 +309,55 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
             format!("{mean:.2} ({worst:.2})")
         }
     };
-    text.push_str(&format!(
-        "| mean (worst) of {} | | | {} | {} | {} | {} | {} | {} | {} | {} | | | | | |\n",
-        telling.len(),
-        over(|row| &row.trained),
-        over(|row| &row.held),
-        over(|row| &row.constant),
-        over(|row| &row.switch),
-        over(|row| &row.adapted),
-        over(|row| &row.again),
-        over(|row| &row.few),
-        over(|row| &row.known),
-    ));
+    let mut mean = vec![String::new(); columns.len()];
+    mean[0] = format!("mean (worst) of {}", reachable.len());
+    // Three columns precede those of the ados.
+    mean[3..][..ADOS.len()].clone_from_slice(&ADOS.map(over));
+    let lines = rows.iter().map(line).chain([mean]);
+    text.push_str(&TextTable::new(columns, lines).to_markdown());
     let expected = rows.iter().filter(|row| row.came().1).count();
     text.push_str(&format!(
-        "\nMeans are over rows in which search solves {TELLING} starts or more. What came lies in the interval that was expected in {expected} of {} rows.\n",
+        "\nMeans are over rows in which search solves {LEAST_SEARCHED} starts or more. What came lies in the interval that was expected in {expected} of {} rows.\n",
         rows.len()
     ));
     text
 }
 
-fn line(row: &StructureRow) -> String {
-    let recall = |met: &SolvedBy| {
-        met.recall
-            .map_or("–".to_owned(), |recall| format!("{recall:.2}"))
+/// Results of the ados, in the order of their columns.
+const ADOS: [fn(&StructureRow) -> &SolvedBy; 8] = [
+    |row| &row.trained,
+    |row| &row.held,
+    |row| &row.constant,
+    |row| &row.switch,
+    |row| &row.adapted,
+    |row| &row.again,
+    |row| &row.few,
+    |row| &row.known,
+];
+
+fn line(row: &StructureRow) -> Vec<String> {
+    let recall = |of: fn(&StructureRow) -> &SolvedBy| {
+        let recall = of(row).recall;
+        recall.map_or("–".to_owned(), |recall| format!("{recall:.2}"))
     };
     let off = row.off_m.map_or("–".to_owned(), |[own, keeping]| {
         format!("{own:.2} / {keeping:.2}")
     });
     let (expected, [low, high]) = row.expected;
-    format!(
-        "| {} | {} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {off} | {:.0} % [{:.0}, {:.0}] | {:.0} % |\n",
-        row.ego,
-        row.seed,
-        row.searched,
-        row.starts,
-        recall(&row.trained),
-        recall(&row.held),
-        recall(&row.constant),
-        recall(&row.switch),
-        recall(&row.adapted),
-        recall(&row.again),
-        recall(&row.few),
-        recall(&row.known),
-        row.like.as_deref().unwrap_or("–"),
-        row.adapted.beyond,
-        100.0 * expected,
-        100.0 * low,
-        100.0 * high,
-        100.0 * row.came().0,
-    )
+    let [expected, low, high, came] =
+        [expected, low, high, row.came().0].map(|share| 100.0 * share);
+    let named = [
+        row.ego.clone(),
+        row.seed.to_string(),
+        format!("{} of {}", row.searched, row.starts),
+    ];
+    let known = [
+        row.like.clone().unwrap_or("–".to_owned()),
+        row.adapted.beyond.to_string(),
+        off,
+        format!("{expected:.0} % [{low:.0}, {high:.0}]"),
+        format!("{came:.0} %"),
+    ];
+    let cells = named.into_iter().chain(ADOS.map(recall)).chain(known);
+    cells.collect()
 }

@@ -111,18 +111,18 @@ fn least_width(lines: &[Vec<&str>], column: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use brakecheck::report::TextTable;
 
     #[test]
     fn a_wide_table_is_cut_between_columns_and_no_word_is() {
         let names: Vec<String> = (0..14).map(|nth| format!("quantity{nth}")).collect();
-        let row = |key: &str| format!("| {key} | {} |\n", vec!["[−0.123,"; 14].join(" | "));
-        let text = format!(
-            "Of two.\n\n| ego | {} |\n| {} |\n{}{}\nIt ends.\n",
-            names.join(" | "),
-            vec!["---"; 15].join(" | "),
-            row("softer brakes"),
-            row("unrecognisably")
-        );
+        let row = |key: &str| {
+            let cells = std::iter::repeat_n("[−0.123,".to_owned(), 14);
+            std::iter::once(key.to_owned()).chain(cells)
+        };
+        let columns = std::iter::once("ego".to_owned()).chain(names.clone());
+        let table = TextTable::new(columns, [row("softer brakes"), row("unrecognisably")]);
+        let text = format!("Of two.\n\n{}\nIt ends.\n", table.to_markdown());
         let shown = fitted(&text);
         assert!(shown.starts_with("Of two.\n\n┌") && shown.ends_with("\n\nIt ends."));
         assert!(

@@ -2,6 +2,7 @@
 
 use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseReport};
 use brakecheck::evaluation::{ReusedOn, Summary};
+use brakecheck::report::TextTable;
 use brakecheck::run_dir::Row;
 use brakecheck::sysid::is_telling;
 
@@ -53,50 +54,50 @@ fn one_markdown(study: &ReuseReport) -> String {
         .map(|(ado, cpu_s)| format!("{ado} {cpu_s:.0} s"))
         .collect();
     let mut text = format!(
-        "## {}\n\n{} starts ({} trivial), {} training seeds; training, processor time each: {}.\n\n\
-         | ego | relation | fails without an adversary | reachable |",
+        "## {}\n\n{} starts ({} trivial), {} training seeds; training, processor time each: {}.\n\n",
         study.world,
         study.starts,
         study.trivial,
         study.seeds,
         trained.join(", ")
     );
-    for (_, header) in SHOWN {
-        text.push_str(&format!(" {header} |"));
-    }
-    text.push_str(" recall of conditional |\n|");
-    // Four columns precede the ados, and a single column follows them.
-    text.push_str(&" --- |".repeat(SHOWN.len() + 5));
-    text.push('\n');
-    for ego in &study.egos {
-        let reachable = ego.reachable.map_or("–".to_owned(), percent);
-        text.push_str(&format!(
-            "| {} | {:?} | {} | {reachable} |",
-            ego.ego,
-            ego.relation,
-            percent(ego.fails_without_adversary),
-        ));
-        for (word, _) in SHOWN {
-            let rate = mean_of(ego, word, |row| Some(row.success_rate));
-            text.push_str(&format!(" {} |", rate.map_or("–".to_owned(), percent)));
-        }
+    let before = ["ego", "relation", "fails without an adversary", "reachable"];
+    let ados = SHOWN.map(|(_, heading)| heading);
+    let columns = before
+        .into_iter()
+        .chain(ados)
+        .chain(["recall of conditional"]);
+    let lines = study.egos.iter().map(|ego| {
+        let rates = SHOWN.map(|(word, _)| mean_of(ego, word, |row| Some(row.success_rate)));
         let recall = mean_of(ego, CONDITIONAL, |row| row.recall);
-        let recall = recall.map_or("–".to_owned(), |recall| format!("{recall:.3}"));
-        text.push_str(&format!(" {recall} |\n"));
-    }
+        let shown = [
+            ego.ego.clone(),
+            format!("{:?}", ego.relation),
+            percent(ego.fails_without_adversary),
+            or_dash(ego.reachable.map(percent)),
+        ];
+        let rates = rates.map(|rate| or_dash(rate.map(percent)));
+        let recall = or_dash(recall.map(|recall| format!("{recall:.3}")));
+        shown.into_iter().chain(rates).chain([recall])
+    });
+    text.push_str(&TextTable::new(columns, lines).to_markdown());
     text.push_str(EGOS_EXPLAINED);
     for (reference, summaries) in [
         (CONDITIONAL, &study.summary),
         (CONDITIONAL_TRIES, &study.summary_of_tries),
     ] {
-        text.push_str(&format!(
-            "\n| block | ado | egos | mean success | `{reference}` − it [95 %] | \
-             mean recall (egos) | least recall | simulations per start |\n\
-             | --- | --- | --- | --- | --- | --- | --- | --- |\n"
-        ));
-        for sum in summaries {
-            text.push_str(&summary_line(sum));
-        }
+        let columns = [
+            "block",
+            "ado",
+            "egos",
+            "mean success",
+            &format!("`{reference}` − it [95 %]"),
+            "mean recall (egos)",
+            "least recall",
+            "simulations per start",
+        ];
+        text.push('\n');
+        text.push_str(&TextTable::new(columns, summaries.iter().map(summary_line)).to_markdown());
     }
     text.push_str(BLOCKS_EXPLAINED);
     text.push_str(&known_markdown(study));
@@ -107,47 +108,65 @@ fn one_markdown(study: &ReuseReport) -> String {
 
 /// Formats the identification of every ego and its economy.
 fn known_markdown(study: &ReuseReport) -> String {
-    let mut text = String::from(
-        "\n| ego | taken for | explained | residual m (nominal) | identification: simulations | \
-         held search: simulations per start | conditional ado cheaper from |\n\
-         | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
+    let columns = [
+        "ego",
+        "taken for",
+        "explained",
+        "residual m (nominal)",
+        "identification: simulations",
+        "held search: simulations per start",
+        "conditional ado cheaper from",
+    ];
+    let dashes = || ["–", "–"].map(str::to_owned);
+    let mut lines: Vec<[String; 7]> = Vec::new();
     for known in &study.known {
-        let mut lines = study.economy.iter();
-        let line = lines.find(|line| line.ego.as_deref() == Some(&known.ego));
-        text.push_str(&format!(
-            "| {} | {} | {} | {:.2} ({:.2}) | {} | {} |\n",
-            known.ego,
-            if is_telling(known.explained, known.residual_m, known.nominal_residual_m) {
+        let mut economy = study.economy.iter();
+        let line = economy.find(|line| line.ego.as_deref() == Some(&known.ego));
+        let [search, starts] = line.map_or_else(dashes, economy_words);
+        let is_used = is_telling(known.explained, known.residual_m, known.nominal_residual_m);
+        lines.push([
+            known.ego.clone(),
+            // A member that does not describe the ego is not used, so it is not shown.
+            if is_used {
                 &known.taken_for
             } else {
-                // A member that does not describe the ego is not used, so it is not shown.
                 "the nominal ego"
-            },
-            if known.explained { "yes" } else { "no" },
-            known.residual_m,
-            known.nominal_residual_m,
-            known.simulations,
-            line.map_or("– | –".to_owned(), economy_words),
-        ));
+            }
+            .to_owned(),
+            if known.explained { "yes" } else { "no" }.to_owned(),
+            format!("{:.2} ({:.2})", known.residual_m, known.nominal_residual_m),
+            known.simulations.to_string(),
+            search,
+            starts,
+        ]);
     }
     if let Some(all) = study.economy.iter().find(|line| line.ego.is_none()) {
-        text.push_str(&format!(
-            "| all of them | | | | {:.0}, training included | {} on each |\n",
-            all.once,
-            economy_words(all),
-        ));
+        let [search, starts] = economy_words(all);
+        lines.push([
+            "all of them".to_owned(),
+            String::new(),
+            String::new(),
+            String::new(),
+            format!("{:.0}, training included", all.once),
+            search,
+            format!("{starts} on each"),
+        ]);
     }
-    text
+    format!("\n{}", TextTable::new(columns, lines).to_markdown())
 }
 
-fn economy_words(line: &Economy) -> String {
+/// Returns the simulations of the search per start, and the starts that pay off.
+fn economy_words(line: &Economy) -> [String; 2] {
     // An unmatched search costs its whole budget, so the true number may be smaller.
     let at_most = if line.matched { "" } else { "at most " };
     let starts = line.starts.map_or("never".to_owned(), |starts| {
         format!("{at_most}{starts:.0} starts")
     });
-    format!("{:.1} | {starts}", line.search)
+    [format!("{:.1}", line.search), starts]
+}
+
+fn or_dash(text: Option<String>) -> String {
+    text.unwrap_or_else(|| "–".to_owned())
 }
 
 /// Returns the mean over the training seeds of an ado's rows on an ego.
@@ -157,7 +176,7 @@ fn mean_of(ego: &ReusedOn, ado: &str, of: fn(&Row) -> Option<f64>) -> Option<f64
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-fn summary_line(sum: &Summary) -> String {
+fn summary_line(sum: &Summary) -> [String; 8] {
     let difference = sum.reference_minus.map(|(mean, [lo, hi])| {
         let [mean, lo, hi] = [mean, lo, hi].map(|share| 100.0 * share);
         format!("{mean:+.1} [{lo:+.1}, {hi:+.1}]")
@@ -169,16 +188,14 @@ fn summary_line(sum: &Summary) -> String {
         .recall_min
         .as_ref()
         .map(|(recall, ego)| format!("{recall:.3} ({ego})"));
-    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
-    format!(
-        "| {} | {} | {} | {:.1} % | {} | {} | {} | {:.1} |\n",
-        sum.relation.heading(),
-        sum.ado,
-        sum.egos,
-        100.0 * sum.success_rate,
+    [
+        sum.relation.heading().to_owned(),
+        sum.ado.to_string(),
+        sum.egos.to_string(),
+        format!("{:.1} %", 100.0 * sum.success_rate),
         or_dash(difference),
         or_dash(recall),
         or_dash(least),
-        sum.sims_per_start,
-    )
+        format!("{:.1}", sum.sims_per_start),
+    ]
 }

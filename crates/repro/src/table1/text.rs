@@ -1,6 +1,7 @@
 //! Markdown of Table I.
 
-use super::{GridStudy, LearnerOnMap, MapResult, verdict_on};
+use super::{GridStudy, LearnerOnMap, MapResult, References, verdict_on};
+use brakecheck::report::TextTable;
 use brakecheck::scene::grid::AtWall;
 
 /// Formats the studies, the headline first.
@@ -57,36 +58,43 @@ fn interval([lo, hi]: [f64; 2]) -> String {
     format!("[{}, {}]", percent(lo), percent(hi))
 }
 
-fn header(fixed: &str, study: &GridStudy, rest: &str, text: &mut String) {
-    let line = format!("| {fixed} | {} |{rest}\n", study.learners.join(" | "));
-    // The rule has as many columns as the header, whatever the number of learners.
-    let rule = "| --- ".repeat(line.matches('|').count() - 1);
-    text.push_str(&format!("{line}{rule}|\n"));
-}
-
 fn captures(study: &GridStudy, text: &mut String) {
-    header(
-        "question | map | starts | paper % | optimum %",
-        study,
-        " random % | tables % | chaser % |",
-        text,
-    );
-    for cell in &study.cells {
-        let trained: Vec<String> = cell.trained.iter().map(share).collect();
-        text.push_str(&format!(
-            "| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
-            cell.question,
-            cell.map,
-            cell.starts,
+    let before = ["question", "map", "starts", "paper %", "optimum %"];
+    let learners = study.learners.iter().map(String::as_str);
+    let columns = before
+        .into_iter()
+        .chain(learners)
+        .chain(["random %", "tables %", "chaser %"]);
+    let lines = study.cells.iter().map(|cell| {
+        let before = [
+            cell.question.clone(),
+            cell.map.clone(),
+            cell.starts.to_string(),
             paper(cell),
             percent(cell.references.optimum),
-            trained.join(" | "),
-            percent(cell.references.random),
-            percent(cell.references.random_tables),
-            percent(cell.references.chaser),
-        ));
-    }
+        ];
+        let learners = cell.trained.iter().map(share);
+        before
+            .into_iter()
+            .chain(learners)
+            .chain(untrained(&cell.references))
+    });
+    push_table(text, &TextTable::new(columns, lines));
+}
+
+/// Adds a table and the blank line after it.
+fn push_table(text: &mut String, table: &TextTable) {
+    text.push_str(&table.to_markdown());
     text.push('\n');
+}
+
+/// Formats the captures of the ados that do not learn.
+fn untrained(references: &References) -> [String; 3] {
+    [
+        percent(references.random),
+        percent(references.random_tables),
+        percent(references.chaser),
+    ]
 }
 
 fn share(trained: &LearnerOnMap) -> String {
@@ -101,22 +109,23 @@ fn paper(cell: &MapResult) -> String {
 }
 
 fn randoms(study: &GridStudy, text: &mut String) {
-    text.push_str(
-        "RQ1's baselines on n = 4, k = 2:\n\n\
-         | random ados | paper % | random actions % | random fixed tables % |\n| --- | --- | --- | --- |\n",
-    );
-    for random in &study.random_ados {
-        text.push_str(&format!(
-            "| {} | {} | {} {} | {} {} |\n",
-            random.ados,
+    text.push_str("RQ1's baselines on n = 4, k = 2:\n\n");
+    let columns = [
+        "random ados",
+        "paper %",
+        "random actions %",
+        "random fixed tables %",
+    ];
+    let of = |(share, ci95): (f64, [f64; 2])| format!("{} {}", percent(share), interval(ci95));
+    let lines = study.random_ados.iter().map(|random| {
+        [
+            random.ados.to_string(),
             percent(random.paper),
-            percent(random.actions.0),
-            interval(random.actions.1),
-            percent(random.tables.0),
-            interval(random.tables.1),
-        ));
-    }
-    text.push('\n');
+            of(random.actions),
+            of(random.tables),
+        ]
+    });
+    push_table(text, &TextTable::new(columns, lines));
 }
 
 fn near(study: &GridStudy, text: &mut String) {
@@ -127,36 +136,28 @@ fn near(study: &GridStudy, text: &mut String) {
          Condition: of all chosen counterexamples those with δ < γ^T (g(τ) + 1), and the share around them.\n\n",
     );
     let learners = study.learners.iter();
-    let columns: Vec<String> = learners
-        .flat_map(|name| [format!("{name} %"), format!("{name} condition")])
-        .collect();
-    text.push_str(&format!("| δ | paper % | {} |\n", columns.join(" | ")));
-    text.push_str(&format!("{}|\n", "| --- ".repeat(2 + columns.len())));
+    let columns = learners.flat_map(|name| [format!("{name} %"), format!("{name} condition")]);
+    let columns = ["δ", "paper %"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(columns);
+    let mut lines: Vec<Vec<String>> = Vec::new();
     for row in &near.deltas {
         let trained = row.trained.iter().flat_map(|share| {
-            let met = share.where_met.map_or("–".to_owned(), percent);
+            let around = share.where_met.map_or("–".to_owned(), percent);
             [
                 format!("{} ({})", percent(share.median), percent(share.min)),
-                format!("{}: {met}", share.meets),
+                format!("{}: {around}", share.meets),
             ]
         });
-        let trained: Vec<String> = trained.collect();
-        text.push_str(&format!(
-            "| {} | {} | {} |\n",
-            row.delta,
-            percent(row.paper),
-            trained.join(" | "),
-        ));
+        let before = [row.delta.to_string(), percent(row.paper)].into_iter();
+        lines.push(before.chain(trained).collect());
     }
-    let everywhere: Vec<String> = near
-        .everywhere
-        .iter()
-        .flat_map(|share| [percent(*share), String::new()])
-        .collect();
-    text.push_str(&format!(
-        "| all starts | – | {} |\n",
-        everywhere.join(" | ")
-    ));
+    let everywhere = near.everywhere.iter();
+    let everywhere = everywhere.flat_map(|share| [percent(*share), String::new()]);
+    let before = ["all starts", "–"].map(str::to_owned).into_iter();
+    lines.push(before.chain(everywhere).collect());
+    text.push_str(&TextTable::new(columns, lines).to_markdown());
     let alphas = study.learners.iter().zip(&near.alpha);
     let alphas: Vec<String> = alphas
         .map(|(name, alpha)| format!("{name} {alpha:.2}"))
@@ -188,19 +189,20 @@ fn refined(study: &GridStudy, text: &mut String) {
          Related: starts in the greatest bisimulation whose coarse start is a counterexample, captured of these by cell, all seeds. \
          Else: the same of the others.\n\n",
     );
-    let columns: Vec<String> = study
-        .learners
-        .iter()
-        .flat_map(|name| {
-            ["by cell %", "own view %", "related", "else"].map(|c| format!("{name} {c}"))
-        })
-        .collect();
-    text.push_str(&format!(
-        "| ε | paper % | related states | related starts | optimum % | {} | random % | tables % | chaser % |\n",
-        columns.join(" | ")
-    ));
-    text.push_str(&format!("{}|\n", "| --- ".repeat(8 + columns.len())));
-    for map in &study.refined {
+    let learners = study.learners.iter().flat_map(|name| {
+        ["by cell %", "own view %", "related", "else"].map(|c| format!("{name} {c}"))
+    });
+    let before = [
+        "ε",
+        "paper %",
+        "related states",
+        "related starts",
+        "optimum %",
+    ];
+    let after = ["random %", "tables %", "chaser %"].map(str::to_owned);
+    let columns = before.map(str::to_owned).into_iter();
+    let columns = columns.chain(learners).chain(after);
+    let lines = study.refined.iter().map(|map| {
         let of = |(whole, part): (usize, usize)| format!("{part} of {whole}");
         let trained = map.trained.iter().flat_map(|ado| {
             [
@@ -211,42 +213,44 @@ fn refined(study: &GridStudy, text: &mut String) {
             ]
         });
         let trained: Vec<String> = trained.collect();
-        text.push_str(&format!(
-            "| {} | {} | {} of {} | {} of {} | {} | {} | {} | {} | {} |\n",
-            map.refine,
+        let before = [
+            map.refine.to_string(),
             percent(map.paper),
-            map.related,
-            map.candidates,
-            map.related_starts,
-            map.starts,
+            of((map.candidates, map.related)),
+            of((map.starts, map.related_starts)),
             percent(map.references.optimum),
-            trained.join(" | "),
-            percent(map.references.random),
-            percent(map.references.random_tables),
-            percent(map.references.chaser),
-        ));
-    }
-    text.push('\n');
+        ];
+        before
+            .into_iter()
+            .chain(trained)
+            .chain(untrained(&map.references))
+    });
+    push_table(text, &TextTable::new(columns, lines));
 }
 
 fn open_loop(study: &GridStudy, text: &mut String) {
     text.push_str(
         "Fig. 1: the action sequences with which each policy captures, played back open loop elsewhere.\n\
          Own start, other starts: shares captured by the sequence, from where it was found and from all others; \
-         the policy there: by the policy itself.\n\n\
-         | ado | from its own start % | from the other starts % | the policy there % | own start, k = 1 % | the policy there % |\n\
-         | --- | --- | --- | --- | --- | --- |\n",
+         the policy there: by the policy itself.\n\n",
     );
-    for row in &study.open_loop {
-        text.push_str(&format!(
-            "| {} | {} | {} | {} | {} | {} |\n",
-            study.learners[row.learner],
+    let columns = [
+        "ado",
+        "from its own start %",
+        "from the other starts %",
+        "the policy there %",
+        "own start, k = 1 %",
+        "the policy there %",
+    ];
+    let lines = study.open_loop.iter().map(|row| {
+        [
+            study.learners[row.learner].clone(),
             percent(row.own_start),
             percent(row.other_starts),
             percent(row.policy_other_starts),
             percent(row.other_step),
             percent(row.policy_other_step),
-        ));
-    }
-    text.push('\n');
+        ]
+    });
+    push_table(text, &TextTable::new(columns, lines));
 }
