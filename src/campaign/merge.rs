@@ -85,7 +85,7 @@ impl PlanDir {
                 .map(|piece| self.checked(piece, others))
                 .collect();
             for (piece, checked) in batch.iter().zip(checked?) {
-                let (text, told) = match checked {
+                let (text, starts) = match checked {
                     Ok(checked) => checked,
                     Err(why) => {
                         wrong.push((piece.number, why));
@@ -101,14 +101,14 @@ impl PlanDir {
                     continue;
                 }
                 if let Work::Starts { unit, .. } = piece.work {
-                    for told in told {
+                    for start in starts {
                         rows += 1;
                         tallies[unit].count(
-                            told.start as usize,
-                            told.outcome,
-                            (told.contact, told.closing_mps),
-                            told.preventable,
-                            (told.simulations, told.physics_steps),
+                            start.start as usize,
+                            start.outcome,
+                            (start.contact, start.closing_mps),
+                            start.preventable,
+                            (start.simulations, start.physics_steps),
                         );
                     }
                     file.write(text.rows.as_bytes())?;
@@ -121,14 +121,14 @@ impl PlanDir {
         // The hash covers the rows in plan order, which no machine or cut changes.
         let sha256 = file.finish()?;
         let summary = CampaignSummary::of(self, tallies);
-        let told = json!({
+        let summary_file = json!({
             "campaign": self.plan.name,
             "brakecheck": self.plan.brakecheck,
             "rows": rows,
             "rows_sha256": sha256,
             "summary": summary,
         });
-        let text = format!("{told:#}\n");
+        let text = format!("{summary_file:#}\n");
         write_file(&dir.join("summary.json"), text.as_bytes())?;
         Ok(Merged {
             path,
@@ -181,21 +181,22 @@ impl PlanDir {
         let Some(text) = found else {
             return Ok(Err("missing".to_owned()));
         };
-        Ok(self.rows_of(piece, &text.rows).map(|told| (text, told)))
+        Ok(self.rows_of(piece, &text.rows).map(|starts| (text, starts)))
     }
 
     /// Parses the rows of a piece and checks that they are its starts in order.
     fn rows_of(&self, piece: &CampaignPiece, rows: &str) -> Result<Vec<SummaryFields>, String> {
-        let told: Result<Vec<SummaryFields>, _> = rows.lines().map(serde_json::from_str).collect();
-        let told: Vec<SummaryFields> = told.map_err(|error| format!("damaged: {error}"))?;
+        let parsed: Result<Vec<SummaryFields>, _> =
+            rows.lines().map(serde_json::from_str).collect();
+        let parsed: Vec<SummaryFields> = parsed.map_err(|error| format!("damaged: {error}"))?;
         let asked = match &piece.work {
             // A training has no rows.
             Work::Training(_) => 0..0,
             Work::Starts { starts, .. } => starts.clone(),
         };
-        let is = told.iter().map(|row| row.start);
+        let is = parsed.iter().map(|row| row.start);
         if is.eq(asked.clone().map(|start| start as u64)) {
-            Ok(told)
+            Ok(parsed)
         } else {
             Err(format!(
                 "damaged: it has not just the starts {} to {}",

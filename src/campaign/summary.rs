@@ -390,7 +390,7 @@ fn gates(
             first: flips.newly_failing.iter().copied().take(NAMED).collect(),
             newly_fixed: flips.newly_fixed.len(),
             p_value: flips.p_value(),
-            held_up: on.holds_up(preventable()),
+            held_up: on.blocks(preventable()),
         });
     }
     gates

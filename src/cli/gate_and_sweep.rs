@@ -63,7 +63,7 @@ impl GateAndSweep {
 
     /// Returns whether the gate fails because of newly failing starts.
     pub(super) fn is_held_up(&self, on: GateOn) -> bool {
-        self.gates.iter().any(|gate| gate.holds_up(on))
+        self.gates.iter().any(|gate| gate.blocks(on))
     }
 }
 

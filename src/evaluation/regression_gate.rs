@@ -76,7 +76,7 @@ pub enum GateOn {
 
 impl GateOn {
     /// Returns whether newly failing starts block a change, by their preventability.
-    pub fn holds_up(self, newly_failing: impl IntoIterator<Item = Option<bool>>) -> bool {
+    pub fn blocks(self, newly_failing: impl IntoIterator<Item = Option<bool>>) -> bool {
         newly_failing.into_iter().any(|preventable| match self {
             GateOn::Preventable => preventable == Some(true),
             GateOn::Any => true,
@@ -87,8 +87,8 @@ impl GateOn {
 
 impl Gate {
     /// Returns whether the gate blocks the new ego.
-    pub fn holds_up(&self, on: GateOn) -> bool {
-        on.holds_up(self.newly_failing.iter().map(|start| start.preventable))
+    pub fn blocks(&self, on: GateOn) -> bool {
+        on.blocks(self.newly_failing.iter().map(|start| start.preventable))
     }
 
     /// Compares two egos against the same ado on the same starts.

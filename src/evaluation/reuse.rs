@@ -222,10 +222,10 @@ fn summary(
         .filter(|(_, rows)| !rows.is_empty())
         .collect();
     // Egos that no search can make fail would have a recall by chance.
-    let telling = played
+    let reachable = played
         .iter()
         .filter(|(ego, _)| ego.reachable.is_some_and(|share| LEAST_REACHABLE <= share));
-    let recalls: Vec<(f64, String)> = telling
+    let recalls: Vec<(f64, String)> = reachable
         .filter_map(|(ego, rows)| {
             let recalls: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
             // An ego without a recall in every training has no mean.

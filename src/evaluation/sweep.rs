@@ -144,14 +144,14 @@ impl SweepPoint {
     fn of(value: f64, rows: &[Row]) -> SweepPoint {
         let starts = rows.iter().map(|row| row.solved.len()).max().unwrap_or(0);
         let outcomes = |start: usize| rows.iter().filter_map(move |row| row.solved.get(start));
-        let (mut told, mut failing) = (0, 0);
+        let (mut valid, mut failing) = (0, 0);
         for start in 0..starts {
-            told += usize::from(outcomes(start).any(|outcome| outcome.score().is_some()));
+            valid += usize::from(outcomes(start).any(|outcome| outcome.score().is_some()));
             failing += usize::from(outcomes(start).any(|one| *one == StartOutcome::Solved));
         }
         SweepPoint {
             value,
-            starts: told,
+            starts: valid,
             failing,
         }
     }

@@ -20,7 +20,7 @@ pub struct SearchResult {
     /// Number of episodes, including partial episodes and the final success.
     pub simulations: u64,
     /// Episodes in which a rule was broken.
-    pub fouls: u64,
+    pub violations: u64,
     /// Physics steps spent, on both plants.
     pub physics_steps: u64,
     /// Sequences that succeeded in pre-screening but not on the requested plant.

@@ -161,8 +161,8 @@ impl SearchRequest<'_> {
         let valid = searched.clone().filter(|found| !found.is_invalid());
         let simulations: u64 = valid.clone().map(|found| found.simulations).sum();
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
-        let fouls: u64 = valid.map(|found| found.fouls).sum();
-        row.foul_rate = fouls as f64 / simulations.max(1) as f64;
+        let violations: u64 = valid.map(|found| found.violations).sum();
+        row.foul_rate = violations as f64 / simulations.max(1) as f64;
         row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
         // `sum` of nothing is -0.0, which would be printed with its sign.
         row.cpu_s = searched.clone().fold(0.0, |sum, found| sum + found.cpu_s);
@@ -180,9 +180,9 @@ pub(crate) fn count_contacts<'a>(
 ) {
     let starts = row.starts.max(1) as f64;
     let share = |part: usize| part as f64 / starts;
-    let late_fouls = found.clone().filter(|found| found.foul_before_contact);
+    let late_violations = found.clone().filter(|found| found.foul_before_contact);
     let contacts: Vec<f64> = found.clone().filter_map(|f| f.closing_speed_mps).collect();
-    row.foul_before_contact_rate = Some(share(late_fouls.count()));
+    row.foul_before_contact_rate = Some(share(late_violations.count()));
     row.contact_rate = share(contacts.len());
     row.closing_speed_mps = ClosingSpeed::of(contacts);
     row.success_closing_mps = row.closing_speed_mps;

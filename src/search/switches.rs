@@ -99,7 +99,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
         }
     }
     let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
-    found.fouls += tree.fouls;
+    found.violations += tree.violations;
     found.fault = tree.fault.or(confirmer.fault);
     // A stopped search without a result says nothing about the start.
     if found.actions.is_none() && found.fault.is_none() && watch.stopped() {

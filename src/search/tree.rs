@@ -48,7 +48,7 @@ pub(crate) struct Tree<'a> {
     /// Sequences played. A part of a sequence counts as a sequence.
     pub simulations: u64,
     /// Sequences in which a rule was broken.
-    pub fouls: u64,
+    pub violations: u64,
     /// Physics steps spent.
     pub physics_steps: u64,
 }
@@ -83,7 +83,7 @@ impl<'a> Tree<'a> {
             most: u64::MAX,
             fault: None,
             simulations: 0,
-            fouls: 0,
+            violations: 0,
             physics_steps: 0,
         }
     }
@@ -162,10 +162,10 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Counts the fouls and faults of a finished episode.
+    /// Counts the violations and faults of a finished episode.
     fn note(&mut self, bench: &Testbench) {
-        let fouled = bench.verdict().is_some_and(|verdict| verdict.is_foul());
-        self.fouls += u64::from(fouled);
+        let violates = bench.verdict().is_some_and(|verdict| verdict.is_foul());
+        self.violations += u64::from(violates);
         self.watch.faults.note(self.index as u64, bench.fault());
         if self.fault.is_none() {
             self.fault = bench.fault().cloned();

@@ -28,9 +28,9 @@ impl<'a> Trials<'a> {
             found: SearchResult::default(),
         };
         method(&mut trials);
-        let tells = trials.found.actions.is_some() || trials.found.fault.is_some();
+        let has_result = trials.found.actions.is_some() || trials.found.fault.is_some();
         // A solution or a fault is a result even if the search was stopped afterwards.
-        let unfinished = trials.stopped && !tells;
+        let unfinished = trials.stopped && !has_result;
         (!unfinished).then_some(trials.found)
     }
 
@@ -90,7 +90,7 @@ impl<'a> Trials<'a> {
             .faults
             .note(one.index as u64, episode.fault.as_ref());
         self.found.simulations += 1;
-        self.found.fouls += u64::from(episode.verdict.is_foul());
+        self.found.violations += u64::from(episode.verdict.is_foul());
         self.found.physics_steps += episode.physics_steps;
         if self.found.fault.is_none() {
             self.found.fault.clone_from(&episode.fault);

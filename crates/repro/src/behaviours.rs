@@ -83,7 +83,7 @@ pub fn two_behaviours(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Show
     ])
 }
 
-/// Fig. 3: a distant merge, a cut-in that breaks a rule, and a lawful violation.
+/// Fig. 3: a distant merge, a cut-in that breaks a rule, and a violation with every rule kept.
 ///
 /// # Errors
 /// Returns the errors of [`two_behaviours`], for the paper's failing start of `merge`.
@@ -113,8 +113,9 @@ pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>
         // The earliest violation of the rule is the clearest picture.
         (broken && moved).then_some(-(episode.judged as f64))
     };
-    let lawful = first_found(scenario, &start, watch);
-    let lawful = lawful.ok_or_else(|| not_found(scenario, SWITCHES, "violates ψ_ego by the rules"));
+    let violation = first_found(scenario, &start, watch);
+    let violation =
+        violation.ok_or_else(|| not_found(scenario, SWITCHES, "violates ψ_ego by the rules"));
     Ok(vec![
         shown(
             "Merges far away",
@@ -124,7 +125,7 @@ pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>
             "Cuts in, breaking its rule",
             find(&rude, "breaks the first rule")?,
         ),
-        shown("Violation, every rule kept", lawful?),
+        shown("Violation, every rule kept", violation?),
     ])
 }
 

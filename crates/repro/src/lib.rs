@@ -33,5 +33,5 @@ pub use near::{NearFailing, TrainedPolicy, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
 pub use protocols::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
 pub use reuse_study::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
-pub use structures::{RUNS, StructureRow, StructuresAsked, other_structures, structures_markdown};
+pub use structures::{RUNS, StructureRow, StructureStudy, other_structures, structures_markdown};
 pub use table1::{Table1, Table1Error, table1, table1_markdown};

@@ -65,11 +65,11 @@ pub struct NearRow {
 
 /// Evaluates all `starts` that are δ-near `around`, for each δ.
 ///
-/// Every training start counts as met, even if training did not reach it, so `never_met`
+/// Every training start counts as seen, even if training did not reach it, so `never_met`
 /// is a lower bound. `None`: stopped.
 pub fn near_starts(
     scenario: &Scenario,
-    alumnus: TrainedPolicy<'_>,
+    trained: TrainedPolicy<'_>,
     around: &Start,
     starts: &TestStarts,
     deltas: &[f64],
@@ -81,8 +81,8 @@ pub fn near_starts(
         // The value is read at the first observation, before the ado acts.
         bench.begin(start, noise, Aftermath::Skip);
         bench.observe(&mut obs);
-        let value = f64::from(alumnus.policy.value(&obs));
-        let mut ado = PolicyActor(alumnus.policy);
+        let value = f64::from(trained.policy.value(&obs));
+        let mut ado = PolicyActor(trained.policy);
         let episode = watch.play(bench, (start, noise), 0, &mut ado, Aftermath::Skip);
         (value, episode.verdict.is_success())
     };
@@ -90,11 +90,11 @@ pub fn near_starts(
     let mut bench = scenario.bench();
     // The paper's start has no index, so it gets the noise seed 0.
     let (value, fails) = look(&mut bench, around, 0);
-    let met: Vec<Start> = (0..alumnus.episodes)
+    let training_starts: Vec<Start> = (0..trained.episodes)
         .map(|index| {
             bench.draw(StartKey {
                 purpose: Purpose::Train,
-                seed: alumnus.seed,
+                seed: trained.seed,
                 index,
             })
         })
@@ -125,16 +125,18 @@ pub fn near_starts(
             (axis.name.clone(), below_above)
         });
         // Every start is compared with all training starts, so this runs in parallel.
-        let unmet = failing
-            .par_iter()
-            .filter(|start| met.iter().all(|other| !are_same(&axes, start, other)));
+        let unseen = failing.par_iter().filter(|start| {
+            training_starts
+                .iter()
+                .all(|other| !are_same(&axes, start, other))
+        });
         NearRow {
             delta,
             near: near.len(),
             failing: failing.len(),
             ci95: wilson(failing.len(), near.len()),
             below_above: sides.collect(),
-            never_met: unmet.count(),
+            never_met: unseen.count(),
         }
     };
     Some(NearFailing {

@@ -107,17 +107,17 @@ pub struct StructureRow {
 
 impl StructureRow {
     /// Returns the share of solved starts and whether it was in the expected interval.
-    fn came(&self) -> (f64, bool) {
-        let came = self.adapted.successes as f64 / self.starts.max(1) as f64;
+    fn observed(&self) -> (f64, bool) {
+        let observed = self.adapted.successes as f64 / self.starts.max(1) as f64;
         let [low, high] = self.expected.1;
         // The expectation was fixed before the test starts were played.
-        (came, low <= came && came <= high)
+        (observed, low <= observed && observed <= high)
     }
 }
 
 /// Request of the study.
 #[derive(Clone, Copy)]
-pub struct StructuresAsked<'a> {
+pub struct StructureStudy<'a> {
     /// Run of the ado.
     pub run: &'a RunDir,
     /// World of the run, on the plant to test on.
@@ -158,12 +158,12 @@ fn kin(ego: &EgoUnderTest) -> Vec<&'static str> {
     line.map_or_else(|| vec![kind], |line| line.to_vec())
 }
 
-impl StructuresAsked<'_> {
+impl StructureStudy<'_> {
     /// Plays all ados against an ego. `None`: stopped.
     ///
     /// # Errors
     /// Returns an error if the ado cannot be played or the ego does not run.
-    pub fn meet(
+    pub fn evaluate(
         &self,
         ego: &EgoUnderTest,
         watch: &Watch<'_>,
@@ -185,32 +185,32 @@ impl StructuresAsked<'_> {
             return Ok(None);
         };
         let searched = search.solved.clone();
-        let met =
+        let solved_by =
             |of: &StructureRows, ado: &str| Some(SolvedBy::of(of.row(ado)?.clone(), &searched));
         let row = || {
-            let told = first.told.as_ref()?;
+            let adapted_to = first.adapted_to.as_ref()?;
             Some(StructureRow {
                 ego: ego.name().to_owned(),
                 seed: self.run.manifest().seed,
                 starts: search.starts,
                 searched: search.successes,
-                trained: met(&first, "trained")?,
-                held: met(&first, "hold")?,
-                constant: met(&first, "constant")?,
-                switch: met(&first, "switch")?,
-                adapted: met(&first, "adapted")?,
-                again: met(&again, "adapted")?,
-                few: met(&few, "adapted")?,
-                known: met(&known, "adapted")?,
-                like: known.told.as_ref().and_then(|told| {
-                    let like = told.learned.alike.first()?;
+                trained: solved_by(&first, "trained")?,
+                held: solved_by(&first, "hold")?,
+                constant: solved_by(&first, "constant")?,
+                switch: solved_by(&first, "switch")?,
+                adapted: solved_by(&first, "adapted")?,
+                again: solved_by(&again, "adapted")?,
+                few: solved_by(&few, "adapted")?,
+                known: solved_by(&known, "adapted")?,
+                like: known.adapted_to.as_ref().and_then(|record| {
+                    let like = record.learned.alike.first()?;
                     Some(like.controller.controller.kind().to_owned())
                 }),
-                off_m: told
+                off_m: adapted_to
                     .learned
                     .error
                     .map(|error| [error.rms_m, error.keeps_acceleration_m]),
-                expected: (told.expected, told.expected_ci95),
+                expected: (adapted_to.expected, adapted_to.expected_ci95),
             })
         };
         Ok(row())
@@ -249,7 +249,7 @@ impl StructuresAsked<'_> {
         }
         Ok(Some(StructureRows {
             rows: table.rows(),
-            told: table.adapted_to.pop(),
+            adapted_to: table.adapted_to.pop(),
         }))
     }
 }
@@ -257,7 +257,7 @@ impl StructuresAsked<'_> {
 /// Evaluation of an ego.
 struct StructureRows {
     rows: Vec<Row>,
-    told: Option<AdaptedTo>,
+    adapted_to: Option<AdaptedTo>,
 }
 
 impl StructureRows {
@@ -315,7 +315,7 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
     mean[3..][..ADOS.len()].clone_from_slice(&ADOS.map(over));
     let lines = rows.iter().map(line).chain([mean]);
     text.push_str(&TextTable::new(columns, lines).to_markdown());
-    let expected = rows.iter().filter(|row| row.came().1).count();
+    let expected = rows.iter().filter(|row| row.observed().1).count();
     text.push_str(&format!(
         "\nMeans are over rows in which search solves {LEAST_SEARCHED} starts or more. What came lies in the interval that was expected in {expected} of {} rows.\n",
         rows.len()
@@ -344,8 +344,8 @@ fn line(row: &StructureRow) -> Vec<String> {
         format!("{own:.2} / {keeping:.2}")
     });
     let (expected, [low, high]) = row.expected;
-    let [expected, low, high, came] =
-        [expected, low, high, row.came().0].map(|share| 100.0 * share);
+    let [expected, low, high, observed] =
+        [expected, low, high, row.observed().0].map(|share| 100.0 * share);
     let named = [
         row.ego.clone(),
         row.seed.to_string(),
@@ -356,7 +356,7 @@ fn line(row: &StructureRow) -> Vec<String> {
         row.adapted.beyond.to_string(),
         off,
         format!("{expected:.0} % [{low:.0}, {high:.0}]"),
-        format!("{came:.0} %"),
+        format!("{observed:.0} %"),
     ];
     let cells = named.into_iter().chain(ADOS.map(recall)).chain(known);
     cells.collect()

@@ -31,7 +31,7 @@ impl Checker {
             }
         }
         // Duplicates are checked over both lists, because both play in this world.
-        self.told_apart(&ados)?;
+        self.refuse_equal_names(&ados)?;
         Ok(ados)
     }
 
@@ -160,7 +160,7 @@ impl Checker {
     }
 
     /// Refuses ados that rows could not distinguish.
-    fn told_apart(&self, ados: &[PlannedAdo]) -> Result<(), CampaignError> {
+    fn refuse_equal_names(&self, ados: &[PlannedAdo]) -> Result<(), CampaignError> {
         // Rows name an ado by its word and its training seed.
         let key = |ado: &PlannedAdo| match ado {
             PlannedAdo::Training { training } => {

@@ -81,7 +81,7 @@ fn drawn(lines: &[Vec<&str>]) -> Option<String> {
 ///
 /// Together they identify the rows.
 fn keys(rows: &[Vec<&str>]) -> Vec<usize> {
-    let tells = |columns: &[usize]| {
+    let are_unique = |columns: &[usize]| {
         let mut values: Vec<Vec<Option<&&str>>> = Vec::new();
         for row in rows {
             values.push(columns.iter().map(|it| row.get(*it)).collect());
@@ -91,8 +91,8 @@ fn keys(rows: &[Vec<&str>]) -> Vec<usize> {
         values.windows(2).all(|pair| pair[0] != pair[1])
     };
     let count = rows.first().map_or(0, Vec::len);
-    match (1..count).find(|other| tells(&[0, *other])) {
-        Some(other) if !tells(&[0]) => vec![0, other],
+    match (1..count).find(|other| are_unique(&[0, *other])) {
+        Some(other) if !are_unique(&[0]) => vec![0, other],
         _ => vec![0],
     }
 }
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_told_apart_by_one_column_or_two() {
+    fn rows_are_identified_by_one_column_or_two() {
         let rows = |pairs: &[[&'static str; 3]]| -> Vec<Vec<&str>> {
             pairs.iter().map(|row| row.to_vec()).collect()
         };

@@ -34,21 +34,21 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         let Some(study) = begin(name, &scenario, asked)? else {
             return Ok(None);
         };
-        let mut met = Vec::new();
+        let mut results = Vec::new();
         for ego in &EgoUnderTest::find(&scenario, "all")? {
             let own = json!({ "starts": asked.starts, "tries": asked.tries });
             let settings = settings(asked.seeds, own);
             // One piece per ego, so that an interruption costs a single ego.
             let piece = format!("{name}, reuse on {}", ego.name());
             let made = once(args, (&piece, &scenario), settings, |watch| {
-                Ok(study.meet(ego, watch)?)
+                Ok(study.evaluate(ego, watch)?)
             })?;
             let Some(made) = made else {
                 return Ok(None);
             };
-            met.push(made);
+            results.push(made);
         }
-        studies.push(study.conclude(met));
+        studies.push(study.conclude(results));
     }
     Ok(Some(Made {
         name: "reuse",

@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
 use crate::{
-    RUNS, StructureRow, StructuresAsked, other_structures, structures_markdown, trained_run,
+    RUNS, StructureRow, StructureStudy, other_structures, structures_markdown, trained_run,
 };
 use brakecheck::experiment::Watch;
 use brakecheck::run_dir::RunDir;
@@ -64,12 +64,12 @@ fn rows(
                 let Some(run) = trained(args, &scenario, seed, watch)? else {
                     return Ok(None);
                 };
-                let asked = StructuresAsked {
+                let asked = StructureStudy {
                     run: &run,
                     nominal: &scenario,
                     starts: (starts, seeds.starts),
                 };
-                Ok(asked.meet(ego, watch)?)
+                Ok(asked.evaluate(ego, watch)?)
             })?;
             let Some(row) = made else {
                 return Ok(None);

@@ -382,14 +382,14 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
                     )
                 })
             };
-            let fouls = study.baselines.first().and_then(|one| one.rows.get(at));
+            let violations = study.baselines.first().and_then(|one| one.rows.get(at));
             lines.push([
                 format!("*{name}*"),
                 "–".to_owned(),
                 rate(0),
                 rate(1),
                 "–".to_owned(),
-                fouls.map_or("–".to_owned(), |row| percent(row.foul_rate)),
+                violations.map_or("–".to_owned(), |row| percent(row.foul_rate)),
                 "–".to_owned(),
             ]);
         }

@@ -6,8 +6,8 @@
 //! Baselines on the same starts are the counterexamples of a falsifier from the same
 //! training, a tuned rule, random ados, and searches per start.
 
-mod economy;
-mod players;
+mod ado_rows;
+mod cost_comparison;
 mod text;
 
 use std::path::{Path, PathBuf};
@@ -16,10 +16,11 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use economy::Economy;
+pub use cost_comparison::CostComparison;
 pub use text::reuse_markdown;
 
 use super::case_studies::trained_run;
+use ado_rows::{EgoOnStarts, called};
 use brakecheck::adversary::{Heuristic, tune_heuristic};
 use brakecheck::evaluation::{Relation, ReusedOn, Summary, reused_on, summarise};
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
@@ -28,7 +29,6 @@ use brakecheck::seed::Seeds;
 use brakecheck::sysid::{Identified, IdentifyError, IdentifyRequest, RECORDED_RUNS, identify};
 use brakecheck::training::TrainError;
 use brakecheck::world::{EgoSample, Family, Scenario, TrainingEgos};
-use players::{Player, called};
 
 /// Budgets of held random search, the smaller of which are cut from the largest.
 const HELD_BUDGETS: [u64; 3] = [10, 30, 100];
@@ -94,7 +94,8 @@ pub struct ReuseReport {
     /// Identification of each ego.
     pub known: Vec<EgoIdentification>,
     /// Starts from which the conditional ado is cheaper than search.
-    pub economy: Vec<Economy>,
+    #[serde(rename = "economy")]
+    pub costs: Vec<CostComparison>,
     /// Summary by block and over all changed egos, relative to the conditional ado.
     pub summary: Vec<Summary>,
     /// Same summary, relative to the conditional ado with a few tries.
@@ -151,7 +152,7 @@ pub struct ReuseStudy<'a> {
     scenario: &'a Scenario,
     family: &'a Family,
     asked: ReuseStudyConfig<'a>,
-    trios: Vec<SeedPolicies>,
+    trainings: Vec<SeedPolicies>,
     train_cpu_s: CpuByAdo,
     starts: TestStarts,
     heuristic: OnceLock<Option<Heuristic>>,
@@ -172,7 +173,7 @@ impl<'a> ReuseStudy<'a> {
                 world: scenario.name().to_owned(),
             });
         };
-        let Some((trios, train_cpu_s)) = trios(scenario, &asked, watch)? else {
+        let Some((trainings, train_cpu_s)) = trainings(scenario, &asked, watch)? else {
             return Ok(None);
         };
         let starts = test_starts(scenario, asked.seeds.starts, asked.starts, watch);
@@ -180,7 +181,7 @@ impl<'a> ReuseStudy<'a> {
             scenario,
             family,
             asked,
-            trios,
+            trainings,
             train_cpu_s,
             starts,
             heuristic: OnceLock::new(),
@@ -191,14 +192,14 @@ impl<'a> ReuseStudy<'a> {
     ///
     /// # Errors
     /// Returns an error if the ego cannot be identified or a run directory is damaged.
-    pub fn meet(
+    pub fn evaluate(
         &self,
         tested: &EgoUnderTest,
         watch: &Watch<'_>,
     ) -> Result<Option<EgoResult>, ReuseError> {
         let (ego, changed) = (tested.name(), tested.scenario());
         // All seeds train against the same family, so any run gives the relation.
-        let conditional = &self.trios[0].conditional;
+        let conditional = &self.trainings[0].conditional;
         // The relation depends on the family that the conditional ado was trained on.
         let relation = tested.relation(conditional, &conditional.scenario()?);
         let Some(identified) = self.identified((ego, changed), &[], watch)? else {
@@ -212,19 +213,24 @@ impl<'a> ReuseStudy<'a> {
             nominal_residual_m: identified.nominal_residual_m,
             simulations: identified.simulations + identified.recorded,
         };
-        let player = Player {
+        let on_starts = EgoOnStarts {
             ego: tested,
             starts: &self.starts,
             watch,
         };
-        let (member, told) = identified.told(self.family);
+        let (member, context) = identified.told(self.family);
         let mut rows = Vec::new();
-        for trio in &self.trios {
-            rows.extend(player.ados(trio, self.family, (&member, told), self.asked.tries)?);
+        for policies in &self.trainings {
+            rows.extend(on_starts.ados(
+                policies,
+                self.family,
+                (&member, context),
+                self.asked.tries,
+            )?);
         }
         // Only an ego of the family has parameters that identification can miss.
         if relation == Relation::Inside {
-            let Some(left_out) = self.left_out(&player, &identified.member, &rows)? else {
+            let Some(left_out) = self.left_out(&on_starts, &identified.member, &rows)? else {
                 return Ok(None);
             };
             rows.extend(left_out);
@@ -240,7 +246,11 @@ impl<'a> ReuseStudy<'a> {
                 self.heuristic.get_or_init(|| tuned)
             }
         };
-        rows.extend(player.rivals(&self.trios[0].nominal, heuristic.as_ref(), self.asked.tries)?);
+        rows.extend(on_starts.rivals(
+            &self.trainings[0].nominal,
+            heuristic.as_ref(),
+            self.asked.tries,
+        )?);
         // The search is the last row, and all other rows are compared with it.
         Row::compare_with_last(&mut rows);
         let reused = reused_on(changed, (ego, relation), &self.starts, rows.clone(), watch);
@@ -282,9 +292,9 @@ impl<'a> ReuseStudy<'a> {
     /// of the ado with all quantities.
     fn left_out(
         &self,
-        player: &Player<'_>,
+        on_starts: &EgoOnStarts<'_>,
         known: &EgoSample,
-        told: &[Row],
+        rows_of_all: &[Row],
     ) -> Result<Option<Vec<Row>>, ReuseError> {
         let mut rows = Vec::new();
         for (quantity, value) in self.family.quantities.iter().zip(&known.values) {
@@ -292,12 +302,14 @@ impl<'a> ReuseStudy<'a> {
             let ado = format!("{CONDITIONAL}, without {name}");
             let nominal = (value - quantity.nominal).abs() <= NEARLY * (quantity.hi - quantity.lo);
             if nominal {
-                let told = told.iter().filter(|row| row.ado == CONDITIONAL.into());
-                rows.extend(told.map(|row| called(&ado, row.clone())));
+                let conditional = rows_of_all
+                    .iter()
+                    .filter(|row| row.ado == CONDITIONAL.into());
+                rows.extend(conditional.map(|row| called(&ado, row.clone())));
                 continue;
             }
-            let ego = (player.ego.name(), player.ego.scenario());
-            let member = match self.identified(ego, &[name.to_owned()], player.watch) {
+            let ego = (on_starts.ego.name(), on_starts.ego.scenario());
+            let member = match self.identified(ego, &[name.to_owned()], on_starts.watch) {
                 Ok(Some(identified)) => identified.member,
                 Ok(None) => return Ok(None),
                 // The left-out quantity was the only quantity.
@@ -307,36 +319,40 @@ impl<'a> ReuseStudy<'a> {
                 }) => self.family.nominal(known.plant),
                 Err(error) => return Err(error),
             };
-            for trio in &self.trios {
-                rows.push(player.conditional(&ado, trio, (&member, "identified"))?);
+            for policies in &self.trainings {
+                rows.push(on_starts.conditional(&ado, policies, (&member, "identified"))?);
             }
         }
         Ok(Some(rows))
     }
 
     /// Concludes the study from the egos' results, the nominal ego first.
-    pub fn conclude(&self, met: Vec<EgoResult>) -> ReuseReport {
-        let known: Vec<EgoIdentification> = met.iter().map(|met| met.known.clone()).collect();
-        let egos: Vec<ReusedOn> = met
+    pub fn conclude(&self, results: Vec<EgoResult>) -> ReuseReport {
+        let known: Vec<EgoIdentification> =
+            results.iter().map(|result| result.known.clone()).collect();
+        let egos: Vec<ReusedOn> = results
             .into_iter()
-            .map(|met| ReusedOn {
-                rows: met.rows,
-                ..met.reused
+            .map(|result| ReusedOn {
+                rows: result.rows,
+                ..result.reused
             })
             .collect();
         let first = egos.first().and_then(|ego| ego.rows.first());
         // An episode of the training is a simulation of the ego.
-        let trainings = self.trios.iter().map(|trio| trio.conditional.manifest());
+        let trainings = self
+            .trainings
+            .iter()
+            .map(|policies| policies.conditional.manifest());
         let training = trainings.map(|run| run.episodes as f64).sum::<f64>();
-        // The economy counts the mean training, because each seed is a training.
-        let training = training / self.trios.len().max(1) as f64;
+        // The comparison counts the mean training, because each seed is a training.
+        let training = training / self.trainings.len().max(1) as f64;
         ReuseReport {
             world: self.scenario.name().to_owned(),
             starts: first.map_or(0, |row| row.starts),
             trivial: first.map_or(0, |row| row.trivial),
             seeds: self.asked.seeds.count,
             train_cpu_s: self.train_cpu_s.clone(),
-            economy: economy::economy(training, &egos, &known),
+            costs: cost_comparison::compare_costs(training, &egos, &known),
             summary: summarise(&egos, &CONDITIONAL.into()),
             summary_of_tries: summarise(&egos, &CONDITIONAL_TRIES.into()),
             rows: egos.iter().flat_map(|ego| ego.rows.clone()).collect(),
@@ -349,7 +365,7 @@ impl<'a> ReuseStudy<'a> {
 type CpuByAdo = Vec<(&'static str, f64)>;
 
 /// Trains the ados in parallel, as far as they are not trained yet.
-fn trios(
+fn trainings(
     scenario: &Scenario,
     request: &ReuseStudyConfig<'_>,
     watch: &Watch<'_>,
@@ -387,7 +403,7 @@ fn trios(
     });
     let open = |against: TrainingEgos| of(against).map(|(path, _)| RunDir::open(path));
     // Runs of all kinds are ordered by seed, so they can be zipped.
-    let trios = open(TrainingEgos::Nominal)
+    let trainings = open(TrainingEgos::Nominal)
         .zip(open(TrainingEgos::Randomized))
         .zip(open(TrainingEgos::Conditioned))
         .map(|((nominal, wide), conditional)| {
@@ -398,5 +414,5 @@ fn trios(
             })
         })
         .collect::<Result<_, RunError>>()?;
-    Ok(Some((trios, cpu_s.to_vec())))
+    Ok(Some((trainings, cpu_s.to_vec())))
 }

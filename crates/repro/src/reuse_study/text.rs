@@ -1,6 +1,6 @@
 //! Markdown of the reuse study.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseReport};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, CostComparison, ReuseReport};
 use brakecheck::evaluation::{ReusedOn, Summary};
 use brakecheck::report::TextTable;
 use brakecheck::run_dir::Row;
@@ -106,7 +106,7 @@ fn one_markdown(study: &ReuseReport) -> String {
     text
 }
 
-/// Formats the identification of every ego and its economy.
+/// Formats the identification of every ego and its costs.
 fn known_markdown(study: &ReuseReport) -> String {
     let columns = [
         "ego",
@@ -120,9 +120,9 @@ fn known_markdown(study: &ReuseReport) -> String {
     let dashes = || ["–", "–"].map(str::to_owned);
     let mut lines: Vec<[String; 7]> = Vec::new();
     for known in &study.known {
-        let mut economy = study.economy.iter();
-        let line = economy.find(|line| line.ego.as_deref() == Some(&known.ego));
-        let [search, starts] = line.map_or_else(dashes, economy_words);
+        let mut costs = study.costs.iter();
+        let line = costs.find(|line| line.ego.as_deref() == Some(&known.ego));
+        let [search, starts] = line.map_or_else(dashes, cost_words);
         let is_used = is_telling(known.explained, known.residual_m, known.nominal_residual_m);
         lines.push([
             known.ego.clone(),
@@ -140,8 +140,8 @@ fn known_markdown(study: &ReuseReport) -> String {
             starts,
         ]);
     }
-    if let Some(all) = study.economy.iter().find(|line| line.ego.is_none()) {
-        let [search, starts] = economy_words(all);
+    if let Some(all) = study.costs.iter().find(|line| line.ego.is_none()) {
+        let [search, starts] = cost_words(all);
         lines.push([
             "all of them".to_owned(),
             String::new(),
@@ -156,7 +156,7 @@ fn known_markdown(study: &ReuseReport) -> String {
 }
 
 /// Returns the simulations of the search per start, and the starts that pay off.
-fn economy_words(line: &Economy) -> [String; 2] {
+fn cost_words(line: &CostComparison) -> [String; 2] {
     // An unmatched search costs its whole budget, so the true number may be smaller.
     let at_most = if line.matched { "" } else { "at most " };
     let starts = line.starts.map_or("never".to_owned(), |starts| {

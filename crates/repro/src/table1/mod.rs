@@ -150,7 +150,7 @@ struct Learned {
     seed: u64,
     policy: Box<dyn Policy>,
     /// First counterexample from every start on which training found any.
-    met: Vec<Success>,
+    counterexamples: Vec<Success>,
     cpu_s: f64,
 }
 
@@ -277,16 +277,16 @@ fn learn(
             Control::Continue
         }
     });
-    let mut met = gym.take_successes();
+    let mut counterexamples = gym.take_successes();
     // Bits are hashed, because floating-point numbers have no equality for sets.
     let at = |success: &Success| success.start.0.iter().map(|x| x.to_bits()).collect();
     let mut seen: HashSet<Vec<u64>> = HashSet::new();
-    met.retain(|success| seen.insert(at(success)));
+    counterexamples.retain(|success| seen.insert(at(success)));
     learner.finished().then(|| Learned {
         learner: index,
         seed,
         policy: learner.policy(),
-        met,
+        counterexamples,
         cpu_s: clock.elapsed().as_secs_f64(),
     })
 }

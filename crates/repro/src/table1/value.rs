@@ -239,28 +239,31 @@ impl LargeMap {
 
     /// Selects counterexamples of the training at random.
     fn centres(&self, learner: &LearnerConfig, learned: &Learned) -> Vec<(usize, Centre)> {
-        let mut met: Vec<&Success> = learned.met.iter().collect();
+        let mut known: Vec<&Success> = learned.counterexamples.iter().collect();
         // The seed is fixed, so equal requests select the same counterexamples.
         LearnerRng::new(self.request.seeds.starts.wrapping_mul(104_729) + learned.seed)
-            .shuffle(&mut met);
+            .shuffle(&mut known);
         let reward = self.map.rulebook().reward;
-        let chosen = met.into_iter().take(COUNTEREXAMPLES).filter_map(|success| {
-            let start = self
-                .starts
-                .iter()
-                .position(|start| *start == success.start)?;
-            // The capture ends the episode, so its decision is the last decision.
-            let decision = success.actions.len().saturating_sub(1);
-            let weight = learner.discount().powi(decision as i32);
-            let centre = Centre {
-                learner: learned.learner,
-                seed: learned.seed,
-                start: success.start.clone(),
-                decision,
-                reach: weight * (reward.lawful(success.by) + 1.0),
-            };
-            Some((start, centre))
-        });
+        let chosen = known
+            .into_iter()
+            .take(COUNTEREXAMPLES)
+            .filter_map(|success| {
+                let start = self
+                    .starts
+                    .iter()
+                    .position(|start| *start == success.start)?;
+                // The capture ends the episode, so its decision is the last decision.
+                let decision = success.actions.len().saturating_sub(1);
+                let weight = learner.discount().powi(decision as i32);
+                let centre = Centre {
+                    learner: learned.learner,
+                    seed: learned.seed,
+                    start: success.start.clone(),
+                    decision,
+                    reach: weight * (reward.lawful(success.by) + 1.0),
+                };
+                Some((start, centre))
+            });
         chosen.collect()
     }
 }

@@ -50,7 +50,7 @@ fn brief() -> Scenario {
 }
 
 #[test]
-fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
+fn every_ado_and_baseline_plays_every_ego_on_the_same_starts() {
     let dir = tempfile::tempdir().expect("scratch");
     let world = brief();
     let asked = ReuseStudyConfig {
@@ -61,15 +61,15 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     };
     let begun = ReuseStudy::begin(&world, asked, &quiet());
     let begun = begun.expect("trainings").expect("not stopped");
-    let meet = |name: &str| -> EgoResult {
+    let evaluate = |name: &str| -> EgoResult {
         let ego = EgoUnderTest::find(&world, name).expect("an ego");
-        let met = begun.meet(&ego[0], &quiet());
-        met.expect("rows").expect("not stopped")
+        let results = begun.evaluate(&ego[0], &quiet());
+        results.expect("rows").expect("not stopped")
     };
-    let met = ["nominal", "softer brakes", "van"].map(meet).to_vec();
+    let results = ["nominal", "softer brakes", "van"].map(evaluate).to_vec();
     // The study stores the results of every ego, so a stopped study can continue.
-    let kept = serde_json::to_string(&met).expect("JSON");
-    let study = begun.conclude(met);
+    let kept = serde_json::to_string(&results).expect("JSON");
+    let study = begun.conclude(results);
     // The stored results of every ego give the same study.
     let read: Vec<EgoResult> = serde_json::from_str(&kept).expect("what was written");
     let again = begun.conclude(read);
@@ -97,12 +97,12 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         assert!(no_worse("search, held, 30", "search, held, 100"));
         assert!(no_worse("replay", "replays"));
         // No member of the family resembles the van.
-        let told = if ego.ego == "van" {
+        let conditional = if ego.ego == "van" {
             "nominal"
         } else {
             "identified"
         };
-        assert_eq!(of(CONDITIONAL).context.as_deref(), Some(told));
+        assert_eq!(of(CONDITIONAL).context.as_deref(), Some(conditional));
         // Contacts belong to the counted simulations.
         for searched in ["search, held, 10", "search, held, 30"].map(of) {
             assert!(searched.contact_rate <= searched.success_rate);
@@ -117,8 +117,8 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         let row = inside.iter().find(|row| row.ado == ado.as_str().into());
         &row.unwrap_or_else(|| panic!("no row of {ado}")).solved
     };
-    let told = inside.iter().find(|row| row.ado == CONDITIONAL.into());
-    assert_eq!(told.map(|row| &row.solved), Some(without("delay_s")));
+    let conditional = inside.iter().find(|row| row.ado == CONDITIONAL.into());
+    assert_eq!(conditional.map(|row| &row.solved), Some(without("delay_s")));
     without("max_brake_mps2");
     assert!(
         !study.egos[2]
@@ -128,9 +128,9 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     );
     // Search is compared on every ego on which the conditional ado succeeds.
     for ego in &study.egos {
-        let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
-        let succeeds = told.map(|row| row.successes).sum::<usize>() != 0;
-        let mut lines = study.economy.iter();
+        let conditional = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
+        let succeeds = conditional.map(|row| row.successes).sum::<usize>() != 0;
+        let mut lines = study.costs.iter();
         let compared = lines.any(|line| line.ego.as_ref() == Some(&ego.ego));
         assert_eq!(compared, succeeds, "{}", ego.ego);
     }
@@ -152,7 +152,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     // Finished trainings are used unchanged.
     let again = ReuseStudy::begin(&world, asked, &quiet());
     let again = again.expect("trainings").expect("not stopped");
-    let same = again.meet(&EgoUnderTest::nominal(&world), &quiet());
+    let same = again.evaluate(&EgoUnderTest::nominal(&world), &quiet());
     let same = same.expect("rows").expect("not stopped");
     assert_eq!(same.rows[0].solved, study.rows[0].solved);
     assert_eq!(again.conclude(vec![same]).train_cpu_s, study.train_cpu_s);

@@ -5,7 +5,7 @@ use crate::{StructureRow, other_structures, structures_markdown};
 use brakecheck::world::Scenario;
 
 fn row(ego: &str, searched: usize, recall: f64, successes: usize) -> StructureRow {
-    let met = |recall: f64| SolvedBy {
+    let solved_by = |recall: f64| SolvedBy {
         recall: Some(recall),
         beyond: 1,
         successes,
@@ -15,14 +15,14 @@ fn row(ego: &str, searched: usize, recall: f64, successes: usize) -> StructureRo
         seed: 7,
         starts: 50,
         searched,
-        trained: met(0.1),
-        held: met(0.2),
-        constant: met(0.3),
-        switch: met(0.35),
-        adapted: met(recall),
-        again: met(1.0),
-        few: met(0.4),
-        known: met(0.95),
+        trained: solved_by(0.1),
+        held: solved_by(0.2),
+        constant: solved_by(0.3),
+        switch: solved_by(0.35),
+        adapted: solved_by(recall),
+        again: solved_by(1.0),
+        few: solved_by(0.4),
+        known: solved_by(0.95),
         like: Some("Idm".to_owned()),
         off_m: Some([0.25, 2.0]),
         expected: (0.5, [0.4, 0.6]),
@@ -30,7 +30,7 @@ fn row(ego: &str, searched: usize, recall: f64, successes: usize) -> StructureRo
 }
 
 #[test]
-fn ten_structures_are_met_in_every_world_but_that_of_its_own_ego() {
+fn ten_structures_play_in_every_world_but_nine_where_one_is_the_own_ego() {
     let names = |world: &str| {
         let world = Scenario::shipped(world).expect("shipped").expect("sound");
         let egos = other_structures(&world).expect("it has changed egos");
@@ -49,7 +49,7 @@ fn ten_structures_are_met_in_every_world_but_that_of_its_own_ego() {
 }
 
 #[test]
-fn means_are_of_rows_that_tell_something_and_what_came_is_held_against_what_was_expected() {
+fn means_are_of_reachable_egos_and_results_are_compared_with_expectations() {
     let rows = [
         row("idm", 40, 0.9, 25),
         row("rss", 30, 0.5, 40),

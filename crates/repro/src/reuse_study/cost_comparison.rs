@@ -11,7 +11,7 @@ use brakecheck::evaluation::ReusedOn;
 /// ego, and one simulation per start.
 /// The search needs its simulations until the first success, or its whole budget.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Economy {
+pub struct CostComparison {
     /// Name of the ego. `None`: all egos together, which share a training.
     pub ego: Option<String>,
     /// Simulations before the first start: training and identification.
@@ -29,12 +29,12 @@ pub struct Economy {
 /// Compares the costs per ego on which the ado succeeds, and over all these egos.
 ///
 /// `training` is the number of simulations of a training.
-pub(super) fn economy(
+pub(super) fn compare_costs(
     training: f64,
     egos: &[ReusedOn],
     known: &[EgoIdentification],
-) -> Vec<Economy> {
-    let mut lines: Vec<Economy> = egos
+) -> Vec<CostComparison> {
+    let mut lines: Vec<CostComparison> = egos
         .iter()
         .zip(known)
         .filter_map(|(ego, known)| of_ego(training, ego, known))
@@ -44,7 +44,7 @@ pub(super) fn economy(
         // All egos share one training, which each line contains.
         let once = training + lines.iter().map(|line| line.once - training).sum::<f64>();
         let search = lines.iter().map(|line| line.search).sum();
-        let all = Economy {
+        let all = CostComparison {
             ego: None,
             matched: lines.iter().all(|line| line.matched),
             starts: cheaper_from(once, search, lines.len()),
@@ -56,11 +56,11 @@ pub(super) fn economy(
     lines
 }
 
-fn of_ego(training: f64, ego: &ReusedOn, known: &EgoIdentification) -> Option<Economy> {
+fn of_ego(training: f64, ego: &ReusedOn, known: &EgoIdentification) -> Option<CostComparison> {
     // Several seeds have a row each, and their mean success must be reached.
-    let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
-    let told: Vec<f64> = told.map(|row| row.success_rate).collect();
-    let success = told.iter().sum::<f64>() / told.len().max(1) as f64;
+    let conditional = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
+    let conditional: Vec<f64> = conditional.map(|row| row.success_rate).collect();
+    let success = conditional.iter().sum::<f64>() / conditional.len().max(1) as f64;
     let searched: Vec<_> = HELD_BUDGETS
         .iter()
         .filter_map(|budget| {
@@ -74,7 +74,7 @@ fn of_ego(training: f64, ego: &ReusedOn, known: &EgoIdentification) -> Option<Ec
     let row = enough.or(searched.last())?;
     // Simulated runs of the identification cost as much as runs of the ado.
     let once = training + known.simulations as f64;
-    (0.0 < success).then(|| Economy {
+    (0.0 < success).then(|| CostComparison {
         ego: Some(ego.ego.clone()),
         once,
         search: row.sims_per_start,
@@ -108,9 +108,9 @@ mod tests {
         serde_json::from_value(row).expect("a row")
     }
 
-    fn ego(name: &str, told: f64) -> (ReusedOn, EgoIdentification) {
+    fn ego(name: &str, conditional: f64) -> (ReusedOn, EgoIdentification) {
         let rows = vec![
-            row(CONDITIONAL, told, 1.0),
+            row(CONDITIONAL, conditional, 1.0),
             row("search, held, 10", 0.2, 9.0),
             row("search, held, 30", 0.5, 21.0),
             row("search, held, 100", 0.7, 41.0),
@@ -135,10 +135,10 @@ mod tests {
     }
 
     #[test]
-    fn the_training_is_paid_by_each_ego_alone_and_once_by_all() {
+    fn each_ego_alone_bears_the_training_and_all_egos_share_it() {
         let all = [ego("matched", 0.4), ego("beyond", 0.9), ego("never", 0.0)];
         let (egos, known): (Vec<_>, Vec<_>) = all.into_iter().unzip();
-        let lines = economy(1_900.0, &egos, &known);
+        let lines = compare_costs(1_900.0, &egos, &known);
         let seen: Vec<_> = lines
             .iter()
             .map(|l| (l.ego.as_deref(), l.once, l.search, l.matched, l.starts))

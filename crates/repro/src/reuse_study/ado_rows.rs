@@ -9,24 +9,24 @@ use brakecheck::search::{Adversary, Experiment, Hold, Mutate, SWITCHES, SearchRe
 use brakecheck::world::{EgoSample, Family};
 
 /// Ego with the starts on which all ados play.
-pub(super) struct Player<'a> {
+pub(super) struct EgoOnStarts<'a> {
     pub(super) ego: &'a EgoUnderTest,
     pub(super) starts: &'a TestStarts,
     pub(super) watch: &'a Watch<'a>,
 }
 
-impl Player<'_> {
+impl EgoOnStarts<'_> {
     /// Returns the rows of a training seed.
     pub(super) fn ados(
         &self,
-        trio: &SeedPolicies,
+        policies: &SeedPolicies,
         family: &Family,
-        (member, told): (&EgoSample, &str),
+        (member, context): (&EgoSample, &str),
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
-        let seed = trio.conditional.manifest().seed;
-        let policy = trio.conditional.policy_told(member)?;
-        let others = other_members(&trio.conditional, family, member.plant)?;
+        let seed = policies.conditional.manifest().seed;
+        let policy = policies.conditional.policy_told(member)?;
+        let others = other_members(&policies.conditional, family, member.plant)?;
         // Later tries may use other members, in case the identified member is wrong.
         let tried = BestOfN {
             request: self.ego.against(Ado::Trained(&*policy, seed), self.starts),
@@ -35,11 +35,11 @@ impl Player<'_> {
             tries,
         };
         let mut rows = vec![
-            self.trained("nominal ado", &*trio.nominal.policy()?, seed),
-            self.trained("wide", &*trio.wide.policy()?, seed),
-            self.conditional(CONDITIONAL, trio, (member, told))?,
+            self.trained("nominal ado", &*policies.nominal.policy()?, seed),
+            self.trained("wide", &*policies.wide.policy()?, seed),
+            self.conditional(CONDITIONAL, policies, (member, context))?,
             Row {
-                context: Some(told.to_owned()),
+                context: Some(context.to_owned()),
                 ..called(CONDITIONAL_TRIES, tried.run(self.watch).evaluated.row)
             },
         ];
@@ -52,13 +52,13 @@ impl Player<'_> {
     pub(super) fn conditional(
         &self,
         word: &str,
-        trio: &SeedPolicies,
-        (member, told): (&EgoSample, &str),
+        policies: &SeedPolicies,
+        (member, context): (&EgoSample, &str),
     ) -> Result<Row, RunError> {
-        let seed = trio.conditional.manifest().seed;
-        let policy = trio.conditional.policy_told(member)?;
+        let seed = policies.conditional.manifest().seed;
+        let policy = policies.conditional.policy_told(member)?;
         Ok(Row {
-            context: Some(told.to_owned()),
+            context: Some(context.to_owned()),
             ..self.trained(word, &*policy, seed)
         })
     }
