@@ -1,9 +1,9 @@
-//! Some more runs around a trained ado, where its first one does not succeed.
+//! Several attempts of a trained ado per start.
 //!
-//! The first run is greedy. The following ones explore: now and then a random
-//! action is held for some decisions, or a conditional ado plays as if it had
-//! been told another member of the family. Every run is one simulation, and
-//! the row counts them all. A start that the greedy run solves stays solved.
+//! The first attempt is greedy. The following attempts explore: at random decisions a
+//! random action is held for some decisions, or a conditional ado plays with the
+//! parameters of another member of the family. Every attempt is a simulation that the row
+//! counts. A start that the greedy attempt solves remains solved.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -19,15 +19,15 @@ use crate::sim::PlantKind;
 use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
 use crate::world::{EgoSample, Family};
 
-/// Probabilities with which exploration begins at a decision, in turn.
+/// Probabilities at which exploration begins at a decision, in turn.
 const RATES: [f64; 3] = [0.1, 0.2, 0.4];
-/// A random action is held for 1 to this many decisions.
+/// Largest number of decisions for which a random action is held.
 const HOLD: usize = 6;
 
-/// Other members that a conditional ado plays as.
+/// Number of other members as which a conditional ado plays.
 const OTHERS: usize = 15;
 
-/// A conditional ado, told of other members of its family, for [`BestOfN`].
+/// Returns a conditional ado with the parameters of other members, for [`BestOfN`].
 ///
 /// # Errors
 /// The run has no policy, or its file is damaged.
@@ -50,30 +50,30 @@ pub fn other_members(
     run.policies_told(&others.collect::<Vec<_>>())
 }
 
-/// An ado that may try a start several times.
+/// Ado with several attempts per start.
 #[derive(Clone, Copy)]
 pub struct BestOfN<'a> {
-    /// Ego, ado and starts; the ado is `policy`.
+    /// Ego, ado and starts, where the ado is `policy`.
     pub request: EvalRequest<'a>,
-    /// The ado that plays greedily first.
+    /// Policy of the greedy attempt.
     pub policy: &'a dyn Policy,
-    /// The same ado told of other egos; every other run plays one of them.
+    /// Ado with the parameters of other egos, which plays every other attempt.
     pub others: &'a [Box<dyn Policy>],
-    /// Runs per start, the greedy one included.
+    /// Attempts per start, including the greedy one.
     pub tries: u64,
 }
 
-/// A row with the outcomes, and which try of each start succeeded.
+/// Row with its outcomes and the successful attempt of each start.
 #[derive(Clone, Debug)]
 pub struct BestOfNResult {
-    /// The row, all simulations counted.
+    /// Row, which counts all simulations.
     pub evaluated: Evaluated,
-    /// Per start the successful try, 0 being the greedy one.
+    /// Successful attempt per start, 0 for the greedy one.
     pub winners: Vec<Option<u64>>,
 }
 
 impl BestOfN<'_> {
-    /// Tries every start until its first success.
+    /// Plays every start until its first success.
     ///
     /// An unsolved start keeps the outcome of its greedy run.
     pub fn run(&self, watch: &Watch<'_>) -> BestOfNResult {
@@ -109,7 +109,7 @@ impl BestOfN<'_> {
         let (mut simulations, mut physics_steps) = (0, 0);
         for number in 0..self.tries {
             if watch.stopped() {
-                // What has shown that the ego does not run is told of.
+                // A fault is a result, because it shows that the ego does not run.
                 return first
                     .filter(|first| first.fault.is_some())
                     .map(|f| (f, simulations, None));
@@ -123,7 +123,7 @@ impl BestOfN<'_> {
             if played.outcome.verdict.is_success() {
                 return Some((played, number + 1, Some(number)));
             }
-            // Nobody knows what an invalid try would have come to.
+            // The outcome of an invalid attempt is unknown, so it takes precedence.
             match &first {
                 Some(first) if first.fault.is_some() || played.fault.is_none() => {}
                 _ => first = Some(played),
@@ -139,7 +139,7 @@ impl BestOfN<'_> {
         Some((unsolved, self.tries, None))
     }
 
-    /// Plays one try of a start: a pure function of both.
+    /// Plays an attempt of a start, as a pure function of both.
     pub fn play(&self, bench: &mut Testbench, index: usize, number: u64) -> Episode {
         let (start, noise) = &self.request.starts.starts[index];
         if number == 0 {
@@ -165,7 +165,7 @@ impl BestOfN<'_> {
     }
 }
 
-/// A policy that now and then holds a random action.
+/// Policy that holds a random action at times.
 struct Exploring<'a> {
     policy: &'a dyn Policy,
     rate: f64,

@@ -1,34 +1,34 @@
-//! Adversaries that do not apply to a world.
+//! Error of an adversary that does not apply to a world or a run.
 
 use crate::run_dir::RunError;
 use crate::scene::grid::exact::Indistinct;
 
-/// An adversary that does not apply to a world or a run.
+/// Error of an adversary that does not apply to a world or a run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AdversaryError {
-    /// The heuristic reads an observed signal.
+    /// Heuristic in a world whose ado observes nothing.
     #[error("the ado in `{world}` observes nothing")]
     NothingObserved {
         /// Name of the world.
         world: String,
     },
-    /// Only grid worlds are solved exactly.
+    /// Exact solution outside a grid world.
     #[error("`{world}` is no grid world")]
     NotAGrid {
         /// Name of the world.
         world: String,
     },
-    /// An exact solution that the ado's observation cannot express.
+    /// Exact solution that the ado's observation cannot express.
     #[error(transparent)]
     Indistinct(#[from] Indistinct),
-    /// The run has no counterexamples to replay.
+    /// Run without counterexamples to replay.
     #[error(transparent)]
     Run(#[from] RunError),
 }
 
 impl AdversaryError {
-    /// The fix; `None`: the error has another form than a sentence and its fix.
+    /// Returns the fix. `None`: the error has another form than a sentence and its fix.
     pub fn help(&self) -> Option<&'static str> {
         match self {
             AdversaryError::NothingObserved { .. } => {

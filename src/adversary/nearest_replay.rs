@@ -1,13 +1,13 @@
 //! Open-loop replay of the training's counterexamples nearest to a start.
 //!
-//! A falsifier that kept what it found has these for nothing: what a reusable
-//! ado must beat on a changed ego.
+//! A falsifier has these replays without further cost, so a reusable ado must beat them
+//! on a changed ego.
 
 use crate::run_dir::Stored;
 use crate::scene::Start;
 use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
 
-/// Replays the stored counterexample of one rank by distance to the start.
+/// Replay of the stored counterexample of a rank by distance to the start.
 pub(super) struct NearestReplay<'a> {
     stored: &'a Stored,
     rank: usize,
@@ -16,7 +16,8 @@ pub(super) struct NearestReplay<'a> {
 }
 
 impl<'a> NearestReplay<'a> {
-    /// Rank 0 is the nearest; where there are fewer, action 0 is held.
+    /// Creates the replay of a rank. Rank 0 is the nearest. A missing rank holds action
+    /// 0.
     pub fn new(stored: &'a Stored, rank: usize) -> NearestReplay<'a> {
         NearestReplay {
             stored,
@@ -42,10 +43,10 @@ impl Actor for NearestReplay<'_> {
     }
 }
 
-/// Replays the nearest ones, nearest first, until one succeeds.
+/// Replays the nearest counterexamples, nearest first, until one succeeds.
 ///
-/// Gives the success, or the nearest one's failure, with the simulations and
-/// the physics steps of all that were tried.
+/// Returns the success, or the failure of the nearest, with the simulations and the
+/// physics steps of all replays.
 pub(super) fn replay_nearest(
     bench: &mut Testbench,
     (start, noise): (&Start, u64),
@@ -68,7 +69,7 @@ pub(super) fn replay_nearest(
         if episode.verdict.is_success() {
             return (episode, simulations, physics_steps);
         }
-        // Nobody knows what a replay would have come to whose ego did not run.
+        // The outcome of a replay with a fault is unknown, so the fault takes precedence.
         if episode.fault.is_some() && first.fault.is_none() {
             first = episode;
         }

@@ -1,12 +1,13 @@
-//! The best of the ados that act alike from every start: what anything learned has
-//! to beat.
+//! Best of the ados that act alike from every start, which anything learned must beat.
 
 use super::rollout::{Ado, EvalRequest, Evaluated, eval};
 use crate::experiment::{TestStarts, Watch};
 use crate::run_dir::AdversaryId;
 use crate::world::Scenario;
 
-/// The constant ado that succeeds most often; ties go to the lower action.
+/// Returns the constant ado that succeeds most often.
+///
+/// Ties go to the lower action.
 pub fn best_constant(
     scenario: &Scenario,
     ego: &str,
@@ -16,7 +17,7 @@ pub fn best_constant(
     best_constant_action(scenario, ego, starts, watch).1
 }
 
-/// That ado and its action.
+/// Returns the best constant ado with its action.
 pub fn best_constant_action(
     scenario: &Scenario,
     ego: &str,
@@ -47,11 +48,12 @@ pub fn best_constant_action(
     (action, best)
 }
 
-/// Shares of the horizon for which it accelerates before it brakes.
+/// Shares of the horizon in which the ado accelerates before it brakes.
 const ACCELERATES: [f64; 6] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.75];
 
-/// The ado that accelerates for some time and then brakes, both as hard as it can,
-/// the best of six; ties go to the shorter time. `None`: it can do neither.
+/// Returns the best of six ados that accelerate and then brake, both at full strength.
+///
+/// Ties go to the shorter acceleration. `None`: the ado can do neither.
 pub fn best_then_brake(
     scenario: &Scenario,
     ego: &str,
@@ -90,7 +92,7 @@ fn more_successful(best: Evaluated, other: Evaluated) -> Evaluated {
     }
 }
 
-/// One action, or one and then another, in words; the last one is held.
+/// Describes an action, or two actions of which the last is held.
 pub(crate) fn in_words(scenario: &Scenario, actions: &[usize]) -> String {
     let (Some(&first), Some(&last)) = (actions.first(), actions.last()) else {
         return "nothing".to_owned();

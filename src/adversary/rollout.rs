@@ -349,14 +349,14 @@ impl EvalRequest<'_> {
         // The rates below count valid episodes only.
         let valid = all.filter(|outcome| outcome.verdict != Verdict::Invalid);
         let simulations: u64 = valid.clone().map(|outcome| outcome.simulations).sum();
-        let fouls = valid.clone();
-        let fouls = fouls.filter(|o| matches!(o.verdict, Verdict::Foul { .. }));
-        let fouls = fouls.count();
+        let violations = valid.clone();
+        let violations = violations.filter(|o| matches!(o.verdict, Verdict::Foul { .. }));
+        let violations = violations.count();
         let uncounted = valid.clone();
         let uncounted = uncounted.filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
         let some_do_not = !self.scenario.rulebook().counts.is_violation();
         row.uncounted = some_do_not.then(|| uncounted.count());
-        let late_fouls = valid.clone().filter(|o| o.foul_before_contact).count();
+        let late_violations = valid.clone().filter(|o| o.foul_before_contact).count();
         let impacts: Vec<Impact> = valid.clone().filter_map(|o| o.impact).collect();
         let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
         let marks = played.iter().zip(&self.starts.trivial);
@@ -376,8 +376,8 @@ impl EvalRequest<'_> {
         let repeated = played.iter().map(|p| p.as_ref()?.repeated.as_ref());
         row.repeats = Repeated::of(self.scenario.repeats, repeated);
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
-        row.foul_rate = share(fouls, row.starts);
-        row.foul_before_contact_rate = Some(share(late_fouls, row.starts));
+        row.foul_rate = share(violations, row.starts);
+        row.foul_before_contact_rate = Some(share(late_violations, row.starts));
         row.contact_rate = share(contacts.len(), row.starts);
         row.closing_speed_mps = ClosingSpeed::of(contacts);
         row.severity = ContactSeverity::of(&impacts);
@@ -387,8 +387,11 @@ impl EvalRequest<'_> {
         row.success_closing_mps = ClosingSpeed::of(closing.collect());
         let failures: Vec<Option<&RecordedFailure>> = solved.map(|p| p.failure.as_ref()).collect();
         row.distinct = groups(&failures);
-        let stories = failures.iter().flatten().map(|one| one.shape.story.told());
-        row.kinds = FailureKind::counted(stories);
+        let classes = failures
+            .iter()
+            .flatten()
+            .map(|one| one.shape.class.leaf_and_contact());
+        row.kinds = FailureKind::counted(classes);
         row
     }
 }

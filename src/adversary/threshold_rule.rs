@@ -1,10 +1,10 @@
-//! A closed-loop ado that nobody trained: a rule with three zones.
+//! Closed-loop rule with three zones, tuned without a training.
 //!
-//! It reads one of the signals the ado observes: below a first threshold it
-//! takes one action, above a second one another, between them a third. Which
-//! signal, which thresholds and which actions is tuned once, by the cross-entropy
-//! method, for success on training starts and the world's own ego. A trained ado that does
-//! not beat it has learned nothing worth a network.
+//! The rule reads a signal that the ado observes. Below a first threshold it takes one
+//! action, above a second threshold another, and between them a third. The signal, the
+//! thresholds and the actions are tuned once, by the cross-entropy method, for success on
+//! training starts against the world's own ego. A trained ado that does not beat the rule
+//! does not need a network.
 
 use std::cmp::Ordering;
 
@@ -20,30 +20,30 @@ use crate::stats::pick;
 use crate::testbench::{Actor, Aftermath, HOLD_DECISIONS, HeldRandom, Testbench};
 use crate::world::Scenario;
 
-/// Training starts on which every rule is tried.
+/// Training starts on which every rule is played.
 const STARTS: u64 = 32;
 /// Rules per generation.
 const POPULATION: usize = 48;
-/// The best of them, from which the next generation is drawn.
+/// Best rules of a generation, from which the next is drawn.
 const ELITES: usize = 8;
 /// Generations.
 const GENERATIONS: u64 = 8;
 /// Weight of the elites against the old distribution.
 const SMOOTHING: f64 = 0.7;
-/// Spread of the thresholds that is kept, as a share of the signal's values.
+/// Least spread of the thresholds, as a share of the signal's values.
 const LEAST_SPREAD: f64 = 0.02;
 
-/// A rule with three zones of one observed signal.
+/// Rule with three zones of an observed signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heuristic {
     zones: Zones,
-    /// The signal, its zones, the actions in them, and the cost of the tuning.
+    /// Signal, zones, actions in them, and cost of the tuning, in words.
     pub text: String,
-    /// Share of the starts it was tuned on that it solves.
+    /// Share of the tuning's starts that the rule solves.
     pub successes: f64,
-    /// Mean reward on them.
+    /// Mean reward on these starts.
     pub reward: f64,
-    /// What the tuning cost.
+    /// Cost of the tuning.
     pub cost: Cost,
 }
 
@@ -52,7 +52,7 @@ impl Policy for Heuristic {
         self.zones.act(obs)
     }
 
-    /// The same everywhere: the mean reward of its tuning.
+    /// Returns the mean reward of the tuning, for every observation.
     fn value(&self, _obs: &[f32]) -> f32 {
         self.reward as f32
     }
@@ -62,7 +62,7 @@ impl Policy for Heuristic {
 struct Zones {
     /// Position of the signal in the observation.
     position: usize,
-    /// Of the observed, scaled signal.
+    /// Thresholds of the observed, scaled signal.
     thresholds: [f32; 2],
     /// Actions below, between and above the thresholds.
     actions: [usize; 3],
@@ -90,9 +90,8 @@ impl Actor for Zones {
 
 /// Tunes a rule on `scenario`, which has the nominal ego.
 ///
-/// `seed` names the stream of training starts, so that the rule may see what a
-/// training with this seed sees. `None`: stopped from outside, or the ado
-/// observes nothing.
+/// `seed` selects the stream of training starts, so the rule may use the starts of a
+/// training with this seed. `None`: stopped, or the ado observes nothing.
 pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Option<Heuristic> {
     let clock = ThreadTime::now();
     watch.phase("tuning the heuristic (generations)");
@@ -150,7 +149,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
     })
 }
 
-/// Observed values of each signal under held-random actions, in order.
+/// Returns the observed values of each signal under held random actions, sorted.
 fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f32>>, Cost) {
     let mut bench = scenario.bench();
     let spaces = bench.spaces().clone();
@@ -173,7 +172,7 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
     (seen.values, cost)
 }
 
-/// Held-random actions that note what is observed.
+/// Held random actions that record the observations.
 struct ObservationSampler {
     held: HeldRandom,
     values: Vec<Vec<f32>>,
@@ -200,7 +199,7 @@ fn key(seed: u64, index: u64) -> StartKey {
     }
 }
 
-/// A rule whose thresholds are quantiles of the signal's usual values.
+/// Rule whose thresholds are quantiles of the signal's usual values.
 #[derive(Clone, Debug)]
 struct QuantileRule {
     signal: usize,
@@ -231,9 +230,9 @@ fn describe(scenario: &Scenario, zones: Zones, cost: Cost) -> String {
     )
 }
 
-/// What rules are ranked by: successes, then the mean reward.
+/// Returns the criteria of the ranking: successes, then the mean reward.
 ///
-/// By the mean reward alone the best rule is one that merely breaks no rules.
+/// By the mean reward alone, the best rule would only avoid rule violations.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
     successes: u64,
@@ -247,7 +246,7 @@ impl Score {
     }
 }
 
-/// How a rule did on the training starts.
+/// Result of a rule on the training starts.
 struct RuleScore {
     score: Score,
     physics_steps: u64,
@@ -280,7 +279,7 @@ fn try_out(
     }
 }
 
-/// The distribution that rules are drawn from.
+/// Distribution from which rules are drawn.
 struct Chances {
     signal: Vec<f64>,
     actions: [Vec<f64>; 3],

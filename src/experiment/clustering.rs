@@ -1,18 +1,18 @@
-//! Which counterexamples are the same one over and over.
+//! Clusters of similar counterexamples.
 //!
-//! Two are alike if the same leaf of ψ_ego is violated, in the same kind of
-//! contact (or none) with the same agent, and their traces are near each other.
+//! Two counterexamples are similar if they violate the same leaf of ψ_ego, end in the
+//! same kind of contact (or none) with the same agent, and have near traces.
 //!
-//! Near is measured on what the ados observe: of all signals those are the ones
-//! that the world's author says matter, and each has a range, so that metres
-//! and metres per second can be added. Each trace, up to its end, is read at
-//! [`POINTS`] equally spaced times, so that equal stories of unequal length are
-//! compared stage by stage; the distance is the root mean square over times and
-//! signals of the difference in half ranges. Up to [`NEAR`] is near.
+//! The distance of traces is measured on the signals that the ados observe. The world's
+//! author selected these signals, and each has a range, so metres and metres per second
+//! can be added. Each trace, up to its end, is read at [`POINTS`] equally spaced times,
+//! so episodes of unequal length are compared stage by stage. The distance is the root
+//! mean square over times and signals of the difference in half ranges. Traces up to
+//! [`NEAR`] are near.
 //!
-//! Clusters are made by leaders (Hartigan, "Clustering Algorithms", 1975, ch. 3):
-//! in the order given, worst first, each joins the first leader it is like, or
-//! leads a new cluster. So every leader is the worst of its cluster.
+//! Clusters are made by leaders (Hartigan, "Clustering Algorithms", 1975, ch. 3). In the
+//! given order, worst first, each counterexample joins the first similar leader or leads
+//! a new cluster. Every leader is therefore the worst of its cluster.
 
 use std::cmp;
 
@@ -31,14 +31,14 @@ pub const POINTS: usize = 32;
 /// Distance up to which two traces are near, in half ranges of the signals.
 pub const NEAR: f64 = 0.15;
 
-/// What of a counterexample is compared.
+/// Features by which counterexamples are compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CrashFeatures {
-    pub(crate) story: CrashClass,
+    pub(crate) class: CrashClass,
     pub(crate) signals: Vec<f64>,
 }
 
-/// What alike counterexamples have in common exactly.
+/// Features that similar counterexamples share exactly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CrashClass {
     leaf: String,
@@ -47,18 +47,18 @@ pub(crate) struct CrashClass {
 }
 
 impl CrashClass {
-    /// The leaf of ψ_ego that was violated, and who touched.
-    pub(crate) fn told(&self) -> (String, Option<(String, String)>) {
+    /// Returns the violated leaf of ψ_ego and the agents in contact.
+    pub(crate) fn leaf_and_contact(&self) -> (String, Option<(String, String)>) {
         (self.leaf.clone(), self.with.clone())
     }
 }
 
 impl CrashFeatures {
-    /// That of an episode of `scenario`.
+    /// Returns the features of an episode of `scenario`.
     pub fn of(scenario: &Scenario, episode: &Episode) -> CrashFeatures {
         let contact = episode.contact.as_ref();
         CrashFeatures {
-            story: CrashClass {
+            class: CrashClass {
                 leaf: leaf(scenario, episode),
                 kind: contact.and_then(|touch| Some(touch.impact?.kind)),
                 with: contact.map(|touch| touch.between.clone()),
@@ -67,12 +67,12 @@ impl CrashFeatures {
         }
     }
 
-    /// Whether it is the same one over again.
+    /// Returns whether two counterexamples are similar.
     pub fn is_like(&self, other: &CrashFeatures) -> bool {
-        self.story == other.story && self.distance(other) <= NEAR
+        self.class == other.class && self.distance(other) <= NEAR
     }
 
-    /// Root mean square difference of what is observed, in half ranges.
+    /// Returns the root mean square difference of the observed signals, in half ranges.
     pub fn distance(&self, other: &CrashFeatures) -> f64 {
         let pairs = self.signals.iter().zip(&other.signals);
         let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
@@ -80,7 +80,7 @@ impl CrashFeatures {
     }
 }
 
-/// The observed signals at equally spaced times, in half ranges.
+/// Returns the observed signals at equally spaced times, in half ranges.
 fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
     let last = trace.len().saturating_sub(1) as f64;
     let times = (0..POINTS).map(|n| (last * n as f64 / (POINTS - 1) as f64).round() as usize);
@@ -95,7 +95,7 @@ fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
         .collect()
 }
 
-/// Counterexamples that are alike: positions in what was given, the leader first.
+/// Returns clusters of similar counterexamples as positions, each with its leader first.
 pub fn clusters(shapes: &[CrashFeatures]) -> Vec<Vec<usize>> {
     let mut clusters: Vec<Vec<usize>> = Vec::new();
     for (at, shape) in shapes.iter().enumerate() {
@@ -108,7 +108,7 @@ pub fn clusters(shapes: &[CrashFeatures]) -> Vec<Vec<usize>> {
     clusters
 }
 
-/// What makes one worse than another, first things first.
+/// Returns the criteria of severity, the most important first.
 pub(crate) fn badness(episode: &Episode) -> [f64; 4] {
     let severity = Severity::of(episode);
     let risk = severity.and_then(|severity| severity.injury_risk);
@@ -124,15 +124,17 @@ pub(crate) fn badness(episode: &Episode) -> [f64; 4] {
     ]
 }
 
-/// Of two lists the one that is larger where they first differ comes first.
+/// Orders two lists by their first difference, the larger value first.
 pub(crate) fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
     let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
     let differing = pairs.find(|order| order.is_ne());
     differing.unwrap_or(cmp::Ordering::Equal)
 }
 
-/// The worse of two comes first: a contact before none, then by injury risk,
-/// closing speed, and depth of the violation.
+/// Orders two episodes by severity, the worse first.
+///
+/// A contact comes before none, then injury risk, closing speed and depth of the
+/// violation decide.
 pub(crate) fn worse_first(a: &Episode, b: &Episode) -> cmp::Ordering {
     descending(&badness(a), &badness(b))
 }

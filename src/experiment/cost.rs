@@ -1,10 +1,10 @@
-//! What something cost.
+//! Cost of a training, a search or an evaluation.
 
 use serde::{Deserialize, Serialize};
 
 use crate::run_dir::Manifest;
 
-/// What something cost, once.
+/// Cost of some work, once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     /// Episodes run.
@@ -16,7 +16,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// What the training of a run cost, with the searches that belong to it.
+    /// Returns the cost of a run's training, with the searches that belong to it.
     pub fn of_training(manifest: &Manifest) -> Cost {
         Cost {
             simulations: manifest.episodes

@@ -1,4 +1,4 @@
-//! Whether an ego answers twice alike: asked before it is believed once.
+//! Check that an ego is deterministic.
 
 use super::ego_under_test::EgoUnderTest;
 use super::progress::Watch;
@@ -6,11 +6,11 @@ use super::test_starts::TestStarts;
 use crate::testbench::{Aftermath, Constant};
 use crate::world::Scenario;
 
-/// When the commands of two equal episodes first differ, in s.
+/// Returns the time at which the commands of two equal episodes first differ, in s.
 ///
-/// The first start that is not trivial is played twice with coasting ados and
-/// the same seed. `None`: they are alike, the ego is one of ours, which always
-/// answers alike, or there was nothing to compare.
+/// The first start that is not trivial is played twice with coasting ados and the same
+/// seed. `None`: the episodes are equal, the ego is a stock controller, which is always
+/// deterministic, or there was no start to compare.
 pub fn first_divergence(
     scenario: &Scenario,
     starts: &TestStarts,
@@ -34,7 +34,7 @@ pub fn first_divergence(
     Some(sample as f64 * spec.clock.sample_s)
 }
 
-/// Says of an ego that does not answer twice alike what to do about it.
+/// Reports an ego that is not deterministic, with the fix.
 pub fn note_if_unrepeatable(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) {
     if 1 < ego.scenario().repeats.runs || watch.stopped() {
         return;

@@ -1,4 +1,4 @@
-//! The driving controller under test: which one, and what it is to an ado.
+//! Ego under test, and its relation to the world's own ego.
 
 use std::path::Path;
 
@@ -9,8 +9,7 @@ use crate::scene::drive::ControllerFactory;
 use crate::sim::PlantKind;
 use crate::world::{Change, Scenario};
 
-/// An ego under test: its name in rows, how it differs from the world's own
-/// ego, and the world with it.
+/// Ego under test: its name in rows, its change of the world's own ego, and its world.
 #[derive(Clone, Debug)]
 pub struct EgoUnderTest {
     name: String,
@@ -19,7 +18,7 @@ pub struct EgoUnderTest {
 }
 
 impl EgoUnderTest {
-    /// The world's own.
+    /// Creates the world's own ego.
     pub fn nominal(world: &Scenario) -> EgoUnderTest {
         EgoUnderTest {
             name: "nominal".to_owned(),
@@ -28,11 +27,13 @@ impl EgoUnderTest {
         }
     }
 
-    /// The ego that `asked` means in a world: `nominal`, a name under `reuse`, a
-    /// RON file with a `Change`, or `all` of the world's.
+    /// Finds the egos of a name in a world.
+    ///
+    /// The name is `nominal`, a name under `reuse`, a RON file with a `Change`, or `all`
+    /// of the world's egos.
     ///
     /// # Errors
-    /// There is no such ego, or it does not fit the world.
+    /// The name is unknown, or the ego does not fit the world.
     pub fn find(world: &Scenario, asked: &str) -> Result<Vec<EgoUnderTest>, EgoError> {
         let reused = |(name, change): (&String, &Change)| {
             EgoUnderTest::changed(world, name, change, "mend the world's `reuse`")
@@ -66,7 +67,7 @@ impl EgoUnderTest {
         })
     }
 
-    /// The user's own controller; `name` is what rows and files call it.
+    /// Creates an ego from your own controller, with its name in rows and files.
     ///
     /// # Errors
     /// The world is not driven.
@@ -88,7 +89,7 @@ impl EgoUnderTest {
         })
     }
 
-    /// A program as the ego; whoever names one here consents to start it.
+    /// Creates an ego from a program, to whose start you consent by naming it.
     ///
     /// # Errors
     /// The world is not driven.
@@ -102,10 +103,11 @@ impl EgoUnderTest {
         })
     }
 
-    /// The program, if there is one, else what `asked` means.
+    /// Creates the ego of a program if there is one, and otherwise finds the egos of a
+    /// name.
     ///
     /// # Errors
-    /// Both name an ego, or there is none such.
+    /// Both are given, or the name is unknown.
     pub fn find_or_program(
         world: &Scenario,
         asked: &str,
@@ -118,7 +120,7 @@ impl EgoUnderTest {
         }
     }
 
-    /// The change that makes a program the ego.
+    /// Returns the change that makes a program the ego.
     pub(crate) fn change_to(command: &[String]) -> Change {
         Change {
             controller: Some(Process::new(command).into()),
@@ -126,7 +128,7 @@ impl EgoUnderTest {
         }
     }
 
-    /// The world with a change of its ego, under a name.
+    /// Creates an ego by a change of the world's own, under a name.
     ///
     /// # Errors
     ///
@@ -145,8 +147,8 @@ impl EgoUnderTest {
         })
     }
 
-    /// The ego that a run trains against: the world's, or the changed one that
-    /// its manifest names.
+    /// Creates the ego of a run's training: the world's own, or the changed ego of the
+    /// manifest.
     pub(crate) fn of_training(
         world: &Scenario,
         ego: Option<&ChangedEgo>,
@@ -159,27 +161,28 @@ impl EgoUnderTest {
         }
     }
 
-    /// Whether it is the world's own ego.
+    /// Returns whether the ego is the world's own.
     pub fn is_nominal(&self) -> bool {
         !self.is_own() && self.change == Change::default()
     }
 
-    /// Whether it is the user's own controller, of which files hold a name only.
+    /// Returns whether the ego is your own controller, of which files contain a name
+    /// only.
     pub fn is_own(&self) -> bool {
         self.scenario.own_ego().is_some()
     }
 
-    /// What rows call it.
+    /// Returns the name in rows.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// How it differs from the world's own.
+    /// Returns the difference from the world's own ego.
     pub fn change(&self) -> &Change {
         &self.change
     }
 
-    /// The world with it.
+    /// Returns the world with the ego.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }
@@ -192,7 +195,7 @@ impl EgoUnderTest {
         }
     }
 
-    /// As manifests name it; `None`: it is the world's own.
+    /// Returns the ego as in manifests. `None`: it is the world's own.
     pub fn as_changed(&self) -> Option<ChangedEgo> {
         (self.change != Change::default()).then(|| ChangedEgo {
             name: self.name.clone(),
@@ -201,7 +204,7 @@ impl EgoUnderTest {
     }
 }
 
-/// The same driving world on the plant asked for.
+/// Returns a driving world on another plant.
 ///
 /// # Errors
 /// The world is not driven.
@@ -214,13 +217,13 @@ pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, EgoError
     }
 }
 
-/// The same for the structures of a family that is trained against.
+/// Requires consent for the programs among the structures of a family of a training.
 ///
 /// # Errors
-/// One is not allowed; nothing was started.
+/// A program is not allowed. No program was started.
 pub(crate) fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
-    let met = world.family().filter(|_| !world.against.is_nominal());
-    let mut programs = met.into_iter().flat_map(|family| family.programs());
+    let family = world.family().filter(|_| !world.against.is_nominal());
+    let mut programs = family.into_iter().flat_map(|family| family.programs());
     match programs.next().filter(|_| !world.may_start_programs()) {
         Some((name, program)) => Err(EgoError::NotAllowed {
             who: format!("the structure `{name}`"),
@@ -230,21 +233,22 @@ pub(crate) fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
     }
 }
 
-/// Asks for consent before any program is started that a file names as an ego:
-/// that of `world`, which is played for its trivial starts, or one of `egos`.
+/// Requires consent before the start of a program that a file names as an ego.
+///
+/// The egos are that of `world`, which is played for its trivial starts, and `egos`.
 ///
 /// # Errors
-/// One is not allowed; nothing was started.
+/// A program is not allowed. No program was started.
 pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), EgoError> {
     let own = EgoUnderTest::nominal(world);
     consent_to(std::slice::from_ref(&own))?;
     consent_to(egos)
 }
 
-/// The same where only `egos` are played.
+/// Requires consent where only `egos` are played.
 ///
 /// # Errors
-/// One is not allowed; nothing was started.
+/// A program is not allowed. No program was started.
 pub fn consent_to(egos: &[EgoUnderTest]) -> Result<(), EgoError> {
     let mut programs = egos
         .iter()

@@ -1,10 +1,8 @@
-//! The one parallel loop over starts, or over whatever else episodes are played
-//! of: action sequences, rules, pairs of an ado and a start.
+//! Parallel loop over starts, action sequences, rules, or pairs of an ado and a start.
 //!
-//! Every worker makes its benches once and plays what it is given. What comes of
-//! an item is a function of that item alone, and results stand in the order of
-//! the items; so they are the same bits on any number of threads. Progress, the
-//! wish to stop and processor time are looked after here, once.
+//! Every worker makes its benches once. The result of an item is a function of that item
+//! alone, and results are in the order of the items, so they have the same bits on any
+//! number of threads. The loop handles progress, stops and processor time.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -13,31 +11,31 @@ use rayon::prelude::*;
 
 use super::progress::Watch;
 
-/// A parallel loop that reports to a watch, and ends early when it is stopped.
+/// Parallel loop that reports to a watch, and ends early when it is stopped.
 pub struct EpisodeLoop<'a> {
     watch: &'a Watch<'a>,
     done: AtomicU64,
-    /// What progress is told of; `None`: the loop is part of something larger
-    /// that counts by itself.
+    /// Total of the progress. `None`: the loop is part of other work with a count of its
+    /// own.
     total: Option<u64>,
 }
 
-/// One item's turn, on one worker.
+/// Turn of an item on a worker.
 pub(crate) struct WorkItem {
-    /// Its position among the items.
+    /// Position among the items.
     pub index: usize,
     clock: ThreadTime,
 }
 
 impl WorkItem {
-    /// Processor time since the turn began.
+    /// Returns the processor time since the turn began.
     pub fn cpu_s(&self) -> f64 {
         self.clock.elapsed().as_secs_f64()
     }
 }
 
 impl<'a> EpisodeLoop<'a> {
-    /// Without progress.
+    /// Creates a loop without progress.
     pub fn uncounted(watch: &'a Watch<'a>) -> EpisodeLoop<'a> {
         EpisodeLoop {
             watch,
@@ -46,12 +44,12 @@ impl<'a> EpisodeLoop<'a> {
         }
     }
 
-    /// Counts the items of all its runs together, of `total`.
+    /// Creates a loop that counts the items of all its runs together, of `total`.
     pub fn counted(watch: &'a Watch<'a>, total: usize) -> EpisodeLoop<'a> {
         EpisodeLoop::counted_from(watch, 0, total)
     }
 
-    /// The same where some items are done already.
+    /// Creates a counting loop in which some items are done already.
     pub fn counted_from(watch: &'a Watch<'a>, done: usize, total: usize) -> EpisodeLoop<'a> {
         (watch.progress)(done as u64, total as u64);
         EpisodeLoop {
@@ -61,11 +59,13 @@ impl<'a> EpisodeLoop<'a> {
         }
     }
 
-    /// What comes of every item, in their order; `None` where the loop had been
-    /// stopped before the item's turn, or `work` gave none.
+    /// Returns the result of every item, in order.
     ///
-    /// `worker` makes what one worker keeps from item to item, such as benches;
-    /// nothing that `work` gives may depend on what it was used for before.
+    /// A result is `None` if the loop was stopped before the item's turn, or if `work`
+    /// returned none.
+    ///
+    /// `worker` makes what a worker keeps from item to item, such as benches. No result
+    /// may depend on its earlier use.
     pub(crate) fn run<I: Sync, W, R: Send>(
         &self,
         items: &[I],
@@ -78,7 +78,7 @@ impl<'a> EpisodeLoop<'a> {
             }
             let clock = ThreadTime::now();
             let done = work(kept, item, &WorkItem { index, clock });
-            // Not before: what is under way is not done.
+            // An unfinished item is not counted.
             self.tick();
             done
         };

@@ -1,24 +1,24 @@
-//! Egos that cannot be tested.
+//! Error of an ego that cannot be tested.
 
 use crate::visible::command_line;
 use crate::world::{ChangeError, LoadError, guessed};
 
-/// An ego that cannot be tested.
+/// Error of an ego that cannot be tested.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// `Debug` prints it as the command line does, so a test that returns it shows the
+/// mistake, its place and its fix.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum EgoError {
-    /// The world names no such ego.
+    /// Ego that the world does not name.
     #[error("there is no ego `{asked}` in this world")]
     Unknown {
-        /// Name asked for.
+        /// Requested name.
         asked: String,
         /// Names that the world has.
         known: Vec<String>,
     },
-    /// A controller needs a driving world.
+    /// Controller in a world without driving.
     #[error("nobody drives in `{world}`: `{ego}` cannot be its ego")]
     NotDriven {
         /// Name of the world.
@@ -26,24 +26,24 @@ pub enum EgoError {
         /// Name of the controller.
         ego: String,
     },
-    /// The world has no plant that could be another one.
+    /// World without a plant to replace.
     #[error("`{world}` runs on no plant")]
     NoPlant {
         /// Name of the world.
         world: String,
     },
-    /// An ego is named, and a program is given as well.
+    /// Ego by name beside a program.
     #[error("`--ego` names one ego, and the program after `--` is another")]
     NamedTwice,
-    /// A change that does not fit the world.
+    /// Change that does not fit the world.
     #[error("{error}")]
     Misfit {
         /// Mistake in the change.
         error: ChangeError,
-        /// Fix where the mistake itself has none.
+        /// Fix, if the mistake itself has none.
         help: &'static str,
     },
-    /// A file names a program, and the caller did not consent to start it.
+    /// Program in a file without consent to start it.
     #[error(
         "{who} is a program that a file names, and nothing was started:\n{}",
         command_line(command)
@@ -54,13 +54,13 @@ pub enum EgoError {
         /// The program and its arguments.
         command: Vec<String>,
     },
-    /// A file with a change that cannot be loaded.
+    /// File with a change that cannot be loaded.
     #[error(transparent)]
     World(#[from] LoadError),
 }
 
 impl EgoError {
-    /// The fix; `None`: the error has another form than a sentence and its fix.
+    /// Returns the fix. `None`: the error has another form than a sentence and its fix.
     pub fn help(&self) -> Option<String> {
         Some(match self {
             EgoError::Unknown { asked, known } => {

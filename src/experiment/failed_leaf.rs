@@ -1,11 +1,11 @@
-//! The part of the ego's specification that decides an episode.
+//! Part of the ego's specification that decides an episode.
 
 use crate::stl::Interval;
 use crate::testbench::Episode;
 use crate::trace::Trace;
 use crate::world::Scenario;
 
-/// The leaf of ψ_ego that decides an episode.
+/// Returns the leaf of ψ_ego that decides an episode.
 pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
     let explanation = scenario
         .rulebook()
@@ -15,9 +15,10 @@ pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
     leaf.unwrap_or_default()
 }
 
-/// The samples up to the first from which ψ_ego cannot be satisfied any more, of
-/// those that were judged: a run that goes on to the contact gets worse, and the
-/// worst sample is not when the ego failed.
+/// Returns the judged samples up to the first from which ψ_ego cannot be satisfied.
+///
+/// An episode that continues to the contact gets worse, so its worst sample is not the
+/// time of the failure.
 pub(crate) fn violated(scenario: &Scenario, episode: &Episode) -> Trace {
     let mut judged = episode.trace.clone();
     judged.truncate(episode.judged);

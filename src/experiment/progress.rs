@@ -1,59 +1,59 @@
-//! How a campaign reports and is asked to stop.
+//! Progress of long work, and the request to stop it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::scene::Start;
 use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Testbench, play};
 
-/// What a campaign says on its way, for people; no result depends on it.
+/// Message about progress, for a person. No result depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Remark<'a> {
-    /// What is done now; counts begin anew.
+    /// Beginning of a phase, whose counts start at 0.
     Phase {
-        /// What it is.
+        /// Name of the phase.
         what: &'a str,
-        /// Which step of the command it is, and of how many, if that is known.
+        /// Number of the step in the command and number of steps, if known.
         step: Option<(usize, usize)>,
     },
-    /// What is known of the present phase; counts go on.
+    /// Detail of the present phase, whose counts continue.
     Detail(&'a str),
-    /// Something that is worth a line.
+    /// Message on a line of its own.
     Line(&'a str),
 }
 
-/// Where in a command some work is.
+/// Place of some work in a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StepPlace {
-    /// Nobody counted the steps.
+    /// Steps that are not counted.
     #[default]
     Unnumbered,
-    /// One of the steps, counted from 1.
+    /// Step with its number, from 1.
     Step {
-        /// Which.
+        /// Number of the step.
         at: usize,
-        /// Of how many.
+        /// Number of steps.
         of: usize,
     },
-    /// Inside of other work, which alone says what is done.
+    /// Part of other work, which alone reports its phases.
     Inside,
 }
 
-/// How a campaign reports and is asked to stop; it never changes a result.
+/// Observer of long work, which can stop it but never changes a result.
 pub struct Watch<'a> {
     /// Called when `done` of `total` units of work are finished, from any thread.
     pub progress: &'a (dyn Fn(u64, u64) + Sync),
-    /// Called with what a person may want to read.
+    /// Called with messages for a person.
     pub remarks: &'a (dyn Fn(Remark<'_>) + Sync),
-    /// Set from outside to stop early; what was computed is kept.
+    /// Set from outside to stop early. Finished results are kept.
     pub stop: &'a AtomicBool,
-    /// Is told of every episode, and gives up on an ego that does not run.
+    /// Log of the faults of all episodes, which gives up on an ego that does not run.
     pub faults: FaultLog,
-    /// Which step of a command is watched.
+    /// Step of the command that is observed.
     pub place: StepPlace,
 }
 
 impl<'a> Watch<'a> {
-    /// Reports to `progress` and stops when `stop` is set or the ego is given up.
+    /// Creates a watch that reports to `progress` and stops at `stop` or after a fault.
     pub fn new(progress: &'a (dyn Fn(u64, u64) + Sync), stop: &'a AtomicBool) -> Watch<'a> {
         Watch {
             progress,
@@ -64,13 +64,13 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Reports to nobody, and is stopped by nobody.
+    /// Creates a watch without reports and without a stop.
     pub fn unwatched() -> Watch<'static> {
         static GO_ON: AtomicBool = AtomicBool::new(false);
         Watch::new(&|_, _| {}, &GO_ON)
     }
 
-    /// The same without phases and progress: for work that is part of some other.
+    /// Returns the watch without phases and progress, for a part of other work.
     pub fn quiet(&self) -> Watch<'a> {
         Watch {
             progress: &|_, _| {},
@@ -78,12 +78,12 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// The same for the first of so many steps.
+    /// Returns the watch for the first of a number of steps.
     pub fn first_of(&self, of: usize) -> Watch<'a> {
         self.at(StepPlace::Step { at: 1, of })
     }
 
-    /// The same for a step so many behind this one; unnumbered if this one is.
+    /// Returns the watch for a later step. It is unnumbered if this one is.
     pub fn later(&self, by: usize) -> Watch<'a> {
         self.at(match self.place {
             StepPlace::Step { at, of } => StepPlace::Step { at: at + by, of },
@@ -91,7 +91,7 @@ impl<'a> Watch<'a> {
         })
     }
 
-    /// The same for steps that nobody counted.
+    /// Returns the watch for steps that are not counted.
     pub fn unnumbered(&self) -> Watch<'a> {
         self.at(match self.place {
             StepPlace::Step { .. } => StepPlace::Unnumbered,
@@ -107,18 +107,17 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Whether there is no point in going on: somebody asked to stop, or the
-    /// ego does not run.
+    /// Returns whether to stop: on request, or because the ego does not run.
     pub fn stopped(&self) -> bool {
         self.interrupted() || self.faults.has_given_up()
     }
 
-    /// Whether somebody asked to stop.
+    /// Returns whether a stop was requested.
     pub fn interrupted(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Says what is done now; what is counted then begins anew.
+    /// Begins a phase, whose counts start at 0.
     pub fn phase(&self, what: &str) {
         let step = match self.place {
             StepPlace::Inside => return,
@@ -128,19 +127,19 @@ impl<'a> Watch<'a> {
         (self.remarks)(Remark::Phase { what, step });
     }
 
-    /// Says what is known of the present phase.
+    /// Reports a detail of the present phase.
     pub fn detail(&self, what: &str) {
         if self.place != StepPlace::Inside {
             (self.remarks)(Remark::Detail(what));
         }
     }
 
-    /// Says something that is worth a line.
+    /// Reports a line.
     pub fn note(&self, line: &str) {
         (self.remarks)(Remark::Line(line));
     }
 
-    /// Plays an episode and tells the log of faults about it.
+    /// Plays an episode and notes it in the log of faults.
     ///
     /// `index` is the position of its start, by which a fault is reported.
     pub fn play(

@@ -13,19 +13,19 @@ use crate::world::Scenario;
 
 /// Test starts, with those on which the nominal ego fails by itself.
 ///
-/// What the nominal ego fails is left out for every ego, so that their rates are
-/// about the same starts. Where the nominal ego says nothing about the others,
-/// each ego has its own.
+/// Starts on which the nominal ego fails are left out for every ego, so that all rates
+/// refer to the same starts. If the nominal ego does not represent the others, each ego
+/// has its own trivial starts.
 #[derive(Clone, Debug)]
 pub struct TestStarts {
     /// Seed of the stream.
     pub seed: u64,
     /// Each start with the seed of its noise.
     pub starts: Vec<(Start, u64)>,
-    /// Whether the nominal ego fails without an adversary, all rules kept.
+    /// True if the nominal ego fails without an adversary, with all rules kept.
     ///
-    /// Where it did not run at all nobody knows: such a start is not trivial,
-    /// and the watch's log of faults has it.
+    /// A start on which the ego did not run is not trivial. The watch's log of faults
+    /// contains it.
     pub trivial: Vec<bool>,
 }
 
@@ -33,8 +33,8 @@ pub struct TestStarts {
 ///
 /// A finite world of no more than `count` starts gives each of them once.
 ///
-/// `scenario` must be the nominal one on the plant its file names: what is
-/// trivial is fixed once and carried to all egos and plants. `None`: stopped.
+/// `scenario` must be the nominal world on the plant of its file, because trivial starts
+/// are determined once for all egos and plants. `None`: stopped.
 pub fn test_starts(
     scenario: &Scenario,
     seed: u64,
@@ -45,7 +45,7 @@ pub fn test_starts(
     TestStarts::tried(scenario, seed, starts, watch)
 }
 
-/// The same starts, none of which was played: nothing is left out.
+/// Draws test starts of which none is left out, without playing them.
 pub(crate) fn untried_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStarts {
     let starts = listed_or_drawn(scenario, seed, count);
     TestStarts {
@@ -63,7 +63,7 @@ fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, 
     }
 }
 
-/// Some of the test starts of a stream, with the seed of their noise.
+/// Returns some of the test starts of a stream, with the seeds of their noise.
 pub fn drawn_starts(scenario: &Scenario, seed: u64, which: Range<usize>) -> Vec<(Start, u64)> {
     let bench = scenario.bench();
     let draw = |index| {
@@ -73,7 +73,7 @@ pub fn drawn_starts(scenario: &Scenario, seed: u64, which: Range<usize>) -> Vec<
     which.map(draw).collect()
 }
 
-/// The noise of the `index`th test start, wherever that is.
+/// Returns the noise of the `index`th test start.
 pub fn test_noise(bench: &Testbench, seed: u64, index: usize) -> u64 {
     bench.noise_of(test_key(seed, index))
 }
@@ -94,7 +94,7 @@ fn with_noise(scenario: &Scenario, seed: u64, starts: Vec<Start>) -> Vec<(Start,
 }
 
 impl TestStarts {
-    /// Starts, of which it is tried where the nominal ego fails by itself.
+    /// Plays starts without an adversary, to find those on which the nominal ego fails.
     ///
     /// `scenario` is as for [`test_starts`]. `None`: stopped.
     pub fn tried(
@@ -124,17 +124,22 @@ impl TestStarts {
         })
     }
 
-    /// Whether the nominal ego of `world` says nothing of which of them are too
-    /// hard for another: by what it is, or because it fails on every one.
+    /// Returns whether each ego needs trivial starts of its own.
+    ///
+    /// The nominal ego of `world` then does not represent the others, by the kind of the
+    /// world or because it fails on every start.
     pub(crate) fn judges_each_ego(&self, world: &Scenario) -> bool {
         world.judges_each_ego() || self.trivial.iter().all(|trivial| *trivial)
     }
 
-    /// The same starts for an ego under test, and on how many of them it fails by
-    /// itself. `None`: stopped.
+    /// Returns the starts for an ego under test, and the number on which it fails by
+    /// itself.
     ///
-    /// The ego is judged itself, instead of the nominal ego of `world`, where that says
-    /// nothing of others ([`Scenario::judges_each_ego`]) or fails on every start.
+    /// `None`: stopped.
+    ///
+    /// The ego's own failures are left out, instead of those of the nominal ego of
+    /// `world`, if each ego needs trivial starts of its own
+    /// ([`TestStarts::judges_each_ego`]).
     pub(crate) fn for_ego(
         &self,
         world: &Scenario,
@@ -167,7 +172,7 @@ impl TestStarts {
         }
     }
 
-    /// The first of those that are not trivial, at most so many.
+    /// Returns the first starts that are not trivial.
     pub(crate) fn first(&self, most: usize) -> TestStarts {
         let marked = self.starts.iter().zip(&self.trivial);
         let first = marked.filter(|(_, trivial)| !**trivial).take(most);
@@ -179,8 +184,10 @@ impl TestStarts {
         }
     }
 
-    /// Works on every start that is not trivial, in parallel: what came of each,
-    /// in order; `None` for trivial ones and for those not reached.
+    /// Works in parallel on every start that is not trivial, and returns the results in
+    /// order.
+    ///
+    /// A result is `None` for trivial starts and for those not reached.
     ///
     /// `worker` and `work` are as in [`EpisodeLoop::run`].
     pub(crate) fn each<W, R: Send>(

@@ -1,5 +1,5 @@
-//! Whether an ado has learned its world: its successes on calibration starts
-//! beside those of a cheap search, on starts that nothing is reported on.
+//! Calibration: successes of an ado beside those of a cheap search, on starts of no
+//! report.
 
 use super::demonstrations::{Budget, Seeded};
 use super::rollout::successes;
@@ -10,37 +10,38 @@ use crate::run_dir::Calibration;
 use crate::seed::Purpose;
 use crate::world::Scenario;
 
-/// Starts that are searched, once, and played after it: one per thousand
-/// decisions of the training, within these bounds.
+/// Bounds on the number of calibration starts, one per thousand decisions of the
+/// training.
 const STARTS: (u64, u64) = (10, 100);
-/// Simulations per decision of the training that the search may spend at most.
+/// Largest number of simulations of the search per decision of the training.
 const SHARE: u64 = 4;
-/// The same per start where the ego cannot be copied.
+/// Largest number of simulations per start if the ego cannot be copied.
 const WITHOUT_COPIES: u64 = 50;
-/// Simulations per decision of the training that a search with two switches of
-/// the starts that one does not solve may spend at most.
+/// Largest number of simulations per decision of the training for a second search.
+///
+/// It uses two switches on the starts that one switch does not solve.
 const TWICE: u64 = 1;
 
-/// Calibration starts of a training, and which of them a search solves.
+/// Calibration starts of a training, with those that a search solves.
 pub(super) struct Calibrator<'a> {
     scenario: &'a Scenario,
     seed: u64,
     solved: Vec<bool>,
     switches: usize,
-    /// What the search took.
+    /// Cost of the search.
     simulations: u64,
     searched_steps: u64,
-    /// What the search and the last playing took.
+    /// Cost of the search and the last evaluation of the ado.
     pub physics_steps: u64,
-    /// All of it, and all playings.
+    /// Cost of the search and all evaluations.
     pub cpu_s: f64,
 }
 
 impl<'a> Calibrator<'a> {
-    /// Searches the calibration starts of a training; `None`: stopped.
+    /// Searches the calibration starts of a training. `None`: stopped.
     ///
-    /// With at most one switch of action, then with two where one solves nothing,
-    /// as far as the budget goes.
+    /// The search uses at most one switch of action, then two switches on unsolved
+    /// starts, within the budget.
     pub fn new(scenario: &'a Scenario, seed: u64, watch: &Watch<'_>) -> Option<Calibrator<'a>> {
         let scout = TrainingSearch::new(scenario, Purpose::Calibration, seed);
         let decisions = scenario.learner.decisions();
@@ -85,7 +86,7 @@ impl<'a> Calibrator<'a> {
         })
     }
 
-    /// What an ado does on them; `None`: stopped.
+    /// Plays an ado on the calibration starts. `None`: stopped.
     pub fn of(&mut self, policy: &dyn Policy, watch: &Watch<'_>) -> Option<Calibration> {
         let indices: Vec<u64> = (0..self.solved.len() as u64).collect();
         let of = (self.scenario, Purpose::Calibration, self.seed);

@@ -1,5 +1,6 @@
-//! What a search finds on training starts, to be shown to learners that want
-//! demonstrations: before a training, and where the ado fails later.
+//! Successes of a search on training starts, as demonstrations for a learner.
+//!
+//! They are searched before a training, and later where the ado fails.
 
 use super::rollout::successes;
 use super::training_search::{Scouted, SearchEffort, TrainingSearch};
@@ -9,28 +10,28 @@ use crate::run_dir::Sought;
 use crate::seed::Purpose;
 use crate::world::Scenario;
 
-/// The first start that is searched: no learner gets that far by itself.
+/// First start that is searched, which no learner reaches by itself.
 const FIRST_START: u64 = 1 << 40;
-/// The first of those that an ado plays before they are searched.
+/// First start that an ado plays before the search.
 const FIRST_PLAYED: u64 = 1 << 41;
 /// Starts that an ado plays at a time.
 const PLAYED: u64 = 300;
-/// Starts that are searched between two looks at what was spent.
+/// Starts that are searched between two checks of the budget.
 const CHUNK: usize = 10;
-/// Starts after which it is judged whether one switch is enough to begin with.
+/// Starts after which the share solved with one switch is checked.
 const TRIED: usize = 50;
-/// Share of them that must be solved with one switch.
+/// Least share of these starts that one switch must solve.
 const ENOUGH: f64 = 0.05;
-/// By how many times its equal part of the budget one start may exceed it.
+/// Largest multiple of its equal share of the budget that a start may spend.
 const UNEVEN: u64 = 3;
-/// Successes from which on those of near starts are changed.
+/// Number of successes from which successes of near starts are changed.
 const FEW: usize = 10;
-/// Successes from which on nothing else is done.
+/// Number of successes from which only such changes are tried.
 const MANY: usize = 50;
-/// Simulations per start for that.
+/// Simulations per start for such changes.
 const MUTATIONS: u64 = 200;
 
-/// Demonstrations, and what it took to find them.
+/// Demonstrations, with the cost of their search.
 #[derive(Default)]
 pub(super) struct Seeded {
     pub demonstrations: Vec<Demonstration>,
@@ -38,11 +39,11 @@ pub(super) struct Seeded {
     pub cpu_s: f64,
 }
 
-/// Searches training starts of `seed` for demonstrations; `None`: stopped.
+/// Searches training starts of `seed` for demonstrations. `None`: stopped.
 ///
-/// With one switch of action first, then harder where that finds nothing. A
-/// training that may go on keeps half of what the first pass leaves for the starts
-/// on which its ado fails ([`seed_failures`]).
+/// The search uses one switch of action first, then a harder search on unsolved starts. A
+/// training that may continue keeps half of the remaining budget for the starts on which
+/// its ado fails ([`seed_failures`]).
 pub(super) fn seed_training(
     scenario: &Scenario,
     seed: u64,
@@ -73,7 +74,7 @@ pub(super) fn seed_training(
         seeded.sought.starts += chunk.len() as u64;
         unsolved.extend(seeded.note(chunk, found));
     }
-    // Those that were not reached have no success with one switch either.
+    // Starts that were not reached have no success with one switch either.
     let reached = seeded.sought.starts as usize;
     let again = unsolved.len();
     unsolved.extend(&indices[reached..]);
@@ -89,8 +90,9 @@ pub(super) fn seed_training(
     Some(seeded)
 }
 
-/// Lets an ado play more training starts and searches those on which it fails,
-/// within what the budget has left; `None`: stopped.
+/// Plays an ado on more training starts and searches those on which it fails.
+///
+/// The search stays within the remaining budget. `None`: stopped.
 pub(super) fn seed_failures(
     (scenario, seed): (&Scenario, u64),
     (policy, decisions): (&dyn Policy, u64),
@@ -124,19 +126,19 @@ pub(super) fn seed_failures(
     };
     let searched = seeded.search_harder(&scout, &failed, budget, watch)?;
     seeded.sought.starts = searched as u64;
-    // Its own successes led the search; the learner has plenty of them.
+    // The ado's own successes are left out, because the learner has enough of them.
     seeded.demonstrations.drain(..own);
     Some(seeded)
 }
 
-/// What all searches of a training may spend.
+/// Budget of all searches of a training.
 fn most_simulations(scenario: &Scenario, scout: &TrainingSearch<'_>, seeding: &Seeding) -> u64 {
     let decisions = scenario.learner.decisions();
     let most = seeding.simulations.min(decisions.saturating_mul(2));
     if scout.forks() { most } else { most / 100 }
 }
 
-/// What a harder search may spend, and how many switches its sequences may have.
+/// Budget of a harder search, and its largest number of switches.
 #[derive(Clone, Copy)]
 pub(super) struct Budget {
     pub simulations: u64,
@@ -144,12 +146,13 @@ pub(super) struct Budget {
 }
 
 impl Seeded {
-    /// Searches starts on which one switch of action is not enough, in order;
-    /// gives how many of them were searched. `None`: stopped.
+    /// Searches in order the starts that one switch of action does not solve.
     ///
-    /// As long as few successes are known, all sequences with at most two switches
-    /// are walked through, as far as a fair share of the budget goes. Successes of
-    /// near starts are changed as soon as there are some, which takes far less.
+    /// Returns the number of searched starts. `None`: stopped.
+    ///
+    /// While few successes are known, all sequences with at most two switches are played,
+    /// within a fair share of the budget. Once there are successes of near starts, they
+    /// are changed instead, which needs far fewer simulations.
     pub fn search_harder(
         &mut self,
         scout: &TrainingSearch<'_>,
@@ -191,7 +194,7 @@ impl Seeded {
         Some(done)
     }
 
-    /// Notes what came of some starts; gives those without a success.
+    /// Records the results of some starts and returns those without a success.
     pub fn note(&mut self, starts: &[u64], found: Vec<Option<Scouted>>) -> Vec<u64> {
         let mut unsolved = Vec::new();
         for (&index, scouted) in starts.iter().zip(found) {

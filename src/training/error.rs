@@ -1,4 +1,4 @@
-//! Trainings that do not begin or do not go on.
+//! Error of a training that cannot begin, continue or end.
 
 use std::path::PathBuf;
 
@@ -8,80 +8,80 @@ use crate::rl::ConfigError;
 use crate::run_dir::{KeptError, RunError};
 use crate::world::{ChangeError, TrainingEgos, guessed};
 
-/// A training could not begin, go on or end.
+/// Error of a training that cannot begin, continue or end.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// `Debug` prints it as the command line does, so a test that returns it shows the
+/// mistake, its place and its fix.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// The world has no ado.
+    /// World without an ado.
     #[error("nobody in `{world}` is an ado, so there is nothing to train")]
     NoAdo {
         /// Name of the world.
         world: String,
     },
-    /// The world names no such learner.
+    /// Learner that the world does not name.
     #[error("`{world}` has no learner `{learner}`")]
     NoLearner {
         /// Name of the world.
         world: String,
-        /// Learner asked for.
+        /// Requested learner.
         learner: String,
         /// Learners that the world names.
         known: Vec<String>,
     },
-    /// The world names no family of egos.
+    /// World without a family of egos.
     #[error("`{world}` names no family of egos")]
     NoFamily {
         /// Name of the world.
         world: String,
     },
-    /// The family has no such structure.
+    /// Structure that the family does not have.
     #[error("the family of `{world}` has no structure `{structure}`")]
     NoStructure {
         /// Name of the world.
         world: String,
-        /// Structure asked for.
+        /// Requested structure.
         structure: String,
         /// Structures of the family.
         known: Vec<String>,
     },
-    /// Two options that exclude each other.
+    /// Options that exclude each other.
     #[error("{0}")]
     Options(OptionClash),
-    /// The run was begun against a controller that is in no file.
+    /// Run against a controller that is in no file.
     #[error("the run was begun against `{ego}`, which is in no file")]
     EgoInNoFile {
         /// Name of the controller.
         ego: String,
     },
-    /// A conditional ado and another one cannot become each other.
+    /// Fine-tuning of a conditional ado to an unconditional one, or the reverse.
     #[error("the ado in `{}` is {was}, this training {asked}", run.display())]
     OtherKind {
-        /// The run that is fine-tuned.
+        /// Run that is fine-tuned.
         run: PathBuf,
         /// Kind of its ado.
         was: TrainingEgos,
-        /// Kind asked for.
+        /// Requested kind.
         asked: TrainingEgos,
     },
     /// Goals that the world cannot have.
     #[error("{}", .0.what)]
     Goals(ChangeError),
-    /// The ego cannot be tested.
+    /// Ego that cannot be tested.
     #[error(transparent)]
     Ego(#[from] EgoError),
-    /// The run directory cannot be read, written or gone on with.
+    /// Run directory that cannot be read, written or resumed.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// Training could not go on.
+    /// Training that cannot continue.
     #[error(transparent)]
     Train(#[from] TrainError),
     /// Settings of a learner out of range.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// Counterexamples could not be kept.
+    /// Counterexamples that cannot be kept.
     #[error(transparent)]
     Kept(#[from] KeptError),
 }
@@ -90,16 +90,16 @@ pub enum SessionError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptionClash {
-    /// A structure is left out of no family.
+    /// Structure to leave out without a family.
     #[error("only a wide ado meets structures of which one can be left out")]
     LeaveOut,
-    /// A family, and one of its egos.
+    /// Family beside one of its egos.
     #[error("`--against` trains on a family of egos, `--ego` on one of them")]
     FamilyAndEgo,
-    /// A family, and a learner of the world.
+    /// Family beside a learner of the world.
     #[error("`--learner` is for training against the nominal ego")]
     FamilyAndLearner,
-    /// A family, and a plant.
+    /// Family beside a plant.
     #[error("`--plant` is for training against one ego")]
     FamilyAndPlant,
     /// All egos at once.
@@ -108,7 +108,7 @@ pub enum OptionClash {
 }
 
 impl OptionClash {
-    /// The fix.
+    /// Returns the fix.
     pub fn help(self) -> &'static str {
         match self {
             OptionClash::LeaveOut => "add `--against wide`, or leave out `--leave-out`",
@@ -125,7 +125,7 @@ impl OptionClash {
 }
 
 impl SessionError {
-    /// The fix; `None`: the error has another form than a sentence and its fix.
+    /// Returns the fix. `None`: the error has another form than a sentence and its fix.
     pub fn help(&self) -> Option<String> {
         let guess = |asked: &str, known: &[String]| {
             guessed(asked, "known", known.iter().map(String::as_str))

@@ -1,10 +1,10 @@
-//! How far a success reaches the goals of its training.
+//! Degree to which a success reaches the goals of its training.
 //!
-//! `Severe` reads the closing speed of the contact. `Distinct` counts, over the
-//! whole training, the successes of each group that [`clusters`](crate::experiment::clusters) makes of
-//! them, and pays less for a group the more often it was met: fitness sharing
-//! (Goldberg and Richardson, "Genetic algorithms with sharing for multimodal
-//! function optimization", ICGA 1987) with counts in place of a population.
+//! `Severe` uses the closing speed of the contact. `Distinct` counts over the whole
+//! training the successes of each group of [`clusters`](crate::experiment::clusters), and
+//! gives less for a group with more successes. This is fitness sharing (Goldberg and
+//! Richardson, "Genetic algorithms with sharing for multimodal function optimization",
+//! ICGA 1987) with counts in place of a population.
 
 use crate::experiment::{CrashClass, CrashFeatures};
 use crate::rl::{BundleError, TensorFile};
@@ -12,17 +12,18 @@ use crate::rulebook::TrainingGoal;
 use crate::testbench::Episode;
 use crate::world::Scenario;
 
-/// Goals of a training, and the groups of successes that it has met.
+/// Goals of a training, and the groups of its successes.
 pub struct GoalTracker {
     goals: Vec<TrainingGoal>,
-    /// The first success of each group, and how many there were.
+    /// First success of each group, with the number of its successes.
     groups: Vec<(CrashFeatures, u64)>,
     met: u64,
 }
 
 impl GoalTracker {
-    /// Goals of a training in `scenario`, with what its checkpoint counted;
-    /// `None`: it has no goals.
+    /// Creates the goals of a training in `scenario`, with the counts of its checkpoint.
+    ///
+    /// `None`: the training has no goals.
     ///
     /// # Errors
     /// The checkpoint holds no counts, or damaged ones.
@@ -44,10 +45,10 @@ impl GoalTracker {
         Ok(Some(tracker))
     }
 
-    /// Share in [0, 1] to which a success reaches the goals, their mean; counts it.
+    /// Counts a success and returns its mean share of the goals, in [0, 1].
     ///
-    /// A success after which a rule was broken before the contact reaches none: the
-    /// contact is none that a lawful ado brings about.
+    /// A success reaches no goal if a rule was broken between it and the contact, because
+    /// the contact then needs a rule violation.
     pub fn share(&mut self, scenario: &Scenario, episode: &Episode) -> f64 {
         if episode.is_foul_before_contact() {
             return 0.0;
@@ -75,13 +76,13 @@ impl GoalTracker {
         TrainingGoal::distinct_share(self.groups[group].1, mean)
     }
 
-    /// Writes what was counted into a checkpoint.
+    /// Writes the counts into a checkpoint.
     pub fn save(&self, bundle: &mut TensorFile) {
         let n = self.groups.len();
-        let stories: Vec<&CrashClass> = self.groups.iter().map(|(shape, _)| &shape.story).collect();
+        let classes: Vec<&CrashClass> = self.groups.iter().map(|(shape, _)| &shape.class).collect();
         // Invariant: a story is text and words, which serde_json always writes.
-        let stories = serde_json::to_vec(&stories).unwrap_or_default();
-        bundle.put("goals/stories", &[stories.len()], stories);
+        let classes = serde_json::to_vec(&classes).unwrap_or_default();
+        bundle.put("goals/stories", &[classes.len()], classes);
         let signals = self.groups.iter().flat_map(|(shape, _)| &shape.signals);
         let signals: Vec<f64> = signals.copied().collect();
         let width = signals.len() / n.max(1);
@@ -91,29 +92,29 @@ impl GoalTracker {
     }
 
     fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
-        let stories = bundle.rows::<u8>("goals/stories", &[])?;
-        let stories: Vec<CrashClass> =
-            serde_json::from_slice(stories).map_err(|error| BundleError::Format {
+        let classes = bundle.rows::<u8>("goals/stories", &[])?;
+        let classes: Vec<CrashClass> =
+            serde_json::from_slice(classes).map_err(|error| BundleError::Format {
                 why: error.to_string(),
             })?;
-        let n = stories.len();
+        let n = classes.len();
         let counts = bundle.get::<u64>("goals/counts", &[n])?;
         let width = match bundle.shape("goals/signals") {
             Some([_, width]) => *width,
             _ => 0,
         };
         let signals = bundle.get::<f64>("goals/signals", &[n, width])?;
-        for (i, story) in stories.into_iter().enumerate() {
+        for (i, class) in classes.into_iter().enumerate() {
             let signals = signals[i * width..(i + 1) * width].to_vec();
             self.groups
-                .push((CrashFeatures { story, signals }, counts[i]));
+                .push((CrashFeatures { class, signals }, counts[i]));
         }
         self.met = counts.iter().sum();
         Ok(())
     }
 }
 
-/// The share of `Severe`: 0 without a contact that concerns the ego.
+/// Returns the share of `Severe`, 0 without a contact of the ego.
 fn severe(episode: &Episode) -> f64 {
     let touch = episode.contact.as_ref();
     let touch = touch.filter(|touch| touch.impact.is_some_and(|impact| impact.concerns_ego()));

@@ -1,4 +1,4 @@
-//! Training an ado: from a world to a run directory and its closing evaluation.
+//! Training of an ado, from a world to a run directory and its closing evaluation.
 
 mod calibration;
 mod demonstrations;

@@ -1,15 +1,15 @@
-//! An ado trained anew for one changed ego: what reuse saves, and what it costs.
+//! Ado trained for one changed ego, as a baseline of reuse.
 
 use super::train_loop::{TrainError, train};
 use crate::experiment::Watch;
 use crate::run_dir::{Beginning, ChangedEgo, RequestedTraining, RunDir, RunError, file_name};
 use crate::world::{Scenario, TrainingEgos};
 
-/// The ado that was trained for a changed ego, under `RUN/retrained/`.
+/// Returns the ado that is trained for a changed ego, under `RUN/retrained/`.
 ///
-/// It is trained now as far as it is not there yet, with the seed of `run` and
-/// the learner its world names for a nominal ego; `changed` is the world with
-/// that ego. `None`: stopped from outside; what was trained is kept.
+/// An unfinished training is completed now, with the seed of `run` and the world's
+/// learner for a nominal ego. `changed` is the world with the ego. `None`: stopped. The
+/// finished part of the training is kept.
 ///
 /// # Errors
 /// Training fails, the disk refuses, or the directory holds another ado.

@@ -39,7 +39,7 @@ pub(super) fn successes(
 
 /// Returns the actions of a success of a greedy ado.
 ///
-/// Under Definition 4 an episode pays more than 0 exactly for a success.
+/// Under Definition 4 exactly the successes have a reward above 0.
 fn succeeds(gym: &mut TrainingGym<'_>, index: u64, policy: &dyn Policy) -> Option<Vec<usize>> {
     let mut obs = vec![0.0; gym.spaces().observation];
     gym.reset(index, &mut obs);

@@ -1,5 +1,6 @@
-//! A training from its world to its closing evaluation: begun, gone on with, or
-//! fine-tuned from another run.
+//! Training from its world to its closing evaluation.
+//!
+//! It is new, resumed, or fine-tuned from another run.
 
 use std::path::Path;
 
@@ -17,48 +18,49 @@ use crate::world::{Change, Scenario, TrainingEgos};
 /// Counterexamples of the closing evaluation that a run directory keeps.
 const KEPT_EPISODES: usize = 5;
 
-/// How to train in a world; what is left out is as the world says, or, going on
-/// with a run, as that was begun.
+/// Request to train in a world.
+///
+/// A missing option has the value of the world, or of the resumed run.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TrainRequest<'a> {
-    /// Seed of the training. Without it a training begins with 0.
+    /// Seed of the training, 0 by default.
     pub seed: Option<u64>,
-    /// Decisions to train for.
+    /// Number of decisions.
     pub decisions: Option<u64>,
-    /// One of the world's `learners`.
+    /// Name under the world's `learners`.
     pub learner: Option<&'a str>,
-    /// Which failures to look for, instead of what the world says.
+    /// Goals of the training, instead of those of the world.
     pub goals: Option<&'a [TrainingGoal]>,
-    /// Against the world's ego, or its family.
+    /// Training against the world's ego or its family.
     pub against: TrainingEgos,
-    /// A structure of the family that is not met.
+    /// Structure of the family that is left out.
     pub leave_out: Option<&'a str>,
-    /// Against a changed ego: a name under `reuse`, or a RON file.
+    /// Changed ego to train against: a name under `reuse`, or a RON file.
     pub ego: Option<&'a str>,
-    /// The physics to train in.
+    /// Plant to train on.
     pub plant: Option<PlantKind>,
-    /// The run whose policy is fine-tuned.
+    /// Run whose policy is fine-tuned.
     pub from: Option<&'a RunDir>,
 }
 
-/// A training and its run directory.
+/// Training with its run directory.
 pub struct TrainSession {
     run: RunDir,
     world: Scenario,
     ego: EgoUnderTest,
 }
 
-/// The closing evaluation of a training.
+/// Closing evaluation of a training.
 pub struct Closing {
-    /// The trained ado beside the baselines.
+    /// Rows of the trained ado and the baselines.
     pub rows: Vec<Row>,
     trained: ExperimentCell,
 }
 
 impl TrainSession {
-    /// Makes a run directory to train in.
+    /// Creates a run directory to train in.
     ///
-    /// What does not fit is refused before anything is made.
+    /// An unsuitable request is refused before anything is created.
     ///
     /// # Errors
     /// The request does not fit the world, there is a run already, a program may
@@ -92,7 +94,7 @@ impl TrainSession {
         TrainSession::with(world.clone(), ego, begin)
     }
 
-    /// Opens a run directory to go on with.
+    /// Opens a run directory to resume its training.
     ///
     /// # Errors
     /// There is no run, or it was begun as another training.
@@ -102,7 +104,8 @@ impl TrainSession {
         request: &TrainRequest<'_>,
     ) -> Result<TrainSession, SessionError> {
         let world = request.world(world)?;
-        // Before the run is opened: what cannot be asked for is no reason to hold it.
+        // The request is checked first, because an invalid one is no reason to lock the
+        // run.
         let asked = request.ego(&world)?;
         let run = RunDir::resume(path)?;
         let world = request.as_begun(world, &run)?;
@@ -127,7 +130,7 @@ impl TrainSession {
         TrainSession::with(world, ego, |_| Ok(run))
     }
 
-    /// Asks for consent, and only then opens the run.
+    /// Requires consent, and only then opens the run.
     fn with(
         world: Scenario,
         ego: Option<ChangedEgo>,
@@ -145,7 +148,7 @@ impl TrainSession {
         })
     }
 
-    /// Trains until the decisions asked for are taken, or `watch` stops it.
+    /// Trains until the requested decisions are taken, or `watch` stops it.
     ///
     /// # Errors
     /// The disk refuses, or the ego keeps failing to run.
@@ -155,8 +158,9 @@ impl TrainSession {
         Ok(train(scenario, &mut self.run, &watch)?)
     }
 
-    /// The trained ado beside the baselines, on the first test starts. `None`:
-    /// stopped before there was anything.
+    /// Evaluates the trained ado and the baselines on the first test starts.
+    ///
+    /// `None`: stopped before there was a result.
     ///
     /// # Errors
     /// The policy cannot be read.
@@ -204,17 +208,17 @@ impl TrainSession {
         Ok(())
     }
 
-    /// The run directory.
+    /// Returns the run directory.
     pub fn run(&self) -> &RunDir {
         &self.run
     }
 
-    /// The world with the learner, the plant and the egos that are trained with.
+    /// Returns the world with the learner, the plant and the egos of the training.
     pub fn world(&self) -> &Scenario {
         &self.world
     }
 
-    /// The trained ado; a conditional one is told the nominal parameters.
+    /// Returns the trained ado. A conditional ado gets the nominal parameters.
     fn policy(&self) -> Result<Box<dyn Policy>, SessionError> {
         let scenario = self.ego.scenario();
         Ok(match (scenario.family(), scenario.drive()) {
@@ -225,7 +229,7 @@ impl TrainSession {
 }
 
 impl TrainRequest<'_> {
-    /// The world, with what is asked for.
+    /// Returns the world with the requested options.
     fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let mut world = match self.plant {
             Some(plant) => on_plant(world, plant)?,
@@ -287,7 +291,7 @@ impl TrainRequest<'_> {
         })
     }
 
-    /// The changed ego that is asked for; `None`: the nominal one.
+    /// Returns the requested changed ego. `None`: the nominal ego.
     fn ego(&self, world: &Scenario) -> Result<Option<ChangedEgo>, SessionError> {
         match self.ego {
             None => Ok(world.own_ego().map(|name| ChangedEgo {
@@ -302,7 +306,7 @@ impl TrainRequest<'_> {
         }
     }
 
-    /// What was not asked for is as it was when a run was begun.
+    /// Returns the world with the options of the resumed run where none are requested.
     fn as_begun(&self, mut world: Scenario, run: &RunDir) -> Result<Scenario, SessionError> {
         let begun = run.manifest();
         if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
@@ -327,7 +331,7 @@ impl TrainRequest<'_> {
         if let Some(learner) = learner.and_then(|name| world.learning_by(name)) {
             world = learner;
         }
-        // The learner is the one of the beginning, whatever its world has become.
+        // The learner is that of the run, even if the world has changed.
         let learner = serde_json::from_value::<LearnerConfig>(begun.settings.clone());
         Ok(match (self.decisions, learner) {
             (Some(decisions), _) => world.training_for(decisions)?,
@@ -337,8 +341,9 @@ impl TrainRequest<'_> {
     }
 }
 
-/// A conditional ado is told the ego's parameters, others are not: one cannot
-/// become the other.
+/// Requires that a fine-tuned ado stays conditional or unconditional.
+///
+/// The two kinds have different observations.
 fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), SessionError> {
     let was = from.manifest().against;
     if (was == TrainingEgos::Conditioned) == (world.against == TrainingEgos::Conditioned) {

@@ -1,5 +1,7 @@
-//! How long to train: as long as a cheap search finds on calibration starts what
-//! the ado misses, and going on helps.
+//! Stopping rule of a training.
+//!
+//! A training continues while a cheap search solves calibration starts that the ado
+//! misses, and while more training helps.
 
 use super::calibration::Calibrator;
 use super::demonstrations::seed_failures;
@@ -10,38 +12,38 @@ use crate::run_dir::{Calibration, Manifest, Sought, TrainingEnd};
 use crate::seed::Purpose;
 use crate::world::Scenario;
 
-/// Share of the decisions asked for after which a training that is stuck begins
-/// anew. Not before: good ones have been seen to learn nothing in a quarter.
+/// Share of the requested decisions after which a stuck training begins anew. Earlier it
+/// is too soon, because good trainings may learn nothing in the first quarter.
 const LOOK: f64 = 0.4;
-/// Recall below which it is stuck.
+/// Recall below which a training is stuck.
 const STUCK: f64 = 0.5;
-/// By what share of the decisions asked for a training is extended at a time.
+/// Share of the requested decisions by which a training is extended at a time.
 const EXTENSION: f64 = 0.5;
 
-/// Decides when a training begins anew, goes on, and ends.
+/// Rule that decides when a training begins anew, continues, and ends.
 pub(super) struct StoppingRule<'a> {
     scenario: &'a Scenario,
     seed: u64,
     watch: &'a Watch<'a>,
-    /// Searched once, when it is first needed.
+    /// Calibration, searched when it is first needed.
     calibrator: Option<Calibrator<'a>>,
-    /// Decisions asked for, and those after which it ends in any case.
+    /// Requested decisions, and the decisions after which the training ends in any case.
     pub asked: u64,
     longest: u64,
-    /// Where it was last looked at.
+    /// Decisions at the last check.
     looked: u64,
-    /// As of the last time that all decisions asked for were taken.
+    /// Calibration when all requested decisions were last taken.
     pub calibration: Option<Calibration>,
     pub ended: Option<TrainingEnd>,
-    /// What was searched for demonstrations, before the training and since.
+    /// Searches for demonstrations, before and during the training.
     pub sought: Option<Sought>,
-    /// Physics steps of searches that nobody has counted yet.
+    /// Physics steps of searches that are not counted yet.
     uncounted_steps: u64,
     searched_cpu_s: f64,
 }
 
 impl<'a> StoppingRule<'a> {
-    /// Of a training that is as far as its manifest says.
+    /// Creates the rule of a training at the state of its manifest.
     pub fn new(
         scenario: &'a Scenario,
         manifest: &Manifest,
@@ -64,7 +66,7 @@ impl<'a> StoppingRule<'a> {
         }
     }
 
-    /// After which decision to look at it next.
+    /// Returns the decision of the next check.
     pub fn next_look(&self, decisions: u64) -> u64 {
         let look = self.first_look();
         if self.adapts() && decisions < look {
@@ -82,9 +84,10 @@ impl<'a> StoppingRule<'a> {
         self.asked < self.longest
     }
 
-    /// Shows a learner successes where it fails, and lets a training begin anew
-    /// that is stuck, once, with what it has seen; whether that was looked at.
-    /// `None`: stopped while it was looked at, with nothing changed.
+    /// Shows a learner successes where it fails, and restarts a stuck training once.
+    ///
+    /// A restarted training keeps its experience. Returns whether a check was made.
+    /// `None`: stopped during the check, with nothing changed.
     pub fn look(&mut self, learner: &mut dyn Learner) -> Option<bool> {
         let (before, now) = (self.looked, learner.decisions());
         let look = self.first_look();
@@ -106,8 +109,9 @@ impl<'a> StoppingRule<'a> {
         Some(true)
     }
 
-    /// Whether a training that has taken its decisions is over, or stopped while
-    /// that was asked; if not, it was told to go on.
+    /// Returns whether a training that has taken its decisions ends.
+    ///
+    /// Otherwise it is extended, or was stopped during the check.
     pub fn ends(&mut self, learner: &mut dyn Learner) -> bool {
         let before = self.calibration;
         let Some(now) = self.calibrate(&*learner) else {
@@ -142,8 +146,10 @@ impl<'a> StoppingRule<'a> {
         ended.is_some()
     }
 
-    /// Searches more training starts on which the ado fails, and shows the learner
-    /// the successes; `None`: stopped, and nothing was shown.
+    /// Searches more training starts on which the ado fails, and shows the learner the
+    /// successes.
+    ///
+    /// `None`: stopped, and nothing was shown.
     fn study(&mut self, learner: &mut dyn Learner) -> Option<()> {
         let Some(seeding) = self.scenario.learner.seeding() else {
             return Some(());
@@ -156,7 +162,7 @@ impl<'a> StoppingRule<'a> {
             (seeding, sought.simulations),
             self.watch,
         )?;
-        // A gym of its own: successes that were shown are not the training's.
+        // A separate gym, because shown successes are not results of the training.
         let mut gym = TrainingGym::new(self.scenario, Purpose::Train, self.seed);
         learner.demonstrate(&mut gym, &seeded.demonstrations);
         self.uncounted_steps += seeded.sought.physics_steps + gym.inner().spent().physics_steps;
@@ -169,7 +175,7 @@ impl<'a> StoppingRule<'a> {
         Some(())
     }
 
-    /// Physics steps of searches since they were last taken.
+    /// Takes the physics steps of searches since the last call.
     pub fn take_steps(&mut self) -> u64 {
         std::mem::take(&mut self.uncounted_steps)
     }
@@ -184,14 +190,13 @@ impl<'a> StoppingRule<'a> {
         calibrator.of(&*learner.policy(), self.watch)
     }
 
-    /// What calibrating and searching took so far.
+    /// Returns the cost of calibration and searches so far.
     pub fn cpu_s(&self) -> f64 {
         let calibrating = self.calibrator.as_ref().map_or(0.0, |used| used.cpu_s);
         self.searched_cpu_s + calibrating
     }
 
-    /// What one calibration takes, that is the same however often a training was
-    /// interrupted.
+    /// Returns the cost of one calibration, which does not depend on interruptions.
     pub fn physics_steps(&self) -> u64 {
         self.calibrator
             .as_ref()

@@ -1,4 +1,4 @@
-//! Training an ado: testbench ⇄ learner → policy, kept in a run directory.
+//! Training of an ado: testbench ⇄ learner → policy, kept in a run directory.
 
 use cpu_time::ThreadTime;
 
@@ -13,56 +13,58 @@ use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
 use crate::world::Scenario;
 
-/// Decisions between two checkpoints; unit tests want several of them soon.
+/// Decisions between two checkpoints. Unit tests need several of them soon.
 const CHECKPOINT_DECISIONS: u64 = if cfg!(test) { 400 } else { 50_000 };
 /// Episodes per line of `progress.jsonl`.
 const REPORT_EPISODES: u64 = if cfg!(test) { 7 } else { 250 };
 
-/// What training came to.
+/// Outcome of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainingOutcome {
-    /// How far it came.
+    /// Finished part of the training.
     pub done: Done,
-    /// Whether somebody stopped it; a checkpoint is kept then.
+    /// True if it was stopped, which keeps a checkpoint.
     pub interrupted: bool,
-    /// Episodes dropped for faults of ego or physics.
+    /// Episodes left out for faults of ego or physics.
     pub aborted: u64,
 }
 
-/// The steps of a training with its closing evaluation, one of which is a search
-/// where the learner wants demonstrations.
+/// Returns the number of steps of a training with its closing evaluation.
+///
+/// One is a search, if the learner uses demonstrations.
 pub(super) fn steps(scenario: &Scenario) -> usize {
     3 + usize::from(scenario.learner.seeding().is_some())
 }
 
-/// Training could not go on.
+/// Error of a training that cannot continue.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// `Debug` prints it as the command line does, so a test that returns it shows the
+/// mistake, its place and its fix.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum TrainError {
-    /// The run directory.
+    /// Error of the run directory.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// A checkpoint or a policy to begin with does not fit.
+    /// Checkpoint or initial policy that does not fit.
     #[error("the stored learner does not fit this world: {0}")]
     Bundle(#[from] BundleError),
-    /// The ego does not run.
+    /// Ego that does not run.
     #[error("training was ended after {decisions} decisions: {complaint}")]
     Faults {
-        /// Decisions taken so far; a checkpoint holds them.
+        /// Decisions taken so far, which a checkpoint contains.
         decisions: u64,
-        /// What went wrong.
+        /// Reason of the faults.
         complaint: Complaint,
     },
 }
 
-/// Trains in `run` until `watch` stops it, or the configured decisions are taken
-/// and, where the learner may go on, it has learned its world.
+/// Trains in `run` until the decisions are taken or `watch` stops it.
 ///
-/// Goes on from the run's checkpoint if there is one: the result is the same,
-/// byte for byte, as without the interruption. A finished run is left alone.
+/// If the learner may continue, it trains until it has learned its world.
+///
+/// It resumes from the run's checkpoint if there is one, with the same bytes as without
+/// the interruption. A finished run stays as it is.
 ///
 /// # Errors
 /// The disk refuses; the checkpoint does not fit; the ego keeps failing.
@@ -81,7 +83,7 @@ pub fn train(
     let spaces = &scenario.spaces();
     let checkpoint = run.checkpoint()?;
     if let Some(goals) = GoalTracker::of(scenario, checkpoint.as_ref())? {
-        gym.pay_by(goals);
+        gym.reward_by(goals);
     }
     let mut learner = match (checkpoint, run.from()?) {
         (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
@@ -110,7 +112,7 @@ pub fn train(
         decisions: learner.decisions(),
         physics_steps,
     });
-    // Counterexamples of a family are of egos that nobody could name later.
+    // Counterexamples of a family are not stored, because their egos have no names.
     let stores = scenario.against.is_nominal();
     if stores {
         gym.inner().keep_successes();
@@ -145,7 +147,7 @@ pub fn train(
                 run.append_counterexamples(&gym.inner().take_successes())?;
             }
             let Some(looked) = own.aside(|| patience.look(&mut *learner)) else {
-                // No checkpoint: one of here would say that it was looked at.
+                // A checkpoint here would record a check that was not made.
                 break;
             };
             if looked {
@@ -189,7 +191,7 @@ pub fn train(
     })
 }
 
-/// Counts what patience searched as part of the training.
+/// Counts the searches of the stopping rule as part of the training.
 fn note_searches(patience: &mut StoppingRule<'_>, run: &mut RunDir, gym: &mut TrainingGym<'_>) {
     if let Some(sought) = patience.sought {
         run.note_sought(sought);
@@ -208,8 +210,9 @@ fn checkpoint_of(learner: &dyn Learner, gym: &TrainingGym<'_>) -> TensorFile {
     checkpoint
 }
 
-/// Processor time of the thread that learns, without what it does as one of the
-/// workers of a search or a calibration: those are counted by whoever asks them.
+/// Processor time of the learning thread, without its share of searches and calibrations.
+///
+/// These are counted by their callers.
 struct OwnTime {
     clock: ThreadTime,
     aside_s: f64,
@@ -223,7 +226,7 @@ impl OwnTime {
         }
     }
 
-    /// Does what is counted elsewhere.
+    /// Runs work that is counted elsewhere.
     fn aside<T>(&mut self, work: impl FnOnce() -> T) -> T {
         let clock = ThreadTime::now();
         let done = work();
@@ -236,7 +239,7 @@ impl OwnTime {
     }
 }
 
-/// The end of a training whose ego does not run.
+/// Ends a training whose ego does not run.
 fn given_up(learner: &dyn Learner, watch: &Watch<'_>) -> Option<TrainError> {
     let complaint = watch.faults.complaint();
     let complaint = complaint.filter(|_| watch.faults.has_given_up())?;
@@ -246,7 +249,7 @@ fn given_up(learner: &dyn Learner, watch: &Watch<'_>) -> Option<TrainError> {
     })
 }
 
-/// What a finished run came to.
+/// Returns the outcome of a finished run.
 fn finished(run: &RunDir) -> TrainingOutcome {
     let manifest = run.manifest();
     TrainingOutcome {
@@ -265,18 +268,18 @@ fn finished(run: &RunDir) -> TrainingOutcome {
     }
 }
 
-/// Counts episodes and writes progress lines.
+/// Counter of episodes, which writes progress lines.
 #[derive(Default)]
 struct Ledger {
     lines: String,
     episodes: u64,
     aborted: u64,
-    /// Since the last line.
+    /// Episodes since the last line.
     window: Window,
 }
 
 impl Ledger {
-    /// Notes an episode; gives the share solved of late, now and then.
+    /// Notes an episode, and returns at times the recent share of successes.
     fn note(&mut self, progress: &LearnerReport) -> Option<f64> {
         self.aborted = progress.aborted;
         self.episodes = progress.episodes;

@@ -1,8 +1,7 @@
-//! Cheap search of starts that nothing is reported on: those of a training and
-//! of its calibration.
+//! Cheap search of training and calibration starts, which appear in no report.
 //!
-//! What it finds is shown to learners that want demonstrations, and tells
-//! whether a trained ado has learned what there is to learn.
+//! Its successes are demonstrations for learners, and its results show whether a trained
+//! ado has learned its world.
 
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::Demonstration;
@@ -16,38 +15,36 @@ use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::Scenario;
 use rand::RngExt;
 
-/// Sequences that succeeded when pre-screened and are tried on the plant asked
-/// for, per start.
+/// Pre-screened successes per start that are tried on the requested plant.
 const MAX_CONFIRMATIONS: u64 = 30;
 
-/// Every so many decisions an action may be switched, coarse walks first.
+/// Decisions between two switches, the coarsest walk first.
 const STRIDES: [usize; 5] = [16, 8, 4, 2, 1];
 
-/// Known successes from near starts that are tried before any is changed.
+/// Known successes of near starts that are tried before any is changed.
 const HINTS: usize = 10;
-/// The best sequences so far, of which one is changed next.
+/// Number of best sequences, one of which is changed next.
 const ELITES: usize = 5;
 
-/// How a start is searched.
+/// Method by which a start is searched.
 #[derive(Clone, Copy)]
 pub(super) enum SearchEffort<'a> {
-    /// All sequences with at most so many switches of action, or as many as the
-    /// simulations allow.
+    /// All sequences with at most a number of switches, within the simulations.
     Walk { switches: usize },
-    /// Successes from the nearest starts, and changes of them, with at most so
-    /// many switches.
+    /// Successes of the nearest starts, and changes of them, with at most a number of
+    /// switches.
     Mutate {
         known: &'a [Demonstration],
         switches: usize,
     },
 }
 
-/// What a search of one start came to.
+/// Result of the search of one start.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Scouted {
     /// Actions that make the ego fail with all rules kept, if any were found.
     pub actions: Option<Vec<usize>>,
-    /// Episodes run, a part of one counted as one.
+    /// Number of episodes, partial episodes included.
     pub simulations: u64,
     /// Physics steps spent, on both plants.
     pub physics_steps: u64,
@@ -55,19 +52,17 @@ pub(super) struct Scouted {
     pub cpu_s: f64,
 }
 
-/// Searches the starts of one stream, each with the member of the family that a
-/// training meets there.
+/// Search of the starts of a stream, each with its member of the family.
 pub(super) struct TrainingSearch<'a> {
     scenario: &'a Scenario,
-    /// The same on the plant that sorts out sequences first, where another one
-    /// is asked for.
+    /// World on the plant of the pre-screening, if another plant is requested.
     cheap: Option<Scenario>,
     purpose: Purpose,
     seed: u64,
 }
 
 impl<'a> TrainingSearch<'a> {
-    /// Of the stream (purpose, seed), whose test starts nobody may look at.
+    /// Creates the search of the stream (purpose, seed), which is no test stream.
     pub fn new(scenario: &'a Scenario, purpose: Purpose, seed: u64) -> TrainingSearch<'a> {
         // Invariant: training never sees a test start.
         let open = matches!(purpose, Purpose::Train | Purpose::Calibration);
@@ -82,7 +77,7 @@ impl<'a> TrainingSearch<'a> {
         }
     }
 
-    /// Whether the ego can be copied, which makes searching cheap.
+    /// Returns whether the ego can be copied, which makes the search cheap.
     pub fn forks(&self) -> bool {
         let mut bench = self.scenario.bench();
         let key = self.key(0);
@@ -99,11 +94,11 @@ impl<'a> TrainingSearch<'a> {
         }
     }
 
-    /// Searches the starts with these indices, in parallel, each with at most so
-    /// many simulations.
+    /// Searches the starts with these indices in parallel, each within a number of
+    /// simulations.
     ///
-    /// What could not be tried is left out; `None` only where `watch` stopped it.
-    /// Progress counts on from `done` of `total` starts.
+    /// Starts that were not tried are left out. `None`: stopped by `watch`. The progress
+    /// continues from `done` of `total` starts.
     pub fn search(
         &self,
         indices: &[u64],
@@ -131,7 +126,7 @@ impl<'a> TrainingSearch<'a> {
     }
 
     /// Puts the ego of an episode on the benches, if there is a family.
-    fn meet(&self, key: StartKey, first: &mut Testbench, asked: Option<&mut Testbench>) {
+    fn place_member(&self, key: StartKey, first: &mut Testbench, asked: Option<&mut Testbench>) {
         let against = self.scenario.against;
         let Some(family) = self.scenario.family().filter(|_| !against.is_nominal()) else {
             return;
@@ -150,12 +145,12 @@ impl<'a> TrainingSearch<'a> {
     }
 }
 
-/// One thread's benches.
+/// Benches of one thread.
 struct SearchWorker<'a> {
     scout: &'a TrainingSearch<'a>,
-    /// Where sequences are looked for.
+    /// Bench on which sequences are searched.
     first: Testbench,
-    /// Where they must succeed, if that is elsewhere.
+    /// Bench on which sequences must succeed, if another one.
     asked: Option<Testbench>,
     watch: &'a Watch<'a>,
 }
@@ -168,7 +163,8 @@ impl SearchWorker<'_> {
         simulations: u64,
     ) -> Option<Scouted> {
         let key = self.scout.key(index);
-        self.scout.meet(key, &mut self.first, self.asked.as_mut());
+        self.scout
+            .place_member(key, &mut self.first, self.asked.as_mut());
         let (start, noise) = (self.first.draw(key), self.first.noise_of(key));
         let from = (&start, noise);
         self.first.begin(&start, noise, Aftermath::Skip);
@@ -186,7 +182,7 @@ impl SearchWorker<'_> {
         (found || !self.watch.stopped()).then_some(scouted)
     }
 
-    /// How many sequences there are with at most so many switches.
+    /// Returns the number of sequences with at most a number of switches.
     fn sequences(&self, switches: usize) -> u64 {
         let actions = self.first.spaces().actions as u64;
         let decisions = self.first.clock().decisions() as u64;
@@ -199,13 +195,14 @@ impl SearchWorker<'_> {
         sum
     }
 
-    /// All of them, fewest switches first, prefixes shared by copying the ego, as
-    /// far as the simulations go.
+    /// Plays all sequences within the simulations, those with the fewest switches first.
     ///
-    /// A branch ends where a rule is broken, so the sequences that can be played
-    /// may be far fewer than [`SearchWorker::sequences`] counts. Where even those may
-    /// be too many, sequences that switch at every 16th decision come first, then
-    /// those at every 8th and so on: what is left out is spread evenly.
+    /// Shared prefixes are played once, by copies of the ego.
+    ///
+    /// A branch ends at a rule violation, so far fewer sequences may be possible than
+    /// [`SearchWorker::sequences`] counts. If the simulations may not suffice for these,
+    /// sequences that switch at every 16th decision come first, then those at every 8th
+    /// and so on, so that omissions are spread evenly.
     fn walk(
         &mut self,
         from: (&Start, u64),
@@ -259,8 +256,9 @@ impl SearchWorker<'_> {
         scouted
     }
 
-    /// Some of them, drawn at random: where the ego cannot be copied, every one
-    /// has to be played from the start, and so costs several times as much.
+    /// Plays random sequences, if the ego cannot be copied.
+    ///
+    /// Every sequence is then played from the start, which costs several times as much.
     fn sample(
         &mut self,
         from: (&Start, u64),
@@ -296,11 +294,10 @@ impl SearchWorker<'_> {
         scouted
     }
 
-    /// Successes from the nearest starts first, then changes of those that come
-    /// nearest to a success here.
+    /// Plays successes of the nearest starts first, then changes of the best sequences.
     ///
-    /// What solves one start often solves another one a decision earlier or later,
-    /// where a walk through all sequences would take thousands of them.
+    /// A solution of one start often solves another start a decision earlier or later,
+    /// where a walk through all sequences would need thousands of simulations.
     fn mutate(
         &mut self,
         from: (&Start, u64),
@@ -330,7 +327,7 @@ impl SearchWorker<'_> {
             };
             let switched = sequence.windows(2).filter(|pair| pair[0] != pair[1]);
             if switches < switched.count() {
-                // Costs nothing else, so it must not go on for ever.
+                // It needs no simulation, so it must be limited.
                 scouted.simulations += 1;
                 continue;
             }
@@ -345,7 +342,7 @@ impl SearchWorker<'_> {
                     break;
                 }
             }
-            // The newest of equals first, so that the search moves on.
+            // The newest of equal sequences comes first, so that the search advances.
             let at = elites.partition_point(|elite| elite.0 > reward);
             elites.insert(at, (reward, sequence));
             elites.truncate(ELITES);
@@ -353,7 +350,7 @@ impl SearchWorker<'_> {
         scouted
     }
 
-    /// The sequences of the nearest starts, each axis measured by its spread.
+    /// Returns the sequences of the nearest starts, with each axis scaled by its spread.
     fn nearest(&self, start: &Start, known: &[Demonstration]) -> Vec<Vec<usize>> {
         let starts: Vec<Start> = known
             .iter()
@@ -379,8 +376,8 @@ impl SearchWorker<'_> {
         near.map(|(_, at)| known[at].actions.clone()).collect()
     }
 
-    /// What a sequence, its last action held, is worth where sequences are looked
-    /// for; counted.
+    /// Plays a sequence on the searching bench, with the last action held, and returns
+    /// its reward.
     fn reward(&mut self, from: (&Start, u64), actions: &[usize], scouted: &mut Scouted) -> f64 {
         let mut replay = Replay::holding(actions);
         let episode = play(
@@ -397,7 +394,7 @@ impl SearchWorker<'_> {
     }
 }
 
-/// Whether a sequence, its last action held, succeeds on a bench; counted.
+/// Plays a sequence, with the last action held, and returns whether it succeeds.
 fn confirms(
     bench: &mut Testbench,
     (start, noise): (&Start, u64),

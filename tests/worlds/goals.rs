@@ -35,7 +35,7 @@ const BOTH: &str = "goals: [Severe, Distinct],";
 fn gym(world: &Scenario) -> TrainingGym<'_> {
     let mut gym = TrainingGym::new(world, Purpose::Train, 5);
     if let Some(goals) = GoalTracker::of(world, None).expect("no checkpoint") {
-        gym.pay_by(goals);
+        gym.reward_by(goals);
     }
     gym
 }
