@@ -259,7 +259,7 @@ pub(crate) fn eval_world<'py>(
         for ego in &egos {
             let experiment = Experiment {
                 ego,
-                adversaries: &adversaries,
+                adversaries: adversaries.to_vec(),
                 starts: &starts,
             };
             let mut cells = experiment.run(watch);

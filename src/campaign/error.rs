@@ -13,8 +13,8 @@ use crate::world::LoadError;
 
 /// A campaign could not be planned, run or merged.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// `Debug` prints it as the command line does, so a test that returns it shows the
+/// mistake, its place and its fix.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum CampaignError {
@@ -75,7 +75,7 @@ pub enum CampaignError {
         pieces: usize,
         /// The first of them, each with its reason.
         listed: String,
-        /// Whether some are there and wrong.
+        /// True if some are there and wrong.
         some_are_wrong: bool,
     },
     /// More episodes of a piece are invalid than allowed: it was not kept.
@@ -83,7 +83,7 @@ pub enum CampaignError {
     Faults {
         /// The number of the piece; `None`: the pilot, in which an ego never ran.
         piece: Option<usize>,
-        /// What failed.
+        /// Work that failed.
         complaint: Complaint,
     },
     /// The ego cannot be tested.

@@ -79,10 +79,11 @@ impl UnitContext<'_> {
         }))
     }
 
-    /// Starts, with those left out at which the world's own ego fails by itself.
+    /// Returns the starts, with those left out on which the world's own ego fails by
+    /// itself.
     ///
-    /// Where that ego says nothing of others, as in imported scenes, each start is
-    /// a question to the unit's ego, and none is left out. `None`: stopped.
+    /// If that ego does not represent others, as in imported scenes, no start is left
+    /// out. `None`: stopped.
     fn judged(
         &self,
         seed: u64,

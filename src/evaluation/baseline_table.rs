@@ -1,7 +1,6 @@
 //! Baselines and search of a world, before any ado was trained in it.
 
 use super::blocking_rules::{RuleAblation, in_the_way};
-use crate::adversary::Ado;
 use crate::experiment::{EgoError, EgoUnderTest, Watch, consent, test_starts};
 use crate::run_dir::Row;
 use crate::search::{Adversary, Experiment};
@@ -43,15 +42,10 @@ pub fn untrained(
         let Some((starts, alone)) = starts.for_ego(nominal, ego, watch) else {
             break;
         };
-        let adversaries = [
-            Adversary::switches(switches),
-            Adversary::Ado(Ado::Held),
-            Adversary::Ado(Ado::Random),
-            Adversary::BestConstant,
-        ];
+        let searched = [Adversary::switches(switches)].into_iter();
         let experiment = Experiment {
             ego,
-            adversaries: &adversaries,
+            adversaries: searched.chain(Adversary::BASELINES).collect(),
             starts: &starts,
         };
         let mut rows = experiment.rows(watch);

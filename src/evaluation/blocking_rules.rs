@@ -1,4 +1,4 @@
-//! Rules that block an adversary, searched if no lawful success was found.
+//! Rules that block an adversary, searched if there is no success within the rules.
 //!
 //! A world without a success is either safe or forbids everything, and the rows of both
 //! look the same. A search without a rule shows the difference, rule by rule.
@@ -27,7 +27,7 @@ pub struct RuleAblation {
     pub without: Vec<(String, usize)>,
     /// Most switches of action in the searched sequences.
     pub switches: usize,
-    /// Starts with a lawful violation of the specification that does not count.
+    /// Starts with a violation of the specification within the rules that does not count.
     ///
     /// `None` if every violation counts in this world.
     #[serde(skip_serializing_if = "Option::is_none")]

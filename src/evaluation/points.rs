@@ -2,8 +2,8 @@
 //!
 //! A point is a start of a world in which the others follow the protocol, as long as the
 //! ado adds nothing to their plans. Every point is therefore played once with the neutral
-//! action, by the ego under test itself. If the world has an ado, its lawful variations
-//! are searched at every passed point, for the first that makes the ego fail.
+//! action, by the ego under test itself. If the world has an ado, its variations within
+//! the rules are searched at every passed point, for the first that makes the ego fail.
 
 use std::path::Path;
 
@@ -69,7 +69,7 @@ pub struct PointResult {
     /// Failure of the ego, if it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<PointFailure>,
-    /// Result of the search of lawful variations, `None` without a search.
+    /// Result of the search of variations. `None` without a search.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub varied: Option<VariedPoint>,
 }
@@ -89,7 +89,7 @@ pub struct PointFailure {
     pub closing_mps: Option<f64>,
 }
 
-/// Result of the search of lawful variations at a passed point.
+/// Result of the search of variations within the rules, at a passed point.
 #[derive(Clone, Debug, Serialize)]
 pub struct VariedPoint {
     /// True if a variation makes the ego fail.
@@ -117,7 +117,7 @@ pub struct PointsTable {
     pub failed: usize,
     /// Points at which it did not run.
     pub invalid: usize,
-    /// Passed points at which a lawful variation makes the ego fail.
+    /// Passed points at which a variation within the rules makes the ego fail.
     ///
     /// `None` without a search.
     pub strayed: Option<usize>,

@@ -32,12 +32,12 @@ pub enum Adversary<'a> {
 }
 
 /// Adversaries against an ego, from the same test starts.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Experiment<'a> {
     /// Ego under test, in its world.
     pub ego: &'a EgoUnderTest,
     /// Adversaries, in the order of their cells.
-    pub adversaries: &'a [Adversary<'a>],
+    pub adversaries: Vec<Adversary<'a>>,
     /// Test starts.
     pub starts: &'a TestStarts,
 }
@@ -74,6 +74,13 @@ pub struct StartResult {
 }
 
 impl<'a> Adversary<'a> {
+    /// Ados that anything learned must beat.
+    pub const BASELINES: [Adversary<'static>; 3] = [
+        Adversary::Ado(Ado::Held),
+        Adversary::Ado(Ado::Random),
+        Adversary::BestConstant,
+    ];
+
     /// Returns the search of all sequences with at most a number of action switches.
     pub fn switches(most: usize) -> Adversary<'a> {
         Adversary::Search(Switches(most).into(), 0)
@@ -244,5 +251,48 @@ impl ExperimentCell {
         let mut judged = episode.trace;
         judged.truncate(episode.judged);
         Some((index, scenario.rulebook().spec.explain(&judged)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::test_starts;
+    use crate::sim::PlantKind;
+    use crate::world::Scenario;
+
+    #[test]
+    fn successes_of_policies_and_searches_are_played_again_from_their_cells() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let weak = world.with(&world.reuse()["weak brakes"]).expect("it fits");
+        let ego = EgoUnderTest::nominal(&weak.on(PlantKind::Kinematic));
+        let watch = Watch::unwatched();
+        let starts = test_starts(ego.scenario(), 77, 12, &watch).expect("not stopped");
+        let others = [Adversary::Neutral, Adversary::BestSwitch];
+        let searched = [Adversary::switches(1)];
+        let experiment = Experiment {
+            ego: &ego,
+            adversaries: Adversary::BASELINES
+                .into_iter()
+                .chain(others)
+                .chain(searched)
+                .collect(),
+            starts: &starts,
+        };
+        let cells = experiment.run(&watch);
+        assert_eq!(cells.len(), 6);
+        let mut bench = ego.scenario().bench();
+        for cell in &cells {
+            assert_eq!(cell.solved().len(), cell.row.successes, "{}", cell.row.ado);
+            for index in cell.solved() {
+                let episode = cell.replay(&mut bench, index);
+                assert!(episode.verdict.is_success(), "{} {index}", cell.row.ado);
+            }
+        }
+        let neutral = &cells[3];
+        assert_eq!(neutral.adversary, AdversaryId::Neutral);
+        // Starts on which the ego fails by itself are left out.
+        assert!(neutral.solved().is_empty() && neutral.explain_first().is_none());
+        assert!(cells[5].row.successes > 0 && cells[5].explain_first().is_some());
     }
 }

@@ -175,16 +175,10 @@ impl TrainSession {
         let Some(starts) = test_starts(&self.run.world()?, 0, starts, watch) else {
             return Ok(None);
         };
-        let trained = Ado::Trained(&*policy, self.run.manifest().seed);
-        let adversaries = [
-            Adversary::Ado(trained),
-            Adversary::Ado(Ado::Held),
-            Adversary::Ado(Ado::Random),
-            Adversary::BestConstant,
-        ];
+        let trained = Adversary::Ado(Ado::Trained(&*policy, self.run.manifest().seed));
         let experiment = Experiment {
             ego: &self.ego,
-            adversaries: &adversaries,
+            adversaries: [trained].into_iter().chain(Adversary::BASELINES).collect(),
             starts: &starts,
         };
         // Invariant: every adversary here has a cell, and the first is the trained ado's.

@@ -16,7 +16,7 @@ use brakecheck::world::{Scenario, TrainingEgos};
 
 /// Largest number of joint actions for a search with two switches.
 ///
-/// Above it the search uses one switch, and its row says so.
+/// Above it the search uses one switch, as its row states.
 const MAX_ACTIONS: usize = 9;
 
 /// Request of the case studies.
@@ -103,15 +103,10 @@ pub fn case_study(
         ..=MAX_ACTIONS => SWITCHES,
         _ => 1,
     };
-    let adversaries = [
-        Adversary::Ado(Ado::Held),
-        Adversary::Ado(Ado::Random),
-        Adversary::BestConstant,
-        Adversary::switches(switches),
-    ];
+    let searched = [Adversary::switches(switches)];
     let experiment = Experiment {
         ego: &ego,
-        adversaries: &adversaries,
+        adversaries: Adversary::BASELINES.into_iter().chain(searched).collect(),
         starts: &starts,
     };
     let others = experiment.rows(watch);

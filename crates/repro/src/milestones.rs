@@ -8,8 +8,8 @@
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
-use brakecheck::adversary::{Ado, EvalRequest, eval};
-use brakecheck::experiment::{TestStarts, Watch};
+use brakecheck::adversary::{Ado, eval};
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
 use brakecheck::rl::Control;
 use brakecheck::run_dir::Row;
 use brakecheck::seed::Purpose;
@@ -47,6 +47,7 @@ pub fn milestones(
     let spaces = scenario.world().spaces();
     let mut learner = scenario.learner().build(spaces, seed);
     let asked = scenario.learner().decisions();
+    let ego = EgoUnderTest::nominal(scenario);
     let mut reached = Vec::new();
     let (mut played, mut cpu_s) = (0, 0.0);
     // A milestone at 0 would stop the training before it begins.
@@ -71,12 +72,7 @@ pub fn milestones(
         }
         // The policy is a copy, so the evaluation cannot disturb the training.
         let policy = learner.policy();
-        let request = EvalRequest {
-            scenario,
-            ego: "nominal",
-            ado: Ado::Trained(&*policy, seed),
-            starts,
-        };
+        let request = ego.against(Ado::Trained(&*policy, seed), starts);
         reached.push(Milestone {
             episodes: played,
             decisions: learner.decisions(),

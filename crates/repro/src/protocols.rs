@@ -1,4 +1,4 @@
-//! Test protocols: points that an ego passes, and lawful variations that it fails.
+//! Test protocols: points that an ego passes, and variations on which it fails.
 //!
 //! A point is a start of a world. Without additions to its plan, the ado follows the
 //! protocol. The additions that its rules allow are searched per passed point, until the
@@ -25,7 +25,7 @@ pub struct ProtocolRow {
     pub points: usize,
     /// Points at which the ego does not fail.
     pub passed: usize,
-    /// Passed points with a lawful variation that makes the ego fail.
+    /// Passed points with a variation within the rules that makes the ego fail.
     pub strayed: usize,
     /// Such points at which CC_LATCHED or FSM would not have failed.
     pub preventable: usize,

@@ -164,15 +164,10 @@ pub fn letter_baselines(
     watch: &Watch<'_>,
 ) -> Option<LetterBaselines> {
     // The search comes first, because `letter_row` compares with the first row.
-    let adversaries = [
-        Adversary::switches(switches),
-        Adversary::Ado(Ado::Held),
-        Adversary::Ado(Ado::Random),
-        Adversary::BestConstant,
-    ];
+    let searched = [Adversary::switches(switches)].into_iter();
     let experiment = Experiment {
         ego: &EgoUnderTest::nominal(scenario),
-        adversaries: &adversaries,
+        adversaries: searched.chain(Adversary::BASELINES).collect(),
         starts,
     };
     let rows = experiment.rows(watch);

@@ -72,11 +72,11 @@ impl EgoOnStarts<'_> {
     ) -> Result<Vec<Row>, RunError> {
         let stored: Stored = run.counterexamples()?;
         let ados = [Ado::Replays(&stored, 1), Ado::Replays(&stored, 10)].into_iter();
-        let ados = ados.chain(heuristic.map(Ado::Heuristic));
-        let ados = ados.chain([Ado::Held, Ado::Random]);
-        let mut adversaries: Vec<Adversary<'_>> = ados.map(Adversary::Ado).collect();
-        adversaries.push(Adversary::BestConstant);
-        let mut rows = self.rows(&adversaries);
+        let ados = ados
+            .chain(heuristic.map(Ado::Heuristic))
+            .map(Adversary::Ado);
+        let adversaries = ados.chain(Adversary::BASELINES).collect();
+        let mut rows = self.rows(adversaries);
         let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
         // One search with the largest budget contains the smaller ones.
         let held = SearchRequest {
@@ -94,15 +94,15 @@ impl EgoOnStarts<'_> {
             ));
         }
         // Mutation gets as many runs per start as the ado with several tries.
-        let mutated = self.rows(&[Adversary::Search(Mutate(&stored).into(), tries)]);
+        let mutated = self.rows(vec![Adversary::Search(Mutate(&stored).into(), tries)]);
         let name = format!("mutate, {tries}");
         rows.extend(mutated.into_iter().map(|row| called(&name, row)));
         // The search comes last, because the other rows are compared with it.
-        rows.extend(self.rows(&[Adversary::switches(SWITCHES)]));
+        rows.extend(self.rows(vec![Adversary::switches(SWITCHES)]));
         Ok(rows)
     }
 
-    fn rows(&self, adversaries: &[Adversary<'_>]) -> Vec<Row> {
+    fn rows(&self, adversaries: Vec<Adversary<'_>>) -> Vec<Row> {
         let experiment = Experiment {
             ego: self.ego,
             adversaries,
