@@ -56,7 +56,6 @@ pub fn untrained(
         let found = rows.last();
         // Rules are suspected only after a search without a success.
         if found.is_some_and(|found| found.successes == 0 && 0 < found.starts) {
-            let ego = (ego.scenario(), ego.name());
             let blocking = in_the_way(ego, &starts, switches, watch);
             all.in_the_way.extend(blocking);
         }

@@ -7,8 +7,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::experiment::{TestStarts, Watch};
-use crate::search::{SearchRequest, Switches, search};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::search::Adversary;
 use crate::world::Scenario;
 
 /// Most starts that are searched again.
@@ -38,39 +38,35 @@ pub struct RuleAblation {
 ///
 /// `None`: there are no rules or no starts, or `watch` stopped it.
 pub(super) fn in_the_way(
-    (scenario, ego): (&Scenario, &str),
+    ego: &EgoUnderTest,
     starts: &TestStarts,
     switches: usize,
     watch: &Watch<'_>,
 ) -> Option<RuleAblation> {
+    let scenario = ego.scenario();
     let rules = &scenario.rulebook().rules;
     // Few starts are enough to find a rule that blocks all of them.
     let few = starts.first(LOOKED_AT);
     if rules.is_empty() || few.starts.is_empty() {
         return None;
     }
-    let solved = |world: &Scenario| {
-        let request = SearchRequest {
-            scenario: world,
-            ego,
-            method: Switches(switches).into(),
-            budget: 0,
-            starts: &few,
-        };
-        search(&request, &watch.quiet()).row.successes
+    let solved = |world: Scenario| {
+        let search = Adversary::switches(switches);
+        let cell = search.play(&ego.in_world(world), &few, &watch.quiet());
+        cell.map_or(0, |cell| cell.row.successes)
     };
-    let without_all = solved(&scenario.without_rules(|_| true));
+    let without_all = solved(scenario.without_rules(|_| true));
     // If the ego does not fail without all rules, no single rule can be the cause.
     let each = rules.iter().filter(|_| 0 < without_all);
     let without = each.map(|rule| {
         let world = scenario.without_rules(|name| name == rule.name);
-        (rule.name.clone(), solved(&world))
+        (rule.name.clone(), solved(world))
     });
     let counts_all = scenario.rulebook().counts.is_violation();
     let found = RuleAblation {
         switches,
-        uncounted: (!counts_all).then(|| solved(&scenario.counting_every_violation())),
-        ego: ego.to_owned(),
+        uncounted: (!counts_all).then(|| solved(scenario.counting_every_violation())),
+        ego: ego.name().to_owned(),
         starts: few.starts.len(),
         without_all,
         without: without.collect(),
@@ -143,7 +139,7 @@ mod tests {
         let world = Scenario::parse("acc.ron", &text).expect("a world");
         let watch = Watch::unwatched();
         let starts = test_starts(&world, 3, 3, &watch).expect("starts");
-        in_the_way((&world, "nominal"), &starts, 1, &watch).expect("looked at")
+        in_the_way(&EgoUnderTest::nominal(&world), &starts, 1, &watch).expect("looked at")
     }
 
     #[test]

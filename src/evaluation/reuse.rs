@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::adversary::{Ado, EvalRequest, eval};
+use crate::adversary::{Ado, eval};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::run_dir::{AdversaryId, ChangedEgo, FailsAlone, Row, RunDir, adversary_keys};
 use crate::stats::{Outcomes, StartOutcome, mean_difference};
@@ -93,10 +93,10 @@ pub struct ReusedOn {
 
 /// Collects the rows of an ego, and plays it once with coasting ados.
 ///
-/// `scenario` is the changed world, and `starts` are those of `rows`.
+/// `starts` are those of `rows`.
 pub fn reused_on(
-    scenario: &Scenario,
-    (ego, relation): (&str, Relation),
+    ego: &EgoUnderTest,
+    relation: Relation,
     starts: &TestStarts,
     mut rows: Vec<Row>,
     watch: &Watch<'_>,
@@ -106,13 +106,8 @@ pub fn reused_on(
         trivial: vec![false; starts.starts.len()],
         ..starts.clone()
     };
-    let coasting = EvalRequest {
-        scenario,
-        ego,
-        ado: Ado::Constant(scenario.world().spaces().neutral),
-        starts: &all,
-    };
-    let coasting = eval(&coasting, watch).row;
+    let neutral = Ado::Constant(ego.scenario().world().spaces().neutral);
+    let coasting = eval(&ego.against(neutral, &all), watch).row;
     for row in &mut rows {
         row.fails_alone = Some(FailsAlone {
             starts: coasting.successes,
@@ -121,7 +116,7 @@ pub fn reused_on(
     }
     let search = rows.iter().find(|row| row.ado == AdversaryId::Search);
     ReusedOn {
-        ego: ego.to_owned(),
+        ego: ego.name().to_owned(),
         relation,
         fails_without_adversary: coasting.success_rate,
         reachable: search.map(|row| row.success_rate),

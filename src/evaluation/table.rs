@@ -150,8 +150,7 @@ impl<'a> EvaluationTable<'a> {
         }
         note_if_unrepeatable(ego, starts, watch);
         let relation = ego.relation(asked.run, asked.nominal);
-        let named = (ego.name(), relation);
-        let mut reused = reused_on(ego.scenario(), named, starts, rows, watch);
+        let mut reused = reused_on(ego, relation, starts, rows, watch);
         for row in &mut reused.rows {
             // On its own plant, the nominal ego fails alone exactly from the trivial
             // starts. Only another plant gives a new number.

@@ -1,7 +1,8 @@
 //! One ado on many egos, summed up by hand.
 
-use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::adversary::{Ado, eval};
 use brakecheck::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
+use brakecheck::experiment::EgoUnderTest;
 use brakecheck::run_dir::{AdversaryId, Row};
 use brakecheck::stats::paired_difference;
 
@@ -142,8 +143,8 @@ fn other_captions_change_no_result() {
     )];
     let before = serde_json::to_value(summarise(&egos, &AdversaryId::Trained)).expect("JSON");
     let starts = starts();
-    let relation = ("e", Relation::Trained);
-    let all = |rows| reused_on(&chase(), relation, &starts, rows, &quiet()).reachable;
+    let own = EgoUnderTest::nominal(&chase());
+    let all = |rows| reused_on(&own, Relation::Trained, &starts, rows, &quiet()).reachable;
     let rows = egos[0].rows.clone();
     egos[0].rows = rows.iter().map(reworded).collect();
     let after = serde_json::to_value(summarise(&egos, &AdversaryId::Trained)).expect("JSON");
@@ -157,41 +158,38 @@ fn other_captions_change_no_result() {
 #[test]
 fn an_ego_is_asked_what_it_does_without_an_adversary_on_every_start() {
     let starts = starts();
-    let rows = |world| -> Vec<Row> {
+    let rows = |ego: &EgoUnderTest| -> Vec<Row> {
         let mut rows = Vec::new();
         for action in [2, 4] {
-            let request = EvalRequest {
-                scenario: world,
-                ego: "e",
-                ado: Ado::Constant(action),
-                starts: &starts,
-            };
+            let request = ego.against(Ado::Constant(action), &starts);
             let mut row = eval(&request, &quiet()).row;
             row.ado = if action == 2 { "search" } else { "trained" }.into();
             rows.push(row);
         }
         rows
     };
-    let nominal = chase();
-    let relation = ("e", Relation::Trained);
-    let met = reused_on(&nominal, relation, &starts, rows(&nominal), &quiet());
-    near(met.fails_without_adversary, 2.0 / HEADWAYS_M.len() as f64);
-    // −1 solves nine of sixteen, and −3 no other.
-    assert_eq!(met.reachable, Some(9.0 / 16.0));
-    near(met.union, 9.0 / 16.0);
-    let faster = altered(&[("speed_mps: 11.0", "speed_mps: 12.0")]);
-    let met = reused_on(
-        &faster,
-        ("f", Relation::Outside),
-        &starts,
-        rows(&faster),
-        &quiet(),
+    let nominal = EgoUnderTest::nominal(&chase());
+    let trained = |rows| reused_on(&nominal, Relation::Trained, &starts, rows, &quiet());
+    let reused = trained(rows(&nominal));
+    near(
+        reused.fails_without_adversary,
+        2.0 / HEADWAYS_M.len() as f64,
     );
-    near(met.fails_without_adversary, 6.0 / HEADWAYS_M.len() as f64);
+    // −1 solves nine of sixteen, and −3 no other.
+    assert_eq!(reused.reachable, Some(9.0 / 16.0));
+    near(reused.union, 9.0 / 16.0);
+    let faster = altered(&[("speed_mps: 11.0", "speed_mps: 12.0")]);
+    let faster = EgoUnderTest::nominal(&faster);
+    let changed = rows(&faster);
+    let reused = reused_on(&faster, Relation::Outside, &starts, changed, &quiet());
+    near(
+        reused.fails_without_adversary,
+        6.0 / HEADWAYS_M.len() as f64,
+    );
     // What either solves counts once: of four starts the first three, of which two alone.
     let ado = |solved: &str| row("trained", solved);
     let rows = vec![row("other", "t110-"), ado("t011x")];
-    let met = reused_on(&nominal, relation, &starts, rows, &quiet());
-    near(met.union, 3.0 / 3.0);
-    assert_eq!(met.reachable, None, "nobody searched");
+    let reused = trained(rows);
+    near(reused.union, 3.0 / 3.0);
+    assert_eq!(reused.reachable, None, "nobody searched");
 }

@@ -253,7 +253,7 @@ impl<'a> ReuseStudy<'a> {
         )?);
         // The search is the last row, and all other rows are compared with it.
         Row::compare_with_last(&mut rows);
-        let reused = reused_on(changed, (ego, relation), &self.starts, rows.clone(), watch);
+        let reused = reused_on(tested, relation, &self.starts, rows.clone(), watch);
         Ok((!watch.stopped()).then_some(EgoResult {
             reused,
             rows,
