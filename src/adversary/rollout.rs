@@ -122,7 +122,7 @@ pub struct Outcome {
     /// Effect of the contact on the ego, if the ego takes part in it.
     pub impact: Option<Impact>,
     /// True if a rule was broken between a success and the contact.
-    pub foul_before_contact: bool,
+    pub violation_before_contact: bool,
     /// Episodes run; only `Ado::Replays` may take more than one.
     pub simulations: u64,
     /// Physics steps spent.
@@ -220,13 +220,6 @@ impl Evaluated {
             successes: played.into_iter().map(|p| p?.success).collect(),
         }
     }
-
-    /// Returns the positions of the solved starts.
-    pub fn solved(&self) -> impl Iterator<Item = usize> {
-        let outcomes = self.outcomes.iter().enumerate();
-        outcomes
-            .filter_map(|(index, outcome)| outcome.as_ref()?.verdict.is_success().then_some(index))
-    }
 }
 
 /// Notes a finished row in the log of faults.
@@ -278,7 +271,7 @@ impl RepeatedEpisode {
         EpisodeResult {
             outcome: Outcome {
                 verdict: episode.verdict,
-                foul_before_contact: episode.is_foul_before_contact(),
+                violation_before_contact: episode.is_foul_before_contact(),
                 impact: episode.contact.as_ref().and_then(|touch| touch.impact),
                 closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
                 simulations: self.simulations,
@@ -356,7 +349,7 @@ impl EvalRequest<'_> {
         let uncounted = uncounted.filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
         let some_do_not = !self.scenario.rulebook().counts.is_violation();
         row.uncounted = some_do_not.then(|| uncounted.count());
-        let late_violations = valid.clone().filter(|o| o.foul_before_contact).count();
+        let late_violations = valid.clone().filter(|o| o.violation_before_contact).count();
         let impacts: Vec<Impact> = valid.clone().filter_map(|o| o.impact).collect();
         let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
         let marks = played.iter().zip(&self.starts.trivial);

@@ -123,14 +123,14 @@ struct Aim {
     /// Contact of the original, if any.
     contact: Option<ContactEvent>,
     /// True if the original has a rule violation before its contact.
-    foul_before_contact: bool,
+    violation_before_contact: bool,
 }
 
 impl Aim {
     fn of(episode: &Episode) -> Aim {
         Aim {
             contact: episode.contact.clone(),
-            foul_before_contact: episode.is_foul_before_contact(),
+            violation_before_contact: episode.is_foul_before_contact(),
         }
     }
 
@@ -138,7 +138,7 @@ impl Aim {
         &self,
         success: bool,
         contact: Option<&ContactEvent>,
-        foul_before_contact: bool,
+        violation_before_contact: bool,
     ) -> bool {
         let as_bad = |found: &ContactEvent| {
             contact.is_some_and(|touch| {
@@ -146,8 +146,8 @@ impl Aim {
                 touch.between == found.between && least_mps <= touch.closing_speed_mps
             })
         };
-        let fouls = foul_before_contact && !self.foul_before_contact;
-        success && !fouls && self.contact.as_ref().is_none_or(as_bad)
+        let violates = violation_before_contact && !self.violation_before_contact;
+        success && !violates && self.contact.as_ref().is_none_or(as_bad)
     }
 
     fn is_met_by_episode(&self, episode: &Episode) -> bool {
@@ -160,7 +160,7 @@ impl Aim {
 
     fn is_met_by(&self, played: &Confirmed) -> bool {
         let contact = played.contact.as_ref();
-        self.is_met(played.success, contact, played.foul_before_contact)
+        self.is_met(played.success, contact, played.violation_before_contact)
     }
 }
 

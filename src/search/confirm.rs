@@ -145,7 +145,7 @@ pub(crate) struct Confirmed {
     /// Contact after the failure, if the agents touched.
     pub contact: Option<ContactEvent>,
     /// True if a rule was broken between failure and contact.
-    pub foul_before_contact: bool,
+    pub violation_before_contact: bool,
 }
 
 impl Confirmed {
@@ -157,7 +157,7 @@ impl Confirmed {
             success,
             // A contact without a failure does not count.
             contact: bench.contact().filter(|_| success).cloned(),
-            foul_before_contact: rules.is_some_and(|rules| !rules.is_kept()),
+            violation_before_contact: rules.is_some_and(|rules| !rules.is_kept()),
         }
     }
 }

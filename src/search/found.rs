@@ -16,7 +16,7 @@ pub struct SearchResult {
     /// Failure of the ego, where its run was recorded.
     pub failure: Option<RecordedFailure>,
     /// True if a rule was broken between the success and that contact.
-    pub foul_before_contact: bool,
+    pub violation_before_contact: bool,
     /// Number of episodes, including partial episodes and the final success.
     pub simulations: u64,
     /// Episodes in which a rule was broken.

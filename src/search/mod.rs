@@ -180,7 +180,7 @@ pub(crate) fn count_contacts<'a>(
 ) {
     let starts = row.starts.max(1) as f64;
     let share = |part: usize| part as f64 / starts;
-    let late_violations = found.clone().filter(|found| found.foul_before_contact);
+    let late_violations = found.clone().filter(|found| found.violation_before_contact);
     let contacts: Vec<f64> = found.clone().filter_map(|f| f.closing_speed_mps).collect();
     row.foul_before_contact_rate = Some(share(late_violations.count()));
     row.contact_rate = share(contacts.len());

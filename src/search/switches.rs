@@ -74,7 +74,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
             let contact = played.contact.as_ref();
             found.closing_speed_mps = contact.map(|touch| touch.closing_speed_mps);
             found.impact = contact.and_then(|touch| touch.impact);
-            found.foul_before_contact = played.foul_before_contact;
+            found.violation_before_contact = played.violation_before_contact;
             found.failure = confirmer.failure();
             found.actions = Some(actions.to_vec());
         }

@@ -72,7 +72,7 @@ impl<'a> Trials<'a> {
         }
         let episode = self.simulate(actor);
         if episode.verdict.is_success() && self.fails_again(&episode.actions) {
-            self.found.foul_before_contact = episode.is_foul_before_contact();
+            self.found.violation_before_contact = episode.is_foul_before_contact();
             self.found.failure = RecordedFailure::of(self.one.scenario, &episode);
             self.found.actions = Some(episode.actions);
             self.found.impact = episode.contact.as_ref().and_then(|touch| touch.impact);

@@ -43,10 +43,10 @@ impl<'a> Calibrator<'a> {
     /// The search uses at most one switch of action, then two switches on unsolved
     /// starts, within the budget.
     pub fn new(scenario: &'a Scenario, seed: u64, watch: &Watch<'_>) -> Option<Calibrator<'a>> {
-        let scout = TrainingSearch::new(scenario, Purpose::Calibration, seed);
+        let training_search = TrainingSearch::new(scenario, Purpose::Calibration, seed);
         let decisions = scenario.learner.decisions();
         let starts = (decisions / 1000).clamp(STARTS.0, STARTS.1);
-        let forks = scout.forks();
+        let forks = training_search.forks();
         let each = if forks {
             SHARE.saturating_mul(decisions) / starts
         } else {
@@ -55,7 +55,7 @@ impl<'a> Calibrator<'a> {
         let indices: Vec<u64> = (0..starts).collect();
         let progress = (0, indices.len());
         let effort = SearchEffort::Walk { switches: 1 };
-        let found = scout.search(&indices, (effort, each.max(20)), progress, watch);
+        let found = training_search.search(&indices, (effort, each.max(20)), progress, watch);
         if watch.stopped() {
             return None;
         }
@@ -69,7 +69,7 @@ impl<'a> Calibrator<'a> {
             },
             switches: 2,
         };
-        searched.search_harder(&scout, &unsolved, budget, watch)?;
+        searched.search_harder(&training_search, &unsolved, budget, watch)?;
         let mut solved = vec![false; indices.len()];
         for shown in &searched.demonstrations {
             solved[shown.index as usize] = true;

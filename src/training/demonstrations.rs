@@ -50,8 +50,8 @@ pub(super) fn seed_training(
     seeding: &Seeding,
     watch: &Watch<'_>,
 ) -> Option<Seeded> {
-    let scout = TrainingSearch::new(scenario, Purpose::Train, seed);
-    let most = most_simulations(scenario, &scout, seeding);
+    let training_search = TrainingSearch::new(scenario, Purpose::Train, seed);
+    let most = most_simulations(scenario, &training_search, seeding);
     let indices: Vec<u64> = (0..seeding.starts as u64)
         .map(|i| FIRST_START + i)
         .collect();
@@ -67,7 +67,7 @@ pub(super) fn seed_training(
         let each = ((most - spent) / CHUNK as u64).max(1);
         let progress = (tried, indices.len());
         let effort = SearchEffort::Walk { switches: 1 };
-        let found = scout.search(chunk, (effort, each), progress, watch);
+        let found = training_search.search(chunk, (effort, each), progress, watch);
         if watch.stopped() {
             return None;
         }
@@ -84,7 +84,7 @@ pub(super) fn seed_training(
         simulations: if keeps { left / 2 } else { left },
         switches: usize::MAX,
     };
-    let searched = seeded.search_harder(&scout, &unsolved, budget, watch)?;
+    let searched = seeded.search_harder(&training_search, &unsolved, budget, watch)?;
     // A start counts once, however often it was searched.
     seeded.sought.starts += searched.saturating_sub(again) as u64;
     Some(seeded)
@@ -99,8 +99,8 @@ pub(super) fn seed_failures(
     (seeding, spent): (&Seeding, u64),
     watch: &Watch<'_>,
 ) -> Option<Seeded> {
-    let scout = TrainingSearch::new(scenario, Purpose::Train, seed);
-    let left = most_simulations(scenario, &scout, seeding).saturating_sub(spent);
+    let training_search = TrainingSearch::new(scenario, Purpose::Train, seed);
+    let left = most_simulations(scenario, &training_search, seeding).saturating_sub(spent);
     let mut seeded = Seeded::default();
     if left <= PLAYED || seeding.starts == 0 {
         return Some(seeded);
@@ -124,7 +124,7 @@ pub(super) fn seed_failures(
         simulations: (left - PLAYED) / 2,
         switches: usize::MAX,
     };
-    let searched = seeded.search_harder(&scout, &failed, budget, watch)?;
+    let searched = seeded.search_harder(&training_search, &failed, budget, watch)?;
     seeded.sought.starts = searched as u64;
     // The ado's own successes are left out, because the learner has enough of them.
     seeded.demonstrations.drain(..own);
@@ -132,10 +132,18 @@ pub(super) fn seed_failures(
 }
 
 /// Budget of all searches of a training.
-fn most_simulations(scenario: &Scenario, scout: &TrainingSearch<'_>, seeding: &Seeding) -> u64 {
+fn most_simulations(
+    scenario: &Scenario,
+    training_search: &TrainingSearch<'_>,
+    seeding: &Seeding,
+) -> u64 {
     let decisions = scenario.learner.decisions();
     let most = seeding.simulations.min(decisions.saturating_mul(2));
-    if scout.forks() { most } else { most / 100 }
+    if training_search.forks() {
+        most
+    } else {
+        most / 100
+    }
 }
 
 /// Budget of a harder search, and its largest number of switches.
@@ -155,7 +163,7 @@ impl Seeded {
     /// are changed instead, which needs far fewer simulations.
     pub fn search_harder(
         &mut self,
-        scout: &TrainingSearch<'_>,
+        training_search: &TrainingSearch<'_>,
         indices: &[u64],
         budget: Budget,
         watch: &Watch<'_>,
@@ -178,12 +186,12 @@ impl Seeded {
                     switches: budget.switches,
                 };
                 let most = MUTATIONS.min(share);
-                let found = scout.search(&rest, (effort, most), progress, watch);
+                let found = training_search.search(&rest, (effort, most), progress, watch);
                 rest = self.note(&rest, found);
             }
             if known.len() < MANY && !rest.is_empty() {
                 let effort = SearchEffort::Walk { switches: 2 };
-                let found = scout.search(&rest, (effort, share), progress, watch);
+                let found = training_search.search(&rest, (effort, share), progress, watch);
                 self.note(&rest, found);
             }
             if watch.stopped() {

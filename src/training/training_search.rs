@@ -66,7 +66,7 @@ impl<'a> TrainingSearch<'a> {
     pub fn new(scenario: &'a Scenario, purpose: Purpose, seed: u64) -> TrainingSearch<'a> {
         // Invariant: training never sees a test start.
         let open = matches!(purpose, Purpose::Train | Purpose::Calibration);
-        assert!(open, "nobody scouts test starts");
+        assert!(open, "test starts are not searched");
         let rigid = scenario.plant() == Dynamics::Rigid;
         let cheap = rigid.then(|| scenario.on(PlantKind::Kinematic));
         TrainingSearch {
@@ -118,7 +118,7 @@ impl<'a> TrainingSearch<'a> {
 
     fn worker<'b>(&'b self, watch: &'b Watch<'b>) -> SearchWorker<'b> {
         SearchWorker {
-            scout: self,
+            training_search: self,
             first: self.cheap.as_ref().unwrap_or(self.scenario).bench(),
             asked: self.cheap.as_ref().map(|_| self.scenario.bench()),
             watch,
@@ -147,7 +147,7 @@ impl<'a> TrainingSearch<'a> {
 
 /// Benches of one thread.
 struct SearchWorker<'a> {
-    scout: &'a TrainingSearch<'a>,
+    training_search: &'a TrainingSearch<'a>,
     /// Bench on which sequences are searched.
     first: Testbench,
     /// Bench on which sequences must succeed, if another one.
@@ -162,8 +162,8 @@ impl SearchWorker<'_> {
         effort: SearchEffort<'_>,
         simulations: u64,
     ) -> Option<Scouted> {
-        let key = self.scout.key(index);
-        self.scout
+        let key = self.training_search.key(index);
+        self.training_search
             .place_member(key, &mut self.first, self.asked.as_mut());
         let (start, noise) = (self.first.draw(key), self.first.noise_of(key));
         let from = (&start, noise);
@@ -269,7 +269,7 @@ impl SearchWorker<'_> {
         let mut scouted = Scouted::default();
         let actions = self.first.spaces().actions;
         let decisions = self.first.clock().decisions();
-        let mut dice = seed::generator("scout", &[from.1, index]);
+        let mut dice = seed::generator("training_search", &[from.1, index]);
         while scouted.simulations < simulations.div_ceil(5) && !self.watch.stopped() {
             let mut times: Vec<usize> = (0..dice.random_range(0..=switches))
                 .map(|_| dice.random_range(0..decisions))
@@ -308,7 +308,7 @@ impl SearchWorker<'_> {
         let mut scouted = Scouted::default();
         let actions = self.first.spaces().actions;
         let decisions = self.first.clock().decisions();
-        let mut dice = seed::generator("scout, mutating", &[from.1, index]);
+        let mut dice = seed::generator("training_search, mutating", &[from.1, index]);
         let mut nearest = self.nearest(from.0, known).into_iter();
         let mut elites: Vec<(f64, Vec<usize>)> = Vec::new();
         while scouted.simulations < simulations && !self.watch.stopped() {
@@ -354,7 +354,7 @@ impl SearchWorker<'_> {
     fn nearest(&self, start: &Start, known: &[Demonstration]) -> Vec<Vec<usize>> {
         let starts: Vec<Start> = known
             .iter()
-            .map(|shown| self.first.draw(self.scout.key(shown.index)))
+            .map(|shown| self.first.draw(self.training_search.key(shown.index)))
             .collect();
         let spread = |axis: usize| {
             let values = starts.iter().filter_map(|start| start.0.get(axis));
@@ -418,11 +418,11 @@ mod tests {
     fn a_walk_is_not_given_up_for_sequences_that_rules_end_early() {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
         let world = world.on(PlantKind::Kinematic);
-        let scout = TrainingSearch::new(&world, Purpose::Calibration, 3);
+        let training_search = TrainingSearch::new(&world, Purpose::Calibration, 3);
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..20).collect();
         let solved = |simulations: u64| {
-            let found = scout.search(
+            let found = training_search.search(
                 &indices,
                 (SearchEffort::Walk { switches: 2 }, simulations),
                 (0, indices.len()),
@@ -434,7 +434,7 @@ mod tests {
             let solved = found.iter().filter(|it| it.actions.is_some());
             solved.count()
         };
-        let nominal = scout.worker(&watch).sequences(2);
+        let nominal = training_search.worker(&watch).sequences(2);
         let all = solved(nominal);
         assert!(5_000 < nominal && 10 < all, "{nominal} {all}");
         // Below the nominal count it still walks, coarsely first.
@@ -448,11 +448,11 @@ mod tests {
     fn changes_of_known_successes_solve_other_starts() {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
         let world = world.on(PlantKind::Kinematic);
-        let scout = TrainingSearch::new(&world, Purpose::Calibration, 3);
+        let training_search = TrainingSearch::new(&world, Purpose::Calibration, 3);
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..40).collect();
         let walk = (SearchEffort::Walk { switches: 2 }, 3000);
-        let walked = scout.search(&indices, walk, (0, 40), &watch);
+        let walked = training_search.search(&indices, walk, (0, 40), &watch);
         let mut known = Vec::new();
         let mut solved = 0;
         for (&index, found) in indices.iter().zip(walked) {
@@ -467,7 +467,7 @@ mod tests {
         let count = |known: &[Demonstration]| {
             let switches = 2;
             let effort = (SearchEffort::Mutate { known, switches }, 100);
-            let found = scout.search(&others, effort, (0, 20), &watch);
+            let found = training_search.search(&others, effort, (0, 20), &watch);
             let found: Vec<Scouted> = found.into_iter().flatten().collect();
             assert!(found.iter().all(|it| it.simulations <= 101));
             let sequences = found.into_iter().filter_map(|it| it.actions);

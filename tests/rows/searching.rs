@@ -166,7 +166,7 @@ fn sequences_with_few_switches_are_found_where_and_when_paper_finds_them() {
             let again = shown.map_or(0, |shown| shown.steps());
             assert_eq!(found.physics_steps, tree.decisions_steps + again, "{h} m");
             let shown = shown.unwrap_or_default();
-            assert_eq!(found.foul_before_contact, shown.late_foul, "{h} m");
+            assert_eq!(found.violation_before_contact, shown.late_foul, "{h} m");
             match (found.closing_speed_mps, shown.closing_mps) {
                 (Some(speed), Some(expected)) => near(speed, expected),
                 (speed, expected) => assert_eq!(speed, expected, "{h} m"),
@@ -344,7 +344,10 @@ fn searches_with_a_budget_cost_their_episodes() {
             );
             assert!((1..=40).contains(&found.simulations));
             let shown = shown.unwrap_or_default();
-            assert_eq!(found.foul_before_contact, shown.late_foul, "{text}: {h} m");
+            assert_eq!(
+                found.violation_before_contact, shown.late_foul,
+                "{text}: {h} m"
+            );
             assert_eq!(
                 found.closing_speed_mps.is_some(),
                 shown.closing_mps.is_some()
@@ -514,7 +517,7 @@ fn a_search_tells_of_rules_that_were_broken_before_the_contact() {
         let late: Vec<bool> = found
             .iter()
             .flatten()
-            .map(|f| f.foul_before_contact)
+            .map(|f| f.violation_before_contact)
             .collect();
         let share = late.iter().filter(|late| **late).count() as f64 / 16.0;
         near(row.foul_before_contact_rate.expect("followed"), share);
