@@ -186,7 +186,7 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
         return Ok(());
     };
     make_dir(&dir)?;
-    for example in &mut nominal.telling {
+    for example in &mut nominal.highlights {
         let name = file_stem(scenario, &nominal.row.ego, seed, example.start);
         match openx(scenario, &example.episode, &name, &nominal.row.ego) {
             Ok(files) => {

@@ -241,7 +241,7 @@ fn nominal(cell: &ExperimentCell) -> Nominal {
     Nominal {
         row: cell.row.clone(),
         starts: all.zip(verdicts).collect(),
-        telling: chosen
+        highlights: chosen
             .into_iter()
             .map(|chosen| Example {
                 about: about(scenario, &chosen.episode),

@@ -82,7 +82,7 @@ pub struct Nominal {
     /// Starts with their verdicts. `None` is trivial or not reached.
     pub starts: Vec<(Start, Option<Verdict>)>,
     /// Most informative counterexamples, the worst first.
-    pub telling: Vec<Example>,
+    pub highlights: Vec<Example>,
 }
 
 /// Counterexample to show.

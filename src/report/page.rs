@@ -51,7 +51,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
                 (world(scenario))
                 (again(report))
             }
-            @if report.nominal.as_ref().is_some_and(|nominal| !nominal.telling.is_empty()) {
+            @if report.nominal.as_ref().is_some_and(|nominal| !nominal.highlights.is_empty()) {
                 script { (PreEscaped(animation::SCRIPT)) }
             } }
         }
@@ -86,15 +86,15 @@ fn opening(report: &Report<'_>) -> Markup {
 }
 
 fn seen(report: &Report<'_>, nominal: &Nominal) -> Markup {
-    let all = nominal.telling.len();
+    let all = nominal.highlights.len();
     html! {
         h2 { "Counterexamples that tell most, the worst first" }
-        @if nominal.telling.is_empty() {
+        @if nominal.highlights.is_empty() {
             p { "The ado makes the ego fail from none of the test starts." }
         } @else {
             p class="dim" { "Seen from above, at their true sizes, forward to the right. Each plays its last four seconds; press play, drag the slider or choose a still for the rest. Dashed outlines: where they were when the requirement was broken. Red lamps: braking." }
         }
-        @for (nth, chosen) in nominal.telling.iter().enumerate() { (example(report.scenario, chosen, (nth, all))) }
+        @for (nth, chosen) in nominal.highlights.iter().enumerate() { (example(report.scenario, chosen, (nth, all))) }
     }
 }
 
