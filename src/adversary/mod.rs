@@ -14,8 +14,7 @@ pub(crate) use baselines::Baselines;
 pub use best_of_n::{BestOfN, BestOfNResult, other_members};
 pub use error::AdversaryError;
 pub(crate) use grid_policies::GridPolicy;
-pub(crate) use open_loop_baselines::in_words;
-pub use open_loop_baselines::{best_constant, best_constant_action, best_then_brake};
+pub(crate) use open_loop_baselines::{best_constant, best_then_brake, in_words};
 pub use rollout::{Ado, EvalRequest, Evaluated, Outcome, RecordedFailure, eval};
 pub(crate) use rollout::{
     EpisodeResult, RecordedSuccess, RepeatedEpisode, blank_row, count_solved, groups, note_row,

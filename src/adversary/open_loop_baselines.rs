@@ -1,51 +1,25 @@
 //! Best of the ados that act alike from every start, which anything learned must beat.
 
-use super::rollout::{Ado, EvalRequest, Evaluated, eval};
-use crate::experiment::{TestStarts, Watch};
+use super::rollout::{Ado, Evaluated, eval};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::run_dir::AdversaryId;
 use crate::world::Scenario;
 
 /// Returns the constant ado that succeeds most often.
 ///
 /// Ties go to the lower action.
-pub fn best_constant(
-    scenario: &Scenario,
-    ego: &str,
+pub(crate) fn best_constant(
+    ego: &EgoUnderTest,
     starts: &TestStarts,
     watch: &Watch<'_>,
 ) -> Evaluated {
-    best_constant_action(scenario, ego, starts, watch).1
-}
-
-/// Returns the best constant ado with its action.
-pub fn best_constant_action(
-    scenario: &Scenario,
-    ego: &str,
-    starts: &TestStarts,
-    watch: &Watch<'_>,
-) -> (usize, Evaluated) {
-    let constant = |action| {
-        let request = EvalRequest {
-            scenario,
-            ego,
-            ado: Ado::Constant(action),
-            starts,
-        };
-        (action, eval(&request, watch))
-    };
-    let actions = scenario.world().spaces().actions;
-    let first = constant(0);
+    let constant = |action| eval(&ego.against(Ado::Constant(action), starts), watch);
+    let actions = ego.scenario().world().spaces().actions;
     let others = (1..actions).map(constant);
-    let (action, mut best) = others.fold(first, |best, other| {
-        if best.1.row.successes < other.1.row.successes {
-            other
-        } else {
-            best
-        }
-    });
+    let mut best = others.fold(constant(0), more_successful);
     best.row.ado = AdversaryId::BestConstant;
     best.row.method = format!("{}, the best of {actions}", best.row.method);
-    (action, best)
+    best
 }
 
 /// Shares of the horizon in which the ado accelerates before it brakes.
@@ -54,12 +28,12 @@ const ACCELERATES: [f64; 6] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.75];
 /// Returns the best of six ados that accelerate and then brake, both at full strength.
 ///
 /// Ties go to the shorter acceleration. `None`: the ado can do neither.
-pub fn best_then_brake(
-    scenario: &Scenario,
-    ego: &str,
+pub(crate) fn best_then_brake(
+    ego: &EgoUnderTest,
     starts: &TestStarts,
     watch: &Watch<'_>,
 ) -> Option<Evaluated> {
+    let scenario = ego.scenario();
     let spec = scenario.drive()?;
     let [brake, accelerate] = spec.brake_and_accelerate()?;
     let decisions = spec.clock.decisions() as f64;
@@ -67,13 +41,7 @@ pub fn best_then_brake(
         .map(|share| {
             let mut actions = vec![accelerate; (share * decisions).round() as usize];
             actions.push(brake);
-            let request = EvalRequest {
-                scenario,
-                ego,
-                ado: Ado::Script(&actions),
-                starts,
-            };
-            let mut one = eval(&request, watch);
+            let mut one = eval(&ego.against(Ado::Script(&actions), starts), watch);
             one.row.method = in_words(scenario, &actions);
             one
         })
@@ -117,7 +85,8 @@ mod tests {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
         let watch = Watch::unwatched();
         let starts = test_starts(&world, 20, 3, &watch).expect("drawn");
-        let best = best_then_brake(&world, "nominal", &starts, &watch).expect("it drives");
+        let nominal = EgoUnderTest::nominal(&world);
+        let best = best_then_brake(&nominal, &starts, &watch).expect("it drives");
         assert_eq!(best.row.ado, AdversaryId::BestSwitch);
         let says = &best.row.method;
         assert!(
@@ -125,13 +94,14 @@ mod tests {
             "{says}"
         );
         // The first of the six is the constant braking.
-        let constant = best_constant(&world, "nominal", &starts, &watch);
+        let constant = best_constant(&nominal, &starts, &watch);
         assert!(constant.row.successes <= best.row.successes);
         let light = Scenario::shipped("light_ado")
             .expect("shipped")
             .expect("sound");
         let starts = test_starts(&light, 2, 3, &watch).expect("drawn");
-        assert!(best_then_brake(&light, "nominal", &starts, &watch).is_none());
+        let light = EgoUnderTest::nominal(&light);
+        assert!(best_then_brake(&light, &starts, &watch).is_none());
     }
 
     #[test]

@@ -93,21 +93,20 @@ impl<'a> Adversary<'a> {
         starts: &TestStarts,
         watch: &Watch<'_>,
     ) -> Option<ExperimentCell> {
-        let (scenario, name) = (ego.scenario(), ego.name());
         let evaluated = match self {
             Adversary::Ado(ado) => eval(&ego.against(ado, starts), watch),
             Adversary::Neutral => {
-                let neutral = Ado::Constant(scenario.world().spaces().neutral);
+                let neutral = Ado::Constant(ego.scenario().world().spaces().neutral);
                 let mut evaluated = eval(&ego.against(neutral, starts), watch);
                 evaluated.row.ado = AdversaryId::Neutral;
                 evaluated
             }
-            Adversary::BestConstant => best_constant(scenario, name, starts, watch),
-            Adversary::BestSwitch => best_then_brake(scenario, name, starts, watch)?,
+            Adversary::BestConstant => best_constant(ego, starts, watch),
+            Adversary::BestSwitch => best_then_brake(ego, starts, watch)?,
             Adversary::Search(method, budget) => {
                 let request = SearchRequest {
-                    scenario,
-                    ego: name,
+                    scenario: ego.scenario(),
+                    ego: ego.name(),
                     method,
                     budget,
                     starts,

@@ -1,11 +1,12 @@
 //! Rows of evaluations, number by number.
 
-use brakecheck::adversary::{Ado, BestOfN, EvalRequest, Evaluated, best_constant_action, eval};
+use brakecheck::adversary::{Ado, BestOfN, EvalRequest, Evaluated, eval};
 use brakecheck::ego::{Fault, FaultKind};
-use brakecheck::experiment::{TestStarts, test_starts};
+use brakecheck::experiment::{EgoUnderTest, TestStarts, test_starts};
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::{AdversaryId, ClosingSpeed, Row, Stored};
 use brakecheck::scene::Start;
+use brakecheck::search::Adversary;
 use brakecheck::stats::{StartOutcome, at_most, wilson};
 use brakecheck::testbench::{Actor, FaultLog, HeldRandom, Random, Success};
 use brakecheck::world::{Repeats, Scenario};
@@ -132,30 +133,21 @@ fn closing_speeds_are_those_of_the_fall() {
 #[test]
 fn the_best_constant_is_the_one_that_solves_most_and_of_equals_the_first() {
     let world = chase();
+    let ego = EgoUnderTest::nominal(&world);
     let best = |headways_m: &[f64], expected: usize| {
         let starts = starts_at(headways_m);
-        let (action, best) = best_constant_action(&world, "nominal", &starts, &quiet());
-        assert_eq!(action, expected);
-        assert_eq!(best.row.ado, AdversaryId::BestConstant);
-        best.row
+        let best = Adversary::BestConstant.play(&ego, &starts, &quiet());
+        let row = best.expect("it applies everywhere").row;
+        assert_eq!(row.ado, AdversaryId::BestConstant);
+        let method = format!("{}, the best of 5", world.action_label(expected));
+        assert_eq!(row.method, method);
+        row
     };
     let row = best(&HEADWAYS_M, 3);
     assert_eq!((row.successes, row.starts), (14, 16));
-    assert_eq!(
-        row.method,
-        format!("{}, the best of 5", world.action_label(3))
-    );
     // Three solve both of these, and nothing solves the last.
-    let row = best(&[15.0, 16.0, 28.0], 2);
-    assert_eq!(
-        row.method,
-        format!("{}, the best of 5", world.action_label(2))
-    );
+    best(&[15.0, 16.0, 28.0], 2);
     let row = best(&[28.0], 0);
-    assert_eq!(
-        row.method,
-        format!("{}, the best of 5", world.action_label(0))
-    );
     assert_eq!((row.successes, row.at_most), (0, Some(0.95)));
 }
 

@@ -4,12 +4,12 @@
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::adversary::{Ado, EvalRequest, best_constant, eval, tune_heuristic};
+use brakecheck::adversary::{Ado, EvalRequest, eval, tune_heuristic};
 use brakecheck::evaluation::break_even;
-use brakecheck::experiment::{Cost, TestStarts, Watch, test_starts};
+use brakecheck::experiment::{Cost, EgoUnderTest, TestStarts, Watch, test_starts};
 use brakecheck::run_dir::{RunDir, Stored};
 use brakecheck::search::{
-    Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Switches, Uniform, search,
+    Adversary, Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Switches, Uniform, search,
 };
 use brakecheck::sim::PlantKind;
 use brakecheck::stats::StartOutcome::{Solved, Unsolved};
@@ -221,7 +221,9 @@ fn the_tuned_heuristic_is_the_same_again_and_beats_the_best_constant() {
         starts: &starts,
     };
     let row = eval(&request, &quiet()).row;
-    let constant = best_constant(&world, "nominal", &starts, &quiet()).row;
+    let ego = EgoUnderTest::nominal(&world);
+    let constant = Adversary::BestConstant.play(&ego, &starts, &quiet());
+    let constant = constant.expect("it applies everywhere").row;
     assert_eq!(row.sims_per_start, 1.0);
     assert!(
         constant.success_rate + 0.05 < row.success_rate,
