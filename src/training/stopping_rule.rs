@@ -109,9 +109,9 @@ impl<'a> StoppingRule<'a> {
         Some(true)
     }
 
-    /// Returns whether a training that has taken its decisions ends.
+    /// Returns whether a training that has taken its decisions ends, or was stopped here.
     ///
-    /// Otherwise it is extended, or was stopped during the check.
+    /// Otherwise it is extended.
     pub fn ends(&mut self, learner: &mut dyn Learner) -> bool {
         let before = self.calibration;
         let Some(now) = self.calibrate(&*learner) else {
