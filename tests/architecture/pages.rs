@@ -109,10 +109,11 @@ fn every_link_leads_somewhere() {
 
 /// Pages under `docs/` or `lab/` that a text names without a link.
 fn named<'a>(text: &'a str, directory: &'a str) -> impl Iterator<Item = String> + 'a {
-    let is_name = |c: char| c.is_ascii_alphanumeric() || "/._-".contains(c);
-    let follows_a_path = |before: &str| before.ends_with(|c| is_name(c));
+    fn is_name(c: char) -> bool {
+        c.is_ascii_alphanumeric() || "/._-".contains(c)
+    }
     let places = text.match_indices(directory);
-    let whole = places.filter(move |(at, _)| !follows_a_path(&text[..*at]));
+    let whole = places.filter(move |(at, _)| !text[..*at].ends_with(is_name));
     whole.filter_map(move |(at, _)| {
         let end = text[at..].find(|c| !is_name(c));
         let name = &text[at..end.map_or(text.len(), |end| at + end)];
