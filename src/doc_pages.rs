@@ -2,105 +2,137 @@
 //! measurements.
 
 /// Every command of the command line, from Rust.
-#[doc = include_str!("../docs/library.md")]
+#[doc = include_str!("../docs/guide/library.md")]
 pub mod library {}
 
+/// Verbs with their inputs, their results and the exit codes.
+#[doc = include_str!("../docs/reference/verbs.md")]
+pub mod verbs {}
+
+/// Keys that `--json` prints, with their units.
+#[doc = include_str!("../docs/reference/json.md")]
+pub mod json {}
+
 /// Writing a world, from an empty file to a trained ado.
-#[doc = include_str!("../docs/worlds.md")]
+#[doc = include_str!("../docs/guide/worlds.md")]
 pub mod worlds {}
 
 /// The world file, field by field.
-#[doc = include_str!("../docs/world-file.md")]
+#[doc = include_str!("../docs/reference/world-file.md")]
 pub mod world_file {}
 
 /// Oncoming traffic, crossing roads, parked cars and occlusion.
-#[doc = include_str!("../docs/roads.md")]
+#[doc = include_str!("../docs/guide/roads.md")]
 pub mod roads {}
 
 /// Scripted motion by laws, encounters, deviations and start tables.
-#[doc = include_str!("../docs/plans.md")]
+#[doc = include_str!("../docs/guide/plans.md")]
 pub mod plans {}
 
 /// Euro NCAP and UN R157 protocols from OpenSCENARIO as worlds.
-#[doc = include_str!("../docs/protocols.md")]
+#[doc = include_str!("../docs/reference/protocols.md")]
 pub mod protocols {}
 
 /// Stock egos, sensors and changed egos.
-#[doc = include_str!("../docs/egos.md")]
+#[doc = include_str!("../docs/reference/egos.md")]
 pub mod egos {}
 
 /// Signals for formulas, and how to derive more.
-#[doc = include_str!("../docs/signals.md")]
+#[doc = include_str!("../docs/reference/signals.md")]
 pub mod signals {}
 
 /// Connecting an ego in any language.
-#[doc = include_str!("../docs/ego-protocol.md")]
+#[doc = include_str!("../docs/reference/ego-protocol.md")]
 pub mod ego_protocol {}
 
 /// Running a trained ado in another simulator.
-#[doc = include_str!("../docs/ado-protocol.md")]
+#[doc = include_str!("../docs/reference/ado-protocol.md")]
 pub mod ado_protocol {}
 
 /// Training with default settings: steps, duration and the final report.
-#[doc = include_str!("../docs/training.md")]
+#[doc = include_str!("../docs/guide/training.md")]
 pub mod training {}
 
+/// Rewards for severe or distinct failures.
+#[doc = include_str!("../docs/guide/goals.md")]
+pub mod goals {}
+
 /// Reusing an ado on changed egos.
-#[doc = include_str!("../docs/reuse.md")]
+#[doc = include_str!("../docs/guide/reuse.md")]
 pub mod reuse {}
 
+/// Identification of an ego from its runs.
+#[doc = include_str!("../docs/background/identification.md")]
+pub mod identification {}
+
 /// Adapting an ado to an ego of another structure from its runs.
-#[doc = include_str!("../docs/adapting.md")]
+#[doc = include_str!("../docs/guide/adapting.md")]
 pub mod adapting {}
 
+/// Stages in which an ado learns an ego.
+#[doc = include_str!("../docs/background/surrogate.md")]
+pub mod surrogate {}
+
 /// Search without learning.
-#[doc = include_str!("../docs/search.md")]
+#[doc = include_str!("../docs/guide/search.md")]
 pub mod search {}
 
+/// Number of starts from which a training is cheaper than a search.
+#[doc = include_str!("../docs/background/break-even.md")]
+pub mod break_even {}
+
 /// Many worlds, egos, ados and starts in resumable shards.
-#[doc = include_str!("../docs/campaigns.md")]
+#[doc = include_str!("../docs/guide/campaigns.md")]
 pub mod campaigns {}
 
 /// Every hyperparameter with its reason.
-#[doc = include_str!("../docs/learners.md")]
+#[doc = include_str!("../docs/background/learners.md")]
 pub mod learners {}
 
 /// Scope and limits of the physical models.
-#[doc = include_str!("../docs/physics.md")]
+#[doc = include_str!("../docs/background/physics.md")]
 pub mod physics {}
 
 /// Reference drivers and the crashes they avoid.
-#[doc = include_str!("../docs/preventability.md")]
+#[doc = include_str!("../docs/background/preventability.md")]
 pub mod preventability {}
 
 /// Run directories and kept files.
-#[doc = include_str!("../docs/files.md")]
+#[doc = include_str!("../docs/reference/files.md")]
 pub mod files {}
 
-/// Kept crashes: severity, minimization, cause and persistence.
-#[doc = include_str!("../docs/crashes.md")]
+/// Keeping and reading crashes.
+#[doc = include_str!("../docs/guide/crashes.md")]
 pub mod crashes {}
 
+/// Definitions of severity, minimization, cause, persistence and similarity.
+#[doc = include_str!("../docs/reference/crash-labels.md")]
+pub mod crash_labels {}
+
 /// Crashes as OpenSCENARIO and OpenDRIVE.
-#[doc = include_str!("../docs/export.md")]
+#[doc = include_str!("../docs/guide/export.md")]
 pub mod export {}
 
 /// Claims that a result supports, and those it does not.
-#[doc = include_str!("../docs/claims.md")]
+#[doc = include_str!("../docs/background/claims.md")]
 pub mod claims {}
 
 /// HTML page and JUnit file of a run.
-#[doc = include_str!("../docs/report.md")]
+#[doc = include_str!("../docs/guide/report.md")]
 pub mod report {}
 
+/// Pictures and recordings of a crash.
+#[doc = include_str!("../docs/guide/pictures.md")]
+pub mod pictures {}
+
 /// The paper's theorems as checks.
-#[doc = include_str!("../docs/theorems.md")]
+#[doc = include_str!("../docs/background/theorems.md")]
 pub mod theorems {}
 
 /// Quantities that the intervals cover.
-#[doc = include_str!("../docs/intervals.md")]
+#[doc = include_str!("../docs/background/intervals.md")]
 pub mod intervals {}
 
 /// Map from the paper's equations to functions and deviations.
-#[doc = include_str!("../docs/paper.md")]
+#[doc = include_str!("../docs/background/paper.md")]
 pub mod paper {}

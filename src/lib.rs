@@ -7,7 +7,7 @@
 //! usable as regression tests against the next version of the ego.
 //!
 //! It implements "Automatic Testing With Reusable Adversarial Agents" (Qin,
-//! Aréchiga, Best, Deshmukh). `docs/paper.md` maps its equations to functions.
+//! Aréchiga, Best, Deshmukh). `docs/background/paper.md` maps its equations to functions.
 //!
 //! A tour, from the bottom up:
 //!

@@ -4,7 +4,7 @@
 //!
 //! The paper prints "ρ_min = −ρ_max > 0" and a penalty of −M ρ_min. Only a
 //! penalty makes its Lemma 2 true, so this module follows the readings of
-//! `docs/paper.md`. "Kept" is strict (ρ > 0), and so is a violated ego
+//! `docs/background/paper.md`. "Kept" is strict (ρ > 0), and so is a violated ego
 //! specification (ρ(¬ψ) > 0). Lawful rewards stay inside an open interval above
 //! every penalty.
 //!

@@ -41,7 +41,7 @@ pub enum Purpose {
 ///
 /// A number used to choose a setting is no evidence for that setting. Settings
 /// are therefore chosen on seeds below this value and reported on seeds from
-/// this value on. docs/intervals.md lists the seeds looked at so far.
+/// this value on. docs/background/intervals.md lists the seeds looked at so far.
 pub const FIRST_SEALED: u64 = 100;
 
 /// Trainings and test starts behind a reported number.

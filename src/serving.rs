@@ -2,7 +2,7 @@
 //!
 //! The mirror of the ego protocol: there brakecheck asks a program what the ego
 //! does, here a simulator asks brakecheck what the ado does. The document is
-//! `docs/ado-protocol.md`; both sides ignore keys they do not know.
+//! `docs/reference/ado-protocol.md`; both sides ignore keys they do not know.
 
 use std::io::{self, BufRead, Read, Write};
 

@@ -11,7 +11,7 @@
 //! underestimated rather than overestimated.
 //!
 //! Risks come from published curves only ([`RiskCurve`]). If no curve applies,
-//! no risk is reported. `docs/crashes.md` explains the terms to users.
+//! no risk is reported. `docs/reference/crash-labels.md` explains the terms to users.
 //!
 //! ```
 //! use brakecheck::severity::{CrashKind, Impact, Party};

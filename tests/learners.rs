@@ -917,9 +917,12 @@ fn hyperparameters_out_of_range_are_named() {
 
 #[test]
 fn every_learner_has_its_own_words_in_the_docs() {
-    let docs = include_str!("../docs/learners.md");
+    let docs = include_str!("../docs/background/learners.md");
     for learner in LearnerSettings::all() {
         let heading = format!("\n## `{}`", learner.name());
-        assert!(docs.contains(&heading), "docs/learners.md lacks{heading}");
+        assert!(
+            docs.contains(&heading),
+            "docs/background/learners.md lacks{heading}"
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! How often the intervals of `brakecheck::run_dir` hold the truth, as Markdown.
 //!
 //! `cargo run --release --example coverage` makes the tables of
-//! docs/lab/coverage.md; a number behind it is experiments per cell (2000), and
+//! lab/coverage.md; a number behind it is experiments per cell (2000), and
 //! names after that are the only tables to make: `-- 400 rates-500 egos`.
 
 mod simulation;

@@ -74,7 +74,7 @@ SCENES = {
 HEAD = """// {what}: {does}
 //
 // Geometry, speeds and points are those of {whose},
-// imported (docs/protocols.md).
+// imported (docs/reference/protocols.md).
 """
 STRAYS = """// How far `{ado}` may stray from its plan is not in the protocol: the rules are brakecheck's,
 // to be replaced by the tolerances of your laboratory.

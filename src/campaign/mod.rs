@@ -5,7 +5,7 @@
 //! anywhere, any number of times ([`PlanDir::run_piece`]).
 //! [`PlanDir::merge`] trusts no engine. It reads every piece and checks it against the plan
 //! and its own hash. The merged bytes do not depend on cut, order or machines.
-//! `docs/campaigns.md` is the guide.
+//! `docs/guide/campaigns.md` is the guide.
 //!
 //! Architecture Invariant: a row holds nothing of the machine, the time or the cut of the
 //! campaign.

@@ -42,7 +42,7 @@ enum CampaignVerb {
 
 #[derive(Args, Debug)]
 struct PlanArgs {
-    /// The campaign file: docs/campaigns.md.
+    /// The campaign file: docs/guide/campaigns.md.
     #[arg(value_name = "CAMPAIGN.ron")]
     file: PathBuf,
     /// The directory to plan into.

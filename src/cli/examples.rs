@@ -18,27 +18,27 @@ First steps:
 Documents: docs/README.md beside the source, https://docs.rs/brakecheck, and
 `brakecheck VERB --help`. The paper's tables and figures: crates/repro/README.md.";
 
-pub(super) const NEW: &str = "Example:\n  brakecheck new mine\n\nDocuments: docs/worlds.md";
-pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/worlds.md, docs/ego-protocol.md";
-pub(super) const TRAIN: &str = "Example:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n\nDocuments: docs/learners.md";
-pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/reuse.md, docs/crashes.md";
+pub(super) const NEW: &str = "Example:\n  brakecheck new mine\n\nDocuments: docs/guide/worlds.md";
+pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/guide/worlds.md, docs/reference/ego-protocol.md";
+pub(super) const TRAIN: &str = "Example:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n\nDocuments: docs/background/learners.md";
+pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/guide/reuse.md, docs/guide/crashes.md";
 pub(super) const SEARCH: &str =
-    "Example:\n  brakecheck search worlds/acc.ron --starts 50\n\nDocuments: docs/search.md";
+    "Example:\n  brakecheck search worlds/acc.ron --starts 50\n\nDocuments: docs/guide/search.md";
 pub(super) const REPLAY: &str =
-    "Example:\n  brakecheck replay kept --expect recorded\n\nDocuments: docs/crashes.md";
-pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n\nDocuments: docs/stl.md";
+    "Example:\n  brakecheck replay kept --expect recorded\n\nDocuments: docs/guide/crashes.md";
+pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n\nDocuments: docs/reference/stl.md";
 pub(super) const REPORT: &str =
-    "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/report.md";
-pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n\nDocuments: docs/report.md";
-pub(super) const REPRODUCE: &str = "Refused; instead, in the repository:\n  cargo run --release -p brakecheck-repro -- case-studies\n\nDocuments: docs/results.md";
-pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/export.md";
+    "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/guide/report.md";
+pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n\nDocuments: docs/guide/report.md";
+pub(super) const REPRODUCE: &str = "Refused; instead, in the repository:\n  cargo run --release -p brakecheck-repro -- case-studies\n\nDocuments: docs/background/results.md";
+pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/guide/export.md";
 pub(super) const SERVE: &str =
-    "Example:\n  brakecheck serve runs/acc\n\nDocuments: docs/ado-protocol.md";
+    "Example:\n  brakecheck serve runs/acc\n\nDocuments: docs/reference/ado-protocol.md";
 
-pub(super) const CAMPAIGN: &str = "Example:\n  brakecheck campaign plan campaign.ron -o plan\n  brakecheck campaign run plan\n  brakecheck campaign merge plan\n\nDocuments: docs/campaigns.md";
-pub(super) const CAMPAIGN_PLAN: &str = "Examples:\n  brakecheck campaign plan campaign.ron --dry-run\n  brakecheck campaign plan campaign.ron -o plan\n\nDocuments: docs/campaigns.md";
-pub(super) const CAMPAIGN_RUN: &str = "Examples:\n  brakecheck campaign run plan\n  brakecheck campaign run plan --piece 7\n\nDocuments: docs/campaigns.md";
-pub(super) const CAMPAIGN_MERGE: &str = "Examples:\n  brakecheck campaign merge plan\n  brakecheck campaign merge plan --with copy-of-another-machine\n\nDocuments: docs/campaigns.md";
+pub(super) const CAMPAIGN: &str = "Example:\n  brakecheck campaign plan campaign.ron -o plan\n  brakecheck campaign run plan\n  brakecheck campaign merge plan\n\nDocuments: docs/guide/campaigns.md";
+pub(super) const CAMPAIGN_PLAN: &str = "Examples:\n  brakecheck campaign plan campaign.ron --dry-run\n  brakecheck campaign plan campaign.ron -o plan\n\nDocuments: docs/guide/campaigns.md";
+pub(super) const CAMPAIGN_RUN: &str = "Examples:\n  brakecheck campaign run plan\n  brakecheck campaign run plan --piece 7\n\nDocuments: docs/guide/campaigns.md";
+pub(super) const CAMPAIGN_MERGE: &str = "Examples:\n  brakecheck campaign merge plan\n  brakecheck campaign merge plan --with copy-of-another-machine\n\nDocuments: docs/guide/campaigns.md";
 
 #[cfg(test)]
 mod tests {

@@ -426,7 +426,7 @@ impl From<&IdentifyError> for Failure {
             ),
             IdentifyError::NoFamily { .. } => Failure::input(
                 error.to_string(),
-                "families stand under `train_against` in a world file: docs/reuse.md",
+                "families stand under `train_against` in a world file: docs/guide/reuse.md",
             ),
         }
     }

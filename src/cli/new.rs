@@ -164,7 +164,8 @@ fn dropped_line(dropped: &DroppedElements) -> String {
 impl From<ImportError> for Failure {
     fn from(error: ImportError) -> Failure {
         let help = error.help.clone();
-        let help = help.unwrap_or_else(|| "what is read is in docs/protocols.md".to_owned());
+        let help =
+            help.unwrap_or_else(|| "what is read is in docs/reference/protocols.md".to_owned());
         Failure::input(error.to_string(), help)
     }
 }

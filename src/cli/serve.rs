@@ -10,7 +10,7 @@ use super::{Common, Exit, Failure, open_run, talk};
 use crate::serving::{ServeError, ServedAdo};
 
 /// Page that describes the protocol.
-const DOCUMENT: &str = "docs/ado-protocol.md";
+const DOCUMENT: &str = "docs/reference/ado-protocol.md";
 
 #[derive(Args, Debug)]
 pub(super) struct ServeArgs {

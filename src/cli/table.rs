@@ -14,7 +14,7 @@ sims/start     simulations spent per start, on average
 fouls          starts on which a rule was broken first: no success; search: sequences it tried
 fouls before   starts that were solved, a rule being broken between failure and contact
 contact        starts that end in a contact; closing: its speed after a failure, median and 90 %
-groups         groups of alike failures (docs/crashes.md); –: none, or not compared
+groups         groups of alike failures (docs/guide/crashes.md); –: none, or not compared
 cpu s          processor time spent on all of the starts";
 
 /// Legend of the columns of a block's egos and of its summary.

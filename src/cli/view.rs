@@ -28,7 +28,7 @@ pub(super) struct ViewArgs {
     #[arg(short, long, value_name = "OUT.rrd|OUT.svg")]
     output: Option<PathBuf>,
     /// Beside it in the picture, what this reference driver does in the ego's
-    /// place (docs/preventability.md).
+    /// place (docs/background/preventability.md).
     #[arg(long, value_name = "DRIVER", value_parser = drivers())]
     beside: Option<String>,
     /// Print one JSON object on stdout instead of talking.

@@ -24,7 +24,7 @@ pub struct Inapplicable {
 impl Inapplicable {
     /// The fix.
     pub fn help(&self) -> &'static str {
-        "leave `--beside` out; `docs/preventability.md` says to which contacts the drivers apply"
+        "leave `--beside` out; `docs/background/preventability.md` says to which contacts the drivers apply"
     }
 }
 

@@ -1,6 +1,6 @@
 //! The list of stock controllers, from which names, checks and tables follow.
 //!
-//! Worlds name them. `check`, families and the table in `docs/egos.md` use the
+//! Worlds name them. `check`, families and the table in `docs/reference/egos.md` use the
 //! list.
 
 use serde::{Deserialize, Serialize};
@@ -224,7 +224,7 @@ mod tests {
     use crate::testbench::{Aftermath, Constant, play};
     use crate::world::Scenario;
 
-    const GUIDE: &str = include_str!("../../docs/egos.md");
+    const GUIDE: &str = include_str!("../../docs/reference/egos.md");
     const WORLD: &str = include_str!("../../worlds/acc.ron");
 
     #[test]

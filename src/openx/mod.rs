@@ -3,7 +3,7 @@
 //! A counterexample becomes three files. The first is the road. The second is a
 //! replay, in which all agents follow their recorded paths up to the contact.
 //! The third is a scenario for an ego of your own, in which the other agents
-//! follow their paths to the horizon. `docs/export.md` describes their content,
+//! follow their paths to the horizon. `docs/guide/export.md` describes their content,
 //! their use and their limits.
 //!
 //! Equal crashes give equal bytes. Lengths are in metres and angles in radians.

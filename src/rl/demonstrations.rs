@@ -6,7 +6,7 @@
 //! - Salimans and Chen, "Learning Montezuma's Revenge from a Single
 //!   Demonstration", 2018: episodes that begin along a demonstration.
 //!
-//! Deviations: docs/learners.md.
+//! Deviations: docs/background/learners.md.
 
 use serde::{Deserialize, Serialize};
 

@@ -11,7 +11,7 @@
 //! - Dabney, Ostrovski, Barreto, "Temporally-Extended ε-Greedy Exploration",
 //!   ICLR 2021: exploratory actions are held.
 //!
-//! Deviations: docs/learners.md.
+//! Deviations: docs/background/learners.md.
 
 use serde::{Deserialize, Serialize};
 

@@ -11,7 +11,7 @@ use crate::testbench::Episode;
 /// Facts about a counterexample: severity, size, cause and robustness.
 ///
 /// All of them follow from the episode. They are kept because they take many
-/// episodes to compute. `docs/crashes.md` defines the terms.
+/// episodes to compute. `docs/reference/crash-labels.md` defines the terms.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct About {

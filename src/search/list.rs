@@ -1,7 +1,7 @@
 //! List of the search methods.
 //!
 //! `--method` with its help, the refusal of unused options, rows and the table in
-//! `docs/search.md` follow from it.
+//! `docs/guide/search.md` follow from it.
 //! A new method is a file beside this one, with a type that implements `SearchMethod`,
 //! and a line in the list.
 
@@ -180,7 +180,7 @@ mod tests {
     use crate::sim::PlantKind;
     use crate::world::Scenario;
 
-    const GUIDE: &str = include_str!("../../docs/search.md");
+    const GUIDE: &str = include_str!("../../docs/guide/search.md");
     const WORLD: &str = include_str!("../../worlds/acc.ron");
 
     fn is_shipped(method: &&MethodInfo) -> bool {

@@ -2,7 +2,7 @@
 //!
 //! One trait has two implementations: [`kinematic`] (2D, closed form) and
 //! [`rigid`] (3D, rapier ray-cast cars with parry contacts). The ground is flat
-//! and unbounded. Roads belong to the scene. `docs/physics.md` lists the scope
+//! and unbounded. Roads belong to the scene. `docs/background/physics.md` lists the scope
 //! and the limits of both models.
 //!
 //! Frame: x forward, y left, z up (ISO 8855). Poses and states refer to the

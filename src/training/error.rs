@@ -143,10 +143,11 @@ impl SessionError {
                 format!("{}; or leave out `--learner`", guess(learner, known))
             }
             SessionError::NoFamily { .. } => {
-                "add `train_against: Family(ego: { … })` to the world: docs/reuse.md".to_owned()
+                "add `train_against: Family(ego: { … })` to the world: docs/guide/reuse.md"
+                    .to_owned()
             }
             SessionError::NoStructure { known, .. } if known.is_empty() => {
-                "name some under `structures` of `train_against`: docs/adapting.md".to_owned()
+                "name some under `structures` of `train_against`: docs/guide/adapting.md".to_owned()
             }
             SessionError::NoStructure {
                 structure, known, ..

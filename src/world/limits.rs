@@ -2,7 +2,7 @@
 //!
 //! The limits are far above the needs of any world. Beyond them a check or a
 //! physics step would take minutes, without a hint at the cause.
-//! `docs/files.md` lists them.
+//! `docs/reference/files.md` lists them.
 
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile};
 use super::locate::ValuePath;
@@ -194,10 +194,10 @@ mod tests {
 
     #[test]
     fn every_limit_is_in_the_documents() {
-        let page = include_str!("../../docs/files.md");
+        let page = include_str!("../../docs/reference/files.md");
         for Limit { most, of, what } in ALL {
             let row = format!("| {what} of {of} | {most} |");
-            assert!(page.contains(&row), "docs/files.md lacks `{row}`");
+            assert!(page.contains(&row), "docs/reference/files.md lacks `{row}`");
         }
     }
 }

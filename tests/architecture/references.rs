@@ -11,18 +11,19 @@ use super::sources::{Names, Sources, words};
 use super::{library, texts};
 
 /// Pages that map ideas to sources: each of their words of code is looked up.
-const MAPS: [&str; 2] = ["docs/paper.md", "ARCHITECTURE.md"];
+const MAPS: [&str; 2] = ["docs/background/paper.md", "ARCHITECTURE.md"];
 
 /// Words of other programs in those, and of this package's manifests.
 const FOREIGN: [&str; 3] = ["PR_SET_PDEATHSIG", "dist", "python"];
 
 /// Directories of the repository whose files pages name.
-const DIRECTORIES: [&str; 9] = [
+const DIRECTORIES: [&str; 10] = [
     "assets/",
     "benches/",
     "crates/",
     "docs/",
     "examples/",
+    "lab/",
     "python/",
     "src/",
     "tests/",
@@ -453,8 +454,9 @@ fn a_name_of_nothing_is_seen() {
 fn a_file_a_verb_and_a_flag_of_nothing_are_seen() {
     for (right, wrong) in [
         ("`worlds/acc.ron`", "`worlds/acc_paved.ron`"),
-        ("`docs/lab`", "`docs/labs`"),
+        ("`docs/guide`", "`docs/guides`"),
         ("`src/{lib,main}.rs`", "`src/{lib,mean}.rs`"),
+        ("`lab/training.md`", "`lab/trainings.md`"),
         ("`tests/grid/theorems.rs`", "`tests/grid/lemmas.rs`"),
         (
             "`brakecheck check worlds/acc.ron`",

@@ -14,7 +14,7 @@ use super::mutate::mutants;
 
 /// Longer than any machine is late: no case waits for it.
 const PATIENT_S: f64 = 60.0;
-/// Longest line of docs/ego-protocol.md.
+/// Longest line of docs/reference/ego-protocol.md.
 const LONGEST: usize = 65_536;
 
 /// A program that answers each question with the bytes of a file, and ends

@@ -10,7 +10,7 @@ use super::harness::{Seen, Target};
 use super::mutate::mutants;
 use super::naive::{self, Lengths, doubtful, naive, naive_held, rows, wff, zeros};
 
-/// The same word or sign in another spelling (docs/stl.md).
+/// The same word or sign in another spelling (docs/reference/stl.md).
 const SPELLINGS: [(&str, &[&str]); 22] = [
     ("always", &["globally", "alw", "G", "[]", "□"]),
     ("eventually", &["ev", "F", "<>", "◇"]),
@@ -189,7 +189,7 @@ fn texts() -> Vec<Source> {
         }
         texts
     });
-    let pages = ["docs/stl.md", "docs/stl-monitor.md"];
+    let pages = ["docs/reference/stl.md", "docs/reference/stl-monitor.md"];
     let pages = pages.map(|page| std::fs::read_to_string(corpus::root().join(page)).expect(page));
     let spans: Vec<String> = pages
         .concat()
@@ -201,7 +201,7 @@ fn texts() -> Vec<Source> {
     let told = spans
         .into_iter()
         .filter(|text| text.parse::<Formula>().is_ok());
-    let told = told.map(|text| Source::new("docs/stl.md", text));
+    let told = told.map(|text| Source::new("docs/reference/stl.md", text));
     let vectors =
         std::fs::read_to_string(corpus::root().join("tests/stl/agreed.jsonl")).expect("vectors");
     let vectors: Vec<Source> = vectors

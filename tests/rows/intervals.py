@@ -1,7 +1,7 @@
 """Intervals by other means, for tests/rows/intervals.rs.
 
 Python's standard library only: `python3 intervals.py > intervals.json`.
-Written from docs/intervals.md; sums over fine grids, where the crate has a few nodes.
+Written from docs/background/intervals.md; sums over fine grids, where the crate has a few nodes.
 """
 
 import json

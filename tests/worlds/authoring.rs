@@ -10,7 +10,7 @@ use brakecheck::testbench::{Actor, Aftermath, HeldRandom, PolicyActor, play};
 use brakecheck::training::train;
 use brakecheck::world::Scenario;
 
-const DOC: &str = include_str!("../../docs/worlds.md");
+const DOC: &str = include_str!("../../docs/guide/worlds.md");
 const AUTHORED: [(&str, &str); 3] = [
     ("zebra", include_str!("authored/zebra.ron")),
     ("platoon", include_str!("authored/platoon.ron")),

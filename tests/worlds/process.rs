@@ -228,7 +228,7 @@ fn the_document_shows_what_is_said() {
         assert_eq!(coast(&world, FAR).fault, None);
     }
     let heard = std::fs::read_to_string(file.path()).expect("readable");
-    let document = include_str!("../../docs/ego-protocol.md");
+    let document = include_str!("../../docs/reference/ego-protocol.md");
     let said = document.lines().filter_map(|line| line.strip_prefix("> "));
     let said: Vec<&str> = said.collect();
     let mut lines = heard.lines();

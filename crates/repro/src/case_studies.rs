@@ -42,7 +42,7 @@ pub struct CaseStudy {
     pub seeds: usize,
     /// Mean success rate of the trained ados.
     pub success_rate: f64,
-    /// Interval of the rate over trainings and starts (docs/intervals.md).
+    /// Interval of the rate over trainings and starts (docs/background/intervals.md).
     pub ci95: [f64; 2],
     /// Median over seeds of the recall.
     pub recall_median: Option<f64>,

@@ -34,7 +34,7 @@ pub struct Reached {
     pub cpu_s: f64,
     /// Mean success rate.
     pub success_rate: f64,
-    /// Interval of the rate over trainings and starts (docs/intervals.md).
+    /// Interval of the rate over trainings and starts (docs/background/intervals.md).
     pub ci95: [f64; 2],
 }
 

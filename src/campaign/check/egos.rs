@@ -77,7 +77,7 @@ impl Checker {
                         "`{}` names no family, or {members} are more than {MAX_MEMBERS}",
                         played.name()
                     );
-                    let help = "add `train_against: Family(…)` to the world: docs/reuse.md";
+                    let help = "add `train_against: Family(…)` to the world: docs/guide/reuse.md";
                     return Err(self.source.wrong(at, what, Some(help.to_owned())));
                 };
                 // Members are drawn by index, so more members keep the earlier ones.

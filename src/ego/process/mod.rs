@@ -1,6 +1,6 @@
 //! An ego in a separate program: ego protocol 1, JSON lines on its pipes.
 //!
-//! `docs/ego-protocol.md` defines the protocol. The program says hello once and
+//! `docs/reference/ego-protocol.md` defines the protocol. The program says hello once and
 //! receives the road and the seed when an episode begins. It answers a command
 //! per sample and ends when it is asked to.
 //!

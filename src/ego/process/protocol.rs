@@ -1,6 +1,6 @@
 //! Ego protocol 1: messages on both pipes, line by line.
 //!
-//! Defined in `docs/ego-protocol.md`. Both sides ignore unknown keys, so that
+//! Defined in `docs/reference/ego-protocol.md`. Both sides ignore unknown keys, so that
 //! later versions can add some.
 
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use super::super::{Briefing, Percept};
 /// Version of the protocol.
 pub const PROTOCOL: u32 = 1;
 /// Document that defines the protocol.
-pub const DOCUMENT: &str = "docs/ego-protocol.md";
+pub const DOCUMENT: &str = "docs/reference/ego-protocol.md";
 
 /// Message of brakecheck without an episode.
 #[derive(Serialize)]

@@ -7,7 +7,7 @@
 //! driver without delay. A model defines danger and braking. A [`Reflexes`] is
 //! a model in motion: reaction time, braking, holding. Reference drivers only
 //! brake and never steer. They judge other agents on parallel axes, so their
-//! input is in lane coordinates. `docs/preventability.md` describes their use.
+//! input is in lane coordinates. `docs/background/preventability.md` describes their use.
 //!
 //! ```
 //! use brakecheck::ego::reference::{FsmDriver, LaneBody, Reflexes, Response};

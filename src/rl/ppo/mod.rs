@@ -5,7 +5,7 @@
 //! - Schulman, Moritz, Levine, Jordan, Abbeel, "High-Dimensional Continuous
 //!   Control Using Generalized Advantage Estimation", ICLR 2016: Eq. (16).
 //!
-//! Deviations: docs/learners.md.
+//! Deviations: docs/background/learners.md.
 
 mod config;
 mod policy;

@@ -5,7 +5,7 @@
 //! Q(s, a) ← Q(s, a) + α (r + γ max Q(s', ·) − Q(s, a)), with α = 1/n^ω where n
 //! counts the visits of (s, a) (Even-Dar, Mansour 2003), or constant.
 //!
-//! Deviations: docs/learners.md.
+//! Deviations: docs/background/learners.md.
 
 mod settings;
 mod table;

@@ -33,7 +33,7 @@ const MOST_SEEDS: u64 = 100;
 const MOST_SEED: u64 = 999_999_999;
 
 /// Where an example is and what it is about, after all options.
-const EXAMPLE: &str = "Example:\n  cargo run --release -p brakecheck-repro -- case-studies --world acc -o reproduced\n\nDocuments: docs/results.md";
+const EXAMPLE: &str = "Example:\n  cargo run --release -p brakecheck-repro -- case-studies --world acc -o reproduced\n\nDocuments: docs/background/results.md";
 
 /// Make the paper's tables and figures again, from nothing.
 #[derive(Parser, Debug)]
@@ -313,7 +313,13 @@ mod tests {
     fn pages() -> Vec<PathBuf> {
         let names = ["README.md", "ARCHITECTURE.md", "crates/repro/README.md"];
         let mut pages: Vec<PathBuf> = names.iter().map(|name| root().join(name)).collect();
-        for directory in ["docs", "docs/lab"] {
+        for directory in [
+            "docs",
+            "docs/guide",
+            "docs/reference",
+            "docs/background",
+            "lab",
+        ] {
             let entries = std::fs::read_dir(root().join(directory)).expect("a directory");
             let files = entries.map(|entry| entry.expect("an entry").path());
             pages.extend(files.filter(|file| file.extension().is_some_and(|it| it == "md")));

@@ -75,7 +75,7 @@ impl From<ReuseError> for Failure {
             ReuseError::Identify { source, .. } => source.into(),
             ReuseError::NoFamily { .. } => Failure::input(
                 error.to_string(),
-                "add `train_against: Family(…)` to the world: docs/reuse.md",
+                "add `train_against: Family(…)` to the world: docs/guide/reuse.md",
             ),
         }
     }

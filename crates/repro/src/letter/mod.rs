@@ -185,7 +185,7 @@ pub struct Judged {
     pub rates: Vec<f64>,
     /// Mean of the rates.
     pub success_rate: f64,
-    /// Interval of the mean over trainings and starts (docs/intervals.md).
+    /// Interval of the mean over trainings and starts (docs/background/intervals.md).
     pub ci95: [f64; 2],
     /// Median recall over trainings.
     pub recall: Option<f64>,

@@ -73,7 +73,7 @@ pub enum Table1Error {
 pub struct GridStudy {
     /// Name of the world.
     pub world: String,
-    /// Reading A or B of docs/grid.md.
+    /// Reading A or B of docs/background/grid.md.
     pub reading: char,
     /// Names of the learners, in the order of all lists here.
     pub learners: Vec<String>,
@@ -138,7 +138,7 @@ pub struct LearnerOnMap {
     pub median: f64,
     /// Mean over seeds.
     pub mean: f64,
-    /// Interval of the mean over trainings and starts (docs/intervals.md).
+    /// Interval of the mean over trainings and starts (docs/background/intervals.md).
     pub ci95: [f64; 2],
     /// Share of the worst seed.
     pub min: f64,

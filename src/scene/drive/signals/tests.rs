@@ -7,7 +7,7 @@ use crate::testbench::{Aftermath, Constant, play};
 use crate::world::Scenario;
 
 const WORLD: &str = include_str!("../../../../worlds/acc.ron");
-const GUIDE: &str = include_str!("../../../../docs/signals.md");
+const GUIDE: &str = include_str!("../../../../docs/reference/signals.md");
 /// The row that exists in tests only.
 const DUMMY: &str = "doubled_speed";
 
@@ -61,5 +61,8 @@ fn the_table_of_the_guide_is_the_list() {
     });
     let table: String = rows.collect();
     let table = format!("| signal | unit | meaning |\n| --- | --- | --- |\n{table}\n");
-    assert!(GUIDE.contains(&table), "docs/signals.md needs\n\n{table}");
+    assert!(
+        GUIDE.contains(&table),
+        "docs/reference/signals.md needs\n\n{table}"
+    );
 }

@@ -1,0 +1,294 @@
+//! Figures of the prose: words a page, forms of address, sentences, comments.
+//!
+//! The targets come from projects that are easy to read. A figure that misses
+//! its target names a text to rewrite, never a word to replace.
+
+use std::path::{Path, PathBuf};
+
+/// Most words of a page that describes a task.
+const GUIDE_WORDS: usize = 900;
+/// Most words of all pages under `docs/`.
+const DOCS_WORDS: usize = 30_000;
+const README_LINES: usize = 120;
+/// Largest share of doc comments that open with a question word.
+const QUESTION_SHARE: f64 = 0.05;
+/// Least number of plain comments per line of code.
+const COMMENT_SHARE: f64 = 0.03;
+
+const OPENINGS: [&str; 9] = [
+    "What", "Who", "Whoever", "Of", "Where", "How", "Whether", "So", "As",
+];
+const QUESTIONS: [&str; 10] = [
+    "What", "Who", "Whose", "Whom", "Whether", "How", "Where", "When", "Which", "Why",
+];
+/// Words before `one` that make a pronoun of it.
+const BEFORE_ONE: [&str; 9] = [
+    "that", "this", "the", "a", "an", "which", "such", "other", "another",
+];
+
+/// Counts of one text. Frequencies are per 1,000 words.
+#[derive(Debug)]
+struct Figures {
+    words: usize,
+    you: f64,
+    semicolons: f64,
+    somebody: f64,
+    tell: f64,
+    what: f64,
+    pronoun_one: f64,
+    words_per_sentence: f64,
+    /// Percentage of sentences that open with one of [`OPENINGS`].
+    openings: f64,
+}
+
+impl Figures {
+    fn of(markdown: &str) -> Figures {
+        let text = prose(markdown);
+        let words = words(&text);
+        let tokens = tokens(&text);
+        let per_mille = |count: usize| 1000.0 * count as f64 / words.max(1) as f64;
+        let any = |forms: &[&str]| {
+            let found = tokens.iter().filter(|(_, word)| forms.contains(&&**word));
+            per_mille(found.count())
+        };
+        let lengths = |s: &&str| s.split_whitespace().count();
+        let sentences: Vec<&str> = sentences(&text)
+            .into_iter()
+            .filter(|s| 3 < lengths(s))
+            .collect();
+        let all = sentences.len().max(1) as f64;
+        let opening = sentences.iter().filter(|s| opens_with(s, &OPENINGS));
+        Figures {
+            words,
+            you: any(&["you", "your", "yours"]),
+            semicolons: per_mille(text.matches(';').count()),
+            somebody: any(&["somebody", "nobody", "everybody", "whoever", "whom"]),
+            tell: any(&["tell", "tells", "told", "telling"]),
+            what: any(&["what"]),
+            pronoun_one: per_mille(pronoun_ones(&text, &tokens)),
+            words_per_sentence: sentences.iter().map(lengths).sum::<usize>() as f64 / all,
+            openings: 100.0 * opening.count() as f64 / all,
+        }
+    }
+
+    /// Returns the figures that miss their targets.
+    fn missed(&self) -> Vec<&'static str> {
+        let targets = [
+            ("you: 5 or more", 5.0 <= self.you),
+            ("semicolons: 4 or fewer", self.semicolons <= 4.0),
+            ("somebody, nobody, whoever: 0.1", self.somebody <= 0.1),
+            ("tell, told: 0.3", self.tell <= 0.3),
+            ("what: 2", self.what <= 2.0),
+            ("the pronoun one: 0.4", self.pronoun_one <= 0.4),
+            ("words a sentence: 20", self.words_per_sentence <= 20.0),
+            ("openings: 4 %", self.openings <= 4.0),
+        ];
+        let missed = targets.into_iter().filter(|(_, met)| !met);
+        missed.map(|(target, _)| target).collect()
+    }
+}
+
+/// Running text: no blocks, no tables, `CODE` for spans, links by their words.
+fn prose(markdown: &str) -> String {
+    let text = markdown.split("```").step_by(2).collect::<Vec<_>>();
+    let is_row = |line: &&str| {
+        let line = line.trim();
+        1 < line.len() && line.starts_with('|') && line.ends_with('|')
+    };
+    let text = text.join(" ");
+    let lines: Vec<&str> = text.lines().filter(|line| !is_row(line)).collect();
+    let text = lines.join("\n");
+    let parts = text.split('`').enumerate();
+    let parts = parts.map(|(n, part)| if n % 2 == 0 { part } else { "CODE" });
+    let text = parts.collect::<String>();
+    let mut rest = text.as_str();
+    let mut out = String::new();
+    // A link ends in `](…)`, of which only the words in front are read.
+    while let Some((before, after)) = rest.split_once("](") {
+        out.push_str(before);
+        rest = after.split_once(')').map_or("", |(_, rest)| rest);
+    }
+    out + rest
+}
+
+/// Words of letters, with apostrophes and hyphens inside.
+fn words(text: &str) -> usize {
+    let is_letter = |c: char| c.is_ascii_alphabetic();
+    let is_part = |c: char| is_letter(c) || "'’-".contains(c);
+    let runs = text.split(|c| !is_part(c));
+    runs.filter(|run| run.contains(is_letter)).count()
+}
+
+/// Lower-case words of letters, digits and underscores, with their places.
+fn tokens(text: &str) -> Vec<(usize, String)> {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let mut tokens = Vec::new();
+    let mut at = 0;
+    for run in text.split(|c| !is_part(c)) {
+        if !run.is_empty() {
+            tokens.push((at, run.to_lowercase()));
+        }
+        let separator = text[at + run.len()..].chars().next();
+        at += run.len() + separator.map_or(0, char::len_utf8);
+    }
+    tokens
+}
+
+fn pronoun_ones(text: &str, tokens: &[(usize, String)]) -> usize {
+    let ones = tokens.iter().filter(|(_, word)| word == "ones").count();
+    let is_pronoun = |pair: &&[(usize, String)]| {
+        let (first, second) = (&pair[0], &pair[1]);
+        let word = BEFORE_ONE.contains(&&*first.1) && second.1 == "one";
+        word && text[first.0..second.0].trim_start_matches(char::is_alphanumeric) == " "
+    };
+    ones + tokens.windows(2).filter(is_pronoun).count()
+}
+
+/// Stretches that end in a full stop or another mark before white space.
+fn sentences(text: &str) -> Vec<&str> {
+    let mut sentences = Vec::new();
+    let mut from = 0;
+    let mut before = ' ';
+    for (at, c) in text.char_indices() {
+        if c.is_whitespace() && ".!?".contains(before) {
+            sentences.push(&text[from..at]);
+            from = at;
+        }
+        before = c;
+    }
+    sentences.push(&text[from..]);
+    sentences
+}
+
+fn opens_with(sentence: &str, openings: &[&str]) -> bool {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let start = sentence.trim_start_matches(|c| !is_part(c));
+    let end = start.find(|c| !is_part(c)).unwrap_or(start.len());
+    openings.contains(&&start[..end])
+}
+
+/// Counts of the comments of some sources.
+#[derive(Debug, Default)]
+struct Comments {
+    docs: usize,
+    questions: usize,
+    plain: usize,
+    code: usize,
+}
+
+impl Comments {
+    fn count(&mut self, source: &str) {
+        let is_doc = |line: &str| line.starts_with("///") || line.starts_with("//!");
+        let mut follows_doc = false;
+        for line in source.lines().map(str::trim) {
+            if is_doc(line) && !follows_doc {
+                self.docs += 1;
+                self.questions += usize::from(opens_with(&line[3..], &QUESTIONS));
+            }
+            self.plain += usize::from(!is_doc(line) && line.starts_with("//"));
+            self.code += usize::from(!line.is_empty() && !line.starts_with("//"));
+            follows_doc = is_doc(line);
+        }
+    }
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// Files with an ending in a directory and below, none if it does not exist.
+fn below(directory: &Path, ending: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(directory).into_iter().flatten() {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            found.extend(below(&path, ending));
+        } else if path.extension().is_some_and(|it| it == ending) {
+            found.push(path);
+        }
+    }
+    found
+}
+
+#[test]
+fn a_task_is_described_on_a_short_page() {
+    let pages = below(&root().join("docs/guide"), "md");
+    assert!(10 < pages.len(), "{pages:?}");
+    for page in pages {
+        let words = words(&prose(&read(&page)));
+        assert!(words <= GUIDE_WORDS, "{}: {words} words", page.display());
+    }
+    let lines = read(&root().join("README.md")).lines().count();
+    assert!(lines <= README_LINES, "README.md has {lines} lines");
+}
+
+#[test]
+fn pages_read_like_those_of_projects_that_are_easy_to_read() {
+    let mut pages = below(&root().join("docs"), "md");
+    // A list of links is no prose.
+    pages.retain(|page| !page.ends_with("SUMMARY.md"));
+    let docs: Vec<String> = pages.iter().map(|page| read(page)).collect();
+    let docs = docs.join("\n");
+    let one = |name: &str| read(&root().join(name));
+    for (name, text) in [
+        ("docs", docs.clone()),
+        ("README.md", one("README.md")),
+        ("ARCHITECTURE.md", one("ARCHITECTURE.md")),
+    ] {
+        let figures = Figures::of(&text);
+        let missed = figures.missed();
+        assert!(missed.is_empty(), "{name}: {missed:?} of {figures:#?}");
+    }
+    let words = Figures::of(&docs).words;
+    assert!(words <= DOCS_WORDS, "docs: {words} words");
+}
+
+#[test]
+fn comments_state_nouns_and_reasons() {
+    let mut comments = Comments::default();
+    for directory in ["src", "crates/stl/src", "crates/repro/src"] {
+        for file in below(&root().join(directory), "rs") {
+            comments.count(&read(&file));
+        }
+    }
+    let questions = comments.questions as f64 / comments.docs as f64;
+    assert!(questions <= QUESTION_SHARE, "{comments:?}");
+    let share = comments.plain as f64 / comments.code as f64;
+    assert!(COMMENT_SHARE <= share, "{comments:?}");
+}
+
+#[test]
+fn planted_text_misses_its_targets() {
+    let good = "You run the test, and you read your table. ";
+    let missed = |planted: &str| Figures::of(&format!("{good}{planted}")).missed().len();
+    assert_eq!(missed(""), 0);
+    for planted in [
+        "It runs; it ends.",
+        "Somebody reads.",
+        "He told it.",
+        "Then what?",
+        "Take the one.",
+        "What it is you see.",
+        &"word ".repeat(40),
+    ] {
+        assert!(0 < missed(planted), "{planted}");
+    }
+    for kept in [
+        "`told; what`",
+        "\n| what | told; |\n",
+        "```\nwhat;\n```",
+        "[you](what;told)",
+    ] {
+        assert_eq!(missed(kept), 0, "{kept}");
+    }
+    let cold = "The test runs and the table has numbers.";
+    assert_eq!(Figures::of(cold).missed(), ["you: 5 or more"]);
+    let mut comments = Comments::default();
+    comments.count("/// Whether it runs.\n/// What else.\nfn f() {}\n// Reason.\n\n//! State.");
+    assert_eq!((comments.docs, comments.questions), (2, 1));
+    assert_eq!((comments.plain, comments.code), (1, 1));
+}
