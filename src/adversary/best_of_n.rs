@@ -47,7 +47,7 @@ pub fn other_members(
             ..family.draw(&run.manifest().world, key)
         }
     });
-    run.policies_told(&others.collect::<Vec<_>>())
+    run.conditioned_policies(&others.collect::<Vec<_>>())
 }
 
 /// An ado that may try a start several times.

@@ -34,7 +34,7 @@ struct Facts {
 /// In order: the highest closing speed, the earliest violation, the deepest violation,
 /// the largest margin of all rules, and the start that is farthest from the other four. A
 /// criterion without a value is left out.
-pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Highlight> {
+pub fn highlights(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Highlight> {
     let solved: Vec<usize> = evaluated
         .row
         .solved

@@ -11,7 +11,7 @@ use indexmap::IndexMap;
 use serde::Serialize;
 
 use crate::adversary::{Ado, EvalRequest, Evaluated, Outcome, eval};
-use crate::crashes::{CrashWriter, KeepSettings, KeptFiles, about, copies};
+use crate::crashes::{CrashWriter, KeepSettings, KeptFiles, copies, description};
 use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, Watch, leaf, note_if_unrepeatable, untried_starts,
 };
@@ -514,7 +514,7 @@ impl PointsTable {
                     },
                     start: *point,
                     frames: film(&mut scenario.repeating(&episode).bench(), &episode),
-                    about: about(scenario, &episode),
+                    about: description(scenario, &episode),
                     episode,
                     scenarios: Vec::new(),
                 })

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::break_even::BreakEven;
 use super::error::EvaluationError;
 use crate::adversary::{Ado, EvalRequest, eval, explain_first};
-use crate::crashes::{about, telling};
+use crate::crashes::{description, highlights};
 use crate::experiment::worse_first;
 use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, test_starts};
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
@@ -177,7 +177,7 @@ impl<'a> ReportRequest<'a> {
         let evaluated = eval(request, watch);
         let verdicts = evaluated.outcomes.iter().map(|o| o.map(|o| o.verdict));
         let all = request.starts.starts.iter().map(|(start, _)| start.clone());
-        let mut chosen = telling(request, &evaluated);
+        let mut chosen = highlights(request, &evaluated);
         // A reader opens the first example first.
         chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode));
         report.nominal = Some(Nominal {
@@ -186,7 +186,7 @@ impl<'a> ReportRequest<'a> {
             telling: chosen
                 .into_iter()
                 .map(|chosen| Example {
-                    about: about(request.scenario, &chosen.episode),
+                    about: description(request.scenario, &chosen.episode),
                     frames: film(
                         &mut request.scenario.repeating(&chosen.episode).bench(),
                         &chosen.episode,
@@ -321,7 +321,7 @@ fn notes(run: &RunDir) -> Vec<String> {
     if manifest.against == TrainingEgos::Conditioned {
         notes.push(format!(
             "It is told the parameters of the ego it meets ({}); here the true ones.",
-            manifest.told.join(", ")
+            manifest.parameters.join(", ")
         ));
     }
     if let Some(ego) = &manifest.ego {

@@ -15,7 +15,7 @@ pub(crate) struct Fit {
 /// Least standard deviation, of a range from −1 to 1.
 const LEAST_SPREAD: f64 = 0.005;
 
-/// How long and how wide to search.
+/// Length and width of a search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CrossEntropySearch {
     generations: usize,
@@ -26,14 +26,14 @@ pub(crate) struct CrossEntropySearch {
 }
 
 impl CrossEntropySearch {
-    /// From anywhere in the box.
+    /// Search of the whole box.
     pub const WIDE: CrossEntropySearch = CrossEntropySearch {
         generations: 20,
         population: 48,
         elite: 8,
         wide: 0.8,
     };
-    /// About a point that is nearly right.
+    /// Search around a point that is nearly right.
     pub const NEAR: CrossEntropySearch = CrossEntropySearch {
         generations: 10,
         population: 32,

@@ -6,9 +6,8 @@
 
 use std::sync::Arc;
 
-use super::fit::MEMBERS;
-use super::model::{ModelDriverConfig, ModelDriverSlot, Surrogate};
-use super::surrogate_sim::ModelBench;
+use super::model::{MEMBERS, Surrogate};
+use super::surrogate_sim::{ModelBench, ModelDriverConfig, ModelDriverSlot};
 use crate::experiment::Watch;
 use crate::rl::{Control, Env, Spaces, Step, TensorFile, fine_tuner};
 use crate::seed::Purpose;
@@ -23,7 +22,7 @@ const DECISIONS: u64 = 30_000;
 /// The ado then relies only on behaviour that all members share.
 struct Inside {
     gym: Gym,
-    casting: ModelDriverSlot,
+    driver_slot: ModelDriverSlot,
     surrogate: Arc<Surrogate>,
 }
 
@@ -33,7 +32,7 @@ impl Env for Inside {
     }
 
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
-        self.casting.give(ModelDriverConfig {
+        self.driver_slot.set(ModelDriverConfig {
             surrogate: Some(Arc::clone(&self.surrogate)),
             // The episode index selects the member, so equal requests repeat the training.
             member: Some(index as usize % MEMBERS),
@@ -51,17 +50,19 @@ impl Env for Inside {
 ///
 /// Returns `None` if stopped, or if the policy cannot be trained further because it is
 /// conditional or not from deep Q-learning. Equal requests give equal policies.
-pub(super) fn trained_on(
+pub(super) fn fine_tuned(
     world: &Scenario,
     policy: Option<&TensorFile>,
     (surrogate, seed): (&Arc<Surrogate>, u64),
     watch: &Watch<'_>,
 ) -> Option<TensorFile> {
-    let ModelBench { bench, casting, .. } = ModelBench::quick(world)?;
+    let ModelBench {
+        bench, driver_slot, ..
+    } = ModelBench::quick(world)?;
     let mut learner = fine_tuner(bench.spaces(), (DECISIONS, seed), policy?)?;
     let mut inside = Inside {
         gym: Gym::new(bench, Purpose::Train, seed),
-        casting,
+        driver_slot,
         surrogate: Arc::clone(surrogate),
     };
     learner.train(&mut inside, &mut |_| {
@@ -95,7 +96,7 @@ mod tests {
             inverse_sd: vec![1.0; width],
             unit: [change_mps2, 0.0],
             range_mps2: [-8.0, 2.0],
-            alike: Arc::default(),
+            nearest: Arc::default(),
             members: vec![net.clone(), net],
             brake: None,
         })
@@ -103,13 +104,15 @@ mod tests {
 
     /// Counts the starts, of 20, on which a policy makes the surrogate fail.
     fn solved(world: &Scenario, surrogate: &Arc<Surrogate>, policy: &dyn Policy) -> usize {
-        let ModelBench { bench, casting, .. } = ModelBench::quick(world).expect("driven");
+        let ModelBench {
+            bench, driver_slot, ..
+        } = ModelBench::quick(world).expect("driven");
         let mut gym = Gym::new(bench, Purpose::Calibration, 2);
         let is_success = |index: &u64| {
             let key = gym.key(*index);
             let bench = gym.bench();
             let (start, noise) = (bench.draw(key), bench.noise_of(key));
-            casting.give(ModelDriverConfig {
+            driver_slot.set(ModelDriverConfig {
                 surrogate: Some(Arc::clone(surrogate)),
                 ..ModelDriverConfig::default()
             });
@@ -137,7 +140,7 @@ mod tests {
         let keeps = surrogate_of(&world, 0.0);
         let brakes = surrogate_of(&world, -1.0);
         let learn = |policy: &TensorFile, ego: &Arc<Surrogate>| {
-            trained_on(&world, Some(policy), (ego, 5), &watch)
+            fine_tuned(&world, Some(policy), (ego, 5), &watch)
         };
         let solves = |kept: &TensorFile, ego| {
             let policy = load_policy(kept).expect("a policy");
@@ -156,7 +159,7 @@ mod tests {
             LearnerConfig::new(PpoSettings::default()).expect("sound"),
         );
         assert!(learn(&other, &keeps).is_none(), "of another learner");
-        assert!(trained_on(&world, None, (&keeps, 5), &watch).is_none());
+        assert!(fine_tuned(&world, None, (&keeps, 5), &watch).is_none());
         let lane = Scenario::shipped("cut_in")
             .expect("shipped")
             .expect("sound");

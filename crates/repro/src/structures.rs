@@ -202,7 +202,7 @@ impl StructuresAsked<'_> {
                 few: met(&few, "adapted")?,
                 known: met(&known, "adapted")?,
                 like: known.told.as_ref().and_then(|told| {
-                    let like = told.learned.alike.first()?;
+                    let like = told.learned.nearest.first()?;
                     Some(like.controller.controller.kind().to_owned())
                 }),
                 off_m: told

@@ -30,7 +30,7 @@ impl Player<'_> {
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
         let seed = trio.conditional.manifest().seed;
-        let policy = trio.conditional.policy_told(member)?;
+        let policy = trio.conditional.conditioned_policy(member)?;
         let others = other_members(&trio.conditional, family, member.plant)?;
         // Later tries may use other members, in case the identified member is wrong.
         let tried = BestOfN {
@@ -61,7 +61,7 @@ impl Player<'_> {
         (member, told): (&EgoSample, &str),
     ) -> Result<Row, RunError> {
         let seed = trio.conditional.manifest().seed;
-        let policy = trio.conditional.policy_told(member)?;
+        let policy = trio.conditional.conditioned_policy(member)?;
         Ok(Row {
             context: Some(told.to_owned()),
             ..self.trained(word, &*policy, seed)

@@ -3,7 +3,7 @@
 use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseReport};
 use brakecheck::evaluation::{ReusedOn, Summary};
 use brakecheck::run_dir::Row;
-use brakecheck::sysid::is_telling;
+use brakecheck::sysid::describes;
 
 /// Formats the study: every ego, then the means of every block.
 pub fn reuse_markdown(studies: &[ReuseReport]) -> String {
@@ -118,7 +118,7 @@ fn known_markdown(study: &ReuseReport) -> String {
         text.push_str(&format!(
             "| {} | {} | {} | {:.2} ({:.2}) | {} | {} |\n",
             known.ego,
-            if is_telling(known.explained, known.residual_m, known.nominal_residual_m) {
+            if describes(known.explained, known.residual_m, known.nominal_residual_m) {
                 &known.taken_for
             } else {
                 // A member that does not describe the ego is not used, so it is not shown.

@@ -3,12 +3,12 @@
 use nalgebra::{DMatrix, DVector};
 
 /// Regularisation of the weights, in standard deviations.
-pub(super) const SMALL_WEIGHTS: f64 = 1e-4;
+pub(crate) const SMALL_WEIGHTS: f64 = 1e-4;
 /// Largest number of Newton steps.
 const NEWTON_STEPS: usize = 40;
 
 /// Adds a weighted row with its target to the normal equations.
-pub(super) fn add(
+pub(crate) fn add_equation(
     left: &mut DMatrix<f64>,
     right: &mut DVector<f64>,
     row: &[f64],
@@ -26,7 +26,7 @@ pub(super) fn add(
 ///
 /// Their magnitudes weight the rows. The second to last column must be constant.
 /// Newton steps are halved where they overshoot. `None`: the problem has no solution.
-pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
+pub(crate) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
     let width = rows.first()?.len();
     let constant = width - 2;
     let count = rows.len() as f64;
@@ -78,7 +78,7 @@ pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
             let wanted = f64::from(u8::from(0.0 < *worth)) - braked;
             // The gradient, expressed as a weighted row with a target.
             let wanted = worth.abs() * wanted / curved;
-            add(&mut left, &mut right, row, (curved, wanted));
+            add_equation(&mut left, &mut right, row, (curved, wanted));
         }
         let step = left.cholesky()?.solve(&right);
         let mut share = 1.0;
