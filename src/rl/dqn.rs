@@ -20,9 +20,9 @@ pub use settings::{DqnSettings, Loss};
 use super::bundle::{BundleError, TensorFile};
 use super::demonstrations::{Demonstrations, Imitation};
 use super::dice::LearnerRng;
-use super::kind::{Built, LearnerKind, Shaped};
 use super::learner::{
-    ConfigError, Demonstration, Learner, TrainingCounters, epsilon, expect_sizes, linear,
+    Built, ConfigError, Demonstration, Learner, LearnerKind, Shaped, TrainingCounters, epsilon,
+    expect_sizes, linear,
 };
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};

@@ -1,10 +1,11 @@
 //! Ado adapted to an ego: learned once, stored with the run, and planned start by start.
 
 use std::fmt::{self, Display, Formatter};
+use std::num::NonZeroU64;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego};
 use super::model::{MEMBERS, OUTPUTS, Surrogate};
@@ -23,6 +24,7 @@ use crate::world::{Scenario, file_bytes};
 
 /// Row of planned runs, with the ado's actions in each run.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct AdaptedRow {
     /// The row.
     pub evaluated: Evaluated,
@@ -48,6 +50,7 @@ impl AdaptedRow {
 
 /// Record of a learned ego and of the ado's behaviour against it.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct AdaptedTo {
     /// Name of the ego, as in the rows.
     pub ego: String,
@@ -55,8 +58,10 @@ pub struct AdaptedTo {
     #[serde(flatten)]
     pub learned: LearnedFrom,
     /// Runs from which a conditional ado identified the ego's parameters.
-    /// 0: the ado is not conditional.
-    pub identified_from: u64,
+    ///
+    /// `None`: it did not. JSON has 0 then.
+    #[serde(serialize_with = "or_zero")]
+    pub identified_from: Option<NonZeroU64>,
     /// Way in which the ado acts.
     pub acts: Acts,
     /// The same in words, with the reason.
@@ -84,7 +89,7 @@ impl AdaptedTo {
         AdaptedTo {
             ego: ego.to_owned(),
             learned: learned.clone(),
-            identified_from,
+            identified_from: NonZeroU64::new(identified_from),
             acts: learned.acts(),
             how: how(world, learned),
             expected,
@@ -99,8 +104,8 @@ impl Display for AdaptedTo {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let LearnedFrom { runs, error, .. } = self.learned;
         write!(f, "`{}`: learned from {runs} runs of it", self.ego)?;
-        if 0 < self.identified_from {
-            write!(f, ", and identified from {}", self.identified_from)?;
+        if let Some(runs) = self.identified_from {
+            write!(f, ", and identified from {runs}")?;
         }
         if let Some(nearest) = self.learned.nearest.first() {
             write!(f, "; most like {nearest}")?;
@@ -137,6 +142,11 @@ impl Display for AdaptedTo {
             None => Ok(()),
         }
     }
+}
+
+/// Writes 0 for an absent number of runs.
+fn or_zero<S: Serializer>(runs: &Option<NonZeroU64>, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_u64(runs.map_or(0, NonZeroU64::get))
 }
 
 /// Describes how the ado acts and why.

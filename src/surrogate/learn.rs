@@ -1,4 +1,8 @@
-//! Learns an ego from recorded runs.
+//! Learning of an ego from recorded runs, and of the ado inside its surrogate.
+//!
+//! A policy acts on observations, so it follows an ego that strays from the prediction.
+//! A plan would have to be made again but fits its start better.
+//! The better of both is chosen per start.
 
 use std::sync::Arc;
 
@@ -8,17 +12,20 @@ use super::dataset::{
     RecordedRun, judged_on, labelled, mixed, open_loop_runs, planned, samples, starts,
 };
 use super::emergency_brake::EmergencyBrake;
-use super::fine_tune::fine_tuned;
-use super::model::{Surrogate, fit};
+use super::model::{MEMBERS, Surrogate, fit};
 use super::model_fit::{FittedModel, fit_models, kinds_except};
 use super::plan::Planner;
 use super::strategy::{PlanningBudget, Policies, TriedActions, best_fixed};
-use super::surrogate_sim::{ModelBench, MotionSample, RunPrefix, VARIATIONS};
+use super::surrogate_sim::{
+    ModelBench, ModelDriverConfig, ModelDriverSlot, MotionSample, RunPrefix, VARIATIONS,
+};
 use crate::experiment::Watch;
-use crate::rl::{Policy, TensorFile, load_policy};
+use crate::rl::{Control, Env, Policy, Spaces, Step, TensorFile, fine_tuner, load_policy};
 use crate::scene::Start;
+use crate::seed::Purpose;
 use crate::sim::PlantKind;
 use crate::stats::{predicted, wilson};
+use crate::testbench::Gym;
 use crate::world::Scenario;
 
 /// Number of runs from which three rounds are recorded instead of two.
@@ -96,6 +103,7 @@ impl<'a> LearnEgoRequest<'a> {
 
 /// Error of a surrogate, two seconds ahead.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SurrogateError {
     /// Root mean square distance to the ego, in runs outside the fit, m.
     pub rms_m: f64,
@@ -128,6 +136,7 @@ pub enum Acts {
 
 /// Facts recorded while an ego was learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct LearnedFrom {
     /// Runs of the ego that were recorded.
     pub runs: u64,
@@ -394,12 +403,76 @@ fn errors_m(
     errors
 }
 
+/// Decisions per training.
+const DECISIONS: u64 = 30_000;
+
+/// Training starts against the surrogate, with another member in every episode.
+///
+/// The ado then relies only on behaviour that all members share.
+struct Inside {
+    gym: Gym,
+    driver_slot: ModelDriverSlot,
+    surrogate: Arc<Surrogate>,
+}
+
+impl Env for Inside {
+    fn spaces(&self) -> &Spaces {
+        self.gym.spaces()
+    }
+
+    fn reset(&mut self, index: u64, obs: &mut [f32]) {
+        self.driver_slot.set(ModelDriverConfig {
+            surrogate: Some(Arc::clone(&self.surrogate)),
+            // The episode index selects the member, so equal requests repeat the training.
+            member: Some(index as usize % MEMBERS),
+            ..ModelDriverConfig::default()
+        });
+        self.gym.reset(index, obs);
+    }
+
+    fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
+        self.gym.step(action, obs)
+    }
+}
+
+/// Trains the ado inside the surrogate in the place of the ego of `world`.
+///
+/// Returns `None` if stopped, or if the policy cannot be trained further because it is
+/// conditional or not from deep Q-learning. Equal requests give equal policies.
+pub(super) fn fine_tuned(
+    world: &Scenario,
+    policy: Option<&TensorFile>,
+    (surrogate, seed): (&Arc<Surrogate>, u64),
+    watch: &Watch<'_>,
+) -> Option<TensorFile> {
+    let ModelBench {
+        bench, driver_slot, ..
+    } = ModelBench::quick(world)?;
+    let mut learner = fine_tuner(bench.spaces(), (DECISIONS, seed), policy?)?;
+    let mut inside = Inside {
+        gym: Gym::new(bench, Purpose::Train, seed),
+        driver_slot,
+        surrogate: Arc::clone(surrogate),
+    };
+    learner.train(&mut inside, &mut |_| {
+        if watch.stopped() {
+            Control::Stop
+        } else {
+            Control::Continue
+        }
+    });
+    // A policy from a stopped training would depend on the time of the stop.
+    learner.finished().then(|| learner.policy_bundle())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rl::nn::Mlp;
+    use crate::rl::{DqnSettings, LearnerConfig, Policy, PpoSettings, load_policy};
     use crate::surrogate::model::OUTPUTS;
     use crate::surrogate::surrogate_sim::width_of;
+    use crate::testbench::{Aftermath, PolicyActor, play};
 
     fn seen(
         planned: (u64, u64),
@@ -464,5 +537,90 @@ mod tests {
         assert!(error.rms_m < 0.5, "{error:?}");
         assert_eq!(error.rms_m, error.keeps_acceleration_m);
         assert!(error.predicts_well(), "nothing is left to foresee");
+    }
+
+    /// Surrogate that always answers `change_mps2`.
+    fn surrogate_of(world: &Scenario, change_mps2: f64) -> Arc<Surrogate> {
+        let width = width_of(world);
+        // In a single layer the biases precede the weights.
+        let mut net = Mlp::zeros(&[width, OUTPUTS]);
+        net.parameters_mut()[0] = 1.0;
+        Arc::new(Surrogate {
+            mean: vec![0.0; width],
+            inverse_sd: vec![1.0; width],
+            unit: [change_mps2, 0.0],
+            range_mps2: [-8.0, 2.0],
+            nearest: Arc::default(),
+            members: vec![net.clone(), net],
+            brake: None,
+        })
+    }
+
+    /// Counts the starts, of 20, on which a policy makes the surrogate fail.
+    fn solved(world: &Scenario, surrogate: &Arc<Surrogate>, policy: &dyn Policy) -> usize {
+        let ModelBench {
+            bench, driver_slot, ..
+        } = ModelBench::quick(world).expect("driven");
+        let mut gym = Gym::new(bench, Purpose::Calibration, 2);
+        let is_success = |index: &u64| {
+            let key = gym.key(*index);
+            let bench = gym.bench();
+            let (start, noise) = (bench.draw(key), bench.noise_of(key));
+            driver_slot.set(ModelDriverConfig {
+                surrogate: Some(Arc::clone(surrogate)),
+                ..ModelDriverConfig::default()
+            });
+            let mut actor = PolicyActor(policy);
+            let episode = play(bench, &start, noise, &mut actor, Aftermath::Skip);
+            episode.verdict.is_success()
+        };
+        (0..20).filter(is_success).count()
+    }
+
+    fn unlearned(world: &Scenario, learner: LearnerConfig) -> TensorFile {
+        learner.build(&world.spaces(), 3).policy_bundle()
+    }
+
+    #[test]
+    fn an_ado_learns_what_the_ego_in_the_surrogate_does() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let watch = Watch::unwatched();
+        let before = unlearned(
+            &world,
+            LearnerConfig::new(DqnSettings::default()).expect("sound"),
+        );
+        // The first keeps its acceleration and runs into a braking vehicle. The second
+        // always brakes hard and fails from the nearest starts only.
+        let keeps = surrogate_of(&world, 0.0);
+        let brakes = surrogate_of(&world, -1.0);
+        let learn = |policy: &TensorFile, ego: &Arc<Surrogate>| {
+            fine_tuned(&world, Some(policy), (ego, 5), &watch)
+        };
+        let solves = |kept: &TensorFile, ego| {
+            let policy = load_policy(kept).expect("a policy");
+            solved(&world, ego, &*policy)
+        };
+        let kept = learn(&before, &keeps).expect("deep Q-learning");
+        let [first, after, braking] = [(&before, &keeps), (&kept, &keeps), (&kept, &brakes)]
+            .map(|(policy, ego)| solves(policy, ego));
+        assert!(first < 10 && 16 <= after, "{first}, then {after}");
+        assert!(braking < 8, "{braking}");
+        assert_eq!(learn(&before, &keeps).as_ref(), Some(&kept));
+        assert_ne!(learn(&before, &brakes), Some(kept));
+
+        let other = unlearned(
+            &world,
+            LearnerConfig::new(PpoSettings::default()).expect("sound"),
+        );
+        assert!(learn(&other, &keeps).is_none(), "of another learner");
+        assert!(fine_tuned(&world, None, (&keeps, 5), &watch).is_none());
+        let lane = Scenario::shipped("cut_in")
+            .expect("shipped")
+            .expect("sound");
+        let stranger = unlearned(
+            &lane,
+            LearnerConfig::new(DqnSettings::default()).expect("sound"),
+        );
+        assert!(learn(&stranger, &keeps).is_none(), "of other observations");
     }
 }

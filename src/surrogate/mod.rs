@@ -22,7 +22,6 @@ mod brake_detection;
 mod dataset;
 mod emergency_brake;
 mod features;
-mod fine_tune;
 mod learn;
 mod model;
 mod model_fit;

@@ -33,6 +33,7 @@ pub enum ContextSource {
 }
 
 /// Ado conditioned on an ego.
+#[non_exhaustive]
 pub struct ConditionedAdo {
     /// Policy. It receives the parameters if the ado is conditional.
     pub policy: Box<dyn Policy>,
@@ -163,6 +164,7 @@ fn note_unexplained(ego: &EgoUnderTest, context: &str, found: &IdentifiedAs, wat
 /// Nearest member of a family to an ego, and its residuals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct IdentifiedAs {
     /// Name of the ego, as in the rows.
     pub ego: String,
@@ -191,6 +193,7 @@ pub struct IdentifiedAs {
 /// Quantity of a family, fitted to an ego.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct FoundParameter {
     /// Name of the quantity, with its unit.
     pub name: String,

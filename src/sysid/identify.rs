@@ -90,6 +90,7 @@ impl<'a> IdentifyRequest<'a> {
 
 /// Identified member and the confidence in it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Identified {
     /// Nearest member. Quantities that are not observable are nominal.
     pub member: EgoSample,

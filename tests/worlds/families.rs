@@ -375,10 +375,8 @@ fn an_ego_of_another_kind_is_not_explained() {
     let nominal = family.nominal(PlantKind::Kinematic);
     assert_eq!(found.context(family), (nominal.clone(), "nominal"));
     // One that halves the residual says something, explained or not.
-    let nearer = Identified {
-        nominal_residual_m: 2.5 * found.residual_m,
-        ..found.clone()
-    };
+    let mut nearer = found.clone();
+    nearer.nominal_residual_m = 2.5 * found.residual_m;
     assert!(!nearer.explains() && nearer.member != nominal);
     assert_eq!(nearer.context(family), (found.member.clone(), "identified"));
     let fixed = ["kp".to_owned()];
