@@ -523,15 +523,11 @@ mod tests {
         actions.push(4);
         let runs = open_loop_runs(&ego, &actions, &from, &Watch::unwatched());
         let width = width_of(&world);
-        let keeps = Arc::new(Surrogate {
-            mean: vec![0.0; width],
-            inverse_sd: vec![1.0; width],
-            unit: [0.0, 0.0],
-            range_mps2: [-8.0, 2.0],
-            nearest: Arc::default(),
-            members: vec![Mlp::zeros(&[width, OUTPUTS])],
-            brake: None,
-        });
+        let keeps = Arc::new(Surrogate::of_members(
+            vec![Mlp::zeros(&[width, OUTPUTS])],
+            [0.0, 0.0],
+            [-8.0, 2.0],
+        ));
         let error = error_of(&ego, &keeps, &runs).expect("long enough");
         // With the motion of the ego afterwards the error would be 3 m.
         assert!(error.rms_m < 0.5, "{error:?}");
@@ -545,15 +541,11 @@ mod tests {
         // In a single layer the biases precede the weights.
         let mut net = Mlp::zeros(&[width, OUTPUTS]);
         net.parameters_mut()[0] = 1.0;
-        Arc::new(Surrogate {
-            mean: vec![0.0; width],
-            inverse_sd: vec![1.0; width],
-            unit: [change_mps2, 0.0],
-            range_mps2: [-8.0, 2.0],
-            nearest: Arc::default(),
-            members: vec![net.clone(), net],
-            brake: None,
-        })
+        Arc::new(Surrogate::of_members(
+            vec![net.clone(), net],
+            [change_mps2, 0.0],
+            [-8.0, 2.0],
+        ))
     }
 
     /// Counts the starts, of 20, on which a policy makes the surrogate fail.

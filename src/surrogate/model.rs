@@ -68,6 +68,23 @@ impl Surrogate {
     }
 }
 
+#[cfg(test)]
+impl Surrogate {
+    /// Returns a surrogate of networks without scaling, similar controllers and brake.
+    pub fn of_members(members: Vec<Mlp>, unit: [f64; 2], range_mps2: [f64; 2]) -> Surrogate {
+        let width = members[0].inputs();
+        Surrogate {
+            mean: vec![0.0; width],
+            inverse_sd: vec![1.0; width],
+            unit,
+            range_mps2,
+            nearest: Arc::default(),
+            members,
+            brake: None,
+        }
+    }
+}
+
 /// Number of outputs of a network.
 ///
 /// The outputs are the change of acceleration, the lateral speed, a second change behind
@@ -407,15 +424,7 @@ pub(super) mod tests {
         let width = crate::surrogate::features::Features::width(0, 0) + MODELS;
         let mut dice = LearnerRng::new(3);
         let mut member = || Mlp::orthogonal(&[width, 8, OUTPUTS], 1.0, &mut dice);
-        Surrogate {
-            mean: vec![0.0; width],
-            inverse_sd: vec![1.0; width],
-            unit: [unit_mps2, 0.0],
-            range_mps2,
-            nearest: Arc::default(),
-            members: vec![member(), member()],
-            brake: None,
-        }
+        Surrogate::of_members(vec![member(), member()], [unit_mps2, 0.0], range_mps2)
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! Planning of a start inside the surrogate, and execution in the real world.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::model::Surrogate;
@@ -332,10 +331,7 @@ impl<'a> Planner<'a> {
         strategy: &Strategy,
     ) -> Vec<MotionSample> {
         let samples = self.judge.bench.clock().samples_per_decision();
-        let known = match strategy {
-            Strategy::Plan(actions) => self.earlier.known(so_far, actions, samples),
-            _ => Cow::Borrowed(so_far),
-        };
+        let known = self.earlier.known_under(so_far, strategy, samples);
         self.judge
             .begin(from, &known, Some(&self.surrogate), VARIATIONS[0]);
         play_strategy(&mut self.judge, &known, (strategy, self.policies));

@@ -92,10 +92,7 @@ impl RobustScore<'_> {
         if self.so_far.actions.is_empty() && self.earlier.has_followed(strategy) {
             return 0;
         }
-        let known = match strategy {
-            Strategy::Plan(actions) => self.earlier.known(self.so_far, actions, samples),
-            _ => Cow::Borrowed(self.so_far),
-        };
+        let known = self.earlier.known_under(self.so_far, strategy, samples);
         let others = (0..VARIATIONS.len()).filter(|&other| other != self.lead);
         let mut score = 0;
         for (tried, variation) in std::iter::once(self.lead).chain(others).enumerate() {
@@ -156,7 +153,7 @@ impl Earlier {
     /// Returns the known run for these actions, the last action held.
     ///
     /// It is `so_far`, or a longer part of an earlier run that began with the actions.
-    pub fn known<'a>(
+    fn known<'a>(
         &self,
         so_far: &'a RunPrefix,
         actions: &[usize],
@@ -168,6 +165,19 @@ impl Earlier {
             Some((same, run)) if so_far.actions.len() < same => {
                 Cow::Owned(run.up_to(same, samples))
             }
+            _ => Cow::Borrowed(so_far),
+        }
+    }
+
+    /// Returns the known run under a strategy. The actions of a policy are not known.
+    pub fn known_under<'a>(
+        &self,
+        so_far: &'a RunPrefix,
+        strategy: &Strategy,
+        samples: usize,
+    ) -> Cow<'a, RunPrefix> {
+        match strategy {
+            Strategy::Plan(actions) => self.known(so_far, actions, samples),
             _ => Cow::Borrowed(so_far),
         }
     }
@@ -488,19 +498,12 @@ mod tests {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
         let width = super::super::surrogate_sim::width_of(&world);
         // Surrogate that keeps its acceleration whatever it sees.
-        let idle = Arc::new(Surrogate {
-            mean: vec![0.0; width],
-            inverse_sd: vec![1.0; width],
-            unit: [0.0, 0.0],
-            range_mps2: [-9.0, 9.0],
-            nearest: Arc::default(),
-            members: vec![Mlp::orthogonal(
-                &[width, 4, OUTPUTS],
-                0.1,
-                &mut crate::rl::LearnerRng::new(1),
-            )],
-            brake: None,
-        });
+        let net = Mlp::orthogonal(
+            &[width, 4, OUTPUTS],
+            0.1,
+            &mut crate::rl::LearnerRng::new(1),
+        );
+        let idle = Arc::new(Surrogate::of_members(vec![net], [0.0, 0.0], [-9.0, 9.0]));
         let from = super::super::dataset::starts(&world, 20, 3);
         let found = best_fixed(&world, &idle, &from).expect("driven");
         // A coasting follower is hit most surely by braking at once. A stop breaks a rule.
