@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn it_grips_where_the_ways_are_longer_than_the_clear_one() {
+    fn it_brakes_where_the_weighted_sum_exceeds_the_clear_distance() {
         // 0.1 · 20² − 0.05 · 10² + 2 = 37 m, and the body is 4 m long.
         assert_eq!(change_of(&BRAKE, &seen(40.9, 0.0, 0.0)), Some(-5.0));
         assert_eq!(change_of(&BRAKE, &seen(41.1, 0.0, 0.0)), None);
@@ -492,17 +492,17 @@ mod tests {
             lag_s: 0.4,
             ..BRAKE
         };
-        let change = change_of(&slow, &seen(10.0, 0.0, 0.0)).expect("it grips");
+        let change = change_of(&slow, &seen(10.0, 0.0, 0.0)).expect("it brakes");
         assert!((change + 5.0 * (1.0 - (-0.125f64).exp())).abs() < 1e-9);
-        let mut stands = seen(5.0, 0.0, 0.0);
-        stands.others[0].speed_mps = 0.0;
-        (stands.own.speed_mps, stands.own.accel_mps2) = (0.01, 0.0);
-        let change = change_of(&BRAKE, &stands).expect("it grips");
-        assert!((change + 0.2).abs() < 1e-9, "it stands then");
+        let mut stopped = seen(5.0, 0.0, 0.0);
+        stopped.others[0].speed_mps = 0.0;
+        (stopped.own.speed_mps, stopped.own.accel_mps2) = (0.01, 0.0);
+        let change = change_of(&BRAKE, &stopped).expect("it brakes");
+        assert!((change + 0.2).abs() < 1e-9, "it stops within the sample");
     }
 
     #[test]
-    fn who_is_beside_or_leaves_counts_as_it_says() {
+    fn vehicles_beside_or_leaving_count_by_the_criterion() {
         let beside = seen(20.0, 2.5, 0.0);
         assert_eq!(change_of(&BRAKE, &beside), None);
         let wide = EmergencyBrake {
@@ -534,7 +534,7 @@ mod tests {
     }
 
     #[test]
-    fn it_says_when_it_brakes() {
+    fn its_text_states_when_it_brakes() {
         let brake = EmergencyBrake {
             lag_s: 0.4,
             closing_s: -0.25,

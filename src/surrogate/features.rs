@@ -415,7 +415,7 @@ mod tests {
             percept
         };
         let mut features = Features::begin(&seen(3.5, 0.0));
-        let mut told = |percept: &Percept| {
+        let mut occupancy = |percept: &Percept| {
             features.read(percept, &mut row);
             let other = &row[OWN..];
             (
@@ -424,16 +424,20 @@ mod tests {
             )
         };
         let nobody = ([0.0; 2], [0.0; 7]);
-        assert_eq!(told(&seen(3.5, 0.0)), nobody, "beside, it endangers nobody");
-        assert_eq!(told(&seen(3.5, 1.0)), nobody, "nor going away");
         assert_eq!(
-            told(&seen(3.5, -1.0)),
+            occupancy(&seen(3.5, 0.0)),
+            nobody,
+            "beside, it endangers nobody"
+        );
+        assert_eq!(occupancy(&seen(3.5, 1.0)), nobody, "nor going away");
+        assert_eq!(
+            occupancy(&seen(3.5, -1.0)),
             ([1.0, 0.5], [0.0, 1.0, 0.0, 0.05, 0.0, 0.0, 0.0])
         );
         let nearness = 10.0 / 13.0;
         let in_the_way = [1.0, 1.0, 0.05, 0.1, nearness, 1.0, 0.5];
-        assert_eq!(told(&seen(1.9, -1.0)), ([1.0, 0.5], in_the_way));
-        let gone = told(&seen(3.5, 0.0));
+        assert_eq!(occupancy(&seen(1.9, -1.0)), ([1.0, 0.5], in_the_way));
+        let gone = occupancy(&seen(3.5, 0.0));
         assert_eq!(
             gone,
             ([1.0, 0.5], [0.0; 7]),

@@ -438,7 +438,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn slopes_of_what_is_said_are_those_of_the_gate_and_of_both_sides_of_it() {
+    fn slopes_of_an_answer_are_those_of_the_gate_and_of_both_sides_of_it() {
         let near = 1e-3;
         for gate in [-0.1, 0.0, 0.03, 0.2] {
             let out = [0.3, -0.2, -1.5, gate];
