@@ -1,8 +1,8 @@
-//! A trained ado that another simulator asks what to do: ado protocol 1.
+//! Trained ado for another simulator: ado protocol 1.
 //!
-//! The mirror of the ego protocol: there brakecheck asks a program what the ego
-//! does, here a simulator asks brakecheck what the ado does. The document is
-//! `docs/reference/ado-protocol.md`; both sides ignore keys they do not know.
+//! It mirrors the ego protocol. There brakecheck requests commands of the ego from a
+//! program. Here a simulator requests actions of the ado from brakecheck.
+//! `docs/reference/ado-protocol.md` defines it. Both sides ignore unknown keys.
 
 use std::io::{self, BufRead, Read, Write};
 
@@ -17,39 +17,40 @@ use crate::scene::drive::{Actions, PhaseAction};
 use crate::sysid::ConditioningError;
 use crate::world::Scenario;
 
-/// The version spoken here.
+/// Version of the protocol.
 const PROTOCOL: u32 = 1;
-/// Longer lines are no message.
+/// Largest length of a message, bytes.
 const LONGEST: u64 = 65_536;
 
-/// A trained ado in a world that is not brakecheck's.
+/// Trained ado that acts in the world of another simulator.
 pub struct ServedAdo {
     world: Scenario,
     policy: Box<dyn Policy>,
-    /// Decisions since the episode began: `time` and `time_left` follow where
-    /// nobody gives them.
+    /// Decisions since the episode began.
+    ///
+    /// They determine `time` and `time_left` if the simulator omits them.
     decisions: u64,
 }
 
-/// How a conversation ended.
+/// Counts of a finished conversation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Served {
-    /// Decisions that were answered.
+    /// Answered decisions.
     pub decisions: u64,
-    /// Messages that were answered with an error.
+    /// Messages answered with an error.
     pub errors: u64,
 }
 
-/// A conversation that could not go on.
+/// Error that ends a conversation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServeError {
-    /// What came is none of the messages.
+    /// A line is not a message of the protocol.
     #[error("line {line} is no message: {why}")]
     NoMessage {
-        /// From 1.
+        /// Number of the line, from 1.
         line: u64,
-        /// Why.
+        /// Reason.
         why: String,
     },
     /// A pipe failed.
@@ -77,32 +78,33 @@ struct ClientHello {
     protocol: u32,
 }
 
-/// The policy of a run; a conditional one is told what it takes the ego for, by
-/// the names of its family's quantities, or the nominal values without any.
+/// Returns the policy of a run, conditioned on named parameters of the ego.
+///
+/// Without parameters a conditional policy receives the nominal values.
 ///
 /// # Errors
-/// The run has no policy, is told nothing, or told something its family does
-/// not vary.
-pub fn policy_told_by_name(
+/// Returns an error if the run has no policy, if its policy is not conditional, or if the
+/// family does not vary a named parameter.
+pub fn policy_for_parameters(
     run: &RunDir,
-    told: &IndexMap<String, f64>,
+    parameters: &IndexMap<String, f64>,
 ) -> Result<Box<dyn Policy>, ConditioningError> {
     let world = run.scenario()?;
     let manifest = run.manifest();
     match (world.family(), world.plant().plant()) {
-        (Some(family), Some(plant)) if !manifest.told.is_empty() => {
-            let member = if told.is_empty() {
+        (Some(family), Some(plant)) if !manifest.parameters.is_empty() => {
+            let member = if parameters.is_empty() {
                 Ok(family.nominal(plant))
             } else {
-                family.member_named(told, plant)
+                family.member_named(parameters, plant)
             };
             let member = member.map_err(|error| ConditioningError::Misfit {
                 error,
-                known: manifest.told.clone(),
+                known: manifest.parameters.clone(),
             })?;
-            Ok(run.policy_told(&member)?)
+            Ok(run.conditioned_policy(&member)?)
         }
-        _ if !told.is_empty() => Err(ConditioningError::NotConditional {
+        _ if !parameters.is_empty() => Err(ConditioningError::NotConditional {
             run: run.path().into(),
         }),
         _ => Ok(run.policy()?),
@@ -110,29 +112,32 @@ pub fn policy_told_by_name(
 }
 
 impl ServedAdo {
-    /// The ado of a run, told of the ego what is given by name.
+    /// Returns the ado of a run, conditioned on named parameters of the ego.
     ///
     /// # Errors
-    /// As for [`policy_told_by_name`].
-    pub fn of(run: &RunDir, told: &IndexMap<String, f64>) -> Result<ServedAdo, ConditioningError> {
+    /// Returns the errors of [`policy_for_parameters`].
+    pub fn of(
+        run: &RunDir,
+        parameters: &IndexMap<String, f64>,
+    ) -> Result<ServedAdo, ConditioningError> {
         Ok(ServedAdo {
-            policy: policy_told_by_name(run, told)?,
+            policy: policy_for_parameters(run, parameters)?,
             world: run.scenario()?,
             decisions: 0,
         })
     }
 
-    /// The world it was trained in.
+    /// Returns the world of the training.
     pub fn world(&self) -> &Scenario {
         &self.world
     }
 
     /// Answers line after line until `close`, or until the other side ends.
     ///
-    /// What it is asked wrongly it answers with an `error`, and goes on.
+    /// A message with a mistake is answered with an `error`, and the conversation goes on.
     ///
     /// # Errors
-    /// A line that is no message, or a pipe that fails.
+    /// Returns an error if a line is no message, or a pipe fails.
     pub fn serve(
         &mut self,
         asked: &mut impl BufRead,
@@ -143,8 +148,8 @@ impl ServedAdo {
         for line in 1.. {
             text.clear();
             let mut refuse = |why: String| {
-                // The other side hears of it as well; it may be gone already.
-                let _ = say(answers, &json!({ "error": why }));
+                // The other side may be gone already, so a failed write is ignored.
+                let _ = write_line(answers, &json!({ "error": why }));
                 ServeError::NoMessage { line, why }
             };
             match asked.by_ref().take(LONGEST + 1).read_line(&mut text) {
@@ -177,7 +182,7 @@ impl ServedAdo {
                 numbered.insert("id".to_owned(), asked.id);
             }
             numbered.extend(answer);
-            say(answers, &Value::Object(numbered))?;
+            write_line(answers, &Value::Object(numbered))?;
         }
         Ok(served)
     }
@@ -213,7 +218,7 @@ impl ServedAdo {
         }
     }
 
-    /// Everything that a simulator has to know of it.
+    /// Describes the ado to the simulator.
     fn hello(&self) -> Value {
         let world = self.world.world();
         let clock = world.clock();
@@ -282,7 +287,7 @@ impl ServedAdo {
     }
 }
 
-/// A signal's value: a number, or a truth value for signals that are one.
+/// Returns the value of a signal, given as a number or a truth value.
 fn number(name: &str, value: &Value) -> Result<f64, String> {
     let value = match value {
         Value::Bool(holds) => Some(f64::from(u8::from(*holds))),
@@ -291,10 +296,11 @@ fn number(name: &str, value: &Value) -> Result<f64, String> {
     value.ok_or_else(|| format!("`{name}` is no number"))
 }
 
-/// What a joint action asks each ado for, in numbers: of a vehicle `accel_mps2`
-/// and `lateral_mps`, of somebody on foot `along_mps` and `left_mps`, of a light
-/// `advance`, of somebody with a plan `added_accel_mps2` and `added_left_mps`,
-/// which come on top of it. On grids actions have words only.
+/// Returns the command of a joint action to each ado, in numbers.
+///
+/// A vehicle has `accel_mps2` and `lateral_mps`, a pedestrian `along_mps` and `left_mps`,
+/// and a light `advance`. An agent with a plan has `added_accel_mps2` and
+/// `added_left_mps`, which are added to the plan. Actions on grids have labels only.
 pub fn asked_of(world: &World, mut action: usize) -> Value {
     let World::Drive(drive) = world else {
         return json!({});
@@ -324,7 +330,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
     }
 }
 
-/// The message of a line; none if it is blank.
+/// Parses a line. `None`: it is blank.
 fn message(text: &str) -> Result<Option<ServeRequest>, String> {
     if LONGEST < text.len() as u64 {
         return Err(format!("it is longer than {LONGEST} bytes"));
@@ -339,7 +345,7 @@ fn message(text: &str) -> Result<Option<ServeRequest>, String> {
         .map_err(|error| error.to_string())
 }
 
-fn say(answers: &mut impl Write, answer: &Value) -> io::Result<()> {
+fn write_line(answers: &mut impl Write, answer: &Value) -> io::Result<()> {
     writeln!(answers, "{answer}")?;
     answers.flush()
 }

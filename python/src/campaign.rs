@@ -358,14 +358,9 @@ pub(crate) fn identify_ego<'py>(
     let (family, name) = (world.family().cloned(), ego.name().to_owned());
     let found = running.watched(py, move |watch| {
         consent(&world, &egos)?;
-        let request = IdentifyRequest {
-            world: &world,
-            ego: ego.scenario(),
-            runs: asked.runs,
-            at_most: asked.runs as u64,
-            seed: asked.seed,
-            fixed: &[],
-        };
+        let request = IdentifyRequest::new(&world, ego.scenario(), asked.runs)
+            .at_most(asked.runs as u64)
+            .seed(asked.seed);
         Ok(identify(&request, watch)?)
     })?;
     let found = something(found)?;

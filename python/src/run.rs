@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use brakecheck::run_dir::RunDir;
-use brakecheck::serving::policy_told_by_name;
+use brakecheck::serving::policy_for_parameters;
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 
@@ -49,7 +49,7 @@ impl RawRun {
     /// The trained ado; a conditional one is told of the ego what is given.
     fn policy(&self, told: Vec<(String, f64)>) -> PyResult<RawPolicy> {
         let (run, world) = (self.open()?, self.scenario()?);
-        let policy = policy_told_by_name(&run, &told.into_iter().collect()).map_err(failed)?;
+        let policy = policy_for_parameters(&run, &told.into_iter().collect()).map_err(failed)?;
         let observation = world.world().spaces().observation;
         Ok(RawPolicy {
             policy,

@@ -47,7 +47,7 @@ pub fn other_members(
             ..family.draw(&run.manifest().world, key)
         }
     });
-    run.policies_told(&others.collect::<Vec<_>>())
+    run.conditioned_policies(&others.collect::<Vec<_>>())
 }
 
 /// Ado with several attempts per start.

@@ -287,7 +287,7 @@ fn row(
     let fails = tally.of_kind(StartOutcome::Solved);
     let [held, fouls, uncounted] = [
         StartOutcome::Held,
-        StartOutcome::Foul,
+        StartOutcome::RuleViolation,
         StartOutcome::Uncounted,
     ]
     .map(|kind| tally.of_kind(kind));

@@ -262,7 +262,7 @@ impl From<&RunError> for Failure {
             RunError::NotARun { .. }
             | RunError::Exists { .. }
             | RunError::Differs { .. }
-            | RunError::Untold { .. }
+            | RunError::Unconditioned { .. }
             | RunError::Unfinished { .. }
             | RunError::NothingStored { .. } => {
                 Failure::plain(Exit::Input, error.to_string(), help)

@@ -62,7 +62,7 @@ fn nearby_starts(checked: &Theorem1) -> String {
         let shares = |nearby: &Nearby| of(nearby.holds, row.pairs);
         [
             row.delta.to_string(),
-            format!("{} ({})", row.meets, row.promising),
+            format!("{} ({})", row.in_premise, row.promising),
             row.pairs.to_string(),
             shares(&row.optimal),
             shares(&row.learned),

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::replay::{RegressionError, Regressions, Replayed};
+use super::regressions::{RegressionError, Regressions};
+use super::replay::Replayed;
 use crate::ego::{Command, Fault};
 use crate::openx::{Crash, OpenX, OpenXError};
 use crate::run_dir::{KeptError, RunError, make_dir, write_file};

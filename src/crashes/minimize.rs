@@ -134,7 +134,7 @@ impl Aim {
         }
     }
 
-    fn is_met(
+    fn is_reached(
         &self,
         success: bool,
         contact: Option<&ContactEvent>,
@@ -150,17 +150,17 @@ impl Aim {
         success && !violates && self.contact.as_ref().is_none_or(as_bad)
     }
 
-    fn is_met_by_episode(&self, episode: &Episode) -> bool {
-        let (success, foul) = (
+    fn is_reached_by_episode(&self, episode: &Episode) -> bool {
+        let (success, violation) = (
             episode.verdict.is_success(),
             episode.is_foul_before_contact(),
         );
-        self.is_met(success, episode.contact.as_ref(), foul)
+        self.is_reached(success, episode.contact.as_ref(), violation)
     }
 
-    fn is_met_by(&self, played: &Confirmed) -> bool {
+    fn is_reached_by(&self, played: &Confirmed) -> bool {
         let contact = played.contact.as_ref();
-        self.is_met(played.success, contact, played.violation_before_contact)
+        self.is_reached(played.success, contact, played.violation_before_contact)
     }
 }
 
@@ -208,7 +208,7 @@ impl Shrinking<'_> {
         let mut found: Vec<(Effort, Vec<usize>)> = Vec::new();
         let (aim, scenario) = (&self.aim, self.scenario);
         let mut note = |actions: &[usize], bench: &Testbench| {
-            if aim.is_met_by(&Confirmed::on(bench)) {
+            if aim.is_reached_by(&Confirmed::on(bench)) {
                 found.push((effort(scenario, actions), actions.to_vec()));
             }
             WalkControl::Continue
@@ -238,7 +238,7 @@ impl Shrinking<'_> {
     fn holds(&mut self, actions: &[usize]) -> bool {
         if self.reruns.copies() {
             self.reruns.count(1);
-            return self.aim.is_met_by(&self.confirmer.confirm(actions));
+            return self.aim.is_reached_by(&self.confirmer.confirm(actions));
         }
         if self.refuted.contains(actions) {
             return false;
@@ -253,7 +253,7 @@ impl Shrinking<'_> {
         let played = self
             .reruns
             .played(self.scenario, from, &mut actor, Aftermath::Play);
-        let holds = self.aim.is_met_by_episode(&played);
+        let holds = self.aim.is_reached_by_episode(&played);
         if holds {
             self.found = Some(played)
         } else {
@@ -278,7 +278,7 @@ impl Shrinking<'_> {
         while let Some(action) = rest.next().filter(|_| !self.bench.is_done()) {
             self.bench.decide(action);
         }
-        self.aim.is_met_by(&Confirmed::on(&self.bench))
+        self.aim.is_reached_by(&Confirmed::on(&self.bench))
     }
 
     /// Makes a sequence smaller step by step, until no step helps.
@@ -334,9 +334,9 @@ impl Shrinking<'_> {
             (false, Some(found)) => found.clone(),
             (false, None) => return None,
         };
-        let met = self.aim.is_met_by_episode(&episode);
+        let reached = self.aim.is_reached_by_episode(&episode);
         let after = effort(self.scenario, &episode.actions);
-        met.then_some((episode, after))
+        reached.then_some((episode, after))
     }
 }
 

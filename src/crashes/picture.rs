@@ -1,9 +1,9 @@
-//! Kept crash as a self-playing picture.
+//! Saved crash as a self-playing picture, and the kinds of files that show an episode.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::replay::Replayed;
-use super::save_crashes::about;
+use super::save_crashes::description;
 use crate::ego::reference::ReferenceDriver;
 use crate::preventability::FilmedDriver;
 use crate::report::{Beside, Example, looping_picture};
@@ -22,9 +22,58 @@ pub struct Inapplicable {
 }
 
 impl Inapplicable {
-    /// The fix.
+    /// Returns the fix.
     pub fn help(&self) -> &'static str {
         "leave `--beside` out; `docs/background/preventability.md` says to which contacts the drivers apply"
+    }
+}
+
+/// Kind of file that shows an episode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ViewKind {
+    /// `.rrd`, for the rerun viewer; see [`crate::view`].
+    Recording,
+    /// `.svg`, for any browser; see [`picture`].
+    Picture,
+}
+
+/// File name without a known kind.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("`{}` is neither a recording nor a picture", file.display())]
+pub struct UnknownViewKind {
+    /// The file.
+    pub file: PathBuf,
+}
+
+impl UnknownViewKind {
+    /// Returns the fix.
+    pub fn help(&self) -> &'static str {
+        "name a `.rrd`, for the rerun viewer, or a `.svg`, for any browser"
+    }
+}
+
+impl ViewKind {
+    /// Returns the kind of a file by its extension, in either case.
+    ///
+    /// # Errors
+    /// Files with this name are not written.
+    ///
+    /// ```
+    /// use brakecheck::crashes::ViewKind;
+    /// assert_eq!(ViewKind::of("crash.SVG".as_ref())?, ViewKind::Picture);
+    /// assert!(ViewKind::of("crash.png".as_ref()).is_err());
+    /// # Ok::<(), brakecheck::crashes::UnknownViewKind>(())
+    /// ```
+    pub fn of(output: &Path) -> Result<ViewKind, UnknownViewKind> {
+        let extension = output.extension().unwrap_or_default();
+        let is = |kind: &str| extension.eq_ignore_ascii_case(kind);
+        match (is("rrd"), is("svg")) {
+            (true, _) => Ok(ViewKind::Recording),
+            (_, true) => Ok(ViewKind::Picture),
+            _ => Err(UnknownViewKind {
+                file: output.into(),
+            }),
+        }
     }
 }
 
@@ -57,7 +106,7 @@ pub fn picture(
     let recorded = replayed.about.clone();
     let known = || {
         if replayed.still_fails() {
-            about(scenario, episode)
+            description(scenario, episode)
         } else {
             replayed.known()
         }

@@ -1,25 +1,59 @@
-//! Replaying kept counterexamples: bit for bit, or against a changed ego.
+//! Replay of a saved counterexample: bit for bit, or against a changed ego.
 
-mod difference;
-mod find;
-mod saved_counterexample;
+use std::path::PathBuf;
 
-use std::path::{Path, PathBuf};
-
-pub use difference::Difference;
-use difference::first_difference;
-pub use find::FindError;
-pub use saved_counterexample::SavedCounterexample;
-
-use super::save_crashes::about_of_run;
+use super::save_crashes::{description, description_of_run};
 use crate::ego::Fault;
 use crate::report::outcome_in_words;
 use crate::rulebook::Verdict;
-use crate::run_dir::{About, Counterexample, KeptError, RunError, StartRepeated};
-use crate::scene::drive::ControllerFactory;
-use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
-use crate::visible::command_line;
-use crate::world::{Change, ChangeError, Repeats, Scenario};
+use crate::run_dir::{About, Counterexample, KeptError, StartRepeated, digests_of};
+use crate::testbench::{Aftermath, Episode, Replay, play};
+use crate::trace::Schema;
+use crate::world::{Repeats, Scenario};
+
+/// Counterexample with the file that holds it.
+#[derive(Clone, Debug)]
+pub struct SavedCounterexample {
+    /// Path of the file.
+    pub path: PathBuf,
+    /// World, start, actions and verdict, as read.
+    pub counterexample: Counterexample,
+}
+
+impl SavedCounterexample {
+    /// Determines the labels again and writes the file with them and its hash.
+    ///
+    /// `episode` must be the recorded episode. The ego of `scenario` is run.
+    /// The actions stay unchanged, as do the earlier labels of minimization and cluster.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be written.
+    pub fn refine(&self, scenario: &Scenario, episode: &Episode) -> Result<About, KeptError> {
+        let before = self.counterexample.about.clone().unwrap_or_default();
+        let found = description(scenario, episode);
+        let mut refined = About {
+            shrunk: before.shrunk,
+            cluster: before.cluster,
+            ..found
+        };
+        // A recorded ego cannot answer new questions, so its earlier answers stay.
+        if scenario.drive().is_some_and(|spec| spec.ego.is_recorded()) {
+            refined.persistence = before.persistence;
+            refined.ego_runs = before.ego_runs;
+            if let (Some(why), Some(was)) = (&mut refined.why, before.why) {
+                why.decisive = was.decisive;
+                why.not_asked = was.not_asked;
+            }
+        }
+        let current = Counterexample {
+            about: Some(refined.clone()),
+            contact: episode.contact.clone(),
+            ..self.counterexample.as_now(&episode.trace)
+        };
+        current.save(&self.path, &episode.trace)?;
+        Ok(refined)
+    }
+}
 
 /// Result of a replay.
 #[derive(Clone)]
@@ -62,7 +96,7 @@ impl Replayed {
     /// unknown, because no variation of it is played.
     pub fn known(&self) -> About {
         let recorded = self.about.clone();
-        recorded.unwrap_or_else(|| about_of_run(&self.scenario, &self.episode))
+        recorded.unwrap_or_else(|| description_of_run(&self.scenario, &self.episode))
     }
 
     /// Returns the outcome of this run in a few words.
@@ -144,380 +178,159 @@ fn once(kept: &SavedCounterexample, scenario: &Scenario) -> Result<Episode, Kept
     Ok(play(&mut bench, &start, noise, &mut actor, Aftermath::Play))
 }
 
-/// Kept counterexamples, to be replayed by `cargo test`.
-///
-/// ```no_run
-/// use brakecheck::crashes::Regressions;
-/// Regressions::load("tests/regressions")?.reproduce()?;
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Clone)]
-pub struct Regressions {
-    kept: Vec<SavedCounterexample>,
-    ego: ReplayedEgo,
-    programs_allowed: bool,
-    allow_invalid: f64,
+/// First difference between a replay and its recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Number of the first sample that differs, where 0 is the start.
+    pub sample: usize,
+    /// Time of that sample, s.
+    pub time_s: f64,
+    /// Signal with both values, if the samples are stored beside the file.
+    pub signal: Option<(String, f64, f64)>,
+    /// Recorded signal that is not published any more.
+    pub unpublished: Option<String>,
 }
 
-#[derive(Clone)]
-enum ReplayedEgo {
-    Recorded,
-    Change(Box<Change>),
-    Named(String),
-    Own(String, ControllerFactory),
+impl Difference {
+    /// Describes the time and the cause of the difference.
+    pub fn since(&self) -> String {
+        let time_s = self.time_s;
+        format!("different from the recorded run from t = {time_s:.2} s: {self}")
+    }
 }
 
-/// Failed regression test, or a test that could not run.
-///
-/// As `Debug` it prints as on the command line, so a failing test shows the problem, its
-/// place and its fix.
-#[derive(thiserror::Error)]
-#[non_exhaustive]
-pub enum RegressionError {
-    /// A file is not usable.
-    #[error(transparent)]
-    Kept(#[from] KeptError),
-    /// The changed ego does not fit the world.
-    #[error(transparent)]
-    Change(#[from] ChangeError),
-    /// The kept world has no such changed ego.
-    #[error("`{path}`: its world has no ego `{name}`")]
-    NoSuchEgo {
-        /// Path of the kept counterexample.
-        path: PathBuf,
-        /// The name asked for.
-        name: String,
-        /// The names there are.
-        known: Vec<String>,
-    },
-    /// Replays differ from their records.
-    #[error("{} of {total} replays differ from what was recorded:\n{}", .differ.len(), .differ.join("\n"))]
-    Differ {
-        /// One line per replay that differs.
-        differ: Vec<String>,
-        /// Replays in all.
-        total: usize,
-    },
-    /// The ego failed to run, so its result is unknown.
-    #[error("the ego failed to run in {} of {replayed} replays, of {total} asked for:\n{}", .invalid.len(), .invalid.join("\n"))]
-    Invalid {
-        /// One line per invalid replay.
-        invalid: Vec<String>,
-        /// Replays that were begun.
-        replayed: usize,
-        /// Replays asked for.
-        total: usize,
-    },
-    /// A file names a program without your consent to start it.
-    #[error("`{path}` names a program as the ego, and nothing was started:\n{}", command_line(.command))]
-    NotAllowed {
-        /// Path of the kept counterexample.
-        path: PathBuf,
-        /// The program and its arguments.
-        command: Vec<String>,
-    },
-    /// The ego still fails.
-    #[error("the ego still fails {} of {total} kept counterexamples:\n{}", .failing.len(), .failing.join("\n"))]
-    StillFails {
-        /// One line per counterexample that it fails.
-        failing: Vec<String>,
-        /// Replays in all.
-        total: usize,
-    },
-}
-
-impl Regressions {
-    /// All `*.ron` files of a directory, by name, or one file.
-    ///
-    /// # Errors
-    /// A file is no kept counterexample, or there is none at all.
-    pub fn load(path: impl AsRef<Path>) -> Result<Regressions, KeptError> {
-        let path = path.as_ref();
-        let mut files = vec![path.to_path_buf()];
-        if path.is_dir() {
-            let entries = std::fs::read_dir(path).map_err(|source| RunError::Io {
-                verb: "reading",
-                path: path.into(),
-                source,
-            })?;
-            files = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
-            files.retain(|file| file.extension().is_some_and(|e| e == "ron"));
-            files.sort();
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Some(name) = &self.unpublished {
+            return write!(f, "`{name}` was recorded and is no signal any more");
         }
-        if files.is_empty() {
-            return Err(KeptError::Format {
-                path: path.into(),
-                why: "there is no `.ron` file in it".to_owned(),
-            });
-        }
-        let kept = files.into_iter().map(|path| {
-            Counterexample::load(&path).map(|counterexample| SavedCounterexample {
-                path,
-                counterexample,
-            })
-        });
-        Ok(Regressions {
-            kept: kept.collect::<Result<_, _>>()?,
-            ego: ReplayedEgo::Recorded,
-            programs_allowed: false,
-            allow_invalid: 0.0,
-        })
-    }
-
-    /// Consents to start the programs that the kept files and changes name.
-    ///
-    /// Without consent no program starts. A kept file whose ego is a program is then an
-    /// error before the first replay.
-    #[must_use]
-    pub fn allow_programs(self, allowed: bool) -> Regressions {
-        Regressions {
-            programs_allowed: allowed,
-            ..self
-        }
-    }
-
-    /// Allows a share of the replays to be invalid because of the ego.
-    ///
-    /// The default is 0.
-    #[must_use]
-    pub fn allow_invalid(self, share: f64) -> Regressions {
-        Regressions {
-            allow_invalid: share,
-            ..self
-        }
-    }
-
-    /// Replays them against the user's own controller.
-    #[must_use]
-    pub fn with_ego(self, name: &str, factory: ControllerFactory) -> Regressions {
-        Regressions {
-            ego: ReplayedEgo::Own(name.to_owned(), factory),
-            ..self
-        }
-    }
-
-    /// Replays them against a change of the world's own ego.
-    #[must_use]
-    pub fn with_change(self, change: Change) -> Regressions {
-        Regressions {
-            ego: ReplayedEgo::Change(Box::new(change)),
-            ..self
-        }
-    }
-
-    /// Replays them against an ego that the kept worlds name under `reuse`.
-    #[must_use]
-    pub fn with_named_ego(self, name: &str) -> Regressions {
-        Regressions {
-            ego: ReplayedEgo::Named(name.to_owned()),
-            ..self
-        }
-    }
-
-    /// The kept counterexamples.
-    pub fn kept(&self) -> &[SavedCounterexample] {
-        &self.kept
-    }
-
-    /// Returns whether the ego is the recorded ego.
-    pub fn is_recorded_ego(&self) -> bool {
-        matches!(self.ego, ReplayedEgo::Recorded)
-    }
-
-    /// Replays all counterexamples.
-    ///
-    /// An ego that does not run is given up, as in [`FaultLog`]. The remaining replays
-    /// are then missing.
-    ///
-    /// # Errors
-    /// A world or a changed ego is not usable, or it is a program without your
-    /// [consent](Regressions::allow_programs).
-    pub fn replay(&self) -> Result<Vec<Replayed>, RegressionError> {
-        let scenarios = self.kept.iter().map(|kept| self.scenario(kept));
-        let scenarios = scenarios.collect::<Result<Vec<_>, _>>()?;
-        self.consent(&scenarios)?;
-        // Kept files of one program share one that is running.
-        let log = FaultLog::allowing(self.allow_invalid);
-        let mut all = Vec::with_capacity(scenarios.len());
-        for (index, (kept, scenario)) in self.kept.iter().zip(scenarios).enumerate() {
-            let replayed = replay(kept, scenario)?;
-            log.note(index as u64, replayed.fault());
-            all.push(replayed);
-            if log.has_given_up() {
-                break;
+        write!(f, "sample {}", self.sample)?;
+        match &self.signal {
+            Some((name, recorded, replayed)) => {
+                write!(f, ", `{name}`: recorded {recorded}, replayed {replayed}")
             }
-        }
-        Ok(all)
-    }
-
-    /// Checks that no more replays are invalid than allowed.
-    ///
-    /// # Errors
-    /// More replays are invalid. The message names the files and the reasons.
-    pub fn check_faults(&self, replayed: &[Replayed]) -> Result<(), RegressionError> {
-        let faults = replayed.iter().filter_map(|one| Some((one, one.fault()?)));
-        let invalid: Vec<String> = faults
-            .map(|(one, fault)| format!("  {}: {}", one.path.display(), in_words(fault)))
-            .collect();
-        // A replay that was cut short proves nothing, whatever share is allowed.
-        let cut = replayed.len() < self.kept.len();
-        let allowed = self.allow_invalid * replayed.len() as f64;
-        if !cut && invalid.len() as f64 <= allowed {
-            Ok(())
-        } else {
-            Err(RegressionError::Invalid {
-                invalid,
-                replayed: replayed.len(),
-                total: self.kept.len(),
-            })
+            None => Ok(()),
         }
     }
+}
 
-    /// Checks that every program may be started.
-    ///
-    /// # Errors
-    /// The first program without consent.
-    fn consent(&self, scenarios: &[Scenario]) -> Result<(), RegressionError> {
-        // All worlds are checked before the first replay, so no program starts too early.
-        let mut pairs = self.kept.iter().zip(scenarios);
-        let named = pairs.find_map(|(kept, scenario)| {
-            let command = scenario.program()?.command.clone();
-            Some((kept.path.clone(), command))
-        });
-        match named {
-            Some((path, command)) if !self.programs_allowed => {
-                Err(RegressionError::NotAllowed { path, command })
-            }
-            _ => Ok(()),
+/// Returns the first difference between an episode and its recording.
+///
+/// # Errors
+/// Returns an error if the samples beside the file are damaged.
+pub(super) fn first_difference(
+    kept: &SavedCounterexample,
+    episode: &Episode,
+) -> Result<Option<Difference>, KeptError> {
+    let recorded = &kept.counterexample;
+    // Damage is detected in any case, while the numbers are read only where needed.
+    recorded.samples_text(&kept.path)?;
+    let columns = match placed(recorded.signals.clone(), episode.trace.schema()) {
+        Ok(columns) => columns,
+        Err(unpublished) => {
+            return Ok(Some(Difference {
+                // A missing signal cannot be compared at any sample, so the start is reported.
+                sample: 0,
+                time_s: 0.0,
+                signal: None,
+                unpublished: Some(unpublished),
+            }));
         }
+    };
+    let positions: Vec<usize> = columns.iter().map(|(_, position)| *position).collect();
+    let now = digests_of(&episode.trace, &positions);
+    if now == recorded.digests {
+        return Ok(None);
     }
-
-    /// Replays all counterexamples with the egos of their records.
-    ///
-    /// If a file has the ego's commands, they are repeated, and no program starts.
-    ///
-    /// # Errors
-    /// A world is not usable, or its ego is a program without recorded commands and
-    /// without your consent.
-    pub fn replay_recorded(&self) -> Result<Vec<Replayed>, RegressionError> {
-        let worlds = self.kept.iter().map(|kept| {
-            let recorded = &kept.counterexample;
-            let world = recorded.scenario(&kept.path)?;
-            Ok(match recorded.commands() {
-                Some(commands) => world.with_commands(&commands),
-                None => world.allow_programs(self.programs_allowed),
-            })
-        });
-        let worlds = worlds.collect::<Result<Vec<_>, RegressionError>>()?;
-        self.consent(&worlds)?;
-        let pairs = self.kept.iter().zip(worlds);
-        pairs
-            .map(|(kept, world)| Ok(replay(kept, world)?))
-            .collect()
-    }
-
-    /// Returns the world of a kept file with its own ego.
-    ///
-    /// A program without consent, or a Rust ego, is replaced by its recorded commands.
-    ///
-    /// # Errors
-    /// The world is not usable.
-    pub fn world_of(&self, kept: &SavedCounterexample) -> Result<Scenario, KeptError> {
-        let recorded = &kept.counterexample;
-        let world = recorded.scenario(&kept.path)?;
-        let world = world.allow_programs(self.programs_allowed);
-        let may_start = world.program().is_some_and(|it| it.is_allowed());
-        Ok(match recorded.commands().filter(|_| !may_start) {
-            Some(commands) => world.with_commands(&commands),
-            None => world,
+    // A digest has 8 characters per sample, so the first unequal chunk is the sample.
+    let digests = recorded.digests.as_bytes().chunks(8);
+    let pairs = now.as_bytes().chunks(8).zip(digests);
+    let same = pairs.take_while(|(a, b)| a == b).count();
+    let signal = recorded.samples(&kept.path)?.and_then(|stored| {
+        columns.into_iter().find_map(|(name, position)| {
+            let was = *stored.signal(&name)?.get(same)?;
+            let is = *episode.trace.column(position).get(same)?;
+            // Bits are compared, because a replay must be exact and NaN never equals itself.
+            (was.to_bits() != is.to_bits()).then_some((name, was, is))
         })
+    });
+    Ok(Some(Difference {
+        sample: same,
+        // Time is i · dt. Rounding removes errors of binary fractions.
+        time_s: (same as f64 * episode.trace.dt_s() * 1e9).round() / 1e9,
+        signal,
+        unpublished: None,
+    }))
+}
+
+/// Returns the recorded signals with their present columns.
+///
+/// Signals that later versions added are not compared.
+fn placed(names: Vec<String>, now: &Schema) -> Result<Vec<(String, usize)>, String> {
+    let placed = names.into_iter().map(|name| match now.position(&name) {
+        Some(position) => Ok((name, position)),
+        None => Err(name),
+    });
+    placed.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::crashes::Regressions;
+    use crate::run_dir::Counterexample;
+
+    fn kept() -> SavedCounterexample {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/tests/regressions/acc-nominal-0001.ron"
+        );
+        let all = Regressions::load(file).expect("a kept counterexample");
+        all.kept()[0].clone()
     }
 
-    /// Replays all counterexamples and compares all bits.
-    ///
-    /// # Errors
-    /// A replay differs. The message names the first sample and signal.
-    pub fn reproduce(&self) -> Result<(), RegressionError> {
-        let replayed = self.replay_recorded()?;
-        let differing = replayed.iter().filter(|replayed| !replayed.is_reproduced());
-        let differ: Vec<String> = differing
-            .map(|replayed| {
-                let place = match &replayed.first_difference {
-                    Some(difference) => difference.to_string(),
-                    None => "verdict, contact or rules until contact".to_owned(),
-                };
-                format!("  {}: {place}", replayed.path.display())
-            })
-            .collect();
-        if differ.is_empty() {
-            Ok(())
-        } else {
-            Err(RegressionError::Differ {
-                differ,
-                total: replayed.len(),
-            })
-        }
+    fn replayed(kept: &SavedCounterexample) -> Episode {
+        let scenario = kept.counterexample.scenario(&kept.path).expect("a world");
+        let replayed = replay(kept, scenario).expect("replayed");
+        replayed.episode
     }
 
-    /// Replays all counterexamples, and requires that the ego no longer fails.
-    ///
-    /// # Errors
-    /// The ego did not run in a replay, or still fails. The message names the files.
-    pub fn pass(&self) -> Result<(), RegressionError> {
-        let replayed = self.replay()?;
-        self.check_faults(&replayed)?;
-        let still = replayed.iter().filter(|replayed| replayed.still_fails());
-        let failing: Vec<String> = still
-            .map(|replayed| {
-                let robustness = replayed.episode.robustness;
-                format!("  {}: ρ = {robustness:.4}", replayed.path.display())
-            })
-            .collect();
-        if failing.is_empty() {
-            Ok(())
-        } else {
-            Err(RegressionError::StillFails {
-                failing,
-                total: replayed.len(),
-            })
-        }
-    }
-
-    fn scenario(&self, kept: &SavedCounterexample) -> Result<Scenario, RegressionError> {
-        let recorded = &kept.counterexample;
-        let allowed = self.programs_allowed;
-        let nominal = || -> Result<Scenario, KeptError> {
-            Ok(recorded.nominal(&kept.path)?.allow_programs(allowed))
+    /// Counterexample as an earlier version would have recorded `names`.
+    fn recorded_as(
+        kept: &SavedCounterexample,
+        episode: &Episode,
+        names: &[(&str, &str)],
+    ) -> SavedCounterexample {
+        let schema = episode.trace.schema();
+        let columns = names.iter().map(|(_, now)| schema.position(now));
+        let columns: Vec<usize> = columns.map(|column| column.expect("published")).collect();
+        let counterexample = Counterexample {
+            signals: names.iter().map(|(then, _)| (*then).to_owned()).collect(),
+            digests: digests_of(&episode.trace, &columns),
+            ..kept.counterexample.clone()
         };
-        Ok(match &self.ego {
-            ReplayedEgo::Recorded => recorded.scenario(&kept.path)?.allow_programs(allowed),
-            ReplayedEgo::Own(name, factory) => {
-                let world = recorded.scenario(&kept.path)?;
-                world.with_ego(name, factory.clone())
-            }
-            // A named or given ego replaces the recorded change, it is not added.
-            ReplayedEgo::Change(change) => nominal()?.with(change)?,
-            ReplayedEgo::Named(name) if name == "nominal" => nominal()?,
-            ReplayedEgo::Named(name) => {
-                let world = nominal()?;
-                let Some(change) = world.reuse.get(name) else {
-                    return Err(RegressionError::NoSuchEgo {
-                        path: kept.path.clone(),
-                        name: name.clone(),
-                        known: world.reuse.keys().cloned().collect(),
-                    });
-                };
-                world.with(change)?
-            }
-        })
+        SavedCounterexample {
+            counterexample,
+            ..kept.clone()
+        }
     }
-}
 
-/// A fault in one line, with the end of its stderr.
-fn in_words(fault: &Fault) -> String {
-    let kind = fault.kind.word();
-    match fault.stderr.lines().next_back() {
-        Some(last) => format!("{kind}: {} (stderr ends: {last})", fault.message),
-        None => format!("{kind}: {}", fault.message),
+    #[test]
+    fn what_later_versions_publish_besides_is_not_compared() {
+        let kept = kept();
+        let episode = replayed(&kept);
+        let fewer = [("ego.speed", "ego.speed"), ("headway", "headway")];
+        let old = recorded_as(&kept, &episode, &fewer);
+        assert_eq!(first_difference(&old, &episode).expect("compared"), None);
+    }
+
+    #[test]
+    fn a_signal_that_is_gone_is_told() {
+        let kept = kept();
+        let episode = replayed(&kept);
+        let gone = recorded_as(&kept, &episode, &[("ego.mood", "ego.speed")]);
+        let difference = first_difference(&gone, &episode).expect("compared");
+        let told = difference.expect("a difference").to_string();
+        assert_eq!(told, "`ego.mood` was recorded and is no signal any more");
     }
 }

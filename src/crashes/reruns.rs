@@ -148,7 +148,7 @@ impl<'a> Reruns<'a> {
     }
 
     /// Returns the record of the runs for kept files, `None` for a stock ego.
-    pub fn told(&self) -> Option<EgoRuns> {
+    pub fn summary(&self) -> Option<EgoRuns> {
         (self.kind != EgoRerunKind::Stock).then(|| EgoRuns {
             runs: self.spent.load(Ordering::Relaxed),
             copied: self.kind == EgoRerunKind::Copied && !self.is_refused(),

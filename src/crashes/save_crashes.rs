@@ -48,6 +48,7 @@ pub enum Form {
 
 /// Selection, form and cost of the kept counterexamples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct KeepSettings {
     /// Selection.
     pub choice: CrashSelection,
@@ -65,6 +66,11 @@ impl KeepSettings {
             form,
             runs: KEEP_RUNS,
         }
+    }
+
+    /// Limits the runs per counterexample of an ego without copies.
+    pub fn runs(self, runs: u64) -> KeepSettings {
+        KeepSettings { runs, ..self }
     }
 }
 
@@ -151,20 +157,20 @@ struct Labelled {
 pub type Again<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
 
 /// Returns the labels of an episode, without its group and its minimization.
-pub fn about(scenario: &Scenario, episode: &Episode) -> About {
+pub fn description(scenario: &Scenario, episode: &Episode) -> About {
     let watch = Watch::unwatched();
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
-    about_within(&reruns, episode)
+    description_within(&reruns, episode)
 }
 
 /// Labels an episode within the runs of `reruns`.
-pub(super) fn about_within(reruns: &Reruns<'_>, episode: &Episode) -> About {
+pub(super) fn description_within(reruns: &Reruns<'_>, episode: &Episode) -> About {
     // Persistence first, because runs may not suffice for all, and it decides on keeping.
     let persistence = persistence_within(reruns, episode);
     About {
         why: fails(episode).then(|| why_within(reruns, episode, None)),
         persistence,
-        ego_runs: reruns.told(),
+        ego_runs: reruns.summary(),
         ..seen_in(reruns.scenario(), episode)
     }
 }
@@ -172,7 +178,7 @@ pub(super) fn about_within(reruns: &Reruns<'_>, episode: &Episode) -> About {
 /// Returns the labels of a single run, without variations of it.
 ///
 /// A cause exists only if the ego failed.
-pub(super) fn about_of_run(scenario: &Scenario, episode: &Episode) -> About {
+pub(super) fn description_of_run(scenario: &Scenario, episode: &Episode) -> About {
     About {
         why: fails(episode).then(|| why(scenario, episode, None)),
         ..seen_in(scenario, episode)
@@ -296,7 +302,7 @@ impl CrashWriter<'_> {
     ) -> Vec<Labelled> {
         let (mut queue, most) = match self.settings.choice {
             CrashSelection::Worst(most) => (leaders(clusters), most),
-            CrashSelection::All => (everybody(clusters), candidates.len()),
+            CrashSelection::All => (all_by_rank(clusters), candidates.len()),
         };
         queue.truncate(LOOKS.saturating_mul(most));
         let mut queue = queue.into_iter();
@@ -340,7 +346,7 @@ impl CrashWriter<'_> {
         drop(bench);
         let reruns = Reruns::of(self.scenario, &found, self.settings.runs, watch);
         let (episode, mut known) = match self.settings.form {
-            Form::AsFound => (found.clone(), about_within(&reruns, &found)),
+            Form::AsFound => (found.clone(), description_within(&reruns, &found)),
             Form::Shrunk => self.shrunk(&reruns, &found),
         };
         known.cluster = Some(size);
@@ -357,10 +363,10 @@ impl CrashWriter<'_> {
         let labels = varied + spans_asked(self.scenario, &found.actions);
         // Half of the runs at most are reserved for the labels.
         let (episode, shrunk) = shrink_within(reruns, found, reruns.at_most_half(labels));
-        let small = about_within(reruns, &episode);
+        let small = description_within(reruns, &episode);
         let smaller = shrunk.after != shrunk.before;
         if smaller && !persists(&small) {
-            let large = about_within(reruns, found);
+            let large = description_within(reruns, found);
             if persists(&large) {
                 return (found.clone(), large);
             }
@@ -383,7 +389,7 @@ fn leaders(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
 }
 
 /// Returns all counterexamples in order, with the sizes of their clusters.
-fn everybody(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
+fn all_by_rank(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
     let all = clusters.iter().flat_map(|cluster| {
         let members = cluster.iter();
         members.map(|at| (*at, cluster.len()))

@@ -100,7 +100,7 @@ impl<'a> EgoEvaluation<'a> {
 
     /// Plays a conditional ado with nominal parameters, without a run of the ego.
     fn zero_shot(&mut self) {
-        let Some(policy) = self.ado.untold.as_deref() else {
+        let Some(policy) = self.ado.nominal_policy.as_deref() else {
             return;
         };
         let ado = Ado::Trained(policy, self.asked.run.manifest().seed);
@@ -145,7 +145,7 @@ impl<'a> EgoEvaluation<'a> {
                     });
         }
         self.rows.push(Row {
-            context: self.ado.told.map(str::to_owned),
+            context: self.ado.context.map(str::to_owned),
             warning: self.asked.run.warning(),
             ..cell.row.clone()
         });
@@ -159,15 +159,11 @@ impl<'a> EgoEvaluation<'a> {
         // Runs that identified the ego's parameters are runs of the ego too.
         let identified_from = asked.identified_from();
         let kept = asked.run.policy_bundle()?;
-        let request = LearnEgoRequest {
-            nominal: asked.nominal,
-            ego: self.ego.scenario(),
-            policy,
-            kept: Some(&kept),
-            runs: asked.granted() - identified_from,
-            unknown: asked.unknown,
-            seed: self.starts.seed,
-        };
+        let runs = asked.granted() - identified_from;
+        let request = LearnEgoRequest::new(asked.nominal, self.ego.scenario(), policy, runs)
+            .bundle(&kept)
+            .unknown(asked.unknown)
+            .seed(self.starts.seed);
         self.watch.phase(&format!("learning {}", self.ego.name()));
         // Learning has phases of its own, which would hide the progress of the evaluation.
         let quiet = self.watch.quiet();

@@ -10,7 +10,7 @@ use std::path::Path;
 use indexmap::IndexMap;
 use serde::Serialize;
 
-use crate::crashes::{KeepSettings, KeptFiles, about, copies};
+use crate::crashes::{KeepSettings, KeptFiles, copies, description};
 use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, Watch, leaf, note_if_unrepeatable, untried_starts,
 };
@@ -462,7 +462,7 @@ impl PointsTable {
                     },
                     start: *point,
                     frames: film(&mut scenario.repeating(&episode).bench(), &episode),
-                    about: about(scenario, &episode),
+                    about: description(scenario, &episode),
                     episode,
                     scenarios: Vec::new(),
                 })

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::break_even::BreakEven;
 use super::error::EvaluationError;
 use crate::adversary::Ado;
-use crate::crashes::{about, highlights};
+use crate::crashes::{description, highlights};
 use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, test_starts, worse_first};
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::run_dir::{Row, RunDir, RunError};
@@ -316,7 +316,7 @@ fn notes(run: &RunDir) -> Vec<String> {
     if manifest.against == TrainingEgos::Conditioned {
         notes.push(format!(
             "It is told the parameters of the ego it meets ({}); here the true ones.",
-            manifest.told.join(", ")
+            manifest.parameters.join(", ")
         ));
     }
     if let Some(ego) = &manifest.ego {

@@ -131,7 +131,7 @@ impl SearchCampaign<'_> {
         match run.policy() {
             Ok(policy) => Ok(Some(Trained { policy, run })),
             // A conditional ado needs the ego's parameters, which a search does not have.
-            Err(error @ RunError::Untold { .. }) => {
+            Err(error @ RunError::Unconditioned { .. }) => {
                 watch.note(&format!("{error}; searching without it"));
                 Ok(None)
             }

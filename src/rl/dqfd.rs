@@ -14,9 +14,7 @@ use super::Spaces;
 use super::bundle::TensorFile;
 use super::demonstrations::Imitation;
 use super::dqn::{self, Dqn, DqnSettings};
-use super::kind::{Built, LearnerKind, Shaped};
-use super::learner::{ConfigError, Learner, within};
-use super::seeding::Seeding;
+use super::learner::{Built, ConfigError, Learner, LearnerKind, Seeding, Shaped, within};
 
 /// Kind of a checkpoint. Policies are of the kind of [`super::dqn`].
 const CHECKPOINT: &str = "brakecheck dqfd checkpoint 1";

@@ -1,7 +1,9 @@
-//! Common interface of all learners, and their configuration errors.
+//! Common interface of all learners and of their settings.
+
+use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
-use super::{Control, Env, LearnerReport, Policy};
+use super::{Control, Env, LearnerReport, Policy, Spaces};
 
 /// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -203,5 +205,72 @@ pub(super) fn linear(start: f64, end: f64, decisions: u64, span: f64) -> f64 {
         start + (end - start) * (decisions / span)
     } else {
         end
+    }
+}
+
+/// Interface that the settings of a learner implement for the list.
+///
+/// The caller ([`super::LearnerConfig`]) checks settings before they build
+/// anything, and passes bundles of the right kind only.
+pub(super) trait LearnerKind {
+    /// Kinds of its bundles: policies, then checkpoints.
+    fn bundles(&self) -> [&'static str; 2];
+
+    /// Refuses the first field out of range, other than `decisions`.
+    fn check(&self) -> Result<(), ConfigError>;
+
+    /// Discount γ per decision.
+    fn discount(&self) -> f64;
+
+    /// Creates an untrained learner.
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner>;
+
+    /// Creates a learner that starts from a kept policy.
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &TensorFile) -> Built;
+
+    /// Restores a learner from a checkpoint.
+    fn restore(&self, spaces: &Spaces, checkpoint: &TensorFile) -> Built;
+
+    /// Search for demonstrations before the training, `None` for no search.
+    fn seeding(&self) -> Option<&Seeding> {
+        None
+    }
+
+    /// Factor on the decisions up to which an unsuccessful training goes on.
+    fn longest(&self) -> f64 {
+        1.0
+    }
+
+    /// Restricts the training to exactly the configured decisions.
+    fn fix(&mut self) {}
+
+    /// Loads a kept policy, with its observation length and number of actions.
+    fn load(&self, policy: &TensorFile) -> Shaped;
+}
+
+pub(super) type Built = Result<Box<dyn Learner>, BundleError>;
+pub(super) type Shaped = Result<(Box<dyn Policy>, [usize; 2]), BundleError>;
+
+/// Settings of the search for demonstrations.
+///
+/// It tries action sequences with few switches on training starts that no
+/// episode of the learner begins from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Seeding {
+    /// Greatest number of starts searched (200).
+    pub starts: usize,
+    /// Greatest number of simulations (300000), and at most 2 per decision.
+    ///
+    /// If the ego cannot be copied, a hundredth of it.
+    pub simulations: u64,
+}
+
+impl Default for Seeding {
+    fn default() -> Self {
+        Seeding {
+            starts: 200,
+            simulations: 300_000,
+        }
     }
 }

@@ -1,14 +1,14 @@
 //! List of learners, with their names, configuration, building and loading.
 //!
 //! A new learner is one module beside this one, whose settings implement
-//! `kind::Kind`, and one line in the list.
+//! `learner::LearnerKind`, and one line in the list.
 
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
-use super::kind::{Built, LearnerKind, Shaped};
-use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, within};
-use super::seeding::Seeding;
+use super::learner::{
+    Built, ConfigError, Learner, LearnerKind, Seeding, Shaped, expect_kind, expect_sizes, within,
+};
 use super::{DqfdSettings, DqnSettings, Policy, PpoSettings, QTableSettings, Spaces};
 
 macro_rules! learners {

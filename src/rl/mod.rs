@@ -14,7 +14,6 @@
 //! | `q_table` | tabular Q-learning | Watkins 1989 |
 //! | `ppo` | clipped policy gradients with GAE | Schulman 2017, 2016 |
 //! | `replay` | prioritised replay, n-step returns | Schaul 2016, Watkins 1989 |
-//! | `seeding` | search before the first episode | |
 //! | `starts` | choice of the start of an episode | |
 //! | `kernel`, `nn` | matrix products, perceptron, Adam | |
 //! | `bundle` | named tensors, the format of policies and checkpoints | |
@@ -28,7 +27,6 @@ mod dice;
 mod dqfd;
 mod dqn;
 pub mod kernel;
-mod kind;
 mod learner;
 mod list;
 pub mod nn;
@@ -36,7 +34,6 @@ mod paid;
 mod ppo;
 mod q_table;
 pub mod replay;
-mod seeding;
 mod starts;
 
 pub use bundle::{BundleError, Data, Element, TensorFile};
@@ -44,12 +41,11 @@ pub use demonstrations::Imitation;
 pub use dice::LearnerRng;
 pub use dqfd::DqfdSettings;
 pub use dqn::{DqnSettings, Loss};
-pub use learner::{ConfigError, Demonstration, Learner, TrainingCounters};
+pub use learner::{ConfigError, Demonstration, Learner, Seeding, TrainingCounters};
 pub(crate) use list::fine_tuner;
 pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};
-pub use seeding::Seeding;
 
 /// Shapes of a decision problem.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;
-use super::kind::{Built, LearnerKind, Shaped};
-use super::learner::{ConfigError, Learner, TrainingCounters, within};
+use super::learner::{Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, within};
 use super::nn::argmax;
 use super::{Env, Policy, Spaces};
 

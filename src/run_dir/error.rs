@@ -80,7 +80,7 @@ pub enum RunError {
     },
     /// The ado is conditional, and the parameters of the ego are missing.
     #[error("the ado in `{path}` is conditional: it must be told {}", names.join(", "))]
-    Untold {
+    Unconditioned {
         /// Directory.
         path: PathBuf,
         /// Parameters on which the ado is conditioned.
@@ -120,7 +120,7 @@ impl RunError {
             RunError::Damaged { .. } => {
                 Some("restore the file from a backup, or make it again".to_owned())
             }
-            RunError::Untold { .. } => Some(
+            RunError::Unconditioned { .. } => Some(
                 "`brakecheck eval RUN --ego E --runs 10` tells it what ten runs of the ego show"
                     .to_owned(),
             ),

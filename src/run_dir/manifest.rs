@@ -133,8 +133,8 @@ pub struct Manifest {
     /// Settings of the learner, including defaults.
     pub settings: serde_json::Value,
     /// Inputs of a conditional ado besides its observation, in order.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub told: Vec<String>,
+    #[serde(rename = "told", default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<String>,
     /// Changed ego of the training. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ego: Option<ChangedEgo>,

@@ -21,20 +21,18 @@
 mod about;
 mod adversary_id;
 mod append_log;
+mod cached_result;
 mod calibration;
-mod conditioned_policy;
-mod copy;
+mod counterexample;
 mod differences;
 pub(crate) mod disk;
 mod error;
-mod finished;
-mod kept;
 mod manifest;
 mod progress;
-mod repeated;
 mod row;
 mod run_lookup;
 mod samples;
+mod trained_policy;
 mod training_counterexamples;
 
 use std::fs::{self, File};
@@ -48,25 +46,28 @@ pub use about::{
 };
 pub use adversary_id::AdversaryId;
 pub(crate) use adversary_id::keys as adversary_keys;
+pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
+pub use counterexample::{Counterexample, KeptError, csv_of, digests_of};
 pub use differences::{RequestedTraining, RunDifference};
 pub use disk::{WholeFile, file_name, make_dir, write_file};
 pub use error::RunError;
-pub use finished::CachedResult;
-pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Done, Grown, Manifest, Sought, Window};
 pub use progress::Progress;
-pub use repeated::{Repeated, StartRepeated};
-pub use row::{Anytime, ClosingSpeed, ContactSeverity, FailsAlone, FailureKind, Row, Unconfirmed};
+pub use row::{
+    Anytime, ClosingSpeed, ContactSeverity, FailsAlone, FailureKind, Repeated, Row, StartRepeated,
+    Unconfirmed,
+};
 pub use run_lookup::RunsOnDisk;
 pub use samples::{SamplesError, trace_of_csv};
 pub use training_counterexamples::{MAX_STORED, Stored, StoredCount};
 
 use crate::content_hash::sha256;
-use crate::rl::{BundleError, Policy, TensorFile, load_policy_for};
-use crate::world::{LoadError, Scenario, TrainingEgos, file_bytes};
+use crate::rl::{BundleError, TensorFile};
+use crate::world::{Scenario, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
+use trained_policy::parameter_names;
 
 /// Version of the layout. Other versions are refused.
 const FORMAT: u32 = 3;
@@ -153,7 +154,7 @@ impl RunDir {
                 left_out: scenario.left_out.clone(),
                 settings_fingerprint: Some(settings_of(scenario)),
                 settings: serde_json::to_value(&scenario.learner).unwrap_or_default(),
-                told: told_names(scenario),
+                parameters: parameter_names(scenario),
                 ego: with.ego,
                 from_sha256: None,
                 checkpoint: None,
@@ -305,127 +306,6 @@ impl RunDir {
         self.manifest.calibration?.warning()
     }
 
-    /// Returns the world of the training, on its plant.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if this version cannot use the world file.
-    pub fn scenario(&self) -> Result<Scenario, RunError> {
-        let world = self.world()?;
-        Ok(match self.manifest.plant.plant() {
-            Some(plant) => world.on(plant),
-            None => world,
-        })
-    }
-
-    /// Consents to start the programs that the world and its changes name.
-    pub fn allow_programs(&mut self, allowed: bool) {
-        // A parsed world takes the consent over, so it is not parsed again.
-        if let Some(world) = self.world.take() {
-            self.world = OnceLock::from(world.allow_programs(allowed));
-        }
-        self.programs_allowed = allowed;
-    }
-
-    /// Returns the world on the plant of its file.
-    ///
-    /// It is read and parsed at the first call only, because a dry run of a large
-    /// world takes a second.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if this version cannot use the world file.
-    pub fn world(&self) -> Result<Scenario, RunError> {
-        if let Some(world) = self.world.get() {
-            return Ok(world.clone());
-        }
-        let world = self.parse_world()?;
-        Ok(self.world.get_or_init(|| world).clone())
-    }
-
-    /// Reads and parses the world file.
-    fn parse_world(&self) -> Result<Scenario, RunError> {
-        let file = self.path.join("world.ron");
-        match Scenario::load(&file) {
-            Ok(scenario) => self.as_learned(scenario.allow_programs(self.programs_allowed)),
-            Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
-            Err(LoadError::Scenario(error)) => Err(RunError::World(error)),
-        }
-    }
-
-    /// Returns the world with the goals, the learner and the family of the manifest.
-    fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
-        let goals = world.training_towards(&self.manifest.goals);
-        let world = goals.map_err(|error| RunError::Damaged {
-            path: self.path.join("manifest.json"),
-            why: error.what,
-        })?;
-        let against = self.manifest.against;
-        if !against.is_nominal() {
-            let left_out = self.manifest.left_out.as_deref();
-            let world = match left_out {
-                Some(structure) => world.leaving_out(structure),
-                None => Some(world),
-            };
-            let world = world.and_then(|world| world.training_against(against));
-            // A policy has one input per parameter of the family, so the family
-            // must be the same.
-            let told = world.as_ref().map(told_names);
-            let fits = told.is_some_and(|told| told == self.manifest.told);
-            return world.filter(|_| fits).ok_or_else(|| RunError::Damaged {
-                path: self.path.join("manifest.json"),
-                why: format!("its world has another family than the {against} ado was trained on"),
-            });
-        }
-        let Some(name) = &self.manifest.learner else {
-            return Ok(world);
-        };
-        world.learning_by(name).ok_or_else(|| RunError::Damaged {
-            path: self.path.join("manifest.json"),
-            why: format!("its world has no learner `{name}`"),
-        })
-    }
-
-    /// Returns the trained ado.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if training has not finished or the file is damaged. A
-    /// conditional ado requires [`RunDir::policy_told`].
-    pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
-        if self.manifest.against == TrainingEgos::Conditioned {
-            return Err(RunError::Untold {
-                path: self.path.clone(),
-                names: self.manifest.told.clone(),
-            });
-        }
-        self.shaped_policy(&self.scenario()?, &self.policy_bundle()?)
-    }
-
-    fn shaped_policy(
-        &self,
-        scenario: &Scenario,
-        bundle: &TensorFile,
-    ) -> Result<Box<dyn Policy>, RunError> {
-        load_policy_for(&scenario.spaces(), bundle).map_err(self.damaged("policy.safetensors"))
-    }
-
-    /// Returns the trained ado as stored.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if training has not finished or the file is damaged.
-    pub fn policy_bundle(&self) -> Result<TensorFile, RunError> {
-        TensorFile::from_bytes(&self.policy_bytes()?).map_err(self.damaged("policy.safetensors"))
-    }
-
-    fn policy_bytes(&self) -> Result<Vec<u8>, RunError> {
-        let Some(expected) = &self.manifest.policy_sha256 else {
-            return Err(self.unfinished());
-        };
-        self.read_verified("policy.safetensors", Some(expected))
-    }
-
     /// Returns the checkpoint of an interrupted training.
     ///
     /// # Errors
@@ -574,14 +454,6 @@ impl RunDir {
             path: path.clone(),
             why: error.to_string(),
         }
-    }
-}
-
-/// Inputs of a conditional ado of this training besides its observation.
-fn told_names(scenario: &Scenario) -> Vec<String> {
-    match (scenario.against, scenario.family()) {
-        (TrainingEgos::Conditioned, Some(family)) => family.told_names(),
-        _ => Vec::new(),
     }
 }
 

@@ -1,15 +1,15 @@
 //! Statistics of rates over starts and trainings, and the fits that use them.
 
-mod cross_entropy;
 mod interval;
-mod least_squares;
+mod optimization;
 mod outcomes;
 
-pub(crate) use cross_entropy::{CrossEntropySearch, Fit, pick};
 pub use interval::mcnemar;
 pub use interval::predicted;
 pub use interval::{
     at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
-pub(crate) use least_squares::{cost, descend};
+pub(crate) use optimization::{
+    CrossEntropySearch, Fit, SMALL_WEIGHTS, add_equation, cost, descend, logistic, pick,
+};
 pub use outcomes::{Flips, Outcomes, StartOutcome, UnknownMark};

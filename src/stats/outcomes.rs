@@ -23,13 +23,15 @@ pub enum StartOutcome {
     #[serde(rename = "fails")]
     #[strum(serialize = "fails")]
     Solved,
-    /// One of the next three, which a mark does not tell apart: `0`.
+    /// Union of the next three, which share a mark: `0`.
     #[serde(skip)]
     Unsolved,
     /// The ego kept its specification: `0`.
     Held,
     /// A rule was broken first: `0`.
-    Foul,
+    #[serde(rename = "foul")]
+    #[strum(serialize = "foul")]
+    RuleViolation,
     /// The ego violated its specification, but not in a way that counts: `0`.
     Uncounted,
     /// Left out, since the nominal ego fails without an adversary: `t`.
@@ -42,7 +44,7 @@ pub enum StartOutcome {
 }
 
 impl StartOutcome {
-    /// Outcomes that marks tell apart, with these marks.
+    /// Outcomes with marks of their own.
     const MARKS: [(StartOutcome, char); 5] = [
         (StartOutcome::Solved, '1'),
         (StartOutcome::Unsolved, '0'),
@@ -57,7 +59,7 @@ impl StartOutcome {
             Verdict::Counterexample { .. } => StartOutcome::Solved,
             Verdict::Uncounted { .. } => StartOutcome::Uncounted,
             Verdict::Held { .. } => StartOutcome::Held,
-            Verdict::Foul { .. } => StartOutcome::Foul,
+            Verdict::Foul { .. } => StartOutcome::RuleViolation,
             Verdict::Invalid => StartOutcome::Invalid,
         }
     }
@@ -71,11 +73,11 @@ impl StartOutcome {
         }
     }
 
-    /// Returns the outcome that a mark tells.
+    /// Returns the outcome of its mark.
     fn marked(self) -> StartOutcome {
-        use StartOutcome::{Foul, Held, Uncounted, Unsolved};
+        use StartOutcome::{Held, RuleViolation, Uncounted, Unsolved};
         match self {
-            Held | Foul | Uncounted => Unsolved,
+            Held | RuleViolation | Uncounted => Unsolved,
             other => other,
         }
     }
@@ -202,8 +204,8 @@ mod tests {
 
     #[test]
     fn campaigns_have_words_for_what_marks_join() {
-        use StartOutcome::{Foul, Held, Invalid, Solved, Trivial, Uncounted};
-        let all = [Solved, Held, Foul, Uncounted, Trivial, Invalid];
+        use StartOutcome::{Held, Invalid, RuleViolation, Solved, Trivial, Uncounted};
+        let all = [Solved, Held, RuleViolation, Uncounted, Trivial, Invalid];
         let words = serde_json::to_string(&all).expect("text");
         assert_eq!(
             words,

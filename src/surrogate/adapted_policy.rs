@@ -1,24 +1,30 @@
-//! Test starts, planned in a surrogate and played once or a few times.
+//! Ado adapted to an ego: learned once, stored with the run, and planned start by start.
 
 use std::fmt::{self, Display, Formatter};
+use std::num::NonZeroU64;
+use std::path::PathBuf;
+use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
-use super::earlier_attempts::Earlier;
-use super::learn::{Acts, LearnedEgo, LearnedFrom, SurrogateError};
+use super::learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego};
+use super::model::{MEMBERS, OUTPUTS, Surrogate};
 use super::plan::Planner;
-use super::planning_budget::PlanningBudget;
-use super::strategy::{Policies, Strategy};
+use super::strategy::{Earlier, PlanningBudget, Policies, Strategy};
 use crate::adversary::{EpisodeResult, EvalRequest, Evaluated, RepeatedEpisode, in_words};
-use crate::experiment::{Watch, WorkItem};
-use crate::rl::{Policy, load_policy};
-use crate::run_dir::AdversaryId;
+use crate::content_hash::sha256;
+use crate::experiment::{EgoUnderTest, Watch, WorkItem};
+use crate::rl::nn::Mlp;
+use crate::rl::{BundleError, Policy, TensorFile, load_policy, load_policy_for};
+use crate::run_dir::{AdversaryId, RunDir, RunError, make_dir, write_file};
 use crate::scene::Start;
+use crate::sysid::{DIR, place_of};
 use crate::testbench::{Aftermath, Replay, Testbench, play};
-use crate::world::Scenario;
+use crate::world::{Scenario, file_bytes};
 
 /// Row of planned runs, with the strategies that the ado followed.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct AdaptedRow {
     /// The row.
     pub evaluated: Evaluated,
@@ -31,6 +37,7 @@ pub struct AdaptedRow {
 
 /// Record of a learned ego and of the ado's behaviour against it.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct AdaptedTo {
     /// Name of the ego, as in the rows.
     pub ego: String,
@@ -38,8 +45,10 @@ pub struct AdaptedTo {
     #[serde(flatten)]
     pub learned: LearnedFrom,
     /// Runs from which a conditional ado identified the ego's parameters.
-    /// 0: the ado is not conditional.
-    pub identified_from: u64,
+    ///
+    /// `None`: it did not. JSON has 0 then.
+    #[serde(serialize_with = "or_zero")]
+    pub identified_from: Option<NonZeroU64>,
     /// Way in which the ado acts.
     pub acts: Acts,
     /// The same in words, with the reason.
@@ -67,7 +76,7 @@ impl AdaptedTo {
         AdaptedTo {
             ego: ego.to_owned(),
             learned: learned.clone(),
-            identified_from,
+            identified_from: NonZeroU64::new(identified_from),
             acts: learned.acts(),
             how: how(world, learned),
             expected,
@@ -82,11 +91,11 @@ impl Display for AdaptedTo {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let LearnedFrom { runs, error, .. } = self.learned;
         write!(f, "`{}`: learned from {runs} runs of it", self.ego)?;
-        if 0 < self.identified_from {
-            write!(f, ", and identified from {}", self.identified_from)?;
+        if let Some(runs) = self.identified_from {
+            write!(f, ", and identified from {runs}")?;
         }
-        if let Some(like) = self.learned.alike.first() {
-            write!(f, "; most like {like}")?;
+        if let Some(nearest) = self.learned.nearest.first() {
+            write!(f, "; most like {nearest}")?;
         }
         if let Some(brake) = &self.learned.brake {
             write!(
@@ -103,7 +112,7 @@ impl Display for AdaptedTo {
                 f,
                 "; two seconds ahead its surrogate is {rms_m:.2} m off, an ego that keeps its acceleration {keeps_acceleration_m:.2} m"
             )?;
-            if !error.is_telling() {
+            if !error.predicts_well() {
                 f.write_str(": it hardly foresees the ego, so plans miss")?;
             }
         }
@@ -120,6 +129,11 @@ impl Display for AdaptedTo {
             None => Ok(()),
         }
     }
+}
+
+/// Writes 0 for an absent number of runs.
+fn or_zero<S: Serializer>(runs: &Option<NonZeroU64>, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_u64(runs.map_or(0, NonZeroU64::get))
 }
 
 /// Describes how the ado acts and why.
@@ -140,7 +154,7 @@ fn how(world: &Scenario, learned: &LearnedFrom) -> String {
         (Acts::AsTrained, _) => {
             "as it was trained, which does clearly better than planning".to_owned()
         }
-        (Acts::Alike, tried) => {
+        (Acts::OpenLoop, tried) => {
             let (actions, runs, successes) = tried.as_ref().map_or((&[][..], 0, 0), |tried| {
                 (&tried.actions[..], tried.runs, tried.successes)
             });
@@ -159,10 +173,10 @@ struct PlanningWorker<'a> {
 }
 
 /// One start, played.
-struct One {
+struct PlannedStart {
     played: EpisodeResult,
     /// Strategy that the ado followed from beginning to end.
-    kept: Option<Strategy>,
+    followed: Option<Strategy>,
 }
 
 impl LearnedEgo {
@@ -176,12 +190,12 @@ impl LearnedEgo {
         tries: u64,
         watch: &Watch<'_>,
     ) -> AdaptedRow {
-        let stored = self.trained_on.as_deref();
+        let stored = self.fine_tuned.as_deref();
         // A stored policy that no longer loads is left out and the plans remain.
-        let trained_on = stored.and_then(|stored| load_policy(stored).ok());
+        let fine_tuned = stored.and_then(|stored| load_policy(stored).ok());
         let policies = Policies {
             as_trained: policy,
-            trained_on: trained_on.as_deref(),
+            fine_tuned: fine_tuned.as_deref(),
         };
         // Every thread has its own planner and bench, so starts share no state.
         let worker = || PlanningWorker {
@@ -199,15 +213,17 @@ impl LearnedEgo {
             self.solve(request, (planner, bench), from, (turn, tries), watch)
         };
         let all = request.starts.each(watch, worker, one);
-        let kept_to = |strategy: Strategy| {
+        let followed_on = |strategy: Strategy| {
             let played = all.iter().flatten();
             played
-                .filter(|one| one.kept.as_ref() == Some(&strategy))
+                .filter(|one| one.followed.as_ref() == Some(&strategy))
                 .count()
         };
-        let as_trained = kept_to(Strategy::AsTrained);
+        let as_trained = followed_on(Strategy::AsTrained);
         // Without such a policy the count is absent, not zero.
-        let trained_on = policies.trained_on.map(|_| kept_to(Strategy::TrainedOn));
+        let trained_on = policies
+            .fine_tuned
+            .map(|_| followed_on(Strategy::FineTuned));
         let played = all.into_iter().map(|one| Some(one?.played));
         // The row was filled for a plain evaluation, so ado and method are renamed here.
         let mut evaluated = Evaluated::of(request, played.collect(), watch);
@@ -217,7 +233,7 @@ impl LearnedEgo {
         row.method = match self.from.acts() {
             Acts::Planned => format!("planned in a surrogate of {} runs", self.from.runs),
             Acts::AsTrained => format!("{}, as trained", row.method),
-            Acts::Alike => in_words(request.scenario, self.alike()),
+            Acts::OpenLoop => in_words(request.scenario, self.open_loop_actions()),
         };
         if 1 < tries {
             row.method = format!("{}, at most {tries} tries", row.method);
@@ -230,7 +246,7 @@ impl LearnedEgo {
     }
 
     /// Returns the actions that are the same from every start.
-    fn alike(&self) -> &[usize] {
+    fn open_loop_actions(&self) -> &[usize] {
         let tried = self.from.fixed.as_ref();
         tried.map_or(&[], |tried| &tried.actions)
     }
@@ -242,8 +258,8 @@ impl LearnedEgo {
         (start, noise): &(Start, u64),
         (turn, tries): (&WorkItem, u64),
         watch: &Watch<'_>,
-    ) -> Option<One> {
-        let mut first: Option<One> = None;
+    ) -> Option<PlannedStart> {
+        let mut first: Option<PlannedStart> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
         // The trained policy and fixed actions would repeat the same run.
         let acts = self.from.acts();
@@ -259,19 +275,19 @@ impl LearnedEgo {
                 break;
             }
             let from = (start, *noise);
-            let (episode, kept) = match acts {
+            let (episode, followed) = match acts {
                 Acts::Planned => {
                     let run = planner.run(bench, from, Aftermath::Play, &earlier);
-                    let kept = run.kept().cloned();
+                    let followed = run.followed_throughout().cloned();
                     let actions = run.so_far.actions.clone();
                     // The next try starts from the ego's motion recorded in this run.
-                    earlier.add(run.so_far, kept.clone());
-                    (bench.episode(start, *noise, actions), kept)
+                    earlier.add(run.so_far, followed.clone());
+                    (bench.episode(start, *noise, actions), followed)
                 }
                 Acts::AsTrained => (request.play(bench, turn.index), Some(Strategy::AsTrained)),
-                Acts::Alike => {
-                    let mut alike = Replay::holding(self.alike());
-                    let played = play(bench, start, *noise, &mut alike, Aftermath::Play);
+                Acts::OpenLoop => {
+                    let mut replay = Replay::holding(self.open_loop_actions());
+                    let played = play(bench, start, *noise, &mut replay, Aftermath::Play);
                     (played, None)
                 }
             };
@@ -279,9 +295,9 @@ impl LearnedEgo {
             simulations += 1;
             physics_steps += episode.physics_steps;
             let attempt = RepeatedEpisode::of(episode, simulations, physics_steps);
-            let one = One {
+            let one = PlannedStart {
                 played: attempt.played(request.scenario, turn.cpu_s()),
-                kept,
+                followed,
             };
             // A success ends the tries, and its outcome counts every run up to here.
             if one.played.outcome.verdict.is_success() {
@@ -295,4 +311,145 @@ impl LearnedEgo {
         unsolved.played.outcome.physics_steps = physics_steps;
         Some(unsolved)
     }
+}
+
+/// Tensor with a whole bundle: the policy trained in the surrogate.
+const FINE_TUNED: &str = "trained_on";
+/// Tensor with the SHA-256 of the bundle without it, as digits.
+const SEAL: &str = "seal";
+
+/// Returns the stored learned ego of a request, or learns and stores it.
+///
+/// Only egos that are described by files are stored. Returns `None` as [`learn_ego`]
+/// does.
+///
+/// # Errors
+/// Returns an error if a file cannot be written.
+pub(crate) fn learned(
+    run: &RunDir,
+    ego: &EgoUnderTest,
+    request: &LearnEgoRequest<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<LearnedEgo>, RunError> {
+    let Some(path) = path_of(run, ego, request) else {
+        return Ok(learn_ego(request, watch));
+    };
+    if let Ok(bytes) = file_bytes(&path) {
+        let (name, path) = (ego.name(), path.display());
+        match read(&bytes, request.ego) {
+            Ok(stored) => {
+                watch.note(&format!("`{name}`: learned before ({path})"));
+                return Ok(Some(stored));
+            }
+            // A damaged file is no reason to stop, because the ego can be learned again.
+            Err(error) => watch.note(&format!("{path}: {error}; learned anew")),
+        }
+    }
+    let found = learn_ego(request, watch);
+    if let Some(found) = &found {
+        make_dir(&run.path().join(DIR))?;
+        let bytes = written(found).map_err(|error| RunError::Damaged {
+            path: path.clone(),
+            why: error.to_string(),
+        })?;
+        write_file(&path, &bytes)?;
+    }
+    Ok(found)
+}
+
+/// Returns the file of a request. Its name depends on the ado as well.
+fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> Option<PathBuf> {
+    let asked = serde_json::json!({
+        "learned_for_policy_sha256": run.manifest().policy_sha256,
+        "runs": request.runs,
+        "seed": request.seed,
+        "unknown": request.unknown,
+        "learns_on": request.bundle.is_some(),
+    });
+    place_of(run, ego, &asked).map(|place| place.with_extension("safetensors"))
+}
+
+fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
+    let from = serde_json::to_string(&learned.from).map_err(|error| BundleError::Format {
+        why: error.to_string(),
+    })?;
+    let surrogate = &*learned.surrogate;
+    let width = surrogate.mean.len();
+    let mut bundle = TensorFile::new(from);
+    bundle.put("mean", &[width], surrogate.mean.clone());
+    bundle.put("inverse_sd", &[width], surrogate.inverse_sd.clone());
+    bundle.put("unit", &[2], surrogate.unit.to_vec());
+    bundle.put("range_mps2", &[2], surrogate.range_mps2.to_vec());
+    for (i, member) in surrogate.members.iter().enumerate() {
+        member.save(&format!("member/{i}"), &mut bundle);
+    }
+    if let Some(policy) = &learned.fine_tuned {
+        let bytes = policy.to_bytes()?;
+        bundle.put(FINE_TUNED, &[bytes.len()], bytes);
+    }
+    let seal = sha256(&bundle.to_bytes()?).into_bytes();
+    bundle.put(SEAL, &[seal.len()], seal);
+    bundle.to_bytes()
+}
+
+/// Returns the bundle if its seal matches, so any flipped bit is detected.
+fn unsealed(bytes: &[u8]) -> Result<TensorFile, BundleError> {
+    let sealed = TensorFile::from_bytes(bytes)?;
+    let expected = sealed.rows::<u8>(SEAL, &[])?.to_vec();
+    let bundle = sealed.without(SEAL);
+    let found = sha256(&bundle.to_bytes()?);
+    if found.as_bytes() == expected {
+        Ok(bundle)
+    } else {
+        Err(BundleError::Mismatch {
+            what: "its SHA-256",
+            expected: String::from_utf8_lossy(&expected).into_owned(),
+            found,
+        })
+    }
+}
+
+fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
+    let bundle = unsealed(bytes)?;
+    let from: LearnedFrom =
+        serde_json::from_str(bundle.meta()).map_err(|error| BundleError::Format {
+            why: error.to_string(),
+        })?;
+    let members = (0..MEMBERS).map(|i| Mlp::load(&format!("member/{i}"), &bundle));
+    let members: Vec<Mlp> = members.collect::<Result<_, _>>()?;
+    let width = super::surrogate_sim::width_of(world);
+    for member in &members {
+        // A file of another version may have other inputs, so the shape is checked on reading.
+        if member.ends() != [width, OUTPUTS] {
+            return Err(BundleError::Mismatch {
+                what: "the surrogate",
+                expected: format!("{width} inputs and {OUTPUTS} outputs"),
+                found: format!("{:?}", member.ends()),
+            });
+        }
+    }
+    let unit = bundle.get::<f64>("unit", &[2])?;
+    let range = bundle.get::<f64>("range_mps2", &[2])?;
+    let surrogate = Surrogate {
+        mean: bundle.get("mean", &[width])?.to_vec(),
+        inverse_sd: bundle.get("inverse_sd", &[width])?.to_vec(),
+        unit: [unit[0], unit[1]],
+        range_mps2: [range[0], range[1]],
+        nearest: from.nearest.clone().into(),
+        members,
+        brake: from.brake,
+    };
+    let fine_tuned = match bundle.shape(FINE_TUNED) {
+        Some(_) => Some(TensorFile::from_bytes(bundle.rows::<u8>(FINE_TUNED, &[])?)?),
+        None => None,
+    };
+    if let Some(policy) = &fine_tuned {
+        // Loading once here reports a damaged policy before any start is planned.
+        load_policy_for(&world.spaces(), policy)?;
+    }
+    Ok(LearnedEgo {
+        surrogate: Arc::new(surrogate),
+        fine_tuned: fine_tuned.map(Arc::new),
+        from,
+    })
 }

@@ -4,20 +4,19 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
-use super::earlier_attempts::Earlier;
 use super::emergency_brake::Situation;
-use super::fit::FitSamples;
-use super::fitted_model::{FittedModel, LabelledRun};
-use super::model_inputs::ModelInputs;
-use super::motion::MotionReader;
+use super::features::ModelInputs;
+use super::model::FitSamples;
+use super::model_fit::{FittedModel, LabelledRun};
 use super::plan::Planner;
-use super::strategy::Strategy;
-use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix};
+use super::strategy::{Earlier, Strategy};
+use super::surrogate_sim::{ModelBench, MotionReader, NoisyStart, RunPrefix, VARIATIONS};
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::scene::Start;
 use crate::seed;
 use crate::seed::{Purpose, StartKey};
+use crate::sim::PlantKind;
 use crate::testbench::{
     Actor, Aftermath, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Replay, Testbench, play,
 };
@@ -117,7 +116,7 @@ pub(super) fn mixed(
 }
 
 /// Records runs under the same actions from every start.
-pub(super) fn alike(
+pub(super) fn open_loop_runs(
     ego: &Scenario,
     actions: &[usize],
     starts: &[(Start, u64)],
@@ -188,7 +187,7 @@ pub(super) fn planned<'a>(
             start: start.clone(),
             noise,
             is_success: bench.verdict().is_some_and(|verdict| verdict.is_success()),
-            as_trained: run.kept() == Some(&Strategy::AsTrained),
+            as_trained: run.followed_throughout() == Some(&Strategy::AsTrained),
             so_far: run.so_far,
         })
     };
@@ -200,34 +199,34 @@ pub(super) fn planned<'a>(
 ///
 /// The model reads the inputs while the ego repeats its recorded motion, so they match
 /// the inputs during planning. `None`: the world has no driving scene.
-pub(super) fn answered(world: &Scenario, runs: &[RecordedRun]) -> Option<Vec<LabelledRun>> {
+pub(super) fn labelled(world: &Scenario, runs: &[RecordedRun]) -> Option<Vec<LabelledRun>> {
     let mut model = ModelBench::quick(world)?;
     let sample_s = model.bench.clock().sample_s;
     let one = |run: &RecordedRun| {
-        let heard = model.percepts(run.from(), &run.so_far);
+        let inputs = model.percepts(run.from(), &run.so_far);
         let pairs = run.so_far.motion.windows(2);
-        let answers = heard.percepts.iter().zip(pairs).map(|(percept, pair)| {
+        let answers = inputs.percepts.iter().zip(pairs).map(|(percept, pair)| {
             let next_mps2 = (pair[1].speed_mps - pair[0].speed_mps) / sample_s;
             let lateral_mps = (pair[1].lateral_m - pair[0].lateral_m) / sample_s;
             [next_mps2 - percept.own.accel_mps2, lateral_mps]
         });
         let answers = answers.collect();
-        LabelledRun { heard, answers }
+        LabelledRun { inputs, answers }
     };
     Some(runs.iter().map(one).collect())
 }
 
 /// Converts runs to rows and answers, including those of stock controllers.
-pub(super) fn samples(runs: &[LabelledRun], alike: &Arc<[FittedModel]>) -> FitSamples {
+pub(super) fn samples(runs: &[LabelledRun], nearest: &Arc<[FittedModel]>) -> FitSamples {
     let mut samples = FitSamples::default();
-    let (mut reading, mut row) = (ModelInputs::default(), Vec::new());
+    let (mut model_inputs, mut row) = (ModelInputs::default(), Vec::new());
     for run in runs {
-        let percepts = &run.heard.percepts;
+        let percepts = &run.inputs.percepts;
         if let Some(first) = percepts.first() {
-            reading.begin(alike, &run.heard.briefing, first);
+            model_inputs.begin(nearest, &run.inputs.briefing, first);
         }
         for (percept, [change_mps2, lateral_mps]) in percepts.iter().zip(&run.answers) {
-            reading.read(percept, &mut row);
+            model_inputs.read(percept, &mut row);
             samples.width = row.len();
             samples.inputs.extend_from_slice(&row);
             let answer = [percept.own.accel_mps2, *change_mps2, *lateral_mps];
@@ -236,4 +235,98 @@ pub(super) fn samples(runs: &[LabelledRun], alike: &Arc<[FittedModel]>) -> FitSa
         }
     }
     samples
+}
+
+/// Largest difference of a coordinate between the plants, m.
+const ALIKE_M: f64 = 0.005;
+
+/// Returns the plant on which plans are judged.
+///
+/// The kinematic plant is about ten times as fast. It is used if all vehicles move on it
+/// as on the world's own plant in these runs.
+/// Along a lane both plants agree. A lane change differs by some centimetres on the rigid
+/// plant, and centimetres decide whether a rule is kept.
+pub(super) fn judged_on(world: &Scenario, runs: &[RecordedRun]) -> Option<PlantKind> {
+    let own = world.drive()?.plant;
+    let Some(columns) = places(world) else {
+        return Some(own);
+    };
+    let (mut there, mut here) = (ModelBench::on(world, own)?, ModelBench::quick(world)?);
+    let agrees = |run: &RecordedRun| {
+        for model in [&mut there, &mut here] {
+            model.begin(run.from(), &run.so_far, None, VARIATIONS[0]);
+        }
+        // Beyond the recorded motion no ego is there to compare with.
+        let samples = run.so_far.motion.len();
+        columns.iter().all(|&column| {
+            let of = |bench: &Testbench| bench.trace().column(column).to_vec();
+            let pairs = of(&there.bench).into_iter().zip(of(&here.bench));
+            pairs.take(samples).all(|(a, b)| (a - b).abs() <= ALIKE_M)
+        })
+    };
+    let is_own = own == PlantKind::Kinematic;
+    Some(if is_own || runs.iter().all(agrees) {
+        PlantKind::Kinematic
+    } else {
+        own
+    })
+}
+
+/// Returns the columns of all published positions.
+fn places(world: &Scenario) -> Option<Vec<usize>> {
+    let schema = world.world().schema();
+    let agents = world.drive()?.agents.iter();
+    let names = agents.flat_map(|agent| ["x", "y"].map(|axis| format!("{}.{axis}", agent.name)));
+    names.map(|name| schema.position(&name)).collect()
+}
+
+#[cfg(test)]
+/// Returns runs of an ego of `acc_structures` under mixed actions.
+pub(super) fn runs_of(name: &str, plant: PlantKind, count: u64) -> Vec<LabelledRun> {
+    struct Coasts;
+
+    impl Policy for Coasts {
+        fn act(&self, _: &[f32]) -> usize {
+            1
+        }
+
+        fn value(&self, _: &[f32]) -> f32 {
+            0.0
+        }
+    }
+
+    let world = Scenario::shipped("acc_structures").expect("shipped");
+    let world = world.expect("sound").on(plant);
+    let ego = crate::experiment::EgoUnderTest::find(&world, name).expect("an ego");
+    let from = starts(&world, count, 8);
+    let runs = mixed(ego[0].scenario(), &Coasts, &from, &Watch::unwatched());
+    labelled(ego[0].scenario(), &runs).expect("driven")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::Watch;
+
+    fn judged(name: &str, plant: PlantKind, actions: &[usize]) -> Option<PlantKind> {
+        let world = Scenario::shipped(name).expect("shipped").expect("sound");
+        let world = world.on(plant);
+        let from = starts(&world, 6, 8);
+        judged_on(
+            &world,
+            &open_loop_runs(&world, actions, &from, &Watch::unwatched()),
+        )
+    }
+
+    #[test]
+    fn only_where_nobody_skids_a_plan_is_judged_on_the_kinematic_plant() {
+        use PlantKind::{Kinematic, Rigid};
+        assert_eq!(judged("acc", Rigid, &[0, 0, 2, 1]), Some(Kinematic));
+        assert_eq!(judged("acc", Kinematic, &[0]), Some(Kinematic));
+        let merging = [1, 4, 4];
+        assert_eq!(judged("cut_in", Rigid, &merging), Some(Rigid));
+        assert_eq!(judged("cut_in", Kinematic, &merging), Some(Kinematic));
+        // This world has no driving scene.
+        assert_eq!(judged("grid", Rigid, &[0]), None);
+    }
 }

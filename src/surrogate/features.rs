@@ -1,6 +1,11 @@
-//! Inputs of the surrogate: everything an ego may react to, as numbers.
+//! Inputs of the surrogate's networks: everything an ego may react to, as numbers.
+//!
+//! A row combines features of the percept with the answers of similar stock controllers.
 
-use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
+use std::sync::Arc;
+
+use super::model_fit::{FittedModel, MODELS, StockModel};
+use crate::ego::{Briefing, Own, Percept, Phase, Seen, SeenLight};
 
 /// Ages of the remembered frames, s.
 ///
@@ -295,6 +300,42 @@ fn of_light(light: &SeenLight) -> [f64; PER_LIGHT] {
     ]
 }
 
+/// Converter from percepts to the rows of a surrogate.
+#[derive(Clone, Default)]
+pub(super) struct ModelInputs {
+    features: Features,
+    models: Vec<StockModel>,
+    of: Arc<[FittedModel]>,
+}
+
+impl ModelInputs {
+    /// Begins an episode with its first percept.
+    pub fn begin(&mut self, nearest: &Arc<[FittedModel]>, briefing: &Briefing, percept: &Percept) {
+        self.features = Features::begin(percept);
+        // Building controllers is slow, so the same surrogate reuses those of the last episode.
+        if Arc::ptr_eq(&self.of, nearest) {
+            self.models.iter_mut().for_each(StockModel::reset)
+        } else {
+            let models = nearest.iter().map(|fitted| fitted.model(briefing));
+            self.models = models.collect();
+            self.of = Arc::clone(nearest);
+        }
+    }
+
+    /// Writes the row of the next percept.
+    pub fn read(&mut self, percept: &Percept, row: &mut Vec<f32>) {
+        self.features.read(percept, row);
+        let changes = self
+            .models
+            .iter_mut()
+            .map(|model| model.change_mps2(percept));
+        let row_of = changes.map(|change_mps2| change_mps2 as f32);
+        // Missing controllers are padded with zeros, so every row has the same length.
+        let rest = MODELS - self.of.len();
+        row.extend(row_of.chain(std::iter::repeat_n(0.0, rest)));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -374,7 +415,7 @@ mod tests {
             percept
         };
         let mut features = Features::begin(&seen(3.5, 0.0));
-        let mut told = |percept: &Percept| {
+        let mut occupancy = |percept: &Percept| {
             features.read(percept, &mut row);
             let other = &row[OWN..];
             (
@@ -383,16 +424,20 @@ mod tests {
             )
         };
         let nobody = ([0.0; 2], [0.0; 7]);
-        assert_eq!(told(&seen(3.5, 0.0)), nobody, "beside, it endangers nobody");
-        assert_eq!(told(&seen(3.5, 1.0)), nobody, "nor going away");
         assert_eq!(
-            told(&seen(3.5, -1.0)),
+            occupancy(&seen(3.5, 0.0)),
+            nobody,
+            "beside, it endangers nobody"
+        );
+        assert_eq!(occupancy(&seen(3.5, 1.0)), nobody, "nor going away");
+        assert_eq!(
+            occupancy(&seen(3.5, -1.0)),
             ([1.0, 0.5], [0.0, 1.0, 0.0, 0.05, 0.0, 0.0, 0.0])
         );
         let nearness = 10.0 / 13.0;
         let in_the_way = [1.0, 1.0, 0.05, 0.1, nearness, 1.0, 0.5];
-        assert_eq!(told(&seen(1.9, -1.0)), ([1.0, 0.5], in_the_way));
-        let gone = told(&seen(3.5, 0.0));
+        assert_eq!(occupancy(&seen(1.9, -1.0)), ([1.0, 0.5], in_the_way));
+        let gone = occupancy(&seen(3.5, 0.0));
         assert_eq!(
             gone,
             ([1.0, 0.5], [0.0; 7]),

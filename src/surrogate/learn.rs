@@ -1,30 +1,31 @@
-//! Learns an ego from recorded runs.
+//! Learning of an ego from recorded runs, and of the ado inside its surrogate.
+//!
+//! A policy acts on observations, so it follows an ego that strays from the prediction.
+//! A plan would have to be made again but fits its start better.
+//! The better of both is chosen per start.
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::dataset::{RecordedRun, alike, answered, mixed, planned, samples, starts};
+use super::dataset::{
+    RecordedRun, judged_on, labelled, mixed, open_loop_runs, planned, samples, starts,
+};
 use super::emergency_brake::EmergencyBrake;
-use super::fine_tune::trained_on;
-use super::fit::fit;
-use super::fitted_model::FittedModel;
-use super::model::Surrogate;
-use super::model_fit::likenesses;
-use super::model_library::kinds_but;
-use super::motion::MotionSample;
-use super::open_loop_policy::{TriedActions, best_fixed};
+use super::model::{MEMBERS, Surrogate, fit};
+use super::model_fit::{FittedModel, fit_models, kinds_except};
 use super::plan::Planner;
-use super::planning_budget::PlanningBudget;
-use super::plant::judged_on;
-use super::strategy::Policies;
-use super::surrogate_sim::{ModelBench, RunPrefix, VARIATIONS};
+use super::strategy::{PlanningBudget, Policies, TriedActions, best_fixed};
+use super::surrogate_sim::{
+    ModelBench, ModelDriverConfig, ModelDriverSlot, MotionSample, RunPrefix, VARIATIONS,
+};
 use crate::experiment::Watch;
-use crate::rl::{Policy, TensorFile, load_policy};
+use crate::rl::{Control, Env, Policy, Spaces, Step, TensorFile, fine_tuner, load_policy};
 use crate::scene::Start;
+use crate::seed::Purpose;
 use crate::sim::PlantKind;
-use crate::stats::predicted;
-use crate::stats::wilson;
+use crate::stats::{predicted, wilson};
+use crate::testbench::Gym;
 use crate::world::Scenario;
 
 /// Number of runs from which three rounds are recorded instead of two.
@@ -42,6 +43,7 @@ const AHEAD_S: f64 = 2.0;
 
 /// Request to learn an ego.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub struct LearnEgoRequest<'a> {
     /// World with its own ego, which determines the trivial starts.
     pub nominal: &'a Scenario,
@@ -50,7 +52,7 @@ pub struct LearnEgoRequest<'a> {
     /// Policy of the trained ado.
     pub policy: &'a dyn Policy,
     /// Bundle to continue training from inside the surrogate, if any.
-    pub kept: Option<&'a TensorFile>,
+    pub bundle: Option<&'a TensorFile>,
     /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`](crate::sysid::LEAST_RUNS).
     pub runs: u64,
     /// Kinds of stock controllers that are not compared with the ego.
@@ -61,8 +63,47 @@ pub struct LearnEgoRequest<'a> {
     pub seed: u64,
 }
 
+impl<'a> LearnEgoRequest<'a> {
+    /// Returns a request with seed 0 that compares the ego with every stock controller.
+    pub fn new(
+        nominal: &'a Scenario,
+        ego: &'a Scenario,
+        policy: &'a dyn Policy,
+        runs: u64,
+    ) -> LearnEgoRequest<'a> {
+        LearnEgoRequest {
+            nominal,
+            ego,
+            policy,
+            bundle: None,
+            runs,
+            unknown: &[],
+            seed: 0,
+        }
+    }
+
+    /// Sets the bundle to continue training from inside the surrogate.
+    pub fn bundle(self, bundle: &'a TensorFile) -> LearnEgoRequest<'a> {
+        LearnEgoRequest {
+            bundle: Some(bundle),
+            ..self
+        }
+    }
+
+    /// Sets the kinds of stock controllers that are not compared with the ego.
+    pub fn unknown(self, unknown: &'a [&'a str]) -> LearnEgoRequest<'a> {
+        LearnEgoRequest { unknown, ..self }
+    }
+
+    /// Sets the seed of the starts and of the fit.
+    pub fn seed(self, seed: u64) -> LearnEgoRequest<'a> {
+        LearnEgoRequest { seed, ..self }
+    }
+}
+
 /// Error of a surrogate, two seconds ahead.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SurrogateError {
     /// Root mean square distance to the ego, in runs outside the fit, m.
     pub rms_m: f64,
@@ -74,7 +115,7 @@ impl SurrogateError {
     /// Returns whether the surrogate predicts the ego usefully.
     ///
     /// Its error must be below 0.1 m or below half the error of constant acceleration.
-    pub fn is_telling(&self) -> bool {
+    pub fn predicts_well(&self) -> bool {
         self.rms_m < f64::max(CLOSE_M, 0.5 * self.keeps_acceleration_m)
     }
 }
@@ -88,12 +129,14 @@ pub enum Acts {
     /// Every start is played by the trained policy.
     #[serde(rename = "as trained")]
     AsTrained,
-    /// The same actions from every start.
-    Alike,
+    /// The same actions are played from every start.
+    #[serde(rename = "alike")]
+    OpenLoop,
 }
 
 /// Facts recorded while an ego was learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct LearnedFrom {
     /// Runs of the ego that were recorded.
     pub runs: u64,
@@ -122,7 +165,8 @@ pub struct LearnedFrom {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub brake: Option<EmergencyBrake>,
     /// Most similar stock controllers, the nearest first.
-    pub alike: Vec<FittedModel>,
+    #[serde(rename = "alike")]
+    pub nearest: Vec<FittedModel>,
 }
 
 impl LearnedFrom {
@@ -133,7 +177,7 @@ impl LearnedFrom {
         let (successes, runs) = match self.acts() {
             Acts::Planned => self.by_plans(),
             Acts::AsTrained => (self.as_trained_successes, self.as_trained),
-            Acts::Alike => self.alike_everywhere(),
+            Acts::OpenLoop => self.by_open_loop(),
         };
         let rate = successes as f64 / runs.max(1) as f64;
         (rate, predicted(successes as usize, runs as usize, starts))
@@ -149,10 +193,10 @@ impl LearnedFrom {
     pub fn acts(&self) -> Acts {
         let rate = |(successes, runs): (u64, u64)| successes as f64 / runs.max(1) as f64;
         let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
-        let (planned, alike) = (self.by_plans(), self.alike_everywhere());
+        let (planned, open_loop) = (self.by_plans(), self.by_open_loop());
         let [_, most] = interval(planned);
-        let (best, acts) = if most < rate(alike) {
-            (alike, Acts::Alike)
+        let (best, acts) = if most < rate(open_loop) {
+            (open_loop, Acts::OpenLoop)
         } else {
             (planned, Acts::Planned)
         };
@@ -171,7 +215,7 @@ impl LearnedFrom {
         (self.planned_successes, self.planned)
     }
 
-    fn alike_everywhere(&self) -> (u64, u64) {
+    fn by_open_loop(&self) -> (u64, u64) {
         let tried = self.fixed.as_ref();
         tried.map_or((0, 0), |tried| (tried.successes, tried.runs))
     }
@@ -182,7 +226,7 @@ impl LearnedFrom {
 pub struct LearnedEgo {
     pub(super) surrogate: Arc<Surrogate>,
     /// Policy that the ado learned inside the surrogate.
-    pub(super) trained_on: Option<Arc<TensorFile>>,
+    pub(super) fine_tuned: Option<Arc<TensorFile>>,
     /// Facts recorded while the ego was learned.
     pub from: LearnedFrom,
 }
@@ -198,20 +242,20 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         nominal,
         ego,
         policy,
-        kept,
+        bundle,
         runs,
         unknown,
         seed,
     } = *request;
-    let mut kinds = kinds_but(unknown);
+    let mut kinds = kinds_except(unknown);
     let mut learned = |runs: &[RecordedRun], (brake, updates): (Option<EmergencyBrake>, u64)| {
-        let answered = answered(ego, runs)?;
-        let found = likenesses(&answered, &kinds, seed, watch);
+        let labelled = labelled(ego, runs)?;
+        let found = fit_models(&labelled, &kinds, seed, watch);
         // Later rounds fit only the kinds that came close in the round before.
-        let alike: Arc<[FittedModel]> = found.nearest.into();
+        let nearest: Arc<[FittedModel]> = found.nearest.into();
         kinds = found.kinds;
         let asked = (brake, updates, seed);
-        fit(&samples(&answered, &alike), &alike, asked, watch)
+        fit(&samples(&labelled, &nearest), &nearest, asked, watch)
     };
     let all = starts(nominal, runs, seed);
     let rounds = if THREE_ROUNDS <= runs { 3 } else { 2 };
@@ -228,7 +272,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         fixed: None,
         judged_on: judged_on(ego, &recorded)?,
         brake: None,
-        alike: Vec::new(),
+        nearest: Vec::new(),
     };
     let mut surrogate = learned(&recorded, (None, UPDATES))?;
     let rounds: Vec<_> = rounds.collect();
@@ -238,25 +282,25 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         // The runs of the last round are played like the test starts.
         if is_last {
             // A second policy is therefore available from this round on.
-            inside = trained_on(ego, kept, (&surrogate, seed), watch);
+            inside = fine_tuned(ego, bundle, (&surrogate, seed), watch);
         }
         let followed = inside.as_ref().and_then(|inside| load_policy(inside).ok());
         let policies = Policies {
             as_trained: policy,
-            trained_on: followed.as_deref(),
+            fine_tuned: followed.as_deref(),
         };
         let model = (&surrogate, from.judged_on);
         let planner = || Planner::new(ego, model, (policies, PlanningBudget::BRIEF), watch);
         // Half of the last round tests fixed actions if the surrogate does not predict the ego.
-        let doubts = is_last && from.error.is_some_and(|error| !error.is_telling());
-        let [to_plan, to_compare] = if doubts {
-            in_turn(starts)
+        let is_unsure = is_last && from.error.is_some_and(|error| !error.predicts_well());
+        let [to_plan, to_compare] = if is_unsure {
+            interleaved(starts)
         } else {
             [starts.to_vec(), Vec::new()]
         };
         let found = planned(ego, planner, &to_plan, watch);
-        if doubts && let Some(actions) = best_fixed(ego, &surrogate, &all) {
-            let tried = alike(ego, &actions, &to_compare, watch);
+        if is_unsure && let Some(actions) = best_fixed(ego, &surrogate, &all) {
+            let tried = open_loop_runs(ego, &actions, &to_compare, watch);
             let successes = tried.iter().filter(|run| run.is_success).count() as u64;
             from.fixed = Some(TriedActions {
                 actions,
@@ -276,22 +320,22 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         let updates = if is_last { LAST_UPDATES } else { UPDATES };
         surrogate = learned(&recorded, (surrogate.brake, updates))?;
     }
-    from.alike = surrogate.alike.to_vec();
+    from.nearest = surrogate.nearest.to_vec();
     from.brake = surrogate.brake;
     // The training continues from the policy of the last round.
-    let inside = trained_on(ego, inside.as_ref().or(kept), (&surrogate, seed), watch);
+    let inside = fine_tuned(ego, inside.as_ref().or(bundle), (&surrogate, seed), watch);
     if watch.stopped() {
         return None;
     }
     Some(LearnedEgo {
         surrogate,
-        trained_on: inside.map(Arc::new),
+        fine_tuned: inside.map(Arc::new),
         from,
     })
 }
 
 /// Splits the starts into two interleaved halves.
-fn in_turn(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
+fn interleaved(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
     [0, 1].map(|from| starts.iter().skip(from).step_by(2).cloned().collect())
 }
 
@@ -341,30 +385,100 @@ fn errors_m(
             actions: actions[..decision].to_vec(),
             motion: motion[..=now].to_vec(),
         };
-        let mut foreseen = |surrogate| {
+        let mut predicted_motion = |surrogate| {
             model.begin(run.from(), &so_far, surrogate, VARIATIONS[0]);
-            model.go_on(&actions[decision..]);
+            model.play_actions(&actions[decision..]);
             model.motion()
         };
         // Both predictions start from the same recorded motion.
-        let foreseen = [foreseen(Some(surrogate)), foreseen(None)];
+        let predicted_motion = [predicted_motion(Some(surrogate)), predicted_motion(None)];
         // A predicted run may end before the ego's run, and nothing is predicted after it.
-        let ends = foreseen.iter().map(|motion| motion.len().saturating_sub(1));
+        let ends = predicted_motion
+            .iter()
+            .map(|motion| motion.len().saturating_sub(1));
         let at = ends.fold(now + ahead, usize::min);
         let off_m = |moments: Vec<MotionSample>| Some(moments.get(at)?.distance_m(&motion[at]));
-        errors.push(foreseen.map(|moments| off_m(moments).unwrap_or(0.0)));
+        errors.push(predicted_motion.map(|moments| off_m(moments).unwrap_or(0.0)));
     }
     errors
+}
+
+/// Decisions per training.
+const DECISIONS: u64 = 30_000;
+
+/// Training starts against the surrogate, with another member in every episode.
+///
+/// The ado then relies only on behaviour that all members share.
+struct Inside {
+    gym: Gym,
+    driver_slot: ModelDriverSlot,
+    surrogate: Arc<Surrogate>,
+}
+
+impl Env for Inside {
+    fn spaces(&self) -> &Spaces {
+        self.gym.spaces()
+    }
+
+    fn reset(&mut self, index: u64, obs: &mut [f32]) {
+        self.driver_slot.set(ModelDriverConfig {
+            surrogate: Some(Arc::clone(&self.surrogate)),
+            // The episode index selects the member, so equal requests repeat the training.
+            member: Some(index as usize % MEMBERS),
+            ..ModelDriverConfig::default()
+        });
+        self.gym.reset(index, obs);
+    }
+
+    fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
+        self.gym.step(action, obs)
+    }
+}
+
+/// Trains the ado inside the surrogate in the place of the ego of `world`.
+///
+/// Returns `None` if stopped, or if the policy cannot be trained further because it is
+/// conditional or not from deep Q-learning. Equal requests give equal policies.
+pub(super) fn fine_tuned(
+    world: &Scenario,
+    policy: Option<&TensorFile>,
+    (surrogate, seed): (&Arc<Surrogate>, u64),
+    watch: &Watch<'_>,
+) -> Option<TensorFile> {
+    let ModelBench {
+        bench, driver_slot, ..
+    } = ModelBench::quick(world)?;
+    let mut learner = fine_tuner(bench.spaces(), (DECISIONS, seed), policy?)?;
+    let mut inside = Inside {
+        gym: Gym::new(bench, Purpose::Train, seed),
+        driver_slot,
+        surrogate: Arc::clone(surrogate),
+    };
+    learner.train(&mut inside, &mut |_| {
+        if watch.stopped() {
+            Control::Stop
+        } else {
+            Control::Continue
+        }
+    });
+    // A policy from a stopped training would depend on the time of the stop.
+    learner.finished().then(|| learner.policy_bundle())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rl::nn::Mlp;
+    use crate::rl::{DqnSettings, LearnerConfig, Policy, PpoSettings, load_policy};
     use crate::surrogate::model::OUTPUTS;
     use crate::surrogate::surrogate_sim::width_of;
+    use crate::testbench::{Aftermath, PolicyActor, play};
 
-    fn seen(planned: (u64, u64), as_trained: (u64, u64), alike: Option<(u64, u64)>) -> LearnedFrom {
+    fn seen(
+        planned: (u64, u64),
+        as_trained: (u64, u64),
+        open_loop: Option<(u64, u64)>,
+    ) -> LearnedFrom {
         LearnedFrom {
             runs: 100,
             error: None,
@@ -372,14 +486,14 @@ mod tests {
             planned_successes: planned.0,
             as_trained: as_trained.1,
             as_trained_successes: as_trained.0,
-            fixed: alike.map(|(successes, runs)| TriedActions {
+            fixed: open_loop.map(|(successes, runs)| TriedActions {
                 actions: vec![0],
                 runs,
                 successes,
             }),
             judged_on: PlantKind::Kinematic,
             brake: None,
-            alike: Vec::new(),
+            nearest: Vec::new(),
         }
     }
 
@@ -391,9 +505,9 @@ mod tests {
         // The true rate of 5 of 16 may be 56 % as well.
         assert_eq!(seen((5, 16), (2, 8), Some((8, 16))).acts(), Acts::Planned);
         assert_eq!(seen((0, 16), (0, 8), Some((1, 16))).acts(), Acts::Planned);
-        let alike = seen((5, 16), (2, 8), Some((10, 16)));
-        assert_eq!(alike.acts(), Acts::Alike);
-        assert_eq!(alike.expected(40).0, 10.0 / 16.0);
+        let open_loop = seen((5, 16), (2, 8), Some((10, 16)));
+        assert_eq!(open_loop.acts(), Acts::OpenLoop);
+        assert_eq!(open_loop.expected(40).0, 10.0 / 16.0);
         assert_eq!(seen((0, 16), (8, 8), Some((4, 16))).acts(), Acts::AsTrained);
     }
 
@@ -407,21 +521,98 @@ mod tests {
         let from = starts(&world, 24, 8);
         let mut actions = vec![2; 6];
         actions.push(4);
-        let runs = alike(&ego, &actions, &from, &Watch::unwatched());
+        let runs = open_loop_runs(&ego, &actions, &from, &Watch::unwatched());
         let width = width_of(&world);
-        let keeps = Arc::new(Surrogate {
-            mean: vec![0.0; width],
-            inverse_sd: vec![1.0; width],
-            unit: [0.0, 0.0],
-            range_mps2: [-8.0, 2.0],
-            alike: Arc::default(),
-            members: vec![Mlp::zeros(&[width, OUTPUTS])],
-            brake: None,
-        });
+        let keeps = Arc::new(Surrogate::of_members(
+            vec![Mlp::zeros(&[width, OUTPUTS])],
+            [0.0, 0.0],
+            [-8.0, 2.0],
+        ));
         let error = error_of(&ego, &keeps, &runs).expect("long enough");
         // With the motion of the ego afterwards the error would be 3 m.
         assert!(error.rms_m < 0.5, "{error:?}");
         assert_eq!(error.rms_m, error.keeps_acceleration_m);
-        assert!(error.is_telling(), "nothing is left to foresee");
+        assert!(error.predicts_well(), "nothing is left to foresee");
+    }
+
+    /// Surrogate that always answers `change_mps2`.
+    fn surrogate_of(world: &Scenario, change_mps2: f64) -> Arc<Surrogate> {
+        let width = width_of(world);
+        // In a single layer the biases precede the weights.
+        let mut net = Mlp::zeros(&[width, OUTPUTS]);
+        net.parameters_mut()[0] = 1.0;
+        Arc::new(Surrogate::of_members(
+            vec![net.clone(), net],
+            [change_mps2, 0.0],
+            [-8.0, 2.0],
+        ))
+    }
+
+    /// Counts the starts, of 20, on which a policy makes the surrogate fail.
+    fn solved(world: &Scenario, surrogate: &Arc<Surrogate>, policy: &dyn Policy) -> usize {
+        let ModelBench {
+            bench, driver_slot, ..
+        } = ModelBench::quick(world).expect("driven");
+        let mut gym = Gym::new(bench, Purpose::Calibration, 2);
+        let is_success = |index: &u64| {
+            let key = gym.key(*index);
+            let bench = gym.bench();
+            let (start, noise) = (bench.draw(key), bench.noise_of(key));
+            driver_slot.set(ModelDriverConfig {
+                surrogate: Some(Arc::clone(surrogate)),
+                ..ModelDriverConfig::default()
+            });
+            let mut actor = PolicyActor(policy);
+            let episode = play(bench, &start, noise, &mut actor, Aftermath::Skip);
+            episode.verdict.is_success()
+        };
+        (0..20).filter(is_success).count()
+    }
+
+    fn unlearned(world: &Scenario, learner: LearnerConfig) -> TensorFile {
+        learner.build(&world.spaces(), 3).policy_bundle()
+    }
+
+    #[test]
+    fn an_ado_learns_what_the_ego_in_the_surrogate_does() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let watch = Watch::unwatched();
+        let before = unlearned(
+            &world,
+            LearnerConfig::new(DqnSettings::default()).expect("sound"),
+        );
+        // The first keeps its acceleration and runs into a braking vehicle. The second
+        // always brakes hard and fails from the nearest starts only.
+        let keeps = surrogate_of(&world, 0.0);
+        let brakes = surrogate_of(&world, -1.0);
+        let learn = |policy: &TensorFile, ego: &Arc<Surrogate>| {
+            fine_tuned(&world, Some(policy), (ego, 5), &watch)
+        };
+        let solves = |kept: &TensorFile, ego| {
+            let policy = load_policy(kept).expect("a policy");
+            solved(&world, ego, &*policy)
+        };
+        let kept = learn(&before, &keeps).expect("deep Q-learning");
+        let [first, after, braking] = [(&before, &keeps), (&kept, &keeps), (&kept, &brakes)]
+            .map(|(policy, ego)| solves(policy, ego));
+        assert!(first < 10 && 16 <= after, "{first}, then {after}");
+        assert!(braking < 8, "{braking}");
+        assert_eq!(learn(&before, &keeps).as_ref(), Some(&kept));
+        assert_ne!(learn(&before, &brakes), Some(kept));
+
+        let other = unlearned(
+            &world,
+            LearnerConfig::new(PpoSettings::default()).expect("sound"),
+        );
+        assert!(learn(&other, &keeps).is_none(), "of another learner");
+        assert!(fine_tuned(&world, None, (&keeps, 5), &watch).is_none());
+        let lane = Scenario::shipped("cut_in")
+            .expect("shipped")
+            .expect("sound");
+        let stranger = unlearned(
+            &lane,
+            LearnerConfig::new(DqnSettings::default()).expect("sound"),
+        );
+        assert!(learn(&stranger, &keeps).is_none(), "of other observations");
     }
 }

@@ -3,7 +3,7 @@
 //! Ados trained on some controllers did not transfer to a controller of another structure.
 //! With memory, with the nearest known structure as an input, or trained on many
 //! structures, they solved about half of the solvable starts.
-//! This module records some runs of the ego and fits a network to its motion (`fit`).
+//! This module records some runs of the ego and fits a network to its motion (`model`).
 //! It then searches the ado's actions in a model of the world with the network in the
 //! ego's place (`plan`).
 //! Two thirds of the runs are themselves planned, so the network sees the situations that
@@ -20,33 +20,18 @@
 mod adapted_policy;
 mod brake_detection;
 mod dataset;
-mod earlier_attempts;
 mod emergency_brake;
 mod features;
-mod fine_tune;
-mod fit;
-mod fitted_model;
 mod learn;
 mod model;
 mod model_fit;
-mod model_inputs;
-mod model_library;
-mod motion;
-mod open_loop_policy;
 mod plan;
-mod planning_budget;
-mod plant;
-#[cfg(test)]
-mod recorded_ego;
-mod regression;
-mod robust_score;
 mod strategy;
 mod surrogate_sim;
-mod surrogate_store;
 
+pub(crate) use adapted_policy::learned;
 pub use adapted_policy::{AdaptedRow, AdaptedTo};
 pub use emergency_brake::{BrakedFor, EmergencyBrake};
-pub use fitted_model::FittedModel;
 pub use learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego};
-pub use open_loop_policy::TriedActions;
-pub(crate) use surrogate_store::learned;
+pub use model_fit::FittedModel;
+pub use strategy::TriedActions;

@@ -1,15 +1,12 @@
 //! Planning of a start inside the surrogate, and execution in the real world.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::earlier_attempts::Earlier;
 use super::model::Surrogate;
-use super::motion::{MotionReader, MotionSample};
-use super::planning_budget::PlanningBudget;
-use super::robust_score::{RobustScore, go_on};
-use super::strategy::{Policies, Strategy};
-use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
+use super::strategy::{Earlier, PlanningBudget, Policies, RobustScore, Strategy, play_strategy};
+use super::surrogate_sim::{
+    ModelBench, MotionReader, MotionSample, NoisyStart, RunPrefix, VARIATIONS,
+};
 use crate::experiment::Watch;
 use crate::rulebook::Verdict;
 use crate::search::{Tree, WalkControl};
@@ -76,7 +73,7 @@ pub(super) struct PartialRun {
 
 impl PartialRun {
     /// Returns the strategy that the ado followed from beginning to end.
-    pub fn kept(&self) -> Option<&Strategy> {
+    pub fn followed_throughout(&self) -> Option<&Strategy> {
         (self.replans == 0).then_some(&self.first.strategy)
     }
 }
@@ -93,7 +90,7 @@ pub(super) struct Planner<'a> {
     reader: MotionReader,
     surrogate: Arc<Surrogate>,
     policies: Policies<'a>,
-    care: PlanningBudget,
+    budget: PlanningBudget,
     /// Number of searches in vain during the present run.
     in_vain: u32,
     /// Earlier runs from the present start.
@@ -110,7 +107,7 @@ impl<'a> Planner<'a> {
     pub fn new(
         world: &Scenario,
         (surrogate, plant): (&Arc<Surrogate>, PlantKind),
-        (policies, care): (Policies<'a>, PlanningBudget),
+        (policies, budget): (Policies<'a>, PlanningBudget),
         watch: &'a Watch<'a>,
     ) -> Option<Planner<'a>> {
         Some(Planner {
@@ -119,7 +116,7 @@ impl<'a> Planner<'a> {
             reader: MotionReader::of(world)?,
             surrogate: Arc::clone(surrogate),
             policies,
-            care,
+            budget,
             in_vain: 0,
             earlier: Earlier::default(),
             attempt: 0,
@@ -158,14 +155,14 @@ impl<'a> Planner<'a> {
                 if ENOUGH <= best.score || self.watch.stopped() {
                     break;
                 }
-                let stride = self.care.stride(size, switches, is_first);
+                let stride = self.budget.stride(size, switches, is_first);
                 self.search(from, so_far, (switches, stride), &mut best);
             }
             // The finest search is slow, so it runs once per start and only if all else failed.
             if best.score == 0
                 && is_first
                 && self.earlier.count() == 0
-                && let Some(finest) = self.care.finest(size)
+                && let Some(finest) = self.budget.finest(size)
             {
                 self.search(from, so_far, (SWITCHES, finest), &mut best);
             }
@@ -199,7 +196,7 @@ impl<'a> Planner<'a> {
         }
         if best.score == 0 {
             self.attempt = self.earlier.count();
-            best = self.choose(from, so_far, self.care.leads);
+            best = self.choose(from, so_far, self.budget.leads);
         }
         best
     }
@@ -223,7 +220,7 @@ impl<'a> Planner<'a> {
             policies,
             ..
         } = self;
-        tree.cast(so_far, Some(surrogate), VARIATIONS[lead]);
+        tree.set_ego(so_far, Some(surrogate), VARIATIONS[lead]);
         let (mut found, mut tried) = (0, 0);
         let mut accept = |actions: &[usize], _: &Testbench| {
             found += 1;
@@ -312,7 +309,7 @@ impl<'a> Planner<'a> {
             }
             self.judge
                 .begin(from, so_far, Some(&self.surrogate), VARIATIONS[0]);
-            go_on(&mut self.judge, so_far, (&strategy, self.policies));
+            play_strategy(&mut self.judge, so_far, (&strategy, self.policies));
             let margin = match self.judge.bench.verdict() {
                 Some(Verdict::Held { margin }) => margin,
                 // The ego failed here, counted or not, so no strategy comes nearer.
@@ -334,13 +331,10 @@ impl<'a> Planner<'a> {
         strategy: &Strategy,
     ) -> Vec<MotionSample> {
         let samples = self.judge.bench.clock().samples_per_decision();
-        let known = match strategy {
-            Strategy::Plan(actions) => self.earlier.known(so_far, actions, samples),
-            _ => Cow::Borrowed(so_far),
-        };
+        let known = self.earlier.known_under(so_far, strategy, samples);
         self.judge
             .begin(from, &known, Some(&self.surrogate), VARIATIONS[0]);
-        go_on(&mut self.judge, &known, (strategy, self.policies));
+        play_strategy(&mut self.judge, &known, (strategy, self.policies));
         self.judge.motion()
     }
 
@@ -381,7 +375,7 @@ impl<'a> Planner<'a> {
         self.attempt = 0;
         self.in_vain = 0;
         let mut first = match earlier.count() {
-            0 => self.choose(from, &so_far, self.care.leads),
+            0 => self.choose(from, &so_far, self.budget.leads),
             _ => self.choose_again(from, &so_far),
         };
         if first.score == 0 {
@@ -417,7 +411,7 @@ impl<'a> Planner<'a> {
                 .is_none_or(|expected| so_far.motion[here].strays_from(expected));
             let late = !now.is_sure() && PATIENCE <= decision + 1 - chosen_at;
             // Pauses grow with searches in vain, since another search would rarely find a plan.
-            let rests = decision + 1 - chosen_at < self.care.rest(self.in_vain);
+            let rests = decision + 1 - chosen_at < self.budget.rest(self.in_vain);
             if rests || (!strays && !late) {
                 continue;
             }

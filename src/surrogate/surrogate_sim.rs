@@ -2,13 +2,15 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::features::Features;
-use super::fitted_model::{EgoInputs, MODELS};
-use super::model::{ModelDriverConfig, ModelDriverSlot, Surrogate};
-use super::motion::{MotionReader, MotionSample};
+use super::emergency_brake::Situation;
+use super::features::{Features, ModelInputs};
+use super::model::Surrogate;
+use super::model_fit::{EgoInputs, MODELS};
+use crate::ego::{Briefing, Command, Controller, Fault, Percept};
 use crate::rl::Policy;
 use crate::scene::Start;
-use crate::sim::PlantKind;
+use crate::scene::drive::{ControllerFactory, Course};
+use crate::sim::{PlantKind, Pose};
 use crate::testbench::{Aftermath, Testbench};
 use crate::world::Scenario;
 
@@ -86,7 +88,7 @@ pub(super) fn width_of(world: &Scenario) -> usize {
 /// Model world that is played decision by decision.
 pub(super) struct ModelBench {
     pub bench: Testbench,
-    pub casting: ModelDriverSlot,
+    pub driver_slot: ModelDriverSlot,
     reader: MotionReader,
     obs: Vec<f32>,
 }
@@ -103,13 +105,13 @@ impl ModelBench {
     /// Returns the same model on any plant.
     pub fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
         let reader = MotionReader::of(world)?;
-        let casting = ModelDriverSlot::default();
-        // The bench takes its driver from `casting`, so the part can change between episodes.
-        let bench = world.as_model(plant, casting.factory()).bench();
+        let driver_slot = ModelDriverSlot::default();
+        // The bench takes its driver from `driver_slot`, so the part can change between episodes.
+        let bench = world.as_model(plant, driver_slot.factory()).bench();
         Some(ModelBench {
             obs: vec![0.0; bench.spaces().observation],
             bench,
-            casting,
+            driver_slot,
             reader,
         })
     }
@@ -122,7 +124,7 @@ impl ModelBench {
         surrogate: Option<&Arc<Surrogate>>,
         variation: SurrogateVariation,
     ) {
-        self.cast(so_far, surrogate, variation);
+        self.set_ego(so_far, surrogate, variation);
         self.bench.begin(from.0, from.1, Aftermath::Skip);
         for &action in &so_far.actions {
             // The model can reach its verdict earlier than the recorded run did.
@@ -134,23 +136,23 @@ impl ModelBench {
     }
 
     /// Sets the motion and the surrogate that the ego follows in the next episodes.
-    pub fn cast(
+    pub fn set_ego(
         &self,
         so_far: &RunPrefix,
         surrogate: Option<&Arc<Surrogate>>,
         variation: SurrogateVariation,
     ) {
-        self.casting.give(ModelDriverConfig {
+        self.driver_slot.set(ModelDriverConfig {
             known: so_far.motion.as_slice().into(),
             surrogate: surrogate.cloned(),
             member: variation.member,
             bias_mps3: variation.bias_mps3,
-            heard: None,
+            inputs: None,
         });
     }
 
     /// Plays `actions`, the last action held, until the verdict.
-    pub fn go_on(&mut self, actions: &[usize]) {
+    pub fn play_actions(&mut self, actions: &[usize]) {
         let mut rest = actions.iter();
         let mut action = 0;
         while !self.bench.is_done() {
@@ -160,16 +162,13 @@ impl ModelBench {
         }
     }
 
-    /// Follows a policy until the verdict and returns its actions.
-    pub fn follow(&mut self, policy: &dyn Policy) -> Vec<usize> {
-        let mut actions = Vec::new();
+    /// Follows a policy until the verdict.
+    pub fn follow(&mut self, policy: &dyn Policy) {
         while !self.bench.is_done() {
             self.bench.observe(&mut self.obs);
             let action = policy.act(&self.obs);
-            actions.push(action);
             self.bench.decide(action);
         }
-        actions
     }
 
     /// Returns whether the ego violated its specification and the ado kept every rule.
@@ -188,23 +187,227 @@ impl ModelBench {
 
     /// Returns the ego's percepts in a run, sample by sample.
     pub fn percepts(&mut self, from: NoisyStart<'_>, run: &RunPrefix) -> EgoInputs {
-        let heard = Arc::new(Mutex::new(EgoInputs::default()));
+        let inputs = Arc::new(Mutex::new(EgoInputs::default()));
         // Without a surrogate the ego follows the recorded motion only.
-        self.casting.give(ModelDriverConfig {
+        self.driver_slot.set(ModelDriverConfig {
             known: run.motion.as_slice().into(),
-            heard: Some(Arc::clone(&heard)),
+            inputs: Some(Arc::clone(&inputs)),
             ..ModelDriverConfig::default()
         });
         self.bench.begin(from.0, from.1, Aftermath::Skip);
-        self.go_on(&run.actions);
-        std::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner))
+        self.play_actions(&run.actions);
+        std::mem::take(&mut *inputs.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// Largest acceleration of a car, m/s².
+const MOST_ACCEL_MPS2: f64 = 15.0;
+/// Largest lateral speed of a car, m/s.
+const MOST_LATERAL_MPS: f64 = 4.0;
+
+/// Behaviour of a model's driver in the next episode.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ModelDriverConfig {
+    /// Recorded motion of the ego, which is repeated sample by sample.
+    pub known: Arc<[MotionSample]>,
+    /// Behaviour afterwards. `None`: constant acceleration.
+    pub surrogate: Option<Arc<Surrogate>>,
+    /// Member of the ensemble. `None`: the mean of all.
+    pub member: Option<usize>,
+    /// Jerk added to every answer, which makes the ego more or less careful.
+    pub bias_mps3: f64,
+    /// Record of the percepts of every sample.
+    pub inputs: Option<Arc<Mutex<EgoInputs>>>,
+}
+
+/// Slot that hands a part to the driver of a model at the start of an episode.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ModelDriverSlot(Arc<Mutex<ModelDriverConfig>>);
+
+impl ModelDriverSlot {
+    pub fn set(&self, config: ModelDriverConfig) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = config;
+    }
+
+    fn take(&self) -> ModelDriverConfig {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// Returns a factory of drivers that play the parts given here.
+    pub fn factory(&self) -> ControllerFactory {
+        let driver_slot = self.clone();
+        Arc::new(move || {
+            Box::new(ModelDriver {
+                driver_slot: driver_slot.clone(),
+                config: ModelDriverConfig::default(),
+                briefing: Briefing::default(),
+                model_inputs: ModelInputs::default(),
+                row: Vec::new(),
+                scaled: Vec::new(),
+                sample: 0,
+            })
+        })
+    }
+}
+
+/// Driver that repeats the recorded motion and then follows the surrogate.
+#[derive(Clone)]
+struct ModelDriver {
+    driver_slot: ModelDriverSlot,
+    config: ModelDriverConfig,
+    briefing: Briefing,
+    model_inputs: ModelInputs,
+    row: Vec<f32>,
+    scaled: Vec<f32>,
+    sample: usize,
+}
+
+impl ModelDriver {
+    fn command(&mut self, percept: &Percept) -> Command {
+        let own = &percept.own;
+        let known = &self.config.known;
+        if let (Some(here), Some(next)) = (known.get(self.sample), known.get(self.sample + 1)) {
+            // The command starts from the model's own speed, so deviations are corrected.
+            return Command {
+                accel_mps2: (next.speed_mps - own.speed_mps) / percept.sample_s,
+                lateral_mps: (next.lateral_m - here.lateral_m) / percept.sample_s,
+            };
+        }
+        let Some(surrogate) = &self.config.surrogate else {
+            return Command::accelerate(own.accel_mps2);
+        };
+        let [change_mps2, lateral_mps] =
+            surrogate.answer(self.config.member, &self.row, &mut self.scaled);
+        let braking_mps2 = surrogate
+            .brake
+            .and_then(|brake| brake.change_mps2(&Situation::of(percept)));
+        // The brake only adds braking, so the harder of both applies.
+        let change_mps2 = braking_mps2.map_or(change_mps2, |braking| change_mps2.min(braking));
+        let accel_mps2 = own.accel_mps2 + change_mps2 + self.config.bias_mps3 * percept.sample_s;
+        // A prediction outside the recorded range would be an extrapolation.
+        let [least, most] = surrogate.range_mps2;
+        Command {
+            accel_mps2: accel_mps2.clamp(least, most),
+            lateral_mps,
+        }
+    }
+}
+
+impl Controller for ModelDriver {
+    fn brief(&mut self, briefing: &Briefing) {
+        self.briefing = briefing.clone();
+    }
+
+    fn reset(&mut self, _seed: u64) {
+        self.config = self.driver_slot.take();
+        self.sample = 0;
+    }
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        if let Some(inputs) = &self.config.inputs {
+            let mut inputs = inputs.lock().unwrap_or_else(PoisonError::into_inner);
+            inputs.percepts.push(percept.clone());
+            inputs.briefing = self.briefing.clone();
+        }
+        // The row is read during the recorded motion too, because it holds past frames.
+        if let Some(surrogate) = &self.config.surrogate {
+            if self.sample == 0 {
+                self.model_inputs
+                    .begin(&surrogate.nearest, &self.briefing, percept);
+            }
+            self.model_inputs.read(percept, &mut self.row);
+        }
+        let Command {
+            accel_mps2,
+            lateral_mps,
+        } = self.command(percept);
+        self.sample += 1;
+        Ok(Command {
+            accel_mps2: accel_mps2.clamp(-MOST_ACCEL_MPS2, MOST_ACCEL_MPS2),
+            lateral_mps: lateral_mps.clamp(-MOST_LATERAL_MPS, MOST_LATERAL_MPS),
+        })
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}
+
+/// Position and speed of an ego at a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct MotionSample {
+    /// Position along the road.
+    pub s_m: f64,
+    /// Position to the left of the middle of lane 0.
+    pub lateral_m: f64,
+    /// Speed along the heading.
+    pub speed_mps: f64,
+}
+
+impl MotionSample {
+    /// Returns the distance between two positions on the road.
+    pub fn distance_m(&self, other: &MotionSample) -> f64 {
+        libm::hypot(self.s_m - other.s_m, self.lateral_m - other.lateral_m)
+    }
+
+    /// Returns whether two motions differ too much to share a plan.
+    pub fn strays_from(&self, other: &MotionSample) -> bool {
+        const APART_M: f64 = 0.1;
+        const APART_MPS: f64 = 0.1;
+        APART_M < self.distance_m(other) || APART_MPS < (self.speed_mps - other.speed_mps).abs()
+    }
+}
+
+/// Reader of the ego's motion from the traces of a world.
+#[derive(Clone, Debug)]
+pub(super) struct MotionReader {
+    columns: [usize; 3],
+    course: Arc<Course>,
+}
+
+impl MotionReader {
+    /// Returns a reader for the traces of `world`, or `None` without a driving scene.
+    pub fn of(world: &Scenario) -> Option<MotionReader> {
+        let spec = world.drive()?;
+        let ego = &spec.agents[spec.egos().next()?].name;
+        let schema = world.world().schema();
+        let position = |field: &str| schema.position(&format!("{ego}.{field}"));
+        Some(MotionReader {
+            columns: [position("x")?, position("y")?, position("speed")?],
+            course: Arc::new(spec.road.course().ok()?),
+        })
+    }
+
+    /// Appends the samples of a bench that `motion` does not hold yet.
+    pub fn follow(&self, bench: &Testbench, motion: &mut Vec<MotionSample>) {
+        let [x, y, speed] = self.columns.map(|column| bench.trace().column(column));
+        // After a held contact the trace continues to the horizon, but the motion ends.
+        let moved = bench.physics_steps() / u64::from(bench.clock().substeps);
+        for sample in motion.len()..=moved as usize {
+            let at = self.course.locate(&Pose {
+                x_m: x[sample],
+                y_m: y[sample],
+                // The heading has no influence on the position along the road.
+                heading_rad: 0.0,
+            });
+            motion.push(MotionSample {
+                s_m: at.s_m,
+                lateral_m: at.lateral_m,
+                speed_mps: speed[sample],
+            });
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ego::Own;
     use crate::seed::{Purpose, StartKey};
+    use crate::surrogate::model::tests::surrogate;
     use crate::testbench::{HOLD_DECISIONS, HeldRandom, play};
 
     /// Returns a model on the world's own plant.
@@ -300,11 +503,35 @@ mod tests {
             .expect("sound");
         let (start, noise, run) = run_of(&world, 1);
         let mut model = own(&world).expect("driven");
-        let heard = model.percepts((&start, noise), &run);
-        assert!(run.motion.len().abs_diff(heard.percepts.len() + 1) <= 1);
-        assert!(0.0 < heard.briefing.sample_s);
-        for (percept, moment) in heard.percepts.iter().zip(&run.motion) {
+        let inputs = model.percepts((&start, noise), &run);
+        assert!(run.motion.len().abs_diff(inputs.percepts.len() + 1) <= 1);
+        assert!(0.0 < inputs.briefing.sample_s);
+        for (percept, moment) in inputs.percepts.iter().zip(&run.motion) {
             assert!((percept.own.speed_mps - moment.speed_mps).abs() < 0.05);
+        }
+    }
+
+    #[test]
+    fn it_brakes_and_accelerates_no_harder_than_was_seen() {
+        let percept = Percept {
+            sample_s: 0.05,
+            own: Own {
+                speed_mps: 20.0,
+                ..Own::default()
+            },
+            ..Percept::default()
+        };
+        // An answer of this size exceeds every limit.
+        for unit_mps2 in [1e6, -1e6] {
+            let driver_slot = ModelDriverSlot::default();
+            driver_slot.set(ModelDriverConfig {
+                surrogate: Some(Arc::new(surrogate([-4.0, 2.0], unit_mps2))),
+                ..ModelDriverConfig::default()
+            });
+            let mut driver = driver_slot.factory()();
+            driver.reset(0);
+            let command = driver.control(&percept).expect("it drives");
+            assert!([-4.0, 2.0].contains(&command.accel_mps2), "{command:?}");
         }
     }
 }

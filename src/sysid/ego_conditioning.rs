@@ -1,53 +1,59 @@
-//! Which policy meets an ego: a conditional ado is told the ego's parameters.
+//! Conditioning of an ado on the parameters of an ego, identified once and stored with the run.
 
 use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
 
-use super::error::ConditioningError;
-use super::identified_ego::{IdentifiedAs, identified};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::identify::{Identified, IdentifyError, IdentifyRequest, describes, identify};
 use crate::adversary::other_members;
+use crate::content_hash::{BLANK, check, fingerprint, seal, sha256};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::rl::Policy;
-use crate::run_dir::RunDir;
+use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::sim::PlantKind;
-use crate::world::TrainingEgos;
+use crate::world::{EgoSample, Family, SampleError, Scenario, TrainingEgos, file_bytes, file_text};
 
-/// Runs of an ego from which it is identified, where more are left to learn it from.
+/// Number of runs that identify an ego if further runs are left to learn it from.
 pub const RECORDED_RUNS: u64 = 10;
 
-/// With fewer runs there is nothing to fit.
+/// Smallest number of runs of an ego that a fit requires.
 pub const LEAST_RUNS: u64 = 10;
 
-/// Whence a conditional ado knows the ego it meets.
+/// Source of the parameters that a conditional ado receives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ContextSource {
-    /// It takes every ego for the nominal one.
+    /// Nominal parameters for every ego.
     Nominal,
-    /// It is told the parameters in the world file.
+    /// Parameters in the world file.
     True,
-    /// Each ego is identified from so many runs of it.
+    /// Parameters identified from this number of runs of each ego.
     Identified(u64),
 }
 
-/// An ado, ready to meet one ego.
+/// Ado conditioned on an ego.
+#[non_exhaustive]
 pub struct ConditionedAdo {
-    /// Its policy; a conditional one is told what it takes the ego for.
+    /// Policy. It receives the parameters if the ado is conditional.
     pub policy: Box<dyn Policy>,
-    /// The same told of other egos, for [`crate::adversary::BestOfN`].
+    /// Policies for other members of the family, for [`crate::adversary::BestOfN`].
     pub others: Vec<Box<dyn Policy>>,
-    /// What it was told, as rows have it; `None`: it is not told anything.
-    pub told: Option<&'static str>,
-    /// The same told of the nominal ego, where it was told of another one.
-    pub untold: Option<Box<dyn Policy>>,
-    /// What the runs of the ego showed, if it was identified.
+    /// Origin of the parameters, as in rows. `None`: the ado is not conditional.
+    pub context: Option<&'static str>,
+    /// Policy for the nominal ego, if the parameters are identified.
+    pub nominal_policy: Option<Box<dyn Policy>>,
+    /// Result of the identification, if the ego was identified.
     pub identified: Option<IdentifiedAs>,
 }
 
 impl ContextSource {
-    /// What the ado of a run is told of egos that it may learn from so many `runs`
-    /// of each; `None`: it is told nothing.
+    /// Returns the source for the ado of a run with at most `runs` runs of each ego.
+    ///
+    /// `None`: the ado is not conditional.
     ///
     /// # Errors
-    /// The run has no policy, or its file is damaged.
+    /// Returns an error if the run has no policy, or its file is damaged.
     pub fn of(
         run: &RunDir,
         runs: Option<NonZeroU64>,
@@ -64,7 +70,7 @@ impl ContextSource {
         )
     }
 
-    /// Runs of each ego that go into identifying it.
+    /// Returns the number of runs that identify an ego.
     pub fn runs(&self) -> u64 {
         match self {
             ContextSource::Identified(runs) => *runs,
@@ -73,13 +79,13 @@ impl ContextSource {
     }
 }
 
-/// The ado of a run, told of an ego what `source` says.
+/// Returns the ado of a run, conditioned on an ego.
 ///
-/// `source` is `None` for an ado that is not conditional. `seed` is that of the
-/// runs with which an ego is identified.
+/// `source` is `None` for an ado that is not conditional. `seed` is the seed of the runs
+/// that identify the ego.
 ///
 /// # Errors
-/// The run has no policy, or the ego cannot be identified.
+/// Returns an error if the run has no policy, or the ego cannot be identified.
 pub fn conditioned(
     run: &RunDir,
     source: Option<&ContextSource>,
@@ -91,8 +97,8 @@ pub fn conditioned(
         return Ok(ConditionedAdo {
             policy: run.policy()?,
             others: Vec::new(),
-            told: None,
-            untold: None,
+            context: None,
+            nominal_policy: None,
             identified: None,
         });
     };
@@ -105,7 +111,7 @@ pub fn conditioned(
         ContextSource::Identified(runs) => identified(run, &world, ego, (runs, seed), watch)?,
         ContextSource::Nominal | ContextSource::True => None,
     };
-    let (member, told) = match (source, &found) {
+    let (member, context) = match (source, &found) {
         (ContextSource::True, _) => match family.member_of(spec) {
             Ok(member) => (member, "true"),
             Err(error) => {
@@ -114,22 +120,22 @@ pub fn conditioned(
                 (nominal.clone(), "nominal")
             }
         },
-        (_, Some(found)) => found.told(family, plant_of(ego)?)?,
-        // Nothing is known of it, or stopped: no row will be finished then either.
+        (_, Some(found)) => found.context(family, plant_of(ego)?)?,
+        // After a stop no row is finished, so the parameters have no effect.
         (_, None) => (nominal.clone(), "nominal"),
     };
     if let Some(found) = &found {
-        say_stranger(ego, told, found, watch);
+        note_unexplained(ego, context, found, watch);
     }
-    let untold = match told {
-        "identified" => Some(run.policy_told(&nominal)?),
+    let nominal_policy = match context {
+        "identified" => Some(run.conditioned_policy(&nominal)?),
         _ => None,
     };
     Ok(ConditionedAdo {
-        policy: run.policy_told(&member)?,
+        policy: run.conditioned_policy(&member)?,
         others: other_members(run, family, spec.plant)?,
-        told: Some(told),
-        untold,
+        context: Some(context),
+        nominal_policy,
         identified: found,
     })
 }
@@ -139,12 +145,12 @@ fn plant_of(ego: &EgoUnderTest) -> Result<PlantKind, ConditioningError> {
     plant.ok_or(ConditioningError::NoPlant)
 }
 
-/// Says of an ego that no member explains what the ado is told instead.
-fn say_stranger(ego: &EgoUnderTest, told: &str, found: &IdentifiedAs, watch: &Watch<'_>) {
+/// Notes the parameters that replace those of an ego that no member explains.
+fn note_unexplained(ego: &EgoUnderTest, context: &str, found: &IdentifiedAs, watch: &Watch<'_>) {
     if found.explains {
         return;
     }
-    let what = match told {
+    let what = match context {
         "identified" => "the ado is told its nearest member",
         _ => "which says nothing of it: the ado is told the nominal values",
     };
@@ -153,4 +159,250 @@ fn say_stranger(ego: &EgoUnderTest, told: &str, found: &IdentifiedAs, watch: &Wa
         ego.name(),
         found.residual_m
     ));
+}
+
+/// Nearest member of a family to an ego, and its residuals.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct IdentifiedAs {
+    /// Name of the ego, as in the rows.
+    pub ego: String,
+    /// Quantities of the family, in its order.
+    pub parameters: Vec<FoundParameter>,
+    /// Whether the member follows the ego about as closely as noise allows.
+    pub explains: bool,
+    /// Residual of the member: root mean square distance over all samples.
+    ///
+    /// A speed difference of 1 m/s counts like 1 m.
+    pub residual_m: f64,
+    /// Residual up to which a member explains the ego.
+    pub bound_m: f64,
+    /// Residual of the nominal ego.
+    pub nominal_residual_m: f64,
+    /// Influence of the ego's noise on the recorded runs. 0 without noise.
+    pub noise_m: f64,
+    /// Residuals of all independent fits.
+    pub refits_m: Vec<f64>,
+    /// Recorded runs of the ego.
+    pub recorded: u64,
+    /// Simulated runs of members.
+    pub simulations: u64,
+}
+
+/// Quantity of a family, fitted to an ego.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct FoundParameter {
+    /// Name of the quantity, with its unit.
+    pub name: String,
+    /// Value of the nearest member.
+    pub fitted: f64,
+    /// Standard deviation over independent fits.
+    pub spread: f64,
+    /// Whether the runs do not show it, so that `fitted` is nominal.
+    pub hidden: bool,
+    /// Value of the world's own ego.
+    pub nominal: f64,
+    /// Smallest and largest value in the family.
+    pub range: [f64; 2],
+}
+
+impl IdentifiedAs {
+    fn of(ego: &str, family: &Family, found: &Identified) -> IdentifiedAs {
+        let quantities = family.quantities.iter().enumerate();
+        let parameters = quantities.map(|(i, quantity)| FoundParameter {
+            name: quantity.varied.name().to_owned(),
+            fitted: found.member.values[i],
+            spread: found.spread[i],
+            hidden: found.hidden[i],
+            nominal: quantity.nominal,
+            range: [quantity.lo, quantity.hi],
+        });
+        IdentifiedAs {
+            ego: ego.to_owned(),
+            parameters: parameters.collect(),
+            explains: found.explains(),
+            residual_m: found.residual_m,
+            bound_m: found.bound_m(),
+            nominal_residual_m: found.nominal_residual_m,
+            noise_m: found.noise_m,
+            refits_m: found.refits_m.clone(),
+            recorded: found.recorded,
+            simulations: found.simulations,
+        }
+    }
+
+    /// Returns the parameters for a conditional ado, with their origin.
+    ///
+    /// They are those of the member, or nominal if the member does not describe the ego
+    /// ([`describes`]).
+    fn context(
+        &self,
+        family: &Family,
+        plant: PlantKind,
+    ) -> Result<(EgoSample, &'static str), ConditioningError> {
+        if !describes(self.explains, self.residual_m, self.nominal_residual_m) {
+            return Ok((family.nominal(plant), "nominal"));
+        }
+        let values = self.parameters.iter().map(|p| (p.name.clone(), p.fitted));
+        let member = family.member_named(&values.collect(), plant);
+        // The values come from this family or from a sealed file, so this is a bug if it fails.
+        let member = member.map_err(ConditioningError::NoMember)?;
+        Ok((member, "identified"))
+    }
+}
+
+/// Identified ego in the run directory.
+#[derive(Serialize, Deserialize)]
+struct IdentificationRecord {
+    sha256: String,
+    identified: IdentifiedAs,
+}
+
+impl IdentificationRecord {
+    fn read(text: &str) -> Result<IdentifiedAs, String> {
+        let kept: IdentificationRecord =
+            serde_json::from_str(text).map_err(|error| error.to_string())?;
+        check(text, &kept.sha256)?;
+        Ok(kept.identified)
+    }
+
+    fn written(found: &IdentifiedAs) -> Result<String, serde_json::Error> {
+        let kept = IdentificationRecord {
+            sha256: BLANK.to_owned(),
+            identified: found.clone(),
+        };
+        Ok(seal(&serde_json::to_string_pretty(&kept)?))
+    }
+}
+
+/// Returns the stored identification of an ego, or identifies the ego and stores it.
+///
+/// `None`: stopped from outside.
+///
+/// # Errors
+/// Returns an error if the ego cannot be identified, or a file cannot be written.
+fn identified(
+    run: &RunDir,
+    world: &Scenario,
+    ego: &EgoUnderTest,
+    (runs, seed): (u64, u64),
+    watch: &Watch<'_>,
+) -> Result<Option<IdentifiedAs>, ConditioningError> {
+    let asked = serde_json::json!({ "identified_from": runs, "seed": seed });
+    let place = place_of(run, ego, &asked).map(|place| place.with_extension("json"));
+    if let Some(place) = &place
+        && let Ok(text) = file_text(place)
+    {
+        let (name, place) = (ego.name(), place.display());
+        match IdentificationRecord::read(&text) {
+            Ok(kept) => {
+                watch.note(&format!("`{name}`: identified before ({place})"));
+                return Ok(Some(kept));
+            }
+            Err(error) => watch.note(&format!("{place}: {error}; identified anew")),
+        }
+    }
+    let request = IdentifyRequest::new(world, ego.scenario(), runs as usize)
+        .at_most(runs)
+        .seed(seed);
+    let Some(found) = identify(&request, &watch.quiet())? else {
+        return Ok(None);
+    };
+    let family = world.family();
+    let family = family.ok_or(ConditioningError::NoFamily)?;
+    let found = IdentifiedAs::of(ego.name(), family, &found);
+    if let Some(place) = &place {
+        let text = IdentificationRecord::written(&found).map_err(|error| RunError::Damaged {
+            path: place.clone(),
+            why: error.to_string(),
+        })?;
+        make_dir(&run.path().join(DIR))?;
+        write_file(place, text.as_bytes())?;
+    }
+    Ok(Some(found))
+}
+
+/// Directory of learned egos in a run.
+pub(crate) const DIR: &str = "learned";
+
+/// Returns the path, without extension, of the result of a request about an ego.
+///
+/// The name is a hash of everything that the result depends on: the version, the world,
+/// the ego, its plant and, for a program, the files that its command names.
+/// `None`: the controller is in no file, and the next controller may differ.
+pub(crate) fn place_of(run: &RunDir, ego: &EgoUnderTest, asked: &Value) -> Option<PathBuf> {
+    if ego.is_own() {
+        return None;
+    }
+    let program = ego.scenario().program();
+    let files = program.iter().flat_map(|program| &program.command);
+    let files = files.filter_map(|path| file_bytes(Path::new(path)).ok());
+    let files: Vec<String> = files.map(|bytes| sha256(&bytes)).collect();
+    let name = fingerprint(&json!({
+        "brakecheck": env!("CARGO_PKG_VERSION"),
+        "world_sha256": run.manifest().world_sha256,
+        "change": ego.change(),
+        "plant": ego.scenario().plant(),
+        "files_sha256": files,
+        "asked": asked,
+    }));
+    let name = name[..16].to_owned();
+    Some(run.path().join(DIR).join(name))
+}
+
+/// Error of conditioning an ado on an ego.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConditioningError {
+    /// The ado is not conditional.
+    #[error("the ado in `{}` is not told anything", run.display())]
+    NotConditional {
+        /// Directory of the run.
+        run: PathBuf,
+    },
+    /// The parameters describe no member of the family.
+    #[error("{error}")]
+    Misfit {
+        /// Error of a missing, unknown or excessive parameter.
+        error: SampleError,
+        /// Parameters of the ado, in order.
+        known: Vec<String>,
+    },
+    /// The world of a conditional ado has no family, which is a bug of this program.
+    #[error("a conditional ado without a family")]
+    NoFamily,
+    /// The ego of a conditional ado has no plant, which is a bug of this program.
+    #[error("an ego on no plant")]
+    NoPlant,
+    /// The identified member is not in the family, which is a bug of this program.
+    #[error("{0}")]
+    NoMember(SampleError),
+    /// The ego cannot be identified.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// The run has no policy, or its files are damaged.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+impl ConditioningError {
+    /// Returns the fix. `None`: a wrapped error has its own.
+    pub fn help(&self) -> Option<String> {
+        match self {
+            ConditioningError::NotConditional { .. } => {
+                Some("tell it nothing, or train with `--against conditional`".to_owned())
+            }
+            ConditioningError::Misfit { known, .. } => {
+                Some(format!("the ado is told: {}", known.join(", ")))
+            }
+            ConditioningError::NoFamily
+            | ConditioningError::NoPlant
+            | ConditioningError::NoMember(_)
+            | ConditioningError::Identify(_)
+            | ConditioningError::Run(_) => None,
+        }
+    }
 }

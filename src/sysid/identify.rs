@@ -12,13 +12,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::recording::IdentifyRequest;
-use super::recording::{RecordedRuns, deviations, noise_m, record};
+use crate::ego::Fault;
 use crate::experiment::Watch;
-use crate::seed;
+use crate::scene::{Scene, Start, StepOutcome};
+use crate::seed::{self, Purpose, StartKey};
 use crate::sim::PlantKind;
-pub(super) use crate::stats::descend;
-use crate::stats::{CrossEntropySearch, Fit, cost};
+use crate::stats::{CrossEntropySearch, Fit, cost, descend};
+use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
 use crate::world::{EgoSample, Family, Scenario};
 
 /// Number of independent fits, which show if they agree.
@@ -26,7 +26,7 @@ const REFITS: u64 = 3;
 /// Share of the nominal residual up to which a member describes an ego.
 ///
 /// It applies to members that do not explain the ego.
-const TELLING: f64 = 0.5;
+const DESCRIBES_SHARE: f64 = 0.5;
 /// Distance from an ego, beyond its own noise, within which a member explains it.
 ///
 /// It is about the depth of a violation between two cars.
@@ -36,8 +36,61 @@ const SHOWS_M: f64 = 0.05;
 /// Share of the residual that has the same effect, if it is more.
 const SHOWS_SHARE: f64 = 0.05;
 
+/// Request to identify an ego within a family.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct IdentifyRequest<'a> {
+    /// World with the family, which is the model.
+    pub world: &'a Scenario,
+    /// World with the ego under test, which is only run.
+    pub ego: &'a Scenario,
+    /// Number of starts to record from.
+    pub runs: usize,
+    /// Largest number of runs of the ego. `None`: as many as the starts require.
+    ///
+    /// The first start is run twice, and with noise every start is.
+    pub at_most: Option<u64>,
+    /// Seed of the runs and of the search.
+    pub seed: u64,
+    /// Quantities that stay nominal, as if the family did not vary them.
+    pub fixed: &'a [String],
+}
+
+impl<'a> IdentifyRequest<'a> {
+    /// Returns a request with seed 0, no limit of runs and every quantity free.
+    pub fn new(world: &'a Scenario, ego: &'a Scenario, runs: usize) -> IdentifyRequest<'a> {
+        IdentifyRequest {
+            world,
+            ego,
+            runs,
+            at_most: None,
+            seed: 0,
+            fixed: &[],
+        }
+    }
+
+    /// Limits the runs of the ego.
+    pub fn at_most(self, runs: u64) -> IdentifyRequest<'a> {
+        IdentifyRequest {
+            at_most: Some(runs),
+            ..self
+        }
+    }
+
+    /// Sets the seed.
+    pub fn seed(self, seed: u64) -> IdentifyRequest<'a> {
+        IdentifyRequest { seed, ..self }
+    }
+
+    /// Sets the quantities that stay nominal.
+    pub fn fixed(self, fixed: &'a [String]) -> IdentifyRequest<'a> {
+        IdentifyRequest { fixed, ..self }
+    }
+}
+
 /// Identified member and the confidence in it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Identified {
     /// Nearest member. Quantities that are not observable are nominal.
     pub member: EgoSample,
@@ -68,9 +121,9 @@ impl Identified {
     /// Returns the parameters for a conditional ado, with their origin.
     ///
     /// They are those of the member, or nominal if the member does not describe the ego
-    /// ([`is_telling`]).
-    pub fn told(&self, family: &Family) -> (EgoSample, &'static str) {
-        if is_telling(self.explains(), self.residual_m, self.nominal_residual_m) {
+    /// ([`describes`]).
+    pub fn context(&self, family: &Family) -> (EgoSample, &'static str) {
+        if describes(self.explains(), self.residual_m, self.nominal_residual_m) {
             (self.member.clone(), "identified")
         } else {
             (family.nominal(self.member.plant), "nominal")
@@ -93,8 +146,8 @@ fn bound_m(noise_m: f64) -> f64 {
 /// It explains the ego, or its residual is at most half the nominal residual.
 /// The nearest member may be far from an ego outside the family. An ado that is
 /// conditioned on such a member does worse than with nominal parameters.
-pub fn is_telling(explains: bool, residual_m: f64, nominal_residual_m: f64) -> bool {
-    explains || residual_m <= TELLING * nominal_residual_m
+pub fn describes(explains: bool, residual_m: f64, nominal_residual_m: f64) -> bool {
+    explains || residual_m <= DESCRIBES_SHARE * nominal_residual_m
 }
 
 /// Error of an identification.
@@ -244,7 +297,7 @@ impl Lab<'_> {
         let nominal_cost = self.residual_m(&self.family.nominal(plant));
         let centre = if nominal_cost < found.cost {
             nominal
-        } else if is_telling(false, found.cost, nominal_cost) {
+        } else if describes(false, found.cost, nominal_cost) {
             found.point.clone()
         } else {
             return found;
@@ -357,4 +410,183 @@ fn deviation(values: &[f64]) -> f64 {
     let count = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / count;
     (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count).sqrt()
+}
+
+/// Position x, y and speed of the ego.
+type EgoState = [f64; 3];
+
+/// Runs from one start under the same actions, with the ego's mean motion.
+struct EgoRecording {
+    start: Start,
+    actions: Vec<usize>,
+    seen: Vec<EgoState>,
+    /// Sum of squared differences between two runs under different noise.
+    apart: f64,
+}
+
+/// Recordings and the number of runs that they took.
+struct RecordedRuns {
+    pub recordings: Vec<EgoRecording>,
+    pub runs: u64,
+}
+
+/// Records runs of an ego under held random actions, to contact or T.
+///
+/// The starts come from the calibration stream and are never reported.
+/// The first start is run twice under different noise. If the runs differ, every start is
+/// run twice and the two runs are averaged.
+/// A start is left out if the ego fails at once or if too few runs are left.
+fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> RecordedRuns {
+    let (ego, starts, seed) = (request.ego, request.runs, request.seed);
+    let mut scene = ego.world().scene();
+    let bench = ego.bench();
+    let columns = columns(ego);
+    let mut recorded = RecordedRuns {
+        recordings: Vec::with_capacity(starts),
+        runs: 0,
+    };
+    let mut noisy = false;
+    for index in 0..starts as u64 {
+        let left = request
+            .at_most
+            .map_or(u64::MAX, |most| most - recorded.runs);
+        // A noisy ego needs two runs per start, and a single run would bias the fit.
+        if watch.stopped() || left < 1 + u64::from(noisy) {
+            break;
+        }
+        let key = StartKey {
+            purpose: Purpose::Calibration,
+            seed,
+            index,
+        };
+        let start = bench.draw(key);
+        let noise = bench.noise_of(key);
+        let mut actor = HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS);
+        actor.begin(noise, &start);
+        // The actions are fixed in advance, so members can repeat them exactly.
+        let actions = (0..bench.clock().decisions()).map(|_| actor.act(&[]));
+        let actions: Vec<usize> = actions.collect();
+        let first = run(&mut *scene, &start, noise, &actions, columns);
+        recorded.runs += 1;
+        watch.faults.note(index, first.as_ref().err());
+        let Ok(mut seen) = first else {
+            continue;
+        };
+        let mut apart = 0.0;
+        if noisy || (index == 0 && 1 < left) {
+            // Inverted bits give the second run another noise seed.
+            let again = run(&mut *scene, &start, !noise, &actions, columns);
+            recorded.runs += 1;
+            watch.faults.note(index, again.as_ref().err());
+            let Ok(again) = again else {
+                continue;
+            };
+            noisy = noisy || again != seen;
+            // One of the runs may have ended in contact earlier.
+            seen.truncate(again.len());
+            apart = squares(&seen, &again);
+            seen = mean(&seen, &again);
+        }
+        // A single sample contains no motion.
+        if 1 < seen.len() {
+            recorded.recordings.push(EgoRecording {
+                start,
+                actions,
+                seen,
+                apart,
+            });
+        }
+    }
+    recorded
+}
+
+fn mean(one: &[EgoState], other: &[EgoState]) -> Vec<EgoState> {
+    let pairs = one.iter().zip(other);
+    pairs
+        .map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i])))
+        .collect()
+}
+
+/// Returns the deviations of a model from the recordings, number by number.
+///
+/// If the model's run ends first, its last sample is repeated.
+fn deviations(scene: &mut dyn Scene, world: &Scenario, recordings: &[EgoRecording]) -> Vec<f64> {
+    let columns = columns(world);
+    let mut all = Vec::new();
+    for recording in recordings {
+        // A member with a fault stays at its first sample, which is a poor fit.
+        let model = run(scene, &recording.start, 0, &recording.actions, columns);
+        let model = model.unwrap_or_else(|_| recording.seen[..1].to_vec());
+        let pairs = pairs(&recording.seen, &model);
+        all.extend(pairs.flat_map(|(seen, model)| [0, 1, 2].map(|i| model[i] - seen[i])));
+    }
+    all
+}
+
+/// Pairs the samples of a recording with those of a run, extended by its last sample.
+fn pairs<'a>(
+    seen: &'a [EgoState],
+    run: &'a [EgoState],
+) -> impl Iterator<Item = (&'a EgoState, &'a EgoState)> {
+    // Invariant: every run has a first sample.
+    let rest = run.last().into_iter().cycle();
+    seen.iter().zip(run.iter().chain(rest))
+}
+
+/// Returns the error of an ego's averaged runs due to its noise, m.
+fn noise_m(runs: &[EgoRecording]) -> f64 {
+    let sum: f64 = runs.iter().map(|run| run.apart).sum();
+    let count: usize = runs.iter().map(|run| run.seen.len()).sum();
+    // Two runs differ by √2 σ, and their mean differs from the true mean by σ/√2.
+    0.5 * (sum / count.max(1) as f64).sqrt()
+}
+
+fn squares(one: &[EgoState], other: &[EgoState]) -> f64 {
+    let square = |(a, b): (&EgoState, &EgoState)| -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+    };
+    pairs(one, other).map(square).sum()
+}
+
+/// Returns the columns of the ego's x, y and speed in a row.
+fn columns(scenario: &Scenario) -> [usize; 3] {
+    let schema = scenario.world().schema();
+    let spec = scenario.drive();
+    let ego = spec.and_then(|spec| Some(&spec.agents[spec.egos().next()?].name));
+    let name = ego.map_or("", String::as_str);
+    // Invariant: every trace holds these three columns of every road user.
+    ["x", "y", "speed"].map(|field| schema.position(&format!("{name}.{field}")).unwrap_or(0))
+}
+
+fn run(
+    scene: &mut dyn Scene,
+    start: &Start,
+    noise: u64,
+    actions: &[usize],
+    columns: [usize; 3],
+) -> Result<Vec<EgoState>, Fault> {
+    let clock = *scene.clock();
+    let mut row = vec![0.0; scene.schema().len()];
+    let mut seen = Vec::with_capacity(clock.samples());
+    scene.reset(start, noise);
+    scene.publish(&mut row);
+    seen.push(columns.map(|column| row[column]));
+    for &action in actions {
+        scene.decide(action);
+        for _ in 0..clock.samples_per_decision() {
+            if seen.len() == clock.samples() {
+                return Ok(seen);
+            }
+            let flow = scene.advance();
+            if let StepOutcome::Fault(fault) = flow {
+                return Err(fault);
+            }
+            scene.publish(&mut row);
+            seen.push(columns.map(|column| row[column]));
+            if matches!(flow, StepOutcome::Contact(_)) {
+                return Ok(seen);
+            }
+        }
+    }
+    Ok(seen)
 }

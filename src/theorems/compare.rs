@@ -169,7 +169,7 @@ impl Witness {
             trace.push(&row).ok()?;
         }
         let mut scratch = Scratch::new();
-        let mut says = |trace: &Trace, horizon: usize| -> Vec<f64> {
+        let mut values = |trace: &Trace, horizon: usize| -> Vec<f64> {
             let rules = rulebook.rules.iter();
             let rules: Vec<f64> = rules
                 .map(|rule| rule.monitor.robustness(trace, &mut scratch))
@@ -178,7 +178,7 @@ impl Witness {
             rules.into_iter().chain([spec]).collect()
         };
         // The run ended by contact and not at the horizon, so no bound is open.
-        (says(&trace, horizon) == says(&other.trace, usize::MAX)).then_some(trace)
+        (values(&trace, horizon) == values(&other.trace, usize::MAX)).then_some(trace)
     }
 }
 

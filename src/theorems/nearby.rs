@@ -70,7 +70,8 @@ pub struct Theorem1Row {
     /// Value of δ.
     pub delta: f64,
     /// Counterexamples with reward V*(x0) and δ < γ^T (g(τ) + 1), the premise.
-    pub meets: usize,
+    #[serde(rename = "meets")]
+    pub in_premise: usize,
     /// Such counterexamples with V*(x0) − δ above every reward without a capture.
     ///
     /// The theorem then promises a counterexample from every nearby start.
@@ -154,10 +155,10 @@ fn theorem_1_row(
         // Three numbers per start, then three for each of the two ados.
         let mut counts = [0; 9];
         let run = played[1][here];
-        // Premise: δ < γ^T (g(τ) + 1), where −1 is the mildest foul.
-        let meets =
+        // Premise: δ < γ^T (g(τ) + 1), where −1 is the mildest rule violation.
+        let in_premise =
             run.success && is_paid(&run, values[here]) && delta < run.weight * (run.reward + 1.0);
-        if !meets {
+        if !in_premise {
             return counts;
         }
         counts[0] = 1;
@@ -169,8 +170,8 @@ fn theorem_1_row(
                 let other = other[there];
                 let holds = values[here] - delta - ROUNDING <= other.paid();
                 let printed = run.reward - delta / run.weight - ROUNDING <= other.reward;
-                counts[0] += u64::from(other.lawful && holds);
-                counts[1] += u64::from(other.lawful && printed);
+                counts[0] += u64::from(other.keeps_rules && holds);
+                counts[1] += u64::from(other.keeps_rules && printed);
                 counts[2] += u64::from(other.success);
             }
         }
@@ -183,7 +184,7 @@ fn theorem_1_row(
     };
     Theorem1Row {
         delta,
-        meets: counts[0] as usize,
+        in_premise: counts[0] as usize,
         promising: counts[1] as usize,
         pairs: counts[2],
         optimal: nearby(3),
@@ -240,7 +241,7 @@ impl Theorem1 {
         TheoremOutcome::PremiseNotMet { why }
     }
 
-    /// Returns the outcome for the trained ado, if the optimal ado meets the premises.
+    /// Returns the outcome for the trained ado, if the premises hold for the optimal ado.
     fn learned(&self, row: &Theorem1Row) -> TheoremOutcome {
         if row.delta <= self.gap {
             return TheoremOutcome::PremiseNotMet {
@@ -395,8 +396,9 @@ fn theorem_2_row(
         let near = |there: &usize| (values[here] - values[*there]).abs() <= beta;
         for there in (0..values.len()).filter(near) {
             let (greedy, agent) = (greedy[there], agent[there]);
-            let kept =
-                |run: &TheoremEpisode, have: f64, want: f64| run.lawful && want - ROUNDING <= have;
+            let kept = |run: &TheoremEpisode, have: f64, want: f64| {
+                run.keeps_rules && want - ROUNDING <= have
+            };
             counts[0] += 1;
             counts[1] += u64::from(held < bound);
             counts[2] += u64::from(!kept(&greedy, greedy.paid(), bound));

@@ -35,7 +35,7 @@ pub(super) struct TheoremEpisode {
     /// Reward R_T.
     pub(super) reward: f64,
     /// True if every rule was strictly kept.
-    pub(super) lawful: bool,
+    pub(super) keeps_rules: bool,
     /// Whether the episode is a counterexample.
     pub(super) success: bool,
 }
@@ -108,11 +108,11 @@ impl<'a> GridUnderTest<'a> {
             return Err(not_solved(format!("from {from:?} the episode is invalid")));
         };
         // A held episode and a counterexample both keep all rules.
-        let lawful = !matches!(episode.verdict, Verdict::Foul { .. });
+        let keeps_rules = !matches!(episode.verdict, Verdict::Foul { .. });
         let distances = episode.trace.signal("d_man").unwrap_or_default();
         let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
-        // Backward induction assumes ρ = min d_man − 1, which every lawful episode must show.
-        if lawful && ROUNDING < (episode.robustness - (least - 1.0)).abs() {
+        // Backward induction assumes ρ = min d_man − 1, which every episode without a rule violation must show.
+        if keeps_rules && ROUNDING < (episode.robustness - (least - 1.0)).abs() {
             return Err(not_solved(format!(
                 "from {from:?} its robustness is {}, but the least d_man is {least}",
                 episode.robustness
@@ -122,7 +122,7 @@ impl<'a> GridUnderTest<'a> {
         Ok(TheoremEpisode {
             weight: self.discount.powi(last as i32),
             reward,
-            lawful,
+            keeps_rules,
             success: episode.verdict.is_success(),
         })
     }
@@ -134,7 +134,7 @@ impl<'a> GridUnderTest<'a> {
 
     /// Returns the discounted reward above which only counterexamples lie.
     ///
-    /// A lawful episode without a counterexample earns at most R(0) ≤ 0, at decision K − 1.
+    /// An episode without rule violation and counterexample earns at most R(0) ≤ 0, at decision K − 1.
     pub(super) fn held_at_best(&self) -> f64 {
         let last = self.game.steps.saturating_sub(1);
         self.discount.powi(last as i32) * self.scenario.rulebook().reward.lawful(0.0)

@@ -216,7 +216,9 @@ impl TrainSession {
     fn policy(&self) -> Result<Box<dyn Policy>, SessionError> {
         let scenario = self.ego.scenario();
         Ok(match (scenario.family(), scenario.drive()) {
-            (Some(family), Some(spec)) => self.run.policy_told(&family.nominal(spec.plant))?,
+            (Some(family), Some(spec)) => {
+                self.run.conditioned_policy(&family.nominal(spec.plant))?
+            }
             _ => self.run.policy()?,
         })
     }

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use brakecheck::crashes::{
-    CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, Regressions, about,
+    CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, Regressions,
+    description,
 };
 use brakecheck::experiment::Watch;
 use brakecheck::testbench::{Episode, Testbench};
@@ -96,7 +97,7 @@ fn files_of_an_earlier_version_are_labelled_and_stay_the_same_episode() {
     let replayed = before.replay_recorded().expect("replayed");
     let (scenario, episode) = (&replayed[0].scenario, &replayed[0].episode);
     let said = before.kept()[0].refine(scenario, episode).expect("written");
-    assert_eq!(said, about(scenario, episode));
+    assert_eq!(said, description(scenario, episode));
     let after = Regressions::load(dir.path()).expect("a file");
     after.reproduce().unwrap_or_else(|error| panic!("{error}"));
     let (old, new) = (

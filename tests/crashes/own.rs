@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use brakecheck::crashes::{about, decisive, persistence, shrink};
+use brakecheck::crashes::{decisive, description, persistence, shrink};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
 use brakecheck::experiment::Watch;
 use brakecheck::run_dir::NotAsked;
@@ -76,7 +76,7 @@ fn a_deterministic_ego_gets_the_labels_that_the_same_stock_ego_gets() {
             if copies {
                 assert_eq!(small.actions, of_stock.actions);
             }
-            let runs = about(&world, &small).ego_runs.expect("counted");
+            let runs = description(&world, &small).ego_runs.expect("counted");
             assert_eq!((runs.copied, runs.ended), (copies, None));
         }
         assert!(0 < smaller, "nothing was made smaller");
@@ -88,7 +88,7 @@ fn one_that_is_not_is_not_asked_without_repeats_and_says_why() {
     let world = own(false, true);
     let stock = &acc_found()[0];
     let episode = replayed(&world, stock, &stock.actions);
-    let known = about(&world, &episode);
+    let known = description(&world, &episode);
     let why = known.why.as_ref().expect("explained");
     assert!(matches!(
         why.not_asked,
@@ -104,7 +104,7 @@ fn one_that_is_not_is_not_asked_without_repeats_and_says_why() {
     assert_eq!(shrink(&world, &episode, &Watch::unwatched()).0, episode);
     // With repeats every question is asked so often.
     let repeated = world.repeated(Repeats { runs: 3, gate: 2 });
-    let known = about(&repeated, &episode);
+    let known = description(&repeated, &episode);
     let runs = known.ego_runs.expect("counted");
     assert_eq!(runs.ended, None);
     let varied = known.persistence.expect("asked").variations.len() as u64;

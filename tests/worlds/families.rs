@@ -248,7 +248,8 @@ fn every_episode_of_a_family_meets_the_ego_of_its_key() {
     train(&world, &mut run, &quiet()).expect("trained");
     let family = family(&world);
     let spec = world.drive().expect("driven");
-    let told = |member: brakecheck::world::EgoSample| run.policy_told(&member).expect("a policy");
+    let told =
+        |member: brakecheck::world::EgoSample| run.conditioned_policy(&member).expect("a policy");
     let nominal = told(family.nominal(spec.plant));
     let sporty = world.with(&world.reuse()["sporty"]).expect("it fits");
     let sporty = told(
@@ -281,14 +282,7 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
         ..Default::default()
     });
     let ego = world.with(&change).expect("it fits");
-    let request = IdentifyRequest {
-        world: &world,
-        ego: &ego,
-        runs: 5,
-        at_most: u64::MAX,
-        seed: 4,
-        fixed: &[],
-    };
+    let request = IdentifyRequest::new(&world, &ego, 5).seed(4);
     let found = identified(&request);
     assert!(found.explains(), "{found:?}");
     assert!(
@@ -306,14 +300,11 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
         assert!(off < 0.1 && !found.hidden[q], "{name}: {found:?}");
     }
     // Equal requests, equal answers; one run is enough to see that.
-    let brief = IdentifyRequest { runs: 1, ..request };
+    let brief = IdentifyRequest::new(&world, &ego, 1).seed(4);
     assert_eq!(identified(&brief), identified(&brief));
     // Without one of its quantities the family explains this ego less well.
     let fixed = ["time_gap_s".to_owned()];
-    let poorer = identified(&IdentifyRequest {
-        fixed: &fixed,
-        ..request
-    });
+    let poorer = identified(&request.fixed(&fixed));
     assert!(2.0 * found.residual_m < poorer.residual_m, "{poorer:?}");
     assert_eq!(poorer.member.values[2], 0.5, "left out: nominal");
 }
@@ -321,14 +312,7 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
 #[test]
 fn whoever_is_stopped_identifies_nothing() {
     let world = acc().on(PlantKind::Kinematic);
-    let request = IdentifyRequest {
-        world: &world,
-        ego: &world,
-        runs: 2,
-        at_most: u64::MAX,
-        seed: 0,
-        fixed: &[],
-    };
+    let request = IdentifyRequest::new(&world, &world, 2);
     for after in 1..=3 {
         let stop = AtomicBool::new(false);
         let progress = |done, _| stop.store(after <= done, Ordering::Relaxed);
@@ -349,23 +333,17 @@ fn an_ego_is_never_run_more_often_than_granted() {
         ..Change::default()
     });
     let noisy = noisy.expect("it fits");
-    let recorded = |ego, at_most| {
-        let found = identified(&IdentifyRequest {
-            world: &world,
-            ego,
-            runs: 3,
-            at_most,
-            seed: 0,
-            fixed: &[],
-        });
+    let recorded = |ego, at_most: Option<u64>| {
+        let request = IdentifyRequest::new(&world, ego, 3);
+        let found = identified(&at_most.map_or(request, |runs| request.at_most(runs)));
         (found.recorded, 0.0 < found.noise_m)
     };
     // The first start is run twice; with noise every one is.
-    assert_eq!(recorded(&world, u64::MAX), (4, false));
-    assert_eq!(recorded(&world, 3), (3, false));
-    assert_eq!(recorded(&noisy, u64::MAX), (6, true));
-    assert_eq!(recorded(&noisy, 5), (4, true));
-    assert_eq!(recorded(&noisy, 1), (1, false));
+    assert_eq!(recorded(&world, None), (4, false));
+    assert_eq!(recorded(&world, Some(3)), (3, false));
+    assert_eq!(recorded(&noisy, None), (6, true));
+    assert_eq!(recorded(&noisy, Some(5)), (4, true));
+    assert_eq!(recorded(&noisy, Some(1)), (1, false));
 }
 
 #[test]
@@ -373,14 +351,7 @@ fn an_ego_that_switches_is_found_where_no_slope_leads() {
     // Its threshold shows in when it brakes: in whole samples.
     let text = include_str!("../../worlds/merge.ron");
     let world = Scenario::parse("merge.ron", text).expect("sound");
-    let request = IdentifyRequest {
-        world: &world,
-        ego: &world,
-        runs: 2,
-        at_most: u64::MAX,
-        seed: 0,
-        fixed: &[],
-    };
+    let request = IdentifyRequest::new(&world, &world, 2);
     let found = identified(&request);
     assert!(found.explains(), "{found:?}");
     let nominal = family(&world).nominal(PlantKind::Rigid);
@@ -391,14 +362,8 @@ fn an_ego_that_switches_is_found_where_no_slope_leads() {
 fn an_ego_of_another_kind_is_not_explained() {
     let world = acc().on(PlantKind::Kinematic);
     let ego = world.with(&world.reuse()["aeb"]).expect("it fits");
-    let request = IdentifyRequest {
-        world: &world,
-        ego: &ego.on(PlantKind::Kinematic),
-        runs: 4,
-        at_most: u64::MAX,
-        seed: 4,
-        fixed: &[],
-    };
+    let ego = ego.on(PlantKind::Kinematic);
+    let request = IdentifyRequest::new(&world, &ego, 4).seed(4);
     let found = identified(&request);
     assert!(!found.explains(), "{found:?}");
     // Its nearest member says nothing of it: an ado takes it for the nominal ego.
@@ -408,22 +373,14 @@ fn an_ego_of_another_kind_is_not_explained() {
         "{found:?}"
     );
     let nominal = family.nominal(PlantKind::Kinematic);
-    assert_eq!(found.told(family), (nominal.clone(), "nominal"));
+    assert_eq!(found.context(family), (nominal.clone(), "nominal"));
     // One that halves the residual says something, explained or not.
-    let nearer = Identified {
-        nominal_residual_m: 2.5 * found.residual_m,
-        ..found.clone()
-    };
+    let mut nearer = found.clone();
+    nearer.nominal_residual_m = 2.5 * found.residual_m;
     assert!(!nearer.explains() && nearer.member != nominal);
-    assert_eq!(nearer.told(family), (found.member.clone(), "identified"));
+    assert_eq!(nearer.context(family), (found.member.clone(), "identified"));
     let fixed = ["kp".to_owned()];
-    let error = identify(
-        &IdentifyRequest {
-            fixed: &fixed,
-            ..request
-        },
-        &quiet(),
-    );
+    let error = identify(&request.fixed(&fixed), &quiet());
     let error = error.expect_err("no such quantity").to_string();
     assert!(
         error.contains("`kp`") && error.contains("kp_per_s2"),

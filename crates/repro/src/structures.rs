@@ -203,7 +203,7 @@ impl StructureStudy<'_> {
                 few: solved_by(&few, "adapted")?,
                 known: solved_by(&known, "adapted")?,
                 like: known.adapted_to.as_ref().and_then(|record| {
-                    let like = record.learned.alike.first()?;
+                    let like = record.learned.nearest.first()?;
                     Some(like.controller.controller.kind().to_owned())
                 }),
                 off_m: adapted_to

@@ -15,8 +15,9 @@ use policy::ActorCritic;
 
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
-use crate::rl::kind::{Built, LearnerKind, Shaped};
-use crate::rl::learner::{ConfigError, Learner, TrainingCounters, expect_sizes, linear};
+use crate::rl::learner::{
+    Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, expect_sizes, linear,
+};
 use crate::rl::nn::{Adam, Mlp, Tape, argmax};
 use crate::rl::replay::check;
 use crate::rl::{End, Env, Policy, Spaces};

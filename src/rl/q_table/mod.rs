@@ -15,8 +15,10 @@ use table::Table;
 
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
-use crate::rl::kind::{Built, LearnerKind, Shaped};
-use crate::rl::learner::{ConfigError, Learner, TrainingCounters, epsilon, expect_sizes, within};
+use crate::rl::learner::{
+    Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, epsilon, expect_sizes,
+    within,
+};
 use crate::rl::nn::argmax;
 use crate::rl::replay::EpisodeBuffer;
 use crate::rl::{End, Env, Policy, Spaces};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::settings::{Bins, QTableSettings};
 use crate::rl::bundle::{BundleError, TensorFile};
-use crate::rl::kind::LearnerKind;
+use crate::rl::learner::LearnerKind;
 use crate::rl::replay::check;
 
 /// Cells in lexicographic order of their indices, with a row for each.

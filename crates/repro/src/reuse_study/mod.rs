@@ -218,7 +218,7 @@ impl<'a> ReuseStudy<'a> {
             starts: &self.starts,
             watch,
         };
-        let (member, context) = identified.told(self.family);
+        let (member, context) = identified.context(self.family);
         let mut rows = Vec::new();
         for policies in &self.trainings {
             rows.extend(on_starts.ados(
@@ -268,16 +268,10 @@ impl<'a> ReuseStudy<'a> {
         fixed: &[String],
         watch: &Watch<'_>,
     ) -> Result<Option<Identified>, ReuseError> {
-        let request = IdentifyRequest {
-            world: self.scenario,
-            ego: changed,
-            runs: RECORDED_RUNS as usize,
-            // The study has no limit on recorded runs and reports their number.
-            at_most: u64::MAX,
-            // A fixed seed keeps the recorded runs the same for every training seed.
-            seed: 0,
-            fixed,
-        };
+        // The study has no limit on recorded runs and reports their number. The fixed seed
+        // keeps the recorded runs the same for every training seed.
+        let request =
+            IdentifyRequest::new(self.scenario, changed, RECORDED_RUNS as usize).fixed(fixed);
         identify(&request, watch).map_err(|source| ReuseError::Identify {
             ego: ego.to_owned(),
             source,

@@ -4,7 +4,7 @@ use super::{CONDITIONAL, CONDITIONAL_TRIES, CostComparison, ReuseReport};
 use brakecheck::evaluation::{ReusedOn, Summary};
 use brakecheck::report::TextTable;
 use brakecheck::run_dir::Row;
-use brakecheck::sysid::is_telling;
+use brakecheck::sysid::describes;
 
 /// Formats the study: every ego, then the means of every block.
 pub fn reuse_markdown(studies: &[ReuseReport]) -> String {
@@ -123,7 +123,7 @@ fn known_markdown(study: &ReuseReport) -> String {
         let mut costs = study.costs.iter();
         let line = costs.find(|line| line.ego.as_deref() == Some(&known.ego));
         let [search, starts] = line.map_or_else(dashes, cost_words);
-        let is_used = is_telling(known.explained, known.residual_m, known.nominal_residual_m);
+        let is_used = describes(known.explained, known.residual_m, known.nominal_residual_m);
         lines.push([
             known.ego.clone(),
             // A member that does not describe the ego is not used, so it is not shown.

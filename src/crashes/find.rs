@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Regressions;
+use super::regressions::Regressions;
 use crate::experiment::{EgoError, EgoUnderTest};
 use crate::run_dir::KeptError;
 use crate::world::{LoadError, Scenario};

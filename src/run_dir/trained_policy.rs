@@ -1,0 +1,229 @@
+//! World and trained ado of a run, and copies of both.
+//!
+//! A conditional ado receives the parameters of the ego beside its observation.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use super::disk::{io_error, make_dir, write_file};
+use super::{RunDir, RunError, manifest};
+use crate::rl::{Policy, TensorFile, load_policy_for};
+use crate::world::{EgoSample, LoadError, Scenario, TrainingEgos};
+
+impl RunDir {
+    /// Returns the world of the training, on its plant.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if this version cannot use the world file.
+    pub fn scenario(&self) -> Result<Scenario, RunError> {
+        let world = self.world()?;
+        Ok(match self.manifest.plant.plant() {
+            Some(plant) => world.on(plant),
+            None => world,
+        })
+    }
+
+    /// Consents to start the programs that the world and its changes name.
+    pub fn allow_programs(&mut self, allowed: bool) {
+        // A parsed world takes the consent over, so it is not parsed again.
+        if let Some(world) = self.world.take() {
+            self.world = OnceLock::from(world.allow_programs(allowed));
+        }
+        self.programs_allowed = allowed;
+    }
+
+    /// Returns the world on the plant of its file.
+    ///
+    /// It is read and parsed at the first call only, because a dry run of a large
+    /// world takes a second.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if this version cannot use the world file.
+    pub fn world(&self) -> Result<Scenario, RunError> {
+        if let Some(world) = self.world.get() {
+            return Ok(world.clone());
+        }
+        let world = self.parse_world()?;
+        Ok(self.world.get_or_init(|| world).clone())
+    }
+
+    /// Reads and parses the world file.
+    fn parse_world(&self) -> Result<Scenario, RunError> {
+        let file = self.path.join("world.ron");
+        match Scenario::load(&file) {
+            Ok(scenario) => self.as_learned(scenario.allow_programs(self.programs_allowed)),
+            Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
+            Err(LoadError::Scenario(error)) => Err(RunError::World(error)),
+        }
+    }
+
+    /// Returns the world with the goals, the learner and the family of the manifest.
+    fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
+        let goals = world.training_towards(&self.manifest.goals);
+        let world = goals.map_err(|error| RunError::Damaged {
+            path: self.path.join("manifest.json"),
+            why: error.what,
+        })?;
+        let against = self.manifest.against;
+        if !against.is_nominal() {
+            let left_out = self.manifest.left_out.as_deref();
+            let world = match left_out {
+                Some(structure) => world.leaving_out(structure),
+                None => Some(world),
+            };
+            let world = world.and_then(|world| world.training_against(against));
+            // A policy has one input per parameter of the family, so the family
+            // must be the same.
+            let names = world.as_ref().map(parameter_names);
+            let fits = names.is_some_and(|names| names == self.manifest.parameters);
+            return world.filter(|_| fits).ok_or_else(|| RunError::Damaged {
+                path: self.path.join("manifest.json"),
+                why: format!("its world has another family than the {against} ado was trained on"),
+            });
+        }
+        let Some(name) = &self.manifest.learner else {
+            return Ok(world);
+        };
+        world.learning_by(name).ok_or_else(|| RunError::Damaged {
+            path: self.path.join("manifest.json"),
+            why: format!("its world has no learner `{name}`"),
+        })
+    }
+
+    /// Returns the trained ado.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if training has not finished or the file is damaged. A
+    /// conditional ado requires [`RunDir::conditioned_policy`].
+    pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
+        if self.manifest.against == TrainingEgos::Conditioned {
+            return Err(RunError::Unconditioned {
+                path: self.path.clone(),
+                names: self.manifest.parameters.clone(),
+            });
+        }
+        self.shaped_policy(&self.scenario()?, &self.policy_bundle()?)
+    }
+
+    fn shaped_policy(
+        &self,
+        scenario: &Scenario,
+        bundle: &TensorFile,
+    ) -> Result<Box<dyn Policy>, RunError> {
+        load_policy_for(&scenario.spaces(), bundle).map_err(self.damaged("policy.safetensors"))
+    }
+
+    /// Returns the trained ado as stored.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if training has not finished or the file is damaged.
+    pub fn policy_bundle(&self) -> Result<TensorFile, RunError> {
+        TensorFile::from_bytes(&self.policy_bytes()?).map_err(self.damaged("policy.safetensors"))
+    }
+
+    pub(super) fn policy_bytes(&self) -> Result<Vec<u8>, RunError> {
+        let Some(expected) = &self.manifest.policy_sha256 else {
+            return Err(self.unfinished());
+        };
+        self.read_verified("policy.safetensors", Some(expected))
+    }
+
+    /// Returns the trained ado. A conditional ado is conditioned on `member`.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if training has not finished, or the file is damaged.
+    pub fn conditioned_policy(&self, member: &EgoSample) -> Result<Box<dyn Policy>, RunError> {
+        let scenario = self.scenario()?;
+        self.conditioned(&scenario, &self.policy_bundle()?, member)
+    }
+
+    /// Returns the trained ado once per member, conditioned on that member.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if training has not finished, or the file is damaged.
+    pub fn conditioned_policies(
+        &self,
+        members: &[EgoSample],
+    ) -> Result<Vec<Box<dyn Policy>>, RunError> {
+        let (scenario, bundle) = (self.scenario()?, self.policy_bundle()?);
+        members
+            .iter()
+            .map(|member| self.conditioned(&scenario, &bundle, member))
+            .collect()
+    }
+
+    fn conditioned(
+        &self,
+        scenario: &Scenario,
+        bundle: &TensorFile,
+        member: &EgoSample,
+    ) -> Result<Box<dyn Policy>, RunError> {
+        let policy = self.shaped_policy(scenario, bundle)?;
+        Ok(match (scenario.against, scenario.family()) {
+            (TrainingEgos::Conditioned, Some(family)) => Box::new(ConditionedPolicy {
+                policy,
+                context: family.told(member),
+            }),
+            _ => policy,
+        })
+    }
+
+    /// Copies the files that playing the trained ado requires.
+    ///
+    /// These are the world, the manifest and the policy.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if training has not finished, a file is damaged or
+    /// writing fails.
+    pub fn copy_to(&self, path: &Path) -> Result<(), RunError> {
+        make_dir(path)?;
+        let policy = self.policy_bytes()?;
+        let world = self.read_text("world.ron")?;
+        write_file(&path.join("world.ron"), world.as_bytes())?;
+        write_file(&path.join("policy.safetensors"), &policy)?;
+        // The manifest is last: without it the directory is no run.
+        for name in [manifest::TIMING, manifest::FILE] {
+            if self.path.join(name).is_file() {
+                write_file(&path.join(name), self.read_text(name)?.as_bytes())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Policy with the ego's parameters appended to every observation.
+struct ConditionedPolicy {
+    policy: Box<dyn Policy>,
+    context: Vec<f32>,
+}
+
+impl ConditionedPolicy {
+    fn with<T>(&self, obs: &[f32], ask: impl FnOnce(&dyn Policy, &[f32]) -> T) -> T {
+        ask(&*self.policy, &[obs, &self.context].concat())
+    }
+}
+
+impl Policy for ConditionedPolicy {
+    fn act(&self, obs: &[f32]) -> usize {
+        self.with(obs, |policy, whole| policy.act(whole))
+    }
+
+    fn value(&self, obs: &[f32]) -> f32 {
+        self.with(obs, |policy, whole| policy.value(whole))
+    }
+}
+
+/// Returns the inputs of a conditional ado besides its observation.
+pub(super) fn parameter_names(scenario: &Scenario) -> Vec<String> {
+    match (scenario.against, scenario.family()) {
+        (TrainingEgos::Conditioned, Some(family)) => family.told_names(),
+        _ => Vec::new(),
+    }
+}
