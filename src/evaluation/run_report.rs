@@ -244,7 +244,7 @@ fn nominal(cell: &ExperimentCell) -> Nominal {
         highlights: chosen
             .into_iter()
             .map(|chosen| Example {
-                about: about(scenario, &chosen.episode),
+                about: description(scenario, &chosen.episode),
                 frames: film(
                     &mut scenario.repeating(&chosen.episode).bench(),
                     &chosen.episode,
