@@ -1,4 +1,4 @@
-"""A trained ado as files that other programs read: weights, observation, ONNX."""
+"""A policy as files that other programs read: weights, observation, ONNX."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import json
 import os
 import shutil
 import struct
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from brakecheck.results import Ado
 
 #: The layers whose greatest output is the action, by the learners that have them.
 NETWORKS = ("q", "actor")
@@ -20,22 +17,12 @@ NETWORKS = ("q", "actor")
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
-def export_ado(ado: Ado, directory: str) -> list[str]:
-    """Writes the files of `Ado.export`."""
+def export_policy(policy: str, described: dict[str, Any], directory: str) -> list[str]:
+    """Writes the weights of a `.safetensors` file and the description of its inputs."""
     os.makedirs(directory, exist_ok=True)
     weights = os.path.join(directory, "policy.safetensors")
-    shutil.copyfile(os.path.join(ado.run.path, "policy.safetensors"), weights)
+    shutil.copyfile(policy, weights)
     spec = os.path.join(directory, "observation.json")
-    manifest = ado.run.manifest
-    described = {
-        "world": manifest["world"],
-        "scaled": "(value - (low + high) / 2) / ((high - low) / 2)",
-        "observation": ado.observation,
-        "told": manifest.get("told", []),
-        "actions": ado.actions,
-        "decision_s": ado.world.about["decision_s"],
-        "policy_sha256": manifest["policy_sha256"],
-    }
     with open(spec, "w", encoding="utf-8") as file:
         json.dump(described, file, indent=2, ensure_ascii=False)
         file.write("\n")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from brakecheck._brakecheck import RawReplayed, RawRun
 from brakecheck.errors import InputError
+from brakecheck.exporting import export_policy
 from brakecheck.worlds import World
 
 __all__ = ["Ado", "Replayed", "Rows", "Run"]
@@ -200,9 +201,18 @@ class Ado:
         is a network is written as `policy.onnx`, too: `observation` [batch,
         observed] to `values` [batch, actions] and the greedy `action` [batch].
         """
-        from brakecheck.exporting import export_ado
-
-        return export_ado(self, os.fspath(directory))
+        manifest = self.run.manifest
+        described = {
+            "world": manifest["world"],
+            "scaled": "(value - (low + high) / 2) / ((high - low) / 2)",
+            "observation": self.observation,
+            "told": manifest.get("told", []),
+            "actions": self.actions,
+            "decision_s": self.world.about["decision_s"],
+            "policy_sha256": manifest["policy_sha256"],
+        }
+        policy = os.path.join(self.run.path, "policy.safetensors")
+        return export_policy(policy, described, os.fspath(directory))
 
     def __repr__(self) -> str:
         names = ", ".join(one["name"] for one in self.observation)

@@ -14,8 +14,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::convert::objects;
-use crate::ego::check_interrupted;
 use crate::error::wrong;
+use crate::interrupt::check_interrupted;
 use crate::watch::interruptible;
 use crate::world::RawWorld;
 

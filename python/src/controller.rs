@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use crate::convert::objects;
-use crate::ego::note_interrupt;
+use crate::interrupt::note_interrupt;
 use crate::percept::{self, commanded};
 use crate::python_thread::{Unanswered, call};
 

@@ -1,6 +1,6 @@
 //! Anything callable as a system under test.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use brakecheck::ego::{Controller, Process};
@@ -13,27 +13,6 @@ use pyo3::types::{PyList, PyString, PyType};
 use crate::controller::{Maker, PythonController, Source};
 use crate::error::{failed, wrong};
 use crate::percept::number;
-
-/// Ctrl-C or an exit inside an ego; it is no fault of the ego.
-static INTERRUPTED: Mutex<Option<PyErr>> = Mutex::new(None);
-
-/// Keeps what was raised to end the program, not the episode.
-pub(crate) fn note_interrupt(raised: PyErr) {
-    let mut slot = INTERRUPTED.lock().unwrap_or_else(PoisonError::into_inner);
-    *slot = Some(raised);
-}
-
-/// Whether something was raised to end the program.
-pub(crate) fn is_interrupt_noted() -> bool {
-    let slot = INTERRUPTED.lock().unwrap_or_else(PoisonError::into_inner);
-    slot.is_some()
-}
-
-/// Raises what was raised to end the program, not the episode.
-pub(crate) fn check_interrupted() -> PyResult<()> {
-    let mut slot = INTERRUPTED.lock().unwrap_or_else(PoisonError::into_inner);
-    slot.take().map_or(Ok(()), Err)
-}
 
 /// The egos that `given` means: a name, a file, the words of a program, or
 /// Python objects.

@@ -11,6 +11,7 @@ mod controller;
 mod convert;
 mod ego;
 mod error;
+mod interrupt;
 mod kept;
 mod percept;
 mod python_thread;

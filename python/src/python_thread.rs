@@ -20,7 +20,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use crate::ego::{is_interrupt_noted, note_interrupt};
+use crate::interrupt::{is_interrupt_noted, note_interrupt};
 
 /// How often a thread that waits checks for Ctrl-C.
 pub(crate) const LOOK: Duration = Duration::from_millis(100);

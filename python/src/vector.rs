@@ -11,8 +11,8 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::bench::{Playing, columns, in_use, purpose_of};
-use crate::ego::check_interrupted;
 use crate::error::{raised, wrong};
+use crate::interrupt::check_interrupted;
 use crate::python_thread::stopped_by;
 use crate::watch::interruptible;
 use crate::world::RawWorld;

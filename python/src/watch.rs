@@ -12,8 +12,8 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use rayon::ThreadPoolBuilder;
 
-use crate::ego::check_interrupted;
 use crate::error::{failed, raised};
+use crate::interrupt::check_interrupted;
 use crate::python_thread::{LOOK, stopped_by};
 
 /// How long work that was told to stop may take to end, before it is left behind.

@@ -1,8 +1,8 @@
 //! Partner and geometry of a contact, and reasons why drivers do not apply.
 
 use super::outcome::{Exoneration, NotApplicable, Struck};
-use super::replayer::Replayer;
 use crate::ego::reference::{Encounter, LaneBody, TtcReading};
+use crate::scene::drive::DriveWorld;
 use crate::scene::{ContactEvent, Motion};
 
 /// Speed up to which the ego counts as standing.
@@ -10,70 +10,71 @@ pub(super) const STANDING_MPS: f64 = 0.5;
 /// Sine of the angle between two headings up to which they count as parallel.
 const ALONG: f64 = 0.5;
 
-impl Replayer {
-    /// Returns the agent that the ego touched.
-    pub(super) fn other_of(&self, touch: &ContactEvent) -> Option<usize> {
-        let agents = &self.world.spec().agents;
-        let ego = &agents[self.world.ego()].name;
-        let other = match (&touch.between.0 == ego, &touch.between.1 == ego) {
-            (true, _) => &touch.between.1,
-            (_, true) => &touch.between.0,
-            _ => return None,
-        };
-        agents.iter().position(|agent| agent.name == *other)
-    }
+/// Returns the agent that the ego touched.
+pub(super) fn other_of(world: &DriveWorld, touch: &ContactEvent) -> Option<usize> {
+    let agents = &world.spec().agents;
+    let ego = &agents[world.ego()].name;
+    let other = match (&touch.between.0 == ego, &touch.between.1 == ego) {
+        (true, _) => &touch.between.1,
+        (_, true) => &touch.between.0,
+        _ => return None,
+    };
+    agents.iter().position(|agent| agent.name == *other)
+}
 
-    pub(super) fn partner(&self, motion: &Motion) -> Option<usize> {
-        self.other_of(motion.contact.as_ref()?)
-    }
+/// Returns the agent that the ego touches at the end of a motion.
+pub(super) fn partner(world: &DriveWorld, motion: &Motion) -> Option<usize> {
+    other_of(world, motion.contact.as_ref()?)
+}
 
-    /// Returns the ego and the other in lane coordinates at their contact.
-    fn at_contact(&self, motion: &Motion) -> Option<(LaneBody, LaneBody)> {
-        let with = self.partner(motion)?;
-        let row = motion.at(motion.len().checked_sub(1)?);
-        let body = |i: usize| self.world.lane_body(i, &row[i].state);
-        Some((body(self.world.ego()), body(with)))
-    }
+/// Returns the ego and the other in lane coordinates at their contact.
+fn at_contact(world: &DriveWorld, motion: &Motion) -> Option<(LaneBody, LaneBody)> {
+    let with = partner(world, motion)?;
+    let row = motion.at(motion.len().checked_sub(1)?);
+    let body = |i: usize| world.lane_body(i, &row[i].state);
+    Some((body(world.ego()), body(with)))
+}
 
-    /// Returns the reason why the drivers do not apply, or `None` if they apply.
-    pub(super) fn reason_against(&self, motion: &Motion) -> Option<NotApplicable> {
-        if motion.contact.is_none() {
-            return Some(NotApplicable::NoContact);
-        }
-        let (Some(with), Some((ego, other))) = (self.partner(motion), self.at_contact(motion))
-        // The touch joins two other agents.
-        else {
-            return Some(NotApplicable::WithoutEgo);
-        };
-        if self.world.spec().agents[with].body.is_on_foot() {
-            return Some(NotApplicable::OnFoot);
-        }
-        let row = motion.at(motion.len() - 1);
-        let heading = |i: usize| row[i].state.pose.heading_rad;
-        let turned_rad = heading(with) - heading(self.world.ego());
-        // Reference drivers judge others on parallel axes only.
-        if ALONG < libm::sin(turned_rad).abs() {
-            return Some(NotApplicable::Crossing);
-        }
-        if libm::cos(turned_rad) < 0.0 || other.speed_mps < -STANDING_MPS {
-            return Some(NotApplicable::Oncoming);
-        }
-        (struck(&ego, &other) == Struck::Rear).then_some(NotApplicable::FromBehind)
+/// Returns the reason why the drivers do not apply, or `None` if they apply.
+pub(super) fn reason_against(world: &DriveWorld, motion: &Motion) -> Option<NotApplicable> {
+    if motion.contact.is_none() {
+        return Some(NotApplicable::NoContact);
     }
+    let (Some(with), Some((ego, other))) = (partner(world, motion), at_contact(world, motion))
+    // The touch joins two other agents.
+    else {
+        return Some(NotApplicable::WithoutEgo);
+    };
+    if world.spec().agents[with].body.is_on_foot() {
+        return Some(NotApplicable::OnFoot);
+    }
+    let row = motion.at(motion.len() - 1);
+    let heading = |i: usize| row[i].state.pose.heading_rad;
+    let turned_rad = heading(with) - heading(world.ego());
+    // Reference drivers judge others on parallel axes only.
+    if ALONG < libm::sin(turned_rad).abs() {
+        return Some(NotApplicable::Crossing);
+    }
+    if libm::cos(turned_rad) < 0.0 || other.speed_mps < -STANDING_MPS {
+        return Some(NotApplicable::Oncoming);
+    }
+    (struck(&ego, &other) == Struck::Rear).then_some(NotApplicable::FromBehind)
+}
 
-    pub(super) fn exoneration(&self, motion: &Motion) -> Option<Exoneration> {
-        let (ego, other) = self.at_contact(motion)?;
-        if ego.speed_mps <= STANDING_MPS {
-            return Some(Exoneration::Standing);
-        }
-        // Lane k has its middle at k widths, so rounding gives the nearest lane.
-        let lanes = ego.y_m / self.lane_width_m;
-        let off_m = (lanes - libm::round(lanes)).abs() * self.lane_width_m;
-        // A body wider than its lane counts as inside only exactly in the middle.
-        let in_lane = off_m <= 0.5 * (self.lane_width_m - ego.width_m).max(0.0);
-        let from_behind = struck(&ego, &other) == Struck::Rear;
-        (in_lane && from_behind).then_some(Exoneration::StruckFromBehind)
+/// Returns the reason why the ego is not at fault, if any.
+pub(super) fn exoneration(world: &DriveWorld, motion: &Motion) -> Option<Exoneration> {
+    let (ego, other) = at_contact(world, motion)?;
+    if ego.speed_mps <= STANDING_MPS {
+        return Some(Exoneration::Standing);
     }
+    let lane_width_m = world.spec().road.lane_width_m();
+    // Lane k has its middle at k widths, so rounding gives the nearest lane.
+    let lanes = ego.y_m / lane_width_m;
+    let off_m = (lanes - libm::round(lanes)).abs() * lane_width_m;
+    // A body wider than its lane counts as inside only exactly in the middle.
+    let in_lane = off_m <= 0.5 * (lane_width_m - ego.width_m).max(0.0);
+    let from_behind = struck(&ego, &other) == Struck::Rear;
+    (in_lane && from_behind).then_some(Exoneration::StruckFromBehind)
 }
 
 /// Returns the geometry of two bodies, without lane and acceleration.

@@ -33,7 +33,8 @@ pub use moments::CutIn;
 pub use outcome::{
     DriverOutcome, Exoneration, Label, NotApplicable, Preventability, ReplayContact, Struck,
 };
-pub use replayer::{FilmedDriver, RecordedEpisode, Replayer, Seat};
+pub use reference_drive::Seat;
+pub use replayer::{FilmedDriver, RecordedEpisode, Replayer};
 
 use crate::ego::reference::ReferenceDriver;
 

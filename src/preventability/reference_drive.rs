@@ -1,6 +1,5 @@
 //! State of a driver during its drive, and the rows that the drive makes.
 
-use super::replayer::{RecordedEpisode, Replayer, Seat};
 use crate::ego::Actuator;
 use crate::ego::reference::{ReferenceDriver, Reflexes};
 use crate::rulebook::Rulebook;
@@ -8,6 +7,19 @@ use crate::scene::drive::DriveScene;
 use crate::scene::{ContactEvent, Frame, Scene};
 use crate::stl::Scratch;
 use crate::trace::Trace;
+
+/// Driver in the ego's place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seat {
+    /// A reference driver.
+    Driver(ReferenceDriver),
+    /// The ideal driver, which brakes from its takeover on.
+    FullBrakes,
+    /// A driver that never brakes and keeps the nominal speed.
+    Nominal,
+    /// The recorded ego itself.
+    Recorded,
+}
 
 /// A driver and the actuator behind it.
 pub(super) struct ReferenceDriverRun {
@@ -19,28 +31,20 @@ pub(super) struct ReferenceDriverRun {
 }
 
 impl ReferenceDriverRun {
+    /// Creates the drive of a driver, with the actuator in its current state.
     pub fn new(
-        replayer: &Replayer,
-        case: &RecordedEpisode,
         seat: Seat,
-        from: usize,
+        actuator: Actuator,
+        sample_s: f64,
+        lane_width_m: f64,
     ) -> ReferenceDriverRun {
         let driver = match seat {
-            Seat::Driver(driver) => Some(driver),
+            Seat::Driver(driver) => Some(Reflexes::new(driver, sample_s, lane_width_m)),
             _ => None,
         };
-        // Braking with a build-up of its own includes the actuator's lag.
-        let lag_s = if driver.is_some_and(ReferenceDriver::has_build_up) {
-            0.0
-        } else {
-            replayer.lag_s
-        };
-        // The actuator continues from the acceleration of the recorded ego.
-        let arriving_mps2 = case.whole.at(from)[replayer.world.ego()].state.accel_mps2;
-        let (sample_s, lane_width_m) = (replayer.sample_s, replayer.lane_width_m);
         ReferenceDriverRun {
-            driver: driver.map(|driver| Reflexes::new(driver, sample_s, lane_width_m)),
-            actuator: Actuator::new(lag_s, sample_s).from(arriving_mps2),
+            driver,
+            actuator,
             driven: 0,
             // Full brakes react at once.
             reacted: (seat == Seat::FullBrakes).then_some(0),

@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use super::contact::{STANDING_MPS, between, struck};
+use super::contact::{
+    STANDING_MPS, between, exoneration, other_of, partner, reason_against, struck,
+};
 use super::moments::LaneRecord;
 use super::outcome::{DriverOutcome, NotApplicable, Preventability, ReplayContact};
-use super::reference_drive::{Notes, ReferenceDriverRun, ReplayRows};
+use super::reference_drive::{Notes, ReferenceDriverRun, ReplayRows, Seat};
 use super::{Label, PANEL};
+use crate::ego::Actuator;
 use crate::ego::reference::{LaneBody, NOMINAL_MPS2, ReferenceDriver, Response};
 use crate::rulebook::Rulebook;
 use crate::scene::drive::{DriveScene, DriveWorld};
@@ -17,23 +20,10 @@ use crate::trace::Trace;
 /// Least duration of a replay after the recorded contact.
 const AFTER_CONTACT_S: f64 = 5.0;
 
-/// Driver in the ego's place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seat {
-    /// A reference driver.
-    Driver(ReferenceDriver),
-    /// The ideal driver, which brakes from its takeover on.
-    FullBrakes,
-    /// A driver that never brakes and keeps the nominal speed.
-    Nominal,
-    /// The recorded ego itself.
-    Recorded,
-}
-
 /// Recorded episode, prepared for other drivers.
 pub struct RecordedEpisode {
     /// Motion, continued after its end.
-    pub(super) whole: Motion,
+    whole: Motion,
     /// Number of full samples in the record, at which drivers can take over.
     recorded: usize,
     /// Vehicles that drivers consider, by position among the agents.
@@ -60,16 +50,16 @@ pub struct FilmedDriver {
 
 /// Replayer of episodes in a world, with the data that they share.
 pub struct Replayer {
-    pub(super) world: DriveWorld,
+    world: DriveWorld,
     scene: DriveScene,
     rulebook: Arc<Rulebook>,
     /// Other vehicles, by position among the agents.
     vehicles: Vec<usize>,
-    pub(super) lane_width_m: f64,
-    pub(super) sample_s: f64,
+    lane_width_m: f64,
+    sample_s: f64,
     /// Greatest acceleration that the ego's tyres transmit.
     grip_mps2: f64,
-    pub(super) lag_s: f64,
+    lag_s: f64,
     /// Other vehicles at the current sample, kept to avoid an allocation.
     others: Vec<LaneBody>,
 }
@@ -151,7 +141,7 @@ impl Replayer {
 
     /// Returns whether any of `drivers` avoids the contact from the handover on.
     pub fn preventable_by(&mut self, motion: &Motion, drivers: &[ReferenceDriver]) -> bool {
-        if self.reason_against(motion).is_some() {
+        if reason_against(&self.world, motion).is_some() {
             return false;
         }
         let case = self.case(motion);
@@ -170,8 +160,8 @@ impl Replayer {
     /// With the `trace` of the episode, the rulebook is evaluated on each replay. Worlds
     /// with traffic lights are excluded from that, because a motion has no phases.
     pub fn assess(&mut self, motion: &Motion, trace: Option<&Trace>) -> Preventability {
-        let exonerated = self.exoneration(motion);
-        if let Some(why) = self.reason_against(motion) {
+        let exonerated = exoneration(&self.world, motion);
+        if let Some(why) = reason_against(&self.world, motion) {
             return Preventability {
                 exonerated,
                 ..Preventability::not_applicable(why)
@@ -192,7 +182,7 @@ impl Replayer {
             exonerated,
             handover_s: Some(time_s(handover)),
             danger_s: case.danger.map(time_s),
-            cut_in: self.partner(motion).and_then(|with| {
+            cut_in: partner(&self.world, motion).and_then(|with| {
                 let number = case.traffic.iter().position(|&i| i == with)?;
                 case.lanes.cut_in(number)
             }),
@@ -233,7 +223,7 @@ impl Replayer {
     /// `None` if the drivers do not apply, as in [`Replayer::assess`], or if no agent was
     /// ahead.
     pub fn film(&mut self, motion: &Motion, driver: ReferenceDriver) -> Option<FilmedDriver> {
-        if self.reason_against(motion).is_some() {
+        if reason_against(&self.world, motion).is_some() {
             return None;
         }
         let case = self.case(motion);
@@ -279,7 +269,11 @@ impl Replayer {
         notes: &mut Notes,
     ) -> DriverOutcome {
         let DriveInterval { from, .. } = stint;
-        let mut at_wheel = ReferenceDriverRun::new(self, case, seat, from);
+        // The actuator continues from the acceleration of the recorded ego.
+        let arriving_mps2 = case.whole.at(from)[self.world.ego()].state.accel_mps2;
+        let actuator = Actuator::new(self.lag_of(seat), self.sample_s).from(arriving_mps2);
+        let mut at_wheel =
+            ReferenceDriverRun::new(seat, actuator, self.sample_s, self.lane_width_m);
         self.scene.take_up(&case.whole, from);
         notes.begin(&self.scene);
         let mut least_m: Option<f64> = None;
@@ -311,6 +305,16 @@ impl Replayer {
             at_wheel.reacted(from, self.sample_s),
             notes.rows.take(),
         )
+    }
+
+    /// Returns the actuator's lag for a driver.
+    fn lag_of(&self, seat: Seat) -> f64 {
+        // Braking with a build-up of its own includes the actuator's lag.
+        if matches!(seat, Seat::Driver(driver) if driver.has_build_up()) {
+            0.0
+        } else {
+            self.lag_s
+        }
     }
 
     /// Reads all positions, and the gap to the vehicle ahead in the path.
@@ -389,7 +393,7 @@ impl Replayer {
     }
 
     fn contact_of(&self, touch: ContactEvent) -> Option<ReplayContact> {
-        let with = self.other_of(&touch)?;
+        let with = other_of(&self.world, &touch)?;
         let ego = self.scene.lane_body(self.world.ego());
         Some(ReplayContact {
             struck: struck(&ego, &self.scene.lane_body(with)),

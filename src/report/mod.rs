@@ -9,6 +9,7 @@
 
 mod animation;
 mod campaign;
+mod canvas;
 mod examples;
 mod fault;
 mod figures;

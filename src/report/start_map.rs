@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::plot::{BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, px, svg};
+use super::canvas::{BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, px, svg};
 
 /// Greatest number of labels along an axis.
 const MAX_TICKS: usize = 8;

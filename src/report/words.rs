@@ -1,6 +1,6 @@
 //! Words in a picture, placed clear of curves and of each other.
 
-use super::plot::{BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH};
+use super::canvas::{BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH};
 
 /// Width of a letter and height of a line on the canvas.
 const LETTER: f64 = 5.3;

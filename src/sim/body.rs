@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::BodyControl;
+use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
 use super::vehicle::Vehicle;
 use super::walker::Walker;
 
@@ -51,18 +52,6 @@ pub enum BodyKind {
     Vehicle(Vehicle),
     /// Body on foot, commanded by [`super::BodyCommand::Walk`].
     Walker(Walker),
-}
-
-/// Field of a body with an invalid value.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[error("`{field}` is {value}, but it must be {want}")]
-pub struct InvalidBody {
-    /// Name of the field.
-    pub field: &'static str,
-    /// Value of the field.
-    pub value: f64,
-    /// Valid range of the field, in words.
-    pub want: String,
 }
 
 /// Failure to read a body from text.
@@ -121,7 +110,18 @@ impl Body {
             -half_length_m,
             half_length_m,
         )?;
-        self.kind.answers().validate(self)
+        self.kind.answers().validate(&self.dimensions())
+    }
+
+    /// Returns the box and the centre of mass.
+    pub fn dimensions(&self) -> BodyDimensions {
+        BodyDimensions {
+            length_m: self.length_m,
+            width_m: self.width_m,
+            height_m: self.height_m,
+            com_height_m: self.com_height_m,
+            com_ahead_m: self.com_ahead_m,
+        }
     }
 
     /// Returns the distance from the middle of the length to the front bumper.
@@ -149,27 +149,13 @@ impl Body {
 
     /// Returns the road space that the body occupies, along and across the road.
     pub fn room_m(&self) -> (f64, f64) {
-        self.kind.answers().room_m(self)
+        self.kind.answers().room_m(&self.dimensions())
     }
 
     /// Distance from the point steered along a path to the front bumper.
     pub fn lever_m(&self) -> f64 {
         self.kind.answers().lever_m()
     }
-}
-
-/// Kind-specific answers of a body, except for its motion.
-///
-/// The plants match on the kind for the motion.
-pub(super) trait BodyModel {
-    /// Checks the values that only this kind has.
-    fn validate(&self, body: &Body) -> Result<(), InvalidBody>;
-    /// Returns the kind of command that the body accepts.
-    fn control(&self) -> BodyControl;
-    /// Returns the road space that the body occupies, along and across the road.
-    fn room_m(&self, body: &Body) -> (f64, f64);
-    /// Distance from the point steered along a path to the front bumper.
-    fn lever_m(&self) -> f64;
 }
 
 impl BodyKind {
@@ -180,20 +166,6 @@ impl BodyKind {
             BodyKind::Walker(walker) => walker,
         }
     }
-}
-
-pub(super) fn within(
-    field: &'static str,
-    value: f64,
-    low: f64,
-    high: f64,
-) -> Result<(), InvalidBody> {
-    // NaN fails both comparisons, so it is refused as well.
-    if low <= value && value <= high {
-        return Ok(());
-    }
-    let want = format!("between {low} and {high}");
-    Err(InvalidBody { field, value, want })
 }
 
 /// Built-in bodies: a file in `assets/vehicles/` and its name in the list.

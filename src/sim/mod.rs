@@ -25,6 +25,7 @@
 //! does not know which body is the ego.
 
 mod body;
+mod body_model;
 pub mod kinematic;
 mod limits;
 mod planar;
@@ -35,7 +36,8 @@ mod walker;
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
-pub use body::{Body, BodyError, BodyKind, InvalidBody};
+pub use body::{Body, BodyError, BodyKind};
+pub use body_model::{BodyDimensions, InvalidBody};
 pub use kinematic::Kinematic;
 pub use rigid::Rigid;
 pub use vehicle::Vehicle;

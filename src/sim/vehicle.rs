@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::body::{Body, BodyModel, InvalidBody, within};
+use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
 use super::{BodyControl, GRAVITY_MPS2};
 
 /// Chassis, engine and tyres of a wheeled vehicle.
@@ -47,20 +47,20 @@ pub struct Vehicle {
 
 impl Vehicle {
     /// Returns the position of the front axle, ahead of the middle of the length.
-    pub fn front_axle_ahead_m(&self, body: &Body) -> f64 {
-        body.half_length_m() - self.front_overhang_m
+    pub fn front_axle_ahead_m(&self, size: &BodyDimensions) -> f64 {
+        0.5 * size.length_m - self.front_overhang_m
     }
 
     /// Returns the position of the rear axle, usually negative.
     ///
     /// The position is measured ahead of the middle of the length.
-    pub fn rear_axle_ahead_m(&self, body: &Body) -> f64 {
-        self.front_axle_ahead_m(body) - self.wheelbase_m
+    pub fn rear_axle_ahead_m(&self, size: &BodyDimensions) -> f64 {
+        self.front_axle_ahead_m(size) - self.wheelbase_m
     }
 
     /// Returns the share of the weight on the front axle.
-    pub fn front_load_share(&self, body: &Body) -> f64 {
-        (body.com_ahead_m - self.rear_axle_ahead_m(body)) / self.wheelbase_m
+    pub fn front_load_share(&self, size: &BodyDimensions) -> f64 {
+        (size.com_ahead_m - self.rear_axle_ahead_m(size)) / self.wheelbase_m
     }
 
     /// Returns the compression of the suspension under the body's own weight.
@@ -71,12 +71,12 @@ impl Vehicle {
 }
 
 impl BodyModel for Vehicle {
-    fn validate(&self, body: &Body) -> Result<(), InvalidBody> {
-        within("wheelbase_m", self.wheelbase_m, 0.1, body.length_m)?;
-        within("track_m", self.track_m, 0.05, body.width_m)?;
-        let room_m = body.length_m - self.wheelbase_m;
+    fn validate(&self, size: &BodyDimensions) -> Result<(), InvalidBody> {
+        within("wheelbase_m", self.wheelbase_m, 0.1, size.length_m)?;
+        within("track_m", self.track_m, 0.05, size.width_m)?;
+        let room_m = size.length_m - self.wheelbase_m;
         within("front_overhang_m", self.front_overhang_m, 0.0, room_m)?;
-        within("wheel_radius_m", self.wheel_radius_m, 0.05, body.height_m)?;
+        within("wheel_radius_m", self.wheel_radius_m, 0.05, size.height_m)?;
         within("power_w", self.power_w, 1.0, 1e7)?;
         within("grip", self.grip, 0.01, 3.0)?;
         // At a larger angle the turn's centre would lie under the inner wheel.
@@ -101,19 +101,19 @@ impl BodyModel for Vehicle {
             0.5 * self.track_m,
         );
         let most_m = 0.5 * (omega_per_s * half_m).powi(2) / GRAVITY_MPS2;
-        within("com_height_m", body.com_height_m, 0.01, most_m)?;
+        within("com_height_m", size.com_height_m, 0.01, most_m)?;
         // Both axles must carry weight, or the vehicle would tip over its bumper.
-        let (rear_m, span_m) = (self.rear_axle_ahead_m(body), self.wheelbase_m);
+        let (rear_m, span_m) = (self.rear_axle_ahead_m(size), self.wheelbase_m);
         let (low_m, high_m) = (rear_m + 0.1 * span_m, rear_m + 0.9 * span_m);
-        within("com_ahead_m", body.com_ahead_m, low_m, high_m)
+        within("com_ahead_m", size.com_ahead_m, low_m, high_m)
     }
 
     fn control(&self) -> BodyControl {
         BodyControl::Drive
     }
 
-    fn room_m(&self, body: &Body) -> (f64, f64) {
-        (body.length_m, body.width_m)
+    fn room_m(&self, size: &BodyDimensions) -> (f64, f64) {
+        (size.length_m, size.width_m)
     }
 
     /// Distance from the rear axle, which follows the path, to the front bumper.

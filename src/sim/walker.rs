@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::BodyControl;
-use super::body::{Body, BodyModel, InvalidBody, within};
+use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
 
 /// Limits of a body on foot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,7 +16,7 @@ pub struct Walker {
 }
 
 impl BodyModel for Walker {
-    fn validate(&self, _: &Body) -> Result<(), InvalidBody> {
+    fn validate(&self, _: &BodyDimensions) -> Result<(), InvalidBody> {
         within("max_speed_mps", self.max_speed_mps, 0.01, 15.0)?;
         within("accel_mps2", self.accel_mps2, 0.01, 100.0)
     }
@@ -28,8 +28,8 @@ impl BodyModel for Walker {
     /// Returns the road space, twice as much across as along.
     ///
     /// A walker may be turned across the road and may walk to either side.
-    fn room_m(&self, body: &Body) -> (f64, f64) {
-        let any_way_m = body.length_m.max(body.width_m);
+    fn room_m(&self, size: &BodyDimensions) -> (f64, f64) {
+        let any_way_m = size.length_m.max(size.width_m);
         (any_way_m, 2.0 * any_way_m)
     }
 

@@ -169,7 +169,7 @@ fn rear_axles_and_the_middles_of_walkers_are_what_moves() {
                 assert_eq!(ahead_m, 0.0);
                 continue;
             };
-            let rear_m = vehicle.rear_axle_ahead_m(&agent.body);
+            let rear_m = vehicle.rear_axle_ahead_m(&agent.body.dimensions());
             assert!((ahead_m + rear_m).abs() < 1e-12, "{ahead_m}");
             assert_eq!(entity.one("RearAxle").number("positionX"), 0.0);
             let front_m = entity.one("FrontAxle").number("positionX");

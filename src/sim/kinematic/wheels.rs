@@ -17,7 +17,7 @@ impl Wheels {
     pub fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> Wheels {
         Wheels {
             limits: VehicleLimits::new(body, vehicle, ground),
-            rear_axle_ahead_m: vehicle.rear_axle_ahead_m(body),
+            rear_axle_ahead_m: vehicle.rear_axle_ahead_m(&body.dimensions()),
             accel_mps2: 0.0,
             curvature_per_m: 0.0,
         }

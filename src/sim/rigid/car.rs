@@ -52,10 +52,10 @@ impl Car {
         // The hub sits where the sagged spring carries the weight, so a spawned car
         // neither drops nor bounces.
         let hub_m = vehicle.suspension_rest_m - vehicle.sag_m() + vehicle.wheel_radius_m;
-        let front_share = vehicle.front_load_share(body);
+        let front_share = vehicle.front_load_share(&body.dimensions());
         let (front_m, rear_m) = (
-            vehicle.front_axle_ahead_m(body),
-            vehicle.rear_axle_ahead_m(body),
+            vehicle.front_axle_ahead_m(&body.dimensions()),
+            vehicle.rear_axle_ahead_m(&body.dimensions()),
         );
         for (ahead_m, share) in [(front_m, front_share), (rear_m, 1.0 - front_share)] {
             // Stiffness follows the load, so that both axles compress alike.

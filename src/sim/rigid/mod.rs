@@ -16,13 +16,16 @@ mod motor;
 mod touch;
 mod world;
 
+use self::car::Car;
+use self::foot::Foot;
 use self::kinematic_playback::PlaybackBody;
-use self::motor::{Motor, motor};
+use self::motor::Motor;
 use self::touch::{SweptFootprint, touch};
 use self::world::RapierWorld;
 use super::planar::{ContactGeometry, Extent, Rect};
 use super::{
-    Body, BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose,
+    Body, BodyCommand, BodyId, BodyKind, BodyState, Contact, Ground, Placement, Plant, PlantKind,
+    Pose,
 };
 
 /// Distance from the origin beyond which the plant is unsound.
@@ -265,6 +268,14 @@ impl Plant for Rigid {
 
     fn fork(&self) -> Box<dyn Plant> {
         Box::new(self.clone())
+    }
+}
+
+/// Puts a body into the world with its motion model.
+fn motor(world: &mut RapierWorld, body: &Body, ground: Ground, rect: &Rect) -> Box<dyn Motor> {
+    match &body.kind {
+        BodyKind::Vehicle(vehicle) => Box::new(Car::new(world, body, vehicle, ground, rect)),
+        BodyKind::Walker(walker) => Box::new(Foot::new(walker, rect)),
     }
 }
 

@@ -1,10 +1,8 @@
-//! Motion models of this plant: one file per kind of body, listed here.
+//! Motion model of a body on this plant, one file per kind of body.
 
-use super::car::Car;
-use super::foot::Foot;
 use super::world::RapierWorld;
 use crate::sim::planar::Rect;
-use crate::sim::{Body, BodyCommand, BodyKind, Ground, Placement};
+use crate::sim::{BodyCommand, Placement};
 
 /// Motion model of a body, with its current command.
 pub(super) trait Motor: Send {
@@ -37,18 +35,5 @@ pub(super) trait Motor: Send {
 impl Clone for Box<dyn Motor> {
     fn clone(&self) -> Box<dyn Motor> {
         self.fork()
-    }
-}
-
-/// Puts a body into the world with its motion model.
-pub(super) fn motor(
-    world: &mut RapierWorld,
-    body: &Body,
-    ground: Ground,
-    rect: &Rect,
-) -> Box<dyn Motor> {
-    match &body.kind {
-        BodyKind::Vehicle(vehicle) => Box::new(Car::new(world, body, vehicle, ground, rect)),
-        BodyKind::Walker(walker) => Box::new(Foot::new(walker, rect)),
     }
 }
