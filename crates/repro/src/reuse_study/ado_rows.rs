@@ -25,7 +25,7 @@ impl EgoOnStarts<'_> {
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
         let seed = policies.conditional.manifest().seed;
-        let policy = policies.conditional.policy_told(member)?;
+        let policy = policies.conditional.conditioned_policy(member)?;
         let others = other_members(&policies.conditional, family, member.plant)?;
         // Later tries may use other members, in case the identified member is wrong.
         let tried = BestOfN {
@@ -56,7 +56,7 @@ impl EgoOnStarts<'_> {
         (member, context): (&EgoSample, &str),
     ) -> Result<Row, RunError> {
         let seed = policies.conditional.manifest().seed;
-        let policy = policies.conditional.policy_told(member)?;
+        let policy = policies.conditional.conditioned_policy(member)?;
         Ok(Row {
             context: Some(context.to_owned()),
             ..self.trained(word, &*policy, seed)
