@@ -38,14 +38,14 @@ pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
     let regressions = Regressions::find(&args.what, None)?.allow_programs(args.allow_programs);
     let Exports { files, refused } = export(&regressions, &args.output)?;
     let files: Vec<String> = files.iter().map(|it| it.display().to_string()).collect();
-    match args.json {
-        true => print_json(&json!({
+    if args.json {
+        print_json(&json!({
             "files": files,
-            "refused": refused.iter().map(told).collect::<Vec<_>>(),
-        })),
-        false if files.is_empty() => Ok(()),
-        false => talk::data(&files.join("\n")),
-    }?;
+            "refused": refused.iter().map(refusal).collect::<Vec<_>>(),
+        }))?;
+    } else if !files.is_empty() {
+        talk::data(&files.join("\n"))?;
+    }
     if refused.is_empty() {
         Ok(Exit::Done)
     } else {
@@ -54,7 +54,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
     }
 }
 
-fn told(refused: &NotExported) -> serde_json::Value {
+fn refusal(refused: &NotExported) -> serde_json::Value {
     let file = refused.path.display().to_string();
     json!({ "file": file, "why": refused.why.to_string() })
 }

@@ -1,8 +1,9 @@
 //! Output of `eval` on compared egos: the gate, and a sweep.
 
+use std::path::Path;
+
 use serde_json::{Value, json};
 
-use super::eval::EvalArgs;
 use super::{Failure, table_of, talk};
 use crate::evaluation::{EvaluationTable, Gate, GateOn, Sweep, SweepPoint, Swept};
 use crate::experiment::Watch;
@@ -23,18 +24,19 @@ pub(super) struct GateAndSweep {
 }
 
 impl GateAndSweep {
+    /// Compares egos with a baseline ego, and draws the curve of a sweep.
     pub(super) fn of(
-        args: &EvalArgs,
+        (baseline, curve_file): (Option<&str>, Option<&Path>),
         sweep: Option<&Sweep>,
         evaluated: &EvaluationTable<'_>,
         watch: &Watch<'_>,
     ) -> Result<GateAndSweep, Failure> {
         let swept = sweep.map(|sweep| sweep.swept(&evaluated.egos));
-        if let (Some(file), Some(swept)) = (args.curve.as_deref(), &swept) {
+        if let (Some(file), Some(swept)) = (curve_file, &swept) {
             write_file(file, curve(swept).as_bytes())?;
         }
         Ok(GateAndSweep {
-            gates: match &args.baseline_ego {
+            gates: match baseline {
                 Some(baseline) => evaluated.gates(baseline, watch)?,
                 None => Vec::new(),
             },

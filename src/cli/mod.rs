@@ -6,6 +6,7 @@ mod campaign;
 mod check;
 mod crashes;
 mod eval;
+mod eval_args;
 mod examples;
 mod excerpt;
 mod export;
@@ -71,7 +72,7 @@ enum Verb {
     Train(train::TrainArgs),
     /// Measure a trained ado and baselines on test starts and egos.
     #[command(after_help = examples::EVAL)]
-    Eval(eval::EvalArgs),
+    Eval(eval_args::EvalArgs),
     /// Search action sequences per start: what an adversary can do at all.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),

@@ -16,16 +16,13 @@ pub fn start_count() -> impl TypedValueParser<Value = usize> {
 pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value = u64> {
     move |text: &str| {
         let value = read(text).ok_or("a whole number, such as 300, 1_000, 300k or 1.5M")?;
-        match range.contains(&value) {
-            true => Ok(value),
-            false if *range.end() == u64::MAX => {
-                Err(format!("{value} is less than {}", range.start()))
-            }
-            false => Err(format!(
-                "{value} is not in {}..={}",
-                range.start(),
-                range.end()
-            )),
+        let (least, most) = (range.start(), range.end());
+        if range.contains(&value) {
+            Ok(value)
+        } else if *most == u64::MAX {
+            Err(format!("{value} is less than {least}"))
+        } else {
+            Err(format!("{value} is not in {least}..={most}"))
         }
     }
 }

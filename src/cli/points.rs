@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::eval::EvalArgs;
+use super::eval_args::EvalArgs;
 use super::{Exit, Failure, interrupted_early, print_json, progress, table, table_of, talk};
 use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, points};
 use crate::experiment::{EgoUnderTest, consent_to};

@@ -78,10 +78,12 @@ impl<'a> Reruns<'a> {
             faults: FaultLog::default(),
             watch,
         };
-        reruns.refused = match ego.is_some_and(|ego| ego.is_recorded()) {
-            true => Some(NotAsked::CommandsOnly),
-            false if foreign => reruns.compare(scenario.repeats(), episode).err(),
-            false => None,
+        reruns.refused = if ego.is_some_and(|ego| ego.is_recorded()) {
+            Some(NotAsked::CommandsOnly)
+        } else if foreign {
+            reruns.compare(scenario.repeats(), episode).err()
+        } else {
+            None
         };
         reruns
     }

@@ -101,10 +101,12 @@ fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
             (lo.min(v), hi.max(v))
         });
     // An axis without an extent would divide by 0.
-    match lo < hi {
-        true => (lo, hi),
-        false if lo.is_finite() => (lo - 0.5, lo + 0.5),
-        false => (0.0, 1.0),
+    if lo < hi {
+        (lo, hi)
+    } else if lo.is_finite() {
+        (lo - 0.5, lo + 0.5)
+    } else {
+        (0.0, 1.0)
     }
 }
 

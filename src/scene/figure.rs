@@ -27,12 +27,16 @@ impl AgentDescription {
     /// drawn by its size and not as a stretched person.
     pub fn figure(&self) -> BodyFigure {
         let [length_m, width_m, height_m] = self.size_m;
-        match self.on_foot && length_m <= PERSON_M && width_m <= PERSON_M {
-            true => BodyFigure::Person,
-            false if width_m < 1.2 => BodyFigure::TwoWheeler,
-            false if height_m < 1.9 => BodyFigure::Car,
-            false if length_m < 7.0 => BodyFigure::Van,
-            false => BodyFigure::Truck,
+        if self.on_foot && length_m <= PERSON_M && width_m <= PERSON_M {
+            BodyFigure::Person
+        } else if width_m < 1.2 {
+            BodyFigure::TwoWheeler
+        } else if height_m < 1.9 {
+            BodyFigure::Car
+        } else if length_m < 7.0 {
+            BodyFigure::Van
+        } else {
+            BodyFigure::Truck
         }
     }
 }

@@ -102,24 +102,30 @@ pub(super) fn seen<'a>(
     let shares_road = concrete.is_on_road(&entity.placed);
     // Headings are within ±π, and both ends mean the opposite direction.
     let near = |direction_rad: f64| (heading_rad - direction_rad).abs() < SQUARE_RAD;
-    let path = match entity.body.on_foot {
-        true if !shares_road => {
+    let path = if entity.body.on_foot {
+        if !shares_road {
             return Err(refused(
                 "nobody on foot is read beside a way that bends".to_owned(),
             ));
-        }
-        true if near(FRAC_PI_2) => EntityPath::Left,
-        true if near(-FRAC_PI_2) => EntityPath::Right,
-        true if near(0.0) => EntityPath::With,
-        true if near(PI) || near(-PI) => EntityPath::Against,
-        true => {
+        } else if near(FRAC_PI_2) {
+            EntityPath::Left
+        } else if near(-FRAC_PI_2) {
+            EntityPath::Right
+        } else if near(0.0) {
+            EntityPath::With
+        } else if near(PI) || near(-PI) {
+            EntityPath::Against
+        } else {
             return Err(refused(
                 "on foot one faces along the road or across it".to_owned(),
             ));
         }
-        false if shares_road && is_along(heading_rad, 0.0) => EntityPath::With,
-        false if shares_road && is_along(heading_rad, PI) => EntityPath::Against,
-        false => match (&entity.placed.way, moves) {
+    } else if shares_road && is_along(heading_rad, 0.0) {
+        EntityPath::With
+    } else if shares_road && is_along(heading_rad, PI) {
+        EntityPath::Against
+    } else {
+        match (&entity.placed.way, moves) {
             (Some(on), true) => {
                 let placed = super::places::Placed {
                     spot: on.way.begins,
@@ -134,7 +140,7 @@ pub(super) fn seen<'a>(
             }
             // A standing entity needs no path.
             (_, false) => EntityPath::Turned,
-        },
+        }
     };
     Ok(EntityInFrame {
         entity,

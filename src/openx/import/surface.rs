@@ -74,10 +74,12 @@ fn limit_mps(
     // Lanes without a limit have that of the road, so both are compared.
     let limited = driven.iter().filter(|lane| lane.child("speed").is_some());
     let is_partly = !of_lanes.is_empty() && limited.count() < driven.len();
-    let records: Vec<_> = match of_lanes.is_empty() {
-        true => of_road.collect(),
-        false if is_partly => of_road.chain(of_lanes).collect(),
-        false => of_lanes,
+    let records: Vec<_> = if of_lanes.is_empty() {
+        of_road.collect()
+    } else if is_partly {
+        of_road.chain(of_lanes).collect()
+    } else {
+        of_lanes
     };
     // Lanes without any limit have none, which the others must not have either.
     let has_none = is_partly && road.child("type").is_none();
