@@ -42,6 +42,7 @@ pub mod doc_pages;
 pub mod ego;
 pub mod evaluation;
 pub mod experiment;
+pub mod grid_solver;
 pub mod openx;
 pub mod preventability;
 pub mod report;

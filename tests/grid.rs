@@ -11,9 +11,9 @@ mod learning;
 #[path = "grid/theorems.rs"]
 mod theorems;
 
+use brakecheck::grid_solver::exact::{Game, UNIT_MOVES};
 use brakecheck::rl::Policy;
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::exact::{Game, UNIT_MOVES};
 use brakecheck::scene::grid::{Arena, AtWall};
 use brakecheck::testbench::{Aftermath, Episode, PolicyActor, play};
 use brakecheck::world::{GridChange, Scenario};

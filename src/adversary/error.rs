@@ -1,7 +1,7 @@
 //! Error of an adversary that does not apply to a world or a run.
 
+use crate::grid_solver::exact::Indistinct;
 use crate::run_dir::RunError;
-use crate::scene::grid::exact::Indistinct;
 
 /// Error of an adversary that does not apply to a world or a run.
 #[derive(Debug, thiserror::Error)]

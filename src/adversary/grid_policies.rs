@@ -3,7 +3,7 @@
 use super::error::AdversaryError;
 use super::rollout::Ado;
 use crate::experiment::EgoUnderTest;
-use crate::scene::grid::exact::{PositionPolicy, chase};
+use crate::grid_solver::exact::{PositionPolicy, chase};
 
 /// Untrained ados of grid worlds, which observe both positions.
 #[derive(Clone, Copy)]

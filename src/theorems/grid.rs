@@ -5,9 +5,9 @@ use serde::Serialize;
 use super::TheoremsError;
 use super::bisimilar::{Theorem3, bisimulations, theorem_3};
 use super::nearby::{Approximation, Theorem1, Theorem2, theorem_1, theorem_2};
+use crate::grid_solver::exact::Game;
+use crate::grid_solver::values::ValueTable;
 use crate::rl::Policy;
-use crate::scene::grid::exact::Game;
-use crate::scene::grid::values::ValueTable;
 use crate::world::Scenario;
 
 /// α of the stopping rule of value iteration in Theorem 2.

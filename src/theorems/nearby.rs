@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::TheoremsError;
 use super::plays::{GridUnderTest, ROUNDING, TheoremEpisode};
+use crate::grid_solver::values::ValueTable;
 use crate::rl::Policy;
-use crate::scene::grid::values::ValueTable;
 use crate::world::Scenario;
 
 /// Values of δ in Theorem 1 and of β in Theorem 2.

@@ -4,11 +4,11 @@ use rayon::prelude::*;
 
 use super::TheoremsError;
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
+use crate::grid_solver::exact::Game;
+use crate::grid_solver::values::ValueTable;
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::Start;
-use crate::scene::grid::exact::Game;
-use crate::scene::grid::values::ValueTable;
 use crate::scene::grid::{GridWorld, Position, position_of};
 use crate::testbench::{Aftermath, Episode, PolicyActor, Replay, Testbench, play};
 use crate::world::Scenario;

@@ -515,7 +515,7 @@ impl Scenario {
     /// The shipped ados observe a window. [The optimal ado][best] of a larger
     /// map requires the complete map. `None` if it is not a grid world.
     ///
-    /// [best]: crate::scene::grid::exact::PositionPolicy::optimal
+    /// [best]: crate::grid_solver::exact::PositionPolicy::optimal
     pub fn fully_observed(&self) -> Option<Scenario> {
         let mut spec = self.grid()?.spec().clone();
         // Positions are scaled to −1 ..= 1 over the map.

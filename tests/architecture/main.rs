@@ -28,6 +28,7 @@ const FLOORS: [(&str, u32); 36] = [
     ("scene", 2),
     ("stats", 3),
     ("preventability", 3),
+    ("grid_solver", 3),
     ("testbench", 4),
     ("conformance", 4),
     ("world", 5),

@@ -2,8 +2,8 @@
 
 use std::collections::{HashSet, VecDeque};
 
-use brakecheck::scene::grid::bisimulation::{Bisimulation, coarse};
-use brakecheck::scene::grid::exact::Game;
+use brakecheck::grid_solver::bisimulation::{Bisimulation, coarse};
+use brakecheck::grid_solver::exact::Game;
 use brakecheck::scene::grid::{AtWall, Position};
 use brakecheck::theorems::{TheoremOutcome, bisimulations, theorem_3};
 use brakecheck::world::{GridChange, Scenario};

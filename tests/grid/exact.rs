@@ -1,7 +1,7 @@
 //! Counts that were computed independently before this solver existed.
 
+use brakecheck::grid_solver::exact::{Game, PositionPolicy, UNIT_MOVES, chase};
 use brakecheck::rl::LearnerRng;
-use brakecheck::scene::grid::exact::{Game, PositionPolicy, UNIT_MOVES, chase};
 use brakecheck::scene::grid::position_of;
 use brakecheck::testbench::{Aftermath, Random, Replay, play};
 

@@ -1,8 +1,8 @@
 //! Theorems 1 and 2, played from every start, and the faults that they notice.
 
+use brakecheck::grid_solver::exact::{Game, PositionPolicy};
+use brakecheck::grid_solver::values::ValueTable;
 use brakecheck::rl::{Control, LearnerRng, Policy};
-use brakecheck::scene::grid::exact::{Game, PositionPolicy};
-use brakecheck::scene::grid::values::ValueTable;
 use brakecheck::scene::grid::{AtWall, Horizon};
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;

@@ -4,15 +4,12 @@
 //! Details that the paper leaves open are fields of the world file: readings A
 //! and B of docs/background/grid.md differ in the ego's behaviour at a wall ([`AtWall`]).
 //!
-//! The map is small enough for an exact solution: [`exact`] computes the best
-//! ado.
+//! The map is small enough for an exact solution: `grid_solver`
+//! computes the best ado.
 
 mod arena;
-pub mod bisimulation;
-pub mod exact;
 mod signals;
 mod spec;
-pub mod values;
 
 use std::sync::Arc;
 

@@ -24,10 +24,10 @@ use maps::{Map, maps};
 
 use brakecheck::adversary::{Ado, EvalRequest, eval};
 use brakecheck::experiment::{TestStarts, Watch};
+use brakecheck::grid_solver::exact::{Game, chase};
 use brakecheck::rl::{Control, LearnerConfig, LearnerRng, Policy};
 use brakecheck::run_dir::Row;
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::exact::{Game, chase};
 use brakecheck::scene::grid::{AtWall, Position, position_of};
 use brakecheck::seed::{Purpose, Seeds, StartKey};
 use brakecheck::stats::{Outcomes, StartOutcome, seeds_interval, wilson};

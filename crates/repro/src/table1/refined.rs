@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::value::LargeMap;
 use super::{Learned, LearnerOnMap, References, Table1Error, TrainingProgress, spread, starts_of};
+use brakecheck::grid_solver::bisimulation::Bisimulation;
+use brakecheck::grid_solver::exact::Game;
 use brakecheck::rl::LearnerConfig;
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::bisimulation::Bisimulation;
-use brakecheck::scene::grid::exact::Game;
 use brakecheck::scene::grid::{Position, Starts, position_of, start_of};
 use brakecheck::stats::{Outcomes, StartOutcome, seeds_interval};
 use brakecheck::testbench::{Actor, Aftermath, PolicyActor, Replay, Testbench, play};

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1Error};
+use brakecheck::grid_solver::exact::Game;
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::exact::Game;
 use brakecheck::scene::grid::{Position, position_of};
 use brakecheck::testbench::{Aftermath, PolicyActor, play};
 use brakecheck::world::{GridChange, Scenario};

@@ -4,9 +4,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1, Table1Error, TrainingProgress, learn};
+use brakecheck::grid_solver::exact::Game;
 use brakecheck::rl::{LearnerConfig, LearnerRng};
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::exact::Game;
 use brakecheck::scene::grid::{Starts, position_of};
 use brakecheck::testbench::{Aftermath, PolicyActor, Success, play};
 use brakecheck::theorems::{TheoremsError, optimal_values};

@@ -5,8 +5,8 @@
 //! between starts. Without a capture, T = K − 1.
 //!
 //! ```
-//! use brakecheck::scene::grid::exact::{Game, UNIT_MOVES};
-//! use brakecheck::scene::grid::values::ValueTable;
+//! use brakecheck::grid_solver::exact::{Game, UNIT_MOVES};
+//! use brakecheck::grid_solver::values::ValueTable;
 //! use brakecheck::scene::grid::{Arena, AtWall, Cell, Position};
 //!
 //! let arena = Arena { size: 4, refine: 1, ego_step: 2, at_wall: AtWall::FirstInMap };
@@ -18,8 +18,8 @@
 //! ```
 
 use super::exact::Game;
-use super::{GridWorld, Position};
 use crate::rl::Policy;
+use crate::scene::grid::{GridWorld, Position};
 
 /// V of every position pair with every number of steps left.
 ///

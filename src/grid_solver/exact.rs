@@ -5,7 +5,7 @@
 //! >= 1)` under unit moves, as in both shipped grid worlds.
 //!
 //! ```
-//! use brakecheck::scene::grid::exact::{Game, UNIT_MOVES};
+//! use brakecheck::grid_solver::exact::{Game, UNIT_MOVES};
 //! use brakecheck::scene::grid::{Arena, AtWall};
 //!
 //! let arena = Arena { size: 4, refine: 1, ego_step: 2, at_wall: AtWall::FirstInMap };
@@ -16,8 +16,8 @@
 
 use std::collections::HashMap;
 
-use super::{Arena, GridWorld, Position};
 use crate::rl::Policy;
+use crate::scene::grid::{Arena, GridWorld, Position};
 
 /// The moves up, down, left, right and stay.
 pub const UNIT_MOVES: [(i32, i32); 5] = [(0, 1), (0, -1), (-1, 0), (1, 0), (0, 0)];

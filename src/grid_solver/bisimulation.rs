@@ -11,8 +11,8 @@
 //! cells. A captured position is absorbing, because a contact ends the motion.
 //!
 //! ```
-//! use brakecheck::scene::grid::bisimulation::Bisimulation;
-//! use brakecheck::scene::grid::exact::{Game, UNIT_MOVES};
+//! use brakecheck::grid_solver::bisimulation::Bisimulation;
+//! use brakecheck::grid_solver::exact::{Game, UNIT_MOVES};
 //! use brakecheck::scene::grid::{Arena, AtWall};
 //!
 //! let arena = Arena { size: 4, refine: 1, ego_step: 2, at_wall: AtWall::Stays };
@@ -23,7 +23,7 @@
 //! ```
 
 use super::exact::Game;
-use super::{Cell, Position};
+use crate::scene::grid::{Cell, Position};
 
 /// Tolerance for rounding: distances are multiples of half a fine cell.
 const ROUNDING: f64 = 1e-9;
