@@ -117,9 +117,8 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         unknown: &[],
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
-    let keeping = usize::from(args.keep.dir().is_some());
     // Keeping plays many runs, so it counts as a step.
-    let watch = watch.first_of(egos.len() + keeping);
+    let watch = watch.first_of(egos.len() + usize::from(args.keep.dir().is_some()));
     let Some(mut evaluated) = evaluation.run(&watch)? else {
         return interrupted_early(&args.common);
     };

@@ -387,7 +387,7 @@ impl<'a> Sum<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surrogate::dataset::runs_of;
+    use crate::surrogate::recorded_runs::runs_of;
 
     fn seen_of(name: &str) -> (Vec<Situation>, Vec<f64>) {
         let runs = runs_of(name, crate::sim::PlantKind::Kinematic, 33);

@@ -26,6 +26,8 @@ mod learn;
 mod model;
 mod model_fit;
 mod plan;
+#[cfg(test)]
+mod recorded_runs;
 mod strategy;
 mod surrogate_sim;
 

@@ -575,7 +575,7 @@ mod tests {
     use super::*;
     use crate::ego::{Actuated, Briefing};
     use crate::sim::PlantKind;
-    use crate::surrogate::dataset::runs_of;
+    use crate::surrogate::recorded_runs::runs_of;
     use crate::world::Scenario;
 
     fn parameter(fitted: &FittedModel, name: &str) -> f64 {

@@ -456,7 +456,7 @@ fn a_file_a_verb_and_a_flag_of_nothing_are_seen() {
         ("`worlds/acc.ron`", "`worlds/acc_paved.ron`"),
         ("`docs/guide`", "`docs/guides`"),
         ("`src/{lib,main}.rs`", "`src/{lib,mean}.rs`"),
-        ("`lab/training.md`", "`lab/trainings.md`"),
+        ("`lab/training.md`", "`lab/trainings`"),
         ("`tests/grid/theorems.rs`", "`tests/grid/lemmas.rs`"),
         (
             "`brakecheck check worlds/acc.ron`",
