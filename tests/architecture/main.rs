@@ -266,7 +266,12 @@ fn lines() -> Vec<(String, String)> {
         if sources.is_for_tests(&sources.module_of_file(file)) {
             continue;
         }
-        let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or("");
+        let ends = [
+            "#[cfg(test)]\nmod tests",
+            "#[cfg(test)]\npub(super) mod tests",
+        ];
+        let ends = ends.iter().filter_map(|end| text.find(end));
+        let code = &text[..ends.min().unwrap_or(text.len())];
         for (i, line) in code.lines().enumerate() {
             let line = line.split("//").next().unwrap_or("").trim();
             lines.push((format!("{path}:{}", i + 1), line.to_owned()));
