@@ -32,6 +32,8 @@
 //!
 //! [`doc_pages`] has an example for every verb of the command line.
 
+#![warn(unreachable_pub)]
+
 pub mod adversary;
 pub mod campaign;
 pub mod cli;

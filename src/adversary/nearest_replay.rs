@@ -18,7 +18,7 @@ pub(super) struct NearestReplay<'a> {
 impl<'a> NearestReplay<'a> {
     /// Creates the replay of a rank. Rank 0 is the nearest. A missing rank holds action
     /// 0.
-    pub fn new(stored: &'a Stored, rank: usize) -> NearestReplay<'a> {
+    pub(super) fn new(stored: &'a Stored, rank: usize) -> NearestReplay<'a> {
         NearestReplay {
             stored,
             rank,

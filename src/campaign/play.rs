@@ -43,7 +43,7 @@ pub(super) struct PlayedRows {
 
 impl UnitContext<'_> {
     /// Plays some starts. `None`: stopped before the last of them.
-    pub fn play(
+    pub(super) fn play(
         &self,
         which: Range<usize>,
         watch: &Watch<'_>,

@@ -27,7 +27,7 @@ pub(super) struct UnitCounts {
 
 impl UnitCounts {
     /// Returns an empty tally.
-    pub fn of(unit: &Unit) -> UnitCounts {
+    pub(super) fn of(unit: &Unit) -> UnitCounts {
         UnitCounts {
             outcomes: vec![StartOutcome::NotReached; unit.starts],
             preventable: vec![None; unit.starts],
@@ -39,7 +39,7 @@ impl UnitCounts {
     }
 
     /// Counts a row.
-    pub fn count(
+    pub(super) fn count(
         &mut self,
         start: usize,
         outcome: StartOutcome,

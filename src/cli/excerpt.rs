@@ -24,7 +24,7 @@ pub(super) struct Excerpt {
 
 impl Excerpt {
     /// The lines of a mistake with one more on both sides, and its place there.
-    pub fn of(
+    pub(super) fn of(
         file: &str,
         text: &str,
         span: std::ops::Range<usize>,

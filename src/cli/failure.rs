@@ -560,7 +560,7 @@ impl From<&TrainError> for Failure {
 ///
 /// The program is on the last line, by itself. No part of its name can then be taken for
 /// a part of this message.
-pub fn not_allowed(who: &str, command: &[String]) -> Failure {
+pub(super) fn not_allowed(who: &str, command: &[String]) -> Failure {
     let who = visible_line(who);
     Failure::input(
         format!("{who} is a program that a file names: nothing was started"),

@@ -52,7 +52,7 @@ enum EgoRerunKind {
 
 impl<'a> Reruns<'a> {
     /// Plays `episode` again, unless its ego is a stock ego.
-    pub fn of(
+    pub(super) fn of(
         scenario: &Scenario,
         episode: &Episode,
         limit: u64,
@@ -130,27 +130,27 @@ impl<'a> Reruns<'a> {
     }
 
     /// Returns the world in which questions are asked.
-    pub fn scenario(&self) -> &Scenario {
+    pub(super) fn scenario(&self) -> &Scenario {
         &self.scenario
     }
 
     /// Returns the watch that can stop the questions.
-    pub fn watch(&self) -> &'a Watch<'a> {
+    pub(super) fn watch(&self) -> &'a Watch<'a> {
         self.watch
     }
 
     /// Returns whether a run can continue from a copy of another run.
-    pub fn copies(&self) -> bool {
+    pub(super) fn copies(&self) -> bool {
         self.kind != EgoRerunKind::Whole
     }
 
     /// Returns whether all questions are refused.
-    pub fn is_refused(&self) -> bool {
+    pub(super) fn is_refused(&self) -> bool {
         self.refused.is_some()
     }
 
     /// Returns the record of the runs for kept files, `None` for a stock ego.
-    pub fn summary(&self) -> Option<EgoRuns> {
+    pub(super) fn summary(&self) -> Option<EgoRuns> {
         (self.kind != EgoRerunKind::Stock).then(|| EgoRuns {
             runs: self.spent.load(Ordering::Relaxed),
             copied: self.kind == EgoRerunKind::Copied && !self.is_refused(),
@@ -162,7 +162,7 @@ impl<'a> Reruns<'a> {
     ///
     /// # Errors
     /// The questions must not be asked.
-    pub fn ask(&self, questions: usize, for_later: usize) -> Result<(), NotAsked> {
+    pub(super) fn ask(&self, questions: usize, for_later: usize) -> Result<(), NotAsked> {
         let runs = u64::from(self.scenario.repeats().runs.max(1));
         self.take(runs * questions as u64, runs * for_later as u64)
     }
@@ -198,19 +198,19 @@ impl<'a> Reruns<'a> {
     }
 
     /// Counts runs that were not requested individually.
-    pub fn count(&self, runs: u64) {
+    pub(super) fn count(&self, runs: u64) {
         self.spent.fetch_add(runs, Ordering::Relaxed);
     }
 
     /// Returns at most `questions`, limited to half of the runs.
-    pub fn at_most_half(&self, questions: usize) -> usize {
+    pub(super) fn at_most_half(&self, questions: usize) -> usize {
         let runs = u64::from(self.scenario.repeats().runs.max(1));
         let half = self.limit / 2 / runs;
         questions.min(usize::try_from(half).unwrap_or(usize::MAX))
     }
 
     /// Plays a question with all its repeats, and returns the representative run.
-    pub fn played(
+    pub(super) fn played(
         &self,
         world: &Scenario,
         (start, noise): (&Start, u64),
@@ -230,7 +230,7 @@ impl<'a> Reruns<'a> {
     }
 
     /// Returns whether the ego holds under these actions, followed by the neutral action.
-    pub fn holds(&self, episode: &Episode, actions: &[usize]) -> bool {
+    pub(super) fn holds(&self, episode: &Episode, actions: &[usize]) -> bool {
         let neutral = self.scenario.world().spaces().neutral;
         let from = (&episode.start, episode.noise);
         let mut changed = Replay::then(actions, neutral);

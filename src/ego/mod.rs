@@ -36,7 +36,8 @@ mod aeb;
 mod coast;
 mod courteous_acc;
 #[cfg(test)]
-mod dummy;
+#[path = "../../tests/support/example_ego.rs"]
+mod example_ego;
 mod fault;
 mod following;
 mod fvdm;

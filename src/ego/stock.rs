@@ -212,7 +212,7 @@ egos! {
     process::Process by controller;
     /// Added by tests, to show that a file and a line suffice.
     #[cfg(test)]
-    dummy::Dummy by clone;
+    example_ego::Dummy by clone;
 }
 
 #[cfg(test)]

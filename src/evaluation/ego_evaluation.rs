@@ -26,7 +26,7 @@ pub(super) struct EgoEvaluation<'a> {
 }
 
 impl<'a> EgoEvaluation<'a> {
-    pub fn play(&mut self) -> Result<(), EvaluationError> {
+    pub(super) fn play(&mut self) -> Result<(), EvaluationError> {
         let baselines = self.baselines;
         for &kind in &baselines.ados {
             for ado in baselines.made(kind) {

@@ -29,7 +29,7 @@ pub(crate) struct WorkItem {
 
 impl WorkItem {
     /// Returns the processor time since the turn began.
-    pub fn cpu_s(&self) -> f64 {
+    pub(crate) fn cpu_s(&self) -> f64 {
         self.clock.elapsed().as_secs_f64()
     }
 }

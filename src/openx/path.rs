@@ -85,7 +85,7 @@ pub(super) fn sample_time_s(sample: usize, sample_s: f64) -> f64 {
 
 impl Vertex {
     /// Returns the place as a `Position`.
-    pub fn position(&self) -> XmlElement {
+    pub(super) fn position(&self) -> XmlElement {
         let place = XmlElement::new("WorldPosition")
             .number("x", self.x_m)
             .number("y", self.y_m)
@@ -98,7 +98,7 @@ impl Vertex {
     }
 
     /// Returns the vertex on a line of its own.
-    pub fn element(&self) -> XmlElement {
+    pub(super) fn element(&self) -> XmlElement {
         let vertex = XmlElement::new("Vertex").number("time", self.time_s);
         vertex.child(self.position()).on_one_line()
     }

@@ -26,7 +26,7 @@ pub(super) enum MotionSource {
 }
 
 impl StoryboardAgent<'_> {
-    pub fn name(&self) -> &str {
+    pub(super) fn name(&self) -> &str {
         &self.agent.name
     }
 }

@@ -22,7 +22,7 @@ impl Stretch {
     ///
     /// It includes every piece of the course. On the world's own road it also
     /// includes the stop lines and the agents of all other roads.
-    pub fn around(world: &DriveWorld, road: usize, passages: &[&Passage]) -> Stretch {
+    pub(super) fn around(world: &DriveWorld, road: usize, passages: &[&Passage]) -> Stretch {
         let (spec, course) = (world.spec(), &world.courses()[road]);
         let pieces = course.pieces();
         // The course begins at s = 0, which is always part of the road.
@@ -55,7 +55,7 @@ impl Stretch {
     }
 
     /// Returns OpenDRIVE's s of a place on the course.
-    pub fn s_m(&self, course_s_m: f64) -> f64 {
+    pub(super) fn s_m(&self, course_s_m: f64) -> f64 {
         course_s_m - self.from_s_m
     }
 }

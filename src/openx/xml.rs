@@ -18,7 +18,7 @@ pub(super) struct XmlElement {
 
 impl XmlElement {
     /// Returns an element without attributes and children.
-    pub fn new(name: &'static str) -> XmlElement {
+    pub(super) fn new(name: &'static str) -> XmlElement {
         XmlElement {
             name,
             attributes: Vec::new(),
@@ -30,7 +30,7 @@ impl XmlElement {
     /// Adds a text attribute, with a space for every control character.
     ///
     /// Marks without width, or that turn the direction of writing, are shown escaped.
-    pub fn text(mut self, name: &'static str, value: impl AsRef<str>) -> XmlElement {
+    pub(super) fn text(mut self, name: &'static str, value: impl AsRef<str>) -> XmlElement {
         // XML 1.0 forbids most control characters, even escaped.
         let value = value.as_ref().replace(char::is_control, " ");
         let value = visible_markup(&value).into_owned();
@@ -39,24 +39,24 @@ impl XmlElement {
     }
 
     /// Adds a number as an attribute.
-    pub fn number(self, name: &'static str, value: f64) -> XmlElement {
+    pub(super) fn number(self, name: &'static str, value: f64) -> XmlElement {
         self.text(name, number(value))
     }
 
     /// Appends a child.
-    pub fn child(mut self, child: XmlElement) -> XmlElement {
+    pub(super) fn child(mut self, child: XmlElement) -> XmlElement {
         self.children.push(child);
         self
     }
 
     /// Appends children.
-    pub fn children(mut self, children: impl IntoIterator<Item = XmlElement>) -> XmlElement {
+    pub(super) fn children(mut self, children: impl IntoIterator<Item = XmlElement>) -> XmlElement {
         self.children.extend(children);
         self
     }
 
     /// Keeps the element and its content on one line.
-    pub fn on_one_line(mut self) -> XmlElement {
+    pub(super) fn on_one_line(mut self) -> XmlElement {
         self.on_one_line = true;
         self
     }
@@ -66,7 +66,7 @@ impl XmlElement {
     /// # Errors
     ///
     /// Returns the error of the writer.
-    pub fn document(&self) -> io::Result<String> {
+    pub(super) fn document(&self) -> io::Result<String> {
         let mut writer = Writer::new(Vec::new());
         writer.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
         self.write(&mut writer, Some(0))?;

@@ -47,7 +47,7 @@ pub(super) struct LaneRecord {
 
 impl LaneRecord {
     /// Returns the ego and the others at every sample, in order.
-    pub fn rows(&self) -> impl Iterator<Item = (LaneBody, &[LaneBody])> {
+    pub(super) fn rows(&self) -> impl Iterator<Item = (LaneBody, &[LaneBody])> {
         let rows = self.bodies.chunks_exact(self.width.max(1));
         rows.filter_map(|row| row.split_first().map(|(ego, others)| (*ego, others)))
     }
@@ -75,7 +75,7 @@ impl LaneRecord {
     /// Returns t_h, the first sample at which a driver may have to react.
     ///
     /// An agent is ahead, laterally relevant, and slower or braking.
-    pub fn handover(&self) -> Option<usize> {
+    pub(super) fn handover(&self) -> Option<usize> {
         self.first(|ego, other| {
             let encounter = self.encounter(ego, *other);
             // A lead that brakes is a danger before it is slower.
@@ -102,7 +102,7 @@ impl LaneRecord {
     }
 
     /// Returns t_d, the first sample at which the ideal driver brakes.
-    pub fn danger(&self) -> Option<usize> {
+    pub(super) fn danger(&self) -> Option<usize> {
         let ideal = IdealDriver::default();
         self.first(|ego, other| {
             ego.x_m <= other.x_m && ideal.danger(&self.encounter(ego, *other)).is_some()
@@ -110,7 +110,7 @@ impl LaneRecord {
     }
 
     /// Returns the cut-in of the agent number `with`, if it came from another lane.
-    pub fn cut_in(&self, with: usize) -> Option<CutIn> {
+    pub(super) fn cut_in(&self, with: usize) -> Option<CutIn> {
         let others = self.rows().map(|(ego, others)| (ego, others[with]));
         let pairs: Vec<(LaneBody, LaneBody)> = others.collect();
         let inside_m = |(ego, other): &(LaneBody, LaneBody)| {

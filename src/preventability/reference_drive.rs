@@ -32,7 +32,7 @@ pub(super) struct ReferenceDriverRun {
 
 impl ReferenceDriverRun {
     /// Creates the drive of a driver, with the actuator in its current state.
-    pub fn new(
+    pub(super) fn new(
         seat: Seat,
         actuator: Actuator,
         sample_s: f64,
@@ -51,7 +51,7 @@ impl ReferenceDriverRun {
         }
     }
 
-    pub fn note(&mut self) {
+    pub(super) fn note(&mut self) {
         let has_reacted = self.driver.as_ref().is_some_and(Reflexes::has_reacted);
         if has_reacted && self.reacted.is_none() {
             self.reacted = Some(self.driven);
@@ -59,7 +59,7 @@ impl ReferenceDriverRun {
         self.driven += 1;
     }
 
-    pub fn reacted(&self, from: usize, sample_s: f64) -> Option<f64> {
+    pub(super) fn reacted(&self, from: usize, sample_s: f64) -> Option<f64> {
         self.reacted.map(|after| (from + after) as f64 * sample_s)
     }
 }
@@ -77,14 +77,14 @@ pub(super) struct Notes {
 
 impl Notes {
     /// Notes the sample of the takeover, whose row the trace has already.
-    pub fn begin(&mut self, scene: &DriveScene) {
+    pub(super) fn begin(&mut self, scene: &DriveScene) {
         if let Some(frames) = &mut self.frames {
             frames.push(scene.frame());
         }
     }
 
     /// Notes a sample.
-    pub fn push(&mut self, scene: &DriveScene) {
+    pub(super) fn push(&mut self, scene: &DriveScene) {
         if let Some(rows) = &mut self.rows {
             rows.push(scene);
         }
@@ -101,7 +101,7 @@ pub(super) struct ReplayRows {
 }
 
 impl ReplayRows {
-    pub fn begin(recorded: &Trace, from: usize, most: usize) -> ReplayRows {
+    pub(super) fn begin(recorded: &Trace, from: usize, most: usize) -> ReplayRows {
         let mut trace = recorded.clone();
         trace.truncate(from + 1);
         ReplayRows {
@@ -111,7 +111,7 @@ impl ReplayRows {
         }
     }
 
-    pub fn push(&mut self, scene: &DriveScene) {
+    pub(super) fn push(&mut self, scene: &DriveScene) {
         if self.trace.len() < self.most {
             scene.publish(&mut self.row);
             // An invalid row ends the part that can be judged.
@@ -122,7 +122,7 @@ impl ReplayRows {
     }
 
     /// Returns whether all rules are kept, and ρ(ψ_ego).
-    pub fn judge(&self, rulebook: &Rulebook) -> (bool, f64) {
+    pub(super) fn judge(&self, rulebook: &Rulebook) -> (bool, f64) {
         let mut scratch = Scratch::default();
         let mut rules = rulebook.rules.iter();
         let kept = rules.all(|rule| 0.0 < rule.monitor.robustness(&self.trace, &mut scratch));

@@ -27,7 +27,7 @@ pub(super) struct VerdictWords {
 
 impl VerdictWords {
     /// Returns the outcome of an example.
-    pub fn of(scenario: &Scenario, example: &Example) -> VerdictWords {
+    pub(super) fn of(scenario: &Scenario, example: &Example) -> VerdictWords {
         VerdictWords {
             what: what(scenario, example),
             rules: rules(example),
@@ -37,7 +37,7 @@ impl VerdictWords {
     }
 
     /// Returns the whole sentence.
-    pub fn sentence(&self) -> String {
+    pub(super) fn sentence(&self) -> String {
         let rules = self.rules.as_ref().map(|rules| format!(", {rules}"));
         let care = self.care.as_ref().map(|care| format!("; {care}"));
         let (rules, care) = (rules.unwrap_or_default(), care.unwrap_or_default());

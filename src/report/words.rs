@@ -28,7 +28,7 @@ pub(super) struct Words {
 
 impl Words {
     /// Adds a curve on the canvas as an obstacle.
-    pub fn avoid(&mut self, curve: &[(f64, f64)]) {
+    pub(super) fn avoid(&mut self, curve: &[(f64, f64)]) {
         self.points.extend(curve.first());
         for pair in curve.windows(2) {
             let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
@@ -41,7 +41,7 @@ impl Words {
     }
 
     /// Places a word beside a vertical line, as high as possible.
-    pub fn beside(&mut self, x: f64, word: &str) {
+    pub(super) fn beside(&mut self, x: f64, word: &str) {
         let width = width(word);
         let rows = ((HEIGHT - BOTTOM - TOP) / LINE) as usize;
         let places = (0..rows).flat_map(|row| {
@@ -52,7 +52,7 @@ impl Words {
     }
 
     /// Places a word along a horizontal line, above or below it.
-    pub fn along(&mut self, y: f64, word: &str) {
+    pub(super) fn along(&mut self, y: f64, word: &str) {
         let room = WIDTH - RIGHT - 4.0 - width(word) - LEFT - 4.0;
         let places = (0..=TRIED).flat_map(|nth| {
             let x = LEFT + 4.0 + room.max(0.0) * nth as f64 / TRIED as f64;
@@ -62,7 +62,7 @@ impl Words {
     }
 
     /// Places a word in a rectangle (left, top, right, bottom), or close to it.
-    pub fn within(&mut self, [left, top, right, bottom]: [f64; 4], word: &str) {
+    pub(super) fn within(&mut self, [left, top, right, bottom]: [f64; 4], word: &str) {
         let width = width(word);
         let rows = ((bottom - top) / LINE).floor().max(0.0) as usize;
         let inside = (1..=rows).flat_map(|row| {

@@ -78,7 +78,7 @@ pub(super) struct Guide {
 
 impl Demonstrations {
     /// Creates an empty memory.
-    pub fn new(imitation: &Imitation, observation: usize, priority: f64) -> Demonstrations {
+    pub(super) fn new(imitation: &Imitation, observation: usize, priority: f64) -> Demonstrations {
         Demonstrations {
             imitation: imitation.clone(),
             // Unbounded and separate, so failures never displace a success.
@@ -90,7 +90,7 @@ impl Demonstrations {
     }
 
     /// Returns the number of transitions per batch that are drawn from here.
-    pub fn drawn_of(&self, batch: usize) -> usize {
+    pub(super) fn drawn_of(&self, batch: usize) -> usize {
         if self.replay.is_empty() {
             0
         } else {
@@ -99,7 +99,13 @@ impl Demonstrations {
     }
 
     /// Records an episode that succeeded.
-    pub fn remember(&mut self, index: u64, lived: &EpisodeBuffer, steps: usize, discount: f32) {
+    pub(super) fn remember(
+        &mut self,
+        index: u64,
+        lived: &EpisodeBuffer,
+        steps: usize,
+        discount: f32,
+    ) {
         let episode = Demonstration {
             index,
             actions: lived.actions.clone(),
@@ -119,7 +125,7 @@ impl Demonstrations {
     }
 
     /// Returns the beginning of a random success, in a share of the calls.
-    pub fn guide(&self, dice: &mut LearnerRng) -> Option<Guide> {
+    pub(super) fn guide(&self, dice: &mut LearnerRng) -> Option<Guide> {
         // An empty memory draws no number, so the random stream is that of plain deep
         // Q-learning until the first success.
         if self.episodes.is_empty() || self.imitation.guided <= dice.unit() {
@@ -136,7 +142,13 @@ impl Demonstrations {
     }
 
     /// Appends `size` transitions of successes to a batch.
-    pub fn sample(&mut self, size: usize, beta: f64, dice: &mut LearnerRng, batch: &mut Batch) {
+    pub(super) fn sample(
+        &mut self,
+        size: usize,
+        beta: f64,
+        dice: &mut LearnerRng,
+        batch: &mut Batch,
+    ) {
         if 0 < size {
             self.replay.sample(size, beta, dice, &mut self.drawn);
             batch.append(&self.drawn);
@@ -144,7 +156,7 @@ impl Demonstrations {
     }
 
     /// Sets the priority of a transition drawn from here.
-    pub fn prioritise(&mut self, slot: usize, error: f32) {
+    pub(super) fn prioritise(&mut self, slot: usize, error: f32) {
         self.replay.prioritise(slot, error);
     }
 
@@ -152,7 +164,7 @@ impl Demonstrations {
     ///
     /// The loss is max over a of Q(a) + margin · [a is not demonstrated], minus Q of
     /// the demonstrated action.
-    pub fn margin(&self, values: &[f32], shown: usize, scale: f32, gradient: &mut [f32]) {
+    pub(super) fn margin(&self, values: &[f32], shown: usize, scale: f32, gradient: &mut [f32]) {
         let margin = self.imitation.margin as f32;
         // The demonstrated action wins ties, which gives no gradient at a tie.
         let rival = |a: usize| values[a] + if a == shown { 0.0 } else { margin };
@@ -168,7 +180,7 @@ impl Demonstrations {
     }
 
     /// Writes everything into a checkpoint.
-    pub fn save(&self, bundle: &mut TensorFile) {
+    pub(super) fn save(&self, bundle: &mut TensorFile) {
         self.replay.save("shown", bundle);
         let n = self.episodes.len();
         let indices = self.episodes.iter().map(|shown| shown.index).collect();
@@ -185,7 +197,11 @@ impl Demonstrations {
     ///
     /// # Errors
     /// A tensor is missing or misshapen, or an index is out of range.
-    pub fn restore(&mut self, bundle: &TensorFile, actions: usize) -> Result<(), BundleError> {
+    pub(super) fn restore(
+        &mut self,
+        bundle: &TensorFile,
+        actions: usize,
+    ) -> Result<(), BundleError> {
         self.replay.restore("shown", bundle, actions)?;
         let indices = bundle.rows::<u64>("shown/starts", &[])?;
         let lengths = bundle.get::<u64>("shown/lengths", &[indices.len()])?;

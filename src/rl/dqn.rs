@@ -103,7 +103,7 @@ struct DqnWorkspace {
 
 impl Dqn {
     /// Creates an untrained learner.
-    pub fn new(config: &DqnSettings, spaces: &Spaces, seed: u64) -> Dqn {
+    pub(super) fn new(config: &DqnSettings, spaces: &Spaces, seed: u64) -> Dqn {
         let mut dice = LearnerRng::new(seed);
         let mut sizes = vec![spaces.observation];
         sizes.extend(&config.hidden);
@@ -118,7 +118,7 @@ impl Dqn {
     ///
     /// # Errors
     /// The policy is for other observations or actions.
-    pub fn from_policy(
+    pub(super) fn from_policy(
         config: &DqnSettings,
         spaces: &Spaces,
         seed: u64,
@@ -133,7 +133,7 @@ impl Dqn {
     ///
     /// # Errors
     /// The checkpoint is damaged, or for other observations or actions.
-    pub fn restored(
+    pub(super) fn restored(
         config: &DqnSettings,
         spaces: &Spaces,
         bundle: &TensorFile,
@@ -151,7 +151,7 @@ impl Dqn {
     }
 
     /// Makes the learner keep successes apart, with checkpoints of `kinds`.
-    pub fn learning_from(mut self, imitation: &Imitation, kinds: [&'static str; 2]) -> Dqn {
+    pub(super) fn learning_from(mut self, imitation: &Imitation, kinds: [&'static str; 2]) -> Dqn {
         let width = self.online.inputs();
         self.shown = Some(Demonstrations::new(imitation, width, self.config.priority));
         Dqn { kinds, ..self }
@@ -161,7 +161,7 @@ impl Dqn {
     ///
     /// # Errors
     /// The checkpoint contains no successes, or damaged successes.
-    pub fn with_shown(mut self, bundle: &TensorFile) -> Result<Dqn, BundleError> {
+    pub(super) fn with_shown(mut self, bundle: &TensorFile) -> Result<Dqn, BundleError> {
         let actions = self.online.outputs();
         if let Some(shown) = &mut self.shown {
             shown.restore(bundle, actions)?;

@@ -75,7 +75,7 @@ learners! {
     Ppo(PpoSettings),
     /// Example learner that repeats the most rewarded action.
     #[cfg(test)]
-    Paid(super::paid::PaidSettings),
+    Paid(super::example_learner::PaidSettings),
 }
 
 impl Default for LearnerSettings {

@@ -26,11 +26,13 @@ mod demonstrations;
 mod dice;
 mod dqfd;
 mod dqn;
+#[cfg(test)]
+#[path = "../../tests/support/example_learner.rs"]
+mod example_learner;
 pub mod kernel;
 mod learner;
 mod list;
 pub mod nn;
-mod paid;
 mod ppo;
 mod q_table;
 pub mod replay;

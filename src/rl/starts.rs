@@ -19,7 +19,7 @@ pub(super) struct EpisodeStart {
 
 impl EpisodeStart {
     /// Creates a start that is not retried if it fails.
-    pub fn once(index: u64) -> EpisodeStart {
+    pub(super) fn once(index: u64) -> EpisodeStart {
         let tries = u32::MAX;
         EpisodeStart { index, tries }
     }
@@ -40,7 +40,7 @@ impl StartPool {
     ///
     /// A failed start is chosen with probability `restart`. The pool contains at most
     /// `capacity` starts, each retried at most `tries` times.
-    pub fn new(restart: f64, capacity: usize, tries: u32) -> StartPool {
+    pub(super) fn new(restart: f64, capacity: usize, tries: u32) -> StartPool {
         StartPool {
             restart,
             capacity,
@@ -51,7 +51,7 @@ impl StartPool {
     }
 
     /// Returns the next start, taken out of the pool or fresh.
-    pub fn pick(&mut self, dice: &mut LearnerRng) -> EpisodeStart {
+    pub(super) fn pick(&mut self, dice: &mut LearnerRng) -> EpisodeStart {
         if dice.unit() < self.restart && !self.pool.is_empty() {
             // Not `swap_remove`: the order of the pool is the age of its starts.
             let start = self.pool.remove(dice.below(self.pool.len()));
@@ -70,7 +70,7 @@ impl StartPool {
     /// Puts a start into the pool, unless its retries are used up.
     ///
     /// A full pool drops its oldest start.
-    pub fn failed(&mut self, start: EpisodeStart) {
+    pub(super) fn failed(&mut self, start: EpisodeStart) {
         if self.tries <= start.tries {
             return;
         }
@@ -81,7 +81,7 @@ impl StartPool {
     }
 
     /// Writes the pool into a checkpoint.
-    pub fn save(&self, bundle: &mut TensorFile) {
+    pub(super) fn save(&self, bundle: &mut TensorFile) {
         let n = self.pool.len();
         bundle.put("starts/fresh", &[1], vec![self.fresh]);
         bundle.put(
@@ -100,7 +100,7 @@ impl StartPool {
     ///
     /// # Errors
     /// A tensor is missing or misshapen, or the pool is too large.
-    pub fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
+    pub(super) fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
         let indices = bundle.rows::<u64>("starts/failed", &[])?;
         let tries = bundle.get::<u32>("starts/tries", &[indices.len()])?;
         check("number of failed starts", indices.len(), self.capacity + 1)?;

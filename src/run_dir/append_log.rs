@@ -26,7 +26,7 @@ pub(super) struct Growing {
 
 impl Growing {
     /// Returns a file that does not exist yet.
-    pub fn new(path: PathBuf) -> Growing {
+    pub(super) fn new(path: PathBuf) -> Growing {
         Growing {
             path,
             bytes: 0,
@@ -39,7 +39,7 @@ impl Growing {
     /// # Errors
     ///
     /// Returns an error if the disk refuses, or valid bytes are missing.
-    pub fn cut_back(path: PathBuf, known: &Grown) -> Result<Growing, RunError> {
+    pub(super) fn cut_back(path: PathBuf, known: &Grown) -> Result<Growing, RunError> {
         let Counting { text, hash } = counting(&path, known)?;
         if known.bytes < text.len() as u64 {
             cut(&path, known.bytes)?;
@@ -56,7 +56,7 @@ impl Growing {
     /// # Errors
     ///
     /// Returns an error if the disk refuses.
-    pub fn append(&mut self, text: &str) -> Result<(), RunError> {
+    pub(super) fn append(&mut self, text: &str) -> Result<(), RunError> {
         append(&self.path, text.as_bytes())?;
         self.bytes += text.len() as u64;
         self.hash.update(text);
@@ -64,7 +64,7 @@ impl Growing {
     }
 
     /// Returns the entry of the manifest for the current state.
-    pub fn now(&self) -> Grown {
+    pub(super) fn now(&self) -> Grown {
         Grown {
             bytes: self.bytes,
             sha256: in_digits(&self.hash.clone().finalize()),

@@ -17,7 +17,7 @@ macro_rules! methods {
         $(#[cfg($when:meta)])?
         $file:ident::$kind:ident $(<$life:lifetime>)?;
     )+) => {
-        $( $(#[cfg($when)])? pub use super::$file::$kind; )+
+        $( $(#[cfg($when)])? #[allow(unreachable_pub)] pub use super::$file::$kind; )+
 
         /// Method by which sequences of actions are chosen.
         #[derive(Clone, Copy, Debug)]
@@ -91,7 +91,7 @@ methods! {
     switches::Switches;
     /// Method of the tests, which shows that a file and a line are enough.
     #[cfg(test)]
-    dummy::Constants;
+    example_search::Constants;
 }
 
 impl Method<'_> {

@@ -5,7 +5,9 @@
 
 mod cem;
 mod confirm;
-mod dummy;
+#[cfg(test)]
+#[path = "../../tests/support/example_search.rs"]
+mod example_search;
 mod experiment;
 mod found;
 mod hold;

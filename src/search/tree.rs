@@ -58,7 +58,7 @@ pub(crate) type Accept<'a> = &'a mut dyn FnMut(&[usize], &Testbench) -> WalkCont
 
 impl<'a> Tree<'a> {
     /// Creates a tree on `root` for the `index`th start, without any played sequence.
-    pub fn new(
+    pub(crate) fn new(
         root: &mut Testbench,
         ((start, noise), index): ((&'a Start, u64), usize),
         aftermath: Aftermath,
@@ -89,7 +89,12 @@ impl<'a> Tree<'a> {
     }
 
     /// Plays every sequence with exactly `switches` switches, beginning with `action`.
-    pub fn begin(&mut self, root: &mut Testbench, action: usize, switches: usize) -> WalkControl {
+    pub(crate) fn begin(
+        &mut self,
+        root: &mut Testbench,
+        action: usize,
+        switches: usize,
+    ) -> WalkControl {
         root.begin(self.start, self.noise, self.aftermath);
         for &before in &self.after {
             root.decide(before);

@@ -18,7 +18,7 @@ impl<'a> Trials<'a> {
     /// Runs a method until [`Trials::play`] returns `None`.
     ///
     /// Returns `None` if stopped from outside before a result.
-    pub fn spend(
+    pub(super) fn spend(
         one: StartSearch<'a>,
         method: impl FnOnce(&mut Trials<'a>),
     ) -> Option<SearchResult> {
@@ -35,27 +35,27 @@ impl<'a> Trials<'a> {
     }
 
     /// Returns the start of every simulation.
-    pub fn start(&self) -> &'a Start {
+    pub(super) fn start(&self) -> &'a Start {
         self.one.start
     }
 
     /// Returns the noise of every episode, on which the generators depend as well.
-    pub fn noise(&self) -> u64 {
+    pub(super) fn noise(&self) -> u64 {
         self.one.noise
     }
 
     /// Returns the number of simulations so far.
-    pub fn spent(&self) -> u64 {
+    pub(super) fn spent(&self) -> u64 {
         self.found.simulations
     }
 
     /// Returns the number of joint actions.
-    pub fn actions(&self) -> usize {
+    pub(super) fn actions(&self) -> usize {
         self.one.bench.spaces().actions
     }
 
     /// Returns the number of decisions of a full episode.
-    pub fn decisions(&self) -> usize {
+    pub(super) fn decisions(&self) -> usize {
         self.one.bench.clock().decisions()
     }
 
@@ -63,7 +63,7 @@ impl<'a> Trials<'a> {
     ///
     /// Returns `None` after a success, after the budget is spent, and after a stop.
     /// An invalid episode ranks last.
-    pub fn play(&mut self, actor: &mut dyn Actor) -> Option<f64> {
+    pub(super) fn play(&mut self, actor: &mut dyn Actor) -> Option<f64> {
         if self.one.watch.stopped() {
             self.stopped = true;
         }
@@ -113,7 +113,7 @@ impl<'a> Trials<'a> {
     }
 
     /// Plays a sequence of actions, the last action held, and returns its reward.
-    pub fn replay(&mut self, actions: &[usize]) -> Option<f64> {
+    pub(super) fn replay(&mut self, actions: &[usize]) -> Option<f64> {
         self.play(&mut Replay::holding(actions))
     }
 

@@ -35,7 +35,7 @@ pub(super) struct DriveStep {
 
 impl DriveStep {
     /// Returns the speed after a time within the step.
-    pub fn speed_mps(&self, start_mps: f64, after_s: f64) -> f64 {
+    pub(super) fn speed_mps(&self, start_mps: f64, after_s: f64) -> f64 {
         if self.rest_after_s <= after_s {
             return 0.0;
         }
@@ -44,7 +44,7 @@ impl DriveStep {
 }
 
 impl VehicleLimits {
-    pub fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> VehicleLimits {
+    pub(super) fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> VehicleLimits {
         VehicleLimits {
             grip_mps2: ground.friction * vehicle.grip * GRAVITY_MPS2,
             power_w_per_kg: vehicle.power_w / body.mass_kg,
@@ -59,7 +59,7 @@ impl VehicleLimits {
     /// The acceleration is capped by grip and by power. The power cap is such that
     /// the speed at the end of the step is reached at full power:
     /// v₁² = v₀² + 2·P/m·dt.
-    pub fn drive(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> DriveStep {
+    pub(super) fn drive(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> DriveStep {
         let tyre_mps2 = self.tyre_mps2(command_mps2, speed_mps, dt_s);
         // Drag of the initial speed for the whole step keeps the motion in closed form.
         let drag_mps2 = self.drag_per_m * speed_mps * speed_mps;
@@ -91,7 +91,12 @@ impl VehicleLimits {
     ///
     /// v²·|κ| ≤ √((μg)² − a²), at the greater of the two speeds of the step. The
     /// acceleration has priority over the curvature.
-    pub fn curvature_per_m(&self, command_per_m: f64, tyre_mps2: f64, speed_mps: f64) -> f64 {
+    pub(super) fn curvature_per_m(
+        &self,
+        command_per_m: f64,
+        tyre_mps2: f64,
+        speed_mps: f64,
+    ) -> f64 {
         let locked = command_per_m.clamp(-self.lock_per_m, self.lock_per_m);
         let speed_squared = speed_mps * speed_mps;
         let lateral_squared = self.grip_mps2 * self.grip_mps2 - tyre_mps2 * tyre_mps2;

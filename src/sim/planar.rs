@@ -56,7 +56,7 @@ pub(super) struct ContactGeometry {
 
 impl ContactGeometry {
     /// Returns the contact to report.
-    pub fn contact(&self, pair: (BodyId, BodyId), after_s: f64) -> Contact {
+    pub(super) fn contact(&self, pair: (BodyId, BodyId), after_s: f64) -> Contact {
         let ContactGeometry {
             point_m,
             closing_speed_mps,
@@ -80,7 +80,7 @@ pub(super) struct SizedRect<'a> {
 }
 
 impl Extent {
-    pub fn of(body: &Body) -> Extent {
+    pub(super) fn of(body: &Body) -> Extent {
         let (half_length_m, half_width_m) = (0.5 * body.length_m, 0.5 * body.width_m);
         let radius_m = (half_length_m * half_length_m + half_width_m * half_width_m).sqrt();
         Extent {
@@ -108,7 +108,7 @@ impl SizedRect<'_> {
     }
 
     /// Returns the clearance along the four face normals (the separating axes).
-    pub fn separations(&self, other: &SizedRect) -> [Separation; 4] {
+    pub(super) fn separations(&self, other: &SizedRect) -> [Separation; 4] {
         let (a, b) = (self.rect, other.rect);
         let (dx, dy) = (b.x_m - a.x_m, b.y_m - a.y_m);
         // Relative heading. The projections below need only its absolute values.
@@ -135,7 +135,7 @@ impl SizedRect<'_> {
     }
 
     /// Returns the greatest of [`SizedRect::separations`], ≤ 0 exactly on contact.
-    pub fn separation(&self, other: &SizedRect) -> Separation {
+    pub(super) fn separation(&self, other: &SizedRect) -> Separation {
         // The strict comparison keeps the first axis on a tie, so the normal is
         // deterministic.
         let [first, rest @ ..] = self.separations(other);
@@ -146,7 +146,7 @@ impl SizedRect<'_> {
     }
 
     /// Returns the Euclidean clearance, 0 if the shapes touch.
-    pub fn gap_m(&self, other: &SizedRect) -> f64 {
+    pub(super) fn gap_m(&self, other: &SizedRect) -> f64 {
         // Crossed rectangles may overlap without a corner inside either of them, so
         // overlap is excluded first.
         if self.separation(other).gap_m <= 0.0 {
@@ -189,7 +189,7 @@ impl SizedRect<'_> {
     /// Returns the contact point, normal and closing speed of two touching shapes.
     ///
     /// The point is the middle of the common part of both faces.
-    pub fn meeting(&self, other: &SizedRect) -> ContactGeometry {
+    pub(super) fn meeting(&self, other: &SizedRect) -> ContactGeometry {
         let Separation { nx, ny, .. } = self.separation(other);
         let mine = Face::foremost(self.corners(), (nx, ny));
         let theirs = Face::foremost(other.corners(), (-nx, -ny));

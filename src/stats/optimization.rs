@@ -37,14 +37,14 @@ pub(crate) struct CrossEntropySearch {
 
 impl CrossEntropySearch {
     /// Search of the whole box.
-    pub const WIDE: CrossEntropySearch = CrossEntropySearch {
+    pub(crate) const WIDE: CrossEntropySearch = CrossEntropySearch {
         generations: 20,
         population: 48,
         elite: 8,
         wide: 0.8,
     };
     /// Search around a point that is nearly right.
-    pub const NEAR: CrossEntropySearch = CrossEntropySearch {
+    pub(crate) const NEAR: CrossEntropySearch = CrossEntropySearch {
         generations: 10,
         population: 32,
         elite: 6,
@@ -52,7 +52,7 @@ impl CrossEntropySearch {
     };
 
     /// Searches around `mean`; `costs` measures many points at once.
-    pub fn run(
+    pub(crate) fn run(
         &self,
         mut mean: Vec<f64>,
         dice: &mut ChaCha8Rng,

@@ -37,7 +37,7 @@ pub(super) struct RecordedRun {
 }
 
 impl RecordedRun {
-    pub fn from(&self) -> NoisyStart<'_> {
+    pub(super) fn from(&self) -> NoisyStart<'_> {
         (&self.start, self.noise)
     }
 }

@@ -124,12 +124,12 @@ impl VehicleAhead {
     }
 
     /// Returns the rate at which the clear distance shrinks.
-    pub fn closing_mps(&self) -> f64 {
+    pub(super) fn closing_mps(&self) -> f64 {
         self.own_mps - self.other_mps
     }
 
     /// Returns the distances that the weights apply to.
-    pub fn terms(&self) -> [f64; TERMS] {
+    pub(super) fn terms(&self) -> [f64; TERMS] {
         // A vehicle that reverses or recedes adds no distance.
         let (own_mps, other_mps) = (self.own_mps, self.other_mps.max(0.0));
         let closing_mps = self.closing_mps().max(0.0);
@@ -146,7 +146,7 @@ impl VehicleAhead {
 
 impl Situation {
     /// Reduces a percept to the quantities that a brake uses.
-    pub fn of(percept: &Percept) -> Situation {
+    pub(super) fn of(percept: &Percept) -> Situation {
         let others = percept.others.iter();
         Situation {
             time_s: percept.time_s,
@@ -159,7 +159,7 @@ impl Situation {
     }
 
     /// Returns the nearest vehicle that counts.
-    pub fn nearest(&self, counts: BrakedFor) -> Option<&VehicleAhead> {
+    pub(super) fn nearest(&self, counts: BrakedFor) -> Option<&VehicleAhead> {
         let BrakedFor {
             side_m,
             look_ahead_s,
@@ -310,7 +310,7 @@ impl BrakeLine {
     }
 
     /// Returns a brake with this line and zero weights, so it never acts.
-    pub fn brake(&self, sample_s: f64) -> EmergencyBrake {
+    pub(super) fn brake(&self, sample_s: f64) -> EmergencyBrake {
         let left = 1.0 - self.share;
         EmergencyBrake {
             brake_mps2: self.brake_mps2,

@@ -111,12 +111,12 @@ impl Danger {
 
 impl Features {
     /// Returns the length of a row with this number of vehicles and lights.
-    pub fn width(others: usize, lights: usize) -> usize {
+    pub(super) fn width(others: usize, lights: usize) -> usize {
         OWN + PER_OTHER * others + PER_LIGHT * lights
     }
 
     /// Begins an episode with its first percept.
-    pub fn begin(percept: &Percept) -> Features {
+    pub(super) fn begin(percept: &Percept) -> Features {
         let width = 2 + 3 * percept.others.len();
         let delays = PAST_S.map(|past_s| (past_s / percept.sample_s).round() as usize);
         // The present frame takes a place as well.
@@ -135,7 +135,7 @@ impl Features {
     }
 
     /// Writes the row of the next percept.
-    pub fn read(&mut self, percept: &Percept, row: &mut Vec<f32>) {
+    pub(super) fn read(&mut self, percept: &Percept, row: &mut Vec<f32>) {
         // The present sample enters the history first, so durations include it.
         self.remember(percept);
         let own = &percept.own;
@@ -310,7 +310,12 @@ pub(super) struct ModelInputs {
 
 impl ModelInputs {
     /// Begins an episode with its first percept.
-    pub fn begin(&mut self, nearest: &Arc<[FittedModel]>, briefing: &Briefing, percept: &Percept) {
+    pub(super) fn begin(
+        &mut self,
+        nearest: &Arc<[FittedModel]>,
+        briefing: &Briefing,
+        percept: &Percept,
+    ) {
         self.features = Features::begin(percept);
         // Building controllers is slow, so the same surrogate reuses those of the last episode.
         if Arc::ptr_eq(&self.of, nearest) {
@@ -323,7 +328,7 @@ impl ModelInputs {
     }
 
     /// Writes the row of the next percept.
-    pub fn read(&mut self, percept: &Percept, row: &mut Vec<f32>) {
+    pub(super) fn read(&mut self, percept: &Percept, row: &mut Vec<f32>) {
         self.features.read(percept, row);
         let changes = self
             .models

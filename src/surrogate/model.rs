@@ -42,7 +42,12 @@ impl Surrogate {
     /// Returns the change of acceleration and the lateral speed, without the brake.
     ///
     /// `member` selects a network. `None`: the mean of all.
-    pub fn answer(&self, member: Option<usize>, row: &[f32], scaled: &mut Vec<f32>) -> [f64; 2] {
+    pub(super) fn answer(
+        &self,
+        member: Option<usize>,
+        row: &[f32],
+        scaled: &mut Vec<f32>,
+    ) -> [f64; 2] {
         scaled.clear();
         scaled.extend(self.scaled(row));
         let asked = match member {
@@ -61,7 +66,7 @@ impl Surrogate {
     }
 
     /// Scales a row to standard deviations from the mean.
-    pub fn scaled<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
+    pub(super) fn scaled<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         let scales = self.mean.iter().zip(&self.inverse_sd);
         let pairs = row.iter().zip(scales);
         pairs.map(|(value, (mean, inverse_sd))| ((value - mean) * inverse_sd).clamp(-EDGE, EDGE))
@@ -71,7 +76,7 @@ impl Surrogate {
 #[cfg(test)]
 impl Surrogate {
     /// Returns a surrogate of networks without scaling, similar controllers and brake.
-    pub fn of_members(members: Vec<Mlp>, unit: [f64; 2], range_mps2: [f64; 2]) -> Surrogate {
+    pub(super) fn of_members(members: Vec<Mlp>, unit: [f64; 2], range_mps2: [f64; 2]) -> Surrogate {
         let width = members[0].inputs();
         Surrogate {
             mean: vec![0.0; width],
@@ -420,7 +425,7 @@ pub(super) mod tests {
     use super::*;
     use crate::rl::LearnerRng;
 
-    pub fn surrogate(range_mps2: [f64; 2], unit_mps2: f64) -> Surrogate {
+    pub(crate) fn surrogate(range_mps2: [f64; 2], unit_mps2: f64) -> Surrogate {
         let width = crate::surrogate::features::Features::width(0, 0) + MODELS;
         let mut dice = LearnerRng::new(3);
         let mut member = || Mlp::orthogonal(&[width, 8, OUTPUTS], 1.0, &mut dice);

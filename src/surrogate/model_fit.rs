@@ -416,7 +416,7 @@ impl Clone for StockModel {
 
 impl StockModel {
     /// Resets the model for another episode.
-    pub fn reset(&mut self) {
+    pub(super) fn reset(&mut self) {
         if let Some(controller) = &mut self.controller {
             controller.reset(0);
         }
@@ -424,7 +424,7 @@ impl StockModel {
     }
 
     /// Returns the change of its acceleration until the next sample.
-    pub fn change_mps2(&mut self, percept: &Percept) -> f64 {
+    pub(super) fn change_mps2(&mut self, percept: &Percept) -> f64 {
         if self.delay == 0 {
             return self.answer(percept);
         }
@@ -544,7 +544,7 @@ pub(super) struct ModelKind {
 
 impl ModelKind {
     /// Returns the kind, or `None` if a range of its parameters is missing.
-    pub fn of(&(kind, names): &(&'static str, &[&'static str])) -> Option<ModelKind> {
+    pub(super) fn of(&(kind, names): &(&'static str, &[&'static str])) -> Option<ModelKind> {
         let range = |name: &str| RANGES.iter().find(|range| range.0 == name).copied();
         // Every kind is tried with an actuator lag.
         let ranges = names.iter().map(|name| range(name)).chain([range("lag_s")]);
@@ -556,7 +556,7 @@ impl ModelKind {
     /// Returns the controller at a point of the box.
     ///
     /// Coordinates run from −1 to 1, one per parameter and one for the delay.
-    pub fn at(&self, point: &[f64]) -> Option<FittedModel> {
+    pub(super) fn at(&self, point: &[f64]) -> Option<FittedModel> {
         let within = |at: f64, low: f64, high: f64| low + 0.5 * (at + 1.0) * (high - low);
         let pairs = self.ranges.iter().zip(point);
         let values: Vec<_> = pairs

@@ -73,7 +73,7 @@ pub(super) struct PartialRun {
 
 impl PartialRun {
     /// Returns the strategy that the ado followed from beginning to end.
-    pub fn followed_throughout(&self) -> Option<&Strategy> {
+    pub(super) fn followed_throughout(&self) -> Option<&Strategy> {
         (self.replans == 0).then_some(&self.first.strategy)
     }
 }
@@ -104,7 +104,7 @@ impl<'a> Planner<'a> {
     /// Returns a planner for `world`, or `None` without a driving scene.
     ///
     /// Plans are judged on `plant`.
-    pub fn new(
+    pub(super) fn new(
         world: &Scenario,
         (surrogate, plant): (&Arc<Surrogate>, PlantKind),
         (policies, budget): (Policies<'a>, PlanningBudget),
@@ -360,7 +360,7 @@ impl<'a> Planner<'a> {
     /// The ego strays if it leaves the predicted motion.
     /// Further attempts use the motions of the earlier ones and leave one of them where a
     /// plan succeeds from there.
-    pub fn run(
+    pub(super) fn run(
         &mut self,
         real: &mut Testbench,
         from: NoisyStart<'_>,

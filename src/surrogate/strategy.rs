@@ -40,13 +40,13 @@ pub(super) struct Policies<'a> {
 
 impl<'a> Policies<'a> {
     /// Returns the available policies as strategies.
-    pub fn strategies(self) -> impl Iterator<Item = Strategy> {
+    pub(super) fn strategies(self) -> impl Iterator<Item = Strategy> {
         let fine_tuned = self.fine_tuned.map(|_| Strategy::FineTuned);
         std::iter::once(Strategy::AsTrained).chain(fine_tuned)
     }
 
     /// Returns the policy of a strategy, or `None` for a plan.
-    pub fn of(self, strategy: &Strategy) -> Option<&'a dyn Policy> {
+    pub(super) fn of(self, strategy: &Strategy) -> Option<&'a dyn Policy> {
         match strategy {
             Strategy::AsTrained => Some(self.as_trained),
             Strategy::FineTuned => self.fine_tuned,
@@ -86,7 +86,7 @@ impl RobustScore<'_> {
     ///
     /// A failure on the leading variation gives 0. Counting ends at `asked.end`, or as soon
     /// as `asked.start` cannot be exceeded.
-    pub fn score(&mut self, strategy: &Strategy, asked: Range<usize>) -> usize {
+    pub(super) fn score(&mut self, strategy: &Strategy, asked: Range<usize>) -> usize {
         let samples = self.judge.bench.clock().samples_per_decision();
         // The real ego has already survived this strategy from this start.
         if self.so_far.actions.is_empty() && self.earlier.has_followed(strategy) {
@@ -126,18 +126,18 @@ pub(super) struct Earlier {
 
 impl Earlier {
     /// Adds an unsuccessful run and the strategy followed throughout it.
-    pub fn add(&mut self, run: RunPrefix, followed: Option<Strategy>) {
+    pub(super) fn add(&mut self, run: RunPrefix, followed: Option<Strategy>) {
         self.followed.extend(followed);
         self.runs.push(run);
     }
 
     /// Returns the number of earlier runs.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.runs.len()
     }
 
     /// Returns whether a strategy was already followed from the start without success.
-    pub fn has_followed(&self, strategy: &Strategy) -> bool {
+    pub(super) fn has_followed(&self, strategy: &Strategy) -> bool {
         match strategy {
             Strategy::Plan(actions) => self.has_played(actions),
             policy => self.followed.contains(policy),
@@ -170,7 +170,7 @@ impl Earlier {
     }
 
     /// Returns the known run under a strategy. The actions of a policy are not known.
-    pub fn known_under<'a>(
+    pub(super) fn known_under<'a>(
         &self,
         so_far: &'a RunPrefix,
         strategy: &Strategy,
@@ -185,7 +185,7 @@ impl Earlier {
     /// Returns the points at which earlier runs can be left.
     ///
     /// `samples` is the number of samples per decision.
-    pub fn beginnings(&self, samples: usize) -> Vec<RunPrefix> {
+    pub(super) fn beginnings(&self, samples: usize) -> Vec<RunPrefix> {
         let of_run = |run: &RunPrefix| {
             let lengths = (EVERY..run.actions.len()).step_by(EVERY);
             let beginnings = lengths.map(|length| run.up_to(length, samples));
@@ -255,7 +255,7 @@ pub(super) struct PlanningBudget {
 
 impl PlanningBudget {
     /// Effort for a run that counts.
-    pub const FULL: PlanningBudget = PlanningBudget {
+    pub(super) const FULL: PlanningBudget = PlanningBudget {
         leads: 4,
         first: FINE,
         later: QUICK,
@@ -265,7 +265,7 @@ impl PlanningBudget {
     /// Effort for a run that is recorded for learning.
     ///
     /// Such a run need not succeed, and there are many of them.
-    pub const BRIEF: PlanningBudget = PlanningBudget {
+    pub(super) const BRIEF: PlanningBudget = PlanningBudget {
         leads: 2,
         first: QUICK,
         later: SwitchSpacing { one: 2, ..QUICK },
@@ -276,7 +276,7 @@ impl PlanningBudget {
     /// Returns the spacing of the switches of a sequence.
     ///
     /// `size` holds the number of actions and of decisions.
-    pub fn stride(&self, size: (usize, usize), switches: usize, is_first: bool) -> usize {
+    pub(super) fn stride(&self, size: (usize, usize), switches: usize, is_first: bool) -> usize {
         let grid = if is_first { self.first } else { self.later };
         match switches {
             0 | 1 => grid.one,
@@ -285,13 +285,13 @@ impl PlanningBudget {
     }
 
     /// Returns the spacing of the last search, if it is finer than the first search.
-    pub fn finest(&self, size: (usize, usize)) -> Option<usize> {
+    pub(super) fn finest(&self, size: (usize, usize)) -> Option<usize> {
         let finest = stride(size, 1, FINEST);
         (self.is_finest && finest < self.stride(size, 2, true)).then_some(finest)
     }
 
     /// Returns the number of decisions without a search after `in_vain` failures.
-    pub fn rest(&self, in_vain: u32) -> usize {
+    pub(super) fn rest(&self, in_vain: u32) -> usize {
         match in_vain {
             0 => 0,
             // The shift is bounded, so the pause cannot overflow.

@@ -26,7 +26,7 @@ pub(super) struct RunPrefix {
 
 impl RunPrefix {
     /// Returns the part up to a number of decisions.
-    pub fn up_to(&self, decisions: usize, samples_per_decision: usize) -> RunPrefix {
+    pub(super) fn up_to(&self, decisions: usize, samples_per_decision: usize) -> RunPrefix {
         // A motion has a sample more than intervals: the sample at the start.
         let moments = (decisions * samples_per_decision + 1).min(self.motion.len());
         RunPrefix {
@@ -98,12 +98,12 @@ impl ModelBench {
     ///
     /// It is faster than the rigid plant. Lane changes differ by some centimetres.
     /// `None`: the world has no driving scene.
-    pub fn quick(world: &Scenario) -> Option<ModelBench> {
+    pub(super) fn quick(world: &Scenario) -> Option<ModelBench> {
         ModelBench::on(world, PlantKind::Kinematic)
     }
 
     /// Returns the same model on any plant.
-    pub fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
+    pub(super) fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
         let reader = MotionReader::of(world)?;
         let driver_slot = ModelDriverSlot::default();
         // The bench takes its driver from `driver_slot`, so the part can change between episodes.
@@ -117,7 +117,7 @@ impl ModelBench {
     }
 
     /// Begins at a start and repeats the known actions.
-    pub fn begin(
+    pub(super) fn begin(
         &mut self,
         from: NoisyStart<'_>,
         so_far: &RunPrefix,
@@ -136,7 +136,7 @@ impl ModelBench {
     }
 
     /// Sets the motion and the surrogate that the ego follows in the next episodes.
-    pub fn set_ego(
+    pub(super) fn set_ego(
         &self,
         so_far: &RunPrefix,
         surrogate: Option<&Arc<Surrogate>>,
@@ -152,7 +152,7 @@ impl ModelBench {
     }
 
     /// Plays `actions`, the last action held, until the verdict.
-    pub fn play_actions(&mut self, actions: &[usize]) {
+    pub(super) fn play_actions(&mut self, actions: &[usize]) {
         let mut rest = actions.iter();
         let mut action = 0;
         while !self.bench.is_done() {
@@ -163,7 +163,7 @@ impl ModelBench {
     }
 
     /// Follows a policy until the verdict.
-    pub fn follow(&mut self, policy: &dyn Policy) {
+    pub(super) fn follow(&mut self, policy: &dyn Policy) {
         while !self.bench.is_done() {
             self.bench.observe(&mut self.obs);
             let action = policy.act(&self.obs);
@@ -172,21 +172,21 @@ impl ModelBench {
     }
 
     /// Returns whether the ego violated its specification and the ado kept every rule.
-    pub fn is_success(&self) -> bool {
+    pub(super) fn is_success(&self) -> bool {
         self.bench
             .verdict()
             .is_some_and(|verdict| verdict.is_success())
     }
 
     /// Returns the motion of the ego.
-    pub fn motion(&self) -> Vec<MotionSample> {
+    pub(super) fn motion(&self) -> Vec<MotionSample> {
         let mut motion = Vec::new();
         self.reader.follow(&self.bench, &mut motion);
         motion
     }
 
     /// Returns the ego's percepts in a run, sample by sample.
-    pub fn percepts(&mut self, from: NoisyStart<'_>, run: &RunPrefix) -> EgoInputs {
+    pub(super) fn percepts(&mut self, from: NoisyStart<'_>, run: &RunPrefix) -> EgoInputs {
         let inputs = Arc::new(Mutex::new(EgoInputs::default()));
         // Without a surrogate the ego follows the recorded motion only.
         self.driver_slot.set(ModelDriverConfig {
@@ -225,7 +225,7 @@ pub(super) struct ModelDriverConfig {
 pub(super) struct ModelDriverSlot(Arc<Mutex<ModelDriverConfig>>);
 
 impl ModelDriverSlot {
-    pub fn set(&self, config: ModelDriverConfig) {
+    pub(super) fn set(&self, config: ModelDriverConfig) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = config;
     }
 
@@ -237,7 +237,7 @@ impl ModelDriverSlot {
     }
 
     /// Returns a factory of drivers that play the parts given here.
-    pub fn factory(&self) -> ControllerFactory {
+    pub(super) fn factory(&self) -> ControllerFactory {
         let driver_slot = self.clone();
         Arc::new(move || {
             Box::new(ModelDriver {
@@ -349,12 +349,12 @@ pub(super) struct MotionSample {
 
 impl MotionSample {
     /// Returns the distance between two positions on the road.
-    pub fn distance_m(&self, other: &MotionSample) -> f64 {
+    pub(super) fn distance_m(&self, other: &MotionSample) -> f64 {
         libm::hypot(self.s_m - other.s_m, self.lateral_m - other.lateral_m)
     }
 
     /// Returns whether two motions differ too much to share a plan.
-    pub fn strays_from(&self, other: &MotionSample) -> bool {
+    pub(super) fn strays_from(&self, other: &MotionSample) -> bool {
         const APART_M: f64 = 0.1;
         const APART_MPS: f64 = 0.1;
         APART_M < self.distance_m(other) || APART_MPS < (self.speed_mps - other.speed_mps).abs()
@@ -370,7 +370,7 @@ pub(super) struct MotionReader {
 
 impl MotionReader {
     /// Returns a reader for the traces of `world`, or `None` without a driving scene.
-    pub fn of(world: &Scenario) -> Option<MotionReader> {
+    pub(super) fn of(world: &Scenario) -> Option<MotionReader> {
         let spec = world.drive()?;
         let ego = &spec.agents[spec.egos().next()?].name;
         let schema = world.world().schema();
@@ -382,7 +382,7 @@ impl MotionReader {
     }
 
     /// Appends the samples of a bench that `motion` does not hold yet.
-    pub fn follow(&self, bench: &Testbench, motion: &mut Vec<MotionSample>) {
+    pub(super) fn follow(&self, bench: &Testbench, motion: &mut Vec<MotionSample>) {
         let [x, y, speed] = self.columns.map(|column| bench.trace().column(column));
         // After a held contact the trace continues to the horizon, but the motion ends.
         let moved = bench.physics_steps() / u64::from(bench.clock().substeps);

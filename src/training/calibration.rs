@@ -42,7 +42,11 @@ impl<'a> Calibrator<'a> {
     ///
     /// The search uses at most one switch of action, then two switches on unsolved
     /// starts, within the budget.
-    pub fn new(scenario: &'a Scenario, seed: u64, watch: &Watch<'_>) -> Option<Calibrator<'a>> {
+    pub(super) fn new(
+        scenario: &'a Scenario,
+        seed: u64,
+        watch: &Watch<'_>,
+    ) -> Option<Calibrator<'a>> {
         let training_search = TrainingSearch::new(scenario, Purpose::Calibration, seed);
         let decisions = scenario.learner.decisions();
         let starts = (decisions / 1000).clamp(STARTS.0, STARTS.1);
@@ -87,7 +91,7 @@ impl<'a> Calibrator<'a> {
     }
 
     /// Plays an ado on the calibration starts. `None`: stopped.
-    pub fn of(&mut self, policy: &dyn Policy, watch: &Watch<'_>) -> Option<Calibration> {
+    pub(super) fn of(&mut self, policy: &dyn Policy, watch: &Watch<'_>) -> Option<Calibration> {
         let indices: Vec<u64> = (0..self.solved.len() as u64).collect();
         let of = (self.scenario, Purpose::Calibration, self.seed);
         let played = successes(of, &indices, policy, watch)?;

@@ -161,7 +161,7 @@ impl Seeded {
     /// While few successes are known, all sequences with at most two switches are played,
     /// within a fair share of the budget. Once there are successes of near starts, they
     /// are changed instead, which needs far fewer simulations.
-    pub fn search_harder(
+    pub(super) fn search_harder(
         &mut self,
         training_search: &TrainingSearch<'_>,
         indices: &[u64],
@@ -203,7 +203,7 @@ impl Seeded {
     }
 
     /// Records the results of some starts and returns those without a success.
-    pub fn note(&mut self, starts: &[u64], found: Vec<Option<Scouted>>) -> Vec<u64> {
+    pub(super) fn note(&mut self, starts: &[u64], found: Vec<Option<Scouted>>) -> Vec<u64> {
         let mut unsolved = Vec::new();
         for (&index, scouted) in starts.iter().zip(found) {
             let scouted = scouted.unwrap_or_default();

@@ -44,7 +44,7 @@ pub(super) struct StoppingRule<'a> {
 
 impl<'a> StoppingRule<'a> {
     /// Creates the rule of a training at the state of its manifest.
-    pub fn new(
+    pub(super) fn new(
         scenario: &'a Scenario,
         manifest: &Manifest,
         seed: u64,
@@ -67,7 +67,7 @@ impl<'a> StoppingRule<'a> {
     }
 
     /// Returns the decision of the next check.
-    pub fn next_look(&self, decisions: u64) -> u64 {
+    pub(super) fn next_look(&self, decisions: u64) -> u64 {
         let look = self.first_look();
         if self.adapts() && decisions < look {
             look
@@ -88,7 +88,7 @@ impl<'a> StoppingRule<'a> {
     ///
     /// A restarted training keeps its experience. Returns whether a check was made.
     /// `None`: stopped during the check, with nothing changed.
-    pub fn look(&mut self, learner: &mut dyn Learner) -> Option<bool> {
+    pub(super) fn look(&mut self, learner: &mut dyn Learner) -> Option<bool> {
         let (before, now) = (self.looked, learner.decisions());
         let look = self.first_look();
         if !self.adapts() || look <= before || now < look || learner.finished() {
@@ -112,7 +112,7 @@ impl<'a> StoppingRule<'a> {
     /// Returns whether a training that has taken its decisions ends, or was stopped here.
     ///
     /// Otherwise it is extended.
-    pub fn ends(&mut self, learner: &mut dyn Learner) -> bool {
+    pub(super) fn ends(&mut self, learner: &mut dyn Learner) -> bool {
         let before = self.calibration;
         let Some(now) = self.calibrate(&*learner) else {
             return true;
@@ -176,7 +176,7 @@ impl<'a> StoppingRule<'a> {
     }
 
     /// Takes the physics steps of searches since the last call.
-    pub fn take_steps(&mut self) -> u64 {
+    pub(super) fn take_steps(&mut self) -> u64 {
         std::mem::take(&mut self.uncounted_steps)
     }
 
@@ -191,13 +191,13 @@ impl<'a> StoppingRule<'a> {
     }
 
     /// Returns the cost of calibration and searches so far.
-    pub fn cpu_s(&self) -> f64 {
+    pub(super) fn cpu_s(&self) -> f64 {
         let calibrating = self.calibrator.as_ref().map_or(0.0, |used| used.cpu_s);
         self.searched_cpu_s + calibrating
     }
 
     /// Returns the cost of one calibration, which does not depend on interruptions.
-    pub fn physics_steps(&self) -> u64 {
+    pub(super) fn physics_steps(&self) -> u64 {
         self.calibrator
             .as_ref()
             .map_or(0, |used| used.physics_steps)

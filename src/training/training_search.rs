@@ -63,7 +63,7 @@ pub(super) struct TrainingSearch<'a> {
 
 impl<'a> TrainingSearch<'a> {
     /// Creates the search of the stream (purpose, seed), which is no test stream.
-    pub fn new(scenario: &'a Scenario, purpose: Purpose, seed: u64) -> TrainingSearch<'a> {
+    pub(super) fn new(scenario: &'a Scenario, purpose: Purpose, seed: u64) -> TrainingSearch<'a> {
         // Invariant: training never sees a test start.
         let open = matches!(purpose, Purpose::Train | Purpose::Calibration);
         assert!(open, "test starts are not searched");
@@ -78,7 +78,7 @@ impl<'a> TrainingSearch<'a> {
     }
 
     /// Returns whether the ego can be copied, which makes the search cheap.
-    pub fn forks(&self) -> bool {
+    pub(super) fn forks(&self) -> bool {
         let mut bench = self.scenario.bench();
         let key = self.key(0);
         let (start, noise) = (bench.draw(key), bench.noise_of(key));
@@ -99,7 +99,7 @@ impl<'a> TrainingSearch<'a> {
     ///
     /// Starts that were not tried are left out. `None`: stopped by `watch`. The progress
     /// continues from `done` of `total` starts.
-    pub fn search(
+    pub(super) fn search(
         &self,
         indices: &[u64],
         (effort, simulations): (SearchEffort<'_>, u64),

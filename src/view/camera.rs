@@ -57,7 +57,7 @@ impl ViewExtent {
     const WIDE: f32 = 1.6;
 
     /// Returns the extent at the sample of the verdict, or at the last sample.
-    pub fn of(story: &ViewedEpisode<'_>) -> ViewExtent {
+    pub(super) fn of(story: &ViewedEpisode<'_>) -> ViewExtent {
         let mut around = ViewExtent {
             ahead_m: (0.0, 0.0),
             left_m: (0.0, 0.0),
@@ -87,7 +87,7 @@ impl ViewExtent {
     ///
     /// It looks from behind the ego, or from its right if an agent is behind
     /// it.
-    pub fn seen_aslant(&self) -> ([f32; 3], [f32; 3]) {
+    pub(super) fn seen_aslant(&self) -> ([f32; 3], [f32; 3]) {
         let (rear_m, front_m) = self.ahead_m;
         if ViewExtent::BEHIND_M <= rear_m {
             // A long ego would fill the picture, so the camera moves back and
@@ -110,7 +110,7 @@ impl ViewExtent {
     }
 
     /// Returns the eye and the target of a camera above the scene.
-    pub fn seen_from_above(&self) -> ([f32; 3], [f32; 3]) {
+    pub(super) fn seen_from_above(&self) -> ([f32; 3], [f32; 3]) {
         let ((rear_m, front_m), (right_m, left_m)) = (self.ahead_m, self.left_m);
         // The view shows about 4.8 times the camera's height along the road,
         // and once across it.

@@ -59,12 +59,12 @@ pub(super) struct BlueprintBuilder<'a> {
 }
 
 impl<'a> BlueprintBuilder<'a> {
-    pub fn new(journal: &'a mut LogWriter) -> BlueprintBuilder<'a> {
+    pub(super) fn new(journal: &'a mut LogWriter) -> BlueprintBuilder<'a> {
         BlueprintBuilder { journal, next: 0 }
     }
 
     /// Adds a plot of curves over time. `axis` is the range of their values.
-    pub fn plot(
+    pub(super) fn plot(
         &mut self,
         story: &ViewedEpisode<'_>,
         title: &str,
@@ -98,7 +98,7 @@ impl<'a> BlueprintBuilder<'a> {
     }
 
     /// Adds the window: no panels of the viewer itself, and the time at its end.
-    pub fn window(
+    pub(super) fn window(
         &mut self,
         story: &ViewedEpisode<'_>,
         root: &BlueprintNode,
@@ -126,7 +126,7 @@ impl<'a> BlueprintBuilder<'a> {
     }
 
     /// Adds a view and returns its node.
-    pub fn view(
+    pub(super) fn view(
         &mut self,
         class: &str,
         title: &str,
@@ -147,7 +147,7 @@ impl<'a> BlueprintBuilder<'a> {
     }
 
     /// Adds a container and returns its node.
-    pub fn container(
+    pub(super) fn container(
         &mut self,
         kind: ContainerKind,
         title: &str,
@@ -171,7 +171,7 @@ impl<'a> BlueprintBuilder<'a> {
         Ok(container)
     }
 
-    pub fn property(
+    pub(super) fn property(
         &mut self,
         view: &BlueprintNode,
         name: &str,

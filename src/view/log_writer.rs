@@ -30,7 +30,7 @@ pub(super) struct LogWriter {
 
 impl LogWriter {
     /// Returns a journal that opens a new store.
-    pub fn new(kind: StoreKind) -> LogWriter {
+    pub(super) fn new(kind: StoreKind) -> LogWriter {
         let store = StoreId::random(kind, APPLICATION);
         let source = StoreSource::Other(concat!("brakecheck ", env!("CARGO_PKG_VERSION")).into());
         let opening = LogMsg::SetStoreInfo(SetStoreInfo {
@@ -48,19 +48,19 @@ impl LogWriter {
     ///
     /// A viewer that follows a timeline opens at its end. Blueprints have no
     /// other way to select the opening time.
-    pub fn ending_at(mut self, time_s: Option<f64>) -> LogWriter {
+    pub(super) fn ending_at(mut self, time_s: Option<f64>) -> LogWriter {
         // Marks extend one microsecond beyond their instant.
         self.until = time_s.map(|time_s| nanos(time_s + 2e-6));
         self
     }
 
     /// Returns the store that the journal writes.
-    pub fn store(&self) -> &StoreId {
+    pub(super) fn store(&self) -> &StoreId {
         &self.store
     }
 
     /// Returns all messages.
-    pub fn into_messages(self) -> Vec<LogMsg> {
+    pub(super) fn into_messages(self) -> Vec<LogMsg> {
         self.messages
     }
 
@@ -69,7 +69,7 @@ impl LogWriter {
     /// # Errors
     ///
     /// Returns an error if the viewer's library rejects the data.
-    pub fn always(
+    pub(super) fn always(
         &mut self,
         entity: impl Into<EntityPath>,
         parts: &[&dyn AsComponents],
@@ -82,7 +82,7 @@ impl LogWriter {
     /// # Errors
     ///
     /// Returns an error if the viewer's library rejects the data.
-    pub fn from(
+    pub(super) fn from(
         &mut self,
         (sample, time_s): (usize, f64),
         entity: impl Into<EntityPath>,
@@ -101,13 +101,17 @@ impl LogWriter {
     }
 
     /// Logs a part of a blueprint.
-    pub fn layout(&mut self, node: String, part: &dyn AsComponents) -> Result<(), ViewError> {
+    pub(super) fn layout(
+        &mut self,
+        node: String,
+        part: &dyn AsComponents,
+    ) -> Result<(), ViewError> {
         let once = TimePoint::default().with(Timeline::new_sequence("blueprint"), 0);
         self.row(node.into(), once, &[part])
     }
 
     /// Logs one row per instant.
-    pub fn columns(
+    pub(super) fn columns(
         &mut self,
         entity: impl Into<EntityPath>,
         clock: [TimeColumn; 2],

@@ -44,7 +44,7 @@ pub(super) enum Column {
 
 impl Column {
     /// All columns from left to right, with their shares of the width.
-    pub const ALL: [(Column, &str, f32); 3] = [
+    pub(super) const ALL: [(Column, &str, f32); 3] = [
         (Column::Space, "space", 5.0),
         (Column::Curves, "curves", 4.0),
         (Column::Words, "words", 2.6),
@@ -61,7 +61,7 @@ pub(super) enum PanelWorlds {
 
 impl Panel {
     /// Returns true if recordings of a world have the panel.
-    pub fn applies(&self, scenario: &Scenario) -> bool {
+    pub(super) fn applies(&self, scenario: &Scenario) -> bool {
         match self.shown {
             PanelWorlds::Everywhere => true,
             PanelWorlds::OnRoads => scenario.grid().is_none(),

@@ -45,7 +45,7 @@ pub(super) struct Running {
 
 impl<'a> ViewedEpisode<'a> {
     /// Replays the episode and evaluates its formulas.
-    pub fn new(
+    pub(super) fn new(
         scenario: &'a Scenario,
         episode: &'a Episode,
         caption: &'a str,
@@ -94,50 +94,50 @@ impl<'a> ViewedEpisode<'a> {
     }
 
     /// Number of samples.
-    pub fn samples(&self) -> usize {
+    pub(super) fn samples(&self) -> usize {
         self.episode.trace.len()
     }
 
     /// Time of a sample in seconds.
-    pub fn time_s(&self, sample: usize) -> f64 {
+    pub(super) fn time_s(&self, sample: usize) -> f64 {
         // Time is i · dt. Rounding removes the digits that binary fractions
         // add.
         (sample as f64 * self.episode.trace.dt_s() * 1e9).round() / 1e9
     }
 
     /// Time of the last sample in seconds.
-    pub fn end_s(&self) -> f64 {
+    pub(super) fn end_s(&self) -> f64 {
         self.time_s(self.samples().saturating_sub(1))
     }
 
     /// Opening time of the viewer, if the episode continues long after the verdict.
-    pub fn opens_s(&self) -> Option<f64> {
+    pub(super) fn opens_s(&self) -> Option<f64> {
         let decided_s = self.time_s(self.decided?);
         (decided_s + GOES_ON_S < self.end_s()).then_some(decided_s)
     }
 
     /// Index of the ego in the cast.
-    pub fn ego(&self) -> usize {
+    pub(super) fn ego(&self) -> usize {
         let is_ego = |who: &crate::scene::AgentDescription| who.role == Role::Ego;
         self.stage.agents.iter().position(is_ego).unwrap_or(0)
     }
 
     /// Colour of a member of the cast.
-    pub fn colour(&self, who: usize) -> Rgb {
+    pub(super) fn colour(&self, who: usize) -> Rgb {
         let role = self.stage.agents[who].role;
         let before = &self.stage.agents[..who];
         palette::of_role(role, before.iter().filter(|cast| cast.role == role).count())
     }
 
     /// Samples that determine the verdict.
-    pub fn judged(&self) -> crate::trace::Trace {
+    pub(super) fn judged(&self) -> crate::trace::Trace {
         let mut judged = self.episode.trace.clone();
         judged.truncate(self.episode.judged);
         judged
     }
 
     /// First sample of decision `decision`.
-    pub fn decision_sample(&self, decision: usize) -> usize {
+    pub(super) fn decision_sample(&self, decision: usize) -> usize {
         decision * self.samples_per_decision
     }
 }

@@ -16,7 +16,7 @@ const MAX_CONFIRMED: usize = 50;
 /// Sequences are ranked on the kinematic plant, and the first with a score on the world's
 /// own plant is taken. Ties go to fewer switches, then to lower actions and earlier switches.
 /// `None`: no sequence has a score, or stopped.
-pub fn extreme(
+pub(crate) fn extreme(
     scenario: &Scenario,
     (start, noise): (&Start, u64),
     switches: usize,

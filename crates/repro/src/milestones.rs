@@ -18,7 +18,7 @@ use brakecheck::world::Scenario;
 
 /// Policy of an unfinished training.
 #[derive(Clone, Debug, Serialize)]
-pub struct Milestone {
+pub(crate) struct Milestone {
     /// Number of training episodes so far.
     pub episodes: u64,
     /// Number of decisions in them.
@@ -36,7 +36,7 @@ pub struct Milestone {
 /// All policies come from one training with its own schedules. An early policy differs
 /// from that of a short training, because exploration and step size are still high.
 /// `None`: stopped from outside.
-pub fn milestones(
+pub(crate) fn milestones(
     scenario: &Scenario,
     seed: u64,
     episodes: &[u64],

@@ -22,7 +22,10 @@ pub(super) struct ImportedBody {
 }
 
 impl ImportedBody {
-    pub fn of(entity: &XmlNode, scope: &ParameterScope) -> Result<ImportedBody, ImportError> {
+    pub(super) fn of(
+        entity: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<ImportedBody, ImportError> {
         let name = scope.text(entity, "name")?;
         let bounds = entity.inner("BoundingBox")?;
         let size = bounds.inner("Dimensions")?;

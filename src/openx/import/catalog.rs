@@ -24,7 +24,7 @@ pub(super) struct Catalogs {
 }
 
 impl Catalogs {
-    pub fn of(
+    pub(super) fn of(
         root: &XmlNode,
         beside: &Path,
         dropped: Rc<DropLog>,
@@ -51,7 +51,7 @@ impl Catalogs {
     ///
     /// Returns an error for an unknown catalog or entry, and for an invalid
     /// assignment.
-    pub fn entry(
+    pub(super) fn entry(
         &self,
         reference: &XmlNode,
         scope: &ParameterScope,

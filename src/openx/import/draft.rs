@@ -50,7 +50,7 @@ impl Draft {
     /// Returns an empty draft of a run with the given least duration.
     ///
     /// No entity leaves its road before `leaves_s`.
-    pub fn of(until_s: f64, leaves_s: f64) -> Draft {
+    pub(super) fn of(until_s: f64, leaves_s: f64) -> Draft {
         Draft {
             parts: Vec::new(),
             until_s,
@@ -59,28 +59,28 @@ impl Draft {
         }
     }
 
-    pub fn text(&mut self, text: &str) {
+    pub(super) fn text(&mut self, text: &str) {
         match self.parts.last_mut() {
             Some(DraftPart::Text(before)) => before.push_str(text),
             _ => self.parts.push(DraftPart::Text(text.to_owned())),
         }
     }
 
-    pub fn hole(&mut self, axis: &str, value: f64) {
+    pub(super) fn hole(&mut self, axis: &str, value: f64) {
         self.beside(axis, value, 0.0);
     }
 
     /// Adds a number of which the greatest of all points is written.
-    pub fn most(&mut self, value: f64) {
+    pub(super) fn most(&mut self, value: f64) {
         self.parts.push(DraftPart::Most(value));
     }
 
     /// Adds a number of which the least of all points is written.
-    pub fn least(&mut self, value: f64) {
+    pub(super) fn least(&mut self, value: f64) {
         self.parts.push(DraftPart::Least(value));
     }
 
-    pub fn beside(&mut self, axis: &str, value: f64, more: f64) {
+    pub(super) fn beside(&mut self, axis: &str, value: f64, more: f64) {
         // Values that differ only in rounding must be equal, or they would
         // become an axis.
         self.parts.push(DraftPart::Hole {

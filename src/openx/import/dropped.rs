@@ -77,7 +77,7 @@ struct DropLists {
 
 impl DropLog {
     /// Examines an element and all elements below it.
-    pub fn look(&self, node: &XmlNode) {
+    pub(super) fn look(&self, node: &XmlNode) {
         let kind = KINDS.iter().find(|(name, _)| *name == node.name);
         match kind {
             Some((_, kind)) => {
@@ -96,7 +96,7 @@ impl DropLog {
     }
 
     /// Counts an element, once however often it is found.
-    pub fn note(&self, kind: &'static str, node: &XmlNode) {
+    pub(super) fn note(&self, kind: &'static str, node: &XmlNode) {
         let mut found = self.0.borrow_mut();
         let places = found.known.entry(node.file().to_owned()).or_default();
         // Every point reads the same files, and two references may name one
@@ -117,7 +117,7 @@ impl DropLog {
     }
 
     /// Returns the dropped elements by kind.
-    pub fn list(&self) -> Vec<DroppedElements> {
+    pub(super) fn list(&self) -> Vec<DroppedElements> {
         self.0.borrow().kinds.clone()
     }
 }

@@ -73,7 +73,7 @@ pub(super) struct At {
 
 impl At {
     /// Place of a file as a whole.
-    pub fn file(file: &Path) -> At {
+    pub(super) fn file(file: &Path) -> At {
         At {
             file: file.to_owned(),
             element: None,
@@ -81,14 +81,14 @@ impl At {
     }
 
     /// Place of an element.
-    pub fn element(file: &Path, element: String, line: usize) -> At {
+    pub(super) fn element(file: &Path, element: String, line: usize) -> At {
         At {
             file: file.to_owned(),
             element: Some(Box::new((element, line))),
         }
     }
 
-    pub fn error(&self, what: impl Into<String>) -> ImportError {
+    pub(super) fn error(&self, what: impl Into<String>) -> ImportError {
         ImportError {
             file: self.file.clone(),
             element: self.element.clone(),

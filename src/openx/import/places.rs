@@ -50,7 +50,11 @@ pub(super) struct PositionContext<'a> {
 
 impl PositionContext<'_> {
     /// Returns the place of a `Position`.
-    pub fn place(&self, position: &XmlNode, scope: &ParameterScope) -> Result<Placed, ImportError> {
+    pub(super) fn place(
+        &self,
+        position: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<Placed, ImportError> {
         let it = position.only()?;
         match it.name.as_str() {
             "LanePosition" => {
@@ -122,7 +126,7 @@ impl PositionContext<'_> {
     }
 
     /// Returns a trajectory, with the parameters that it may use.
-    pub fn trajectory(
+    pub(super) fn trajectory(
         &self,
         reference: &XmlNode,
         scope: &ParameterScope,
@@ -135,7 +139,11 @@ impl PositionContext<'_> {
     }
 
     /// Returns the path of a trajectory, and the position of its start on the path.
-    pub fn way(&self, trajectory: &XmlNode, scope: &ParameterScope) -> Result<OnWay, ImportError> {
+    pub(super) fn way(
+        &self,
+        trajectory: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<OnWay, ImportError> {
         let shape = trajectory.inner("Shape")?.only()?;
         match shape.name.as_str() {
             "Polyline" => {
@@ -344,7 +352,7 @@ impl PositionContext<'_> {
     }
 
     /// Refuses a route that leaves the straight line ahead of a place and its road.
-    pub fn leads_on(
+    pub(super) fn leads_on(
         &self,
         assigned: &XmlNode,
         scope: &ParameterScope,

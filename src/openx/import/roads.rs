@@ -50,7 +50,7 @@ pub(super) struct ImportedRoad {
 pub(super) struct RoadMap(BTreeMap<String, ImportedRoad>);
 
 impl RoadMap {
-    pub fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
+    pub(super) fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
         let roads = root.all("road").map(|road| {
             let id = road.need("id")?.to_owned();
             Ok((id, ImportedRoad::of(road)?))
@@ -59,12 +59,12 @@ impl RoadMap {
     }
 
     /// Returns a road by its id.
-    pub fn get(&self, id: &str) -> Option<&ImportedRoad> {
+    pub(super) fn get(&self, id: &str) -> Option<&ImportedRoad> {
         self.0.get(id)
     }
 
     /// Returns all roads.
-    pub fn all(&self) -> impl Iterator<Item = &ImportedRoad> {
+    pub(super) fn all(&self) -> impl Iterator<Item = &ImportedRoad> {
         self.0.values()
     }
 
@@ -73,7 +73,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error if the roads differ.
-    pub fn friction(&self, road: Option<&str>) -> Result<f64, ImportError> {
+    pub(super) fn friction(&self, road: Option<&str>) -> Result<f64, ImportError> {
         self.one_of(road, |surface| surface.friction.clone())
     }
 
@@ -82,7 +82,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error if the roads differ.
-    pub fn limit_mps(&self, road: Option<&str>) -> Result<Option<f64>, ImportError> {
+    pub(super) fn limit_mps(&self, road: Option<&str>) -> Result<Option<f64>, ImportError> {
         self.one_of(road, |surface| surface.limit_mps.clone())
     }
 
@@ -111,7 +111,7 @@ impl RoadMap {
     /// Returns a road by its id, if it is supported.
     ///
     /// `asks` is the element that refers to the road.
-    pub fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
+    pub(super) fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
         let road = self.0.get(id);
         let road = road.ok_or_else(|| asks.error(format!("there is no road `{id}`")))?;
         match &road.refused {
@@ -273,7 +273,7 @@ impl ImportedRoad {
     }
 
     /// Returns whether the reference line is straight between two stations.
-    pub fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
+    pub(super) fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
         let (from_m, to_m) = (from_m.min(to_m), from_m.max(to_m));
         let between = |it: &&ReferenceSegment| it.s_m < to_m && from_m < it.s_m + it.length_m;
         let mut pieces = self.pieces.iter().filter(between);
@@ -281,7 +281,7 @@ impl ImportedRoad {
     }
 
     /// Place at a station, `t_m` to the left of the reference line.
-    pub fn at(&self, s_m: f64, t_m: f64) -> Spot {
+    pub(super) fn at(&self, s_m: f64, t_m: f64) -> Spot {
         // A station on a joint belongs to the later piece.
         let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
         let piece = before.unwrap_or(&self.pieces[0]);
@@ -290,7 +290,7 @@ impl ImportedRoad {
     }
 
     /// Length of the parallel to the reference line between two stations, in metres.
-    pub fn way_m(&self, from_m: f64, to_m: f64, t_m: f64) -> f64 {
+    pub(super) fn way_m(&self, from_m: f64, to_m: f64, t_m: f64) -> f64 {
         let parts = self.pieces.iter().map(|piece| {
             let ends_m = piece.s_m + piece.length_m;
             let part_m = to_m.min(ends_m) - from_m.max(piece.s_m);
@@ -306,7 +306,7 @@ impl ImportedRoad {
     /// # Errors
     ///
     /// Returns an error for an unknown lane.
-    pub fn middle_m(&self, asks: &XmlNode, lane: i32) -> Result<f64, ImportError> {
+    pub(super) fn middle_m(&self, asks: &XmlNode, lane: i32) -> Result<f64, ImportError> {
         let width_of = |id: i32| {
             let found = self.lanes.iter().find(|(known, ..)| *known == id);
             found.map(|(_, width_m, _)| *width_m).ok_or_else(|| {
@@ -325,7 +325,7 @@ impl ImportedRoad {
     }
 
     /// Driving lanes on the side of a lane with their widths, the outermost first.
-    pub fn driven_beside(&self, lane: i32) -> Vec<(i32, f64)> {
+    pub(super) fn driven_beside(&self, lane: i32) -> Vec<(i32, f64)> {
         let side = self.lanes.iter();
         let side = side.filter(|(id, _, drives)| *drives && *id * lane > 0);
         let mut side: Vec<(i32, f64)> = side.map(|(id, width_m, _)| (*id, *width_m)).collect();
@@ -334,7 +334,7 @@ impl ImportedRoad {
     }
 
     /// Returns true for a single straight piece.
-    pub fn is_straight(&self) -> bool {
+    pub(super) fn is_straight(&self) -> bool {
         self.pieces.len() == 1 && self.pieces[0].per_m == 0.0
     }
 }

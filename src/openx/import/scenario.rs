@@ -68,7 +68,7 @@ pub(super) struct Concrete {
 }
 
 impl Protocol {
-    pub fn open(path: &Path, files: Files<'_>) -> Result<Protocol, ImportError> {
+    pub(super) fn open(path: &Path, files: Files<'_>) -> Result<Protocol, ImportError> {
         let root = XmlNode::read(path, files)?;
         if root.child("Storyboard").is_none() {
             let error = root.error("there is no `Storyboard` in it: it is no scenario");
@@ -92,7 +92,7 @@ impl Protocol {
     }
 
     /// Line of the file's StopTrigger.
-    pub fn ends_line(&self) -> usize {
+    pub(super) fn ends_line(&self) -> usize {
         let board = self.root.child("Storyboard");
         let stop = board.and_then(|it| it.child("StopTrigger"));
         stop.unwrap_or(&self.root).line
@@ -107,7 +107,7 @@ impl Protocol {
     /// # Errors
     ///
     /// Returns an error for a value of an undeclared parameter.
-    pub fn scope(&self, point: &ImportedPoint) -> Result<ParameterScope, ImportError> {
+    pub(super) fn scope(&self, point: &ImportedPoint) -> Result<ParameterScope, ImportError> {
         let declared = |name: &str| {
             let list = self.declarations();
             let mut list = list
@@ -124,7 +124,10 @@ impl Protocol {
     }
 
     /// Returns the error of a point whose values break a constraint of the file.
-    pub fn broken(&self, scope: &ParameterScope) -> Result<Option<ImportError>, ImportError> {
+    pub(super) fn broken(
+        &self,
+        scope: &ParameterScope,
+    ) -> Result<Option<ImportError>, ImportError> {
         let broken = scope.broken(self.declarations())?;
         Ok(broken.map(|declaration| {
             let name = declaration.raw("name").unwrap_or_default();
@@ -139,7 +142,11 @@ impl Protocol {
     /// # Errors
     ///
     /// Returns an error with file and element for unsupported content.
-    pub fn at(&self, scope: &ParameterScope, files: Files<'_>) -> Result<Concrete, ImportError> {
+    pub(super) fn at(
+        &self,
+        scope: &ParameterScope,
+        files: Files<'_>,
+    ) -> Result<Concrete, ImportError> {
         let roads = self.road_map(scope, files)?;
         let mut placed: BTreeMap<String, Placed> = BTreeMap::new();
         let mut entities = Vec::new();
@@ -263,7 +270,7 @@ impl Concrete {
     /// # Errors
     ///
     /// Returns an error for a place on another road than a bent one of the ego.
-    pub fn in_frame(&self, placed: &Placed) -> Result<Spot, ImportError> {
+    pub(super) fn in_frame(&self, placed: &Placed) -> Result<Spot, ImportError> {
         let refused = |what: String| self.at.error(what);
         match &self.frame {
             RoadFrame::Straight(origin) => Ok(origin.sees(&placed.spot)),
@@ -309,7 +316,7 @@ impl Concrete {
     }
 
     /// Curvature of the ego's lane 0 at the start of its road, in 1/m.
-    pub fn bend_per_m(&self) -> f64 {
+    pub(super) fn bend_per_m(&self) -> f64 {
         // Any positive length returns the first piece.
         self.pieces(1.0).first().map_or(0.0, |piece| piece.per_m)
     }
@@ -317,7 +324,7 @@ impl Concrete {
     /// Returns true if a place is on the ego's road.
     ///
     /// Every place is, except beside an ego that turns off.
-    pub fn is_on_road(&self, placed: &Placed) -> bool {
+    pub(super) fn is_on_road(&self, placed: &Placed) -> bool {
         match &self.frame {
             RoadFrame::Along(way) => placed.way.as_ref().is_some_and(|on| on.way == *way),
             RoadFrame::Straight(_) | RoadFrame::Beside { .. } => true,
@@ -325,18 +332,18 @@ impl Concrete {
     }
 
     /// Returns true if the ego's lane bends anywhere.
-    pub fn bends(&self) -> bool {
+    pub(super) fn bends(&self) -> bool {
         !matches!(self.frame, RoadFrame::Straight(_))
     }
 
     /// Returns true if the curvature of the ego's lane changes.
-    pub fn bends_change(&self) -> bool {
+    pub(super) fn bends_change(&self) -> bool {
         let pieces = self.pieces(f64::INFINITY);
         pieces.windows(2).any(|pair| pair[0].per_m != pair[1].per_m)
     }
 
     /// Lateral position of lane 0, from the reference line of the ego's road.
-    pub fn zero_m(&self) -> f64 {
+    pub(super) fn zero_m(&self) -> f64 {
         match &self.frame {
             RoadFrame::Beside { t_m, .. } => *t_m,
             RoadFrame::Straight(_) | RoadFrame::Along(_) => self.straight_zero_m,
@@ -344,14 +351,14 @@ impl Concrete {
     }
 
     /// Number of the lane at a lateral distance from the middle of lane 0.
-    pub fn lane_at(&self, left_m: f64) -> f64 {
+    pub(super) fn lane_at(&self, left_m: f64) -> f64 {
         // Places beside all lanes belong to the nearest lane.
         let lane = (left_m / self.lane_width_m).round().max(0.0);
         lane.min(self.lanes as f64 - 1.0)
     }
 
     /// Pieces of the ego's lane 0 up to a length. A straight lane has none.
-    pub fn pieces(&self, until_m: f64) -> Vec<Bend> {
+    pub(super) fn pieces(&self, until_m: f64) -> Vec<Bend> {
         let (road, t_m) = match &self.frame {
             RoadFrame::Straight(_) => return Vec::new(),
             RoadFrame::Along(way) => return way.pieces.clone(),

@@ -19,7 +19,7 @@ impl ParameterScope {
     /// # Errors
     ///
     /// Returns an error for an invalid expression or an unknown parameter.
-    pub fn declared(
+    pub(super) fn declared(
         node: Option<&XmlNode>,
         outer: &ParameterScope,
         set: &[(String, String)],
@@ -44,23 +44,23 @@ impl ParameterScope {
     }
 
     /// Returns the value of a parameter.
-    pub fn get(&self, name: &str) -> Option<&str> {
+    pub(super) fn get(&self, name: &str) -> Option<&str> {
         self.0.get(name).map(String::as_str)
     }
 
     /// Returns a required attribute, evaluated.
-    pub fn text(&self, node: &XmlNode, name: &str) -> Result<String, ImportError> {
+    pub(super) fn text(&self, node: &XmlNode, name: &str) -> Result<String, ImportError> {
         self.resolve_text(node, node.need(name)?)
     }
 
     /// Returns a required attribute as a number.
-    pub fn number(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
+    pub(super) fn number(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
         let text = self.text(node, name)?;
         number(&text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
     }
 
     /// Returns an attribute as a number, or 0 if it is missing.
-    pub fn number_or_zero(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
+    pub(super) fn number_or_zero(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
         match node.raw(name) {
             Some(_) => self.number(node, name),
             None => Ok(0.0),
@@ -68,7 +68,7 @@ impl ParameterScope {
     }
 
     /// Evaluates a text.
-    pub fn resolve_text(&self, node: &XmlNode, text: &str) -> Result<String, ImportError> {
+    pub(super) fn resolve_text(&self, node: &XmlNode, text: &str) -> Result<String, ImportError> {
         // Only complete texts are expressions or references. OpenSCENARIO has
         // no interpolation.
         let trimmed = text.trim();
@@ -102,7 +102,7 @@ impl ParameterScope {
     /// Returns the first declaration whose constraints its value breaks.
     ///
     /// One constraint group must hold, with all its constraints.
-    pub fn broken<'a>(
+    pub(super) fn broken<'a>(
         &self,
         node: Option<&'a XmlNode>,
     ) -> Result<Option<&'a XmlNode>, ImportError> {

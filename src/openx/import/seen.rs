@@ -37,7 +37,7 @@ pub(super) enum EntityPath<'a> {
 
 impl EntityInFrame<'_> {
     /// Distance in metres from the reference point to the front, along the road.
-    pub fn front_along_m(&self) -> f64 {
+    pub(super) fn front_along_m(&self) -> f64 {
         let front_m = self.entity.body.front_m;
         match self.path {
             EntityPath::With => front_m,
@@ -47,7 +47,7 @@ impl EntityInFrame<'_> {
         }
     }
 
-    pub fn front_left_m(&self) -> f64 {
+    pub(super) fn front_left_m(&self) -> f64 {
         let front_m = self.entity.body.front_m;
         match self.path {
             EntityPath::Left => front_m,
@@ -56,13 +56,13 @@ impl EntityInFrame<'_> {
         }
     }
 
-    pub fn stands(&self) -> bool {
+    pub(super) fn stands(&self) -> bool {
         let entity = self.entity;
         entity.speed_mps == 0.0 && entity.steps.is_empty() && entity.meets.is_none()
     }
 
     /// Length in metres of the body behind its front, along the ego's road.
-    pub fn rear_m(&self) -> f64 {
+    pub(super) fn rear_m(&self) -> f64 {
         let body = &self.entity.body;
         match self.path {
             EntityPath::With => body.length_m,

@@ -10,7 +10,7 @@ pub(super) struct Spot {
 
 impl Spot {
     /// Place ahead and to the left, with the same direction.
-    pub fn moved(&self, ahead_m: f64, left_m: f64) -> Spot {
+    pub(super) fn moved(&self, ahead_m: f64, left_m: f64) -> Spot {
         let (sin, cos) = libm::sincos(self.heading_rad);
         Spot {
             x_m: self.x_m + ahead_m * cos - left_m * sin,
@@ -20,7 +20,7 @@ impl Spot {
     }
 
     /// Place along an arc, with the direction of the arc.
-    pub fn bent(&self, along_m: f64, per_m: f64) -> Spot {
+    pub(super) fn bent(&self, along_m: f64, per_m: f64) -> Spot {
         let turn_rad = per_m * along_m;
         // A line is the limit of an arc, where the division by 0 fails.
         let (ahead_m, left_m) = if per_m == 0.0 {
@@ -38,7 +38,7 @@ impl Spot {
     }
 
     /// Another place in the frame of this place: ahead, to the left, turned.
-    pub fn sees(&self, other: &Spot) -> Spot {
+    pub(super) fn sees(&self, other: &Spot) -> Spot {
         let (dx, dy) = (other.x_m - self.x_m, other.y_m - self.y_m);
         let (sin, cos) = libm::sincos(self.heading_rad);
         Spot {

@@ -30,7 +30,7 @@ pub(super) struct StoryElement {
 
 impl StoryElement {
     /// Returns the element of a node, or `None` without a name.
-    pub fn of(kind: &str, node: &XmlNode) -> Option<StoryElement> {
+    pub(super) fn of(kind: &str, node: &XmlNode) -> Option<StoryElement> {
         node.raw("name").map(|name| StoryElement {
             kind: kind.to_owned(),
             name: name.to_owned(),

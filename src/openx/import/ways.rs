@@ -48,7 +48,7 @@ pub(super) struct Spiral {
 
 impl ImportedPath {
     /// Returns a straight path from a place.
-    pub fn straight(begins: Spot) -> ImportedPath {
+    pub(super) fn straight(begins: Spot) -> ImportedPath {
         ImportedPath {
             begins,
             pieces: Vec::new(),
@@ -61,7 +61,7 @@ impl ImportedPath {
     ///
     /// Returns an error for places beside the line, and for a path without a
     /// length.
-    pub fn through(asks: &XmlNode, spots: &[Spot]) -> Result<ImportedPath, ImportError> {
+    pub(super) fn through(asks: &XmlNode, spots: &[Spot]) -> Result<ImportedPath, ImportError> {
         let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
             return Err(asks.refused("a way without places", "give the way at least two places"));
         };
@@ -87,12 +87,12 @@ impl ImportedPath {
     }
 
     /// Removes lines at the end, since a path continues straight after its pieces.
-    pub fn end_straight(&mut self) {
+    pub(super) fn end_straight(&mut self) {
         while self.pieces.pop_if(|last| last.per_m == 0.0).is_some() {}
     }
 
     /// Place on the path, with the direction of the path.
-    pub fn at(&self, along_m: f64) -> Spot {
+    pub(super) fn at(&self, along_m: f64) -> Spot {
         let mut spot = self.begins;
         let mut left_m = along_m;
         for piece in &self.pieces {
@@ -112,7 +112,7 @@ impl OnWay {
     /// # Errors
     ///
     /// Returns an error of the point if the place is not on the path.
-    pub fn move_on(&mut self, asks: &XmlNode, by_m: f64) -> Result<(), ImportError> {
+    pub(super) fn move_on(&mut self, asks: &XmlNode, by_m: f64) -> Result<(), ImportError> {
         let left_m = self.ends_m - self.along_m;
         if !(-STRAIGHT_M..=left_m + STRAIGHT_M).contains(&by_m) {
             let what = format!("it is {by_m} m along a way that has {left_m} m");
@@ -124,12 +124,12 @@ impl OnWay {
     }
 
     /// Returns the place.
-    pub fn spot(&self) -> Spot {
+    pub(super) fn spot(&self) -> Spot {
         self.way.at(self.along_m)
     }
 
     /// Extends the first line of the path back to an earlier place.
-    pub fn begin_at(&mut self, first: Spot) {
+    pub(super) fn begin_at(&mut self, first: Spot) {
         let by_m = first.sees(&self.way.begins).x_m;
         if let Some(piece) = self.way.pieces.first_mut().filter(|it| it.per_m == 0.0) {
             // The position and the end keep their places, so their stations
@@ -155,7 +155,7 @@ impl Spiral {
     /// at most c·h²/12, and off by 0 on average. The lateral error is the
     /// integral of the heading error and does not add up from arc to arc. It is
     /// 0 at both ends and at most c·h³/(36·√3).
-    pub fn arcs(&self, beside_m: f64) -> Vec<Bend> {
+    pub(super) fn arcs(&self, beside_m: f64) -> Vec<Bend> {
         if self.from_per_m == self.to_per_m {
             return vec![Bend {
                 length_m: self.length_m,

@@ -59,7 +59,7 @@ impl<'a> Camera<'a> {
     ///
     /// `ego` is the index and the length of the ego. With `None` everything
     /// fits, at any scale.
-    pub fn of(
+    pub(super) fn of(
         film: &EpisodeFrames,
         i: usize,
         ego: Option<(usize, f64)>,
@@ -72,7 +72,7 @@ impl<'a> Camera<'a> {
     /// Pixels per metre at which all relevant agents fit.
     ///
     /// The scale is greater if the ego would otherwise be too small.
-    pub fn fitting(
+    pub(super) fn fitting(
         film: &EpisodeFrames,
         i: usize,
         ego: Option<(usize, f64)>,
@@ -97,7 +97,7 @@ impl<'a> Camera<'a> {
     }
 
     /// Returns the camera at a sample, with the given pixels per metre.
-    pub fn at_scale(
+    pub(super) fn at_scale(
         film: &EpisodeFrames,
         i: usize,
         (ego, scale): (Option<(usize, f64)>, f64),
@@ -129,13 +129,13 @@ impl<'a> Camera<'a> {
     }
 
     /// Middle of the picture.
-    pub fn middle_px(&self) -> [f64; 2] {
+    pub(super) fn middle_px(&self) -> [f64; 2] {
         let [width_px, height_px] = self.canvas.size_px;
         [0.5 * width_px, 0.5 * (height_px - self.canvas.foot_px)]
     }
 
     /// SVG `transform` for elements in metres, with y upward.
-    pub fn transform(&self) -> String {
+    pub(super) fn transform(&self) -> String {
         let [x, y] = self.middle_px();
         let [u, v] = self.centre_m;
         format!(
@@ -151,7 +151,7 @@ impl<'a> Camera<'a> {
     }
 
     /// Pixel position of a place that is given in the picture's directions.
-    pub fn at(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+    pub(super) fn at(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.middle_px();
         [
             x + (u - self.centre_m[0]) * self.scale,

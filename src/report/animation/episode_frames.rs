@@ -33,7 +33,7 @@ pub(super) struct FrameContext<'a> {
 
 impl<'a> FrameContext<'a> {
     /// Returns the properties of an episode.
-    pub fn of(episode: &'a Episode) -> FrameContext<'a> {
+    pub(super) fn of(episode: &'a Episode) -> FrameContext<'a> {
         FrameContext {
             dt_s: episode.trace.dt_s(),
             judged: episode.judged,
@@ -88,7 +88,11 @@ impl EpisodeFrames {
     ///
     /// A contact ends the motion between two samples. The last frame is then
     /// that of the contact.
-    pub fn of(stage: &SceneGeometry, frames: &[Frame], course: &FrameContext<'_>) -> EpisodeFrames {
+    pub(super) fn of(
+        stage: &SceneGeometry,
+        frames: &[Frame],
+        course: &FrameContext<'_>,
+    ) -> EpisodeFrames {
         let dt_s = course.dt_s;
         let end_s = course.contact.map(|touch| touch.time_s);
         let time_s = |i: usize| (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY));
@@ -129,25 +133,25 @@ impl EpisodeFrames {
     }
 
     /// Index of the last sample at or before a time.
-    pub fn at(&self, time_s: f64) -> usize {
+    pub(super) fn at(&self, time_s: f64) -> usize {
         // Rounding may make an equal time slightly larger.
         let after = self.times_s.partition_point(|t| *t <= time_s + 1e-9);
         after.saturating_sub(1)
     }
 
     /// End in seconds.
-    pub fn end_s(&self) -> f64 {
+    pub(super) fn end_s(&self) -> f64 {
         self.times_s.last().copied().unwrap_or(0.0)
     }
 
     /// Place of the world in the picture's directions.
-    pub fn turned(&self, x_m: f64, y_m: f64) -> [f64; 2] {
+    pub(super) fn turned(&self, x_m: f64, y_m: f64) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.turn_rad);
         [x_m * cos + y_m * sin, y_m * cos - x_m * sin]
     }
 
     /// Half of the extent of a body in the picture's directions.
-    pub fn half_room(&self, size_m: [f64; 3], who: usize, i: usize) -> [f64; 2] {
+    pub(super) fn half_room(&self, size_m: [f64; 3], who: usize, i: usize) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.tracks[who].heading_rad[i] - self.turn_rad);
         let (length_m, width_m) = (0.5 * size_m[0], 0.5 * size_m[1]);
         [
@@ -180,7 +184,7 @@ impl EpisodeFrames {
     }
 
     /// Distance of the centres of two agents at a sample, in metres.
-    pub fn apart_m(&self, one: usize, other: usize, i: usize) -> f64 {
+    pub(super) fn apart_m(&self, one: usize, other: usize, i: usize) -> f64 {
         let (one, other) = (&self.tracks[one], &self.tracks[other]);
         libm::hypot(one.x_m[i] - other.x_m[i], one.y_m[i] - other.y_m[i])
     }

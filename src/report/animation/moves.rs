@@ -18,7 +18,7 @@ pub(super) struct Move {
 
 impl Move {
     /// Returns the words without the signs of direction.
-    pub fn plain(&self) -> String {
+    pub(super) fn plain(&self) -> String {
         without_signs(&self.words)
     }
 }
@@ -43,7 +43,7 @@ pub(super) enum MoveKind {
 }
 
 impl MoveKind {
-    pub fn class(self) -> &'static str {
+    pub(super) fn class(self) -> &'static str {
         match self {
             MoveKind::Neutral => "m-neutral",
             MoveKind::Brakes => "m-brakes",

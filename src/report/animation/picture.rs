@@ -40,7 +40,7 @@ pub(super) struct Picture<'a> {
 
 impl<'a> Picture<'a> {
     /// Returns the picture of an example with frames.
-    pub fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
+    pub(super) fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
         let stage = scenario.bench().stage();
         let film = EpisodeFrames::of(&stage, &example.frames, &FrameContext::of(&example.episode));
         let why = example.about.why.as_ref();
@@ -62,13 +62,13 @@ impl<'a> Picture<'a> {
     }
 
     /// Time of the large still: the contact, otherwise the violation.
-    pub fn still_s(&self) -> f64 {
+    pub(super) fn still_s(&self) -> f64 {
         let contact = self.example.episode.contact.as_ref();
         contact.map_or(self.violated_s, |touch| touch.time_s)
     }
 
     /// Index of the ego in the cast, and its length.
-    pub fn ego(&self) -> (usize, f64) {
+    pub(super) fn ego(&self) -> (usize, f64) {
         let ego = ego_of(&self.stage);
         (ego, self.stage.agents[ego].size_m[0])
     }
@@ -80,7 +80,7 @@ impl<'a> Picture<'a> {
     }
 
     /// Large still, whose parts play.js moves.
-    pub fn screen(&self, label: &str) -> Markup {
+    pub(super) fn screen(&self, label: &str) -> Markup {
         let i = self.film.at(self.still_s());
         let camera = self.camera(i, &SCREEN);
         let [width_px, height_px] = SCREEN.size_px;
@@ -107,7 +107,7 @@ impl<'a> Picture<'a> {
     }
 
     /// Small still of a moment with its words. play.js jumps to it.
-    pub fn thumb(&self, moment: &KeyMoment) -> Markup {
+    pub(super) fn thumb(&self, moment: &KeyMoment) -> Markup {
         let i = self.film.at(moment.time_s);
         let camera = self.camera(i, &THUMB);
         let [width_px, height_px] = THUMB.size_px;
@@ -147,7 +147,7 @@ impl<'a> Picture<'a> {
     }
 
     /// Place of the contact in the picture's directions.
-    pub fn contact_m(&self) -> Option<[f64; 2]> {
+    pub(super) fn contact_m(&self) -> Option<[f64; 2]> {
         let touch = self.example.episode.contact.as_ref()?;
         Some(self.film.turned(touch.point_m[0], touch.point_m[1]))
     }
@@ -168,7 +168,7 @@ impl<'a> Picture<'a> {
     }
 
     /// SVG `transform` of a body at a sample.
-    pub fn pose(&self, film: &EpisodeFrames, who: usize, i: usize) -> String {
+    pub(super) fn pose(&self, film: &EpisodeFrames, who: usize, i: usize) -> String {
         let track = &film.tracks[who];
         let turn_deg = track.heading_rad[i].to_degrees();
         let (x, y) = (n(track.x_m[i], 3), n(track.y_m[i], 3));
@@ -190,12 +190,12 @@ impl<'a> Picture<'a> {
     }
 
     /// Identifier of a part that is drawn once and used several times.
-    pub fn part(&self, name: &str) -> String {
+    pub(super) fn part(&self, name: &str) -> String {
         format!("film{}-{name}", self.id)
     }
 
     /// Identifier of a body's shape.
-    pub fn body(&self, who: usize) -> String {
+    pub(super) fn body(&self, who: usize) -> String {
         self.part(&format!("body{who}"))
     }
 }

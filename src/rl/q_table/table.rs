@@ -14,7 +14,7 @@ pub(super) type CellRows = BTreeMap<Box<[u32]>, usize>;
 
 /// Action values of every visited cell.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Table {
+pub(super) struct Table {
     pub(super) observation: usize,
     pub(super) actions: usize,
     pub(super) neutral: usize,

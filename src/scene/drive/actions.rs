@@ -97,7 +97,7 @@ pub(super) enum Maneuver {
 
 impl Maneuver {
     /// Action before the first decision: no acceleration, no lateral speed.
-    pub const NONE: Maneuver = Maneuver::Drive {
+    pub(super) const NONE: Maneuver = Maneuver::Drive {
         accel_mps2: 0.0,
         lateral_mps: 0.0,
     };

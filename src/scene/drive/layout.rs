@@ -82,7 +82,7 @@ pub(super) struct DriveLayout {
 }
 
 impl DriveLayout {
-    pub fn new(spec: DriveSpec) -> Result<DriveLayout, SceneError> {
+    pub(super) fn new(spec: DriveSpec) -> Result<DriveLayout, SceneError> {
         let egos: Vec<usize> = spec.egos().collect();
         let [ego] = egos[..] else {
             return Err(SceneError::Egos { count: egos.len() });
@@ -178,7 +178,7 @@ fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
 
 impl DriveLayout {
     /// Returns the road data that the ego receives before its first episode.
-    pub fn briefing(&self) -> Briefing {
+    pub(super) fn briefing(&self) -> Briefing {
         let road = &self.spec.road;
         Briefing {
             sample_s: self.spec.clock.sample_s,

@@ -60,7 +60,7 @@ pub(super) struct LightState {
 
 impl LightState {
     /// Returns the phase at the start of an episode.
-    pub fn first(light: &Light) -> LightState {
+    pub(super) fn first(light: &Light) -> LightState {
         let phase = match &light.drive {
             LightDrive::Schedule(schedule) => schedule.at(0.0, light.phase),
             LightDrive::Ado { .. } | LightDrive::Trained(_) => light.phase,
@@ -69,14 +69,14 @@ impl LightState {
     }
 
     /// Updates a scheduled light to a time.
-    pub fn keep_time(&mut self, light: &Light, time_s: f64, sample: usize) {
+    pub(super) fn keep_time(&mut self, light: &Light, time_s: f64, sample: usize) {
         if let LightDrive::Schedule(schedule) = &light.drive {
             self.show(schedule.at(time_s, light.phase), sample);
         }
     }
 
     /// Applies the action of an ado's light.
-    pub fn turn(&mut self, turn: PhaseAction, sample: usize) {
+    pub(super) fn turn(&mut self, turn: PhaseAction, sample: usize) {
         if turn == PhaseAction::Advance {
             self.show(self.phase.next(), sample);
         }

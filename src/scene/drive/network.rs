@@ -36,7 +36,7 @@ pub(super) struct Crossing {
 
 impl RoadNetwork {
     /// Builds the roads of a world.
-    pub fn new(spec: &DriveSpec) -> Result<RoadNetwork, CourseError> {
+    pub(super) fn new(spec: &DriveSpec) -> Result<RoadNetwork, CourseError> {
         let own = std::iter::once(spec.road.course());
         let placed = spec.roads.values().map(|placed| placed.course());
         let courses = own.chain(placed).collect::<Result<Vec<_>, _>>()?;
@@ -70,32 +70,32 @@ impl RoadNetwork {
     }
 
     /// Returns the course of the world's own road.
-    pub fn main(&self) -> &Course {
+    pub(super) fn main(&self) -> &Course {
         &self.courses[0]
     }
 
     /// Returns all courses, the world's own first.
-    pub fn courses(&self) -> &[Course] {
+    pub(super) fn courses(&self) -> &[Course] {
         &self.courses
     }
 
     /// Returns the course of an agent's road.
-    pub fn course_of(&self, agent: usize) -> &Course {
+    pub(super) fn course_of(&self, agent: usize) -> &Course {
         &self.courses[self.road_of[agent]]
     }
 
     /// Returns whether two agents are on the same road.
-    pub fn share_road(&self, a: usize, b: usize) -> bool {
+    pub(super) fn share_road(&self, a: usize, b: usize) -> bool {
         self.road_of[a] == self.road_of[b]
     }
 
     /// Returns the road coordinates of an agent in a pose.
-    pub fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
+    pub(super) fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
         self.course_of(agent).locate(pose)
     }
 
     /// Returns the crossings of `a` with `b`, in the order in which `a` arrives.
-    pub fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
+    pub(super) fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
         let of_a = self.crossings.get(a).and_then(|all| all.get(b));
         of_a.map_or(&[], Vec::as_slice)
     }

@@ -20,7 +20,10 @@ impl Observation {
     ///
     /// # Errors
     /// The name of the first signal that the schema lacks.
-    pub fn bind<'a>(observed: &'a [Observed], schema: &Schema) -> Result<Observation, &'a str> {
+    pub(super) fn bind<'a>(
+        observed: &'a [Observed],
+        schema: &Schema,
+    ) -> Result<Observation, &'a str> {
         let scaled = observed.iter().map(|observed| {
             let position = schema.position(&observed.name);
             Ok(Scaled {
@@ -33,12 +36,12 @@ impl Observation {
     }
 
     /// Returns the number of observed signals.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.0.len()
     }
 
     /// Writes the observation of a row.
-    pub fn read(&self, row: &[f64], obs: &mut [f32]) {
+    pub(super) fn read(&self, row: &[f64], obs: &mut [f32]) {
         for (value, scaled) in obs.iter_mut().zip(&self.0) {
             // The one cast from signals to observations (see ARCHITECTURE.md).
             *value = ((row[scaled.position] - scaled.mid) * scaled.per_half) as f32;

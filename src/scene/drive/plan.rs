@@ -127,7 +127,7 @@ fn zero<N: From<f64>>() -> N {
 }
 
 /// Name and unit of a number in a plan.
-pub type PlanNumber = (&'static str, &'static str);
+pub(super) type PlanNumber = (&'static str, &'static str);
 
 impl<N: Copy> MotionLaw<N> {
     /// Returns the same law with converted numbers, in the order of the fields.
@@ -246,7 +246,7 @@ pub struct Approach {
 }
 
 /// Reason why a meeting is infeasible, with advice.
-pub type Unmet = (String, &'static str);
+pub(super) type Unmet = (String, &'static str);
 
 impl MeetEgo<f64> {
     /// Solves the law for a start.

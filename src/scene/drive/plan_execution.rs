@@ -197,7 +197,7 @@ impl PlanRun {
     ///
     /// # Errors
     /// The meeting is infeasible.
-    pub fn begin(
+    pub(super) fn begin(
         carried: PlanConstants,
         plan: MotionPlan<f64, ()>,
         (front_m, lateral_m, speed_mps): (f64, f64, f64),
@@ -242,12 +242,12 @@ impl PlanRun {
     }
 
     /// Returns the planned speed now.
-    pub fn speed_mps(&self) -> f64 {
+    pub(super) fn speed_mps(&self) -> f64 {
         self.ramp.speed_mps(self.ramp.begins_s)
     }
 
     /// Returns whether it waits for a formula, which needs rows of signals.
-    pub fn is_watching(&self) -> bool {
+    pub(super) fn is_watching(&self) -> bool {
         matches!(self.phase, PlanPhase::Waits { .. })
     }
 
@@ -255,7 +255,7 @@ impl PlanRun {
     ///
     /// The instant at which it came true is interpolated from ρ at the previous
     /// and the current sample.
-    pub fn look(&mut self, row: &[f64], time_s: f64) {
+    pub(super) fn look(&mut self, row: &[f64], time_s: f64) {
         let PlanPhase::Waits {
             since_s,
             before,
@@ -288,7 +288,7 @@ impl PlanRun {
     ///
     /// `asked` is the deviation of an ado: an acceleration along and a speed to
     /// the left of its heading.
-    pub fn advance(
+    pub(super) fn advance(
         &mut self,
         stretch: SampleSpan<'_>,
         asked: (f64, f64),
@@ -315,7 +315,7 @@ impl PlanRun {
     }
 
     /// Returns the planned state, without deviations.
-    pub fn planned(&self, course: &Course, time_s: f64) -> PlannedAt {
+    pub(super) fn planned(&self, course: &Course, time_s: f64) -> PlannedAt {
         let at = course.locate(&self.front(course, Stray::default(), self.planned_rad));
         PlannedAt {
             s_m: at.s_m,
@@ -325,7 +325,7 @@ impl PlanRun {
     }
 
     /// Returns the pose of the front bumper now.
-    pub fn pose(&self, course: &Course) -> Pose {
+    pub(super) fn pose(&self, course: &Course) -> Pose {
         self.front(course, self.stray, self.heading_rad)
     }
 
@@ -570,7 +570,7 @@ impl PlanRun {
     }
 
     /// Records the initial pose, which precedes that of the first sample.
-    pub fn begun(&mut self, pose: Pose) {
+    pub(super) fn begun(&mut self, pose: Pose) {
         self.last.pose = pose;
     }
 }

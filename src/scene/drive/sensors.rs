@@ -44,7 +44,7 @@ pub(super) struct Sensing {
 }
 
 impl Sensing {
-    pub fn new(spec: Sensors, sample_s: f64) -> Sensing {
+    pub(super) fn new(spec: Sensors, sample_s: f64) -> Sensing {
         Sensing {
             spec,
             delay: (spec.delay_s / sample_s).round() as usize,
@@ -54,7 +54,7 @@ impl Sensing {
     }
 
     /// Begins an episode with the seed `noise`.
-    pub fn reset(&mut self, noise: u64) {
+    pub(super) fn reset(&mut self, noise: u64) {
         self.seen.clear();
         self.dice = seed::generator("sensors", &[noise]);
     }
@@ -63,7 +63,7 @@ impl Sensing {
     ///
     /// Its own state stays exact. Until the delay has passed, it sees the first
     /// sample.
-    pub fn look(&mut self, percept: &mut Percept) {
+    pub(super) fn look(&mut self, percept: &mut Percept) {
         if 0 < self.delay {
             self.seen.push_back(percept.clone());
             let old = if self.delay < self.seen.len() {

@@ -39,7 +39,7 @@ pub(super) struct SceneState {
 
 impl SceneState {
     /// Returns an empty road.
-    pub fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
+    pub(super) fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
         let agents = spec.agents.len();
         SceneState {
             plant: sim::plant(spec.plant, ground(&spec)),
@@ -57,7 +57,7 @@ impl SceneState {
     }
 
     /// Returns to t = 0 without agents, with the lights in their first phase.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.plant.clear(ground(&self.spec));
         self.bodies.clear();
         self.lights.clear();
@@ -68,12 +68,12 @@ impl SceneState {
     }
 
     /// Spawns the body of the next agent.
-    pub fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
+    pub(super) fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
         self.bodies.push(self.plant.spawn(body, pose, speed_mps));
     }
 
     /// Advances the bodies and the scheduled lights by one sample.
-    pub fn advance(&mut self) {
+    pub(super) fn advance(&mut self) {
         let clock = self.spec.clock;
         self.touch = self.plant.advance(clock.sample_s, clock.substeps);
         self.sample += 1;
@@ -87,12 +87,12 @@ impl SceneState {
     }
 
     /// Applies an ado's action to a light.
-    pub fn turn(&mut self, light: usize, turn: PhaseAction) {
+    pub(super) fn turn(&mut self, light: usize, turn: PhaseAction) {
         self.lights[light].turn(turn, self.sample);
     }
 
     /// Reads the states of all agents from the plant.
-    pub fn read(&mut self) {
+    pub(super) fn read(&mut self) {
         self.states.clear();
         self.on_road.clear();
         for (agent, &body) in self.bodies.iter().enumerate() {
@@ -103,7 +103,7 @@ impl SceneState {
     }
 
     /// Returns a copy that continues bit for bit.
-    pub fn fork(&self) -> SceneState {
+    pub(super) fn fork(&self) -> SceneState {
         SceneState {
             spec: Arc::clone(&self.spec),
             network: Arc::clone(&self.network),
@@ -120,25 +120,25 @@ impl SceneState {
     }
 
     /// Returns the planned state of an agent.
-    pub fn planned_of(&self, agent: usize) -> PlannedAt {
+    pub(super) fn planned_of(&self, agent: usize) -> PlannedAt {
         self.planned.get(agent).copied().unwrap_or_default()
     }
 
     /// Returns the time since the start.
-    pub fn time_s(&self) -> f64 {
+    pub(super) fn time_s(&self) -> f64 {
         // A product and not a sum, so rounding errors do not add up.
         self.sample as f64 * self.spec.clock.sample_s
     }
 
     /// Returns the time for which a light has been in its phase.
-    pub fn phase_s(&self, light: usize) -> f64 {
+    pub(super) fn phase_s(&self, light: usize) -> f64 {
         (self.sample - self.lights[light].since) as f64 * self.spec.clock.sample_s
     }
 
     /// Returns the distance from an agent's front to a stop line.
     ///
     /// Along the world's own road, positive before the line.
-    pub fn line_m(&self, agent: usize, light: usize) -> f64 {
+    pub(super) fn line_m(&self, agent: usize, light: usize) -> f64 {
         let at = match self.spec.agents[agent].road {
             0 => self.on_road[agent],
             _ => self.network.main().locate(&self.states[agent].pose),
@@ -147,7 +147,7 @@ impl SceneState {
     }
 
     /// Returns the coordinates of an agent on the road of `viewer`.
-    pub fn on_road_of(&self, viewer: usize, agent: usize) -> OnRoad {
+    pub(super) fn on_road_of(&self, viewer: usize, agent: usize) -> OnRoad {
         if self.network.share_road(viewer, agent) {
             self.on_road[agent]
         } else {
@@ -156,12 +156,12 @@ impl SceneState {
     }
 
     /// Returns the velocity of an agent along and across its road.
-    pub fn velocity_mps(&self, agent: usize) -> (f64, f64) {
+    pub(super) fn velocity_mps(&self, agent: usize) -> (f64, f64) {
         self.velocity_along(agent, &self.on_road[agent])
     }
 
     /// Returns the velocity of an agent along and across the road at `at`.
-    pub fn velocity_along(&self, agent: usize, at: &OnRoad) -> (f64, f64) {
+    pub(super) fn velocity_along(&self, agent: usize, at: &OnRoad) -> (f64, f64) {
         let state = &self.states[agent];
         let (sin, cos) = libm::sincos(at.heading_rad);
         (
@@ -174,7 +174,7 @@ impl SceneState {
     ///
     /// If all agents move with the world's own road, that agent's front must be
     /// ahead. Otherwise any body in the path counts, whatever its heading.
-    pub fn leader_of(&self, agent: usize) -> Option<(f64, f64)> {
+    pub(super) fn leader_of(&self, agent: usize) -> Option<(f64, f64)> {
         let agents = &self.spec.agents;
         if !agents.iter().all(Agent::is_with_road) {
             return self.nearest_ahead(agent);
@@ -235,7 +235,7 @@ impl SceneState {
     ///
     /// The second value is the closing speed. The clearance is 0 if the bodies
     /// overlap along the road.
-    pub fn closing_along(&self, [a, b]: [usize; 2]) -> (f64, f64) {
+    pub(super) fn closing_along(&self, [a, b]: [usize; 2]) -> (f64, f64) {
         let ((of_a, a_mps), (of_b, b_mps)) = (self.room_before(a, a), self.room_before(a, b));
         // Compares the middles of both bodies, doubled.
         let is_ahead = of_a.near_m + of_a.far_m < of_b.near_m + of_b.far_m;
@@ -250,7 +250,7 @@ impl SceneState {
     ///
     /// The first crossing that its rear has not passed counts, or else the
     /// last.
-    pub fn conflict_m(&self, [a, b]: [usize; 2]) -> Option<f64> {
+    pub(super) fn conflict_m(&self, [a, b]: [usize; 2]) -> Option<f64> {
         let own_m = self.as_driven(a, self.on_road[a]).s_m;
         let sign = match self.spec.agents[a].direction {
             Direction::With => 1.0,

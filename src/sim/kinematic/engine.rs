@@ -17,7 +17,7 @@ pub(super) enum Engine {
 
 impl Engine {
     /// Creates the model of a body spawned with a velocity in the world frame.
-    pub fn new(body: &Body, ground: Ground, velocity_mps: (f64, f64)) -> Engine {
+    pub(super) fn new(body: &Body, ground: Ground, velocity_mps: (f64, f64)) -> Engine {
         match &body.kind {
             BodyKind::Vehicle(vehicle) => Engine::Wheels(Wheels::new(body, vehicle, ground)),
             BodyKind::Walker(walker) => Engine::Legs(Legs::new(walker, velocity_mps)),
@@ -27,7 +27,7 @@ impl Engine {
     /// Returns the fixed point of the model and the initial walking velocity.
     ///
     /// The fixed point is measured ahead of the centre of the body.
-    pub fn anchor(&self) -> (f64, (f64, f64)) {
+    pub(super) fn anchor(&self) -> (f64, (f64, f64)) {
         match self {
             Engine::Wheels(wheels) => (wheels.rear_axle_ahead_m(), (0.0, 0.0)),
             Engine::Legs(legs) => (0.0, legs.target_mps()),
@@ -37,7 +37,7 @@ impl Engine {
     }
 
     /// Sets the command, or returns false if this kind of body refuses it.
-    pub fn command(&mut self, command: BodyCommand) -> bool {
+    pub(super) fn command(&mut self, command: BodyCommand) -> bool {
         match self {
             Engine::Wheels(wheels) => wheels.command(command),
             Engine::Legs(legs) => legs.command(command),
@@ -50,7 +50,7 @@ impl Engine {
     /// Returns the path from `start` for the next `dt_s`.
     ///
     /// No point of the body is farther than `arm_m` from the fixed point.
-    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
+    pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         match self {
             Engine::Wheels(wheels) => wheels.path(start, arm_m, dt_s),
             Engine::Legs(legs) => legs.path(start),
@@ -59,7 +59,7 @@ impl Engine {
     }
 
     /// Returns the speed along the heading, the speed to the left, the yaw rate.
-    pub fn motion(&self, at: &Anchor) -> (f64, f64, f64) {
+    pub(super) fn motion(&self, at: &Anchor) -> (f64, f64, f64) {
         match self {
             Engine::Wheels(_) => Wheels::motion(at),
             Engine::Legs(_) => Legs::motion(at),
@@ -70,7 +70,7 @@ impl Engine {
 
 impl BodyPath {
     /// Returns the state of the fixed point after a time.
-    pub fn at(&self, after_s: f64) -> Anchor {
+    pub(super) fn at(&self, after_s: f64) -> Anchor {
         match self.kind {
             PathKind::Arc(drive) => Wheels::after(self.start, drive, after_s),
             PathKind::Ramp(ramp) => Legs::after(self.start, ramp, after_s),

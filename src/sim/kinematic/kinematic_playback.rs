@@ -24,7 +24,7 @@ pub(super) struct PlaybackPose {
 
 impl PlaybackPose {
     /// Returns the path there, at constant velocity and yaw rate.
-    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
+    pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         let velocity_mps = ((self.x_m - start.x_m) / dt_s, (self.y_m - start.y_m) / dt_s);
         // The shorter way around, whatever turns the recorded headings contain.
         let turn_rad = libm::remainder(self.heading_rad - start.heading_rad, TAU);
@@ -44,7 +44,7 @@ impl PlaybackPose {
     }
 
     /// Returns the speed along the heading, the speed to the left, the yaw rate.
-    pub fn motion(at: &Anchor) -> (f64, f64, f64) {
+    pub(super) fn motion(at: &Anchor) -> (f64, f64, f64) {
         let (vx, vy) = at.walk_mps;
         (
             vx * at.cos + vy * at.sin,
@@ -54,7 +54,7 @@ impl PlaybackPose {
     }
 
     /// Returns the state of the fixed point after a time.
-    pub fn after(start: Anchor, after_s: f64) -> Anchor {
+    pub(super) fn after(start: Anchor, after_s: f64) -> Anchor {
         let heading_rad = start.heading_rad + start.yaw_rate_rad_per_s * after_s;
         // Without a turn keep the exact bits, so that a straight motion does not drift.
         let (sin, cos) = if start.yaw_rate_rad_per_s == 0.0 {

@@ -13,7 +13,7 @@ pub(super) struct Legs {
 
 impl Legs {
     /// Creates a walker that keeps its spawn velocity, within its limit.
-    pub fn new(walker: &Walker, velocity_mps: (f64, f64)) -> Legs {
+    pub(super) fn new(walker: &Walker, velocity_mps: (f64, f64)) -> Legs {
         Legs {
             walker: walker.clone(),
             target_mps: walker.within_limit(velocity_mps),
@@ -21,12 +21,12 @@ impl Legs {
     }
 
     /// Returns the commanded velocity.
-    pub fn target_mps(&self) -> (f64, f64) {
+    pub(super) fn target_mps(&self) -> (f64, f64) {
         self.target_mps
     }
 
     /// Sets the command, or returns false if it is not for walkers.
-    pub fn command(&mut self, command: BodyCommand) -> bool {
+    pub(super) fn command(&mut self, command: BodyCommand) -> bool {
         let BodyCommand::Walk { x_mps, y_mps } = command else {
             return false;
         };
@@ -34,7 +34,7 @@ impl Legs {
         true
     }
 
-    pub fn path(&self, start: Anchor) -> BodyPath {
+    pub(super) fn path(&self, start: Anchor) -> BodyPath {
         let ramp = self.walker.ramp(start.walk_mps, self.target_mps);
         BodyPath {
             start,
@@ -46,13 +46,13 @@ impl Legs {
     }
 
     /// Returns the speed along the heading, the speed to the left, the yaw rate.
-    pub fn motion(at: &Anchor) -> (f64, f64, f64) {
+    pub(super) fn motion(at: &Anchor) -> (f64, f64, f64) {
         let (vx, vy) = at.walk_mps;
         (vx * at.cos + vy * at.sin, vy * at.cos - vx * at.sin, 0.0)
     }
 
     /// Returns the state of the centre after a time.
-    pub fn after(start: Anchor, ramp: Ramp, after_s: f64) -> Anchor {
+    pub(super) fn after(start: Anchor, ramp: Ramp, after_s: f64) -> Anchor {
         let stride = Stride {
             at_m: (start.x_m, start.y_m),
             velocity_mps: start.walk_mps,

@@ -21,7 +21,7 @@ pub(super) struct Mover {
 }
 
 impl Mover {
-    pub fn shape<'a>(&'a self, rect: &'a Rect) -> SizedRect<'a> {
+    pub(super) fn shape<'a>(&'a self, rect: &'a Rect) -> SizedRect<'a> {
         SizedRect {
             rect,
             extent: &self.extent,
@@ -29,12 +29,12 @@ impl Mover {
     }
 
     /// Returns true if the body passes through other gliding bodies.
-    pub fn passes_others(&self) -> bool {
+    pub(super) fn passes_others(&self) -> bool {
         matches!(&self.engine, Engine::Rails(rails) if rails.passing == Passing::Others)
     }
 
     /// Carries the body from now on, with its front bumper to `to` next.
-    pub fn glide(&mut self, to: &Pose, passing: Passing) {
+    pub(super) fn glide(&mut self, to: &Pose, passing: Passing) {
         let (sin, cos) = libm::sincos(to.heading_rad);
         let back_m = self.extent.half_length_m - self.anchor_ahead_m;
         // Rails read the world-frame velocity, which wheels do not maintain. It is set
@@ -56,7 +56,7 @@ impl Mover {
         });
     }
 
-    pub fn rect(&self, at: &Anchor) -> Rect {
+    pub(super) fn rect(&self, at: &Anchor) -> Rect {
         let (speed_mps, lateral_mps, yaw_rate_rad_per_s) = self.engine.motion(at);
         let back_m = -self.anchor_ahead_m;
         let left_mps = lateral_mps + yaw_rate_rad_per_s * back_m;
@@ -71,13 +71,13 @@ impl Mover {
         }
     }
 
-    pub fn path(&self, dt_s: f64) -> BodyPath {
+    pub(super) fn path(&self, dt_s: f64) -> BodyPath {
         // Distance of the farthest point of the body from the fixed point.
         let arm_m = self.anchor_ahead_m.abs() + self.extent.radius_m;
         self.engine.path(self.at, arm_m, dt_s)
     }
 
-    pub fn follow(&mut self, path: &BodyPath, elapsed_s: f64) {
+    pub(super) fn follow(&mut self, path: &BodyPath, elapsed_s: f64) {
         let (before_mps, ..) = self.engine.motion(&self.at);
         self.at = path.at(elapsed_s);
         // Keeps the heading in −π to π, however long a body turns.

@@ -14,7 +14,7 @@ pub(super) struct Wheels {
 }
 
 impl Wheels {
-    pub fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> Wheels {
+    pub(super) fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> Wheels {
         Wheels {
             limits: VehicleLimits::new(body, vehicle, ground),
             rear_axle_ahead_m: vehicle.rear_axle_ahead_m(&body.dimensions()),
@@ -24,12 +24,12 @@ impl Wheels {
     }
 
     /// Returns the rear axle's position, ahead of the middle of the length.
-    pub fn rear_axle_ahead_m(&self) -> f64 {
+    pub(super) fn rear_axle_ahead_m(&self) -> f64 {
         self.rear_axle_ahead_m
     }
 
     /// Sets the command, or returns false if it is not for vehicles.
-    pub fn command(&mut self, command: BodyCommand) -> bool {
+    pub(super) fn command(&mut self, command: BodyCommand) -> bool {
         let BodyCommand::Drive {
             accel_mps2,
             curvature_per_m,
@@ -41,7 +41,7 @@ impl Wheels {
         true
     }
 
-    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
+    pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         let drive = self.limits.drive(self.accel_mps2, start.speed_mps, dt_s);
         let end_mps = drive.speed_mps(start.speed_mps, dt_s);
         // The cornering limit must hold at the faster end of the step.
@@ -65,12 +65,12 @@ impl Wheels {
     }
 
     /// Returns the speed along the heading, the speed to the left, the yaw rate.
-    pub fn motion(at: &Anchor) -> (f64, f64, f64) {
+    pub(super) fn motion(at: &Anchor) -> (f64, f64, f64) {
         (at.speed_mps, 0.0, at.speed_mps * at.curvature_per_m)
     }
 
     /// Returns the state of the rear axle after a time on its arc.
-    pub fn after(start: Anchor, drive: DriveStep, after_s: f64) -> Anchor {
+    pub(super) fn after(start: Anchor, drive: DriveStep, after_s: f64) -> Anchor {
         let moving_s = after_s.min(drive.rest_after_s);
         let length_m = moving_s * (start.speed_mps + 0.5 * drive.net_mps2 * moving_s);
         let speed_mps = drive.speed_mps(start.speed_mps, after_s);

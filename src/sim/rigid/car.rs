@@ -37,7 +37,7 @@ pub(super) struct Car {
 
 impl Car {
     /// Puts a car into the world, with its springs in equilibrium.
-    pub fn new(
+    pub(super) fn new(
         world: &mut RapierWorld,
         body: &Body,
         vehicle: &Vehicle,

@@ -22,7 +22,7 @@ pub(super) struct Foot {
 
 impl Foot {
     /// Creates a walker that keeps its spawn velocity, within its limit.
-    pub fn new(walker: &Walker, rect: &Rect) -> Foot {
+    pub(super) fn new(walker: &Walker, rect: &Rect) -> Foot {
         let velocity_mps = walker.within_limit((rect.vx_mps, rect.vy_mps));
         let stride = Stride {
             at_m: (rect.x_m, rect.y_m),

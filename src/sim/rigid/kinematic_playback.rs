@@ -20,7 +20,7 @@ pub(super) struct PlaybackBody {
 
 impl PlaybackBody {
     /// Creates a carried body at the current pose.
-    pub fn new(rect: Rect, extent: Extent) -> PlaybackBody {
+    pub(super) fn new(rect: Rect, extent: Extent) -> PlaybackBody {
         PlaybackBody {
             extent,
             rect,

@@ -29,7 +29,7 @@ pub(super) struct SweptFootprint {
 
 impl SweptFootprint {
     /// Creates a footprint at rest.
-    pub fn resting(rect: Rect, extent: Extent) -> SweptFootprint {
+    pub(super) fn resting(rect: Rect, extent: Extent) -> SweptFootprint {
         SweptFootprint {
             before: rect,
             after: rect,
@@ -39,7 +39,7 @@ impl SweptFootprint {
     }
 
     /// Moves on to the next step.
-    pub fn move_on(&mut self, after: Rect) {
+    pub(super) fn move_on(&mut self, after: Rect) {
         self.before = self.after;
         self.after = after;
         let (dx, dy) = (after.x_m - self.before.x_m, after.y_m - self.before.y_m);
@@ -47,7 +47,7 @@ impl SweptFootprint {
     }
 
     /// Returns the footprint at a share of the step.
-    pub fn at(&self, share: f64) -> Rect {
+    pub(super) fn at(&self, share: f64) -> Rect {
         let (a, b) = (&self.before, &self.after);
         let mix = |from: f64, to: f64| from + share * (to - from);
         // Rotate by a share of the turn instead of mixing unit vectors, which would
@@ -65,7 +65,7 @@ impl SweptFootprint {
     }
 
     /// Returns the footprint after the step, as a shape.
-    pub fn now(&self) -> SizedRect<'_> {
+    pub(super) fn now(&self) -> SizedRect<'_> {
         self.shape(&self.after)
     }
 

@@ -51,7 +51,7 @@ pub(super) struct ChassisMotion {
 
 impl RapierWorld {
     /// Creates flat ground at height 0, without bodies.
-    pub fn new() -> RapierWorld {
+    pub(super) fn new() -> RapierWorld {
         let mut colliders = ColliderSet::new();
         let ground = ColliderBuilder::new(SharedShape::halfspace(Vector::Z)).build();
         let aabb = ground.compute_aabb();
@@ -79,7 +79,7 @@ impl RapierWorld {
     /// Puts a chassis on the ground and returns it with its origin.
     ///
     /// The frame of the chassis lies on the ground, below the middle of the box.
-    pub fn insert(&mut self, body: &Body, rect: &Rect) -> (RigidBodyHandle, (f64, f64)) {
+    pub(super) fn insert(&mut self, body: &Body, rect: &Rect) -> (RigidBodyHandle, (f64, f64)) {
         let (l, w, h) = (body.length_m, body.width_m, body.height_m);
         // Moments of inertia of a uniform box.
         let twelfth = body.mass_kg / 12.0;
@@ -107,7 +107,7 @@ impl RapierWorld {
     }
 
     /// Removes a chassis.
-    pub fn remove(&mut self, handle: RigidBodyHandle) {
+    pub(super) fn remove(&mut self, handle: RigidBodyHandle) {
         self.bodies.remove(
             handle,
             &mut self.islands,
@@ -120,7 +120,7 @@ impl RapierWorld {
     }
 
     /// Lets a car's wheels act on its chassis for a step.
-    pub fn roll(&mut self, car: &mut DynamicRayCastVehicleController, dt_s: f64) {
+    pub(super) fn roll(&mut self, car: &mut DynamicRayCastVehicleController, dt_s: f64) {
         let queries = QueryPipelineMut {
             dispatcher: &DefaultQueryDispatcher,
             bvh: &self.ground,
@@ -132,7 +132,7 @@ impl RapierWorld {
     }
 
     /// Runs one step of rapier.
-    pub fn step(&mut self, dt_s: f64) {
+    pub(super) fn step(&mut self, dt_s: f64) {
         self.parameters.dt = dt_s as f32;
         self.pipeline.step(
             vector(0.0, 0.0, -GRAVITY_MPS2),
@@ -152,7 +152,7 @@ impl RapierWorld {
     }
 
     /// Returns the pose and velocity of a chassis.
-    pub fn motion(&self, handle: RigidBodyHandle) -> ChassisMotion {
+    pub(super) fn motion(&self, handle: RigidBodyHandle) -> ChassisMotion {
         let chassis = &self.bodies[handle];
         ChassisMotion {
             pose: *chassis.position(),
@@ -162,7 +162,7 @@ impl RapierWorld {
     }
 
     /// Moves a car's origin to the car once the car is far from it.
-    pub fn recentre(&mut self, handle: RigidBodyHandle, origin_m: &mut (f64, f64)) {
+    pub(super) fn recentre(&mut self, handle: RigidBodyHandle, origin_m: &mut (f64, f64)) {
         let Vector { x, y, .. } = self.bodies[handle].translation();
         // Two grid cells of slack, so that a car near a cell border does not shift
         // at every step.
@@ -177,7 +177,7 @@ impl RapierWorld {
     }
 
     /// Sets the pose and velocity of a chassis.
-    pub fn place(&mut self, handle: RigidBodyHandle, motion: &ChassisMotion) {
+    pub(super) fn place(&mut self, handle: RigidBodyHandle, motion: &ChassisMotion) {
         let chassis = &mut self.bodies[handle];
         chassis.set_position(motion.pose, true);
         chassis.set_linvel(motion.linear, true);
@@ -208,7 +208,7 @@ impl ChassisMotion {
     /// Returns the upright footprint.
     ///
     /// It is placed by the centre of mass, about which the chassis pitches and rolls.
-    pub fn rect(&self, (origin_x_m, origin_y_m): (f64, f64), body: &ComOffset) -> Rect {
+    pub(super) fn rect(&self, (origin_x_m, origin_y_m): (f64, f64), body: &ComOffset) -> Rect {
         let ahead = self.pose.rotation * Vector::X;
         let (ahead_x, ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
         // Pitch shortens the horizontal part of the heading, so normalise it.
@@ -229,7 +229,7 @@ impl ChassisMotion {
     }
 
     /// Returns the centre of the bounding box, with pitch and roll.
-    pub fn placement(&self, origin_m: (f64, f64), height_m: f64) -> Placement {
+    pub(super) fn placement(&self, origin_m: (f64, f64), height_m: f64) -> Placement {
         let centre = self.pose * vector(0.0, 0.0, 0.5 * height_m);
         let (x_m, y_m) = (f64::from(centre.x), f64::from(centre.y));
         let rotation = self.pose.rotation;
@@ -240,13 +240,13 @@ impl ChassisMotion {
     }
 
     /// Returns the velocity gained since an earlier instant, along world x and y.
-    pub fn gain_mps(&self, before: &ChassisMotion) -> (f64, f64) {
+    pub(super) fn gain_mps(&self, before: &ChassisMotion) -> (f64, f64) {
         let gain = self.linear - before.linear;
         (f64::from(gain.x), f64::from(gain.y))
     }
 
     /// Interpolates towards another motion by a share.
-    pub fn towards(&self, end: &ChassisMotion, share: f64) -> ChassisMotion {
+    pub(super) fn towards(&self, end: &ChassisMotion, share: f64) -> ChassisMotion {
         let share = share as f32;
         ChassisMotion {
             pose: Pose::from_parts(
@@ -267,7 +267,7 @@ pub(super) struct ComOffset {
 }
 
 impl ComOffset {
-    pub fn of(body: &Body) -> ComOffset {
+    pub(super) fn of(body: &Body) -> ComOffset {
         let local = vector(body.com_ahead_m, 0.0, body.com_height_m);
         ComOffset {
             local,

@@ -16,7 +16,7 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use cost_comparison::CostComparison;
+pub(crate) use cost_comparison::CostComparison;
 pub use text::reuse_markdown;
 
 use super::case_studies::trained_run;
@@ -42,9 +42,9 @@ fn held_word(budget: u64) -> String {
 }
 
 /// Name in rows of the conditional ado with one simulation per start.
-pub const CONDITIONAL: &str = "conditional";
+pub(crate) const CONDITIONAL: &str = "conditional";
 /// Name in rows of the conditional ado with a few tries.
-pub const CONDITIONAL_TRIES: &str = "conditional, tries";
+pub(crate) const CONDITIONAL_TRIES: &str = "conditional, tries";
 
 /// Request of the study.
 #[derive(Clone, Copy)]

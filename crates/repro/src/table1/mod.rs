@@ -15,10 +15,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use refined::RefinedMap;
+pub(crate) use refined::RefinedMap;
 pub use text::table1_markdown;
-pub use transfer::OpenLoop;
-pub use value::NearStarts;
+pub(crate) use transfer::OpenLoop;
+pub(crate) use value::NearStarts;
 
 use maps::{Map, maps};
 

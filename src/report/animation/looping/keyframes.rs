@@ -25,7 +25,7 @@ pub(super) struct Keyframes {
 
 impl Period {
     /// Duration of a period in seconds.
-    pub fn total_s(&self) -> f64 {
+    pub(super) fn total_s(&self) -> f64 {
         self.until_s - self.from_s + HOLD_S
     }
 
@@ -37,7 +37,7 @@ impl Period {
 
 impl Keyframes {
     /// Returns an empty collection.
-    pub fn new(period: Period) -> Keyframes {
+    pub(super) fn new(period: Period) -> Keyframes {
         let total_s = n(period.total_s(), 3);
         let rules = format!(
             ".a,.s,.w{{animation:{total_s}s linear infinite}}\
@@ -52,14 +52,14 @@ impl Keyframes {
     }
 
     /// Returns the style sheet.
-    pub fn into_css(self) -> String {
+    pub(super) fn into_css(self) -> String {
         self.rules
     }
 
     /// Adds a `transform` that changes linearly between values.
     ///
     /// Returns the CSS class of the moving element.
-    pub fn moving(&mut self, values: &[(f64, String)]) -> String {
+    pub(super) fn moving(&mut self, values: &[(f64, String)]) -> String {
         let values = values
             .iter()
             .map(|(at, it)| (*at, format!("transform:{it}")));
@@ -69,7 +69,7 @@ impl Keyframes {
     /// Adds a visibility: visible from each `true` to the next `false`.
     ///
     /// Returns the CSS class of the element.
-    pub fn seen(&mut self, turns: &[(f64, bool)]) -> String {
+    pub(super) fn seen(&mut self, turns: &[(f64, bool)]) -> String {
         let values = turns.iter().map(|(at, seen)| {
             let seen = if *seen { "visible" } else { "hidden" };
             (*at, format!("visibility:{seen}"))

@@ -48,7 +48,7 @@ fn shown(film: &EpisodeFrames, (from_s, until_s): (f64, f64)) -> Vec<usize> {
 
 impl LoopPanel<'_> {
     /// Pixels per metre at which all agents fit at all times.
-    pub fn scale(&self, canvas: &Canvas, from_s: f64) -> f64 {
+    pub(super) fn scale(&self, canvas: &Canvas, from_s: f64) -> f64 {
         let shown = shown(self.film, (from_s, self.ending.0));
         let scales = shown
             .iter()
@@ -61,7 +61,11 @@ impl LoopPanel<'_> {
     }
 
     /// Picture at a given scale.
-    pub fn drawn(&self, keyframes: &mut Keyframes, (canvas, scale): (&Canvas, f64)) -> Markup {
+    pub(super) fn drawn(
+        &self,
+        keyframes: &mut Keyframes,
+        (canvas, scale): (&Canvas, f64),
+    ) -> Markup {
         let shown = shown(self.film, (keyframes.period.from_s, self.ending.0));
         let camera = |i: usize| Camera::at_scale(self.film, i, (self.ego(), scale), canvas);
         let cameras: Vec<Camera<'_>> = shown.iter().map(|i| camera(*i)).collect();

@@ -26,7 +26,7 @@ pub(super) struct SignalReading {
 
 impl SignalReading {
     /// Returns the value at the current sample.
-    pub fn value(self, state: &SceneState) -> f64 {
+    pub(super) fn value(self, state: &SceneState) -> f64 {
         match self.quantity.value {
             QuantityReader::Real(value) => value(state, self.whose),
             QuantityReader::Boolean(value) => f64::from(u8::from(value(state, self.whose))),
@@ -34,12 +34,12 @@ impl SignalReading {
     }
 
     /// Returns an interval that contains the value in every run of a scene.
-    pub fn range(self, spec: &DriveSpec) -> Interval {
+    pub(super) fn range(self, spec: &DriveSpec) -> Interval {
         (self.quantity.bounds)(spec, self.whose)
     }
 
     /// Returns whether no ado can change the value.
-    pub fn is_untouched(self, spec: &DriveSpec) -> bool {
+    pub(super) fn is_untouched(self, spec: &DriveSpec) -> bool {
         let agent = |i: usize| match &spec.agents[i].drive {
             // Traffic that follows a leader reacts to ados, and so do the ego
             // and trained ados.
@@ -60,7 +60,7 @@ impl SignalReading {
     }
 
     /// Returns whether a scene of this spec has the signal.
-    pub fn exists(self, spec: &DriveSpec) -> bool {
+    pub(super) fn exists(self, spec: &DriveSpec) -> bool {
         (self.quantity.exists)(spec, self.whose)
     }
 

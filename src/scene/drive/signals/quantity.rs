@@ -6,7 +6,7 @@ use crate::stl::Interval;
 
 /// Owner of a quantity. Signal names begin with the names of their owners.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Of {
+pub(crate) enum Of {
     /// The clock, which no agent influences.
     Clock,
     /// The scene as a whole.
@@ -25,7 +25,7 @@ pub enum Of {
 
 /// A row of the list of signals.
 #[derive(Debug)]
-pub struct SignalQuantity {
+pub(crate) struct SignalQuantity {
     pub of: Of,
     /// The last part of the signal's name.
     pub name: &'static str,

@@ -1,4 +1,3 @@
-#![cfg(test)]
 //! An ego that exists in tests only.
 
 use super::parameters::parameters;

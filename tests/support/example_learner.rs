@@ -1,4 +1,3 @@
-#![cfg(test)]
 //! Minimal example of a learner: this file and one line in `list`.
 //!
 //! It plays actions at random and keeps the reward of each.

@@ -1,4 +1,3 @@
-#![cfg(test)]
 //! Search method that exists in tests only.
 
 use super::found::SearchResult;
