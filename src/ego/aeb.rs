@@ -38,7 +38,7 @@ impl Aeb {
         if closing_mps <= 0.0 {
             return 0.0;
         }
-        if !self.meets(own, seen, clearance_m, closing_mps) {
+        if !self.is_in_path(own, seen, clearance_m, closing_mps) {
             return 0.0;
         }
         // Inside the margin no finite deceleration restores the clearance.
@@ -49,7 +49,7 @@ impl Aeb {
     }
 
     /// Returns whether an agent is in the corridor when the ego arrives.
-    fn meets(&self, own: &Own, seen: &Seen, clearance_m: f64, closing_mps: f64) -> bool {
+    fn is_in_path(&self, own: &Own, seen: &Seen, clearance_m: f64, closing_mps: f64) -> bool {
         if !seen.is_along() {
             return seen.crosses_path(own, self.side_m, self.look_ahead_s);
         }

@@ -151,7 +151,7 @@ mod tests {
         spec.build()
     }
 
-    fn asked(ego: &mut Following, percept: &Percept) -> f64 {
+    fn commanded(ego: &mut Following, percept: &Percept) -> f64 {
         ego.control(percept).expect("a command").accel_mps2
     }
 
@@ -160,26 +160,26 @@ mod tests {
         for (speed_mps, jerk, limit) in [(25.0, 2.5, 3.5), (12.5, 3.75, 4.25), (4.0, 5.0, 5.0)] {
             let mut ego = ego(0.0);
             let near = behind(speed_mps, 1.0, 0.0);
-            let first = asked(&mut ego, &near);
+            let first = commanded(&mut ego, &near);
             assert!((first + 0.1 * jerk).abs() < 1e-12, "{first}");
             for _ in 0..30 {
-                asked(&mut ego, &near);
+                commanded(&mut ego, &near);
             }
-            assert!((asked(&mut ego, &near) + limit).abs() < 1e-12);
+            assert!((commanded(&mut ego, &near) + limit).abs() < 1e-12);
         }
         // Free to accelerate at once, within the limit.
-        assert_eq!(asked(&mut ego(0.0), &behind(25.0, 200.0, 30.0)), 2.0);
+        assert_eq!(commanded(&mut ego(0.0), &behind(25.0, 200.0, 30.0)), 2.0);
     }
 
     #[test]
     fn the_emergency_brake_acts_at_its_trigger_and_until_the_danger_is_over() {
         let mut ego = ego(8.0);
         // 100 / (2 · 10.1) and 100 / (2 · 9.9) m/s² lie on either side of 5.
-        assert!(-1.0 < asked(&mut ego, &behind(15.0, 10.1, 5.0)));
-        assert_eq!(asked(&mut ego, &behind(15.0, 9.9, 5.0)), -8.0);
-        assert_eq!(asked(&mut ego, &behind(7.0, 9.0, 5.0)), -8.0);
-        assert!(-8.0 < asked(&mut ego, &behind(5.0, 8.5, 5.0)));
+        assert!(-1.0 < commanded(&mut ego, &behind(15.0, 10.1, 5.0)));
+        assert_eq!(commanded(&mut ego, &behind(15.0, 9.9, 5.0)), -8.0);
+        assert_eq!(commanded(&mut ego, &behind(7.0, 9.0, 5.0)), -8.0);
+        assert!(-8.0 < commanded(&mut ego, &behind(5.0, 8.5, 5.0)));
         ego.reset(0);
-        assert!(-1.0 < asked(&mut ego, &behind(7.0, 9.0, 5.0)));
+        assert!(-1.0 < commanded(&mut ego, &behind(7.0, 9.0, 5.0)));
     }
 }

@@ -65,7 +65,7 @@ pub(super) fn example(
 /// Known facts of a counterexample.
 fn known(scenario: &Scenario, example: &Example) -> Markup {
     let (about, episode) = (&example.about, &example.episode);
-    let told: [(&str, Option<String>); 6] = [
+    let facts: [(&str, Option<String>); 6] = [
         ("How bad", about.severity.as_ref().map(ToString::to_string)),
         ("Why", about.why.as_ref().map(ToString::to_string)),
         (
@@ -80,7 +80,7 @@ fn known(scenario: &Scenario, example: &Example) -> Markup {
         ("Start", Some(start_in_words(scenario, episode))),
     ];
     html! {
-        dl { @for (name, words) in told { @if let Some(words) = words { dt { (name) } dd { (marked(&words)) } } } }
+        dl { @for (name, words) in facts { @if let Some(words) = words { dt { (name) } dd { (marked(&words)) } } } }
     }
 }
 
@@ -120,12 +120,12 @@ fn actions_in_words(scenario: &Scenario, episode: &Episode) -> String {
 
 /// Speeds of all agents.
 fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
-    let cast = scenario.bench().stage().agents;
-    let curves = cast.iter().enumerate().filter_map(|(nth, who)| {
+    let agents = scenario.bench().stage().agents;
+    let curves = agents.iter().enumerate().filter_map(|(nth, who)| {
         let column = episode.trace.signal(&format!("{}.speed", who.name))?;
         Some(Curve {
             name: who.name.clone(),
-            class: colour_class(&cast, nth),
+            class: colour_class(&agents, nth),
             points: over_time(&episode.trace, column),
             dots: Vec::new(),
         })

@@ -46,19 +46,23 @@ fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<StyledFault
     let (one, other) = &example.episode.contact.as_ref()?.between;
     let egos: Vec<usize> = world.spec().egos().collect();
     let ego = &world.spec().agents[*egos.first()?].name;
-    let met = if one == ego { other } else { one };
-    match world.goes_before(ego, met) {
-        Some(true) => Some((format!("{met} had to give way"), "b-not")),
+    let opponent = if one == ego { other } else { one };
+    match world.goes_before(ego, opponent) {
+        Some(true) => Some((format!("{opponent} had to give way"), "b-not")),
         Some(false) => Some((format!("{ego} had to give way"), "b-ego")),
-        None => by_lane(world, example, (ego, met)),
+        None => by_lane(world, example, (ego, opponent)),
     }
 }
 
 /// Fault by lane, of two agents on one road in opposite directions.
-fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> Option<StyledFault> {
+fn by_lane(
+    world: &DriveWorld,
+    example: &Example,
+    (ego, opponent): (&str, &str),
+) -> Option<StyledFault> {
     let agents = &world.spec().agents;
     let of = |name: &str| agents.iter().position(|agent| agent.name == name);
-    let (own, its) = (of(ego)?, of(met)?);
+    let (own, its) = (of(ego)?, of(opponent)?);
     let is_oncoming = agents[its].direction == Direction::Against && agents[its].road == 0;
     if !is_oncoming {
         return None;
@@ -76,7 +80,7 @@ fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> O
     let lane = road.lane_at(agents[own].lateral_m.lo);
     let off_m = (at.lateral_m - road.lane_middle_m(lane)).abs();
     Some(if off_m < 0.5 * road.lane_width_m() {
-        (format!("{met} was in {ego}'s lane"), "b-not")
+        (format!("{opponent} was in {ego}'s lane"), "b-not")
     } else {
         (format!("{ego} had left its lane"), "b-ego")
     })

@@ -90,12 +90,12 @@ fn what(scenario: &Scenario, example: &Example) -> String {
     }
     let speed = format!("at {:.1} m/s", touch.closing_speed_mps);
     let (one, other) = &touch.between;
-    let cast = scenario.bench().stage().agents;
+    let agents = scenario.bench().stage().agents;
     let is_ego = |name: &String| {
-        let found = cast.iter().find(|cast| cast.name == *name);
-        found.is_some_and(|cast| cast.role == Role::Ego)
+        let found = agents.iter().find(|agent| agent.name == *name);
+        found.is_some_and(|agent| agent.role == Role::Ego)
     };
-    let (ego, met) = match (is_ego(one), is_ego(other)) {
+    let (ego, opponent) = match (is_ego(one), is_ego(other)) {
         (true, _) => (one, other),
         (_, true) => (other, one),
         // A specification of the ego may be violated by a contact between
@@ -107,8 +107,8 @@ fn what(scenario: &Scenario, example: &Example) -> String {
         name => format!("the ego ({name})"),
     };
     let words = match &example.about.severity {
-        Some(severity) => hit(&ego, met, severity),
-        None => format!("{ego} and {met} met"),
+        Some(severity) => hit(&ego, opponent, severity),
+        None => format!("{ego} and {opponent} met"),
     };
     format!("{} {speed}", capital(&words))
 }
@@ -128,8 +128,8 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
     // Names of agents and lights are parts of dotted signal names.
     let part_of = |signal: &str, name: &str| signal.split('.').any(|part| part == name);
     for (signal, value) in &explanation.signals {
-        let mut others = stage.agents.iter().filter(|cast| cast.role != Role::Ego);
-        let near = others.find(|cast| part_of(signal, &cast.name));
+        let mut others = stage.agents.iter().filter(|agent| agent.role != Role::Ego);
+        let near = others.find(|agent| part_of(signal, &agent.name));
         if let Some(near) = near.filter(|_| signal.ends_with(".gap")) {
             return format!(
                 "Nobody was hit, but the ego came within {value:.2} m of {}",
@@ -161,7 +161,7 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
 }
 
 /// Contact in words, by its kind and the sides that touched.
-fn hit(ego: &str, met: &str, severity: &Severity) -> String {
+fn hit(ego: &str, opponent: &str, severity: &Severity) -> String {
     let impact = &severity.impact;
     let side = |side: Side| match side {
         Side::Front => "front",
@@ -172,20 +172,20 @@ fn hit(ego: &str, met: &str, severity: &Severity) -> String {
     let (own, its) = (impact.ego_side, impact.other_side);
     match (impact.kind, own) {
         // A pedestrian who touches another side of the ego has walked into it.
-        (CrashKind::Pedestrian, Side::Front) => format!("{ego} hit {met}"),
-        (CrashKind::Pedestrian, _) => format!("{met} ran into the {} of {ego}", side(own)),
-        (CrashKind::HeadOn, _) => format!("{ego} and {met} met head-on"),
+        (CrashKind::Pedestrian, Side::Front) => format!("{ego} hit {opponent}"),
+        (CrashKind::Pedestrian, _) => format!("{opponent} ran into the {} of {ego}", side(own)),
+        (CrashKind::HeadOn, _) => format!("{ego} and {opponent} met head-on"),
         (CrashKind::SideSwipe, _) => {
             format!(
-                "the {} of {ego} and the {} of {met} brushed",
+                "the {} of {ego} and the {} of {opponent} brushed",
                 side(own),
                 side(its)
             )
         }
-        (_, Side::Front) => format!("{ego} hit the {} of {met}", side(its)),
-        _ if its == Side::Front => format!("{met} hit the {} of {ego}", side(own)),
+        (_, Side::Front) => format!("{ego} hit the {} of {opponent}", side(its)),
+        _ if its == Side::Front => format!("{opponent} hit the {} of {ego}", side(own)),
         _ => format!(
-            "the {} of {ego} and the {} of {met} met",
+            "the {} of {ego} and the {} of {opponent} met",
             side(own),
             side(its)
         ),

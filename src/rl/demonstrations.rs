@@ -102,13 +102,13 @@ impl Demonstrations {
     pub(super) fn remember(
         &mut self,
         index: u64,
-        lived: &EpisodeBuffer,
+        buffer: &EpisodeBuffer,
         steps: usize,
         discount: f32,
     ) {
         let episode = Demonstration {
             index,
-            actions: lived.actions.clone(),
+            actions: buffer.actions.clone(),
         };
         if self.episodes.len() < self.imitation.remembered {
             self.episodes.push(episode);
@@ -121,7 +121,7 @@ impl Demonstrations {
         let width = replay.observation();
         let push = |transition: super::replay::Transition| replay.push(transition);
         // A success counts as terminal, even if its episode was cut off.
-        lived.n_step(width, steps, discount, Tail::Terminal, push);
+        buffer.n_step(width, steps, discount, Tail::Terminal, push);
     }
 
     /// Returns the beginning of a random success, in a share of the calls.

@@ -98,7 +98,7 @@ struct DqnWorkspace {
     here: Tape,
     there: Tape,
     gradient: Vec<f32>,
-    lived: EpisodeBuffer,
+    buffer: EpisodeBuffer,
 }
 
 impl Dqn {
@@ -165,8 +165,8 @@ impl Dqn {
         let actions = self.online.outputs();
         if let Some(shown) = &mut self.shown {
             shown.restore(bundle, actions)?;
-            let asked = bundle.get::<u64>("asked", &[2])?;
-            (self.tally.asked, self.since) = (asked[0], asked[1]);
+            let requested = bundle.get::<u64>("asked", &[2])?;
+            (self.tally.requested, self.since) = (requested[0], requested[1]);
         }
         Ok(self)
     }
@@ -189,14 +189,14 @@ impl Dqn {
                 here: online.tape(config.batch),
                 there: online.tape(config.batch),
                 gradient: vec![0.0; parameters],
-                lived: EpisodeBuffer::default(),
+                buffer: EpisodeBuffer::default(),
             },
             config: config.clone(),
             online,
         }
     }
 
-    fn remember(&mut self, lived: &EpisodeBuffer, end: End) {
+    fn remember(&mut self, buffer: &EpisodeBuffer, end: End) {
         // A truncated episode would go on, so its last return bootstraps.
         let tail = if end == End::Truncated {
             Tail::Open
@@ -204,7 +204,7 @@ impl Dqn {
             Tail::Terminal
         };
         let discount = self.config.discount as f32;
-        lived.n_step(
+        buffer.n_step(
             self.online.inputs(),
             self.config.steps,
             discount,
@@ -216,17 +216,17 @@ impl Dqn {
     }
 
     /// Records the last decision, unless it ended in a fault.
-    fn remember_newest(&mut self, lived: &EpisodeBuffer, end: Option<End>) {
+    fn remember_newest(&mut self, buffer: &EpisodeBuffer, end: Option<End>) {
         let width = self.online.inputs();
         // The last two rows: the observations before and after the decision.
-        let from = lived.observations.len() - 2 * width;
-        let (observation, next) = lived.observations[from..].split_at(width);
+        let from = buffer.observations.len() - 2 * width;
+        let (observation, next) = buffer.observations[from..].split_at(width);
         let discount = match end {
             Some(End::Aborted) => return,
             Some(End::Terminated) => 0.0,
             Some(End::Truncated) | None => self.config.discount as f32,
         };
-        if let (Some(&action), Some(&reward)) = (lived.actions.last(), lived.rewards.last()) {
+        if let (Some(&action), Some(&reward)) = (buffer.actions.last(), buffer.rewards.last()) {
             self.replay.push(Transition {
                 observation,
                 action,
@@ -246,7 +246,7 @@ impl Dqn {
             0 => first,
             _ => (first * AGAIN).max(last),
         };
-        let span = self.tally.asked.saturating_sub(self.since) as f64;
+        let span = self.tally.requested.saturating_sub(self.since) as f64;
         linear(
             first,
             last,
@@ -256,12 +256,12 @@ impl Dqn {
     }
 
     /// Records a successful episode as an example, if examples are kept.
-    fn succeeded(&mut self, index: u64, lived: &EpisodeBuffer) {
+    fn succeeded(&mut self, index: u64, buffer: &EpisodeBuffer) {
         let DqnSettings {
             steps, discount, ..
         } = self.config;
         if let Some(shown) = &mut self.shown {
-            shown.remember(index, lived, steps, discount as f32);
+            shown.remember(index, buffer, steps, discount as f32);
         }
     }
 
@@ -358,9 +358,9 @@ impl Learner for Dqn {
         let mut led = guide.map_or(Vec::new(), |guide| guide.actions).into_iter();
         let actions = self.online.outputs();
         let mut obs = vec![0.0; self.online.inputs()];
-        let mut lived = std::mem::take(&mut self.room.lived);
+        let mut buffer = std::mem::take(&mut self.room.buffer);
         env.reset(start.index, &mut obs);
-        lived.begin(&obs);
+        buffer.begin(&obs);
         let (mut held, mut holding) = (0, 0);
         let end = loop {
             // Computed while exploring as well: an n-step return may continue over an
@@ -378,13 +378,13 @@ impl Learner for Dqn {
                 action
             };
             let step = env.step(action, &mut obs);
-            lived.note(action, action == greedy, step.reward, &obs);
+            buffer.note(action, action == greedy, step.reward, &obs);
             self.tally.decisions += 1;
             // Updates run during the episode. Its transitions are kept only at the end,
             // since an aborted episode must leave nothing behind. With `newest` they are
             // kept at once.
             if self.config.newest {
-                self.remember_newest(&lived, step.end);
+                self.remember_newest(&buffer, step.end);
             }
             if self
                 .tally
@@ -398,24 +398,24 @@ impl Learner for Dqn {
                 break end;
             }
         };
-        let total: f32 = lived.rewards.iter().sum();
+        let total: f32 = buffer.rewards.iter().sum();
         match end {
             End::Aborted => self.tally.aborted += 1,
             End::Terminated | End::Truncated => {
                 self.tally.episodes += 1;
                 if !self.config.newest {
-                    self.remember(&lived, end);
+                    self.remember(&buffer, end);
                 }
                 // No verdict reaches a learner: a return of at most 0 counts as a failure,
                 // which under the default reward is exactly "no success".
                 if total <= 0.0 {
                     self.starts.failed(start)
                 } else {
-                    self.succeeded(start.index, &lived)
+                    self.succeeded(start.index, &buffer)
                 }
             }
         }
-        self.room.lived = lived;
+        self.room.buffer = buffer;
         total
     }
 
@@ -425,16 +425,16 @@ impl Learner for Dqn {
             return 0;
         }
         let mut obs = vec![0.0; self.online.inputs()];
-        let mut lived = std::mem::take(&mut self.room.lived);
+        let mut buffer = std::mem::take(&mut self.room.buffer);
         let mut kept = 0;
         for one in shown {
             env.reset(one.index, &mut obs);
-            lived.begin(&obs);
+            buffer.begin(&obs);
             let (mut total, mut ended) = (0.0, None);
             for &action in &one.actions {
                 let step = env.step(action, &mut obs);
                 // A demonstrated action counts as wanted: returns continue over it.
-                lived.note(action, true, step.reward, &obs);
+                buffer.note(action, true, step.reward, &obs);
                 (total, ended) = (total + step.reward, step.end);
                 if ended.is_some() {
                     break;
@@ -442,16 +442,16 @@ impl Learner for Dqn {
             }
             // Truncated or unfinished plays are no proof of success in this environment.
             if ended == Some(End::Terminated) && 0.0 < total {
-                self.succeeded(one.index, &lived);
+                self.succeeded(one.index, &buffer);
                 kept += 1;
             }
         }
-        self.room.lived = lived;
+        self.room.buffer = buffer;
         kept
     }
 
     fn extend(&mut self, decisions: u64) {
-        self.tally.asked += decisions;
+        self.tally.requested += decisions;
         self.since = self.tally.decisions;
     }
 
@@ -476,11 +476,11 @@ impl Learner for Dqn {
     fn exploration(&self) -> f64 {
         let ends = (self.config.exploration, self.config.final_exploration);
         // Extensions do not explore more than the end of the configured training.
-        let asked = TrainingCounters {
-            asked: self.config.decisions,
+        let requested = TrainingCounters {
+            requested: self.config.decisions,
             ..self.tally
         };
-        epsilon(&asked, ends, self.config.exploration_fraction)
+        epsilon(&requested, ends, self.config.exploration_fraction)
     }
 
     fn policy(&self) -> Box<dyn Policy> {
@@ -504,7 +504,7 @@ impl Learner for Dqn {
         if let Some(shown) = &self.shown {
             shown.save(&mut bundle);
             // Plain deep Q-learning is never extended, so only this kind stores both.
-            bundle.put("asked", &[2], vec![self.tally.asked, self.since]);
+            bundle.put("asked", &[2], vec![self.tally.requested, self.since]);
         }
         self.dice.save(&mut bundle);
         self.starts.save(&mut bundle);

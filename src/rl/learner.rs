@@ -9,7 +9,7 @@ use super::{Control, Env, LearnerReport, Policy, Spaces};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TrainingCounters {
     /// Decisions to train for.
-    pub asked: u64,
+    pub requested: u64,
     /// Decisions taken.
     pub decisions: u64,
     /// Episodes finished.
@@ -20,9 +20,9 @@ pub struct TrainingCounters {
 
 impl TrainingCounters {
     /// Creates the tally of a training that has not begun.
-    pub fn new(asked: u64) -> TrainingCounters {
+    pub fn new(requested: u64) -> TrainingCounters {
         TrainingCounters {
-            asked,
+            requested,
             decisions: 0,
             episodes: 0,
             aborted: 0,
@@ -39,7 +39,7 @@ impl TrainingCounters {
         bundle.put("counters", &[3], counters);
     }
 
-    /// Restores the counters of [`TrainingCounters::save`]. `asked` is left as it is.
+    /// Restores the counters of [`TrainingCounters::save`]. `requested` is left as it is.
     pub(super) fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
         let counters = bundle.get::<u64>("counters", &[3])?;
         (self.decisions, self.episodes, self.aborted) = (counters[0], counters[1], counters[2]);
@@ -115,7 +115,7 @@ pub trait Learner: Send {
 
     /// Returns true once the configured decisions are taken.
     fn finished(&self) -> bool {
-        self.tally().asked <= self.tally().decisions
+        self.tally().requested <= self.tally().decisions
     }
 
     /// Returns the greedy policy learned so far.
@@ -194,7 +194,12 @@ pub(super) fn expect_sizes(
 
 /// Returns ε, which falls between `ends` over a share of the training.
 pub(super) fn epsilon(tally: &TrainingCounters, ends: (f64, f64), share: f64) -> f64 {
-    linear(ends.0, ends.1, tally.decisions, share * tally.asked as f64)
+    linear(
+        ends.0,
+        ends.1,
+        tally.decisions,
+        share * tally.requested as f64,
+    )
 }
 
 /// Interpolates from `start` to `end` over the first `span` decisions.

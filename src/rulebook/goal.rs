@@ -40,9 +40,9 @@ impl TrainingGoal {
     }
 
     /// Share in (0, 1) to which a success reaches `Distinct`: one half where its
-    /// group has `met` successes, itself included, as many as `mean`, the average
+    /// group has `seen` successes, itself included, as many as `mean`, the average
     /// over all groups that the training has met.
-    pub fn distinct_share(met: u64, mean: f64) -> f64 {
-        1.0 / (1.0 + met.max(1) as f64 / mean.max(1.0))
+    pub fn distinct_share(seen: u64, mean: f64) -> f64 {
+        1.0 / (1.0 + seen.max(1) as f64 / mean.max(1.0))
     }
 }

@@ -56,7 +56,7 @@ mod tests {
             ((false, [12.0, 2.5, 3.6]), BodyFigure::Truck),
         ];
         for ((on_foot, size_m), figure) in cases {
-            let cast = AgentDescription {
+            let agent = AgentDescription {
                 name: "ado".to_owned(),
                 role: Role::Ado,
                 body: "own".to_owned(),
@@ -64,7 +64,7 @@ mod tests {
                 colour: [128; 3],
                 on_foot,
             };
-            assert_eq!(cast.figure(), figure, "{size_m:?}");
+            assert_eq!(agent.figure(), figure, "{size_m:?}");
         }
     }
 }

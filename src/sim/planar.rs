@@ -189,7 +189,7 @@ impl SizedRect<'_> {
     /// Returns the contact point, normal and closing speed of two touching shapes.
     ///
     /// The point is the middle of the common part of both faces.
-    pub(super) fn meeting(&self, other: &SizedRect) -> ContactGeometry {
+    pub(super) fn contact_geometry(&self, other: &SizedRect) -> ContactGeometry {
         let Separation { nx, ny, .. } = self.separation(other);
         let mine = Face::foremost(self.corners(), (nx, ny));
         let theirs = Face::foremost(other.corners(), (-nx, -ny));

@@ -113,7 +113,10 @@ impl Testbench {
             decisions: 0,
             advances: 0,
             aftermath: Aftermath::Skip,
-            recording: MotionRecorder::asked(matches!(rulebook.counts, Counts::Preventable { .. })),
+            recording: MotionRecorder::enabled(matches!(
+                rulebook.counts,
+                Counts::Preventable { .. }
+            )),
             replayer: None,
             scene,
             rulebook,

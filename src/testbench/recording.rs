@@ -6,7 +6,7 @@ use crate::scene::{BodySample, Motion, Passage, Start};
 /// Recording of the running episode.
 #[derive(Clone, Default)]
 pub(super) struct MotionRecorder {
-    asked: bool,
+    enabled: bool,
     motion: Option<Motion>,
     /// Current sample of every agent, kept to save the allocation.
     bodies: Vec<BodySample>,
@@ -14,9 +14,9 @@ pub(super) struct MotionRecorder {
 
 impl MotionRecorder {
     /// Creates a recording that is active from the first episode, if requested.
-    pub(super) fn asked(asked: bool) -> MotionRecorder {
+    pub(super) fn enabled(enabled: bool) -> MotionRecorder {
         MotionRecorder {
-            asked,
+            enabled,
             ..MotionRecorder::default()
         }
     }
@@ -30,7 +30,7 @@ impl MotionRecorder {
 impl Testbench {
     /// Records the motion of all agents from the next episode on.
     pub fn record_motion(&mut self) {
-        self.recording.asked = true;
+        self.recording.enabled = true;
     }
 
     /// Returns the motion of all agents in this episode so far, if it is recorded.
@@ -40,7 +40,7 @@ impl Testbench {
 
     pub(super) fn begin_motion(&mut self, start: &Start) {
         self.recording.motion = None;
-        if self.recording.asked {
+        if self.recording.enabled {
             self.read_bodies();
             self.recording.motion = Some(Motion::new(start.clone(), &self.recording.bodies));
         }

@@ -117,7 +117,7 @@ impl<'a> StoppingRule<'a> {
         let Some(now) = self.calibrate(&*learner) else {
             return true;
         };
-        let taken = learner.tally().asked;
+        let taken = learner.tally().requested;
         let solved = before.map(|before| before.solved());
         let nothing = now.searched == 0 && now.solved() == 0;
         let ended = if nothing || !self.adapts() {

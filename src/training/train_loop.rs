@@ -125,11 +125,11 @@ pub fn train(
     let mut patience = StoppingRule::new(scenario, run.manifest(), seed, &judging);
     loop {
         learning.phase("training (decisions)");
-        (watch.progress)(learner.decisions(), learner.tally().asked);
+        (watch.progress)(learner.decisions(), learner.tally().requested);
         while !learner.finished() && !watch.stopped() {
             let until = (learner.decisions() / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
             let until = patience.next_look(learner.decisions()).min(until);
-            let total = learner.tally().asked;
+            let total = learner.tally().requested;
             learner.train(&mut gym, &mut |progress| {
                 if let Some(share) = ledger.note(progress) {
                     learning.detail(&format!("solves {:.0} %", 100.0 * share));
@@ -153,7 +153,7 @@ pub fn train(
             if looked {
                 note_searches(&mut patience, run, &mut gym);
                 learning.phase("training (decisions)");
-                (watch.progress)(learner.decisions(), learner.tally().asked);
+                (watch.progress)(learner.decisions(), learner.tally().requested);
             }
             if !learner.finished() {
                 let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();

@@ -15,12 +15,12 @@ pub(super) fn log(
     who: usize,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let cast = &story.stage.agents[who];
+    let agent = &story.stage.agents[who];
     let colour = story.colour(who);
-    let figure = cast.figure();
-    let scale = Scale::of(cast);
+    let figure = agent.figure();
+    let scale = Scale::of(agent);
     let (mut centres, mut sizes, mut colours) = (Vec::new(), Vec::new(), Vec::new());
-    for (centre, size, colour) in boxes(figure, &scale, colour, cast.colour) {
+    for (centre, size, colour) in boxes(figure, &scale, colour, agent.colour) {
         centres.push(centre);
         sizes.push(size);
         colours.push(colour);
@@ -30,8 +30,8 @@ pub(super) fn log(
         .with_fill_mode(FillMode::Solid)
         .with_show_labels(false);
     let label = match figure {
-        BodyFigure::Car => cast.name.clone(),
-        _ => format!("{} ({})", cast.name, cast.body),
+        BodyFigure::Car => agent.name.clone(),
+        _ => format!("{} ({})", agent.name, agent.body),
     };
     // The ego's name lies to its right and other names to their left. Seen from
     // above, the names of two touching agents then stay apart.
@@ -46,11 +46,11 @@ pub(super) fn log(
         .with_colors([colour])
         .with_labels([label]);
     let wheels = wheels(figure, &scale);
-    let limbs = limbs(figure, &scale, colour, cast.colour);
+    let limbs = limbs(figure, &scale, colour, agent.colour);
     let mut parts: Vec<&dyn AsComponents> = vec![&body, &name];
     parts.extend(wheels.iter().map(|wheels| wheels as &dyn AsComponents));
     parts.extend(limbs.iter().map(|limbs| limbs as &dyn AsComponents));
-    journal.always(agent_path(&cast.name), &parts)
+    journal.always(agent_path(&agent.name), &parts)
 }
 
 /// Size of a body in the viewer's precision.
@@ -61,8 +61,8 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(cast: &AgentDescription) -> Scale {
-        let [length_m, width_m, height_m] = cast.size_m.map(|size_m| size_m as f32);
+    fn of(agent: &AgentDescription) -> Scale {
+        let [length_m, width_m, height_m] = agent.size_m.map(|size_m| size_m as f32);
         Scale {
             length_m,
             width_m,
@@ -251,7 +251,7 @@ mod tests {
         ];
         for (name, figure) in expected {
             let body = Body::shipped(name).unwrap().unwrap();
-            let cast = AgentDescription {
+            let agent = AgentDescription {
                 name: "ado".to_owned(),
                 role: Role::Ado,
                 body: name.to_owned(),
@@ -259,10 +259,10 @@ mod tests {
                 colour: body.color_rgb,
                 on_foot: body.is_on_foot(),
             };
-            assert_eq!(cast.figure(), figure, "{name}");
-            let scale = Scale::of(&cast);
+            assert_eq!(agent.figure(), figure, "{name}");
+            let scale = Scale::of(&agent);
             for (centre, size, _) in boxes(figure, &scale, [1; 3], [2; 3]) {
-                for (axis, whole_m) in cast.size_m.iter().enumerate() {
+                for (axis, whole_m) in agent.size_m.iter().enumerate() {
                     let reach_m = f64::from(centre[axis].abs() + 0.5 * size[axis]);
                     assert!(
                         reach_m <= 0.51 * whole_m,

@@ -126,7 +126,10 @@ impl<'a> ViewedEpisode<'a> {
     pub(super) fn colour(&self, who: usize) -> Rgb {
         let role = self.stage.agents[who].role;
         let before = &self.stage.agents[..who];
-        palette::of_role(role, before.iter().filter(|cast| cast.role == role).count())
+        palette::of_role(
+            role,
+            before.iter().filter(|agent| agent.role == role).count(),
+        )
     }
 
     /// Samples that determine the verdict.

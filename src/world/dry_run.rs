@@ -81,7 +81,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
     let rulebook = tried.rulebook();
     let mut row = vec![0.0; bench.schema().len()];
     for start in tried_starts(&tried) {
-        if let Some(Err((i, why))) = scenario.drive().map(|spec| spec.meets(&start)) {
+        if let Some(Err((i, why))) = scenario.drive().map(|spec| spec.admits(&start)) {
             let agents = scenario.drive().map(|spec| &spec.agents[i]);
             if let Some(agent) = agents {
                 let entry = entry_of(&path.to("agents"), &scenario.text, &agent.name);

@@ -242,14 +242,14 @@ impl Monitor {
         }
     }
 
-    pub(crate) fn check(&self, met: &Schema) {
+    pub(crate) fn check(&self, schema: &Schema) {
         // Checked once per evaluation, so that no kernel needs to check columns.
         let bound = &self.program.schema;
         assert!(
-            bound.has_rows_of(met),
+            bound.has_rows_of(schema),
             "a monitor for {} met a trace of {}",
             Rows(bound),
-            Rows(met),
+            Rows(schema),
         );
     }
 }

@@ -114,7 +114,9 @@ fn range_of_value(value: &BoundExpression, ranges: &[Interval]) -> Option<Interv
                     lo: a.lo - b.hi,
                     hi: a.hi - b.lo,
                 },
-                Arithmetic::Multiply if unclear && (meets(a, b) || meets(b, a)) => return None,
+                Arithmetic::Multiply if unclear && (may_be_nan(a, b) || may_be_nan(b, a)) => {
+                    return None;
+                }
                 Arithmetic::Multiply => of_corners(a, b, |x, y| x * y)?,
                 // The quotient is unbounded near 0, and 0/0 is NaN.
                 Arithmetic::Divide if b.contains(0.0) => return None,
@@ -157,7 +159,7 @@ fn union(a: Interval, b: Interval) -> Interval {
 }
 
 /// Returns true if 0 of `a` can be multiplied by an infinity of `b`.
-fn meets(a: Interval, b: Interval) -> bool {
+fn may_be_nan(a: Interval, b: Interval) -> bool {
     a.contains(0.0) && (b.lo.is_infinite() || b.hi.is_infinite())
 }
 

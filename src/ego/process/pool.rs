@@ -52,8 +52,9 @@ impl Talk {
             protocol: PROTOCOL,
             program: concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
         };
-        let asked = || "asked for its hello".to_owned();
-        let answer: Result<HelloAnswer, Fault> = talk.ask(&Say::Hello(greeting), timeout, &asked);
+        let occasion = || "asked for its hello".to_owned();
+        let answer: Result<HelloAnswer, Fault> =
+            talk.ask(&Say::Hello(greeting), timeout, &occasion);
         let HelloAnswer { hello } = answer.map_err(|fault| {
             talk.broken = true;
             match fault.kind {
@@ -125,16 +126,16 @@ impl Talk {
                 reset: Reset { seed, briefing },
             },
         };
-        let asked = || "asked to reset".to_owned();
-        let answer: ReadyAnswer = self.ask(&question, timeout, &asked)?;
-        self.same_number(answer.id, &asked)?;
+        let occasion = || "asked to reset".to_owned();
+        let answer: ReadyAnswer = self.ask(&question, timeout, &occasion)?;
+        self.same_number(answer.id, &occasion)?;
         match (answer.error, answer.ready) {
-            (Some(error), _) => Err(self.reported(&error, &asked)),
+            (Some(error), _) => Err(self.reported(&error, &occasion)),
             (None, true) => Ok(()),
             (None, false) => Err(self.protocol(format!(
                 "answered `{}` when {}: `\"ready\": true` is missing",
                 shown(&self.answer),
-                asked()
+                occasion()
             ))),
         }
     }
@@ -145,11 +146,11 @@ impl Talk {
             id: self.id,
             question: AskStep { step: percept },
         };
-        let asked = || format!("asked for a command at {:.3} s", percept.time_s);
-        let answer: StepAnswer = self.ask(&question, timeout, &asked)?;
-        self.same_number(answer.id, &asked)?;
+        let occasion = || format!("asked for a command at {:.3} s", percept.time_s);
+        let answer: StepAnswer = self.ask(&question, timeout, &occasion)?;
+        self.same_number(answer.id, &occasion)?;
         match (answer.error, answer.accel_mps2) {
-            (Some(error), _) => Err(self.reported(&error, &asked)),
+            (Some(error), _) => Err(self.reported(&error, &occasion)),
             (None, Some(accel_mps2)) => Ok(Command {
                 accel_mps2,
                 lateral_mps: answer.lateral_mps,
@@ -157,7 +158,7 @@ impl Talk {
             (None, None) => Err(self.protocol(format!(
                 "answered `{}` when {}: `accel_mps2` is missing",
                 shown(&self.answer),
-                asked()
+                occasion()
             ))),
         }
     }
@@ -178,7 +179,7 @@ impl Talk {
         &mut self,
         question: &Q,
         timeout: Duration,
-        asked: &dyn Fn() -> String,
+        occasion: &dyn Fn() -> String,
     ) -> Result<A, Fault> {
         self.question.clear();
         serde_json::to_writer(&mut self.question, question).map_err(|error| {
@@ -186,28 +187,28 @@ impl Talk {
         })?;
         self.question.push(b'\n');
         let (program, answer) = (&mut self.program, &mut self.answer);
-        program.ask(&self.question, timeout, asked, answer)?;
+        program.ask(&self.question, timeout, occasion, answer)?;
         // serde accepts a list for an object, with its values in the order of the keys.
         let begin = self.answer.iter().find(|byte| !byte.is_ascii_whitespace());
         if begin == Some(&b'[') {
             return Err(self.protocol(format!(
                 "answered `{}` when {}: an answer is an object, `{{…}}`",
                 shown(&self.answer),
-                asked()
+                occasion()
             )));
         }
         serde_json::from_slice(&self.answer).map_err(|error| {
             self.protocol(format!(
                 "answered `{}` when {}: {error}",
                 shown(&self.answer),
-                asked()
+                occasion()
             ))
         })
     }
 
     // A program that answers late or twice would otherwise be a question behind
     // for the rest of the episode.
-    fn same_number(&self, id: u64, asked: &dyn Fn() -> String) -> Result<(), Fault> {
+    fn same_number(&self, id: u64, occasion: &dyn Fn() -> String) -> Result<(), Fault> {
         if id == self.id {
             return Ok(());
         }
@@ -215,17 +216,17 @@ impl Talk {
             "answered question {id} when question {} was open ({}): one answer to each \
              question, with its `id`",
             self.id,
-            asked()
+            occasion()
         )))
     }
 
-    fn reported(&self, error: &str, asked: &dyn Fn() -> String) -> Fault {
+    fn reported(&self, error: &str, occasion: &dyn Fn() -> String) -> Fault {
         // Foreign text of any length, shortened for messages.
         let shown: String = error.chars().take(200).collect();
         let name = self.program.name();
         Fault::error(format!(
             "`{name}` reported an error when {}: {shown}",
-            asked()
+            occasion()
         ))
     }
 

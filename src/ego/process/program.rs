@@ -150,17 +150,17 @@ impl Program {
 
     /// Sends a line and waits for an answer, at most for `timeout`.
     ///
-    /// `asked` describes the question in messages. `answer` receives the answer
+    /// `occasion` describes the question in messages. `answer` receives the answer
     /// without its line end.
     pub(super) fn ask(
         &mut self,
         line: &[u8],
         timeout: Duration,
-        asked: &dyn Fn() -> String,
+        occasion: &dyn Fn() -> String,
         answer: &mut Vec<u8>,
     ) -> Result<(), Fault> {
         answer.clear();
-        self.converse(line, timeout, asked, answer)
+        self.converse(line, timeout, occasion, answer)
             .map_err(|fault| fault.with_stderr(self.stderr()))
     }
 
@@ -174,7 +174,7 @@ impl Program {
         &mut self,
         line: &[u8],
         timeout: Duration,
-        asked: &dyn Fn() -> String,
+        occasion: &dyn Fn() -> String,
         answer: &mut Vec<u8>,
     ) -> Result<(), Fault> {
         // Checked before sending: output that precedes the question cannot
@@ -186,10 +186,10 @@ impl Program {
         let deadline = Instant::now() + timeout;
         let mut unsent = line;
         loop {
-            self.send(&mut unsent, asked)?;
+            self.send(&mut unsent, occasion)?;
             let now = Instant::now();
             if deadline <= now {
-                return Err(self.late(unsent.is_empty(), timeout, asked));
+                return Err(self.late(unsent.is_empty(), timeout, occasion));
             }
             self.wait(!unsent.is_empty(), (deadline - now).min(LOOK_AFTER))?;
             let open = self.receive()?;
@@ -198,22 +198,22 @@ impl Program {
                 return Ok(());
             }
             if !open {
-                return Err(self.ended(asked));
+                return Err(self.ended(occasion));
             }
         }
     }
 
     /// Writes as much as the pipe accepts now.
-    fn send(&mut self, unsent: &mut &[u8], asked: &dyn Fn() -> String) -> Result<(), Fault> {
+    fn send(&mut self, unsent: &mut &[u8], occasion: &dyn Fn() -> String) -> Result<(), Fault> {
         while !unsent.is_empty() {
             let Some(input) = &mut self.input else {
-                return Err(self.ended(asked));
+                return Err(self.ended(occasion));
             };
             match input.write(unsent) {
                 Ok(written) => *unsent = &unsent[written..],
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(_) => return Err(self.ended(asked)),
+                Err(_) => return Err(self.ended(occasion)),
             }
         }
         Ok(())
@@ -327,18 +327,18 @@ impl Program {
         Fault::new(FaultKind::Protocol, format!("`{}` {what}", self.name))
     }
 
-    fn late(&self, read_it: bool, timeout: Duration, asked: &dyn Fn() -> String) -> Fault {
+    fn late(&self, read_it: bool, timeout: Duration, occasion: &dyn Fn() -> String) -> Fault {
         let seconds = timeout.as_secs_f64();
         let what = if read_it {
             format!("gave no answer within {seconds} s")
         } else {
             format!("read nothing for {seconds} s")
         };
-        let what = format!("`{}` {what} when {}", self.name, asked());
+        let what = format!("`{}` {what} when {}", self.name, occasion());
         Fault::new(FaultKind::Timeout, what)
     }
 
-    fn ended(&mut self, asked: &dyn Fn() -> String) -> Fault {
+    fn ended(&mut self, occasion: &dyn Fn() -> String) -> Fault {
         // The output can end shortly before the status is available.
         let how = match wait_for(&mut self.child, STATUS_WAIT) {
             Some(status) => format!("ended ({status})"),
@@ -346,7 +346,7 @@ impl Program {
         };
         Fault::new(
             FaultKind::Ended,
-            format!("`{}` {how} when {}", self.name, asked()),
+            format!("`{}` {how} when {}", self.name, occasion()),
         )
     }
 

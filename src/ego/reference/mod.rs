@@ -297,10 +297,10 @@ impl<M: DriverModel> Reflexes<M> {
             if encounter.is_passed() {
                 continue;
             }
-            let asked = self.model.danger(&encounter);
+            let demanded_mps2 = self.model.danger(&encounter);
             // Strictly harder: among equal demands the first agent is kept, so
             // latching is deterministic.
-            let harder = asked.filter(|ask| hardest.is_none_or(|(_, most)| most < *ask));
+            let harder = demanded_mps2.filter(|ask| hardest.is_none_or(|(_, most)| most < *ask));
             hardest = harder.map(|ask| (i, ask)).or(hardest);
         }
         if self.model.latching() != Latching::Momentary {
@@ -313,7 +313,7 @@ impl<M: DriverModel> Reflexes<M> {
     ///
     /// The reaction time runs only in samples with danger and is never reset.
     pub fn respond(&mut self, danger: Option<f64>) -> Response {
-        let Some(asked_mps2) = danger else {
+        let Some(demanded_mps2) = danger else {
             return if self.reacted {
                 Response::Hold
             } else {
@@ -328,7 +328,7 @@ impl<M: DriverModel> Reflexes<M> {
         }
         // The build-up starts from the deceleration of the last sample.
         let built_up_mps2 = self.brake_mps2 + self.pedal.jerk_mps3 * self.sample_s;
-        let most_mps2 = self.pedal.max_brake_mps2.min(asked_mps2);
+        let most_mps2 = self.pedal.max_brake_mps2.min(demanded_mps2);
         self.brake_mps2 = built_up_mps2.min(most_mps2);
         Response::Brake(self.brake_mps2)
     }

@@ -42,7 +42,7 @@ pub(super) fn acts(
     let Reader { scripts, gone, .. } = reader;
     for (entity, script) in entities.iter_mut().zip(scripts) {
         entity.steps = script.steps;
-        entity.meets = script.meets;
+        entity.approach = script.approach;
         entity.gap_m = script.gap_m;
         entity.placed = script.placed;
     }
@@ -60,7 +60,7 @@ struct EntityScript {
     t_m: f64,
     changed_m: f64,
     steps: Vec<ImportedStep>,
-    meets: Option<Approached>,
+    approach: Option<Approached>,
     gap_m: Option<f64>,
     /// True once an event of the entity has been read.
     has_begun: bool,
@@ -83,7 +83,7 @@ impl EntityScript {
             t_m: entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m),
             changed_m: 0.0,
             steps: Vec::new(),
-            meets: None,
+            approach: None,
             gap_m: entity.gap_m,
             has_begun: false,
             ended: Vec::new(),
@@ -266,7 +266,7 @@ impl Reader<'_> {
         let event = context.event;
         let script = &self.scripts[who];
         let is_first = !script.has_begun;
-        if script.meets.is_some() {
+        if script.approach.is_some() {
             let help = "let the SynchronizeAction be the only event of the entity";
             return Err(event.refused("an event beside a meeting is not read", help));
         }
@@ -323,7 +323,7 @@ impl Reader<'_> {
         }
         let script = &mut self.scripts[who];
         script.ended = ended(context, actions.len());
-        if script.meets.is_some() && !step.laws.is_empty() {
+        if script.approach.is_some() && !step.laws.is_empty() {
             let help = "let the SynchronizeAction be the only action of the entity";
             return Err(event.refused("an action beside a meeting is not read", help));
         }
@@ -370,7 +370,7 @@ impl Reader<'_> {
                     let help = "let it stand in Init: the meeting brings it up to its speed";
                     return Err(it.refused("a meeting of somebody who moves is not read", help));
                 }
-                script.meets = Some(approached(it, scope, ground)?);
+                script.approach = Some(approached(it, scope, ground)?);
             }
             "FollowTrajectoryAction" if script.steps.is_empty() => {
                 let (way, law) = walked(it, scope, ground)?;

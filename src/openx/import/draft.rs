@@ -91,7 +91,7 @@ impl Draft {
     }
 
     fn is_like(&self, other: &Draft) -> bool {
-        let alike = |pair: (&DraftPart, &DraftPart)| match pair {
+        let is_same = |pair: (&DraftPart, &DraftPart)| match pair {
             (DraftPart::Text(a), DraftPart::Text(b)) => a == b,
             (
                 DraftPart::Hole {
@@ -106,7 +106,7 @@ impl Draft {
             _ => false,
         };
         let same_length = self.parts.len() == other.parts.len();
-        same_length && self.parts.iter().zip(&other.parts).all(alike)
+        same_length && self.parts.iter().zip(&other.parts).all(is_same)
     }
 
     /// Returns true if the longer of both runs ends before an entity leaves its road.

@@ -13,7 +13,7 @@ pub(super) struct ImportedEntity {
     pub placed: Placed,
     pub speed_mps: f64,
     pub steps: Vec<ImportedStep>,
-    pub meets: Option<Approached>,
+    pub approach: Option<Approached>,
     /// Initial bumper-to-bumper gap to the ego in metres, which replaces the place.
     pub gap_m: Option<f64>,
     /// Place of the entity's Init in the file.
@@ -36,7 +36,7 @@ pub(super) struct ClearanceCondition {
     /// Entities of which one, or all, must meet the condition.
     pub who: Vec<String>,
     pub needs_all: bool,
-    pub whom: String,
+    pub target: String,
     pub is_below: bool,
     pub value: f64,
     pub is_time: bool,

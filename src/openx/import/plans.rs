@@ -20,15 +20,15 @@ pub(super) fn plan(
     trigger: &mut Option<(String, f64)>,
 ) -> Result<(), ImportError> {
     let name = &it.name;
-    if let Some(meets) = &it.entity.meets {
-        let ego = concrete.in_frame(&meets.ego)?;
-        let here = concrete.in_frame(&meets.here)?;
+    if let Some(approach) = &it.entity.approach {
+        let ego = concrete.in_frame(&approach.ego)?;
+        let here = concrete.in_frame(&approach.here)?;
         // Places are those of reference points, and worlds state fronts.
         let here_m = match it.path {
             EntityPath::Left | EntityPath::Right => here.y_m + it.front_left_m(),
             EntityPath::Own(begins, on) => {
                 // On a bent path, the station is the distance along the pieces.
-                let along_m = match &meets.here.way {
+                let along_m = match &approach.here.way {
                     Some(here) if here.way == on.way && !on.way.pieces.is_empty() => here.along_m,
                     _ => begins.sees(&here).x_m,
                 };
@@ -41,8 +41,8 @@ pub(super) fn plan(
         draft.text(", here_at_m: ");
         draft.hole(&format!("{name}.meet.here_at"), here_m);
         draft.text(", speed_mps: ");
-        draft.hole(&format!("{name}.meet.speed"), meets.speed_mps);
-        let (kind, value) = match meets.steady {
+        draft.hole(&format!("{name}.meet.speed"), approach.speed_mps);
+        let (kind, value) = match approach.steady {
             Steady::Metres(value) => ("Metres", value),
             Steady::Seconds(value) => ("Seconds", value),
         };
@@ -178,10 +178,10 @@ fn formula(
         let what = format!("there is nobody called `{name}`");
         found.ok_or_else(|| watch.at.error(what))
     };
-    let whom = find(&watch.whom)?;
+    let target = find(&watch.target)?;
     let who = watch.who.iter().map(|name| find(name));
     let who = who.collect::<Result<Vec<&EntityInFrame>, ImportError>>()?;
-    let mut holding = who.iter().map(|it| holds_at_start(watch, it, whom));
+    let mut holding = who.iter().map(|it| holds_at_start(watch, it, target));
     let holds = if watch.needs_all {
         holding.all(|holds| holds)
     } else {
@@ -195,7 +195,7 @@ fn formula(
     }
     let parts = who
         .iter()
-        .map(|it| waits(watch, it, whom, parameter, is_first));
+        .map(|it| waits(watch, it, target, parameter, is_first));
     let parts: Vec<String> = parts.collect();
     Ok(match (&parts[..], watch.needs_all) {
         ([one], _) => one.clone(),
@@ -205,12 +205,12 @@ fn formula(
 }
 
 /// Returns true if the condition of a step holds at the start of the run.
-fn holds_at_start(watch: &ClearanceCondition, who: &EntityInFrame, whom: &EntityInFrame) -> bool {
+fn holds_at_start(watch: &ClearanceCondition, who: &EntityInFrame, target: &EntityInFrame) -> bool {
     let front_m = |it: &EntityInFrame| it.spot.x_m + it.front_along_m();
-    let ahead_m = front_m(whom) - front_m(who);
+    let ahead_m = front_m(target) - front_m(who);
     // The pair is clear by the gap on either side. The gap is negative while
     // they overlap.
-    let clear_m = (ahead_m - whom.rear_m()).max(-ahead_m - who.rear_m());
+    let clear_m = (ahead_m - target.rear_m()).max(-ahead_m - who.rear_m());
     let bound_m = if watch.is_time {
         watch.value * who.entity.speed_mps
     } else {
@@ -226,17 +226,17 @@ fn holds_at_start(watch: &ClearanceCondition, who: &EntityInFrame, whom: &Entity
 fn waits(
     watch: &ClearanceCondition,
     who: &EntityInFrame,
-    whom: &EntityInFrame,
+    target: &EntityInFrame,
     parameter: &str,
     is_first: bool,
 ) -> String {
-    let headway = format!("{}.{}.headway", who.name, whom.name);
-    let ahead = format!("{headway} - {}", tidy(whom.rear_m()));
+    let headway = format!("{}.{}.headway", who.name, target.name);
+    let ahead = format!("{headway} - {}", tidy(target.rear_m()));
     let behind = format!("-{headway} - {}", tidy(who.rear_m()));
     // Entities approach before they pass, and are far apart again after
     // passing. A first step below a bound therefore only watches the side of
     // the approach.
-    let clearance = match (watch.is_below && is_first, who.spot.x_m <= whom.spot.x_m) {
+    let clearance = match (watch.is_below && is_first, who.spot.x_m <= target.spot.x_m) {
         (true, true) => ahead,
         (true, false) => behind,
         (false, _) => format!("max({ahead}, {behind})"),

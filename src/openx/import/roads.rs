@@ -91,8 +91,8 @@ impl RoadMap {
         road: Option<&str>,
         of: impl Fn(&Surface) -> Result<T, ImportError>,
     ) -> Result<T, ImportError> {
-        let asked = |(id, _): &(&String, &ImportedRoad)| road.is_none_or(|road| road == *id);
-        let mut roads = self.0.iter().filter(asked).map(|(_, line)| line);
+        let is_wanted = |(id, _): &(&String, &ImportedRoad)| road.is_none_or(|road| road == *id);
+        let mut roads = self.0.iter().filter(is_wanted).map(|(_, line)| line);
         let Some(first) = roads.next() else {
             // A file without roads has the default surface.
             return of(&Surface::default());
@@ -166,7 +166,7 @@ impl ImportedRoad {
             // After an unsupported piece, the start of the next piece cannot be
             // checked.
             if refused.is_none() {
-                refused = meets(geometry, before, (s_m, start)).err();
+                refused = joins(geometry, before, (s_m, start)).err();
             }
             for Bend { length_m, per_m } in bends {
                 pieces.push(ReferenceSegment {
@@ -226,7 +226,7 @@ impl ImportedRoad {
             lanes: all,
         };
         if line.refused.is_none()
-            && let Some((s_m, again_m)) = line.meets_itself()
+            && let Some((s_m, again_m)) = line.crosses_itself()
         {
             let what = format!("it is at s = {again_m:.0} m where it was at s = {s_m:.0} m");
             let help = "cut it into roads that do not overlap: a place has one station on a road";
@@ -237,7 +237,7 @@ impl ImportedRoad {
 
     /// Two stations whose carriageways overlap, if there are any: the road closes
     /// on itself, or crosses itself.
-    fn meets_itself(&self) -> Option<(f64, f64)> {
+    fn crosses_itself(&self) -> Option<(f64, f64)> {
         let turns = self.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
         // Nothing comes back that has not turned round.
         if turns.sum::<f64>() <= core::f64::consts::PI {
@@ -348,7 +348,7 @@ impl ReferenceSegment {
 }
 
 /// Refuses a piece that does not start at the end of the previous piece.
-fn meets(
+fn joins(
     geometry: &XmlNode,
     before: Option<(f64, Spot)>,
     (s_m, start): (f64, Spot),

@@ -197,7 +197,7 @@ impl Protocol {
                 placed: at,
                 speed_mps,
                 steps: Vec::new(),
-                meets: None,
+                approach: None,
                 gap_m,
                 at: begun.at(),
             });

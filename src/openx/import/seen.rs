@@ -58,7 +58,7 @@ impl EntityInFrame<'_> {
 
     pub(super) fn stands(&self) -> bool {
         let entity = self.entity;
-        entity.speed_mps == 0.0 && entity.steps.is_empty() && entity.meets.is_none()
+        entity.speed_mps == 0.0 && entity.steps.is_empty() && entity.approach.is_none()
     }
 
     /// Length in metres of the body behind its front, along the ego's road.
@@ -85,7 +85,7 @@ pub(super) fn seen<'a>(
 ) -> Result<EntityInFrame<'a>, ImportError> {
     let spot = concrete.in_frame(&entity.placed)?;
     let refused = |what: String| entity.at.error(what);
-    let moves = entity.speed_mps != 0.0 || !entity.steps.is_empty() || entity.meets.is_some();
+    let moves = entity.speed_mps != 0.0 || !entity.steps.is_empty() || entity.approach.is_some();
     // A pedestrian walks in the direction of its path, whatever its own
     // heading.
     let heading_rad = match (&entity.placed.way, entity.body.on_foot) {

@@ -267,7 +267,7 @@ fn watch(
     Ok(ClearanceCondition {
         who,
         needs_all,
-        whom: scope.text(it, "entityRef")?,
+        target: scope.text(it, "entityRef")?,
         is_below,
         value: scope.number(it, "value")?,
         is_time,

@@ -61,10 +61,10 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     let leaves_s = first_leaves_s(concrete, &all, ego_at)?;
     let known_s = ends_s(concrete, &all, ego_at)?;
     // A run lasts at least one second, even if the file ends it earlier.
-    let asked_s = known_s.unwrap_or(USUAL_S).max(1.0);
+    let requested_s = known_s.unwrap_or(USUAL_S).max(1.0);
     // Whole samples: rounded up if there is road left, otherwise down.
-    let until_s = if asked_s <= leaves_s {
-        (asked_s / SAMPLE_S).ceil() * SAMPLE_S
+    let until_s = if requested_s <= leaves_s {
+        (requested_s / SAMPLE_S).ceil() * SAMPLE_S
     } else {
         (leaves_s / SAMPLE_S).floor() * SAMPLE_S
     };
@@ -150,9 +150,9 @@ fn ends_s(
 ) -> Result<Option<f64>, ImportError> {
     let mut until_s: Option<f64> = None;
     for it in all.iter().filter(|it| !it.entity.is_ego) {
-        let met_s = match &it.entity.meets {
-            Some(meets) => {
-                let ego = concrete.in_frame(&meets.ego)?;
+        let encounter_s = match &it.entity.approach {
+            Some(approach) => {
+                let ego = concrete.in_frame(&approach.ego)?;
                 // The ego coasts, so it arrives at a time that is known in
                 // advance.
                 (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps
@@ -167,15 +167,15 @@ fn ends_s(
                 // Steps change the speeds, so the time of the encounter is not
                 // known.
                 match way_m / (ego_mps - away_mps) {
-                    met_s if it.entity.steps.is_empty() => met_s,
+                    encounter_s if it.entity.steps.is_empty() => encounter_s,
                     _ => continue,
                 }
             }
         };
         // Parallel motion never leads to an encounter, and a negative time lies
         // in the past.
-        if met_s.is_finite() && 0.0 < met_s {
-            until_s = Some(until_s.unwrap_or(0.0).max(met_s + BEYOND_S));
+        if encounter_s.is_finite() && 0.0 < encounter_s {
+            until_s = Some(until_s.unwrap_or(0.0).max(encounter_s + BEYOND_S));
         }
     }
     // A stop time of the file takes precedence.
@@ -192,11 +192,11 @@ fn first_leaves_s(
     for it in all {
         let on_foot = it.entity.body.on_foot;
         let ahead_m = |placed| road_ahead_m(&concrete.roads, placed, on_foot);
-        let own_s = match &it.entity.meets {
-            Some(meets) => {
-                let ego = concrete.in_frame(&meets.ego)?;
-                let met_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
-                met_s + ahead_m(&meets.here) / meets.speed_mps
+        let own_s = match &it.entity.approach {
+            Some(approach) => {
+                let ego = concrete.in_frame(&approach.ego)?;
+                let encounter_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
+                encounter_s + ahead_m(&approach.here) / approach.speed_mps
             }
             None => leaves_s(it.entity, ahead_m(&it.entity.placed), ego_mps),
         };
@@ -379,7 +379,7 @@ fn agent(
     draft.hole(&x, front_m);
     draft.text(", speed_mps: ");
     // A meeting starts from rest.
-    match it.entity.meets {
+    match it.entity.approach {
         Some(_) => draft.text("0.0"),
         None => draft.hole(&speed, it.entity.speed_mps),
     }

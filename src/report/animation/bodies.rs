@@ -9,9 +9,12 @@ use super::write::n;
 use crate::scene::{AgentDescription, BodyFigure, Role};
 
 /// CSS class of an agent's colour on the page: ego, ado by number, or scripted.
-pub(in crate::report) fn colour_class(cast: &[AgentDescription], who: usize) -> String {
-    let role = cast[who].role;
-    let before = cast[..who].iter().filter(|cast| cast.role == role).count();
+pub(in crate::report) fn colour_class(agents: &[AgentDescription], who: usize) -> String {
+    let role = agents[who].role;
+    let before = agents[..who]
+        .iter()
+        .filter(|agent| agent.role == role)
+        .count();
     match role {
         Role::Ego => "c-ego".to_owned(),
         Role::Ado => format!("c-ado{}", before % 4),
@@ -20,13 +23,13 @@ pub(in crate::report) fn colour_class(cast: &[AgentDescription], who: usize) -> 
 }
 
 /// Shape of a body.
-pub(super) fn body(cast: &AgentDescription) -> Markup {
-    let [length_m, width_m, _] = cast.size_m;
+pub(super) fn body(agent: &AgentDescription) -> Markup {
+    let [length_m, width_m, _] = agent.size_m;
     let body = BodySize { length_m, width_m };
-    match (cast.body.as_str(), cast.figure()) {
+    match (agent.body.as_str(), agent.figure()) {
         // On a grid, shapes and not only colours distinguish the ego from the
         // ados.
-        ("cell", _) if cast.role == Role::Ego => body.hull(0.12),
+        ("cell", _) if agent.role == Role::Ego => body.hull(0.12),
         ("cell", _) => html! { circle class="paint" r=(n(0.5 * length_m, 3)) {} },
         (_, BodyFigure::Person) => body.person(),
         (_, BodyFigure::TwoWheeler) => body.two_wheeler(),

@@ -43,16 +43,16 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
 }
 
 fn body(picture: &Picture<'_>, who: usize) -> String {
-    let (cast, track) = (&picture.stage.agents[who], &picture.film.tracks[who]);
-    let moves = picture.moves.iter().find(|(ado, _)| *ado == cast.name);
+    let (agent, track) = (&picture.stage.agents[who], &picture.film.tracks[who]);
+    let moves = picture.moves.iter().find(|(ado, _)| *ado == agent.name);
     let moves = moves.map_or(&[][..], |(_, moves)| moves);
     let moves = moves
         .iter()
         .map(|it| format!("[{},{}]", n(it.from_s, 3), quoted(&it.words)));
     format!(
         "{{\"name\":{},\"size\":{},\"x\":{},\"y\":{},\"h\":{},\"v\":{},\"a\":{},\"moves\":[{}]}}",
-        quoted(&cast.name),
-        list(&cast.size_m[..2], 3),
+        quoted(&agent.name),
+        list(&agent.size_m[..2], 3),
         list(&track.x_m, 3),
         list(&track.y_m, 3),
         list(&track.heading_rad, 4),

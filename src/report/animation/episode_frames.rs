@@ -63,7 +63,7 @@ pub(super) struct EpisodeFrames {
     /// Agent that the ego touches.
     ///
     /// Without a contact, the agent nearest to the ego at the verdict.
-    pub met: Option<usize>,
+    pub opponent: Option<usize>,
 }
 
 /// Centre of one body over time.
@@ -118,12 +118,12 @@ impl EpisodeFrames {
             times_s,
             tracks,
             turn_rad: 0.0,
-            met: None,
+            opponent: None,
         };
         // Order matters: the focus depends on the turn and on the encountered
         // agent.
         film.turn_rad = film.turn(stage, course);
-        film.met = film.met(stage, course);
+        film.opponent = film.opponent(stage, course);
         film.focus = if is_on_cells(stage) {
             film.whole_map(stage)
         } else {
@@ -189,7 +189,7 @@ impl EpisodeFrames {
         libm::hypot(one.x_m[i] - other.x_m[i], one.y_m[i] - other.y_m[i])
     }
 
-    fn met(&self, stage: &SceneGeometry, course: &FrameContext<'_>) -> Option<usize> {
+    fn opponent(&self, stage: &SceneGeometry, course: &FrameContext<'_>) -> Option<usize> {
         let ego = ego_of(stage);
         let i = self.at(course.judged_s());
         let others = (0..self.tracks.len()).filter(|who| *who != ego);
@@ -197,14 +197,14 @@ impl EpisodeFrames {
             let apart_m = |who: &usize| self.apart_m(ego, *who, i);
             apart_m(a).total_cmp(&apart_m(b))
         });
-        met_by_ego(stage, course.contact).or(nearest)
+        touched_by_ego(stage, course.contact).or(nearest)
     }
 
     /// Focus at each sample: the ego, the agent that it encounters, and near agents.
     fn looked_at(&self, stage: &SceneGeometry) -> Vec<Focus> {
         let ego = ego_of(stage);
         let near = |who: usize, i: usize| {
-            who == ego || Some(who) == self.met || self.apart_m(ego, who, i) <= FAR_M
+            who == ego || Some(who) == self.opponent || self.apart_m(ego, who, i) <= FAR_M
         };
         let at = |i: usize| {
             let everybody = 0..stage.agents.len();
@@ -282,14 +282,14 @@ impl BodyTrack {
 
 /// Index of the ego in the cast.
 pub(super) fn ego_of(stage: &SceneGeometry) -> usize {
-    let is_ego = |cast: &crate::scene::AgentDescription| cast.role == Role::Ego;
+    let is_ego = |agent: &crate::scene::AgentDescription| agent.role == Role::Ego;
     stage.agents.iter().position(is_ego).unwrap_or(0)
 }
 
 /// Agent that the ego touches.
-fn met_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Option<usize> {
+fn touched_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Option<usize> {
     let touch = contact?;
-    let named = |name: &String| stage.agents.iter().position(|cast| cast.name == *name);
+    let named = |name: &String| stage.agents.iter().position(|agent| agent.name == *name);
     let ego = ego_of(stage);
     let both = [named(&touch.between.0)?, named(&touch.between.1)?];
     match both {
@@ -301,7 +301,7 @@ fn met_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Option<u
 
 /// Returns true for a world of cells.
 pub(super) fn is_on_cells(stage: &SceneGeometry) -> bool {
-    stage.agents.iter().any(|cast| cast.body == "cell")
+    stage.agents.iter().any(|agent| agent.body == "cell")
 }
 
 /// Angle about the vertical of a quaternion (x, y, z, w).

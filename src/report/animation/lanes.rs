@@ -27,13 +27,13 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
     // An episode may end at its first sample, and the shares divide by its
     // duration.
     let end_s = picture.film.end_s().max(1e-9);
-    let cast = &picture.stage.agents;
+    let agents = &picture.stage.agents;
     // A light that is an ado has a lane of phases instead of actions.
     let is_light = |name: &String| picture.stage.lights.iter().any(|it| it.name == *name);
     html! {
         div class="lanes" {
             @for (ado, moves) in picture.moves.iter().filter(|(ado, _)| !is_light(ado)) {
-                @let who = cast.iter().position(|cast| cast.name == *ado);
+                @let who = agents.iter().position(|agent| agent.name == *ado);
                 @let class = who.map_or("c-by", |who| picture.classes[who].as_str());
                 span class={ "swatch " (class) } { (ado) }
                 div class="lane" { @for it in moves { (stretch(end_s, &LaneSegment { from_s: it.from_s, until_s: it.until_s, words: &it.words, class: it.kind.class().to_owned() })) } }

@@ -60,10 +60,10 @@ pub(super) fn moves(
     end_s: f64,
 ) -> Vec<(String, Vec<Move>)> {
     let decision_s = scenario.bench().clock().decision_s;
-    let stretched = |own: &[usize], told: &dyn Fn(usize) -> (String, MoveKind)| {
+    let stretched = |own: &[usize], described: &dyn Fn(usize) -> (String, MoveKind)| {
         let mut moves: Vec<Move> = Vec::new();
         for (nth, action) in own.iter().enumerate() {
-            let (words, kind) = told(*action);
+            let (words, kind) = described(*action);
             let (from_s, until_s) = (nth as f64 * decision_s, (nth + 1) as f64 * decision_s);
             match moves.last_mut() {
                 // Equal words are joined, even if the actions behind them
@@ -84,14 +84,14 @@ pub(super) fn moves(
     let Some(spec) = scenario.drive() else {
         // A grid has a single ado, whose actions are the joint actions.
         let neutral = scenario.world().spaces().neutral;
-        let told = |action| {
+        let described = |action| {
             if action == neutral {
                 (scenario.action_label(action), MoveKind::Neutral)
             } else {
                 (scenario.action_label(action), MoveKind::Goes)
             }
         };
-        return vec![("ado".to_owned(), stretched(joint, &told))];
+        return vec![("ado".to_owned(), stretched(joint, &described))];
     };
     let mut stride = 1;
     let sets = spec.action_sets().map(|(agent, set, _)| {
@@ -103,17 +103,17 @@ pub(super) fn moves(
         // They would be wrong for oncoming or crossing ados.
         let turned = spec.agents.iter().find(|it| it.name == agent);
         let turned = turned.is_some_and(|it| it.road != 0 || it.direction == Direction::Against);
-        let told = |action| match (turned, told(set, action)) {
+        let described = |action| match (turned, described(set, action)) {
             (true, (words, kind)) => (without_signs(&words), kind),
-            (false, told) => told,
+            (false, described) => described,
         };
-        (agent.to_owned(), stretched(&own, &told))
+        (agent.to_owned(), stretched(&own, &described))
     });
     sets.collect()
 }
 
 /// Action in words, with its appearance.
-fn told(set: &Actions, action: usize) -> (String, MoveKind) {
+fn described(set: &Actions, action: usize) -> (String, MoveKind) {
     match set {
         Actions::Accelerations(list) => along(list[action]),
         Actions::Grid(grid) => {
@@ -228,7 +228,7 @@ mod tests {
             ),
         ];
         for (set, words) in cases {
-            assert_eq!(told(&set, 0).0, words);
+            assert_eq!(described(&set, 0).0, words);
         }
     }
 }

@@ -89,8 +89,8 @@ impl<'a> Picture<'a> {
             svg class="stage" viewBox=(format!("0 0 {width_px} {height_px}")) role="img" aria-label=(label) {
                 defs {
                     g id=(self.part("ground")) { @if self.on_cells { (cells(&self.stage)) } @else { (road(&self.stage, &self.example.frames)) } }
-                    @for (who, cast) in self.stage.agents.iter().enumerate() {
-                        g id=(self.body(who)) class=(self.classes[who]) { (body(cast)) }
+                    @for (who, agent) in self.stage.agents.iter().enumerate() {
+                        g id=(self.body(who)) class=(self.classes[who]) { (body(agent)) }
                     }
                 }
                 g class="world" transform=(camera.transform()) {
@@ -180,7 +180,7 @@ impl<'a> Picture<'a> {
         let i = self.film.at(self.violated_s);
         let (ego, _) = self.ego();
         html! {
-            @for who in std::iter::once(ego).chain(self.film.met).filter(|_| !self.on_cells) {
+            @for who in std::iter::once(ego).chain(self.film.opponent).filter(|_| !self.on_cells) {
                 @let [length_m, width_m, _] = self.stage.agents[who].size_m;
                 g transform=(self.pose(&self.film, who, i)) {
                     rect class="ghost" x=(n(-0.5 * length_m, 3)) y=(n(-0.5 * width_m, 3)) width=(n(length_m, 3)) height=(n(width_m, 3)) rx="0.3" {}

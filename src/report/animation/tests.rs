@@ -99,17 +99,17 @@ fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
         let trace = &example.episode.trace;
         let end_s = example.episode.contact.as_ref().expect("a contact").time_s;
         let mut turned = 0.0_f64;
-        for (who, cast) in scenario.bench().stage().agents.iter().enumerate() {
+        for (who, agent) in scenario.bench().stage().agents.iter().enumerate() {
             let body = &data["bodies"][who];
-            for (shown_m, size_m) in numbers(&body["size"]).iter().zip(cast.size_m) {
+            for (shown_m, size_m) in numbers(&body["size"]).iter().zip(agent.size_m) {
                 assert!(
                     (shown_m - size_m).abs() < 1e-3,
                     "{}: {shown_m} m",
-                    cast.name
+                    agent.name
                 );
             }
             let column = |field: &str| {
-                let name = format!("{}.{field}", cast.name);
+                let name = format!("{}.{field}", agent.name);
                 trace.signal(&name).expect("a signal").to_vec()
             };
             let (x_m, y_m) = (column("x"), column("y"));
@@ -118,7 +118,7 @@ fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
                 let time_s = (sample as f64 * trace.dt_s()).min(end_s);
                 let heading_rad = at(&times, &body["h"], time_s);
                 // The trace has the front bumper, and the picture the centre.
-                let half_m = 0.5 * cast.size_m[0];
+                let half_m = 0.5 * agent.size_m[0];
                 let shown = [
                     at(&times, &body["x"], time_s) + half_m * heading_rad.cos() - x_m[sample],
                     at(&times, &body["y"], time_s) + half_m * heading_rad.sin() - y_m[sample],
@@ -126,7 +126,7 @@ fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
                     at(&times, &body["v"], time_s) - speeds_mps[sample],
                 ];
                 for (off, most) in shown.iter().zip([0.01, 0.01, 0.002, 0.01]) {
-                    assert!(off.abs() <= most, "{} at {time_s} s: {shown:?}", cast.name);
+                    assert!(off.abs() <= most, "{} at {time_s} s: {shown:?}", agent.name);
                 }
                 turned = turned.max(heading_rad.abs());
             }
@@ -202,10 +202,10 @@ fn labels_say_the_speeds_and_actions_of_the_moment() {
     let i = film.at(sample as f64 * trace.dt_s());
     let camera = Camera::of(film, i, Some(picture.ego()), &SCREEN);
     let labels = labels::labels(&picture.stage, film, i, (&camera, &picture.moves));
-    for (cast, label) in picture.stage.agents.iter().zip(&labels) {
-        let speeds_mps = trace.signal(&format!("{}.speed", cast.name));
+    for (agent, label) in picture.stage.agents.iter().zip(&labels) {
+        let speeds_mps = trace.signal(&format!("{}.speed", agent.name));
         let speed_mps = speeds_mps.expect("a speed")[sample];
-        assert_eq!(label.lines[0], format!("{} {speed_mps:.1} m/s", cast.name));
+        assert_eq!(label.lines[0], format!("{} {speed_mps:.1} m/s", agent.name));
     }
     let clock = *scenario.bench().clock();
     let decision = sample / clock.samples_per_decision();
@@ -273,7 +273,7 @@ fn the_contact_is_marked_when_and_where_it_is() {
 fn bodies_have_their_true_sizes() {
     for name in ["sedan", "van", "truck", "motorcycle", "pedestrian"] {
         let body = Body::shipped(name).unwrap().unwrap();
-        let cast = AgentDescription {
+        let agent = AgentDescription {
             name: "ado".to_owned(),
             role: Role::Ado,
             body: name.to_owned(),
@@ -281,7 +281,7 @@ fn bodies_have_their_true_sizes() {
             colour: body.color_rgb,
             on_foot: body.is_on_foot(),
         };
-        let drawn = bodies::body(&cast).into_string();
+        let drawn = bodies::body(&agent).into_string();
         let number = |text: &str, name: &str| -> Option<f64> {
             let (_, rest) = text.split_once(&format!(" {name}=\""))?;
             rest.split('"').next()?.parse().ok()
@@ -296,7 +296,7 @@ fn bodies_have_their_true_sizes() {
             2.0 * sides.fold(0.0, f64::max)
         };
         for axis in [0, 1] {
-            let off_m = (reach(axis) - cast.size_m[axis]).abs();
+            let off_m = (reach(axis) - agent.size_m[axis]).abs();
             assert!(off_m < 0.002, "{name}, axis {axis}: {} m", reach(axis));
         }
     }

@@ -113,7 +113,7 @@ struct QTable {
     dice: LearnerRng,
     tally: TrainingCounters,
     cell: Vec<u32>,
-    lived: EpisodeBuffer,
+    buffer: EpisodeBuffer,
     /// Row of every observation of the episode.
     trail: Vec<usize>,
 }
@@ -150,7 +150,7 @@ impl QTable {
             dice,
             tally: TrainingCounters::new(config.decisions),
             cell: Vec::new(),
-            lived: EpisodeBuffer::default(),
+            buffer: EpisodeBuffer::default(),
             trail: Vec::new(),
         }
     }
@@ -161,8 +161,8 @@ impl QTable {
     fn learn(&mut self, bootstrap: f32) {
         let mut next = bootstrap;
         for t in (0..self.trail.len()).rev() {
-            let (row, action) = (self.trail[t], self.lived.actions[t]);
-            self.update((row, action), self.lived.rewards[t], next);
+            let (row, action) = (self.trail[t], self.buffer.actions[t]);
+            self.update((row, action), self.buffer.rewards[t], next);
             // Read after the update, so that the new value passes on to the step before.
             next = self.best(row);
         }
@@ -220,7 +220,7 @@ impl QTable {
 
 impl Learner for QTable {
     fn episode(&mut self, env: &mut dyn Env) -> f32 {
-        self.lived.clear();
+        self.buffer.clear();
         self.trail.clear();
         let mut obs = vec![0.0; self.spaces.observation];
         env.reset(self.tally.begun(), &mut obs);
@@ -238,8 +238,8 @@ impl Learner for QTable {
             };
             holding = holding.saturating_sub(1);
             let step = env.step(action, &mut obs);
-            self.lived.actions.push(action);
-            self.lived.rewards.push(step.reward);
+            self.buffer.actions.push(action);
+            self.buffer.rewards.push(step.reward);
             self.tally.decisions += 1;
             // As in the paper, an update per decision. An aborted decision is dropped.
             if !self.config.backward && step.end != Some(End::Aborted) {
@@ -263,7 +263,7 @@ impl Learner for QTable {
             self.tally.episodes += 1;
             // Everything was learned during the episode.
             if !self.config.backward {
-                return self.lived.rewards.iter().sum();
+                return self.buffer.rewards.iter().sum();
             }
             let bootstrap = match end {
                 End::Truncated => {
@@ -274,7 +274,7 @@ impl Learner for QTable {
             };
             self.learn(bootstrap);
         }
-        self.lived.rewards.iter().sum()
+        self.buffer.rewards.iter().sum()
     }
 
     fn tally(&self) -> &TrainingCounters {

@@ -66,7 +66,7 @@ impl DriveSpec {
         let hidden = |name: &&'a String| {
             let sources = self.sources(&all, name);
             let mut sources = sources.iter();
-            sources.any(|source| !source.is_untouched(self) && !self.is_told_by(&seen, *source))
+            sources.any(|source| !source.is_untouched(self) && !self.is_implied_by(&seen, *source))
         };
         read.iter().filter(hidden).map(String::as_str).collect()
     }
@@ -85,7 +85,7 @@ impl DriveSpec {
         parts.flat_map(|part| self.sources(all, part)).collect()
     }
 
-    fn is_told_by(&self, seen: &[SignalReading], wanted: SignalReading) -> bool {
+    fn is_implied_by(&self, seen: &[SignalReading], wanted: SignalReading) -> bool {
         let related = |a: usize, b: usize| {
             seen.iter()
                 .any(|s| s.quantity.of == Of::Pair && (s.whose == [a, b] || s.whose == [b, a]))

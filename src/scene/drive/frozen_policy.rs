@@ -139,9 +139,9 @@ impl TrainedAdo {
         let bound = bound.collect::<Result<Vec<BoundExpr>, StlError>>()?;
         // Invariant: the training world was assembled, so it publishes them.
         let observed = Observation::bind(&home.observe, &schema);
-        let observed = observed.map_err(|name| nobody(name, &home.world))?;
+        let observed = observed.map_err(|name| no_agent(name, &home.world))?;
         Ok(Frozen {
-            who: here.names().who(own).ok_or_else(|| nobody("", own))?,
+            who: here.names().who(own).ok_or_else(|| no_agent("", own))?,
             actions: self.actions.clone(),
             policy: Arc::clone(&self.policy),
             samples_per_decision: ratio.round() as usize,
@@ -201,7 +201,7 @@ impl TrainedAdo {
     }
 }
 
-fn nobody(signal: &str, name: &str) -> TrainedError {
+fn no_agent(signal: &str, name: &str) -> TrainedError {
     TrainedError::Nobody {
         signal: signal.to_owned(),
         name: name.to_owned(),
@@ -241,11 +241,11 @@ fn input(
     // Invariant: a light plays a light and a road user a road user.
     let agent = |i: usize| match player(&home.names.agents[i]) {
         Some(SignalOwner::Agent(i)) => Ok(i),
-        _ => Err(nobody(&needed.signal.name, &home.names.agents[i])),
+        _ => Err(no_agent(&needed.signal.name, &home.names.agents[i])),
     };
     let light = |i: usize| match player(&home.names.lights[i]) {
         Some(SignalOwner::Light(i)) => Ok(i),
-        _ => Err(nobody(&needed.signal.name, &home.names.lights[i])),
+        _ => Err(no_agent(&needed.signal.name, &home.names.lights[i])),
     };
     let SignalReading { quantity, whose } = needed.source;
     let [a, b] = whose;
@@ -254,7 +254,10 @@ fn input(
         Of::Parameter => {
             let name = &home.names.parameters[a];
             let number = here.parameters.get_index_of(name);
-            [number.ok_or_else(|| nobody(&needed.signal.name, name))?, 0]
+            [
+                number.ok_or_else(|| no_agent(&needed.signal.name, name))?,
+                0,
+            ]
         }
         Of::Agent => [agent(a)?, 0],
         Of::Pair => [agent(a)?, agent(b)?],
@@ -265,7 +268,7 @@ fn input(
     // A quantity can exist in the training world and be meaningless here,
     // depending on roads, plans or kinds of body.
     if !source.exists(here) {
-        return Err(nobody(&needed.signal.name, &home.world));
+        return Err(no_agent(&needed.signal.name, &home.world));
     }
     // A policy has only seen times up to its own horizon. Its clock is shifted
     // so that both episodes end at the same time.

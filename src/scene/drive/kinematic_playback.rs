@@ -41,7 +41,7 @@ impl DriveScene {
             let Some(run) = run else {
                 continue;
             };
-            let asked = match (&layout.spec.agents[i].drive, self.chosen[i]) {
+            let commanded = match (&layout.spec.agents[i].drive, self.chosen[i]) {
                 (
                     Drive::Ado { .. },
                     Maneuver::Drive {
@@ -63,7 +63,7 @@ impl DriveScene {
                 let other = agents.position(|agent| agent.name == name);
                 other.map_or(0.0, |other| states[other].speed_mps)
             };
-            let arrival = run.advance(span, asked, speed_of);
+            let arrival = run.advance(span, commanded, speed_of);
             let command = BodyCommand::Carry { to: arrival.pose };
             self.commanded[i] = Some(command);
             self.arrivals[i] = arrival;

@@ -171,7 +171,7 @@ impl DriveScene {
         if self.layout.spec.ego.is_foreign() {
             self.commands.push(command);
         }
-        let asked = Maneuver::Drive {
+        let commanded = Maneuver::Drive {
             accel_mps2: command.accel_mps2,
             lateral_mps: command.lateral_mps,
         };
@@ -181,7 +181,7 @@ impl DriveScene {
             let wish = match &agent.drive {
                 // `carry_all` has already commanded the planned bodies.
                 Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => continue,
-                Drive::Ego => asked,
+                Drive::Ego => commanded,
                 Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
                 Drive::Scripted(script) => {
                     if agent.body.is_on_foot() {

@@ -286,12 +286,12 @@ impl PlanRun {
 
     /// Advances by a sample.
     ///
-    /// `asked` is the deviation of an ado: an acceleration along and a speed to
+    /// `commanded` is the deviation of an ado: an acceleration along and a speed to
     /// the left of its heading.
     pub(super) fn advance(
         &mut self,
         stretch: SampleSpan<'_>,
-        asked: (f64, f64),
+        commanded: (f64, f64),
         speed_of: impl Fn(&str) -> f64,
     ) -> Arrival {
         let SampleSpan { from_s, to_s, .. } = stretch;
@@ -309,7 +309,7 @@ impl PlanRun {
         }
         let sample_s = to_s - from_s;
         let speed_mps = self.ramp.speed_mps(to_s);
-        self.stray_on(asked, speed_mps, sample_s);
+        self.stray_on(commanded, speed_mps, sample_s);
         let sideways_mps = self.swing.map_or(0.0, |swing| swing.speed_mps(to_s));
         self.arrive(stretch.course, (speed_mps, sideways_mps), sample_s)
     }

@@ -7,7 +7,7 @@ use crate::scene::{AgentDescription, LightPost, Role, SceneGeometry};
 /// Returns the cast, the lanes and the lights.
 pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
     let spec = &layout.spec;
-    let cast = spec.agents.iter().map(|agent| AgentDescription {
+    let agents = spec.agents.iter().map(|agent| AgentDescription {
         name: agent.name.clone(),
         role: match agent.drive {
             Drive::Ego => Role::Ego,
@@ -45,7 +45,7 @@ pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
             .collect()
     });
     SceneGeometry {
-        agents: cast.collect(),
+        agents: agents.collect(),
         lane_borders_m: borders
             .map(|lateral_m| layout.network.main().polyline_m(lateral_m, (0.0, 0.0)))
             .collect(),

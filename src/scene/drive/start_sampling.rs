@@ -77,7 +77,7 @@ impl DriveSpec {
     ///
     /// # Errors
     /// The first agent that cannot meet the ego, with the reason and a help.
-    pub fn meets(&self, start: &Start) -> Result<(), (usize, Unmet)> {
+    pub fn admits(&self, start: &Start) -> Result<(), (usize, Unmet)> {
         let drawn = self.drawn(start);
         let Some(ego) = self.egos().next().map(|ego| &drawn[ego]) else {
             return Ok(());

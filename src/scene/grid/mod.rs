@@ -300,7 +300,7 @@ impl Scene for GridScene {
     fn stage(&self) -> SceneGeometry {
         let arena = &self.layout.spec.arena;
         let side = 1.0 / f64::from(arena.refine);
-        let cast = |name: &str, role| AgentDescription {
+        let agent = |name: &str, role| AgentDescription {
             name: name.to_owned(),
             role,
             body: "cell".to_owned(),
@@ -315,7 +315,7 @@ impl Scene for GridScene {
             [across, along]
         });
         SceneGeometry {
-            agents: vec![cast("ego", Role::Ego), cast("ado", Role::Ado)],
+            agents: vec![agent("ego", Role::Ego), agent("ado", Role::Ado)],
             lane_borders_m: lines.collect(),
             side_roads_m: Vec::new(),
             lights: Vec::new(),

@@ -34,10 +34,11 @@ pub(super) fn meet(
         let (shape_a, shape_b) = (a.shape(&rect_a), b.shape(&rect_b));
         let gap_m = shape_a.separation(&shape_b).gap_m;
         if gap_m <= TOLERANCE_M {
-            let meeting = shape_a.meeting(&shape_b);
+            let contact_geometry = shape_a.contact_geometry(&shape_b);
             // Bodies that touch at the start may move apart. Bodies that overlap may not.
-            let parting = evaluation == 0 && -TOUCH_M <= gap_m && meeting.closing_speed_mps <= 0.0;
-            return (!parting).then_some((after_s, meeting));
+            let parting =
+                evaluation == 0 && -TOUCH_M <= gap_m && contact_geometry.closing_speed_mps <= 0.0;
+            return (!parting).then_some((after_s, contact_geometry));
         }
         // Turning moves no point faster than ω times the radius, towards any axis.
         let spin_mps = rect_a.yaw_rate_rad_per_s.abs() * a.extent.radius_m
@@ -66,7 +67,10 @@ pub(super) fn meet(
         rect_b = b.rect(&path_b.at(after_s));
     }
     // An approach this slow counts as a contact: less than 1e-7 m is left.
-    Some((after_s, a.shape(&rect_a).meeting(&b.shape(&rect_b))))
+    Some((
+        after_s,
+        a.shape(&rect_a).contact_geometry(&b.shape(&rect_b)),
+    ))
 }
 
 /// Returns the time in which a gap cannot close under bounded acceleration.

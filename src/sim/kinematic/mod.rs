@@ -63,12 +63,13 @@ impl Kinematic {
                     continue;
                 }
                 let paths = (&self.paths[a], &self.paths[b]);
-                let Some((after_s, meeting)) = meet((mover_a, mover_b), paths, horizon_s) else {
+                let Some((after_s, contact_geometry)) = meet((mover_a, mover_b), paths, horizon_s)
+                else {
                     continue;
                 };
                 // Later pairs need to be searched only up to the best contact so far.
                 horizon_s = after_s;
-                first = Some(meeting.contact((BodyId(a), BodyId(b)), after_s));
+                first = Some(contact_geometry.contact((BodyId(a), BodyId(b)), after_s));
             }
         }
         first

@@ -58,7 +58,7 @@ struct FirstTouch {
     pair: (BodyId, BodyId),
     /// Share of the step before the contact.
     share: f64,
-    meeting: ContactGeometry,
+    contact_geometry: ContactGeometry,
 }
 
 impl Rigid {
@@ -93,7 +93,7 @@ impl Rigid {
         let mut first: Option<FirstTouch> = None;
         for (b, sweep_b) in self.sweeps.iter().enumerate() {
             for (a, sweep_a) in self.sweeps.iter().enumerate().take(b) {
-                let Some((share, meeting)) = touch(sweep_a, sweep_b) else {
+                let Some((share, contact_geometry)) = touch(sweep_a, sweep_b) else {
                     continue;
                 };
                 if first.as_ref().is_none_or(|best| share < best.share) {
@@ -101,7 +101,7 @@ impl Rigid {
                     first = Some(FirstTouch {
                         pair,
                         share,
-                        meeting,
+                        contact_geometry,
                     });
                 }
             }
@@ -195,14 +195,14 @@ impl Plant for Rigid {
             let Some(FirstTouch {
                 pair,
                 share,
-                meeting,
+                contact_geometry,
             }) = self.first_touch()
             else {
                 continue;
             };
             self.rewind(share);
             elapsed_s = step_s * (f64::from(index) + share);
-            contact = Some(meeting.contact(pair, elapsed_s));
+            contact = Some(contact_geometry.contact(pair, elapsed_s));
             break;
         }
         if 0.0 < elapsed_s {

@@ -100,10 +100,10 @@ pub(super) fn touch(a: &SweptFootprint, b: &SweptFootprint) -> Option<(f64, Cont
     }
     let gap_m = start_a.separation(&start_b).gap_m;
     if gap_m <= 0.0 {
-        let meeting = start_a.meeting(&start_b);
+        let contact_geometry = start_a.contact_geometry(&start_b);
         // Bodies that touch may move apart. Bodies that overlap may not.
-        let parting = -TOUCH_M <= gap_m && meeting.closing_speed_mps <= 0.0;
-        return (!parting).then_some((0.0, meeting));
+        let parting = -TOUCH_M <= gap_m && contact_geometry.closing_speed_mps <= 0.0;
+        return (!parting).then_some((0.0, contact_geometry));
     }
     if stay_apart(a, b) {
         return None;
@@ -115,7 +115,7 @@ pub(super) fn touch(a: &SweptFootprint, b: &SweptFootprint) -> Option<(f64, Cont
         share = polish(a, b, Some(earlier))?;
     }
     let (rect_a, rect_b) = (a.at(share), b.at(share));
-    Some((share, a.shape(&rect_a).meeting(&b.shape(&rect_b))))
+    Some((share, a.shape(&rect_a).contact_geometry(&b.shape(&rect_b))))
 }
 
 /// Returns true if one face keeps the two apart during the whole step.

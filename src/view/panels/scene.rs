@@ -155,7 +155,11 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
         return Ok(());
     };
     let centre_of = |name: &str| {
-        let who = story.stage.agents.iter().position(|cast| cast.name == name);
+        let who = story
+            .stage
+            .agents
+            .iter()
+            .position(|agent| agent.name == name);
         // A touching agent that is not in the cast has no centre.
         who.map_or(touch.point_m, |who| frame.placements[who].centre_m)
     };

@@ -221,7 +221,7 @@ fn owner_of(story: &ViewedEpisode<'_>, signal: &str) -> Option<usize> {
         .stage
         .agents
         .iter()
-        .position(|cast| cast.name == name)?;
+        .position(|agent| agent.name == name)?;
     // A name of two agents, such as `ego.ado.gap`, belongs to neither.
     (!field.contains('.')).then_some(owner)
 }

@@ -172,8 +172,8 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String], example: &Ex
             defs {
                 clipPath id="half" { rect width=(n(width_px, 1)) height=(HEIGHT_PX) rx="8" {} }
                 g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.stage)) } @else { (road(&picture.stage, &example.frames)) } }
-                @for (who, cast) in picture.stage.agents.iter().enumerate() {
-                    g id=(picture.body(who)) class=(picture.classes[who]) { (body(cast)) }
+                @for (who, agent) in picture.stage.agents.iter().enumerate() {
+                    g id=(picture.body(who)) class=(picture.classes[who]) { (body(agent)) }
                 }
             }
             rect class="card" width=(WIDTH_PX) height=(height_px) rx="8" {}

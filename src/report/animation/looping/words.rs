@@ -67,8 +67,8 @@ fn nearest_s(picture: &Picture<'_>, film: &EpisodeFrames, from_s: f64) -> f64 {
     let (ego, _) = picture.ego();
     // The encounter of the recorded film, so that both halves refer to one
     // agent.
-    let met = picture.film.met;
-    let apart_m = |i: usize| met.map_or(0.0, |met| film.apart_m(ego, met, i));
+    let opponent = picture.film.opponent;
+    let apart_m = |i: usize| opponent.map_or(0.0, |opponent| film.apart_m(ego, opponent, i));
     let later = film.at(from_s)..film.times_s.len();
     let nearest = later.min_by(|a, b| apart_m(*a).total_cmp(&apart_m(*b)));
     nearest.map_or(from_s, |i| film.times_s[i])
