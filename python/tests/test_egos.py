@@ -156,7 +156,7 @@ def test_what_cannot_drive_is_refused(ego):
 
 
 def test_nobody_drives_on_a_grid():
-    with pytest.raises(InputError, match="nobody drives"):
+    with pytest.raises(InputError, match="no vehicle drives"):
         Env("grid", ego=two_seconds)
 
 

@@ -139,7 +139,7 @@ impl CampaignError {
             }
             CampaignError::Interrupted => "run the same command again",
             CampaignError::Strangers { .. } => {
-                "take these files away: nobody can tell which of two pieces is meant"
+                "take these files away: two pieces have the same name"
             }
             CampaignError::Unmergeable { some_are_wrong, .. } if *some_are_wrong => {
                 "remove those that are damaged or foreign and run them again: \

@@ -18,7 +18,7 @@ const EXPLAINED: &str = "
 fails %  share of the starts from which the ego fails, every rule kept; 95 %: its interval
 recall   of the starts that search solves, the share solved here too; –: no search met this ego
 fouls    starts on which the ado broke a rule first; contact: starts that end in one
-prev.    failures that CC_LATCHED or FSM would have avoided; –: nobody judged them
+prev.    failures that CC_LATCHED or FSM would have avoided; –: they were not judged
 closing  median closing speed of the failures that end in contact, m/s";
 
 #[derive(Args, Debug)]

@@ -189,7 +189,7 @@ fn check(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
 fn can_learn(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
     if 0 < args.runs && nominal.drive().is_none() {
         return Err(Failure::input(
-            "`--runs` learns how an ego drives, and in this world nobody does",
+            "`--runs` learns how an ego drives, and in this world no vehicle drives",
             "leave it out: the ado of a grid plays as it was trained",
         ));
     }

@@ -31,10 +31,10 @@ pub(super) struct NewArgs {
     /// lane that leads off the road, and say how many.
     #[arg(long, requires = "from")]
     skip_broken: bool,
-    /// Somebody in the file who is an ado and may stray from its plan.
+    /// Agent of the file that is an ado and may stray from its plan.
     #[arg(long, value_name = "NAME", requires = "from")]
     ado: Option<String>,
-    /// Print one JSON object on stdout instead of talking.
+    /// Print one JSON object on stdout instead of messages.
     #[arg(long)]
     pub(super) json: bool,
 }

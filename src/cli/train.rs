@@ -33,7 +33,7 @@ pub(super) struct TrainArgs {
     #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL")]
     goals: Vec<TrainingGoal>,
     /// What to train against: the world's ego, or its family under `train_against`.
-    #[arg(long, value_parser = one_of::<TrainingEgos>(), default_value = "nominal", value_name = "WHOM")]
+    #[arg(long, value_parser = one_of::<TrainingEgos>(), default_value = "nominal", value_name = "EGOS")]
     against: TrainingEgos,
     /// A structure of the family that is not met, to ask later how the ado fares on
     /// it.

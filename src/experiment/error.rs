@@ -19,7 +19,7 @@ pub enum EgoError {
         known: Vec<String>,
     },
     /// Controller in a world without driving.
-    #[error("nobody drives in `{world}`: `{ego}` cannot be its ego")]
+    #[error("no vehicle drives in `{world}`: `{ego}` cannot be its ego")]
     NotDriven {
         /// Name of the world.
         world: String,

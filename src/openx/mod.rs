@@ -75,7 +75,7 @@ pub enum OpenXError {
         world: String,
     },
     /// The passage has a single instant, and a trajectory takes two.
-    #[error("it begins in contact, so nobody moves in it")]
+    #[error("it begins in contact, so nothing moves in it")]
     NobodyMoves,
     /// The XML writer failed, which is not expected in memory.
     #[error("writing XML failed: {0}")]

@@ -181,13 +181,13 @@ impl NotApplicable {
     pub fn words(self) -> &'static str {
         match self {
             NotApplicable::NotDriven => "nothing drives in this world",
-            NotApplicable::NoContact => "nobody was hit",
+            NotApplicable::NoContact => "there was no contact",
             NotApplicable::WithoutEgo => "two others hit each other",
-            NotApplicable::OnFoot => "somebody on foot was hit",
+            NotApplicable::OnFoot => "a pedestrian was hit",
             NotApplicable::Crossing => "the other came across",
             NotApplicable::Oncoming => "the other was oncoming",
             NotApplicable::FromBehind => "the other came from behind",
-            NotApplicable::NobodyAhead => "nobody was ahead to be answered",
+            NotApplicable::NobodyAhead => "no road user was ahead",
         }
     }
 }

@@ -122,7 +122,7 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
     judged.truncate(example.episode.judged);
     let explanation = scenario.rulebook().spec.explain(&judged);
     let Some(leaf) = explanation.leaf() else {
-        return "Nobody was hit, but the ego broke what is asked of it".to_owned();
+        return "No contact, but the ego broke what is asked of it".to_owned();
     };
     let stage = scenario.bench().stage();
     // Names of agents and lights are parts of dotted signal names.
@@ -132,7 +132,7 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
         let near = others.find(|agent| part_of(signal, &agent.name));
         if let Some(near) = near.filter(|_| signal.ends_with(".gap")) {
             return format!(
-                "Nobody was hit, but the ego came within {value:.2} m of {}",
+                "No contact, but the ego came within {value:.2} m of {}",
                 near.name
             );
         }
@@ -147,8 +147,8 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
             // A world with a single light usually calls it `light`, so its name
             // is omitted.
             return match stage.lights[light].name.as_str() {
-                "light" => "Nobody was hit, but the ego ran the red light".to_owned(),
-                name => format!("Nobody was hit, but the ego ran the red light {name}"),
+                "light" => "No contact, but the ego ran the red light".to_owned(),
+                name => format!("No contact, but the ego ran the red light {name}"),
             };
         }
     }
@@ -157,7 +157,7 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
         .map(|(name, value)| format!("{name} = {value:.2}"))
         .collect();
     let (formula, values) = (&leaf.formula, values.join(", "));
-    format!("Nobody was hit, but the ego broke {formula} ({values})")
+    format!("No contact, but the ego broke {formula} ({values})")
 }
 
 /// Contact in words, by its kind and the sides that touched.

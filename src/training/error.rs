@@ -16,7 +16,7 @@ use crate::world::{ChangeError, TrainingEgos, guessed};
 #[non_exhaustive]
 pub enum SessionError {
     /// World without an ado.
-    #[error("nobody in `{world}` is an ado, so there is nothing to train")]
+    #[error("no agent of `{world}` is an ado, so there is nothing to train")]
     NoAdo {
         /// Name of the world.
         world: String,

@@ -386,7 +386,7 @@ impl ActsAs {
     pub(super) fn words(self) -> &'static str {
         match self {
             ActsAs::Vehicle => "a vehicle",
-            ActsAs::Walker => "somebody on foot",
+            ActsAs::Walker => "a pedestrian",
             ActsAs::Light => "a traffic light",
         }
     }

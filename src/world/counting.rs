@@ -31,8 +31,8 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
     if let Counts::Preventable { by, .. } = &file.counts
         && by.is_empty()
     {
-        let what = "nobody is named who would have avoided it".to_owned();
-        let help = Some("name drivers, any of whom is enough: by: [RSS]".to_owned());
+        let what = "no driver is named who would have avoided it".to_owned();
+        let help = Some("name drivers, of whom any is enough: by: [RSS]".to_owned());
         problems.add(&place.to("by"), what, "empty", help);
     }
     if file.judge != JudgeKind::UntilContact {
@@ -76,7 +76,7 @@ pub(super) fn against_goals(
             "leave out the goals",
         ),
         Some(0) if 0 < severe => refused(
-            "the goal `Severe` requires somebody who can touch the ego",
+            "the goal `Severe` requires an agent that can touch the ego",
             "add a vehicle, a pedestrian or an obstacle; or leave out `Severe`",
         ),
         _ if 1 < severe || 1 < distinct => {

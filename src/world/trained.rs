@@ -223,7 +223,7 @@ fn explained(drive: &ValuePath, error: &TrainedError) -> (ValuePath, &'static st
             let help = format!("give `clock` a sample that divides {decision_s} s");
             (drive.to("run"), "other decision times", Some(help))
         }
-        TrainedError::Nobody { name, .. } => {
+        TrainedError::UnknownAgent { name, .. } => {
             let help = format!("say who plays that part: `names: {{\"{name}\": \"…\"}}`");
             (drive.clone(), "lacks a part", Some(help))
         }

@@ -248,7 +248,7 @@ fn goals_that_cannot_be_reached_are_refused_by_name() {
     };
     let refused = towards("Severe").expect_err("nobody to touch").to_string();
     assert!(
-        refused.contains("requires somebody who can touch the ego"),
+        refused.contains("requires an agent that can touch the ego"),
         "{refused}"
     );
     towards("Distinct").unwrap_or_else(|error| panic!("{error}"));

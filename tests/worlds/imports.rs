@@ -455,7 +455,7 @@ fn refused_of_storyboards() -> Vec<Refusal> {
         ),
         (
             vec![edit(SLOWER, MEETING), edit(FIRST, time(0.0, "none", 0.0))],
-            "a meeting of somebody who moves",
+            "a meeting with an agent that moves",
             "Synchronize",
         ),
         (

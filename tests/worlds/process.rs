@@ -100,7 +100,7 @@ fn a_program_is_not_started_before_somebody_consents() {
     assert_eq!(episode.verdict, Verdict::Invalid);
     let fault = episode.fault.expect("a fault");
     assert_eq!(fault.kind, FaultKind::CannotStart);
-    assert!(fault.message.contains("nobody allowed"), "{fault}");
+    assert!(fault.message.contains("not allowed"), "{fault}");
 }
 
 #[test]

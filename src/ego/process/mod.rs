@@ -179,7 +179,7 @@ impl Process {
             return Err(Fault::new(
                 FaultKind::CannotStart,
                 format!(
-                    "`{}` was not started: nobody allowed programs",
+                    "`{}` was not started: programs were not allowed",
                     self.command.join(" ")
                 ),
             ));

@@ -212,7 +212,7 @@ impl Reader<'_> {
             let known = known.ok_or_else(|| {
                 context
                     .event
-                    .error(format!("there is nobody called `{actor}`"))
+                    .error(format!("no agent is called `{actor}`"))
             })?;
             self.step(known, context, &moved)?;
         }
@@ -251,7 +251,7 @@ impl Reader<'_> {
             StartTrigger::Never => {}
             _ => {
                 let help = "delete it at the start, or leave it out of the file";
-                return Err(it.refused("somebody who vanishes on the way is not read", help));
+                return Err(it.refused("an agent that vanishes on the way is not read", help));
             }
         }
         Ok(())
@@ -368,7 +368,7 @@ impl Reader<'_> {
                 // starts from rest.
                 if script.speeds.now_mps != Some(0.0) {
                     let help = "let it stand in Init: the meeting brings it up to its speed";
-                    return Err(it.refused("a meeting of somebody who moves is not read", help));
+                    return Err(it.refused("a meeting with an agent that moves already is not read", help));
                 }
                 script.approach = Some(approached(it, scope, ground)?);
             }
@@ -379,7 +379,7 @@ impl Reader<'_> {
                 let off = way.way.begins.sees(&script.placed.spot);
                 if SAME_M < libm::hypot(off.x_m, off.y_m) {
                     let what = format!(
-                        "a way that begins {:.3} m from where somebody stands",
+                        "a way that begins {:.3} m from the place of an agent",
                         libm::hypot(off.x_m, off.y_m)
                     );
                     let help = "begin the trajectory where the entity is placed";

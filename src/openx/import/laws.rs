@@ -51,7 +51,7 @@ pub(super) fn speed(
     let relative_to = match target.name.as_str() {
         "AbsoluteTargetSpeed" if to_mps < 0.0 => {
             let what = format!("a speed of {to_mps} m/s");
-            return Err(target.refused(what, "nobody reverses: a speed is at least 0"));
+            return Err(target.refused(what, "reversing is not read: a speed is at least 0"));
         }
         "AbsoluteTargetSpeed" => None,
         "RelativeTargetSpeed" => {

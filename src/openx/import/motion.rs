@@ -42,7 +42,7 @@ pub(super) fn is_still(action: &XmlNode, is_for_ego: bool) -> Result<bool, Impor
     let name = action.name.as_str();
     let controls = matches!(name, "ControllerAction" | "ActivateControllerAction");
     if controls && !is_for_ego && hands_over(action) {
-        let what = "somebody whom a controller moves is not read";
+        let what = "an agent that a controller moves is not read";
         let help = "only the ego may have a controller: state the others' motion by actions";
         return Err(action.refused(what, help));
     }
@@ -161,7 +161,7 @@ pub(super) fn first_speed_mps(
     if 0.0 <= speed_mps {
         Ok(speed_mps)
     } else {
-        Err(private.error(format!("it starts at {speed_mps} m/s: nobody reverses")))
+        Err(private.error(format!("it starts at {speed_mps} m/s: reversing is not read")))
     }
 }
 

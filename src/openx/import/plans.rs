@@ -80,7 +80,7 @@ fn step_of(
         // A world has one trigger parameter, which all its points share.
         if trigger.is_some() {
             let help = "let one event only wait for a distance";
-            let what = "several steps that wait for somebody are not read";
+            let what = "several steps that wait for another agent are not read";
             return Err(watch.at.error(what).helped(help));
         }
         *trigger = Some((parameter.clone(), watch.value));
@@ -175,7 +175,7 @@ fn formula(
 ) -> Result<String, ImportError> {
     let find = |name: &str| {
         let found = all.iter().find(|it| it.entity.name == name);
-        let what = format!("there is nobody called `{name}`");
+        let what = format!("no agent is called `{name}`");
         found.ok_or_else(|| watch.at.error(what))
     };
     let target = find(&watch.target)?;

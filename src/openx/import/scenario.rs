@@ -169,7 +169,7 @@ impl Protocol {
         for begun in &privates {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
-            let object = object.ok_or_else(|| begun.error("there is nobody of this name"))?;
+            let object = object.ok_or_else(|| begun.error("no agent has this name"))?;
             if placed.contains_key(name) {
                 return Err(begun.error("it is placed twice"));
             }
@@ -215,7 +215,7 @@ impl Protocol {
             .iter()
             .find(|it| it.raw("entityRef") == Some("Ego"));
         let (Some(ego), Some(asks)) = (ego, asks) else {
-            return Err(self.root.error("nobody is called `Ego`"));
+            return Err(self.root.error("no agent is called `Ego`"));
         };
         // The road of the ego decides: one world has one friction and one speed
         // limit.

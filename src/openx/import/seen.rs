@@ -105,7 +105,7 @@ pub(super) fn seen<'a>(
     let path = if entity.body.on_foot {
         if !shares_road {
             return Err(refused(
-                "nobody on foot is read beside a way that bends".to_owned(),
+                "a pedestrian beside a way that bends is not read".to_owned(),
             ));
         } else if near(FRAC_PI_2) {
             EntityPath::Left

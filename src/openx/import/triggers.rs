@@ -226,7 +226,7 @@ fn watch(
     let who = who.collect::<Result<Vec<_>, _>>()?;
     if who.is_empty() {
         return Err(entities.refused(
-            "nobody triggers it",
+            "it has no triggering entity",
             "name an entity: `<EntityRef entityRef=\"Ego\"/>`",
         ));
     }

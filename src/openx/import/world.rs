@@ -41,7 +41,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         .map(|entity| seen(concrete, entity));
     let mut all = all.collect::<Result<Vec<EntityInFrame>, ImportError>>()?;
     let ego = all.iter().position(|it| it.entity.is_ego);
-    let ego = ego.ok_or_else(|| concrete.at.error("nobody is called `Ego`"))?;
+    let ego = ego.ok_or_else(|| concrete.at.error("no agent is called `Ego`"))?;
     // A stated gap to the ego replaces the place in the file.
     let (ego_front_m, ego_mps) = (
         all[ego].spot.x_m + all[ego].entity.body.front_m,

@@ -30,8 +30,8 @@ pub enum TrainedError {
         sample_s: f64,
     },
     /// No agent takes a part that it observes.
-    #[error("it observes `{signal}`, but nobody here is `{name}`")]
-    Nobody {
+    #[error("it observes `{signal}`, but no agent here is `{name}`")]
+    UnknownAgent {
         /// Signal in the training world.
         signal: String,
         /// Name of the part.
@@ -46,7 +46,7 @@ pub enum TrainedError {
         known: Vec<String>,
     },
     /// A part is mapped to an unknown agent.
-    #[error("nobody here is called `{name}`")]
+    #[error("no agent here is called `{name}`")]
     Unknown {
         /// The part.
         part: String,
@@ -202,7 +202,7 @@ impl TrainedAdo {
 }
 
 fn no_agent(signal: &str, name: &str) -> TrainedError {
-    TrainedError::Nobody {
+    TrainedError::UnknownAgent {
         signal: signal.to_owned(),
         name: name.to_owned(),
     }

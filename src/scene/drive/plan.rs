@@ -262,7 +262,7 @@ impl MeetEgo<f64> {
     pub fn approach(&self, (ego_m, ego_mps): (f64, f64), way_m: f64) -> Result<Approach, Unmet> {
         if self.speed_mps <= 0.0 {
             return Err((
-                format!("somebody who meets the ego at {} m/s", self.speed_mps),
+                format!("an agent that meets the ego at {} m/s", self.speed_mps),
                 "`speed_mps` must be above 0",
             ));
         }

@@ -10,7 +10,7 @@ use crate::sim::walker::length;
 pub(super) enum Passing {
     /// Bodies that pass through it as well.
     Others,
-    Nobody,
+    Nothing,
 }
 
 /// Pose of the fixed point after the next `advance`.

@@ -129,7 +129,7 @@ impl Plant for Kinematic {
         let mover = &mut self.movers[id.0];
         match command {
             BodyCommand::Glide { to } => mover.glide(&to, Passing::Others),
-            BodyCommand::Carry { to } => mover.glide(&to, Passing::Nobody),
+            BodyCommand::Carry { to } => mover.glide(&to, Passing::Nothing),
             command => self.faulty |= !mover.engine.command(command),
         }
     }

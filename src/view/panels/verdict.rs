@@ -144,8 +144,8 @@ fn sentence(story: &ViewedEpisode<'_>) -> String {
             )
         }
         Verdict::Invalid => match &story.episode.fault {
-            Some(fault) => format!("**Nobody's success:** {fault}."),
-            None => "**Nobody's success:** the run could not be judged.".to_owned(),
+            Some(fault) => format!("**No success:** {fault}."),
+            None => "**No success:** the run could not be judged.".to_owned(),
         },
     }
 }

@@ -57,7 +57,7 @@ pub(super) fn outcome_of(
     let nearest_s = nearest_s(picture, film, picture.film.end_s());
     let words = match filmed.outcome.margin {
         Some(gap_m) => format!("No contact: misses by {gap_m:.1} m"),
-        None => "No contact: nobody was in its way".to_owned(),
+        None => "No contact: no road user was in its way".to_owned(),
     };
     ((nearest_s + after_s).min(film.end_s()), words, true)
 }
@@ -126,7 +126,7 @@ fn other(who: &str, filmed: &FilmedDriver, picture: &Picture<'_>) -> String {
     let then = match (&filmed.contact, filmed.outcome.margin) {
         (Some(touch), _) => format!("hits at {:.1} m/s", touch.closing_speed_mps),
         (None, Some(gap_m)) => format!("misses by {gap_m:.1} m"),
-        (None, None) => "meets nobody".to_owned(),
+        (None, None) => "meets no road user".to_owned(),
     };
     let reacted = reacted.unwrap_or_default();
     format!(
