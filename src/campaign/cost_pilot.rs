@@ -16,7 +16,7 @@ use crate::world::Scenario;
 use crate::world::file_text;
 
 /// Default duration of a piece, s.
-pub const PIECE_S: f64 = 10.0;
+pub(crate) const PIECE_S: f64 = 10.0;
 /// Largest number of starts that a pilot plays per kind of unit, and its duration, s.
 const PILOT_STARTS: usize = 32;
 const PILOT_S: f64 = 1.0;

@@ -28,14 +28,14 @@ mod summary;
 mod training;
 mod workflow_files;
 
-pub use cost_pilot::{Cut, PIECE_S, PlanCost};
+pub(crate) use cost_pilot::PIECE_S;
+pub use cost_pilot::{Cut, PlanCost};
 pub use dir::{PieceDone, PlanDir, Ran};
 pub use error::CampaignError;
 pub use file::StartsAsked;
 pub use merge::Merged;
-pub use page::COLUMNS;
+pub(crate) use page::COLUMNS;
 pub use plan::{
     CampaignPiece, Plan, PlannedAdo, PlannedRun, PlannedTraining, PlannedWorld, Unit, Work,
 };
-pub use row::StartRow;
 pub use summary::{CampaignSummary, CellMap, GateVerdict, SummaryRow};

@@ -13,7 +13,7 @@ use crate::run_dir::write_file;
 use crate::stats::StartOutcome;
 
 /// Headings of the columns of [`SummaryRow::cells`].
-pub const COLUMNS: [&str; 10] = [
+pub(crate) const COLUMNS: [&str; 10] = [
     "ego", "ado", "starts", "fails %", "95 %", "recall", "fouls", "contact", "prev.", "closing",
 ];
 

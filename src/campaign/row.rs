@@ -10,7 +10,7 @@ use crate::stats::StartOutcome;
 /// It holds nothing of the machine, of times, or of the cut of the campaign.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StartRow {
+pub(crate) struct StartRow {
     /// Name of the world.
     pub world: String,
     /// Name of the plant.

@@ -12,18 +12,18 @@ mod reruns;
 mod root_cause;
 mod save_crashes;
 
-pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
+pub(crate) use export::write_openx;
+pub use export::{ExportRefusal, Exports, NotExported, export, openx};
 pub use find::FindError;
-pub use highlights::{Highlight, highlights};
+pub(crate) use highlights::highlights;
 pub use minimize::{CLOSING, effort, shrink};
-pub use perturbation_robustness::{FRICTION, START, persistence};
+pub use perturbation_robustness::persistence;
 pub use picture::{Inapplicable, UnknownViewKind, ViewKind, picture};
 pub use regressions::{RegressionError, Regressions};
 pub use replay::{Difference, Replayed, SavedCounterexample, replay};
-pub use reruns::KEEP_RUNS;
+pub(crate) use reruns::KEEP_RUNS;
 pub(crate) use reruns::copies;
 pub use root_cause::{SubstituteDriver, decisive, last_chance, why};
 pub use save_crashes::{
-    Again, CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, description,
-    file_stem,
+    CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, description, file_stem,
 };

@@ -18,9 +18,9 @@ use crate::testbench::{Aftermath, Episode, Replay};
 use crate::world::{Change, Scenario};
 
 /// Perturbation of a length or a speed of the start, in m and m/s.
-pub const START: f64 = 0.1;
+pub(crate) const START: f64 = 0.1;
 /// Factors on the road's friction.
-pub const FRICTION: [f64; 2] = [0.9, 1.1];
+pub(crate) const FRICTION: [f64; 2] = [0.9, 1.1];
 /// Bounds of a road's friction.
 const FRICTIONS: (f64, f64) = (0.01, 2.0);
 

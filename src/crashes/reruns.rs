@@ -18,7 +18,7 @@ use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Replay, play};
 use crate::world::{Repeats, Scenario};
 
 /// Default of the runs of a program for a counterexample.
-pub const KEEP_RUNS: u64 = 300;
+pub(crate) const KEEP_RUNS: u64 = 300;
 
 /// Runs that are compared with the counterexample before any question.
 const COMPARED: usize = 2;

@@ -154,7 +154,7 @@ struct Labelled {
 }
 
 /// Function that plays the counterexample of a start again.
-pub type Again<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
+pub(crate) type Again<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
 
 /// Returns the labels of an episode, without its group and its minimization.
 pub fn description(scenario: &Scenario, episode: &Episode) -> About {

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 ///
 /// Tyres on dry asphalt give about 10 m/s². Twice that value indicates a
 /// mistake, such as a wrong unit or a controller that diverged.
-pub const PLAUSIBLE_ACCEL_MPS2: f64 = 20.0;
+pub(crate) const PLAUSIBLE_ACCEL_MPS2: f64 = 20.0;
 /// Largest plausible speed across the road, of either sign.
-pub const PLAUSIBLE_LATERAL_MPS: f64 = 20.0;
+pub(crate) const PLAUSIBLE_LATERAL_MPS: f64 = 20.0;
 
 /// Kind of a fault, with the word that tables, JSON and JUnit use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

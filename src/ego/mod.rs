@@ -60,9 +60,11 @@ mod traffic_light_acc;
 use serde::{Deserialize, Serialize};
 
 pub use actuator::{Actuated, Actuator};
-pub use fault::{Fault, FaultKind, PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
+pub use fault::{Fault, FaultKind};
+pub(crate) use fault::{PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
-pub use process::{DOCUMENT, Exercise, Finding, Hello, PROTOCOL, ProcessController, exercise};
+pub(crate) use process::DOCUMENT;
+pub use process::{Exercise, Finding, Hello, PROTOCOL, ProcessController, exercise};
 pub use recorded::RecordedCommands;
 pub use room::LaneOccupancy;
 pub use stock::*;

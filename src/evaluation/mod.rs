@@ -25,6 +25,7 @@ pub use points::{
 pub use regression_gate::{Flipped, Gate, GateOn};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use run_report::{GivenRows, ReportRequest};
-pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
+pub(crate) use search_table::counterexamples_for;
+pub use search_table::{SearchCampaign, SearchTable};
 pub use sweep::{Sweep, SweepError, SweepPoint, Swept};
 pub use table::{EvaluationTable, TheoremsChecked};

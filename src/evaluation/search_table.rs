@@ -181,7 +181,10 @@ impl Trained<'_> {
 ///
 /// # Errors
 /// It stored none, or they do not fit the egos' worlds.
-pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored, EvaluationError> {
+pub(crate) fn counterexamples_for(
+    run: &RunDir,
+    egos: &[EgoUnderTest],
+) -> Result<Stored, EvaluationError> {
     let (stored, source) = (run.counterexamples()?, run.scenario()?);
     let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
     let mut unlike = egos.iter().map(|ego| (ego.name(), ego.scenario()));

@@ -27,7 +27,7 @@ use crate::trace::Trace;
 use crate::world::Scenario;
 
 /// Times at which a trace is read.
-pub const POINTS: usize = 32;
+pub(crate) const POINTS: usize = 32;
 /// Distance up to which two traces are near, in half ranges of the signals.
 pub const NEAR: f64 = 0.15;
 

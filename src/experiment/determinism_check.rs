@@ -11,7 +11,7 @@ use crate::world::Scenario;
 /// The first start that is not trivial is played twice with coasting ados and the same
 /// seed. `None`: the episodes are equal, the ego is a stock controller, which is always
 /// deterministic, or there was no start to compare.
-pub fn first_divergence(
+pub(crate) fn first_divergence(
     scenario: &Scenario,
     starts: &TestStarts,
     watch: &Watch<'_>,
@@ -35,7 +35,7 @@ pub fn first_divergence(
 }
 
 /// Reports an ego that is not deterministic, with the fix.
-pub fn note_if_unrepeatable(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) {
+pub(crate) fn note_if_unrepeatable(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) {
     if 1 < ego.scenario().repeats.runs || watch.stopped() {
         return;
     }

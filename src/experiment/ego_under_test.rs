@@ -249,7 +249,7 @@ pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), EgoError> 
 ///
 /// # Errors
 /// A program is not allowed. No program was started.
-pub fn consent_to(egos: &[EgoUnderTest]) -> Result<(), EgoError> {
+pub(crate) fn consent_to(egos: &[EgoUnderTest]) -> Result<(), EgoError> {
     let mut programs = egos
         .iter()
         .filter_map(|ego| Some((ego.name(), ego.scenario().program()?)));

@@ -64,7 +64,11 @@ fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, 
 }
 
 /// Returns some of the test starts of a stream, with the seeds of their noise.
-pub fn drawn_starts(scenario: &Scenario, seed: u64, which: Range<usize>) -> Vec<(Start, u64)> {
+pub(crate) fn drawn_starts(
+    scenario: &Scenario,
+    seed: u64,
+    which: Range<usize>,
+) -> Vec<(Start, u64)> {
     let bench = scenario.bench();
     let draw = |index| {
         let key = test_key(seed, index);
@@ -74,7 +78,7 @@ pub fn drawn_starts(scenario: &Scenario, seed: u64, which: Range<usize>) -> Vec<
 }
 
 /// Returns the noise of the `index`th test start.
-pub fn test_noise(bench: &Testbench, seed: u64, index: usize) -> u64 {
+pub(crate) fn test_noise(bench: &Testbench, seed: u64, index: usize) -> u64 {
     bench.noise_of(test_key(seed, index))
 }
 

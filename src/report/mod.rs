@@ -30,11 +30,13 @@ use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount};
 use crate::world::Scenario;
 
-pub use animation::{Beside, looping_picture};
-pub use campaign::CampaignPage;
-pub use figures::{Behaviour, Distances, SweptShare, figure_2, figure_3, figure_5, sweep_curve};
+pub use animation::Beside;
+pub(crate) use animation::looping_picture;
+pub(crate) use campaign::CampaignPage;
+pub(crate) use figures::sweep_curve;
+pub use figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
 pub use points::{PointCase, PointsPage};
-pub use start_map::{CellState, MapCell, StartMap};
+pub(crate) use start_map::{CellState, MapCell, StartMap};
 pub use table::{TextTable, WIDTH, terminal_table};
 pub(crate) use verdict::outcome_in_words;
 

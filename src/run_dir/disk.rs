@@ -80,7 +80,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 
 /// File that is written step by step and appears completely or not at all.
 #[derive(Debug)]
-pub struct WholeFile {
+pub(crate) struct WholeFile {
     path: PathBuf,
     beside: PathBuf,
     file: Option<io::BufWriter<File>>,
@@ -93,7 +93,7 @@ impl WholeFile {
     /// # Errors
     ///
     /// Returns an error if the disk refuses.
-    pub fn begin(path: &Path) -> Result<WholeFile, RunError> {
+    pub(crate) fn begin(path: &Path) -> Result<WholeFile, RunError> {
         let dir = parent(path);
         sweep(dir);
         let (file, beside) = unfinished(dir).map_err(io_error("writing", path))?;
@@ -110,7 +110,7 @@ impl WholeFile {
     /// # Errors
     ///
     /// Returns an error if the disk refuses.
-    pub fn write(&mut self, bytes: &[u8]) -> Result<(), RunError> {
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), RunError> {
         let failed = io_error("writing", &self.path);
         step(&self.path).map_err(&failed)?;
         self.hash.update(bytes);
@@ -126,7 +126,7 @@ impl WholeFile {
     ///
     /// Returns an error if the disk refuses. An older file of that name stays
     /// untouched.
-    pub fn finish(mut self) -> Result<String, RunError> {
+    pub(crate) fn finish(mut self) -> Result<String, RunError> {
         let failed = io_error("writing", &self.path);
         if let Some(file) = self.file.take() {
             let file = file

@@ -50,7 +50,8 @@ pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
 pub use counterexample::{Counterexample, KeptError, csv_of, digests_of};
 pub use differences::{RequestedTraining, RunDifference};
-pub use disk::{WholeFile, file_name, make_dir, write_file};
+pub(crate) use disk::WholeFile;
+pub use disk::{file_name, make_dir, write_file};
 pub use error::RunError;
 pub use manifest::{ChangedEgo, Done, Grown, Manifest, Sought, Window};
 pub use progress::Progress;
@@ -60,7 +61,7 @@ pub use row::{
 };
 pub use run_lookup::RunsOnDisk;
 pub use samples::{SamplesError, trace_of_csv};
-pub use training_counterexamples::{MAX_STORED, Stored, StoredCount};
+pub use training_counterexamples::{Stored, StoredCount};
 
 use crate::content_hash::sha256;
 use crate::rl::{BundleError, TensorFile};

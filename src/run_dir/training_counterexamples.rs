@@ -17,7 +17,7 @@ pub(super) const FILE: &str = "counterexamples.jsonl";
 ///
 /// A line has 100 to 250 bytes, so the file stays below 15 MB. Later
 /// counterexamples are counted in the manifest.
-pub const MAX_STORED: u64 = 50_000;
+pub(crate) const MAX_STORED: u64 = 50_000;
 
 /// Number of counterexamples of a training, in the manifest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -19,7 +19,7 @@ use crate::world::{EgoSample, Family, SampleError, Scenario, TrainingEgos, file_
 pub const RECORDED_RUNS: u64 = 10;
 
 /// Smallest number of runs of an ego that a fit requires.
-pub const LEAST_RUNS: u64 = 10;
+pub(crate) const LEAST_RUNS: u64 = 10;
 
 /// Source of the parameters that a conditional ado receives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

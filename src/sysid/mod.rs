@@ -3,9 +3,10 @@
 mod ego_conditioning;
 mod identify;
 
+pub(crate) use ego_conditioning::LEAST_RUNS;
 pub use ego_conditioning::{
-    ConditionedAdo, ConditioningError, ContextSource, FoundParameter, IdentifiedAs, LEAST_RUNS,
-    RECORDED_RUNS, conditioned,
+    ConditionedAdo, ConditioningError, ContextSource, FoundParameter, IdentifiedAs, RECORDED_RUNS,
+    conditioned,
 };
 pub(crate) use ego_conditioning::{DIR, place_of};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, describes, identify};

@@ -43,7 +43,9 @@ impl std::fmt::Display for FaultCount {
 }
 
 /// Counts faults by kind, in the order of their first starts.
-pub fn count_faults<'a>(faults: impl IntoIterator<Item = (u64, &'a Fault)>) -> Vec<FaultCount> {
+pub(crate) fn count_faults<'a>(
+    faults: impl IntoIterator<Item = (u64, &'a Fault)>,
+) -> Vec<FaultCount> {
     let mut counts: Vec<FaultCount> = Vec::new();
     for (start, fault) in faults {
         let Some(known) = counts.iter_mut().find(|known| known.kind == fault.kind) else {

@@ -15,9 +15,11 @@ use std::sync::Arc;
 use rand::Rng;
 
 pub use actors::{Actor, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay};
-pub use faults::{Complaint, FaultCount, FaultLog, count_faults};
+pub(crate) use faults::count_faults;
+pub use faults::{Complaint, FaultCount, FaultLog};
 pub use gym::{Gym, Spent, Success};
-pub use recording::{motion_of, passage_of};
+pub use recording::motion_of;
+pub(crate) use recording::passage_of;
 
 use crate::ego::{Command, Fault, FaultKind};
 use crate::preventability::Replayer;

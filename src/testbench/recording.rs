@@ -79,7 +79,7 @@ pub fn motion_of(bench: &mut Testbench, episode: &Episode) -> Option<Motion> {
 }
 
 /// Plays a recorded episode again and returns motion and traffic lights.
-pub fn passage_of(bench: &mut Testbench, episode: &Episode) -> Option<Passage> {
+pub(crate) fn passage_of(bench: &mut Testbench, episode: &Episode) -> Option<Passage> {
     bench.record_motion();
     let frames = film(bench, episode);
     let phases = frames.into_iter().map(|frame| frame.phases);

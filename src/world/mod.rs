@@ -54,7 +54,7 @@ pub(crate) use error::guessed;
 pub use error::{LoadError, Problem, ScenarioError};
 pub use family::{EgoSample, Family, NoMember, SampleError, TrainingEgos};
 pub use file::{Change, GridChange};
-pub use locate::ValuePath;
+pub(crate) use locate::ValuePath;
 pub(crate) use named_file::{file_bytes, file_text};
 pub(crate) use ordered::Ordered;
 pub use ordered::Patch;

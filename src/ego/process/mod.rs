@@ -25,7 +25,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 pub use exercise::{Exercise, Finding, exercise};
-pub use protocol::{DOCUMENT, Hello, PROTOCOL};
+pub(crate) use protocol::DOCUMENT;
+pub use protocol::{Hello, PROTOCOL};
 
 use super::actuator::written_as;
 use super::{

@@ -10,7 +10,7 @@ use super::super::{Briefing, Percept};
 /// Version of the protocol.
 pub const PROTOCOL: u32 = 1;
 /// Document that defines the protocol.
-pub const DOCUMENT: &str = "docs/reference/ego-protocol.md";
+pub(crate) const DOCUMENT: &str = "docs/reference/ego-protocol.md";
 
 /// Message of brakecheck without an episode.
 #[derive(Serialize)]

@@ -209,11 +209,8 @@ impl Reader<'_> {
                 return Err(moved[0].refused(what, help));
             }
             let known = self.scripts.iter().position(|it| it.name == *actor);
-            let known = known.ok_or_else(|| {
-                context
-                    .event
-                    .error(format!("no agent is called `{actor}`"))
-            })?;
+            let known = known
+                .ok_or_else(|| context.event.error(format!("no agent is called `{actor}`")))?;
             self.step(known, context, &moved)?;
         }
         Ok(())

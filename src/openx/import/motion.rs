@@ -161,7 +161,9 @@ pub(super) fn first_speed_mps(
     if 0.0 <= speed_mps {
         Ok(speed_mps)
     } else {
-        Err(private.error(format!("it starts at {speed_mps} m/s: reversing is not read")))
+        Err(private.error(format!(
+            "it starts at {speed_mps} m/s: reversing is not read"
+        )))
     }
 }
 

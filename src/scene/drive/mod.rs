@@ -47,13 +47,13 @@ pub use names::AgentNames;
 pub use plan::{MeetEgo, MotionLaw, MotionPlan, ScriptStep, SteadyPart};
 pub use range::Range;
 pub use road::Road;
-pub use road_placement::{Direction, PlacedRoad, PlacedRoads, Priority, RoadPlace};
+pub(crate) use road_placement::PlacedRoads;
+pub use road_placement::{Direction, PlacedRoad, Priority, RoadPlace};
 pub use script::Script;
 pub use sensors::Sensors;
-pub use signals::{SignalSource, TTC_CAP_S, schema_of};
-pub use spec::{
-    Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, PlanSpec, StartPlace,
-};
+pub use signals::SignalSource;
+pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoController, StartPlace};
+pub(crate) use spec::{EgoDrive, PlanSpec};
 pub use steering::LaneKeeping;
 pub use trained::{TrainedAdo, TrainingWorld};
 pub use variant::EgoVariant;

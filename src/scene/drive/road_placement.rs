@@ -7,7 +7,7 @@ use super::course::{Course, CourseError, Piece};
 use super::road::Road;
 
 /// Named roads, in file order.
-pub type PlacedRoads = IndexMap<String, PlacedRoad>;
+pub(crate) type PlacedRoads = IndexMap<String, PlacedRoad>;
 
 /// Origin of a road: the middle of its lane 0 at s = 0.
 ///

@@ -54,7 +54,7 @@ impl StartPlace {
 pub type ControllerFactory = Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>;
 
 /// Drive of the ego: its controller and the lag of its actuator.
-pub type EgoDrive = Actuated<EgoController>;
+pub(crate) type EgoDrive = Actuated<EgoController>;
 
 /// Controller of the ego.
 ///
@@ -127,7 +127,7 @@ impl std::fmt::Debug for EgoController {
 }
 
 /// A plan in a world file: numbers may be ranges, and steps have formulas.
-pub type PlanSpec = MotionPlan<Range, Formula>;
+pub(crate) type PlanSpec = MotionPlan<Range, Formula>;
 
 /// Driver of an agent.
 #[derive(Clone, Debug)]

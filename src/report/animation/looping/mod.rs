@@ -59,7 +59,7 @@ pub struct Beside {
 /// `ego` describes the system under test, and the note adds a remark on the
 /// run. Without `beside` the picture has one half. The example must have
 /// frames.
-pub fn looping_picture(
+pub(crate) fn looping_picture(
     scenario: &Scenario,
     example: &Example,
     (ego, note): (&str, Option<&str>),

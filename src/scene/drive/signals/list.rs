@@ -19,7 +19,7 @@ use crate::stl::Interval;
 use Of::{Agent, AgentAndLight, Clock, Light, Pair, Parameter, Scene};
 
 /// Upper bound on times to collision, returned when the gap is not closing.
-pub const TTC_CAP_S: f64 = 100.0;
+pub(crate) const TTC_CAP_S: f64 = 100.0;
 /// Distance to the crossing of paths that never cross.
 const NEVER_M: f64 = 1000.0;
 /// Vehicles do not reverse, but may roll back while they settle.

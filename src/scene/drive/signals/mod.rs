@@ -13,7 +13,6 @@ use super::state::SceneState;
 use crate::stl::Interval;
 use crate::trace::{Schema, SchemaError, Signal};
 use list::SIGNALS;
-pub use list::TTC_CAP_S;
 use quantity::QuantityReader;
 pub(super) use quantity::{Of, SignalQuantity};
 
@@ -166,7 +165,7 @@ fn declared_of(
 ///
 /// # Errors
 /// Two signals have the same name.
-pub fn schema_of(spec: &DriveSpec) -> Result<Schema, SchemaError> {
+pub(crate) fn schema_of(spec: &DriveSpec) -> Result<Schema, SchemaError> {
     let published = spec.published().into_iter().map(|offer| offer.signal);
     let derived = spec.derived.iter().map(|derived| derived.signal.clone());
     Schema::new(spec.clock.sample_s, published.chain(derived))
