@@ -36,7 +36,7 @@ impl Calibration {
     ///
     /// `None` if the search solved too few starts.
     pub fn recall(&self) -> Option<f64> {
-        (ENOUGH <= self.searched).then(|| self.both as f64 / self.searched as f64)
+        (self.searched >= ENOUGH).then(|| self.both as f64 / self.searched as f64)
     }
 
     /// Returns true if the ado solves nearly all of enough search-solved starts.
@@ -48,7 +48,7 @@ impl Calibration {
     /// Returns the warning of an ado that is not reliable. `None` if it is.
     pub fn warning(&self) -> Option<CalibrationWarning> {
         let search = format!(
-            "a search with at most {} {} of action",
+            "a short search with at most {} {} of action",
             self.switches,
             if self.switches == 1 {
                 "switch"
@@ -78,8 +78,8 @@ impl Calibration {
                          to say whether the ado has learned this world: it solves {}",
                         self.solved()
                     ),
-                    help: "compare the ado with a search on more starts: \
-                           `brakecheck eval RUN --starts 1000 --search 2`"
+                    help: "the search of a training has few simulations; compare the ado with a full \
+                           one: `brakecheck eval RUN --starts 1000 --search 2`"
                         .to_owned(),
                 });
             }
