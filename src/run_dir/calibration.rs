@@ -78,9 +78,10 @@ impl Calibration {
                          to say whether the ado has learned this world: it solves {}",
                         self.solved()
                     ),
-                    help: "the search of a training has few simulations; compare the ado with a full \
+                    help:
+                        "the search of a training has few simulations; compare the ado with a full \
                            one: `brakecheck eval RUN --starts 1000 --search 2`"
-                        .to_owned(),
+                            .to_owned(),
                 });
             }
             _ if LEARNED * searched <= 100 * both => return None,
