@@ -15,7 +15,7 @@ use crate::scene::Start;
 use crate::scene::drive::Sensors;
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, Replay};
-use crate::world::{Change, Scenario};
+use crate::world::{Change, DriveScenario, Scenario};
 
 /// Perturbation of a length or a speed of the start, in m and m/s.
 pub const START: f64 = 0.1;
@@ -42,13 +42,14 @@ pub fn persistence(scenario: &Scenario, episode: &Episode) -> Option<Persistence
 /// Returns the number of questions that the persistence of an episode needs.
 pub(super) fn variations(scenario: &Scenario, episode: &Episode) -> usize {
     let starts = starts(scenario, &episode.start).len();
-    worlds(scenario, episode).map_or(0, |worlds| worlds.len() + starts)
+    let worlds = scenario.drive().map(|world| worlds(world, episode).len());
+    worlds.map_or(0, |worlds| worlds + starts)
 }
 
 /// Computes the persistence within the runs of `reruns`.
 pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Option<Persistence> {
     let scenario = reruns.scenario();
-    let mut varied = worlds(scenario, episode)?;
+    let mut varied = worlds(scenario.drive()?, episode);
     varied.extend(starts(scenario, &episode.start));
     // All variations or none, because a share of some would not be comparable.
     reruns.ask(varied.len(), 0).ok()?;
@@ -71,8 +72,8 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
 type PerturbedStart = (String, Scenario, Start);
 
 /// Returns the perturbed worlds, each with the same start.
-fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>> {
-    let spec = scenario.drive()?;
+fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart> {
+    let spec = scenario.spec();
     let (plant, sample_s, friction) = (spec.plant, spec.clock.sample_s, spec.road.friction());
     let other = match plant {
         PlantKind::Rigid => PlantKind::Kinematic,
@@ -102,10 +103,8 @@ fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>>
     worlds.extend(later.map(|world| ("sensors one sample later".to_owned(), world)));
     let start = &episode.start;
     let all = worlds.into_iter();
-    Some(
-        all.map(|(name, world)| (name, world, start.clone()))
-            .collect(),
-    )
+    all.map(|(name, world)| (name, world, start.clone()))
+        .collect()
 }
 
 /// Returns the perturbed starts, each in the same world.
