@@ -41,16 +41,12 @@ pub fn persistence(scenario: &Scenario, episode: &Episode) -> Option<Persistence
 
 /// Returns the number of questions that the persistence of an episode needs.
 pub(super) fn variations(scenario: &Scenario, episode: &Episode) -> usize {
-    let starts = starts(scenario, &episode.start).len();
-    let worlds = scenario.drive().map(|world| worlds(world, episode).len());
-    worlds.map_or(0, |worlds| worlds + starts)
+    varied(scenario, episode).map_or(0, |varied| varied.len())
 }
 
 /// Computes the persistence within the runs of `reruns`.
 pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Option<Persistence> {
-    let scenario = reruns.scenario();
-    let mut varied = worlds(scenario.drive()?, episode);
-    varied.extend(starts(scenario, &episode.start));
+    let varied = varied(reruns.scenario(), episode)?;
     // All variations or none, because a share of some would not be comparable.
     reruns.ask(varied.len(), 0).ok()?;
     let variations = varied.into_par_iter().map(|(name, world, start)| {
@@ -70,6 +66,13 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
 }
 
 type PerturbedStart = (String, Scenario, Start);
+
+/// Returns all perturbed worlds and starts. `None` if the world is not driven.
+fn varied(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>> {
+    let mut varied = worlds(scenario.drive()?, episode);
+    varied.extend(starts(scenario, &episode.start));
+    Some(varied)
+}
 
 /// Returns the perturbed worlds, each with the same start.
 fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart> {
