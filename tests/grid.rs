@@ -16,7 +16,7 @@ use brakecheck::rl::Policy;
 use brakecheck::scene::Start;
 use brakecheck::scene::grid::{Arena, AtWall};
 use brakecheck::testbench::{Aftermath, Episode, PolicyActor, play};
-use brakecheck::world::{GridChange, Scenario};
+use brakecheck::world::{GridChange, GridScenario, Scenario};
 
 const A: AtWall = AtWall::Stays;
 const B: AtWall = AtWall::FirstInMap;
@@ -27,6 +27,10 @@ fn world(wall: AtWall) -> Scenario {
         AtWall::FirstInMap => ("grid_hard.ron", include_str!("../worlds/grid_hard.ron")),
     };
     Scenario::parse(file, text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn cells(scenario: &Scenario) -> GridScenario<'_> {
+    scenario.grid().expect("a grid")
 }
 
 fn changed(scenario: &Scenario, change: GridChange) -> Scenario {

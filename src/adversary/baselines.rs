@@ -7,7 +7,7 @@ use super::rollout::Ado;
 use super::threshold_rule::{Heuristic, tune_heuristic};
 use crate::experiment::Watch;
 use crate::run_dir::{RunDir, Stored};
-use crate::world::{Scenario, TrainingEgos};
+use crate::world::{Scenario, ScenarioKind, TrainingEgos};
 
 /// Stored counterexamples replayed per start: one row for each number.
 const REPLAYS: [usize; 2] = [1, 10];
@@ -49,9 +49,9 @@ impl AdoKind {
             Chaser, Constant, Heuristic, Hold, Optimal, Random, Replays, Retrained, Switch, Trained,
         };
         let mut all = vec![Trained, Hold, Random, Constant];
-        all.extend(match world.grid() {
-            Some(_) => [Optimal, Chaser].as_slice(),
-            None => &[Switch, Heuristic, Replays, Retrained],
+        all.extend(match world.kind() {
+            ScenarioKind::Grid(_) => [Optimal, Chaser].as_slice(),
+            ScenarioKind::Drive(_) => &[Switch, Heuristic, Replays, Retrained],
         });
         all
     }

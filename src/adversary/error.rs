@@ -2,6 +2,7 @@
 
 use crate::grid_solver::exact::Indistinct;
 use crate::run_dir::RunError;
+use crate::world::NotAGrid;
 
 /// Error of an adversary that does not apply to a world or a run.
 #[derive(Debug, thiserror::Error)]
@@ -14,11 +15,8 @@ pub enum AdversaryError {
         world: String,
     },
     /// Exact solution outside a grid world.
-    #[error("`{world}` is no grid world")]
-    NotAGrid {
-        /// Name of the world.
-        world: String,
-    },
+    #[error(transparent)]
+    NotAGrid(#[from] NotAGrid),
     /// Exact solution that the ado's observation cannot express.
     #[error(transparent)]
     Indistinct(#[from] Indistinct),
@@ -34,7 +32,7 @@ impl AdversaryError {
             AdversaryError::NothingObserved { .. } => {
                 Some("a heuristic reads one observed signal: leave out `--ado heuristic`")
             }
-            AdversaryError::NotAGrid { .. } => {
+            AdversaryError::NotAGrid(_) => {
                 Some("only grid worlds are solved exactly: leave out `--ado optimal` and `chaser`")
             }
             AdversaryError::Indistinct(_) | AdversaryError::Run(_) => None,

@@ -27,11 +27,8 @@ impl GridPolicy {
         self,
         ego: &EgoUnderTest,
     ) -> Result<(EgoUnderTest, PositionPolicy), AdversaryError> {
-        let not_a_grid = || AdversaryError::NotAGrid {
-            world: ego.scenario().name.clone(),
-        };
-        let whole = ego.scenario().fully_observed().ok_or_else(not_a_grid)?;
-        let grid = whole.grid().ok_or_else(not_a_grid)?;
+        let whole = ego.scenario().require_grid()?.fully_observed();
+        let grid = whole.require_grid()?.world();
         let policy = match self {
             GridPolicy::Chaser => {
                 let moves = &grid.spec().moves;

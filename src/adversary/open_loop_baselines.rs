@@ -34,7 +34,7 @@ pub(crate) fn best_then_brake(
     watch: &Watch<'_>,
 ) -> Option<Evaluated> {
     let scenario = ego.scenario();
-    let spec = scenario.drive()?;
+    let spec = scenario.drive()?.spec();
     let [brake, accelerate] = spec.brake_and_accelerate()?;
     let decisions = spec.clock.decisions() as f64;
     let mut best = ACCELERATES

@@ -28,7 +28,7 @@ pub(super) fn train(
     let request = TrainRequest {
         seed: Some(training.seed),
         decisions: training.decisions,
-        plant: world.drive().map(|spec| spec.plant),
+        plant: world.plant().plant(),
         ..TrainRequest::default()
     };
     let begun = RunDir::open(path).is_ok();

@@ -187,7 +187,7 @@ fn check(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
 
 /// Refuses to adapt to egos in worlds without driving.
 fn can_learn(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
-    if 0 < args.runs && nominal.drive().is_none() {
+    if 0 < args.runs && nominal.grid().is_some() {
         return Err(Failure::input(
             "`--runs` learns how an ego drives, and in this world no vehicle drives",
             "leave it out: the ado of a grid plays as it was trained",

@@ -352,9 +352,9 @@ impl From<&ConditioningError> for Failure {
         match error {
             ConditioningError::Identify(error) => error.into(),
             ConditioningError::Run(error) => error.into(),
-            ConditioningError::NoFamily
-            | ConditioningError::NoPlant
-            | ConditioningError::NoMember(_) => Failure::fault(error.to_string(), None),
+            ConditioningError::NoFamily | ConditioningError::NoMember(_) => {
+                Failure::fault(error.to_string(), None)
+            }
             _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
         }
     }
@@ -510,7 +510,7 @@ impl From<Vec<NotExported>> for Failure {
 /// Returns the exit code and the help of a refused export.
 fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
     match why {
-        ExportRefusal::OpenX(OpenXError::Grid { .. }) => (
+        ExportRefusal::Grid { .. } => (
             Exit::Input,
             "name counterexamples of driving worlds; `brakecheck view` shows those of grids",
         ),

@@ -8,7 +8,6 @@ use super::replay::Replayed;
 use crate::ego::{Command, Fault};
 use crate::openx::{Crash, OpenX, OpenXError};
 use crate::run_dir::{KeptError, RunError, make_dir, write_file};
-use crate::scene::World;
 use crate::testbench::{Episode, passage_of};
 use crate::world::Scenario;
 
@@ -35,6 +34,12 @@ pub struct NotExported {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExportRefusal {
+    /// The crash happened in a grid world.
+    #[error("it happens in the grid world `{world}`, and OpenSCENARIO has roads, not cells")]
+    Grid {
+        /// Name of the world.
+        world: String,
+    },
     /// OpenSCENARIO cannot express it.
     #[error(transparent)]
     OpenX(#[from] OpenXError),
@@ -120,17 +125,18 @@ pub fn openx(
     ego: &str,
 ) -> Result<OpenX, ExportRefusal> {
     let scenario = repeatable(scenario, episode);
-    let World::Drive(world) = scenario.world() else {
+    let Some(driving) = scenario.drive() else {
         let world = scenario.name().to_owned();
-        return Err(OpenXError::Grid { world }.into());
+        return Err(ExportRefusal::Grid { world });
     };
     let recorded = passage_of(&mut scenario.bench(), episode);
     // The second drive continues after the contact, because the external ego may avoid
     // it.
+    let world = driving.world();
     let ghostly = world.ghostly(&episode.start, episode.noise, &episode.actions);
     let crash = Crash {
         name,
-        scenario: &scenario,
+        scenario: driving,
         ego,
         episode,
         recorded: &recorded.ok_or(OpenXError::NobodyMoves)?,

@@ -15,7 +15,7 @@ use crate::scene::Start;
 use crate::scene::drive::Sensors;
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, Replay};
-use crate::world::{Change, Scenario};
+use crate::world::{Change, DriveScenario, Scenario};
 
 /// Perturbation of a length or a speed of the start, in m and m/s.
 pub(crate) const START: f64 = 0.1;
@@ -41,15 +41,12 @@ pub fn persistence(scenario: &Scenario, episode: &Episode) -> Option<Persistence
 
 /// Returns the number of questions that the persistence of an episode needs.
 pub(super) fn variations(scenario: &Scenario, episode: &Episode) -> usize {
-    let starts = starts(scenario, &episode.start).len();
-    worlds(scenario, episode).map_or(0, |worlds| worlds.len() + starts)
+    varied(scenario, episode).map_or(0, |varied| varied.len())
 }
 
 /// Computes the persistence within the runs of `reruns`.
 pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Option<Persistence> {
-    let scenario = reruns.scenario();
-    let mut varied = worlds(scenario, episode)?;
-    varied.extend(starts(scenario, &episode.start));
+    let varied = varied(reruns.scenario(), episode)?;
     // All variations or none, because a share of some would not be comparable.
     reruns.ask(varied.len(), 0).ok()?;
     let variations = varied.into_par_iter().map(|(name, world, start)| {
@@ -70,9 +67,16 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
 
 type PerturbedStart = (String, Scenario, Start);
 
+/// Returns all perturbed worlds and starts. `None` if the world is not driven.
+fn varied(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>> {
+    let mut varied = worlds(scenario.drive()?, episode);
+    varied.extend(starts(scenario, &episode.start));
+    Some(varied)
+}
+
 /// Returns the perturbed worlds, each with the same start.
-fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>> {
-    let spec = scenario.drive()?;
+fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart> {
+    let spec = scenario.spec();
     let (plant, sample_s, friction) = (spec.plant, spec.clock.sample_s, spec.road.friction());
     let other = match plant {
         PlantKind::Rigid => PlantKind::Kinematic,
@@ -102,10 +106,8 @@ fn worlds(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>>
     worlds.extend(later.map(|world| ("sensors one sample later".to_owned(), world)));
     let start = &episode.start;
     let all = worlds.into_iter();
-    Some(
-        all.map(|(name, world)| (name, world, start.clone()))
-            .collect(),
-    )
+    all.map(|(name, world)| (name, world, start.clone()))
+        .collect()
 }
 
 /// Returns the perturbed starts, each in the same world.

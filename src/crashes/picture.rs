@@ -129,7 +129,7 @@ pub fn picture(
                 .ok_or_else(|| inapplicable(replayed, driver))?,
         }),
     };
-    let kind = scenario.drive().and_then(|spec| spec.ego.stock());
+    let kind = scenario.controller();
     let ego = match kind.as_ref().map(|it| it.controller.kind()) {
         Some(kind) => format!("{ego} ({kind})"),
         None => ego.to_owned(),

@@ -7,6 +7,7 @@ use crate::ego::Fault;
 use crate::report::outcome_in_words;
 use crate::rulebook::Verdict;
 use crate::run_dir::{About, Counterexample, KeptError, StartRepeated, digests_of};
+use crate::scene::drive::EgoDrive;
 use crate::testbench::{Aftermath, Episode, Replay, play};
 use crate::trace::Schema;
 use crate::world::{Repeats, Scenario};
@@ -37,7 +38,7 @@ impl SavedCounterexample {
             ..found
         };
         // A recorded ego cannot answer new questions, so its earlier answers stay.
-        if scenario.drive().is_some_and(|spec| spec.ego.is_recorded()) {
+        if scenario.ego().is_some_and(EgoDrive::is_recorded) {
             refined.persistence = before.persistence;
             refined.ego_runs = before.ego_runs;
             if let (Some(why), Some(was)) = (&mut refined.why, before.why) {

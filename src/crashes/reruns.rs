@@ -14,6 +14,7 @@ use crate::experiment::Watch;
 use crate::rulebook::Verdict;
 use crate::run_dir::{EgoRuns, NotAsked, StartRepeated};
 use crate::scene::Start;
+use crate::scene::drive::EgoDrive;
 use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Replay, play};
 use crate::world::{Repeats, Scenario};
 
@@ -58,8 +59,8 @@ impl<'a> Reruns<'a> {
         limit: u64,
         watch: &'a Watch<'a>,
     ) -> Reruns<'a> {
-        let ego = scenario.drive().map(|spec| &spec.ego);
-        let foreign = ego.is_some_and(|ego| ego.is_foreign());
+        let ego = scenario.ego();
+        let foreign = ego.is_some_and(EgoDrive::is_foreign);
         let kind = match (
             foreign,
             foreign && copies(scenario, &episode.start, episode.noise),
@@ -78,7 +79,7 @@ impl<'a> Reruns<'a> {
             faults: FaultLog::default(),
             watch,
         };
-        reruns.refused = if ego.is_some_and(|ego| ego.is_recorded()) {
+        reruns.refused = if ego.is_some_and(EgoDrive::is_recorded) {
             Some(NotAsked::CommandsOnly)
         } else if foreign {
             reruns.compare(scenario.repeats(), episode).err()

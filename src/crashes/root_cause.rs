@@ -14,7 +14,7 @@ use crate::run_dir::{Decisive, LastChance, NotAsked, Why};
 use crate::scene::drive::ControllerFactory;
 use crate::sim::GRAVITY_MPS2;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
-use crate::world::Scenario;
+use crate::world::{DriveScenario, Scenario};
 
 /// Driver in the ego's place.
 #[derive(Clone)]
@@ -27,14 +27,12 @@ pub struct SubstituteDriver {
 
 impl SubstituteDriver {
     /// Returns the ideal driver: no delay, all the deceleration of the road.
-    ///
-    /// Returns `None` if the world is not driven.
-    pub fn full_brake(scenario: &Scenario) -> Option<SubstituteDriver> {
-        let brake_mps2 = scenario.drive()?.road.friction() * GRAVITY_MPS2;
-        Some(SubstituteDriver {
+    pub fn full_brake(scenario: DriveScenario<'_>) -> SubstituteDriver {
+        let brake_mps2 = scenario.spec().road.friction() * GRAVITY_MPS2;
+        SubstituteDriver {
             name: "full braking".to_owned(),
             factory: Arc::new(move || Box::new(FullBrake { brake_mps2 })),
-        })
+        }
     }
 }
 
@@ -64,15 +62,15 @@ pub(super) fn why_within(
         .spec
         .explain(&violated(scenario, episode));
     let leaf = explanation.leaf();
-    let ideal = SubstituteDriver::full_brake(scenario);
     Why {
         leaf: leaf.map(|leaf| leaf.formula.clone()).unwrap_or_default(),
         leaf_s: tidy(leaf.map_or(0.0, |leaf| leaf.time_s)),
         decisive,
         not_asked,
-        last_chance: driver
-            .or(ideal.as_ref())
-            .and_then(|driver| last_chance(scenario, episode, driver)),
+        last_chance: scenario.drive().map(|scenario| match driver {
+            Some(driver) => last_chance(scenario, episode, driver),
+            None => last_chance(scenario, episode, &SubstituteDriver::full_brake(scenario)),
+        }),
     }
 }
 
@@ -205,13 +203,13 @@ fn finish(mut bench: Testbench, actions: &[usize]) -> Option<Verdict> {
 ///
 /// The ados act as recorded. The search goes backwards by decisions, then by samples
 /// within the first decision that helps. A chance that exists only between two decisions
-/// may be missed. `None` if the world is not driven.
+/// may be missed.
 pub fn last_chance(
-    scenario: &Scenario,
+    scenario: DriveScenario<'_>,
     episode: &Episode,
     driver: &SubstituteDriver,
-) -> Option<LastChance> {
-    let sample_s = scenario.drive()?.clock.sample_s;
+) -> LastChance {
+    let sample_s = scenario.spec().clock.sample_s;
     let judged = episode.judged.saturating_sub(1);
     let per_decision = scenario.bench().clock().samples_per_decision().max(1);
     let avoids = |after: usize| is_avoided(scenario, episode, driver, after);
@@ -227,24 +225,24 @@ pub fn last_chance(
             .find(|after| avoids(*after))
             .unwrap_or(from)
     });
-    Some(LastChance {
+    LastChance {
         driver: driver.name.clone(),
         at_s: at.map(|at| tidy(at as f64 * sample_s)),
-        violated_s: tidy(violated(scenario, episode).len().saturating_sub(1) as f64 * sample_s),
-    })
+        violated_s: tidy(violated(&scenario, episode).len().saturating_sub(1) as f64 * sample_s),
+    }
 }
 
 /// Returns whether `driver` avoids the failure if it takes over after `after` samples.
 fn is_avoided(
-    scenario: &Scenario,
+    scenario: DriveScenario<'_>,
     episode: &Episode,
     driver: &SubstituteDriver,
     after: usize,
 ) -> bool {
-    let Some(spec) = scenario.drive() else {
-        return false;
-    };
-    let (own, commands) = (spec.ego.controller.clone(), episode.commands.clone());
+    let (own, commands) = (
+        scenario.spec().ego.controller.clone(),
+        episode.commands.clone(),
+    );
     let second = driver.factory.clone();
     let factory = move || -> Box<dyn Controller> {
         let first: Box<dyn Controller> = if commands.is_empty() {

@@ -160,7 +160,10 @@ impl<'a> EgoEvaluation<'a> {
         let identified_from = asked.identified_from();
         let kept = asked.run.policy_bundle()?;
         let runs = asked.granted() - identified_from;
-        let request = LearnEgoRequest::new(asked.nominal, self.ego.scenario(), policy, runs)
+        let Some(driving) = self.ego.scenario().drive() else {
+            return Ok(());
+        };
+        let request = LearnEgoRequest::new(asked.nominal, driving, policy, runs)
             .bundle(&kept)
             .unknown(asked.unknown)
             .seed(self.starts.seed);

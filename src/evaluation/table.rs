@@ -216,8 +216,8 @@ impl<'a> EvaluationTable<'a> {
         let changed = all.iter().filter(|ego| !is_nominal(ego));
         let changed = changed.map(|ego| (ego.name().to_owned(), ego.scenario().clone()));
         let changed: Vec<(String, Scenario)> = changed.collect();
-        if nominal.grid().is_some() {
-            let checked = grid_theorems(nominal, policy, &changed)?;
+        if let Some(grid) = nominal.grid() {
+            let checked = grid_theorems(grid, policy, &changed)?;
             return Ok(Some(TheoremsChecked::Grid(Box::new(checked))));
         }
         let request = TheoremsRequest {

@@ -16,8 +16,7 @@ pub(crate) fn first_divergence(
     starts: &TestStarts,
     watch: &Watch<'_>,
 ) -> Option<f64> {
-    let spec = scenario.drive()?;
-    if !spec.ego.is_foreign() {
+    if !scenario.ego()?.is_foreign() {
         return None;
     }
     let index = starts.trivial.iter().position(|trivial| !trivial)?;
@@ -31,7 +30,7 @@ pub(crate) fn first_divergence(
     };
     let (first, again) = (commands()?, commands()?);
     let sample = first.iter().zip(&again).position(|(a, b)| a != b)?;
-    Some(sample as f64 * spec.clock.sample_s)
+    Some(sample as f64 * bench.clock().sample_s)
 }
 
 /// Reports an ego that is not deterministic, with the fix.

@@ -7,7 +7,7 @@ use crate::ego::Process;
 use crate::run_dir::ChangedEgo;
 use crate::scene::drive::ControllerFactory;
 use crate::sim::PlantKind;
-use crate::world::{Change, Scenario};
+use crate::world::{Change, Scenario, ScenarioKind};
 
 /// Ego under test: its name in rows, its change of the world's own ego, and its world.
 #[derive(Clone, Debug)]
@@ -76,7 +76,7 @@ impl EgoUnderTest {
         name: &str,
         factory: ControllerFactory,
     ) -> Result<EgoUnderTest, EgoError> {
-        if world.drive().is_none() {
+        if let ScenarioKind::Grid(_) = world.kind() {
             return Err(EgoError::NotDriven {
                 world: world.name.clone(),
                 ego: name.to_owned(),
@@ -209,9 +209,9 @@ impl EgoUnderTest {
 /// # Errors
 /// The world is not driven.
 pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, EgoError> {
-    match world.drive() {
-        Some(_) => Ok(world.on(plant)),
-        None => Err(EgoError::NoPlant {
+    match world.kind() {
+        ScenarioKind::Drive(_) => Ok(world.on(plant)),
+        ScenarioKind::Grid(_) => Err(EgoError::NoPlant {
             world: world.name.clone(),
         }),
     }

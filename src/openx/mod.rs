@@ -25,10 +25,10 @@ mod xml;
 
 use std::io;
 
-use crate::scene::drive::DriveWorld;
-use crate::scene::{Passage, World};
+use crate::scene::Passage;
+use crate::scene::drive::DriveSpec;
 use crate::testbench::Episode;
-use crate::world::Scenario;
+use crate::world::DriveScenario;
 use entity::PerformanceLimits;
 use origin::{AUTHOR, DATE};
 use path::Vertex;
@@ -37,19 +37,21 @@ use stretch::Stretch;
 use xml::{XmlElement, number};
 
 /// Recorded counterexample to export.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Crash<'a> {
     /// Name of the files, without an extension.
     pub name: &'a str,
     /// World of the crash, with the ego that crashed.
-    pub scenario: &'a Scenario,
+    pub scenario: DriveScenario<'a>,
     /// Name of the ego: `nominal`, or the name of a change.
     pub ego: &'a str,
     /// Episode of the crash.
     pub episode: &'a Episode,
     /// Passage up to the contact, or to the end of the episode.
     pub recorded: &'a Passage,
-    /// Passage to the horizon, simulated without contact ([`DriveWorld::ghostly`]).
+    /// Passage to the horizon, simulated without contact ([`ghostly`][ghostly]).
+    ///
+    /// [ghostly]: crate::scene::drive::DriveWorld::ghostly
     pub ghostly: &'a Passage,
 }
 
@@ -68,12 +70,6 @@ pub struct OpenX {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenXError {
-    /// The crash happened in a grid world.
-    #[error("it happens in the grid world `{world}`, and OpenSCENARIO has roads, not cells")]
-    Grid {
-        /// Name of the world.
-        world: String,
-    },
     /// The passage has a single instant, and a trajectory takes two.
     #[error("it begins in contact, so nothing moves in it")]
     NobodyMoves,
@@ -87,39 +83,35 @@ impl Crash<'_> {
     ///
     /// # Errors
     ///
-    /// Returns an error for a grid world, and for a contact before any agent
-    /// moved.
+    /// Returns an error for a contact before any agent moved.
     pub fn files(&self) -> Result<OpenX, OpenXError> {
-        let World::Drive(world) = self.scenario.world() else {
-            let world = self.scenario.name().to_owned();
-            return Err(OpenXError::Grid { world });
-        };
+        let world = self.scenario.world();
         // Both passages fit on the written road, since both scenarios refer to
         // it.
         let stretch = |road| Stretch::around(world, road, &[self.recorded, self.ghostly]);
         let road = road::document(self.name, world, stretch);
         Ok(OpenX {
             road: road.document()?,
-            replay: self.replay(world)?.document()?,
-            external: self.external(world)?.document()?,
+            replay: self.replay()?.document()?,
+            external: self.external()?.document()?,
         })
     }
 
-    fn replay(&self, world: &DriveWorld) -> Result<XmlElement, OpenXError> {
+    fn replay(&self) -> Result<XmlElement, OpenXError> {
         let title = format!("{}: the crash as it was recorded", self.name);
-        let drivers = vec![MotionSource::Trajectory; world.spec().agents.len()];
-        let header = header(&title, self.properties(world));
-        self.scenario_of(world, self.recorded, &drivers, header)
+        let drivers = vec![MotionSource::Trajectory; self.scenario.spec().agents.len()];
+        let header = header(&title, self.properties());
+        self.scenario_of(self.recorded, &drivers, header)
     }
 
-    fn external(&self, world: &DriveWorld) -> Result<XmlElement, OpenXError> {
+    fn external(&self) -> Result<XmlElement, OpenXError> {
         let title = format!(
             "{}: the others of the crash, for an ego of yours",
             self.name
         );
-        let agents = world.spec().agents.iter();
+        let agents = self.scenario.spec().agents.iter();
         let drivers: Vec<MotionSource> = agents.map(storyboard::driver_beside_an_own_ego).collect();
-        let mut properties = self.properties(world);
+        let mut properties = self.properties();
         properties.push((
             "after_contact".to_owned(),
             "simulated again without contact: the others go on to the horizon as if the recorded \
@@ -127,19 +119,18 @@ impl Crash<'_> {
                 .to_owned(),
         ));
         let header = header(&title, properties);
-        self.scenario_of(world, self.ghostly, &drivers, header)
+        self.scenario_of(self.ghostly, &drivers, header)
     }
 
     /// Returns the scenario of a passage, with a driver for every agent.
     fn scenario_of(
         &self,
-        world: &DriveWorld,
         passage: &Passage,
         drivers: &[MotionSource],
         header: XmlElement,
     ) -> Result<XmlElement, OpenXError> {
-        let spec = world.spec();
-        let ways = ways(world, passage)?;
+        let spec = self.scenario.spec();
+        let ways = ways(spec, passage)?;
         let parts: Vec<StoryboardAgent> = (spec.agents.iter().zip(&ways).zip(drivers).enumerate())
             .map(|(number, ((agent, way), &driver))| StoryboardAgent {
                 agent,
@@ -180,8 +171,8 @@ impl Crash<'_> {
     }
 
     /// Properties for human readers. Other tools ignore them.
-    fn properties(&self, world: &DriveWorld) -> Vec<(String, String)> {
-        let (scenario, spec) = (self.scenario, world.spec());
+    fn properties(&self) -> Vec<(String, String)> {
+        let (scenario, spec) = (self.scenario, self.scenario.spec());
         let contact = match &self.episode.contact {
             Some(touch) => format!(
                 "{} and {} at {} s, closing at {} m/s",
@@ -222,8 +213,7 @@ impl Crash<'_> {
 /// # Errors
 ///
 /// Returns an error for a trajectory of fewer than two vertices.
-fn ways(world: &DriveWorld, passage: &Passage) -> Result<Vec<Vec<Vertex>>, OpenXError> {
-    let spec = world.spec();
+fn ways(spec: &DriveSpec, passage: &Passage) -> Result<Vec<Vec<Vertex>>, OpenXError> {
     let agents = spec.agents.iter().enumerate();
     let ways = agents.map(|(number, agent)| {
         path::vertices(&passage.motion, number, &agent.body, spec.clock.sample_s)

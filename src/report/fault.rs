@@ -6,7 +6,6 @@
 use super::Example;
 use crate::preventability::{Label, NotApplicable};
 use crate::run_dir::LastChance;
-use crate::scene::World;
 use crate::scene::drive::{Direction, DriveWorld};
 use crate::sim::Pose;
 use crate::world::Scenario;
@@ -40,9 +39,7 @@ pub(super) fn fault(scenario: &Scenario, example: &Example) -> StyledFault {
 
 /// Fault by right of way or lane, if the roads of both agents decide it.
 fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<StyledFault> {
-    let World::Drive(world) = scenario.world() else {
-        return None;
-    };
+    let world = scenario.drive()?.world();
     let (one, other) = &example.episode.contact.as_ref()?.between;
     let egos: Vec<usize> = world.spec().egos().collect();
     let ego = &world.spec().agents[*egos.first()?].name;

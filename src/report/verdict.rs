@@ -11,7 +11,7 @@ use crate::run_dir::{LastChance, Severity};
 use crate::scene::Role;
 use crate::severity::{CrashKind, Side};
 use crate::testbench::Episode;
-use crate::world::Scenario;
+use crate::world::{Scenario, ScenarioKind};
 
 /// Parts of the sentence.
 pub(super) struct VerdictWords {
@@ -85,7 +85,7 @@ fn what(scenario: &Scenario, example: &Example) -> String {
         return without_contact(scenario, example);
     };
     // On a grid there are no speeds or sides.
-    if scenario.grid().is_some() {
+    if let ScenarioKind::Grid(_) = scenario.kind() {
         return format!("The ado caught the ego after {:.0} s", touch.time_s);
     }
     let speed = format!("at {:.1} m/s", touch.closing_speed_mps);

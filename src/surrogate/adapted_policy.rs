@@ -20,7 +20,7 @@ use crate::run_dir::{AdversaryId, RunDir, RunError, make_dir, write_file};
 use crate::scene::Start;
 use crate::sysid::{DIR, place_of};
 use crate::testbench::{Aftermath, Replay, Testbench, play};
-use crate::world::{Scenario, file_bytes};
+use crate::world::{DriveScenario, Scenario, file_bytes};
 
 /// Row of planned runs, with the strategies that the ado followed.
 #[derive(Clone, Debug)]
@@ -197,14 +197,14 @@ impl LearnedEgo {
             as_trained: policy,
             fine_tuned: fine_tuned.as_deref(),
         };
+        // A learned ego drives, so no start of a grid is played.
+        let driving = request.scenario.drive();
         // Every thread has its own planner and bench, so starts share no state.
         let worker = || PlanningWorker {
-            planner: Planner::new(
-                request.scenario,
-                (&self.surrogate, self.from.judged_on),
-                (policies, PlanningBudget::FULL),
-                watch,
-            ),
+            planner: driving.map(|driving| {
+                let model = (&self.surrogate, self.from.judged_on);
+                Planner::new(driving, model, (policies, PlanningBudget::FULL), watch)
+            }),
             bench: request.scenario.bench(),
         };
         let one = |worker: &mut PlanningWorker<'_>, from: &(Start, u64), turn: &WorkItem| {
@@ -409,7 +409,7 @@ fn unsealed(bytes: &[u8]) -> Result<TensorFile, BundleError> {
     }
 }
 
-fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
+fn read(bytes: &[u8], world: DriveScenario<'_>) -> Result<LearnedEgo, BundleError> {
     let bundle = unsealed(bytes)?;
     let from: LearnedFrom =
         serde_json::from_str(bundle.meta()).map_err(|error| BundleError::Format {

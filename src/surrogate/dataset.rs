@@ -20,7 +20,7 @@ use crate::sim::PlantKind;
 use crate::testbench::{
     Actor, Aftermath, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Replay, Testbench, play,
 };
-use crate::world::Scenario;
+use crate::world::{DriveScenario, Scenario};
 
 /// First index of the calibration starts reserved for this module.
 const FIRST_START: u64 = 1 << 33;
@@ -89,7 +89,7 @@ enum RecordingActor<'a> {
 /// Half are random and held, a quarter follows the policy, and a quarter switches once
 /// from one action to another.
 pub(super) fn mixed(
-    ego: &Scenario,
+    ego: DriveScenario<'_>,
     policy: &dyn Policy,
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
@@ -117,7 +117,7 @@ pub(super) fn mixed(
 
 /// Records runs under the same actions from every start.
 pub(super) fn open_loop_runs(
-    ego: &Scenario,
+    ego: DriveScenario<'_>,
     actions: &[usize],
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
@@ -127,14 +127,12 @@ pub(super) fn open_loop_runs(
 }
 
 fn recorded<'a>(
-    ego: &Scenario,
+    ego: DriveScenario<'_>,
     starts: &[(Start, u64)],
     acting: &(dyn Fn(&Testbench, u64, &WorkItem) -> RecordingActor<'a> + Sync),
     watch: &Watch<'_>,
 ) -> Vec<RecordedRun> {
-    let Some(reader) = MotionReader::of(ego) else {
-        return Vec::new();
-    };
+    let reader = MotionReader::of(ego);
     let one = |bench: &mut Testbench, from: &(Start, u64), turn: &WorkItem| {
         let (start, noise) = (&from.0, from.1);
         let acting = acting(bench, noise, turn);
@@ -168,29 +166,25 @@ fn recorded<'a>(
 
 /// Records runs that are planned in a surrogate.
 pub(super) fn planned<'a>(
-    ego: &Scenario,
-    planner: impl Fn() -> Option<Planner<'a>> + Sync + Send,
+    ego: DriveScenario<'_>,
+    planner: impl Fn() -> Planner<'a> + Sync + Send,
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
 ) -> Vec<RecordedRun> {
     let worker = || (planner(), ego.bench());
-    let one = |(planner, bench): &mut (Option<Planner<'a>>, Testbench),
-               from: &(Start, u64),
-               turn: &WorkItem| {
-        let (start, noise) = (&from.0, from.1);
-        let run =
-            planner
-                .as_mut()?
-                .run(bench, (start, noise), Aftermath::Skip, &Earlier::default());
-        watch.faults.note(turn.index as u64, bench.fault());
-        bench.fault().is_none().then(|| RecordedRun {
-            start: start.clone(),
-            noise,
-            is_success: bench.verdict().is_some_and(|verdict| verdict.is_success()),
-            as_trained: run.followed_throughout() == Some(&Strategy::AsTrained),
-            so_far: run.so_far,
-        })
-    };
+    let one =
+        |(planner, bench): &mut (Planner<'a>, Testbench), from: &(Start, u64), turn: &WorkItem| {
+            let (start, noise) = (&from.0, from.1);
+            let run = planner.run(bench, (start, noise), Aftermath::Skip, &Earlier::default());
+            watch.faults.note(turn.index as u64, bench.fault());
+            bench.fault().is_none().then(|| RecordedRun {
+                start: start.clone(),
+                noise,
+                is_success: bench.verdict().is_some_and(|verdict| verdict.is_success()),
+                as_trained: run.followed_throughout() == Some(&Strategy::AsTrained),
+                so_far: run.so_far,
+            })
+        };
     let runs = EpisodeLoop::uncounted(watch).run(starts, worker, one);
     runs.into_iter().flatten().collect()
 }
@@ -198,9 +192,9 @@ pub(super) fn planned<'a>(
 /// Returns the inputs of the ego in recorded runs, with its answers.
 ///
 /// The model reads the inputs while the ego repeats its recorded motion, so they match
-/// the inputs during planning. `None`: the world has no driving scene.
-pub(super) fn labelled(world: &Scenario, runs: &[RecordedRun]) -> Option<Vec<LabelledRun>> {
-    let mut model = ModelBench::quick(world)?;
+/// the inputs during planning.
+pub(super) fn labelled(world: DriveScenario<'_>, runs: &[RecordedRun]) -> Vec<LabelledRun> {
+    let mut model = ModelBench::quick(world);
     let sample_s = model.bench.clock().sample_s;
     let one = |run: &RecordedRun| {
         let inputs = model.percepts(run.from(), &run.so_far);
@@ -213,7 +207,7 @@ pub(super) fn labelled(world: &Scenario, runs: &[RecordedRun]) -> Option<Vec<Lab
         let answers = answers.collect();
         LabelledRun { inputs, answers }
     };
-    Some(runs.iter().map(one).collect())
+    runs.iter().map(one).collect()
 }
 
 /// Converts runs to rows and answers, including those of stock controllers.
@@ -246,12 +240,10 @@ const ALIKE_M: f64 = 0.005;
 /// as on the world's own plant in these runs.
 /// Along a lane both plants agree. A lane change differs by some centimetres on the rigid
 /// plant, and centimetres decide whether a rule is kept.
-pub(super) fn judged_on(world: &Scenario, runs: &[RecordedRun]) -> Option<PlantKind> {
-    let own = world.drive()?.plant;
-    let Some(columns) = places(world) else {
-        return Some(own);
-    };
-    let (mut there, mut here) = (ModelBench::on(world, own)?, ModelBench::quick(world)?);
+pub(super) fn judged_on(world: DriveScenario<'_>, runs: &[RecordedRun]) -> PlantKind {
+    let own = world.spec().plant;
+    let columns = places(world);
+    let (mut there, mut here) = (ModelBench::on(world, own), ModelBench::quick(world));
     let agrees = |run: &RecordedRun| {
         for model in [&mut there, &mut here] {
             model.begin(run.from(), &run.so_far, None, VARIATIONS[0]);
@@ -265,19 +257,20 @@ pub(super) fn judged_on(world: &Scenario, runs: &[RecordedRun]) -> Option<PlantK
         })
     };
     let is_own = own == PlantKind::Kinematic;
-    Some(if is_own || runs.iter().all(agrees) {
+    if is_own || runs.iter().all(agrees) {
         PlantKind::Kinematic
     } else {
         own
-    })
+    }
 }
 
 /// Returns the columns of all published positions.
-fn places(world: &Scenario) -> Option<Vec<usize>> {
+fn places(world: DriveScenario<'_>) -> Vec<usize> {
     let schema = world.world().schema();
-    let agents = world.drive()?.agents.iter();
+    let agents = world.spec().agents.iter();
     let names = agents.flat_map(|agent| ["x", "y"].map(|axis| format!("{}.{axis}", agent.name)));
-    names.map(|name| schema.position(&name)).collect()
+    // Invariant: every trace holds the positions of all agents.
+    names.filter_map(|name| schema.position(&name)).collect()
 }
 
 #[cfg(test)]
@@ -285,25 +278,24 @@ mod tests {
     use super::*;
     use crate::experiment::Watch;
 
-    fn judged(name: &str, plant: PlantKind, actions: &[usize]) -> Option<PlantKind> {
+    fn judged(name: &str, plant: PlantKind, actions: &[usize]) -> PlantKind {
         let world = Scenario::shipped(name).expect("shipped").expect("sound");
         let world = world.on(plant);
         let from = starts(&world, 6, 8);
+        let world = world.drive().expect("driven");
         judged_on(
-            &world,
-            &open_loop_runs(&world, actions, &from, &Watch::unwatched()),
+            world,
+            &open_loop_runs(world, actions, &from, &Watch::unwatched()),
         )
     }
 
     #[test]
     fn only_where_nobody_skids_a_plan_is_judged_on_the_kinematic_plant() {
         use PlantKind::{Kinematic, Rigid};
-        assert_eq!(judged("acc", Rigid, &[0, 0, 2, 1]), Some(Kinematic));
-        assert_eq!(judged("acc", Kinematic, &[0]), Some(Kinematic));
+        assert_eq!(judged("acc", Rigid, &[0, 0, 2, 1]), Kinematic);
+        assert_eq!(judged("acc", Kinematic, &[0]), Kinematic);
         let merging = [1, 4, 4];
-        assert_eq!(judged("cut_in", Rigid, &merging), Some(Rigid));
-        assert_eq!(judged("cut_in", Kinematic, &merging), Some(Kinematic));
-        // This world has no driving scene.
-        assert_eq!(judged("grid", Rigid, &[0]), None);
+        assert_eq!(judged("cut_in", Rigid, &merging), Rigid);
+        assert_eq!(judged("cut_in", Kinematic, &merging), Kinematic);
     }
 }

@@ -26,7 +26,7 @@ use crate::seed::Purpose;
 use crate::sim::PlantKind;
 use crate::stats::{predicted, wilson};
 use crate::testbench::Gym;
-use crate::world::Scenario;
+use crate::world::{DriveScenario, Scenario};
 
 /// Number of runs from which three rounds are recorded instead of two.
 const THREE_ROUNDS: u64 = 90;
@@ -48,7 +48,7 @@ pub struct LearnEgoRequest<'a> {
     /// World with its own ego, which determines the trivial starts.
     pub nominal: &'a Scenario,
     /// World with the ego under test, which is only run.
-    pub ego: &'a Scenario,
+    pub ego: DriveScenario<'a>,
     /// Policy of the trained ado.
     pub policy: &'a dyn Policy,
     /// Bundle to continue training from inside the surrogate, if any.
@@ -67,7 +67,7 @@ impl<'a> LearnEgoRequest<'a> {
     /// Returns a request with seed 0 that compares the ego with every stock controller.
     pub fn new(
         nominal: &'a Scenario,
-        ego: &'a Scenario,
+        ego: DriveScenario<'a>,
         policy: &'a dyn Policy,
         runs: u64,
     ) -> LearnEgoRequest<'a> {
@@ -233,7 +233,7 @@ pub struct LearnedEgo {
 
 /// Records an ego and fits a surrogate to it.
 ///
-/// Returns `None` if stopped, if the world has no driving scene, or if the ego never ran.
+/// Returns `None` if stopped, or if the ego never ran.
 ///
 /// Equal requests give equal results on any number of threads, if the ego is
 /// deterministic.
@@ -249,7 +249,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
     } = *request;
     let mut kinds = kinds_except(unknown);
     let mut learned = |runs: &[RecordedRun], (brake, updates): (Option<EmergencyBrake>, u64)| {
-        let labelled = labelled(ego, runs)?;
+        let labelled = labelled(ego, runs);
         let found = fit_models(&labelled, &kinds, seed, watch);
         // Later rounds fit only the kinds that came close in the round before.
         let nearest: Arc<[FittedModel]> = found.nearest.into();
@@ -270,7 +270,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         as_trained: as_trained.clone().count() as u64,
         as_trained_successes: as_trained.filter(|run| run.is_success).count() as u64,
         fixed: None,
-        judged_on: judged_on(ego, &recorded)?,
+        judged_on: judged_on(ego, &recorded),
         brake: None,
         nearest: Vec::new(),
     };
@@ -341,11 +341,11 @@ fn interleaved(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
 
 /// Returns the error of a surrogate in runs outside its fit.
 fn error_of(
-    world: &Scenario,
+    world: DriveScenario<'_>,
     surrogate: &Arc<Surrogate>,
     runs: &[RecordedRun],
 ) -> Option<SurrogateError> {
-    let mut model = ModelBench::quick(world)?;
+    let mut model = ModelBench::quick(world);
     let (mut squares, mut count) = ([0.0; 2], 0u32);
     for run in runs {
         for [learned_m, keeping_m] in errors_m(&mut model, surrogate, run) {
@@ -440,14 +440,14 @@ impl Env for Inside {
 /// Returns `None` if stopped, or if the policy cannot be trained further because it is
 /// conditional or not from deep Q-learning. Equal requests give equal policies.
 pub(super) fn fine_tuned(
-    world: &Scenario,
+    world: DriveScenario<'_>,
     policy: Option<&TensorFile>,
     (surrogate, seed): (&Arc<Surrogate>, u64),
     watch: &Watch<'_>,
 ) -> Option<TensorFile> {
     let ModelBench {
         bench, driver_slot, ..
-    } = ModelBench::quick(world)?;
+    } = ModelBench::quick(world);
     let mut learner = fine_tuner(bench.spaces(), (DECISIONS, seed), policy?)?;
     let mut inside = Inside {
         gym: Gym::new(bench, Purpose::Train, seed),
@@ -521,14 +521,15 @@ mod tests {
         let from = starts(&world, 24, 8);
         let mut actions = vec![2; 6];
         actions.push(4);
-        let runs = open_loop_runs(&ego, &actions, &from, &Watch::unwatched());
-        let width = width_of(&world);
+        let ego = ego.drive().expect("driven");
+        let runs = open_loop_runs(ego, &actions, &from, &Watch::unwatched());
+        let width = width_of(ego);
         let keeps = Arc::new(Surrogate::of_members(
             vec![Mlp::zeros(&[width, OUTPUTS])],
             [0.0, 0.0],
             [-8.0, 2.0],
         ));
-        let error = error_of(&ego, &keeps, &runs).expect("long enough");
+        let error = error_of(ego, &keeps, &runs).expect("long enough");
         // With the motion of the ego afterwards the error would be 3 m.
         assert!(error.rms_m < 0.5, "{error:?}");
         assert_eq!(error.rms_m, error.keeps_acceleration_m);
@@ -536,7 +537,7 @@ mod tests {
     }
 
     /// Surrogate that always answers `change_mps2`.
-    fn surrogate_of(world: &Scenario, change_mps2: f64) -> Arc<Surrogate> {
+    fn surrogate_of(world: DriveScenario<'_>, change_mps2: f64) -> Arc<Surrogate> {
         let width = width_of(world);
         // In a single layer the biases precede the weights.
         let mut net = Mlp::zeros(&[width, OUTPUTS]);
@@ -549,10 +550,10 @@ mod tests {
     }
 
     /// Counts the starts, of 20, on which a policy makes the surrogate fail.
-    fn solved(world: &Scenario, surrogate: &Arc<Surrogate>, policy: &dyn Policy) -> usize {
+    fn solved(world: DriveScenario<'_>, surrogate: &Arc<Surrogate>, policy: &dyn Policy) -> usize {
         let ModelBench {
             bench, driver_slot, ..
-        } = ModelBench::quick(world).expect("driven");
+        } = ModelBench::quick(world);
         let mut gym = Gym::new(bench, Purpose::Calibration, 2);
         let is_success = |index: &u64| {
             let key = gym.key(*index);
@@ -576,6 +577,7 @@ mod tests {
     #[test]
     fn an_ado_learns_what_the_ego_in_the_surrogate_does() {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = world.drive().expect("driven");
         let watch = Watch::unwatched();
         let before = unlearned(
             &world,
@@ -583,14 +585,14 @@ mod tests {
         );
         // The first keeps its acceleration and runs into a braking vehicle. The second
         // always brakes hard and fails from the nearest starts only.
-        let keeps = surrogate_of(&world, 0.0);
-        let brakes = surrogate_of(&world, -1.0);
+        let keeps = surrogate_of(world, 0.0);
+        let brakes = surrogate_of(world, -1.0);
         let learn = |policy: &TensorFile, ego: &Arc<Surrogate>| {
-            fine_tuned(&world, Some(policy), (ego, 5), &watch)
+            fine_tuned(world, Some(policy), (ego, 5), &watch)
         };
         let solves = |kept: &TensorFile, ego| {
             let policy = load_policy(kept).expect("a policy");
-            solved(&world, ego, &*policy)
+            solved(world, ego, &*policy)
         };
         let kept = learn(&before, &keeps).expect("deep Q-learning");
         let [first, after, braking] = [(&before, &keeps), (&kept, &keeps), (&kept, &brakes)]
@@ -605,7 +607,7 @@ mod tests {
             LearnerConfig::new(PpoSettings::default()).expect("sound"),
         );
         assert!(learn(&other, &keeps).is_none(), "of another learner");
-        assert!(fine_tuned(&world, None, (&keeps, 5), &watch).is_none());
+        assert!(fine_tuned(world, None, (&keeps, 5), &watch).is_none());
         let lane = Scenario::shipped("cut_in")
             .expect("shipped")
             .expect("sound");

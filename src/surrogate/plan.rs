@@ -12,7 +12,7 @@ use crate::rulebook::Verdict;
 use crate::search::{Tree, WalkControl};
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Testbench};
-use crate::world::Scenario;
+use crate::world::DriveScenario;
 
 /// Largest number of action switches in a plan.
 const SWITCHES: usize = 2;
@@ -101,19 +101,17 @@ pub(super) struct Planner<'a> {
 }
 
 impl<'a> Planner<'a> {
-    /// Returns a planner for `world`, or `None` without a driving scene.
-    ///
-    /// Plans are judged on `plant`.
+    /// Returns a planner for `world`, which judges plans on `plant`.
     pub(super) fn new(
-        world: &Scenario,
+        world: DriveScenario<'_>,
         (surrogate, plant): (&Arc<Surrogate>, PlantKind),
         (policies, budget): (Policies<'a>, PlanningBudget),
         watch: &'a Watch<'a>,
-    ) -> Option<Planner<'a>> {
-        Some(Planner {
-            tree: ModelBench::quick(world)?,
-            judge: ModelBench::on(world, plant)?,
-            reader: MotionReader::of(world)?,
+    ) -> Planner<'a> {
+        Planner {
+            tree: ModelBench::quick(world),
+            judge: ModelBench::on(world, plant),
+            reader: MotionReader::of(world),
             surrogate: Arc::clone(surrogate),
             policies,
             budget,
@@ -121,7 +119,7 @@ impl<'a> Planner<'a> {
             earlier: Earlier::default(),
             attempt: 0,
             watch,
-        })
+        }
     }
 
     /// Returns the strategy that succeeds on most variations, from `so_far` on.

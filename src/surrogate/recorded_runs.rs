@@ -25,6 +25,7 @@ pub(super) fn runs_of(name: &str, plant: PlantKind, count: u64) -> Vec<LabelledR
     let world = world.expect("sound").on(plant);
     let ego = EgoUnderTest::find(&world, name).expect("an ego");
     let from = starts(&world, count, 8);
-    let runs = mixed(ego[0].scenario(), &Coasts, &from, &Watch::unwatched());
-    labelled(ego[0].scenario(), &runs).expect("driven")
+    let ego = ego[0].scenario().drive().expect("driven");
+    let runs = mixed(ego, &Coasts, &from, &Watch::unwatched());
+    labelled(ego, &runs)
 }

@@ -17,7 +17,7 @@ use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::Start;
-use crate::world::Scenario;
+use crate::world::DriveScenario;
 
 /// Behaviour of the ado from a start on.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -347,13 +347,13 @@ struct ActionScore {
 /// Returns the best constant action or pair of actions on the surrogate.
 ///
 /// Candidates are ordered by successes, then by broken rules, then by margin.
-/// `None`: the world has no driving scene.
+/// `None`: the ado has no actions.
 pub(super) fn best_fixed(
-    world: &Scenario,
+    world: DriveScenario<'_>,
     surrogate: &Arc<Surrogate>,
     starts: &[(Start, u64)],
 ) -> Option<Vec<usize>> {
-    let mut model = ModelBench::quick(world)?;
+    let mut model = ModelBench::quick(world);
     let actions = model.bench.spaces().actions;
     let decisions = model.bench.clock().decisions();
     // All candidates play the same starts, so their counts are comparable.
@@ -413,6 +413,7 @@ mod tests {
     use crate::rl::nn::Mlp;
     use crate::surrogate::model::OUTPUTS;
     use crate::surrogate::surrogate_sim::MotionSample;
+    use crate::world::Scenario;
 
     /// Run with two samples per decision. The sample number is the position.
     fn run(actions: &[usize]) -> RunPrefix {
@@ -496,7 +497,8 @@ mod tests {
     #[test]
     fn of_actions_that_are_the_same_everywhere_those_with_most_successes_are_found() {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let width = super::super::surrogate_sim::width_of(&world);
+        let world = world.drive().expect("driven");
+        let width = super::super::surrogate_sim::width_of(world);
         // Surrogate that keeps its acceleration whatever it sees.
         let net = Mlp::orthogonal(
             &[width, 4, OUTPUTS],
@@ -505,7 +507,7 @@ mod tests {
         );
         let idle = Arc::new(Surrogate::of_members(vec![net], [0.0, 0.0], [-9.0, 9.0]));
         let from = super::super::dataset::starts(&world, 20, 3);
-        let found = best_fixed(&world, &idle, &from).expect("driven");
+        let found = best_fixed(world, &idle, &from).expect("actions");
         // A coasting follower is hit most surely by braking at once. A stop breaks a rule.
         let (last, before) = found.split_last().expect("an action");
         assert!(
@@ -513,7 +515,5 @@ mod tests {
             "{found:?}"
         );
         assert_ne!(*last, 0);
-        let grid = Scenario::shipped("grid").expect("shipped").expect("sound");
-        assert_eq!(best_fixed(&grid, &idle, &from), None);
     }
 }

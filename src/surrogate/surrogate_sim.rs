@@ -12,7 +12,7 @@ use crate::scene::Start;
 use crate::scene::drive::{ControllerFactory, Course};
 use crate::sim::{PlantKind, Pose};
 use crate::testbench::{Aftermath, Testbench};
-use crate::world::Scenario;
+use crate::world::DriveScenario;
 
 /// Start with the seed of its noise.
 pub(super) type NoisyStart<'a> = (&'a Start, u64);
@@ -79,10 +79,9 @@ pub(super) const VARIATIONS: [SurrogateVariation; 12] = {
 };
 
 /// Returns the number of inputs per sample in a world.
-pub(super) fn width_of(world: &Scenario) -> usize {
-    let agents = world.drive().map_or(1, |spec| spec.agents.len());
-    let lights = world.drive().map_or(0, |spec| spec.lights.len());
-    Features::width(agents.saturating_sub(1), lights) + MODELS
+pub(super) fn width_of(world: DriveScenario<'_>) -> usize {
+    let spec = world.spec();
+    Features::width(spec.agents.len() - 1, spec.lights.len()) + MODELS
 }
 
 /// Model world that is played decision by decision.
@@ -97,23 +96,21 @@ impl ModelBench {
     /// Returns a model of `world` on the kinematic plant.
     ///
     /// It is faster than the rigid plant. Lane changes differ by some centimetres.
-    /// `None`: the world has no driving scene.
-    pub(super) fn quick(world: &Scenario) -> Option<ModelBench> {
+    pub(super) fn quick(world: DriveScenario<'_>) -> ModelBench {
         ModelBench::on(world, PlantKind::Kinematic)
     }
 
     /// Returns the same model on any plant.
-    pub(super) fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
-        let reader = MotionReader::of(world)?;
+    pub(super) fn on(world: DriveScenario<'_>, plant: PlantKind) -> ModelBench {
         let driver_slot = ModelDriverSlot::default();
         // The bench takes its driver from `driver_slot`, so the part can change between episodes.
         let bench = world.as_model(plant, driver_slot.factory()).bench();
-        Some(ModelBench {
+        ModelBench {
             obs: vec![0.0; bench.spaces().observation],
             bench,
             driver_slot,
-            reader,
-        })
+            reader: MotionReader::of(world),
+        }
     }
 
     /// Begins at a start and repeats the known actions.
@@ -369,16 +366,12 @@ pub(super) struct MotionReader {
 }
 
 impl MotionReader {
-    /// Returns a reader for the traces of `world`, or `None` without a driving scene.
-    pub(super) fn of(world: &Scenario) -> Option<MotionReader> {
-        let spec = world.drive()?;
-        let ego = &spec.agents[spec.egos().next()?].name;
-        let schema = world.world().schema();
-        let position = |field: &str| schema.position(&format!("{ego}.{field}"));
-        Some(MotionReader {
-            columns: [position("x")?, position("y")?, position("speed")?],
-            course: Arc::new(spec.road.course().ok()?),
-        })
+    /// Returns a reader for the traces of `world`.
+    pub(super) fn of(world: DriveScenario<'_>) -> MotionReader {
+        MotionReader {
+            columns: world.ego_columns(),
+            course: Arc::new(world.world().course().clone()),
+        }
     }
 
     /// Appends the samples of a bench that `motion` does not hold yet.
@@ -409,14 +402,15 @@ mod tests {
     use crate::seed::{Purpose, StartKey};
     use crate::surrogate::model::tests::surrogate;
     use crate::testbench::{HOLD_DECISIONS, HeldRandom, play};
+    use crate::world::Scenario;
 
     /// Returns a model on the world's own plant.
-    fn own(world: &Scenario) -> Option<ModelBench> {
-        ModelBench::on(world, world.drive()?.plant)
+    fn own(world: DriveScenario<'_>) -> ModelBench {
+        ModelBench::on(world, world.spec().plant)
     }
 
     /// Returns a run of the real ego of `world` under random actions.
-    fn run_of(world: &Scenario, index: u64) -> (Start, u64, RunPrefix) {
+    fn run_of(world: DriveScenario<'_>, index: u64) -> (Start, u64, RunPrefix) {
         let mut bench = world.bench();
         let key = StartKey {
             purpose: Purpose::Calibration,
@@ -427,9 +421,7 @@ mod tests {
         let mut actor = HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS);
         let episode = play(&mut bench, &start, noise, &mut actor, Aftermath::Skip);
         let mut motion = Vec::new();
-        MotionReader::of(world)
-            .expect("driven")
-            .follow(&bench, &mut motion);
+        MotionReader::of(world).follow(&bench, &mut motion);
         let actions = episode.actions;
         (start, noise, RunPrefix { actions, motion })
     }
@@ -443,10 +435,10 @@ mod tests {
         ] {
             let world = Scenario::shipped(name).expect("shipped").expect("sound");
             let world = world.on(plant);
-            for model in [own(&world), ModelBench::quick(&world)] {
-                let mut model = model.expect("driven");
+            let world = world.drive().expect("driven");
+            for mut model in [own(world), ModelBench::quick(world)] {
                 for index in 0..4 {
-                    let (start, noise, run) = run_of(&world, index);
+                    let (start, noise, run) = run_of(world, index);
                     model.begin((&start, noise), &run, None, VARIATIONS[0]);
                     let both = run.motion.iter().zip(model.motion());
                     for (sample, (there, here)) in both.enumerate() {
@@ -465,8 +457,9 @@ mod tests {
     fn on_the_worlds_own_plant_the_ado_moves_as_it_does_there() {
         let world = Scenario::shipped("merge_fair");
         let world = world.expect("shipped").expect("sound");
-        assert_eq!(world.drive().expect("driven").plant, PlantKind::Rigid);
-        let (mut own, mut quick) = (own(&world), ModelBench::quick(&world));
+        let world = world.drive().expect("driven");
+        assert_eq!(world.spec().plant, PlantKind::Rigid);
+        let (mut own, mut quick) = (own(world), ModelBench::quick(world));
         let columns = ["ado.x", "ado.y"].map(|name| world.world().schema().position(name));
         let [x, y] = columns.map(|column| column.expect("published"));
         let place = |bench: &Testbench| -> Vec<(f64, f64)> {
@@ -475,12 +468,11 @@ mod tests {
         };
         let [mut off_own_m, mut off_quick_m] = [0.0f64; 2];
         for index in 0..4 {
-            let (start, noise, run) = run_of(&world, index);
+            let (start, noise, run) = run_of(world, index);
             let mut real = world.bench();
             real.begin(&start, noise, Aftermath::Skip);
             run.actions.iter().for_each(|&action| real.decide(action));
-            let off_m = |model: &mut Option<ModelBench>| {
-                let model = model.as_mut().expect("driven");
+            let off_m = |model: &mut ModelBench| {
                 model.begin((&start, noise), &run, None, VARIATIONS[0]);
                 let pairs = place(&real).into_iter().zip(place(&model.bench));
                 let apart = pairs.map(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1));
@@ -501,8 +493,9 @@ mod tests {
         let world = Scenario::shipped("cut_in")
             .expect("shipped")
             .expect("sound");
-        let (start, noise, run) = run_of(&world, 1);
-        let mut model = own(&world).expect("driven");
+        let world = world.drive().expect("driven");
+        let (start, noise, run) = run_of(world, 1);
+        let mut model = own(world);
         let inputs = model.percepts((&start, noise), &run);
         assert!(run.motion.len().abs_diff(inputs.percepts.len() + 1) <= 1);
         assert!(0.0 < inputs.briefing.sample_s);

@@ -103,12 +103,15 @@ pub fn conditioned(
         });
     };
     let world = run.world()?;
-    let (Some(family), Some(spec)) = (world.family(), ego.scenario().drive()) else {
+    let (Some(family), Some(driving)) = (world.family(), ego.scenario().drive()) else {
         return Err(ConditioningError::NoFamily);
     };
+    let spec = driving.spec();
     let nominal = family.nominal(spec.plant);
     let found = match *source {
-        ContextSource::Identified(runs) => identified(run, &world, ego, (runs, seed), watch)?,
+        ContextSource::Identified(runs) => {
+            identified(run, (&world, family), ego, (runs, seed), watch)?
+        }
         ContextSource::Nominal | ContextSource::True => None,
     };
     let (member, context) = match (source, &found) {
@@ -120,7 +123,7 @@ pub fn conditioned(
                 (nominal.clone(), "nominal")
             }
         },
-        (_, Some(found)) => found.context(family, plant_of(ego)?)?,
+        (_, Some(found)) => found.context(family, spec.plant)?,
         // After a stop no row is finished, so the parameters have no effect.
         (_, None) => (nominal.clone(), "nominal"),
     };
@@ -138,11 +141,6 @@ pub fn conditioned(
         nominal_policy,
         identified: found,
     })
-}
-
-fn plant_of(ego: &EgoUnderTest) -> Result<PlantKind, ConditioningError> {
-    let plant = ego.scenario().plant().plant();
-    plant.ok_or(ConditioningError::NoPlant)
 }
 
 /// Notes the parameters that replace those of an ego that no member explains.
@@ -286,7 +284,7 @@ impl IdentificationRecord {
 /// Returns an error if the ego cannot be identified, or a file cannot be written.
 fn identified(
     run: &RunDir,
-    world: &Scenario,
+    (world, family): (&Scenario, &Family),
     ego: &EgoUnderTest,
     (runs, seed): (u64, u64),
     watch: &Watch<'_>,
@@ -311,8 +309,6 @@ fn identified(
     let Some(found) = identify(&request, &watch.quiet())? else {
         return Ok(None);
     };
-    let family = world.family();
-    let family = family.ok_or(ConditioningError::NoFamily)?;
     let found = IdentifiedAs::of(ego.name(), family, &found);
     if let Some(place) = &place {
         let text = IdentificationRecord::written(&found).map_err(|error| RunError::Damaged {
@@ -374,9 +370,6 @@ pub enum ConditioningError {
     /// The world of a conditional ado has no family, which is a bug of this program.
     #[error("a conditional ado without a family")]
     NoFamily,
-    /// The ego of a conditional ado has no plant, which is a bug of this program.
-    #[error("an ego on no plant")]
-    NoPlant,
     /// The identified member is not in the family, which is a bug of this program.
     #[error("{0}")]
     NoMember(SampleError),
@@ -399,7 +392,6 @@ impl ConditioningError {
                 Some(format!("the ado is told: {}", known.join(", ")))
             }
             ConditioningError::NoFamily
-            | ConditioningError::NoPlant
             | ConditioningError::NoMember(_)
             | ConditioningError::Identify(_)
             | ConditioningError::Run(_) => None,

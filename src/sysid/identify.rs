@@ -19,7 +19,7 @@ use crate::seed::{self, Purpose, StartKey};
 use crate::sim::PlantKind;
 use crate::stats::{CrossEntropySearch, Fit, cost, descend};
 use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
-use crate::world::{EgoSample, Family, Scenario};
+use crate::world::{DriveScenario, EgoSample, Family, Scenario};
 
 /// Number of independent fits, which show if they agree.
 const REFITS: u64 = 3;
@@ -195,8 +195,10 @@ pub fn identify(
     };
     let family = world.family().ok_or_else(no_family)?;
     let free = free(family, request.fixed)?;
-    let spec = request.ego.drive().ok_or_else(no_family)?;
-    let recorded = record(request, watch);
+    let model = world.drive().ok_or_else(no_family)?;
+    let ego = request.ego.drive().ok_or_else(no_family)?;
+    let plant = ego.spec().plant;
+    let recorded = record(ego, request, watch);
     if watch.stopped() {
         return Ok(None);
     }
@@ -205,7 +207,7 @@ pub fn identify(
         return Err(IdentifyError::NoRuns { runs });
     }
     let lab = Lab {
-        world,
+        model,
         family,
         recorded: &recorded,
         watch,
@@ -215,10 +217,10 @@ pub fn identify(
     watch.phase("fitting the family of egos");
     let mut fits: Vec<Fit> = Vec::new();
     for refit in 0..total {
-        fits.push(lab.fit(&free, spec.plant, request.seed, refit));
+        fits.push(lab.fit(&free, plant, request.seed, refit));
         (watch.progress)(refit + 1, total);
     }
-    let concluded = lab.conclude(&free, spec.plant, &fits);
+    let concluded = lab.conclude(&free, plant, &fits);
     // A stopped measurement returns no deviations, so the conclusion is meaningless.
     Ok((!watch.stopped()).then_some(concluded))
 }
@@ -246,7 +248,7 @@ fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> 
 
 /// Recordings, with the members to be tried on them.
 struct Lab<'a> {
-    world: &'a Scenario,
+    model: DriveScenario<'a>,
     family: &'a Family,
     recorded: &'a RecordedRuns,
     watch: &'a Watch<'a>,
@@ -344,11 +346,8 @@ impl Lab<'_> {
         let recordings = &self.recorded.recordings;
         let runs = recordings.len() as u64;
         self.simulations.fetch_add(runs, Ordering::Relaxed);
-        // Invariant: a world with a family has a driving scene.
-        let scene = self.world.scene_of(&variant);
-        scene.map_or_else(Vec::new, |mut scene| {
-            deviations(&mut *scene, self.world, recordings)
-        })
+        let mut scene = self.model.scene_of(&variant);
+        deviations(&mut *scene, self.model.ego_columns(), recordings)
     }
 
     fn conclude(&self, free: &[usize], plant: PlantKind, fits: &[Fit]) -> Identified {
@@ -436,11 +435,15 @@ struct RecordedRuns {
 /// The first start is run twice under different noise. If the runs differ, every start is
 /// run twice and the two runs are averaged.
 /// A start is left out if the ego fails at once or if too few runs are left.
-fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> RecordedRuns {
-    let (ego, starts, seed) = (request.ego, request.runs, request.seed);
+fn record(
+    ego: DriveScenario<'_>,
+    request: &IdentifyRequest<'_>,
+    watch: &Watch<'_>,
+) -> RecordedRuns {
+    let (starts, seed) = (request.runs, request.seed);
     let mut scene = ego.world().scene();
     let bench = ego.bench();
-    let columns = columns(ego);
+    let columns = ego.ego_columns();
     let mut recorded = RecordedRuns {
         recordings: Vec::with_capacity(starts),
         runs: 0,
@@ -466,7 +469,7 @@ fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> RecordedRuns {
         // The actions are fixed in advance, so members can repeat them exactly.
         let actions = (0..bench.clock().decisions()).map(|_| actor.act(&[]));
         let actions: Vec<usize> = actions.collect();
-        let first = run(&mut *scene, &start, noise, &actions, columns);
+        let first = run(&mut scene, &start, noise, &actions, columns);
         recorded.runs += 1;
         watch.faults.note(index, first.as_ref().err());
         let Ok(mut seen) = first else {
@@ -475,7 +478,7 @@ fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> RecordedRuns {
         let mut apart = 0.0;
         if noisy || (index == 0 && 1 < left) {
             // Inverted bits give the second run another noise seed.
-            let again = run(&mut *scene, &start, !noise, &actions, columns);
+            let again = run(&mut scene, &start, !noise, &actions, columns);
             recorded.runs += 1;
             watch.faults.note(index, again.as_ref().err());
             let Ok(again) = again else {
@@ -510,8 +513,7 @@ fn mean(one: &[EgoState], other: &[EgoState]) -> Vec<EgoState> {
 /// Returns the deviations of a model from the recordings, number by number.
 ///
 /// If the model's run ends first, its last sample is repeated.
-fn deviations(scene: &mut dyn Scene, world: &Scenario, recordings: &[EgoRecording]) -> Vec<f64> {
-    let columns = columns(world);
+fn deviations(scene: &mut dyn Scene, columns: [usize; 3], recordings: &[EgoRecording]) -> Vec<f64> {
     let mut all = Vec::new();
     for recording in recordings {
         // A member with a fault stays at its first sample, which is a poor fit.
@@ -546,16 +548,6 @@ fn squares(one: &[EgoState], other: &[EgoState]) -> f64 {
         a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
     };
     pairs(one, other).map(square).sum()
-}
-
-/// Returns the columns of the ego's x, y and speed in a row.
-fn columns(scenario: &Scenario) -> [usize; 3] {
-    let schema = scenario.world().schema();
-    let spec = scenario.drive();
-    let ego = spec.and_then(|spec| Some(&spec.agents[spec.egos().next()?].name));
-    let name = ego.map_or("", String::as_str);
-    // Invariant: every trace holds these three columns of every road user.
-    ["x", "y", "speed"].map(|field| schema.position(&format!("{name}.{field}")).unwrap_or(0))
 }
 
 fn run(

@@ -7,7 +7,6 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
-use super::TheoremsError;
 use super::compare::Witness;
 use super::nearby::TheoremOutcome;
 use super::plays::ROUNDING;
@@ -15,9 +14,9 @@ use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::grid_solver::bisimulation::{Bisimulation, coarse};
 use crate::grid_solver::exact::Game;
 use crate::rl::{LearnerRng, Policy};
-use crate::scene::grid::{Arena, GridWorld, Position, start_of};
+use crate::scene::grid::{GridWorld, Position, start_of};
 use crate::testbench::{Actor, Aftermath, Episode, PolicyActor, Replay, Testbench, play};
-use crate::world::Scenario;
+use crate::world::GridScenario;
 
 /// Largest number of start pairs played inside and outside the relation.
 const MOST_PLAYED: usize = 900;
@@ -79,11 +78,11 @@ pub struct ReplayedOnGrid {
 /// Distances are multiples of a fine cell, so no other ε gives another relation. `None`:
 /// the grids differ in size, horizon or the ado's moves.
 pub fn bisimulations(
-    nominal: &Scenario,
-    changed: &Scenario,
+    nominal: GridScenario<'_>,
+    changed: GridScenario<'_>,
     tau: f64,
 ) -> Option<Vec<Bisimulation>> {
-    let games = [Game::of(nominal.grid()?), Game::of(changed.grid()?)];
+    let games = [nominal, changed].map(|grid| Game::of(grid.world()));
     let [first, second] = &games;
     let comparable = first.arena.size == second.arena.size
         && first.steps == second.steps
@@ -99,20 +98,17 @@ pub fn bisimulations(
 }
 
 /// Checks Theorem 3 on a relation. `policy` was trained on `nominal`.
-///
-/// # Errors
-/// Returns an error if a world is not a grid.
 pub fn theorem_3(
-    nominal: &Scenario,
-    (name, changed): (&str, &Scenario),
+    nominal: GridScenario<'_>,
+    (name, changed): (&str, GridScenario<'_>),
     policy: &dyn Policy,
     relation: &Bisimulation,
-) -> Result<Theorem3, TheoremsError> {
-    let (first, second) = (world(nominal)?, world(changed)?);
+) -> Theorem3 {
+    let worlds = [nominal.world(), changed.world()];
     let trial = GridComparison {
         nominal: found(nominal, policy),
-        worlds: [first, second],
-        games: [Game::of(first), Game::of(second)],
+        worlds,
+        games: worlds.map(Game::of),
         changed,
         policy,
         epsilon: relation.epsilon(),
@@ -146,7 +142,7 @@ pub fn theorem_3(
         outcome: TheoremOutcome::Holds,
     };
     checked.outcome = checked.judged();
-    Ok(checked)
+    checked
 }
 
 impl Theorem3 {
@@ -176,13 +172,6 @@ impl Theorem3 {
     }
 }
 
-fn world(scenario: &Scenario) -> Result<&GridWorld, TheoremsError> {
-    scenario.grid().ok_or_else(|| TheoremsError::NotSolved {
-        world: scenario.name.clone(),
-        why: "it is no grid".to_owned(),
-    })
-}
-
 /// Counterexample on the unchanged grid.
 struct FoundAt {
     tau: f64,
@@ -191,9 +180,8 @@ struct FoundAt {
 }
 
 /// Returns the counterexamples of the trained ado from every start of a map.
-fn found(nominal: &Scenario, policy: &dyn Policy) -> HashMap<Position, FoundAt> {
-    let arena = nominal.grid().map(|world| world.spec().arena);
-    let starts: Vec<Position> = arena.iter().flat_map(Arena::starts).collect();
+fn found(nominal: GridScenario<'_>, policy: &dyn Policy) -> HashMap<Position, FoundAt> {
+    let starts: Vec<Position> = nominal.world().spec().arena.starts().collect();
     let horizon = nominal.bench().clock().samples();
     let one = |bench: &mut Testbench, both: &Position, _: &WorkItem| {
         // A grid has no noise, so the seed is 0 everywhere.
@@ -217,7 +205,7 @@ struct GridComparison<'a> {
     nominal: HashMap<Position, FoundAt>,
     worlds: [&'a GridWorld; 2],
     games: [Game; 2],
-    changed: &'a Scenario,
+    changed: GridScenario<'a>,
     policy: &'a dyn Policy,
     epsilon: f64,
 }

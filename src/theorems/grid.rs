@@ -8,7 +8,7 @@ use super::nearby::{Approximation, Theorem1, Theorem2, theorem_1, theorem_2};
 use crate::grid_solver::exact::Game;
 use crate::grid_solver::values::ValueTable;
 use crate::rl::Policy;
-use crate::world::Scenario;
+use crate::world::{GridScenario, Scenario};
 
 /// α of the stopping rule of value iteration in Theorem 2.
 const ALPHA: f64 = 0.01;
@@ -37,13 +37,13 @@ pub struct GridTheorems {
 /// Checks Theorems 1 to 3 for the trained ado `policy`.
 ///
 /// # Errors
-/// Returns an error if the world is not a grid or has an unsupported specification.
+/// Returns an error if the world has an unsupported specification.
 pub fn grid_theorems(
-    scenario: &Scenario,
+    scenario: GridScenario<'_>,
     policy: &dyn Policy,
     changed: &[(String, Scenario)],
 ) -> Result<GridTheorems, TheoremsError> {
-    let truth = optimal_values(scenario)?;
+    let truth = optimal_values(scenario);
     let reward = scenario.rulebook().reward;
     let lawful = |rho: f64| reward.lawful(rho);
     let (iterated, sweeps) = ValueTable::iterated(truth.game(), truth.discount(), lawful, ALPHA);
@@ -54,21 +54,23 @@ pub fn grid_theorems(
         policy: None,
     };
     // The learned values are read from the policy at the states of the exact table.
-    let learned = scenario.grid().map(|world| truth.learned(world, policy));
+    let learned = truth.learned(scenario.world(), policy);
     let learned = Approximation {
-        values: learned.as_ref().unwrap_or(&truth),
+        values: &learned,
         certified: None,
         policy: Some(policy),
     };
     let (mut rows, mut not_comparable) = (Vec::new(), Vec::new());
     for (name, changed) in changed {
-        let Some(relations) = bisimulations(scenario, changed, TAU) else {
+        // A change keeps the kind of the world.
+        let changed = changed.grid();
+        let relations = changed.and_then(|changed| bisimulations(scenario, changed, TAU));
+        let (Some(changed), Some(relations)) = (changed, relations) else {
             not_comparable.push(name.clone());
             continue;
         };
-        for relation in &relations {
-            rows.push(theorem_3(scenario, (name, changed), policy, relation)?);
-        }
+        let relations = relations.iter();
+        rows.extend(relations.map(|it| theorem_3(scenario, (name, changed), policy, it)));
     }
     Ok(GridTheorems {
         theorem_1: theorem_1(scenario, policy, &truth)?,
@@ -81,20 +83,11 @@ pub fn grid_theorems(
 }
 
 /// Returns V* of a grid world under the discount of its learner.
-///
-/// # Errors
-/// Returns an error if the world is not a grid.
-pub fn optimal_values(scenario: &Scenario) -> Result<ValueTable, TheoremsError> {
-    let Some(world) = scenario.grid() else {
-        return Err(TheoremsError::NotSolved {
-            world: scenario.name.clone(),
-            why: "it is no grid".to_owned(),
-        });
-    };
+pub fn optimal_values(scenario: GridScenario<'_>) -> ValueTable {
     let reward = scenario.rulebook().reward;
     let lawful = |rho: f64| reward.lawful(rho);
     let discount = scenario.learner().discount();
-    Ok(ValueTable::exact(&Game::of(world), discount, lawful))
+    ValueTable::exact(&Game::of(scenario.world()), discount, lawful)
 }
 
 impl GridTheorems {

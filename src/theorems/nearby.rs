@@ -9,7 +9,7 @@ use super::TheoremsError;
 use super::plays::{GridUnderTest, ROUNDING, TheoremEpisode};
 use crate::grid_solver::values::ValueTable;
 use crate::rl::Policy;
-use crate::world::Scenario;
+use crate::world::GridScenario;
 
 /// Values of δ in Theorem 1 and of β in Theorem 2.
 ///
@@ -102,16 +102,16 @@ pub struct Nearby {
 /// Checks Theorem 1 with the values of `table` for the trained ado `policy`.
 ///
 /// # Errors
-/// Returns an error if the world is not a grid or has an unsupported specification.
+/// Returns an error if the world has an unsupported specification.
 pub fn theorem_1(
-    scenario: &Scenario,
+    scenario: GridScenario<'_>,
     policy: &dyn Policy,
     table: &ValueTable,
 ) -> Result<Theorem1, TheoremsError> {
     let grid = GridUnderTest::of(scenario)?;
     let values = grid.values(table);
     let played = [grid.greedy(table)?, grid.trained(policy)?];
-    let learned = grid.values(&table.learned(grid.world, policy));
+    let learned = grid.values(&table.learned(scenario.world(), policy));
     let paid = played[0].iter().map(TheoremEpisode::paid);
     let found: Vec<bool> = played[1].iter().map(|run| run.success).collect();
     let optimally = found.iter().zip(&played[1]).zip(&values);
@@ -325,7 +325,7 @@ pub struct Theorem2Row {
 /// # Errors
 /// Returns the errors of [`theorem_1`].
 pub fn theorem_2(
-    scenario: &Scenario,
+    scenario: GridScenario<'_>,
     truth: &ValueTable,
     approximation: &Approximation<'_>,
 ) -> Result<Theorem2, TheoremsError> {

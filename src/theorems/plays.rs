@@ -9,17 +9,16 @@ use crate::grid_solver::values::ValueTable;
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::Start;
-use crate::scene::grid::{GridWorld, Position, position_of};
+use crate::scene::grid::{Position, position_of};
 use crate::testbench::{Aftermath, Episode, PolicyActor, Replay, Testbench, play};
-use crate::world::Scenario;
+use crate::world::{GridScenario, Scenario};
 
 /// Tolerance for rounding in every comparison of values.
 pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Grid world with a list of starts, under the discount of its learner.
 pub(super) struct GridUnderTest<'a> {
-    pub(super) scenario: &'a Scenario,
-    pub(super) world: &'a GridWorld,
+    pub(super) scenario: GridScenario<'a>,
     pub(super) game: Game,
     /// Discount γ of the learner.
     pub(super) discount: f64,
@@ -48,21 +47,18 @@ impl TheoremEpisode {
 }
 
 impl<'a> GridUnderTest<'a> {
-    pub(super) fn of(scenario: &'a Scenario) -> Result<GridUnderTest<'a>, TheoremsError> {
-        let (Some(world), Some(starts)) = (scenario.grid(), scenario.starts()) else {
-            return Err(not_solved(
-                scenario,
-                "it is no grid with a list of starts".to_owned(),
-            ));
+    pub(super) fn of(scenario: GridScenario<'a>) -> Result<GridUnderTest<'a>, TheoremsError> {
+        let Some(starts) = scenario.starts() else {
+            let why = "it is no grid with a list of starts".to_owned();
+            return Err(not_solved(&scenario, why));
         };
-        let game = Game::of(world);
+        let game = Game::of(scenario.world());
         Ok(GridUnderTest {
             positions: starts
                 .iter()
                 .map(|start| position_of(start, &game.arena))
                 .collect(),
             scenario,
-            world,
             game,
             discount: scenario.learner().discount(),
             starts,
@@ -102,7 +98,7 @@ impl<'a> GridUnderTest<'a> {
 
     /// Reads an episode, if its specification is supported.
     fn read(&self, episode: &Episode) -> Result<TheoremEpisode, TheoremsError> {
-        let not_solved = |why: String| not_solved(self.scenario, why);
+        let not_solved = |why: String| not_solved(&self.scenario, why);
         let from = &episode.start.0;
         let Some(reward) = self.scenario.rulebook().reward_of(&episode.verdict) else {
             return Err(not_solved(format!("from {from:?} the episode is invalid")));

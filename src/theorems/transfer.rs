@@ -176,7 +176,9 @@ pub fn carry_over(
 }
 
 fn is_stochastic(scenario: &Scenario) -> bool {
-    scenario.drive().is_some_and(|spec| spec.sensors.is_noisy())
+    scenario
+        .drive()
+        .is_some_and(|driving| driving.spec().sensors.is_noisy())
 }
 
 /// Nominal counterexample with its runs on the changed egos.

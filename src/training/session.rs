@@ -73,7 +73,7 @@ impl TrainSession {
         let world = request.world(world)?;
         if world
             .drive()
-            .is_some_and(|spec| spec.action_sets().next().is_none())
+            .is_some_and(|driving| driving.spec().action_sets().next().is_none())
         {
             return Err(SessionError::NoAdo {
                 world: world.name.clone(),
@@ -215,10 +215,8 @@ impl TrainSession {
     /// Returns the trained ado. A conditional ado gets the nominal parameters.
     fn policy(&self) -> Result<Box<dyn Policy>, SessionError> {
         let scenario = self.ego.scenario();
-        Ok(match (scenario.family(), scenario.drive()) {
-            (Some(family), Some(spec)) => {
-                self.run.conditioned_policy(&family.nominal(spec.plant))?
-            }
+        Ok(match (scenario.family(), scenario.plant().plant()) {
+            (Some(family), Some(plant)) => self.run.conditioned_policy(&family.nominal(plant))?,
             _ => self.run.policy()?,
         })
     }

@@ -61,9 +61,8 @@ impl<'a> TrainingGym<'a> {
             return;
         };
         let member = family.draw(&self.scenario.name, self.gym.key(index));
-        if let Some(scene) = self.scenario.scene_of(&family.variant(&member)) {
-            self.gym.bench().replace_scene(scene);
-        }
+        self.scenario
+            .place_member(&family.variant(&member), self.gym.bench());
         if against == TrainingEgos::Conditioned {
             self.context = family.told(&member);
         }

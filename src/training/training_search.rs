@@ -132,16 +132,12 @@ impl<'a> TrainingSearch<'a> {
             return;
         };
         let mut member = family.draw(&self.scenario.name, key);
-        if let Some(asked) = asked
-            && let Some(scene) = self.scenario.scene_of(&family.variant(&member))
-        {
-            asked.replace_scene(scene);
+        if let Some(asked) = asked {
+            self.scenario.place_member(&family.variant(&member), asked);
         }
         member.plant = PlantKind::Kinematic;
         let cheap = self.cheap.as_ref().unwrap_or(self.scenario);
-        if let Some(scene) = cheap.scene_of(&family.variant(&member)) {
-            first.replace_scene(scene);
-        }
+        cheap.place_member(&family.variant(&member), first);
     }
 }
 

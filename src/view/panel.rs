@@ -4,7 +4,7 @@ use super::error::ViewError;
 use super::layout::{BlueprintBuilder, Views};
 use super::log_writer::LogWriter;
 use super::viewed_episode::ViewedEpisode;
-use crate::world::Scenario;
+use crate::world::{Scenario, ScenarioKind};
 
 /// Part of recordings, as a file in `panels/` and a line in the list there.
 pub(super) struct Panel {
@@ -62,10 +62,9 @@ pub(super) enum PanelWorlds {
 impl Panel {
     /// Returns true if recordings of a world have the panel.
     pub(super) fn applies(&self, scenario: &Scenario) -> bool {
-        match self.shown {
-            PanelWorlds::Everywhere => true,
-            PanelWorlds::OnRoads => scenario.grid().is_none(),
-            PanelWorlds::OnGrids => scenario.grid().is_some(),
+        match scenario.kind() {
+            ScenarioKind::Drive(_) => self.shown != PanelWorlds::OnGrids,
+            ScenarioKind::Grid(_) => self.shown != PanelWorlds::OnRoads,
         }
     }
 }

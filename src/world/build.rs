@@ -10,6 +10,7 @@ use super::language::{Judging, Language, constants, formula, rulebook};
 use super::locate::ValuePath;
 use super::problems::Problems;
 use super::runs::{Assembled, RunSource, WorldOrigin};
+use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
     Scenario, check, counting, dry_run, family_check, limits, plans, points, read, roads, starts,
@@ -41,9 +42,10 @@ pub(super) fn build(
     warnings.driving(&parsed);
     // Each stage ends before the next stage, since later checks assume that
     // earlier checks passed.
-    let mut scenario = assemble(origin, text, parsed)?;
+    let (mut scenario, world) = assemble(origin, text, parsed)?;
+    let driving = DriveScenario::new(&scenario, &world);
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
-    vacuous::check(&mut problems, &top, &scenario);
+    vacuous::check(&mut problems, &top, driving);
     problems.done()?;
     dry_run::begins_well(&mut problems, &top, &scenario);
     problems.done()?;
@@ -54,9 +56,9 @@ pub(super) fn build(
     let excluding = excluding.or_else(|| dry_run::kept_to_the_end(&scenario));
     warnings.found(dry_run::tie(&scenario.text, &scenario));
     warnings.found(excluding);
-    warnings.found(vacuous::warnings(&scenario));
+    warnings.found(vacuous::warnings(driving));
     warnings.bounds(&scenario);
-    warnings.unseen(&scenario);
+    warnings.unseen(driving);
     scenario.warnings = warnings.of(&scenario.text);
     Ok(scenario)
 }
@@ -72,18 +74,18 @@ fn within(origin: WorldOrigin<'_>, text: &str) -> Assembled {
             let mut problems = Problems::new(text);
             limits::check(&mut problems, &parsed);
             problems.done()?;
-            Some(assemble(origin, text, parsed)?.world().clone())
+            Some(assemble(origin, text, parsed)?.1)
         }
         read::WorldKind::Grid => None,
     })
 }
 
-/// Assembles a scenario without trial runs.
+/// Assembles a scenario and its world without trial runs.
 fn assemble(
     origin: WorldOrigin<'_>,
     text: &str,
     file: ScenarioFile,
-) -> Result<Scenario, Vec<Problem>> {
+) -> Result<(Scenario, DriveWorld), Vec<Problem>> {
     let mut problems = Problems::new(text);
     let top = ValuePath::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);
@@ -210,7 +212,7 @@ fn assemble(
     problems.done()?;
     spec.extra = language.published();
     let world = match DriveWorld::new(spec) {
-        Ok(world) => World::Drive(world),
+        Ok(world) => world,
         Err(error) => {
             problems.add(&top, error.to_string(), "here", None);
             return Err(problems.into_list());
@@ -233,7 +235,7 @@ fn assemble(
             return Err(problems.into_list());
         }
     };
-    Ok(Scenario {
+    let scenario = Scenario {
         name: file.name,
         question: file.question,
         source: file.source,
@@ -254,8 +256,9 @@ fn assemble(
         reuse: file.reuse.0,
         repeats: file.repeats,
         warnings: Vec::new(),
-        world,
+        world: World::Drive(world.clone()),
         rulebook,
         programs_allowed: false,
-    })
+    };
+    Ok((scenario, world))
 }

@@ -7,6 +7,7 @@ use super::Scenario;
 use super::error::Problem;
 use super::locate::ValuePath;
 use super::problems::Problems;
+use super::scenario_kind::{DriveScenario, ScenarioKind};
 use super::warnings::Oddity;
 use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
 use crate::scene::Start;
@@ -35,8 +36,8 @@ const FEW_AGENTS: usize = 20;
 /// Number of samples that a trial may take.
 ///
 /// Agents are compared with each other, so samples of many agents cost more.
-fn affordable_samples(scenario: &Scenario) -> usize {
-    let agents = scenario.drive().map_or(0, |spec| spec.agents.len());
+fn affordable_samples(bench: &Testbench) -> usize {
+    let agents = bench.stage().agents.len();
     TRIED_SAMPLES / (agents / FEW_AGENTS).max(1).pow(2)
 }
 
@@ -67,10 +68,10 @@ fn tried_starts(scenario: &Scenario) -> Vec<Start> {
             index,
         })
     });
-    match scenario.drive() {
-        Some(_) => (0..corners).map(corner).chain(drawn).collect(),
+    match scenario.kind() {
+        ScenarioKind::Drive(_) => (0..corners).map(corner).chain(drawn).collect(),
         // On a grid two corners may be one cell, so only draws are starts.
-        None => drawn.collect(),
+        ScenarioKind::Grid(_) => drawn.collect(),
     }
 }
 
@@ -79,15 +80,17 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
     let tried = scenario.on(PlantKind::Kinematic);
     let mut bench = tried.bench();
     let rulebook = tried.rulebook();
+    // Only bodies on roads can miss a meeting point or overlap.
+    let spec = scenario.drive().map(DriveScenario::spec);
     let mut row = vec![0.0; bench.schema().len()];
     for start in tried_starts(&tried) {
-        if let Some(Err((i, why))) = scenario.drive().map(|spec| spec.admits(&start)) {
-            let agents = scenario.drive().map(|spec| &spec.agents[i]);
-            if let Some(agent) = agents {
-                let entry = entry_of(&path.to("agents"), &scenario.text, &agent.name);
-                let words = in_words(&tried, &start);
-                super::plans::meets(problems, &entry, agent, why, &words);
-            }
+        if let Some(spec) = spec
+            && let Err((i, why)) = spec.admits(&start)
+        {
+            let agent = &spec.agents[i];
+            let entry = entry_of(&path.to("agents"), &scenario.text, &agent.name);
+            let words = in_words(&tried, &start);
+            super::plans::meets(problems, &entry, agent, why, &words);
             return;
         }
         bench.begin(&start, 0, Aftermath::Skip);
@@ -102,8 +105,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
             );
             return;
         }
-        let overlap = || first_overlap(&bench);
-        if let Some((i, j)) = scenario.drive().and_then(|_| overlap()) {
+        if let Some((i, j)) = spec.and_then(|_| first_overlap(&bench)) {
             let names = bench.stage().agents;
             let (first, second) = (&names[i].name, &names[j].name);
             let what = format!("`{first}` and `{second}` may start inside each other");
@@ -363,7 +365,7 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
     }
     let actions = bench.spaces().actions;
     let mut scratch = crate::stl::Scratch::default();
-    let (mut samples, affordable) = (0, affordable_samples(tried));
+    let (mut samples, affordable) = (0, affordable_samples(&bench));
     for (i, start) in tried_starts(tried).iter().enumerate() {
         let mut constant = Constant(i % actions);
         let mut changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
@@ -400,7 +402,7 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
     let mut bench = Testbench::new(tried.world().scene(), Arc::new(lawless));
     let neutral = bench.spaces().neutral;
     let mut scratch = crate::stl::Scratch::default();
-    let affordable = affordable_samples(&tried) / bench.clock().samples();
+    let affordable = affordable_samples(&bench) / bench.clock().samples();
     // An ego that is a program is not started for a warning.
     let affordable = bench.fork().map_or(0, |_| affordable.max(1));
     for start in tried_starts(&tried).into_iter().take(affordable) {

@@ -9,7 +9,6 @@ use super::file::{Change, FamilyFile};
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
-use super::quantity::controller;
 use super::quantity::{Quantity, Varied};
 use super::structure::Structure;
 use crate::ego::{Actuated, ControllerSpec, Parameter};
@@ -31,7 +30,7 @@ pub(super) fn family(
     reuse: &IndexMap<String, Change>,
 ) -> Option<Family> {
     // Ranges refer to the named parameters of a stock controller.
-    let Some(controller) = controller(spec) else {
+    let Some(controller) = spec.ego.stock() else {
         let what = "a family needs a stock controller as the ego";
         problems.add(path, what, "here", None);
         return None;

@@ -13,7 +13,10 @@ use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::warnings::Warnings;
-use super::{Change, ChangeError, Repeats, RuleSpec, Scenario, check, counting, dry_run, limits};
+use super::{
+    Change, ChangeError, GridScenario, Repeats, RuleSpec, Scenario, check, counting, dry_run,
+    limits,
+};
 use crate::rl::LearnerSettings;
 use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
@@ -509,15 +512,15 @@ impl Scenario {
     }
 }
 
-impl Scenario {
-    /// Returns the grid world with an ado that observes both positions.
+impl GridScenario<'_> {
+    /// Returns the world with an ado that observes both positions.
     ///
     /// The shipped ados observe a window. [The optimal ado][best] of a larger
-    /// map requires the complete map. `None` if it is not a grid world.
+    /// map requires the complete map.
     ///
     /// [best]: crate::grid_solver::exact::PositionPolicy::optimal
-    pub fn fully_observed(&self) -> Option<Scenario> {
-        let mut spec = self.grid()?.spec().clone();
+    pub fn fully_observed(self) -> Scenario {
+        let mut spec = self.world().spec().clone();
         // Positions are scaled to −1 ..= 1 over the map.
         let half = f64::from(spec.arena.size) / 2.0;
         let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
@@ -527,10 +530,12 @@ impl Scenario {
             half,
         });
         spec.observe = observe.into();
-        let world = GridWorld::new(spec).ok()?;
-        Some(Scenario {
-            world: World::Grid(world),
-            ..self.clone()
-        })
+        // Invariant: every grid publishes both positions.
+        let world = GridWorld::new(spec);
+        assert!(world.is_ok(), "positions are signals of every grid");
+        Scenario {
+            world: World::Grid(world.unwrap_or_else(|_| self.world().clone())),
+            ..Scenario::clone(&self)
+        }
     }
 }

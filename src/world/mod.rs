@@ -38,6 +38,7 @@ mod repeats;
 mod roads;
 mod runs;
 mod scenario;
+mod scenario_kind;
 mod shipped;
 mod starts;
 mod structure;
@@ -62,6 +63,7 @@ pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
 pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, RuleSpec, Scenario};
+pub use scenario_kind::{DriveScenario, GridScenario, NotAGrid, ScenarioKind};
 pub use structure::Structure;
 
 /// Reads a RON file that is not a world.

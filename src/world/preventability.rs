@@ -5,7 +5,6 @@ use std::sync::Arc;
 use super::Scenario;
 use crate::ego::reference::ReferenceDriver;
 use crate::preventability::{FilmedDriver, NotApplicable, Preventability, Replayer};
-use crate::scene::World;
 use crate::testbench::{Episode, film, motion_of};
 
 impl Scenario {
@@ -13,10 +12,7 @@ impl Scenario {
     ///
     /// `None` for a world without driving.
     pub fn replayer(&self) -> Option<Replayer> {
-        match &self.world {
-            World::Drive(world) => Replayer::new(world, Arc::clone(&self.rulebook)),
-            World::Grid(_) => None,
-        }
+        Replayer::new(self.drive()?.world(), Arc::clone(&self.rulebook))
     }
 
     /// Returns the reference drivers that avoid an episode's contact.

@@ -36,7 +36,7 @@ impl Varied {
     /// Returns the value in a driving scene. `None` if the ego lacks the parameter.
     pub(super) fn read(&self, spec: &DriveSpec) -> Option<f64> {
         match self {
-            Varied::Ego(name) => parameter(&controller(spec)?, name),
+            Varied::Ego(name) => parameter(&spec.ego.stock()?, name),
             Varied::Delay => Some(spec.sensors.delay_s),
             Varied::PositionNoise => Some(spec.sensors.position_sd_m),
             Varied::SpeedNoise => Some(spec.sensors.speed_sd_mps),
@@ -132,11 +132,6 @@ impl Quantity {
             self.lo + self.step * rng.random_range(0..count) as f64
         })
     }
-}
-
-/// Stock controller of a scene's ego, with its actuator.
-pub(super) fn controller(spec: &DriveSpec) -> Option<Actuated<ControllerSpec>> {
-    spec.ego.stock()
 }
 
 pub(super) fn parameter(controller: &Actuated<ControllerSpec>, name: &str) -> Option<f64> {

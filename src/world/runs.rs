@@ -1,7 +1,7 @@
 //! Runs that a world file refers to, found by a source outside of this module.
 
 use super::error::Problem;
-use crate::scene::World;
+use crate::scene::drive::DriveWorld;
 
 /// Parts of a finished run that a world requires.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,7 +56,7 @@ impl RunSource for Nowhere {
 }
 
 /// World of a text. `None` for a grid.
-pub(super) type Assembled = Result<Option<World>, Vec<Problem>>;
+pub(super) type Assembled = Result<Option<DriveWorld>, Vec<Problem>>;
 
 /// Origin of a world: the name of its file, and the source of its runs.
 #[derive(Clone, Copy)]

@@ -12,9 +12,8 @@ use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook, TrainingGoal};
-use crate::scene::drive::{Agent, Drive, DriveSpec, EgoController, EgoVariant};
-use crate::scene::grid::GridWorld;
-use crate::scene::{Availability, Axis, Dynamics, Scene, Start, World};
+use crate::scene::drive::{Agent, Drive, EgoController, EgoDrive};
+use crate::scene::{Availability, Axis, Dynamics, Start, World};
 use crate::stl::{Formula, Names};
 use crate::testbench::Testbench;
 use crate::trace::Signal;
@@ -160,22 +159,6 @@ impl Scenario {
         &self.warnings
     }
 
-    /// Returns the spec of a driving world's scene.
-    pub fn drive(&self) -> Option<&DriveSpec> {
-        match &self.world {
-            World::Drive(world) => Some(world.spec()),
-            World::Grid(_) => None,
-        }
-    }
-
-    /// Returns the world, if it is a grid.
-    pub fn grid(&self) -> Option<&GridWorld> {
-        match &self.world {
-            World::Drive(_) => None,
-            World::Grid(world) => Some(world),
-        }
-    }
-
     /// Returns the assembled world.
     pub fn world(&self) -> &World {
         &self.world
@@ -230,26 +213,14 @@ impl Scenario {
         spaces
     }
 
-    /// Returns the scene of a member of the family. `None` without driving.
-    pub fn scene_of(&self, variant: &EgoVariant) -> Option<Box<dyn Scene>> {
-        match &self.world {
-            World::Drive(world) => {
-                // The consent belongs to this scenario, and members come
-                // without any.
-                let mut variant = variant.clone();
-                variant
-                    .controller
-                    .controller
-                    .allow_programs(self.programs_allowed);
-                Some(Box::new(world.with_variant(&variant).scene()))
-            }
-            World::Grid(_) => None,
-        }
+    /// Returns the drive of the ego. `None` on a grid.
+    pub fn ego(&self) -> Option<&EgoDrive> {
+        Some(&self.drive()?.spec().ego)
     }
 
     /// Returns the program that this world starts as its ego, if any.
     pub fn program(&self) -> Option<&Process> {
-        match &self.drive()?.ego.controller {
+        match &self.ego()?.controller {
             EgoController::Stock(spec) => spec.program(),
             EgoController::Own { .. } | EgoController::Recorded(_) => None,
         }
@@ -257,7 +228,7 @@ impl Scenario {
 
     /// Returns the name of the user's own controller, if it is the ego.
     pub fn own_ego(&self) -> Option<&str> {
-        match &self.drive()?.ego.controller {
+        match &self.ego()?.controller {
             EgoController::Stock(_) => None,
             EgoController::Own { name, .. } => Some(name),
             EgoController::Recorded(_) => Some("recorded"),
@@ -270,7 +241,7 @@ impl Scenario {
     /// ado. With an ado that acts without a plan, a world with a single start
     /// is for search and training.
     pub fn has_points(&self) -> bool {
-        let Some(spec) = self.drive() else {
+        let Some(spec) = self.drive().map(|driving| driving.spec()) else {
             return false;
         };
         let is_free = |agent: &Agent| matches!(agent.drive, Drive::Ado { base: None, .. });
@@ -285,14 +256,14 @@ impl Scenario {
     /// The world's own ego is no measure if it only coasts, or the starts are a
     /// table of points.
     pub fn judges_each_ego(&self) -> bool {
-        let Some(spec) = self.drive() else {
-            return false;
-        };
-        let coasts = matches!(
-            spec.ego.controller,
-            EgoController::Stock(ControllerSpec::Coast(_))
-        );
-        coasts || !spec.points.is_empty()
+        self.drive().is_some_and(|driving| {
+            let spec = driving.spec();
+            let coasts = matches!(
+                spec.ego.controller,
+                EgoController::Stock(ControllerSpec::Coast(_))
+            );
+            coasts || !spec.points.is_empty()
+        })
     }
 
     /// Returns every program that the world's file names, with the ego's name.
@@ -313,7 +284,7 @@ impl Scenario {
 
     /// Returns the ego's stock controller with its actuator, if any.
     pub fn controller(&self) -> Option<Actuated<ControllerSpec>> {
-        super::quantity::controller(self.drive()?)
+        self.ego()?.stock()
     }
 
     /// Returns every signal that formulas may use, including derived signals.

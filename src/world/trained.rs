@@ -22,8 +22,7 @@ use super::ordered::Ordered;
 use super::problems::Problems;
 use super::runs::{RunRefused, WorldOrigin, refused};
 use crate::rl::{Policy, TensorFile, load_policy_for};
-use crate::scene::World;
-use crate::scene::drive::{Drive, DriveSpec, LightDrive, TrainedAdo, TrainedError};
+use crate::scene::drive::{Drive, DriveSpec, DriveWorld, LightDrive, TrainedAdo, TrainedError};
 
 /// Returns a trained ado, and the text that replaces its directory.
 ///
@@ -70,12 +69,6 @@ fn made_from(
 ) -> Result<TrainedAdo, RunRefused> {
     let from = &run.from;
     let world = world_of(run, origin)?;
-    let World::Drive(world) = world else {
-        return Err(refused(
-            format!("the run `{from}` is of a grid"),
-            "only ados of driving worlds can be placed in one",
-        ));
-    };
     let home = world.spec();
     let mut sets = home.action_sets();
     // The policy chooses joint actions, so it can only be placed if it was
@@ -122,7 +115,7 @@ fn lag_s(home: &DriveSpec) -> f64 {
 /// Returns the run's world.
 ///
 /// Trial runs are omitted, because they took place before its training.
-fn world_of(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<World, RunRefused> {
+fn world_of(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<DriveWorld, RunRefused> {
     let name = run.world_name();
     // Runs of the inner world are searched beside the inner file.
     let inner = WorldOrigin {

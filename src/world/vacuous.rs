@@ -4,26 +4,24 @@ use super::Scenario;
 use super::error::Problem;
 use super::locate::ValuePath;
 use super::problems::Problems;
+use super::scenario_kind::DriveScenario;
 use super::warnings::Oddity;
 use crate::scene::drive::Bounds;
 use crate::stl::{Interval, Monitor};
 
 /// Reports a specification that no run violates, and rules that no run keeps.
-pub(super) fn check(problems: &mut Problems, path: &ValuePath, scenario: &Scenario) {
-    let Some(spec) = scenario.drive() else {
-        return;
-    };
-    let bounds = spec.bounds();
+pub(super) fn check(problems: &mut Problems, path: &ValuePath, scenario: DriveScenario<'_>) {
+    let bounds = scenario.spec().bounds();
     let ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
-    check_spec(problems, &path.to("ego_spec"), scenario, &bounds);
+    check_spec(problems, &path.to("ego_spec"), &scenario, &bounds);
     for rule in &scenario.rulebook().rules {
         let range = rule.monitor.range(&ranges);
         // ρ = 0 counts as broken, so a rule requires more.
         if range.hi <= 0.0 {
             let what = format!("the rule `{}` cannot be kept", rule.name);
             let label = format!("ρ is at most {}", range.hi);
-            let help = reasons(scenario, &rule.monitor, &bounds);
-            problems.add(&place_of(scenario, &rule.name), what, &label, help);
+            let help = reasons(&scenario, &rule.monitor, &bounds);
+            problems.add(&place_of(&scenario, &rule.name), what, &label, help);
         }
     }
 }
@@ -53,20 +51,17 @@ fn check_spec(problems: &mut Problems, place: &ValuePath, scenario: &Scenario, b
 }
 
 /// Warnings for rules that no run can break.
-pub(super) fn warnings(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
-    let Some(spec) = scenario.drive() else {
-        return Vec::new();
-    };
-    let bounds = spec.bounds();
+pub(super) fn warnings(scenario: DriveScenario<'_>) -> Vec<(Oddity, Problem)> {
+    let bounds = scenario.spec().bounds();
     let ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
     let rules = scenario.rulebook().rules.iter();
     let idle = rules.filter(|rule| 0.0 < rule.monitor.range(&ranges).lo);
     idle.map(|rule| {
         let problem = Problem {
             what: format!("the rule `{}` cannot be broken", rule.name),
-            span: place_of(scenario, &rule.name).find(&scenario.text),
+            span: place_of(&scenario, &rule.name).find(&scenario.text),
             label: "ρ > 0 whatever the ado does".to_owned(),
-            help: reasons(scenario, &rule.monitor, &bounds),
+            help: reasons(&scenario, &rule.monitor, &bounds),
         };
         (Oddity::UnbreakableRule, problem)
     })

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
 use super::{
-    ChangeError, Family, LoadError, Repeats, Scenario, ScenarioError, TrainingEgos, ValuePath,
+    ChangeError, DriveScenario, Family, LoadError, Repeats, Scenario, ScenarioError, ScenarioKind,
+    TrainingEgos, ValuePath,
 };
 use super::{changed, check, counting, read};
 use crate::ego::Command;
@@ -87,7 +88,8 @@ impl Scenario {
     ///
     /// Returns an error for a goal that is repeated or cannot be reached in this world.
     pub fn training_towards(&self, goals: &[TrainingGoal]) -> Result<Scenario, ChangeError> {
-        let others = self.drive().map(|spec| spec.agents.len().saturating_sub(1));
+        let spec = self.drive().map(DriveScenario::spec);
+        let others = spec.map(|spec| spec.agents.len().saturating_sub(1));
         if let Some((what, help)) = counting::against_goals(goals, others) {
             return Err(ChangeError {
                 what,
@@ -150,16 +152,10 @@ impl Scenario {
     /// it an ego that is a program is a fault in every episode.
     #[must_use]
     pub fn allow_programs(&self, allowed: bool) -> Scenario {
-        let mut same = match &self.world {
-            World::Drive(world) => {
-                let mut spec = world.spec().clone();
-                permit(&mut spec, allowed);
-                self.remade(spec)
-            }
-            World::Grid(_) => self.clone(),
-        };
-        same.programs_allowed = allowed;
-        same
+        Scenario {
+            programs_allowed: allowed,
+            ..self.redriven(|spec| permit(spec, allowed))
+        }
     }
 
     /// Returns the world with a change.
@@ -168,9 +164,9 @@ impl Scenario {
     ///
     /// Returns an error with its path within the change.
     pub fn with(&self, change: &Change) -> Result<Scenario, ChangeError> {
-        match &self.world {
-            World::Drive(world) => {
-                let mut spec = world.spec().clone();
+        match self.kind() {
+            ScenarioKind::Drive(scenario) => {
+                let mut spec = scenario.spec().clone();
                 changed::apply(&mut spec, change)?;
                 // The change may bring a program of its own, which has no
                 // consent yet.
@@ -178,49 +174,13 @@ impl Scenario {
                 check::still_apart(&spec)?;
                 Ok(self.remade(spec))
             }
-            World::Grid(world) => self.with_grid(world, change),
+            ScenarioKind::Grid(scenario) => self.with_grid(scenario.world(), change),
         }
     }
 
     /// Returns the driving world on another plant. Other worlds stay as they are.
     pub fn on(&self, plant: PlantKind) -> Scenario {
-        match &self.world {
-            World::Drive(world) => {
-                let mut spec = world.spec().clone();
-                spec.plant = plant;
-                self.remade(spec)
-            }
-            World::Grid(_) => self.clone(),
-        }
-    }
-
-    /// Returns the driving world with another sampling time.
-    ///
-    /// Decisions keep their times.
-    ///
-    /// `None` for a world without driving, formulas that do not bind to such
-    /// samples, or a trained ado with another sampling time.
-    pub fn sampled_every(&self, sample_s: f64) -> Option<Scenario> {
-        let mut spec = self.drive()?.clone();
-        spec.clock.sample_s = sample_s;
-        let world = DriveWorld::new(spec).ok()?;
-        let judging = Judging {
-            judge: self.rulebook.judge,
-            counts: self.rulebook.counts.clone(),
-            reward: self.rulebook.reward,
-        };
-        let (spec, rules, names) = (&self.ego_spec, &self.rules, &self.names);
-        // Windows of formulas are counted in samples, so they are bound again.
-        let bound = rulebook(world.schema(), spec, rules, names, judging).ok()?;
-        Some(Scenario {
-            rulebook: Arc::new(Rulebook {
-                spec: bound.spec,
-                rules: bound.rules,
-                ..Rulebook::clone(&self.rulebook)
-            }),
-            world: World::Drive(world),
-            ..self.clone()
-        })
+        self.redriven(|spec| spec.plant = plant)
     }
 
     /// Returns the world with the user's own controller as the ego.
@@ -228,15 +188,12 @@ impl Scenario {
     /// `name` is its name in rows and files. Its commands pass through the
     /// actuator of the current ego. A world without driving stays as it is.
     pub fn with_ego(&self, name: &str, factory: ControllerFactory) -> Scenario {
-        let World::Drive(world) = &self.world else {
-            return self.clone();
-        };
-        let mut spec = world.spec().clone();
-        spec.ego.controller = EgoController::Own {
-            name: name.to_owned(),
-            factory,
-        };
-        self.remade(spec)
+        self.redriven(|spec| {
+            spec.ego.controller = EgoController::Own {
+                name: name.to_owned(),
+                factory,
+            };
+        })
     }
 
     /// Returns a model of the world, whose ego is made by `factory`.
@@ -244,20 +201,17 @@ impl Scenario {
     /// The ego's perception and actuation are perfect. A world without driving
     /// stays as it is.
     pub(crate) fn as_model(&self, plant: PlantKind, factory: ControllerFactory) -> Scenario {
-        let World::Drive(world) = &self.world else {
-            return self.clone();
-        };
-        let mut spec = world.spec().clone();
-        spec.plant = plant;
-        // The model replaces the complete ego, so perception and actuation must
-        // add nothing.
-        spec.sensors = Sensors::default();
-        spec.ego.lag_s = 0.0;
-        spec.ego.controller = EgoController::Own {
-            name: "model".to_owned(),
-            factory,
-        };
-        self.remade(spec)
+        self.redriven(|spec| {
+            spec.plant = plant;
+            // The model replaces the complete ego, so perception and actuation
+            // must add nothing.
+            spec.sensors = Sensors::default();
+            spec.ego.lag_s = 0.0;
+            spec.ego.controller = EgoController::Own {
+                name: "model".to_owned(),
+                factory,
+            };
+        })
     }
 
     /// Returns the world with an ego that repeats recorded commands.
@@ -265,12 +219,7 @@ impl Scenario {
     /// They pass through the actuator of the current ego. A world without
     /// driving stays as it is.
     pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
-        let World::Drive(world) = &self.world else {
-            return self.clone();
-        };
-        let mut spec = world.spec().clone();
-        spec.ego.controller = EgoController::Recorded(Arc::clone(commands));
-        self.remade(spec)
+        self.redriven(|spec| spec.ego.controller = EgoController::Recorded(Arc::clone(commands)))
     }
 
     /// Returns the world for a replay of an episode.
@@ -302,10 +251,10 @@ impl Scenario {
                 problems: vec![problem],
             }))
         };
-        let change = match &self.world {
-            World::Drive(_) => read::parse(text).map_err(fail)?,
+        let change = match self.kind() {
+            ScenarioKind::Drive(_) => read::parse(text).map_err(fail)?,
             // A grid's file has the fields of a `GridChange` at its top.
-            World::Grid(_) => read::parse::<GridChange>(text).map_err(fail)?.into(),
+            ScenarioKind::Grid(_) => read::parse::<GridChange>(text).map_err(fail)?.into(),
         };
         match self.with(&change) {
             Ok(scenario) => Ok((change, scenario)),
@@ -314,6 +263,16 @@ impl Scenario {
                 Err(fail(error.problem(at.find(text))))
             }
         }
+    }
+
+    /// Returns the driving world with a changed spec. Other worlds stay as they are.
+    fn redriven(&self, change: impl FnOnce(&mut DriveSpec)) -> Scenario {
+        let Some(scenario) = self.drive() else {
+            return self.clone();
+        };
+        let mut spec = scenario.spec().clone();
+        change(&mut spec);
+        self.remade(spec)
     }
 
     fn remade(&self, spec: DriveSpec) -> Scenario {
@@ -325,6 +284,37 @@ impl Scenario {
             world: world.unwrap_or_else(|_| self.world.clone()),
             ..self.clone()
         }
+    }
+}
+
+impl DriveScenario<'_> {
+    /// Returns the driving world with another sampling time.
+    ///
+    /// Decisions keep their times.
+    ///
+    /// `None` for formulas that do not bind to such samples, or a trained ado
+    /// with another sampling time.
+    pub fn sampled_every(self, sample_s: f64) -> Option<Scenario> {
+        let mut spec = self.spec().clone();
+        spec.clock.sample_s = sample_s;
+        let world = DriveWorld::new(spec).ok()?;
+        let judging = Judging {
+            judge: self.rulebook.judge,
+            counts: self.rulebook.counts.clone(),
+            reward: self.rulebook.reward,
+        };
+        let (spec, rules, names) = (&self.ego_spec, &self.rules, &self.names);
+        // Windows of formulas are counted in samples, so they are bound again.
+        let bound = rulebook(world.schema(), spec, rules, names, judging).ok()?;
+        Some(Scenario {
+            rulebook: Arc::new(Rulebook {
+                spec: bound.spec,
+                rules: bound.rules,
+                ..Rulebook::clone(&self.rulebook)
+            }),
+            world: World::Drive(world),
+            ..Scenario::clone(&self)
+        })
     }
 }
 

@@ -7,6 +7,7 @@ use super::error::Problem;
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile};
 use super::locate::ValuePath;
 use super::problems::Problems;
+use super::scenario_kind::{DriveScenario, ScenarioKind};
 use crate::ego::ControllerSpec;
 use crate::scene::Clock;
 use crate::stl::{Formula, Monitor};
@@ -299,10 +300,8 @@ impl Warnings {
     /// Warns of formulas with signals that no ado can observe.
     ///
     /// An ado then keeps or breaks them by chance only.
-    pub(super) fn unseen(&mut self, scenario: &Scenario) {
-        let Some(spec) = scenario.drive() else {
-            return;
-        };
+    pub(super) fn unseen(&mut self, scenario: DriveScenario<'_>) {
+        let spec = scenario.spec();
         // Without learning, no observation is required.
         if spec.action_sets().next().is_none() {
             return;
@@ -314,7 +313,7 @@ impl Warnings {
                 .map(|position| signals[position].name.clone())
                 .collect()
         };
-        for (who, place, monitor) in formulas(scenario) {
+        for (who, place, monitor) in formulas(&scenario) {
             let read = read(monitor);
             let unseen: Vec<String> = spec
                 .unseen(&read)
@@ -342,9 +341,9 @@ impl Warnings {
         let last = clock.samples() - 1;
         let end = clock.horizon_s;
         // The clock of a grid counts steps.
-        let unit = match scenario.drive() {
-            Some(_) => "s",
-            None => "steps",
+        let unit = match scenario.kind() {
+            ScenarioKind::Drive(_) => "s",
+            ScenarioKind::Grid(_) => "steps",
         };
         let reach_s = |monitor: &Monitor| {
             let reach = monitor.longest_window_samples();

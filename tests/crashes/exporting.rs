@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use brakecheck::crashes::{ExportRefusal, Regressions, export, openx};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
-use brakecheck::openx::OpenXError;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, play};
@@ -41,7 +40,7 @@ fn grids_and_what_replays_otherwise_are_refused() {
     );
     assert!(told.contains("the grid world `grid_hard`"), "{told}");
     let why = &refused.refused[0].why;
-    assert!(matches!(why, ExportRefusal::OpenX(OpenXError::Grid { .. })));
+    assert!(matches!(why, ExportRefusal::Grid { .. }));
     // Kept by a program that saw another sample.
     let kept = &all()[0].kept;
     let changed = Counterexample {

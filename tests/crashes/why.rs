@@ -91,10 +91,11 @@ fn braking_from(world: &Scenario, of: &Episode, after: usize) -> bool {
 #[test]
 fn the_last_chance_is_the_last_sample_from_which_braking_helps() {
     let (world, episodes) = (acc(), &acc_found()[..4]);
-    let driver = SubstituteDriver::full_brake(world).expect("driven");
+    let driving = world.drive().expect("driven");
+    let driver = SubstituteDriver::full_brake(driving);
     let mut seen = 0;
     for episode in episodes {
-        let chance = last_chance(world, episode, &driver).expect("driven");
+        let chance = last_chance(driving, episode, &driver);
         let violated = episode.judged - 1;
         near(chance.violated_s, violated as f64 * 0.05);
         let helps = |after: &usize| braking_from(world, episode, *after);

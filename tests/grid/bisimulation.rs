@@ -9,7 +9,7 @@ use brakecheck::theorems::{TheoremOutcome, bisimulations, theorem_3};
 use brakecheck::world::{GridChange, Scenario};
 
 use super::theorems::{converged, trained};
-use super::{A, B, changed, game, world};
+use super::{A, B, cells, changed, game, world};
 
 /// The same grid, every cell cut into `refine` × `refine`.
 fn refined(game: &Game, refine: u32) -> Game {
@@ -20,7 +20,7 @@ fn refined(game: &Game, refine: u32) -> Game {
 }
 
 fn refined_world(scenario: &Scenario, refine: u32) -> Scenario {
-    let step = scenario.grid().expect("a grid").spec().arena.ego_step;
+    let step = cells(scenario).world().spec().arena.ego_step;
     changed(
         scenario,
         GridChange {
@@ -133,16 +133,17 @@ fn checked(
     other: &Scenario,
     policy: &dyn brakecheck::rl::Policy,
 ) -> Vec<brakecheck::theorems::Theorem3> {
+    let (nominal, other) = (cells(nominal), cells(other));
     let relations = bisimulations(nominal, other, 0.5).expect("comparable");
     let rows = relations.iter();
-    let rows = rows.map(|relation| theorem_3(nominal, ("other", other), policy, relation));
-    rows.map(|row| row.expect("a grid")).collect()
+    rows.map(|relation| theorem_3(nominal, ("other", other), policy, relation))
+        .collect()
 }
 
 #[test]
 fn theorem_3_holds_where_the_relation_does() {
     for wall in [A, B] {
-        let nominal = world(wall).fully_observed().expect("a grid");
+        let nominal = cells(&world(wall)).fully_observed();
         let policy = converged(&nominal);
         for refine in [2, 3] {
             let other = refined_world(&nominal, refine);
@@ -161,12 +162,12 @@ fn theorem_3_holds_where_the_relation_does() {
 
 #[test]
 fn theorem_3_fails_with_a_relation_that_is_too_large() {
-    let nominal = world(B).fully_observed().expect("a grid");
+    let nominal = cells(&world(B)).fully_observed();
     let policy = converged(&nominal);
     let other = refined_world(&nominal, 3);
-    let games = [&nominal, &other].map(|world| Game::of(world.grid().expect("a grid")));
+    let games = [&nominal, &other].map(|world| Game::of(cells(world).world()));
     let within = Bisimulation::within(&games[0], &games[1], 0.4);
-    let row = theorem_3(&nominal, ("3 x 3", &other), &policy, &within).expect("grids");
+    let row = theorem_3(cells(&nominal), ("3 x 3", cells(&other)), &policy, &within);
     assert!(row.outcome.is_refuted(), "{row:?}");
 }
 
@@ -181,7 +182,7 @@ fn theorem_3_says_nothing_without_a_counterexample_or_a_relation() {
         at_wall: Some(AtWall::Stays),
         ..GridChange::default()
     };
-    let seen = nominal.fully_observed().expect("a grid");
+    let seen = cells(&nominal).fully_observed();
     let policy = converged(&seen);
     for row in checked(&seen, &changed(&seen, wall), &policy) {
         let is_met = row.outcome == TheoremOutcome::Holds;
@@ -191,7 +192,7 @@ fn theorem_3_says_nothing_without_a_counterexample_or_a_relation() {
 
 #[test]
 fn theorem_3_holds_for_a_slower_ego_where_both_are_cornered() {
-    let nominal = world(A).fully_observed().expect("a grid");
+    let nominal = cells(&world(A)).fully_observed();
     let slower = GridChange {
         ego_step: Some(1),
         ..GridChange::default()

@@ -5,7 +5,7 @@ use brakecheck::rl::LearnerRng;
 use brakecheck::scene::grid::position_of;
 use brakecheck::testbench::{Aftermath, Random, Replay, play};
 
-use super::{A, B, captures, changed, episode, game, world};
+use super::{A, B, captures, cells, changed, episode, game, world};
 use brakecheck::world::GridChange;
 
 fn chased(game: &Game) -> usize {
@@ -55,7 +55,7 @@ fn random_actions_capture_as_often_as_backward_induction_says() {
 #[test]
 fn random_actions_on_the_test_bench_agree_with_it() {
     let world = world(B);
-    let game = Game::of(world.grid().expect("a grid"));
+    let game = Game::of(cells(&world).world());
     let expected: f64 = game.random_captures().iter().sum();
     let starts = world.starts().expect("a finite world");
     let mut bench = world.bench();
@@ -132,10 +132,8 @@ fn the_best_ado_plays_on_the_test_bench_as_it_was_solved() {
                 ..GridChange::default()
             },
         ] {
-            let world = changed(&world(wall), change)
-                .fully_observed()
-                .expect("a grid");
-            let grid = world.grid().expect("a grid");
+            let world = cells(&changed(&world(wall), change)).fully_observed();
+            let grid = cells(&world).world();
             let solution = Game::of(grid).solve();
             let reward = world.rulebook().reward;
             let best = PositionPolicy::optimal(grid, |rho| reward.lawful(rho)).expect("distinct");
@@ -156,7 +154,7 @@ fn the_best_ado_plays_on_the_test_bench_as_it_was_solved() {
 fn the_shipped_observation_is_the_whole_state_of_the_training_map() {
     for wall in [A, B] {
         let world = world(wall);
-        let best = PositionPolicy::optimal(world.grid().expect("a grid"), |rho| rho);
+        let best = PositionPolicy::optimal(cells(&world).world(), |rho| rho);
         let best = best.unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(captures(&world, &best), 240);
     }

@@ -12,7 +12,7 @@ use brakecheck::theorems::{
 };
 use brakecheck::world::{GridChange, Scenario};
 
-use super::{A, B, changed, world};
+use super::{A, B, cells, changed, world};
 
 /// A shipped world of n = 4 with another γ and K = `per_size` n.
 fn grid(wall: AtWall, discount: f64, per_size: u32, judge: &str) -> Scenario {
@@ -36,11 +36,10 @@ fn grid(wall: AtWall, discount: f64, per_size: u32, judge: &str) -> Scenario {
 
 /// The best ado, with V* of the starts as its values.
 pub(super) fn converged(scenario: &Scenario) -> PositionPolicy {
-    let grid = scenario.grid().expect("a grid");
-    let best = Game::of(grid).solve();
-    let table = optimal_values(scenario).expect("a grid");
-    let seen = scenario.fully_observed().expect("a grid");
-    let policy = PositionPolicy::new(seen.grid().expect("a grid"), |both| {
+    let best = Game::of(cells(scenario).world()).solve();
+    let table = optimal_values(cells(scenario));
+    let seen = cells(scenario).fully_observed();
+    let policy = PositionPolicy::new(cells(&seen).world(), |both| {
         (best.act(both), table.at(both))
     });
     policy.unwrap_or_else(|error| panic!("{error}"))
@@ -83,10 +82,10 @@ fn theorem_1_holds_by_play_for_both_walls_horizons_and_judges() {
         for per_size in [1, 2] {
             for judge in ["UntilViolation", "WholeRun"] {
                 let scenario = grid(wall, 0.8, per_size, judge);
-                let seen = scenario.fully_observed().expect("a grid");
+                let seen = cells(&scenario).fully_observed();
                 let policy = converged(&scenario);
-                let table = optimal_values(&seen).expect("a grid");
-                let checked = theorem_1(&seen, &policy, &table).expect("solved");
+                let table = optimal_values(cells(&seen));
+                let checked = theorem_1(cells(&seen), &policy, &table).expect("solved");
                 let at = format!("{wall:?}, K = {per_size}n, {judge}: {checked:?}");
                 assert!(checked.residual < 1e-12 && checked.unpaid < 1e-12, "{at}");
                 assert_eq!(checked.found, checked.found_optimally, "{at}");
@@ -107,9 +106,9 @@ fn theorem_1_holds_by_play_for_both_walls_horizons_and_judges() {
 fn the_printed_bound_of_theorem_1_needs_one_t_for_all_starts() {
     let printed = |discount: f64| {
         let scenario = grid(A, discount, 1, "UntilViolation");
-        let seen = scenario.fully_observed().expect("a grid");
-        let table = optimal_values(&seen).expect("a grid");
-        let checked = theorem_1(&seen, &converged(&scenario), &table).expect("solved");
+        let seen = cells(&scenario).fully_observed();
+        let table = optimal_values(cells(&seen));
+        let checked = theorem_1(cells(&seen), &converged(&scenario), &table).expect("solved");
         assert!(!checked.is_refuted(), "{checked:?}");
         let missed = checked
             .rows
@@ -124,11 +123,11 @@ fn the_printed_bound_of_theorem_1_needs_one_t_for_all_starts() {
 #[test]
 fn theorem_1_says_nothing_of_an_untrained_ado() {
     let scenario = world(B);
-    let table = optimal_values(&scenario).expect("a grid");
+    let table = optimal_values(cells(&scenario));
     let untrained = trained(&scenario, "ppo", 50);
-    let checked = theorem_1(&scenario, &*untrained, &table).expect("solved");
+    let checked = theorem_1(cells(&scenario), &*untrained, &table).expect("solved");
     no_learned_outcome_holds(&checked);
-    let all = grid_theorems(&scenario, &*untrained, &[]).expect("solved");
+    let all = grid_theorems(cells(&scenario), &*untrained, &[]).expect("solved");
     let outcome = &all.theorem_2_learned.outcome;
     assert!(
         matches!(outcome, TheoremOutcome::PremiseNotMet { .. }),
@@ -139,9 +138,9 @@ fn theorem_1_says_nothing_of_an_untrained_ado() {
 #[test]
 fn theorem_1_fails_with_a_wrong_discount_or_with_shuffled_or_equal_values() {
     let scenario = grid(B, 0.8, 2, "UntilViolation");
-    let seen = scenario.fully_observed().expect("a grid");
+    let seen = cells(&scenario).fully_observed();
     let policy = converged(&scenario);
-    let truth = optimal_values(&seen).expect("a grid");
+    let truth = optimal_values(cells(&seen));
     let reward = scenario.rulebook().reward;
     let other = |discount| ValueTable::exact(truth.game(), discount, |rho| reward.lawful(rho));
     let faults = [
@@ -155,7 +154,7 @@ fn theorem_1_fails_with_a_wrong_discount_or_with_shuffled_or_equal_values() {
         ),
     ];
     for (fault, table) in faults {
-        let checked = theorem_1(&seen, &policy, &table).expect("solved");
+        let checked = theorem_1(cells(&seen), &policy, &table).expect("solved");
         assert!(checked.is_refuted(), "{fault}: {checked:?}");
         no_learned_outcome_holds(&checked);
     }
@@ -164,15 +163,13 @@ fn theorem_1_fails_with_a_wrong_discount_or_with_shuffled_or_equal_values() {
 /// A wrong γ or shuffled values are seen in what is played alone, too.
 #[test]
 fn planted_values_are_not_what_their_greedy_policy_is_paid() {
-    let seen = grid(B, 0.8, 2, "UntilViolation")
-        .fully_observed()
-        .expect("a grid");
+    let seen = cells(&grid(B, 0.8, 2, "UntilViolation")).fully_observed();
     let policy = converged(&seen);
-    let truth = optimal_values(&seen).expect("a grid");
+    let truth = optimal_values(cells(&seen));
     let reward = seen.rulebook().reward;
     let slower = ValueTable::exact(truth.game(), 0.95, |rho| reward.lawful(rho));
     for table in [slower, shuffled(&truth)] {
-        let checked = theorem_1(&seen, &policy, &table).expect("solved");
+        let checked = theorem_1(cells(&seen), &policy, &table).expect("solved");
         assert!(0.1 < checked.unpaid, "{checked:?}");
     }
 }
@@ -184,7 +181,7 @@ fn truncated() -> (Scenario, ValueTable, ValueTable, f64) {
         ..GridChange::default()
     };
     let scenario = changed(&grid(B, 0.5, 2, "UntilViolation"), change);
-    let truth = optimal_values(&scenario).expect("a grid");
+    let truth = optimal_values(cells(&scenario));
     let reward = scenario.rulebook().reward;
     let alpha = 0.1;
     let lawful = |rho: f64| reward.lawful(rho);
@@ -199,7 +196,7 @@ fn certified(scenario: &Scenario, truth: &ValueTable, values: &ValueTable, alpha
         certified: Some(alpha),
         policy: None,
     };
-    theorem_2(scenario, truth, &approximation).expect("solved")
+    theorem_2(cells(scenario), truth, &approximation).expect("solved")
 }
 
 #[test]
@@ -213,18 +210,16 @@ fn theorem_2_holds_by_play_for_truncated_value_iteration() {
 
 #[test]
 fn theorem_2_holds_for_the_values_of_a_converged_ado() {
-    let scenario = grid(B, 0.8, 2, "UntilViolation")
-        .fully_observed()
-        .expect("a grid");
+    let scenario = cells(&grid(B, 0.8, 2, "UntilViolation")).fully_observed();
     let policy = converged(&scenario);
-    let truth = optimal_values(&scenario).expect("a grid");
-    let learned = truth.learned(scenario.grid().expect("a grid"), &policy);
+    let truth = optimal_values(cells(&scenario));
+    let learned = truth.learned(cells(&scenario).world(), &policy);
     let approximation = Approximation {
         values: &learned,
         certified: None,
         policy: Some(&policy),
     };
-    let checked = theorem_2(&scenario, &truth, &approximation).expect("solved");
+    let checked = theorem_2(cells(&scenario), &truth, &approximation).expect("solved");
     assert_eq!(checked.outcome, TheoremOutcome::Holds, "{checked:?}");
 }
 
@@ -243,7 +238,7 @@ fn theorem_2_fails_with_a_wrong_discount_or_with_shuffled_values() {
             certified: None,
             policy: None,
         };
-        let checked = theorem_2(&scenario, &truth, &measured).expect("solved");
+        let checked = theorem_2(cells(&scenario), &truth, &measured).expect("solved");
         let promised: u64 = checked.rows.iter().map(|row| row.misses).sum();
         assert_eq!(promised, 0, "{fault}: {checked:?}");
         assert_ne!(checked.outcome, TheoremOutcome::Holds, "{fault}");
@@ -255,7 +250,7 @@ fn theorem_2_fails_with_a_wrong_discount_or_with_shuffled_values() {
 #[test]
 fn the_greedy_bound_of_theorem_2_holds_for_disturbed_values() {
     let scenario = grid(B, 0.6, 2, "UntilViolation");
-    let truth = optimal_values(&scenario).expect("a grid");
+    let truth = optimal_values(cells(&scenario));
     for (seed, size) in (0..).zip([0.01, 0.03, 0.1, 0.3]) {
         let mut dice = LearnerRng::new(seed);
         let noisy = truth.replaced(|_, _, value| value + size * (2.0 * dice.unit() - 1.0));
@@ -264,7 +259,7 @@ fn the_greedy_bound_of_theorem_2_holds_for_disturbed_values() {
             certified: None,
             policy: None,
         };
-        let checked = theorem_2(&scenario, &truth, &measured).expect("solved");
+        let checked = theorem_2(cells(&scenario), &truth, &measured).expect("solved");
         assert!(!checked.outcome.is_refuted(), "{checked:?}");
         assert!(checked.lost <= checked.loss, "{checked:?}");
         assert!(size < 0.3 || 0.0 < checked.lost, "{checked:?}");
@@ -277,8 +272,8 @@ fn a_specification_that_the_solver_does_not_know_is_refused() {
     let other = text.replace("(d_man >= 1)", "(d_man >= 0.5)");
     assert_ne!(text, other);
     let scenario = Scenario::parse("other.ron", &other).expect("a world");
-    let table = optimal_values(&scenario).expect("a grid");
-    let error = theorem_1(&scenario, &*trained(&scenario, "ppo", 50), &table);
+    let table = optimal_values(cells(&scenario));
+    let error = theorem_1(cells(&scenario), &*trained(&scenario, "ppo", 50), &table);
     let error = error.expect_err("not the solved one");
     assert!(matches!(error, TheoremsError::NotSolved { .. }), "{error}");
 }

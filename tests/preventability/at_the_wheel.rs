@@ -71,7 +71,7 @@ fn driven_by(world: &Scenario, driver: ReferenceDriver, name: &str) -> Scenario 
     let lag_s = if driver.has_build_up() {
         0.0
     } else {
-        world.drive().expect("a driving world").ego.lag_s
+        world.ego().expect("a driving world").lag_s
     };
     let change = format!("Change(controller: {name}(lag_s: {lag_s:?}))");
     let extensions = Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES;

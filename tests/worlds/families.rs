@@ -148,13 +148,14 @@ fn inside_and_outside_are_computed_from_the_change() {
 #[test]
 fn a_tuned_scene_drives_like_the_changed_world() {
     let world = acc();
+    let driving = world.drive().expect("a driving world");
     let family = family(&world);
     for name in ["sporty", "tired", "2D plant", "late sensors"] {
         let changed = world.with(&world.reuse()[name]).expect("it fits");
-        let spec = changed.drive().expect("a driving world");
+        let spec = changed.drive().expect("a driving world").spec();
         let member = family.member_of(spec).expect("a member");
         let mut tuned = world.bench();
-        tuned.replace_scene(world.scene_of(&family.variant(&member)).expect("a scene"));
+        tuned.replace_scene(driving.scene_of(&family.variant(&member)));
         let mut bench = changed.bench();
         let actions = bench.spaces().actions;
         for index in 0..4 {
@@ -247,14 +248,14 @@ fn every_episode_of_a_family_meets_the_ego_of_its_key() {
     let mut run = RunDir::create(&dir.path().join("run"), &world, 1).expect("a run");
     train(&world, &mut run, &quiet()).expect("trained");
     let family = family(&world);
-    let spec = world.drive().expect("driven");
+    let spec = world.drive().expect("driven").spec();
     let told =
         |member: brakecheck::world::EgoSample| run.conditioned_policy(&member).expect("a policy");
     let nominal = told(family.nominal(spec.plant));
     let sporty = world.with(&world.reuse()["sporty"]).expect("it fits");
     let sporty = told(
         family
-            .member_of(sporty.drive().expect("driven"))
+            .member_of(sporty.drive().expect("driven").spec())
             .expect("a member"),
     );
     let obs = vec![0.1; world.world().spaces().observation];

@@ -649,7 +649,7 @@ fn friction_and_speed_limits_are_carried_over() {
     for (edits, friction, limit_mps) in cases {
         let imported = import(&files(&edits)).unwrap_or_else(|error| panic!("{edits:?}: {error}"));
         let world = world(&imported);
-        let road = &world.drive().expect("a driving scene").road;
+        let road = &world.drive().expect("a driving scene").spec().road;
         assert!((road.friction() - friction).abs() < 1e-9, "{edits:?}");
         let found = road.speed_limit_mps();
         let same = match (found, limit_mps) {
@@ -737,7 +737,7 @@ fn a_run_ends_before_anybody_leaves_its_road() {
             .any(|it| it.kind.contains("the end of a road"));
         {
             let world = world(&imported);
-            (world.drive().expect("a driving scene").clock.horizon_s, cut)
+            (world.world().clock().horizon_s, cut)
         }
     };
     assert_eq!(horizon_s(&[]), (12.0, false));

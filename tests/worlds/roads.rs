@@ -225,7 +225,7 @@ fn the_road_s_priority_goes_before_the_right() {
 fn who_turns_left_across_the_ego_s_way_meets_it_on_the_arc_and_yields() {
     let text = include_str!("../../worlds/turn_across.ron");
     let world = Scenario::parse("turn_across.ron", text).unwrap_or_else(|error| panic!("{error}"));
-    let spec = world.drive().expect("a road");
+    let spec = world.drive().expect("a road").spec();
     let episode = nth(&world, 0);
     // The arc of 12 m around (72, −8.5) cuts y = 0 at x = 72 − √(144 − 72.25).
     let x_m = 72.0 - (144.0_f64 - 72.25).sqrt();

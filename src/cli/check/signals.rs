@@ -12,7 +12,10 @@ const FEW_AGENTS: usize = 2;
 type Pattern = (String, String, String);
 
 pub(super) fn table(scenario: &Scenario) -> String {
-    let agents = agents(scenario);
+    let stage = scenario.bench().stage();
+    let agents = stage.agents.iter().map(|agent| agent.name.as_str());
+    let lights = stage.lights.iter().map(|light| light.name.as_str());
+    let agents: Vec<&str> = agents.chain(lights).collect();
     // The pairs of many agents would fill pages.
     let many = FEW_AGENTS < agents.len();
     let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
@@ -48,16 +51,6 @@ pub(super) fn table(scenario: &Scenario) -> String {
     format!(
         "{table}\nin traces: recorded always, or on demand: only where a formula or an ado mentions it{named}\n"
     )
-}
-
-fn agents(scenario: &Scenario) -> Vec<&str> {
-    let Some(spec) = scenario.drive() else {
-        return Vec::new();
-    };
-    let agents = spec.agents.iter().map(|agent| agent.name.as_str());
-    agents
-        .chain(spec.lights.iter().map(|light| light.name.as_str()))
-        .collect()
 }
 
 /// A signal's name and meaning with `A` and `B` for the agents in its name.

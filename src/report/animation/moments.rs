@@ -7,7 +7,7 @@ use super::super::Example;
 use super::super::verdict::ego_failed;
 use super::moves::{Move, MoveKind};
 use crate::stl::Interval;
-use crate::world::Scenario;
+use crate::world::{Scenario, ScenarioKind};
 
 /// Greatest time in seconds between two moments that share a still.
 const TOGETHER_S: f64 = 0.02;
@@ -49,9 +49,9 @@ pub(super) fn moments(
         moments.push(moment(violated_s(scenario, example), words, "k-broken"));
     }
     moments.extend(example.episode.contact.as_ref().map(|touch| {
-        let words = match scenario.grid() {
-            Some(_) => "caught".to_owned(),
-            None => format!("contact, {:.1} m/s", touch.closing_speed_mps),
+        let words = match scenario.kind() {
+            ScenarioKind::Grid(_) => "caught".to_owned(),
+            ScenarioKind::Drive(_) => format!("contact, {:.1} m/s", touch.closing_speed_mps),
         };
         moment(touch.time_s, words, "k-contact")
     }));

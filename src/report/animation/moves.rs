@@ -2,7 +2,7 @@
 
 use crate::scene::drive::{Actions, Direction, Lateral};
 use crate::testbench::Episode;
-use crate::world::Scenario;
+use crate::world::{Scenario, ScenarioKind};
 
 /// Speed in m/s from which a pedestrian runs.
 const RUNS_MPS: f64 = 2.2;
@@ -81,17 +81,20 @@ pub(super) fn moves(
         moves
     };
     let joint = &episode.actions;
-    let Some(spec) = scenario.drive() else {
+    let spec = match scenario.kind() {
+        ScenarioKind::Drive(driving) => driving.spec(),
         // A grid has a single ado, whose actions are the joint actions.
-        let neutral = scenario.world().spaces().neutral;
-        let described = |action| {
-            if action == neutral {
-                (scenario.action_label(action), MoveKind::Neutral)
-            } else {
-                (scenario.action_label(action), MoveKind::Goes)
-            }
-        };
-        return vec![("ado".to_owned(), stretched(joint, &described))];
+        ScenarioKind::Grid(grid) => {
+            let neutral = grid.world().spaces().neutral;
+            let described = |action| {
+                if action == neutral {
+                    (scenario.action_label(action), MoveKind::Neutral)
+                } else {
+                    (scenario.action_label(action), MoveKind::Goes)
+                }
+            };
+            return vec![("ado".to_owned(), stretched(joint, &described))];
+        }
     };
     let mut stride = 1;
     let sets = spec.action_sets().map(|(agent, set, _)| {

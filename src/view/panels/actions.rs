@@ -10,6 +10,7 @@ use crate::view::lines::colour;
 use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::viewed_episode::{ViewedEpisode, action_runs};
+use crate::world::ScenarioKind;
 
 pub(super) static PANEL: Panel = Panel {
     name: "actions",
@@ -39,9 +40,9 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
 
 /// Share of the column for the lanes, which need room for each agent and light.
 fn lanes_share(story: &ViewedEpisode<'_>) -> f32 {
-    let ados = match story.scenario.drive() {
-        Some(spec) => spec.action_sets().count(),
-        None => 1,
+    let ados = match story.scenario.kind() {
+        ScenarioKind::Drive(driving) => driving.spec().action_sets().count(),
+        ScenarioKind::Grid(_) => 1,
     };
     let lanes = ados + story.stage.lights.len();
     0.5 + 0.5 * lanes as f32
@@ -55,24 +56,17 @@ fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewErr
 /// Logs the chosen actions of each ado as coloured lanes.
 fn log_actions(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let joint = &story.episode.actions;
-    if story.scenario.grid().is_some() {
-        let spaces = story.scenario.world().spaces();
-        let labels = 0..spaces.actions;
-        let labels = labels.map(|action| story.scenario.action_label(action));
-        return log_choice(
-            story,
-            "ado",
-            joint,
-            &labels.collect::<Vec<_>>(),
-            spaces.neutral,
-            journal,
-        );
-    }
-    let Some(spec) = story.scenario.drive() else {
-        return Ok(());
+    let driving = match story.scenario.kind() {
+        ScenarioKind::Drive(driving) => driving,
+        ScenarioKind::Grid(grid) => {
+            let spaces = grid.world().spaces();
+            let labels = (0..spaces.actions).map(|action| grid.action_label(action));
+            let labels: Vec<String> = labels.collect();
+            return log_choice(story, "ado", joint, &labels, spaces.neutral, journal);
+        }
     };
     let mut stride = 1;
-    for (agent, set, neutral) in spec.action_sets() {
+    for (agent, set, neutral) in driving.spec().action_sets() {
         // In a joint action, the first ado's action varies fastest.
         let own = joint.iter().map(|joint| joint / stride % set.len());
         let own: Vec<usize> = own.collect();

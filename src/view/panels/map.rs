@@ -43,16 +43,21 @@ const CELL: Rgb = [84, 92, 104];
 const FINE_LINE: Rgb = [50, 55, 63];
 const WALL: Rgb = [225, 225, 220];
 
+/// Map of the episode. Panels on grids have one.
+fn arena<'a>(story: &ViewedEpisode<'a>) -> Option<&'a Arena> {
+    Some(&story.scenario.grid()?.world().spec().arena)
+}
+
 /// View of the complete map.
 fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
-    let Some(world) = story.scenario.grid() else {
+    let Some(arena) = arena(story) else {
         return Ok(Vec::new());
     };
     let view = layout.view("2D", "map", MAP, &["$origin/**"])?;
     let dark =
         Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(17, 20, 26));
     layout.property(&view, "Background", &dark)?;
-    let size = f64::from(world.spec().arena.size);
+    let size = f64::from(arena.size);
     let range = Range1D([-MARGIN_CELLS, size + MARGIN_CELLS]);
     let bounds = VisualBounds2D::new(Range2D {
         x_range: range,
@@ -64,10 +69,9 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
 
 /// Logs all entities with a place on the map.
 fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
-    let Some(world) = story.scenario.grid() else {
+    let Some(arena) = arena(story) else {
         return Ok(());
     };
-    let arena = &world.spec().arena;
     log_map(arena, journal)?;
     for who in 0..story.stage.agents.len() {
         log_player(story, arena, who, journal)?;

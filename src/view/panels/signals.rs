@@ -12,6 +12,7 @@ use crate::view::log_writer::LogWriter;
 use crate::view::palette::{self, Rgb};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::viewed_episode::ViewedEpisode;
+use crate::world::DriveScenario;
 
 pub(super) static PANEL: Panel = Panel {
     name: "signals",
@@ -157,8 +158,8 @@ enum LaneKeepingState {
 
 impl LaneKeepingState {
     fn of(story: &ViewedEpisode<'_>) -> LaneKeepingState {
-        let road = story.scenario.drive().map(|spec| &spec.road);
-        if road.is_some_and(|road| !matches!(road, Road::Straight { .. })) {
+        let spec = story.scenario.drive().map(DriveScenario::spec);
+        if spec.is_some_and(|spec| !matches!(spec.road, Road::Straight { .. })) {
             return LaneKeepingState::Bent;
         }
         let moves = (0..story.stage.agents.len()).any(|who| {

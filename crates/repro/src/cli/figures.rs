@@ -136,7 +136,9 @@ fn behaviour(scenario: &Scenario, one: &Shown, distance: &str) -> Behaviour {
 
 /// The ways of ego and ado, where there is more than one lane.
 fn paths(scenario: &Scenario, episode: &Episode) -> [Vec<(f64, f64)>; 2] {
-    let lanes = scenario.drive().map_or(1, |spec| spec.road.lanes());
+    let lanes = scenario
+        .drive()
+        .map_or(1, |driving| driving.spec().road.lanes());
     ["ego", "ado"].map(|name| {
         let column = |axis: &str| episode.trace.signal(&format!("{name}.{axis}"));
         match (column("x"), column("y").or(column("lateral"))) {

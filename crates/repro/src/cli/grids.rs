@@ -39,8 +39,7 @@ impl From<Table1Error> for Failure {
     fn from(error: Table1Error) -> Failure {
         match error {
             Table1Error::Train(error) => error.into(),
-            Table1Error::Theorems(error) => error.into(),
-            Table1Error::NotAGrid { .. } | Table1Error::Change(_) => Failure::input(
+            Table1Error::NotAGrid(_) | Table1Error::Change(_) => Failure::input(
                 error.to_string(),
                 "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",
             ),

@@ -32,9 +32,8 @@ use brakecheck::scene::grid::{AtWall, Position, position_of};
 use brakecheck::seed::{Purpose, Seeds, StartKey};
 use brakecheck::stats::{Outcomes, StartOutcome, seeds_interval, wilson};
 use brakecheck::testbench::{Gym, Success};
-use brakecheck::theorems::TheoremsError;
 use brakecheck::training::TrainError;
-use brakecheck::world::{ChangeError, Scenario};
+use brakecheck::world::{ChangeError, NotAGrid, Scenario};
 
 /// Number of random tables behind every mean.
 const TABLES: usize = 20;
@@ -52,20 +51,14 @@ pub struct Table1 {
 #[derive(Debug, thiserror::Error)]
 pub enum Table1Error {
     /// The world is not a grid.
-    #[error("`{world}` is no grid world")]
-    NotAGrid {
-        /// Name of the world.
-        world: String,
-    },
+    #[error(transparent)]
+    NotAGrid(#[from] NotAGrid),
     /// A map of the table does not fit the world.
     #[error("a map of Table I does not fit the world: {0}")]
     Change(#[from] ChangeError),
     /// A training failed.
     #[error(transparent)]
     Train(#[from] TrainError),
-    /// A theorem does not apply to a map.
-    #[error(transparent)]
-    Theorems(#[from] TheoremsError),
 }
 
 /// Results of Table I on a grid world.
@@ -165,11 +158,7 @@ pub fn table1(
     request: &Table1,
     watch: &Watch<'_>,
 ) -> Result<Option<GridStudy>, Table1Error> {
-    let Some(grid) = scenario.grid() else {
-        return Err(Table1Error::NotAGrid {
-            world: scenario.name().to_owned(),
-        });
-    };
+    let grid = scenario.require_grid()?;
     let learners = learners(scenario);
     let seeds: Vec<u64> = request.seeds.trainings().collect();
     // A world that does not fit is reported before the long trainings begin.
@@ -207,8 +196,8 @@ pub fn table1(
         };
         cells.push(cell);
     }
-    let open_loop = transfer::open_loop(scenario, learners.len(), &learned)?;
-    let Some(near_starts) = large.near_starts(&learners, &seeds, &progress)? else {
+    let open_loop = transfer::open_loop(grid, learners.len(), &learned)?;
+    let Some(near_starts) = large.near_starts(&learners, &seeds, &progress) else {
         return Ok(None);
     };
     let Some(refined) = refined::refined(&large, &learners, &seeds, &progress)? else {
@@ -220,11 +209,11 @@ pub fn table1(
     };
     Ok(Some(GridStudy {
         world: scenario.name().to_owned(),
-        reading: grid.spec().arena.at_wall.reading(),
+        reading: grid.world().spec().arena.at_wall.reading(),
         train_cpu_s: (0..learners.len()).map(cpu).collect(),
         decisions: learners.iter().map(|(_, l)| l.decisions()).collect(),
         learners: learners.into_iter().map(|(name, _)| name).collect(),
-        random_ados: random_ados(&Game::of(grid), request),
+        random_ados: random_ados(&Game::of(grid.world()), request),
         seeds,
         cells,
         near_starts,
@@ -359,10 +348,7 @@ fn measure(
         });
         rows.extend(own);
     }
-    let Some(grid) = changed.grid() else {
-        return Ok(None);
-    };
-    let game = Game::of(grid);
+    let game = Game::of(changed.require_grid()?.world());
     let positions = starts.starts.iter();
     let positions: Vec<Position> = positions
         .map(|(start, _)| position_of(start, &game.arena))

@@ -13,7 +13,7 @@ use brakecheck::scene::grid::{Position, Starts, position_of, start_of};
 use brakecheck::stats::{Outcomes, StartOutcome, seeds_interval};
 use brakecheck::testbench::{Actor, Aftermath, PolicyActor, Replay, Testbench, play};
 use brakecheck::theorems::{bisimulations, lifted};
-use brakecheck::world::{GridChange, Scenario};
+use brakecheck::world::{GridChange, GridScenario};
 
 /// Number of random training starts, as in the paper.
 const TRAINING_STARTS: usize = 200;
@@ -79,6 +79,7 @@ pub(super) fn refined(
     let Some(learned) = learned else {
         return Ok(None);
     };
+    let coarse = large.map.require_grid()?;
     let mut all = Vec::new();
     for (refine, paper) in REFINEMENTS {
         if progress.watch.stopped() {
@@ -92,7 +93,8 @@ pub(super) fn refined(
             ..GridChange::default()
         };
         let fine = large.map.with(&step.into())?;
-        let Some(reuse) = Reuse::of(&large.map, &fine, large.request.seeds.starts) else {
+        let maps = (coarse, fine.require_grid()?);
+        let Some(reuse) = Reuse::of(maps, large.request.seeds.starts) else {
             return Ok(None);
         };
         all.push(reuse.map(refine, paper, (learners.len(), &learned)));
@@ -102,8 +104,8 @@ pub(super) fn refined(
 
 /// Refined map with its drawn starts and its relation to the coarse map.
 struct Reuse<'a> {
-    coarse: &'a Scenario,
-    fine: &'a Scenario,
+    coarse: GridScenario<'a>,
+    fine: GridScenario<'a>,
     positions: Vec<Position>,
     relation: Bisimulation,
     references: References,
@@ -117,9 +119,9 @@ struct Reused {
 }
 
 impl<'a> Reuse<'a> {
-    fn of(coarse: &'a Scenario, fine: &'a Scenario, seed: u64) -> Option<Reuse<'a>> {
-        let game = Game::of(fine.grid()?);
-        let starts = starts_of(fine, seed, REFINED_STARTS).starts;
+    fn of((coarse, fine): (GridScenario<'a>, GridScenario<'a>), seed: u64) -> Option<Reuse<'a>> {
+        let game = Game::of(fine.world());
+        let starts = starts_of(&fine, seed, REFINED_STARTS).starts;
         let positions = starts.iter();
         let positions: Vec<Position> = positions
             .map(|(start, _)| position_of(start, &game.arena))
@@ -164,14 +166,12 @@ impl<'a> Reuse<'a> {
     }
 
     fn reused(&self, ado: &Learned) -> Vec<Reused> {
-        let (Some(coarse), Some(fine)) = (self.coarse.grid(), self.fine.grid()) else {
-            return Vec::new();
-        };
+        let worlds = [self.coarse.world(), self.fine.world()];
         let mut benches = [self.coarse.bench(), self.fine.bench()];
         let one = |both: &Position| {
             let at = start_of(*both);
             // The coarse policy cannot run on the fine grid, so its actions are computed first.
-            let actions = lifted([coarse, fine], *both, &*ado.policy);
+            let actions = lifted(worlds, *both, &*ado.policy);
             let mut own = PolicyActor(&*ado.policy);
             let mut captures = |bench: usize, start: &Start, actor: &mut dyn Actor| {
                 let bench: &mut Testbench = &mut benches[bench];

@@ -7,7 +7,7 @@ use brakecheck::grid_solver::exact::Game;
 use brakecheck::scene::Start;
 use brakecheck::scene::grid::{Position, position_of};
 use brakecheck::testbench::{Aftermath, PolicyActor, play};
-use brakecheck::world::{GridChange, Scenario};
+use brakecheck::world::{GridChange, GridScenario, Scenario};
 
 /// Sequences of a learner's policies, replayed in open loop.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -30,7 +30,7 @@ pub struct OpenLoop {
 
 /// Records every policy from every start and replays the sequences elsewhere.
 pub(super) fn open_loop(
-    scenario: &Scenario,
+    scenario: GridScenario<'_>,
     learners: usize,
     learned: &[Learned],
 ) -> Result<Vec<OpenLoop>, Table1Error> {
@@ -42,11 +42,12 @@ pub(super) fn open_loop(
         }
         .into(),
     )?;
+    let slower = slower.require_grid()?;
     let mut all = Vec::new();
     for learner in 0..learners {
         let mut sums = Sums::default();
         for learned in learned.iter().filter(|learned| learned.learner == learner) {
-            sums.add(scenario, &slower, learned);
+            sums.add(scenario, slower, learned);
         }
         all.push(sums.shares(learner));
     }
@@ -65,15 +66,12 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, scenario: &Scenario, slower: &Scenario, learned: &Learned) {
-        let (Some(grid), Some(slow)) = (scenario.grid(), slower.grid()) else {
-            return;
-        };
-        let (game, slow) = (Game::of(grid), Game::of(slow));
+    fn add(&mut self, scenario: GridScenario<'_>, slower: GridScenario<'_>, learned: &Learned) {
+        let (game, slow) = (Game::of(scenario.world()), Game::of(slower.world()));
         let starts: Vec<Start> = scenario.starts().unwrap_or_default();
-        let sequences = recorded(scenario, &starts, learned);
+        let sequences = recorded(&scenario, &starts, learned);
         // The same starts are valid on both maps, because only the ego's step differs.
-        let slower_ones = recorded(slower, &starts, learned);
+        let slower_ones = recorded(&slower, &starts, learned);
         let at: Vec<Position> = starts.iter().map(|s| position_of(s, &game.arena)).collect();
         self.starts += starts.len();
         self.policy += sequences.iter().flatten().count();

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1, Table1Error, TrainingProgress, learn};
 use brakecheck::grid_solver::exact::Game;
+use brakecheck::grid_solver::values::ValueTable;
 use brakecheck::rl::{LearnerConfig, LearnerRng};
 use brakecheck::scene::Start;
 use brakecheck::scene::grid::{Starts, position_of};
 use brakecheck::testbench::{Aftermath, PolicyActor, Success, play};
-use brakecheck::theorems::{TheoremsError, optimal_values};
 use brakecheck::world::{GridChange, Scenario};
 
 /// Number of random training starts of RQ4, as in the paper.
@@ -83,6 +83,7 @@ pub struct Centre {
 pub(super) struct LargeMap {
     pub(super) map: Scenario,
     pub(super) request: Table1,
+    game: Game,
     starts: Vec<Start>,
 }
 
@@ -111,6 +112,7 @@ impl LargeMap {
         let map = scenario.with(&change.into())?;
         Ok(LargeMap {
             starts: map.starts().unwrap_or_default(),
+            game: Game::of(map.require_grid()?.world()),
             map,
             request: *request,
         })
@@ -137,11 +139,13 @@ impl LargeMap {
 
     /// Returns the map with random training starts of a seed.
     fn training(&self, seed: u64, starts: usize) -> Option<Scenario> {
-        let arena = self.map.grid()?.spec().arena;
         // The prime keeps these streams apart from those of other seeds.
         let mut dice = LearnerRng::new(self.request.seeds.first.wrapping_mul(7919) + seed);
         let pairs = (0..starts).map(|_| {
-            let both = position_of(&self.starts[dice.below(self.starts.len())], &arena);
+            let both = position_of(
+                &self.starts[dice.below(self.starts.len())],
+                &self.game.arena,
+            );
             ((both.ego.x, both.ego.y), (both.ado.x, both.ado.y))
         });
         let change = GridChange {
@@ -157,14 +161,11 @@ impl LargeMap {
         learners: &[(String, LearnerConfig)],
         seeds: &[u64],
         progress: &TrainingProgress<'_>,
-    ) -> Result<Option<NearStarts>, Table1Error> {
-        let Some(grid) = self.map.grid() else {
-            return Ok(None);
-        };
+    ) -> Option<NearStarts> {
         let jobs: Vec<(usize, u64)> = (0..learners.len())
             .flat_map(|learner| seeds.iter().map(move |seed| (learner, *seed)))
             .collect();
-        let studied: Option<Vec<Result<Studied, TheoremsError>>> = jobs
+        let studied: Option<Vec<Studied>> = jobs
             .par_iter()
             .map(|&(index, seed)| {
                 let learner = &learners[index].1;
@@ -172,10 +173,7 @@ impl LargeMap {
                 Some(self.studied(learner, &learned))
             })
             .collect();
-        let Some(studied) = studied else {
-            return Ok(None);
-        };
-        let studied = studied.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let studied = studied?;
         let of = |learner: usize| studied.iter().filter(move |one| one.learner == learner);
         let all = 0..learners.len();
         let everywhere = |learner: usize| {
@@ -190,8 +188,8 @@ impl LargeMap {
             paper,
             trained: all.clone().map(|l| near_share(of(l), delta)).collect(),
         });
-        let chances = Game::of(grid).random_captures();
-        Ok(Some(NearStarts {
+        let chances = self.game.random_captures();
+        Some(NearStarts {
             random: chances.iter().sum::<f64>() / chances.len().max(1) as f64,
             everywhere: all.clone().map(everywhere).collect(),
             alpha: all.clone().map(alpha).collect(),
@@ -200,17 +198,13 @@ impl LargeMap {
                 .into_iter()
                 .flat_map(|one| one.centres.into_iter().map(|(_, centre)| centre))
                 .collect(),
-        }))
+        })
     }
 
-    fn studied(
-        &self,
-        learner: &LearnerConfig,
-        learned: &Learned,
-    ) -> Result<Studied, TheoremsError> {
+    fn studied(&self, learner: &LearnerConfig, learned: &Learned) -> Studied {
+        let reward = self.map.rulebook().reward;
         // V* is discounted like the learner's V, so both can be compared.
-        let best = optimal_values(&self.map.learning_with(learner.clone()))?;
-        let arena = best.game().arena;
+        let best = ValueTable::exact(&self.game, learner.discount(), |rho| reward.lawful(rho));
         let mut bench = self.map.bench();
         let mut obs = vec![0.0; bench.spaces().observation];
         let mut actor = PolicyActor(&*learned.policy);
@@ -221,7 +215,7 @@ impl LargeMap {
             bench.observe(&mut obs);
             let value = f64::from(learned.policy.value(&obs));
             // The maximum over all starts is the α of the printed bound in Theorem 2.
-            alpha = alpha.max((value - best.at(position_of(start, &arena))).abs());
+            alpha = alpha.max((value - best.at(position_of(start, &self.game.arena))).abs());
             let episode = play(&mut bench, start, 0, &mut actor, Aftermath::Skip);
             Known {
                 value,
@@ -229,12 +223,12 @@ impl LargeMap {
             }
         });
         let known = known.collect();
-        Ok(Studied {
+        Studied {
             learner: learned.learner,
             known,
             alpha,
             centres: self.centres(learner, learned),
-        })
+        }
     }
 
     /// Selects counterexamples of the training at random.

@@ -27,7 +27,7 @@ fn shipped(name: &str) -> Scenario {
 /// Returns the parts that steps change: observations, reward, judge, learner.
 fn parts(scenario: &Scenario) -> [String; 4] {
     let book = scenario.rulebook();
-    let seen = scenario.drive().map(|drive| &drive.observe);
+    let seen = scenario.drive().map(|driving| &driving.spec().observe);
     [
         format!("{seen:?}"),
         format!("{:?}", book.reward),

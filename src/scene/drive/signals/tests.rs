@@ -36,7 +36,7 @@ fn one_row_is_all_it_takes_to_publish_a_signal() {
     assert!(trace.signal("ego.doubled_speed").is_none(), "not mentioned");
     assert!(pairs.clone().all(|(once, twice)| 2.0 * once == *twice));
     let position = trace.schema().position("ado.doubled_speed").expect("there");
-    let bounds = world.drive().expect("a road").bounds()[position];
+    let bounds = world.drive().expect("a road").spec().bounds()[position];
     assert_eq!(bounds.range, Interval { lo: 0.0, hi: 400.0 });
     assert!(!bounds.untouched);
 }

@@ -1,0 +1,143 @@
+//! Scenarios by the kind of their world: roads or cells.
+
+use std::ops::Deref;
+
+use super::Scenario;
+use crate::scene::drive::{DriveSpec, DriveWorld, EgoVariant};
+use crate::scene::grid::GridWorld;
+use crate::scene::{Scene, World};
+use crate::testbench::Testbench;
+
+/// Scenario by the kind of its world.
+#[derive(Clone, Copy)]
+pub enum ScenarioKind<'a> {
+    /// Cars on a road.
+    Drive(DriveScenario<'a>),
+    /// Cells on a map.
+    Grid(GridScenario<'a>),
+}
+
+/// Scenario with a driving world, for code that requires roads.
+#[derive(Clone, Copy)]
+pub struct DriveScenario<'a> {
+    scenario: &'a Scenario,
+    world: &'a DriveWorld,
+}
+
+/// Scenario with a grid world, for code that requires cells.
+#[derive(Clone, Copy)]
+pub struct GridScenario<'a> {
+    scenario: &'a Scenario,
+    world: &'a GridWorld,
+}
+
+/// Error of a world that is not a grid.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{world}` is no grid world")]
+pub struct NotAGrid {
+    /// Name of the world.
+    pub world: String,
+}
+
+impl Scenario {
+    /// Returns the scenario by the kind of its world.
+    pub fn kind(&self) -> ScenarioKind<'_> {
+        let scenario = self;
+        match &self.world {
+            World::Drive(world) => ScenarioKind::Drive(DriveScenario { scenario, world }),
+            World::Grid(world) => ScenarioKind::Grid(GridScenario { scenario, world }),
+        }
+    }
+
+    /// Returns the scenario if its world drives.
+    pub fn drive(&self) -> Option<DriveScenario<'_>> {
+        match self.kind() {
+            ScenarioKind::Drive(scenario) => Some(scenario),
+            ScenarioKind::Grid(_) => None,
+        }
+    }
+
+    /// Returns the scenario if its world is a grid.
+    pub fn grid(&self) -> Option<GridScenario<'_>> {
+        match self.kind() {
+            ScenarioKind::Drive(_) => None,
+            ScenarioKind::Grid(scenario) => Some(scenario),
+        }
+    }
+
+    /// Returns the scenario if its world is a grid.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a driving world.
+    pub fn require_grid(&self) -> Result<GridScenario<'_>, NotAGrid> {
+        self.grid().ok_or_else(|| NotAGrid {
+            world: self.name.clone(),
+        })
+    }
+
+    /// Puts a member of the family on a bench. Only driving worlds have a family.
+    pub(crate) fn place_member(&self, variant: &EgoVariant, bench: &mut Testbench) {
+        if let Some(driving) = self.drive() {
+            bench.replace_scene(driving.scene_of(variant));
+        }
+    }
+}
+
+impl<'a> DriveScenario<'a> {
+    /// Returns a scenario with its world, which was just assembled.
+    pub(super) fn new(scenario: &'a Scenario, world: &'a DriveWorld) -> DriveScenario<'a> {
+        DriveScenario { scenario, world }
+    }
+
+    /// Returns the driving world.
+    pub fn world(self) -> &'a DriveWorld {
+        self.world
+    }
+
+    /// Returns the spec of the scene.
+    pub fn spec(self) -> &'a DriveSpec {
+        self.world.spec()
+    }
+
+    /// Returns the scene of a member of the family.
+    pub fn scene_of(self, variant: &EgoVariant) -> Box<dyn Scene> {
+        // The consent belongs to this scenario, and members come without any.
+        let mut variant = variant.clone();
+        let controller = &mut variant.controller.controller;
+        controller.allow_programs(self.programs_allowed);
+        Box::new(self.world.with_variant(&variant).scene())
+    }
+
+    /// Returns the columns of the ego's x, y and speed in traces.
+    pub fn ego_columns(self) -> [usize; 3] {
+        let (spec, schema) = (self.spec(), self.world.schema());
+        let ego = spec.egos().next().map(|ego| spec.agents[ego].name.as_str());
+        let name = ego.unwrap_or_default();
+        // Invariant: every trace holds these three columns of every road user.
+        ["x", "y", "speed"].map(|field| schema.position(&format!("{name}.{field}")).unwrap_or(0))
+    }
+}
+
+impl<'a> GridScenario<'a> {
+    /// Returns the grid world.
+    pub fn world(self) -> &'a GridWorld {
+        self.world
+    }
+}
+
+impl Deref for DriveScenario<'_> {
+    type Target = Scenario;
+
+    fn deref(&self) -> &Scenario {
+        self.scenario
+    }
+}
+
+impl Deref for GridScenario<'_> {
+    type Target = Scenario;
+
+    fn deref(&self) -> &Scenario {
+        self.scenario
+    }
+}
