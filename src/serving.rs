@@ -140,7 +140,7 @@ impl ServedAdo {
     /// Returns an error if a line is no message, or a pipe fails.
     pub fn serve(
         &mut self,
-        asked: &mut impl BufRead,
+        request: &mut impl BufRead,
         answers: &mut impl Write,
     ) -> Result<Served, ServeError> {
         let mut served = Served::default();
@@ -152,7 +152,7 @@ impl ServedAdo {
                 let _ = write_line(answers, &json!({ "error": why }));
                 ServeError::NoMessage { line, why }
             };
-            match asked.by_ref().take(LONGEST + 1).read_line(&mut text) {
+            match request.by_ref().take(LONGEST + 1).read_line(&mut text) {
                 Ok(0) => break,
                 Ok(_) => {}
                 Err(error) if error.kind() == io::ErrorKind::InvalidData => {
@@ -160,14 +160,14 @@ impl ServedAdo {
                 }
                 Err(error) => return Err(error.into()),
             }
-            let Some(asked) = message(&text).map_err(&mut refuse)? else {
+            let Some(request) = message(&text).map_err(&mut refuse)? else {
                 continue;
             };
-            if asked.close.is_some() {
+            if request.close.is_some() {
                 break;
             }
-            let counts = asked.decide.is_some();
-            let answer = match self.answer(&asked) {
+            let counts = request.decide.is_some();
+            let answer = match self.answer(&request) {
                 Ok(answer) => {
                     served.decisions += u64::from(counts);
                     answer
@@ -178,8 +178,8 @@ impl ServedAdo {
                 }
             };
             let mut numbered = Map::new();
-            if !asked.id.is_null() {
-                numbered.insert("id".to_owned(), asked.id);
+            if !request.id.is_null() {
+                numbered.insert("id".to_owned(), request.id);
             }
             numbered.extend(answer);
             write_line(answers, &Value::Object(numbered))?;
@@ -187,8 +187,8 @@ impl ServedAdo {
         Ok(served)
     }
 
-    fn answer(&mut self, asked: &ServeRequest) -> Result<Map<String, Value>, String> {
-        let answer = match asked {
+    fn answer(&mut self, request: &ServeRequest) -> Result<Map<String, Value>, String> {
+        let answer = match request {
             ServeRequest {
                 hello: Some(hello), ..
             } => {
@@ -238,7 +238,7 @@ impl ServedAdo {
         let actions = actions.map(|action| {
             json!({
                 "label": world.action_label(action),
-                "ados": asked_of(world, action),
+                "ados": actions_of(world, action),
             })
         });
         json!({
@@ -281,7 +281,7 @@ impl ServedAdo {
         Ok(json!({
             "action": action,
             "label": world.action_label(action),
-            "ados": asked_of(world, action),
+            "ados": actions_of(world, action),
             "value": value.is_finite().then_some(value),
         }))
     }
@@ -301,7 +301,7 @@ fn number(name: &str, value: &Value) -> Result<f64, String> {
 /// A vehicle has `accel_mps2` and `lateral_mps`, a pedestrian `along_mps` and `left_mps`,
 /// and a light `advance`. An agent with a plan has `added_accel_mps2` and
 /// `added_left_mps`, which are added to the plan. Actions on grids have labels only.
-pub fn asked_of(world: &World, mut action: usize) -> Value {
+pub fn actions_of(world: &World, mut action: usize) -> Value {
     let World::Drive(drive) = world else {
         return json!({});
     };

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use brakecheck::experiment::on_plant;
 use brakecheck::scene::World;
-use brakecheck::serving::asked_of;
+use brakecheck::serving::actions_of;
 use brakecheck::sim::PlantKind;
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
@@ -114,7 +114,7 @@ impl RawWorld {
                 "learners": world.learners().keys().collect::<Vec<_>>(),
                 "observation": observed.collect::<Vec<_>>(),
                 "actions": (0..spaces.actions).map(|a| world.action_label(a)).collect::<Vec<_>>(),
-                "commands": (0..spaces.actions).map(|a| asked_of(world.world(), a)).collect::<Vec<_>>(),
+                "commands": (0..spaces.actions).map(|a| actions_of(world.world(), a)).collect::<Vec<_>>(),
                 "neutral": spaces.neutral, "ados": ados(world), "axes": axes.collect::<Vec<_>>(),
                 "signals": listed.collect::<Vec<_>>(), "warnings": warnings.collect::<Vec<_>>(),
                 "horizon_s": clock.horizon_s, "decision_s": clock.decision_s,

@@ -67,21 +67,21 @@ pub(crate) struct Baselines {
 }
 
 impl Baselines {
-    /// Makes the baselines that `asked` needs.
+    /// Makes the baselines that `requested` needs.
     ///
     /// The heuristic is tuned on the run's training starts, and the run's
     /// counterexamples are read.
     pub(crate) fn of(
-        asked: &[AdoKind],
+        requested: &[AdoKind],
         run: &RunDir,
         nominal: &Scenario,
         watch: &Watch<'_>,
     ) -> Result<Baselines, AdversaryError> {
-        let all = asked.contains(&AdoKind::All);
+        let all = requested.contains(&AdoKind::All);
         let ados = if all {
             AdoKind::all(nominal)
         } else {
-            asked.to_vec()
+            requested.to_vec()
         };
         let heuristic = if ados.contains(&AdoKind::Heuristic) {
             tuned(run, nominal, watch)?
@@ -91,7 +91,7 @@ impl Baselines {
         // Only a training against one ego stores counterexamples.
         let stores = run.manifest().against == TrainingEgos::Nominal;
         let replays =
-            ados.contains(&AdoKind::Replays) && (stores || asked.contains(&AdoKind::Replays));
+            ados.contains(&AdoKind::Replays) && (stores || requested.contains(&AdoKind::Replays));
         Ok(Baselines {
             ados,
             heuristic,

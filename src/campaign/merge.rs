@@ -189,18 +189,18 @@ impl PlanDir {
         let parsed: Result<Vec<SummaryFields>, _> =
             rows.lines().map(serde_json::from_str).collect();
         let parsed: Vec<SummaryFields> = parsed.map_err(|error| format!("damaged: {error}"))?;
-        let asked = match &piece.work {
+        let expected = match &piece.work {
             // A training has no rows.
             Work::Training(_) => 0..0,
             Work::Starts { starts, .. } => starts.clone(),
         };
         let is = parsed.iter().map(|row| row.start);
-        if is.eq(asked.clone().map(|start| start as u64)) {
+        if is.eq(expected.clone().map(|start| start as u64)) {
             Ok(parsed)
         } else {
             Err(format!(
                 "damaged: it has not just the starts {} to {}",
-                asked.start, asked.end
+                expected.start, expected.end
             ))
         }
     }

@@ -260,7 +260,7 @@ impl Plan {
     /// A file with another question is foreign, whatever its name.
     pub(super) fn question(&self, work: &Work) -> String {
         let world = |position: usize| self.worlds.get(position);
-        let asked = match work {
+        let requested = match work {
             Work::Training(position) => {
                 let training = self.trainings.get(*position);
                 json!([training, training.and_then(|it| world(it.world))])
@@ -291,8 +291,9 @@ impl Plan {
             }
         };
         // The version is part of the question, since another version may play differently.
-        let asked = json!({ "format": FORMAT, "brakecheck": self.brakecheck, "asked": asked });
-        sha256(asked.to_string().as_bytes())
+        let requested =
+            json!({ "format": FORMAT, "brakecheck": self.brakecheck, "asked": requested });
+        sha256(requested.to_string().as_bytes())
     }
 
     /// Returns the text of the plan's file, with its hash.
@@ -372,22 +373,22 @@ mod tests {
             unit: 0,
             starts: 0..3,
         };
-        let asked = plan.question(&work);
+        let requested = plan.question(&work);
         let mut other = plan.clone();
         other.starts = StartsAsked::Drawn { count: 7, seed: 2 };
-        assert_ne!(other.question(&work), asked);
+        assert_ne!(other.question(&work), requested);
         let mut other = plan.clone();
         other.preventability = true;
-        assert_ne!(other.question(&work), asked);
+        assert_ne!(other.question(&work), requested);
         let other = Work::Starts {
             unit: 0,
             starts: 0..2,
         };
-        assert_ne!(plan.question(&other), asked);
+        assert_ne!(plan.question(&other), requested);
         // Settings of the comparison are not part of what is played.
         let mut same = plan.clone();
         same.gate = Some(("nominal".to_owned(), GateOn::Any));
         same.units[0].each = 2;
-        assert_eq!(same.question(&work), asked);
+        assert_eq!(same.question(&work), requested);
     }
 }

@@ -75,10 +75,10 @@ mod tests {
     #[test]
     fn drawn_starts_are_those_of_eval_wherever_they_are_cut() {
         let world = world();
-        let asked = StartsAsked::Drawn { count: 9, seed: 7 };
+        let requested = StartsAsked::Drawn { count: 9, seed: 7 };
         let all = test_starts(&world, 7, 9, &Watch::unwatched()).expect("not stopped");
-        let mut cut = asked.of(&world, 0..4);
-        cut.extend(asked.of(&world, 4..9));
+        let mut cut = requested.of(&world, 0..4);
+        cut.extend(requested.of(&world, 4..9));
         assert_eq!(cut, all.starts);
     }
 
@@ -90,9 +90,9 @@ mod tests {
             (names[1].clone(), vec![1.0, 2.0, 3.0]),
             (names[0].clone(), vec![10.0, 20.0]),
         ];
-        let asked = StartsAsked::Grid { axes, seed: 0 };
-        assert_eq!(asked.count(&world), 6);
-        let starts = asked.of(&world, 0..6);
+        let requested = StartsAsked::Grid { axes, seed: 0 };
+        assert_eq!(requested.count(&world), 6);
+        let starts = requested.of(&world, 0..6);
         let of = |nth: usize| -> Vec<f64> { starts.iter().map(|(it, _)| it.0[nth]).collect() };
         assert_eq!(of(1), [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]);
         assert_eq!(of(0), [10.0, 20.0, 10.0, 20.0, 10.0, 20.0]);

@@ -103,7 +103,7 @@ fn spans(scenario: &Scenario, actions: &[usize]) -> [Vec<(usize, usize)>; 2] {
 }
 
 /// Returns the most questions that the decisive action of a sequence needs.
-pub(super) fn spans_asked(scenario: &Scenario, actions: &[usize]) -> usize {
+pub(super) fn span_runs(scenario: &Scenario, actions: &[usize]) -> usize {
     spans(scenario, actions).iter().map(Vec::len).sum()
 }
 

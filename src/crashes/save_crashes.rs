@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::minimize::shrink_within;
 use super::perturbation_robustness::{persistence_within, variations};
 use super::reruns::{KEEP_RUNS, Reruns};
-use super::root_cause::{spans_asked, why, why_within};
+use super::root_cause::{span_runs, why, why_within};
 use crate::experiment::{CrashFeatures, badness, clusters, descending, worse_first};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rulebook::Verdict;
@@ -360,7 +360,7 @@ impl CrashWriter<'_> {
     /// Returns the minimized counterexample, or the found one if only that persists.
     fn shrunk(&self, reruns: &Reruns<'_>, found: &Episode) -> (Episode, About) {
         let varied = variations(self.scenario, found);
-        let labels = varied + spans_asked(self.scenario, &found.actions);
+        let labels = varied + span_runs(self.scenario, &found.actions);
         // Half of the runs at most are reserved for the labels.
         let (episode, shrunk) = shrink_within(reruns, found, reruns.at_most_half(labels));
         let small = description_within(reruns, &episode);

@@ -12,7 +12,7 @@ use crate::training::retrained;
 
 /// Evaluation of all ados against an ego, row by row.
 pub(super) struct EgoEvaluation<'a> {
-    pub asked: Evaluation<'a>,
+    pub evaluation: Evaluation<'a>,
     pub ego: &'a EgoUnderTest,
     pub ado: &'a ConditionedAdo,
     pub starts: &'a TestStarts,
@@ -54,17 +54,17 @@ impl<'a> EgoEvaluation<'a> {
                     }
                 }
                 // A fair baseline for a learned ego gets as many runs as learning takes.
-                AdoKind::Hold if self.asked.runs.is_some() => self.held_for_as_much(),
+                AdoKind::Hold if self.evaluation.runs.is_some() => self.held_for_as_much(),
                 AdoKind::Hold | AdoKind::Random | AdoKind::Heuristic | AdoKind::Replays => {}
             }
         }
         // The adapted ado comes after the reused ado and the baselines that it must
         // exceed.
-        if self.asked.learns() {
+        if self.evaluation.learns() {
             self.adapted()?;
         }
         // The search comes last, because every row is compared with it.
-        if let Some(switches) = self.asked.search {
+        if let Some(switches) = self.evaluation.search {
             self.add(Adversary::switches(switches));
             Row::compare_with_last(&mut self.rows);
         }
@@ -87,7 +87,7 @@ impl<'a> EgoEvaluation<'a> {
         // Trivial starts are not played, so they take no runs.
         let trivial = &self.starts.trivial;
         let starts = trivial.iter().filter(|trivial| !**trivial).count() as u64;
-        let spent = self.asked.granted() + starts * self.asked.tries;
+        let spent = self.evaluation.granted() + starts * self.evaluation.tries;
         // Rounded up, so the baseline never gets fewer runs.
         let budget = spent.div_ceil(starts.max(1));
         let row = self.row(Adversary::Search(Hold.into(), budget));
@@ -103,7 +103,7 @@ impl<'a> EgoEvaluation<'a> {
         let Some(policy) = self.ado.nominal_policy.as_deref() else {
             return;
         };
-        let ado = Ado::Trained(policy, self.asked.run.manifest().seed);
+        let ado = Ado::Trained(policy, self.evaluation.run.manifest().seed);
         self.rows
             .extend(self.row(Adversary::Ado(ado)).map(|row| Row {
                 ado: AdversaryId::ZeroShot,
@@ -113,14 +113,14 @@ impl<'a> EgoEvaluation<'a> {
     }
 
     fn request(&self) -> EvalRequest<'a> {
-        let ado = Ado::Trained(&*self.ado.policy, self.asked.run.manifest().seed);
+        let ado = Ado::Trained(&*self.ado.policy, self.evaluation.run.manifest().seed);
         self.ego.against(ado, self.starts)
     }
 
     /// Plays the trained ado, with several tries per start if requested.
     fn trained(&mut self) {
         let request = self.request();
-        let once = self.asked.tries <= 1;
+        let once = self.evaluation.tries <= 1;
         let evaluated = if once {
             eval(&request, self.watch)
         } else {
@@ -128,7 +128,7 @@ impl<'a> EgoEvaluation<'a> {
                 request,
                 policy: &*self.ado.policy,
                 others: &self.ado.others,
-                tries: self.asked.tries,
+                tries: self.evaluation.tries,
             };
             several.run(self.watch).evaluated
         };
@@ -146,7 +146,7 @@ impl<'a> EgoEvaluation<'a> {
         }
         self.rows.push(Row {
             context: self.ado.context.map(str::to_owned),
-            warning: self.asked.run.warning(),
+            warning: self.evaluation.run.warning(),
             ..cell.row.clone()
         });
         self.found = Some(cell);
@@ -154,28 +154,28 @@ impl<'a> EgoEvaluation<'a> {
 
     /// Plays the ado that plans in a surrogate of this ego, unless stopped.
     fn adapted(&mut self) -> Result<(), EvaluationError> {
-        let asked = self.asked;
+        let evaluation = self.evaluation;
         let policy = &*self.ado.policy;
         // Runs that identified the ego's parameters are runs of the ego too.
-        let identified_from = asked.identified_from();
-        let kept = asked.run.policy_bundle()?;
-        let runs = asked.granted() - identified_from;
+        let identified_from = evaluation.identified_from();
+        let kept = evaluation.run.policy_bundle()?;
+        let runs = evaluation.granted() - identified_from;
         let Some(driving) = self.ego.scenario().drive() else {
             return Ok(());
         };
-        let request = LearnEgoRequest::new(asked.nominal, driving, policy, runs)
+        let request = LearnEgoRequest::new(evaluation.nominal, driving, policy, runs)
             .bundle(&kept)
-            .unknown(asked.unknown)
+            .unknown(evaluation.unknown)
             .seed(self.starts.seed);
         self.watch.phase(&format!("learning {}", self.ego.name()));
         // Learning has phases of its own, which would hide the progress of the evaluation.
         let quiet = self.watch.quiet();
-        let Some(ego) = learned(asked.run, self.ego, &request, &quiet)? else {
+        let Some(ego) = learned(evaluation.run, self.ego, &request, &quiet)? else {
             return Ok(());
         };
         self.watch
             .phase(&format!("planning against {}", self.ego.name()));
-        let adapted = ego.eval(&self.request(), policy, asked.tries, self.watch);
+        let adapted = ego.eval(&self.request(), policy, evaluation.tries, self.watch);
         let named = (self.ego.name(), self.ego.scenario());
         let record = AdaptedTo::of(named, &ego.from, identified_from, &adapted);
         self.adapted_to = Some(record);
@@ -193,7 +193,7 @@ impl<'a> EgoEvaluation<'a> {
         let Some(changed) = self.ego.as_changed() else {
             return Ok(());
         };
-        let run = self.asked.run;
+        let run = self.evaluation.run;
         let Some(own) = retrained(run, &changed, self.ego.scenario(), &self.watch.unnumbered())?
         else {
             return Ok(());

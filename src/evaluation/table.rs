@@ -58,7 +58,7 @@ pub struct EvaluationTable<'a> {
     pub failure: Option<EvaluationError>,
     /// The nominal ego's test starts.
     pub starts: TestStarts,
-    pub(crate) asked: Evaluation<'a>,
+    pub(crate) evaluation: Evaluation<'a>,
     /// Cell of each ego whose counterexamples are kept.
     pub(crate) found: Vec<ExperimentCell>,
 }
@@ -86,7 +86,7 @@ impl<'a> Evaluation<'a> {
             adapted_to: Vec::new(),
             failure: None,
             starts,
-            asked: self,
+            evaluation: self,
             found: Vec::new(),
         };
         for (nth, ego) in self.egos.iter().enumerate() {
@@ -120,17 +120,17 @@ impl<'a> EvaluationTable<'a> {
         baselines: &Baselines,
         watch: &Watch<'_>,
     ) -> Result<(), EvaluationError> {
-        let asked = self.asked;
+        let evaluation = self.evaluation;
         let Some((own, left_out)) = self.own_starts(ego, watch) else {
             return Ok(());
         };
-        let (_, seed) = asked.starts;
+        let (_, seed) = evaluation.starts;
         // A conditional ado has another policy input for each ego.
-        let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
+        let ado = conditioned(evaluation.run, evaluation.context, ego, seed, watch)?;
         self.identified.extend(ado.identified.clone());
         let starts = own.as_ref().unwrap_or(&self.starts);
-        let mut evaluation = EgoEvaluation {
-            asked,
+        let mut of_ego = EgoEvaluation {
+            evaluation,
             ego,
             ado: &ado,
             starts,
@@ -141,15 +141,15 @@ impl<'a> EvaluationTable<'a> {
             adapted_to: None,
             found: None,
         };
-        let played = evaluation.play();
-        let (rows, reason, found) = (evaluation.rows, evaluation.reason, evaluation.found);
-        self.adapted_to.extend(evaluation.adapted_to);
+        let played = of_ego.play();
+        let (rows, reason, found) = (of_ego.rows, of_ego.reason, of_ego.found);
+        self.adapted_to.extend(of_ego.adapted_to);
         // An ego without any played start would be an empty block of the table.
         if watch.interrupted() && rows.iter().all(|row| row.starts + row.invalid == 0) {
             return played;
         }
         note_if_unrepeatable(ego, starts, watch);
-        let relation = ego.relation(asked.run, asked.nominal);
+        let relation = ego.relation(evaluation.run, evaluation.nominal);
         let mut reused = reused_on(ego, relation, starts, rows, watch);
         for row in &mut reused.rows {
             // On its own plant, the nominal ego fails alone exactly from the trivial
@@ -161,7 +161,7 @@ impl<'a> EvaluationTable<'a> {
         }
         self.egos.push(reused);
         self.reasons.extend(reason);
-        self.found.extend(found.filter(|_| asked.keeps));
+        self.found.extend(found.filter(|_| evaluation.keeps));
         played
     }
 
@@ -172,15 +172,15 @@ impl<'a> EvaluationTable<'a> {
         ego: &EgoUnderTest,
         watch: &Watch<'_>,
     ) -> Option<(Option<TestStarts>, bool)> {
-        let asked = self.asked;
+        let evaluation = self.evaluation;
         // On a map of another size the starts are others: drawn, or listed, anew.
-        if ego.scenario().axes() != asked.nominal.axes() {
-            return Some((Some(asked.starts(ego.scenario(), watch)?), true));
+        if ego.scenario().axes() != evaluation.nominal.axes() {
+            return Some((Some(evaluation.starts(ego.scenario(), watch)?), true));
         }
-        if !self.starts.judges_each_ego(asked.nominal) {
+        if !self.starts.judges_each_ego(evaluation.nominal) {
             return Some((None, false));
         }
-        let (own, _) = self.starts.for_ego(asked.nominal, ego, watch)?;
+        let (own, _) = self.starts.for_ego(evaluation.nominal, ego, watch)?;
         Some((Some(own), true))
     }
 
@@ -200,7 +200,7 @@ impl<'a> EvaluationTable<'a> {
             context,
             starts: (_, seed),
             ..
-        } = self.asked;
+        } = self.evaluation;
         // A single policy serves all egos, so a conditional ado gets the nominal
         // parameters.
         let own = EgoUnderTest::nominal(nominal);

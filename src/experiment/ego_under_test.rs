@@ -34,25 +34,25 @@ impl EgoUnderTest {
     ///
     /// # Errors
     /// The name is unknown, or the ego does not fit the world.
-    pub fn find(world: &Scenario, asked: &str) -> Result<Vec<EgoUnderTest>, EgoError> {
+    pub fn find(world: &Scenario, requested: &str) -> Result<Vec<EgoUnderTest>, EgoError> {
         let reused = |(name, change): (&String, &Change)| {
             EgoUnderTest::changed(world, name, change, "mend the world's `reuse`")
         };
         let nominal = EgoUnderTest::nominal(world);
-        if asked == "nominal" {
+        if requested == "nominal" {
             return Ok(vec![nominal]);
         }
-        if asked == "all" {
+        if requested == "all" {
             let changed = world.reuse.iter().map(reused);
             return std::iter::once(Ok(nominal)).chain(changed).collect();
         }
-        if let Some(named) = world.reuse.get_key_value(asked) {
+        if let Some(named) = world.reuse.get_key_value(requested) {
             return Ok(vec![reused(named)?]);
         }
-        let path = Path::new(asked);
+        let path = Path::new(requested);
         if path.extension().is_some_and(|extension| extension == "ron") {
             let (change, scenario) = world.changed_by(path)?;
-            let name = asked.to_owned();
+            let name = requested.to_owned();
             return Ok(vec![EgoUnderTest {
                 name,
                 change,
@@ -62,7 +62,7 @@ impl EgoUnderTest {
         let known = ["nominal", "all"].into_iter();
         let known = known.chain(world.reuse.keys().map(String::as_str));
         Err(EgoError::Unknown {
-            asked: asked.to_owned(),
+            requested: requested.to_owned(),
             known: known.map(str::to_owned).collect(),
         })
     }
@@ -110,11 +110,11 @@ impl EgoUnderTest {
     /// Both are given, or the name is unknown.
     pub fn find_or_program(
         world: &Scenario,
-        asked: &str,
+        requested: &str,
         program: &[String],
     ) -> Result<Vec<EgoUnderTest>, EgoError> {
-        match (program.is_empty(), asked) {
-            (true, _) => EgoUnderTest::find(world, asked),
+        match (program.is_empty(), requested) {
+            (true, _) => EgoUnderTest::find(world, requested),
             (false, "nominal") => Ok(vec![EgoUnderTest::program(world, program)?]),
             (false, _) => Err(EgoError::NamedTwice),
         }

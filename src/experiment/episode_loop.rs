@@ -120,11 +120,11 @@ mod tests {
 
     #[test]
     fn results_stand_in_the_order_of_the_items_and_progress_counts_each_once() {
-        let (stop, told) = (AtomicBool::new(false), Mutex::new(BTreeSet::new()));
+        let (stop, reported) = (AtomicBool::new(false), Mutex::new(BTreeSet::new()));
         let progress = |done, total| {
             assert_eq!(total, 200);
             assert!(
-                told.lock().expect("unpoisoned").insert(done),
+                reported.lock().expect("unpoisoned").insert(done),
                 "{done} twice"
             );
         };
@@ -141,7 +141,7 @@ mod tests {
             assert!(found.into_iter().eq(want));
         }
         // None at first, then each.
-        assert_eq!(told.lock().expect("unpoisoned").len(), 201);
+        assert_eq!(reported.lock().expect("unpoisoned").len(), 201);
     }
 
     #[test]

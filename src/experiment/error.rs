@@ -11,10 +11,10 @@ use crate::world::{ChangeError, LoadError, guessed};
 #[non_exhaustive]
 pub enum EgoError {
     /// Ego that the world does not name.
-    #[error("there is no ego `{asked}` in this world")]
+    #[error("there is no ego `{requested}` in this world")]
     Unknown {
         /// Requested name.
-        asked: String,
+        requested: String,
         /// Names that the world has.
         known: Vec<String>,
     },
@@ -63,11 +63,11 @@ impl EgoError {
     /// Returns the fix. `None`: the error has another form than a sentence and its fix.
     pub fn help(&self) -> Option<String> {
         Some(match self {
-            EgoError::Unknown { asked, known } => {
+            EgoError::Unknown { requested, known } => {
                 let known = known.iter().map(String::as_str);
                 format!(
                     "{}; or name a RON file with a `Change`",
-                    guessed(asked, "known", known)
+                    guessed(requested, "known", known)
                 )
             }
             EgoError::NotDriven { .. } => {

@@ -22,7 +22,7 @@ use crate::world::file_bytes;
 #[derive(Clone, Debug)]
 pub struct CachedResult {
     path: PathBuf,
-    asked: Value,
+    request: Value,
 }
 
 impl CachedResult {
@@ -30,7 +30,7 @@ impl CachedResult {
     pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> CachedResult {
         CachedResult {
             path: dir.join(format!("{}.json", file_name(name))),
-            asked: json!({
+            request: json!({
                 "brakecheck": env!("CARGO_PKG_VERSION"),
                 "world_sha256": sha256(scenario.text.as_bytes()),
                 "settings_sha256": settings_of(scenario),
@@ -65,7 +65,7 @@ impl CachedResult {
         }
         // Checked before the hash: work for another question is stale, not
         // damaged.
-        if kept["asked"] != self.asked {
+        if kept["asked"] != self.request {
             return Ok(None);
         }
         let found = self.hash(&kept["made"]);
@@ -96,7 +96,7 @@ impl CachedResult {
         })?;
         let hash = self.hash(&made);
         let kept = json!({
-            "asked": self.asked,
+            "asked": self.request,
             "made": made,
             "seal": content_hash::BLANK,
             "sha256": hash,
@@ -111,7 +111,7 @@ impl CachedResult {
     fn hash(&self, made: &Value) -> String {
         let mut made = made.clone();
         forget_times(&mut made);
-        sha256(format!("{}{made}", self.asked).as_bytes())
+        sha256(format!("{}{made}", self.request).as_bytes())
     }
 }
 

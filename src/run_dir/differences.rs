@@ -50,10 +50,10 @@ impl RunDir {
     /// Returns an error if the run's world file cannot be read.
     pub fn differences(
         &self,
-        asked: RequestedTraining<'_>,
+        requested: RequestedTraining<'_>,
     ) -> Result<Vec<RunDifference>, RunError> {
         let begun = self.manifest();
-        let scenario = asked.scenario;
+        let scenario = requested.scenario;
         let mut found = self.differences_in_learning(scenario)?;
         let mut compare = |what: &str, begun: String, now: String| {
             if begun != now {
@@ -61,7 +61,7 @@ impl RunDir {
                 found.push(RunDifference { what, begun, now });
             }
         };
-        compare("seed", begun.seed.to_string(), asked.seed.to_string());
+        compare("seed", begun.seed.to_string(), requested.seed.to_string());
         compare(
             "plant",
             format!("{:?}", begun.plant),
@@ -94,7 +94,7 @@ impl RunDir {
             Some(ego) => format!("`{}` ({:?})", ego.name, ego.change),
             None => "nominal".to_owned(),
         };
-        compare("ego", ego(begun.ego.as_ref()), ego(asked.ego));
+        compare("ego", ego(begun.ego.as_ref()), ego(requested.ego));
         // Only the hash of the settings is kept. It is compared last, because
         // any difference above explains it.
         let settings = settings_of(scenario);
@@ -166,8 +166,8 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns [`RunError::Differs`] if there are differences.
-    pub fn must_be_of(&self, asked: RequestedTraining<'_>) -> Result<(), RunError> {
-        self.refuse(self.differences(asked)?)
+    pub fn must_be_of(&self, requested: RequestedTraining<'_>) -> Result<(), RunError> {
+        self.refuse(self.differences(requested)?)
     }
 
     /// Returns an error for a list of differences, unless it is empty.
@@ -251,12 +251,12 @@ mod tests {
         );
         let world = Scenario::parse("acc.ron", text).expect("a world");
         let mut run = RunDir::create(&dir.path().join("run"), &world, 7).expect("begun");
-        let asked = || RequestedTraining {
+        let requested = || RequestedTraining {
             scenario: &world,
             seed: 7,
             ego: None,
         };
-        run.must_be_of(asked()).expect("the same");
+        run.must_be_of(requested()).expect("the same");
         // Another version of the program had another default of the family.
         let mut family = serde_json::json!({ "learner": world.learner, "family": world.family() });
         assert_eq!(
@@ -265,14 +265,14 @@ mod tests {
         );
         family["family"]["nominal_share"] = json!(0.25);
         run.manifest.settings_fingerprint = Some(crate::content_hash::fingerprint(&family));
-        let error = run.must_be_of(asked()).expect_err("another family");
+        let error = run.must_be_of(requested()).expect_err("another family");
         assert!(
             error.to_string().contains("the learner or the family"),
             "{error}"
         );
         // An earlier version noted nothing that could be compared.
         run.manifest.settings_fingerprint = None;
-        run.must_be_of(asked()).expect("not known to differ");
+        run.must_be_of(requested()).expect("not known to differ");
     }
 
     /// A run directory that was begun holds this: it changes when a setting is

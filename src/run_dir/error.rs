@@ -32,14 +32,14 @@ pub enum RunError {
         why: String,
     },
     /// The training was interrupted.
-    #[error("the training in `{path}` has not finished ({done} of {asked} decisions)")]
+    #[error("the training in `{path}` has not finished ({done} of {requested} decisions)")]
     Unfinished {
         /// Directory.
         path: PathBuf,
         /// Decisions taken.
         done: u64,
         /// Decisions requested.
-        asked: u64,
+        requested: u64,
     },
     /// It was trained against a family of egos.
     #[error("the training in `{path}` stored no counterexamples")]

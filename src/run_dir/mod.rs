@@ -396,7 +396,7 @@ impl RunDir {
         RunError::Unfinished {
             path: self.path.clone(),
             done: self.manifest.decisions_done,
-            asked: self.manifest.decisions,
+            requested: self.manifest.decisions,
         }
     }
 

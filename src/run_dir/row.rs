@@ -469,10 +469,10 @@ pub struct Repeated {
 impl Repeated {
     /// Summarizes the starts that were played. `None` if each was played once.
     pub fn of<'a>(
-        asked: Repeats,
+        repeats: Repeats,
         starts: impl Iterator<Item = Option<&'a StartRepeated>>,
     ) -> Option<Repeated> {
-        let Repeats { runs, gate } = asked;
+        let Repeats { runs, gate } = repeats;
         let starts: Vec<&StartRepeated> = starts.flatten().collect();
         if runs < 2 || starts.is_empty() {
             return None;

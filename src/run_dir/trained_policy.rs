@@ -168,7 +168,7 @@ impl RunDir {
         Ok(match (scenario.against, scenario.family()) {
             (TrainingEgos::Conditioned, Some(family)) => Box::new(ConditionedPolicy {
                 policy,
-                context: family.told(member),
+                context: family.context_of(member),
             }),
             _ => policy,
         })
@@ -223,7 +223,7 @@ impl Policy for ConditionedPolicy {
 /// Returns the inputs of a conditional ado besides its observation.
 pub(super) fn parameter_names(scenario: &Scenario) -> Vec<String> {
     match (scenario.against, scenario.family()) {
-        (TrainingEgos::Conditioned, Some(family)) => family.told_names(),
+        (TrainingEgos::Conditioned, Some(family)) => family.context_names(),
         _ => Vec::new(),
     }
 }

@@ -52,7 +52,7 @@ impl SearchMethod<'_> for Switches {
 /// contact.
 fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
     let &StartSearch {
-        scenario: asked_for,
+        scenario: original,
         cheap,
         start,
         noise,
@@ -60,8 +60,8 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
         watch,
         ..
     } = one;
-    let scenario = cheap.unwrap_or(asked_for);
-    let mut confirmer = Confirmer::new(asked_for, (start, noise), index, watch);
+    let scenario = cheap.unwrap_or(original);
+    let mut confirmer = Confirmer::new(original, (start, noise), index, watch);
     let mut found = SearchResult::default();
     let mut accept = |actions: &[usize], _: &Testbench| {
         let played = confirmer.confirm(actions);

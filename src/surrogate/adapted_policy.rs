@@ -359,14 +359,14 @@ pub(crate) fn learned(
 
 /// Returns the file of a request. Its name depends on the ado as well.
 fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> Option<PathBuf> {
-    let asked = serde_json::json!({
+    let key = serde_json::json!({
         "learned_for_policy_sha256": run.manifest().policy_sha256,
         "runs": request.runs,
         "seed": request.seed,
         "unknown": request.unknown,
         "learns_on": request.bundle.is_some(),
     });
-    place_of(run, ego, &asked).map(|place| place.with_extension("safetensors"))
+    place_of(run, ego, &key).map(|place| place.with_extension("safetensors"))
 }
 
 fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {

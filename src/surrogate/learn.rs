@@ -254,8 +254,8 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         // Later rounds fit only the kinds that came close in the round before.
         let nearest: Arc<[FittedModel]> = found.nearest.into();
         kinds = found.kinds;
-        let asked = (brake, updates, seed);
-        fit(&samples(&labelled, &nearest), &nearest, asked, watch)
+        let settings = (brake, updates, seed);
+        fit(&samples(&labelled, &nearest), &nearest, settings, watch)
     };
     let all = starts(nominal, runs, seed);
     let rounds = if THREE_ROUNDS <= runs { 3 } else { 2 };

@@ -50,18 +50,18 @@ impl Surrogate {
     ) -> [f64; 2] {
         scaled.clear();
         scaled.extend(self.scaled(row));
-        let asked = match member {
+        let members = match member {
             Some(member) => std::slice::from_ref(&self.members[member % self.members.len()]),
             None => &self.members[..],
         };
-        let predicted = asked.iter().map(|member| {
+        let predicted = members.iter().map(|member| {
             let outputs = member.evaluate(scaled, |out| answer_of(out).0);
             [0, 1].map(|i| f64::from(outputs[i]) * self.unit[i])
         });
         let sum = predicted.fold([0.0; 2], |sum, predicted| {
             [sum[0] + predicted[0], sum[1] + predicted[1]]
         });
-        let [change, across] = sum.map(|sum| sum / asked.len() as f64);
+        let [change, across] = sum.map(|sum| sum / members.len() as f64);
         [change + expected_mps2(&self.nearest, row), across]
     }
 

@@ -47,8 +47,8 @@ pub(super) fn fit_models(
     else {
         return ModelFits::default();
     };
-    let asked = KINDS.iter().filter(|(kind, _)| kinds.contains(kind));
-    let kinds: Vec<ModelKind> = asked.filter_map(ModelKind::of).collect();
+    let listed = KINDS.iter().filter(|(kind, _)| kinds.contains(kind));
+    let kinds: Vec<ModelKind> = listed.filter_map(ModelKind::of).collect();
     // The parallel fits report no progress of their own.
     let quiet = watch.quiet();
     let all = EpisodeLoop::uncounted(&quiet);

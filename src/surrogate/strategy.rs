@@ -86,7 +86,7 @@ impl RobustScore<'_> {
     ///
     /// A failure on the leading variation gives 0. Counting ends at `asked.end`, or as soon
     /// as `asked.start` cannot be exceeded.
-    pub(super) fn score(&mut self, strategy: &Strategy, asked: Range<usize>) -> usize {
+    pub(super) fn score(&mut self, strategy: &Strategy, wanted: Range<usize>) -> usize {
         let samples = self.judge.bench.clock().samples_per_decision();
         // The real ego has already survived this strategy from this start.
         if self.so_far.actions.is_empty() && self.earlier.has_followed(strategy) {
@@ -96,7 +96,7 @@ impl RobustScore<'_> {
         let others = (0..VARIATIONS.len()).filter(|&other| other != self.lead);
         let mut score = 0;
         for (tried, variation) in std::iter::once(self.lead).chain(others).enumerate() {
-            if score == asked.end || score + (VARIATIONS.len() - tried) <= asked.start {
+            if score == wanted.end || score + (VARIATIONS.len() - tried) <= wanted.start {
                 break;
             }
             let variation = VARIATIONS[variation];
@@ -198,12 +198,12 @@ impl Earlier {
 /// Returns how many leading actions of a run equal these actions, the last action held.
 fn common(run: &RunPrefix, actions: &[usize]) -> usize {
     // The last action is held, so a short plan is compared with the whole run.
-    let asked = actions.iter().chain(std::iter::repeat_n(
+    let wanted = actions.iter().chain(std::iter::repeat_n(
         actions.last().unwrap_or(&0),
         run.actions.len(),
     ));
-    let pairs = run.actions.iter().zip(asked);
-    pairs.take_while(|(run, asked)| run == asked).count()
+    let pairs = run.actions.iter().zip(wanted);
+    pairs.take_while(|(run, wanted)| run == wanted).count()
 }
 
 /// Spacing of the decisions at which a sequence may switch actions.

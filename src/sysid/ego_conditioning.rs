@@ -289,8 +289,8 @@ fn identified(
     (runs, seed): (u64, u64),
     watch: &Watch<'_>,
 ) -> Result<Option<IdentifiedAs>, ConditioningError> {
-    let asked = serde_json::json!({ "identified_from": runs, "seed": seed });
-    let place = place_of(run, ego, &asked).map(|place| place.with_extension("json"));
+    let key = serde_json::json!({ "identified_from": runs, "seed": seed });
+    let place = place_of(run, ego, &key).map(|place| place.with_extension("json"));
     if let Some(place) = &place
         && let Ok(text) = file_text(place)
     {
@@ -329,7 +329,7 @@ pub(crate) const DIR: &str = "learned";
 /// The name is a hash of everything that the result depends on: the version, the world,
 /// the ego, its plant and, for a program, the files that its command names.
 /// `None`: the controller is in no file, and the next controller may differ.
-pub(crate) fn place_of(run: &RunDir, ego: &EgoUnderTest, asked: &Value) -> Option<PathBuf> {
+pub(crate) fn place_of(run: &RunDir, ego: &EgoUnderTest, key: &Value) -> Option<PathBuf> {
     if ego.is_own() {
         return None;
     }
@@ -343,7 +343,7 @@ pub(crate) fn place_of(run: &RunDir, ego: &EgoUnderTest, asked: &Value) -> Optio
         "change": ego.change(),
         "plant": ego.scenario().plant(),
         "files_sha256": files,
-        "asked": asked,
+        "asked": key,
     }));
     let name = name[..16].to_owned();
     Some(run.path().join(DIR).join(name))

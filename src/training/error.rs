@@ -57,14 +57,14 @@ pub enum SessionError {
         ego: String,
     },
     /// Fine-tuning of a conditional ado to an unconditional one, or the reverse.
-    #[error("the ado in `{}` is {was}, this training {asked}", run.display())]
+    #[error("the ado in `{}` is {was}, this training {requested}", run.display())]
     OtherKind {
         /// Run that is fine-tuned.
         run: PathBuf,
         /// Kind of its ado.
         was: TrainingEgos,
         /// Requested kind.
-        asked: TrainingEgos,
+        requested: TrainingEgos,
     },
     /// Goals that the world cannot have.
     #[error("{}", .0.what)]
@@ -127,8 +127,8 @@ impl OptionClash {
 impl SessionError {
     /// Returns the fix. `None`: the error has another form than a sentence and its fix.
     pub fn help(&self) -> Option<String> {
-        let guess = |asked: &str, known: &[String]| {
-            guessed(asked, "known", known.iter().map(String::as_str))
+        let guess = |requested: &str, known: &[String]| {
+            guessed(requested, "known", known.iter().map(String::as_str))
         };
         Some(match self {
             SessionError::NoAdo { .. } => {

@@ -106,12 +106,12 @@ impl TrainSession {
         let world = request.world(world)?;
         // The request is checked first, because an invalid one is no reason to lock the
         // run.
-        let asked = request.ego(&world)?;
+        let requested = request.ego(&world)?;
         let run = RunDir::resume(path)?;
         let world = request.as_begun(world, &run)?;
         let begun = run.manifest();
         let ego = match request.ego {
-            Some(_) => asked,
+            Some(_) => requested,
             None => begun.ego.clone(),
         };
         let seed = request.seed.unwrap_or(begun.seed);
@@ -346,6 +346,6 @@ fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), SessionError> {
     Err(SessionError::OtherKind {
         run: from.path().into(),
         was,
-        asked: world.against,
+        requested: world.against,
     })
 }

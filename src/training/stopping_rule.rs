@@ -28,7 +28,7 @@ pub(super) struct StoppingRule<'a> {
     /// Calibration, searched when it is first needed.
     calibrator: Option<Calibrator<'a>>,
     /// Requested decisions, and the decisions after which the training ends in any case.
-    pub asked: u64,
+    pub requested: u64,
     longest: u64,
     /// Decisions at the last check.
     looked: u64,
@@ -55,7 +55,7 @@ impl<'a> StoppingRule<'a> {
             seed,
             watch,
             calibrator: None,
-            asked: scenario.learner.decisions(),
+            requested: scenario.learner.decisions(),
             longest: scenario.learner.longest(),
             looked: manifest.decisions_done,
             calibration: manifest.calibration,
@@ -77,11 +77,11 @@ impl<'a> StoppingRule<'a> {
     }
 
     fn first_look(&self) -> u64 {
-        (LOOK * self.asked as f64) as u64
+        (LOOK * self.requested as f64) as u64
     }
 
     fn adapts(&self) -> bool {
-        self.asked < self.longest
+        self.requested < self.longest
     }
 
     /// Shows a learner successes where it fails, and restarts a stuck training once.
@@ -100,7 +100,7 @@ impl<'a> StoppingRule<'a> {
         self.looked = now;
         if calibration.recall().is_some_and(|recall| recall < STUCK) {
             learner.renew();
-            learner.extend(look.min(self.longest - self.asked));
+            learner.extend(look.min(self.longest - self.requested));
             self.watch.note(&format!(
                 "begun anew after {now} decisions: the ado solved {} of the {} calibration starts that a search solves",
                 calibration.both, calibration.searched,
@@ -136,7 +136,7 @@ impl<'a> StoppingRule<'a> {
         }
         (self.calibration, self.ended) = (Some(now), ended);
         if ended.is_none() {
-            let more = (EXTENSION * self.asked as f64) as u64;
+            let more = (EXTENSION * self.requested as f64) as u64;
             learner.extend(more.max(1).min(self.longest - taken));
             self.watch.note(&format!(
                 "going on: the ado solves {} of the {} calibration starts that a search solves",

@@ -315,7 +315,7 @@ impl Ledger {
         cpu_s: f64,
     ) -> Done {
         Done {
-            decisions_asked: patience.asked,
+            decisions_asked: patience.requested,
             decisions: learner.decisions(),
             episodes: self.episodes,
             physics_steps: spent.physics_steps,

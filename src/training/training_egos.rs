@@ -64,7 +64,7 @@ impl<'a> TrainingGym<'a> {
         self.scenario
             .place_member(&family.variant(&member), self.gym.bench());
         if against == TrainingEgos::Conditioned {
-            self.context = family.told(&member);
+            self.context = family.context_of(&member);
         }
     }
 }

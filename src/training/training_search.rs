@@ -120,20 +120,20 @@ impl<'a> TrainingSearch<'a> {
         SearchWorker {
             training_search: self,
             first: self.cheap.as_ref().unwrap_or(self.scenario).bench(),
-            asked: self.cheap.as_ref().map(|_| self.scenario.bench()),
+            target: self.cheap.as_ref().map(|_| self.scenario.bench()),
             watch,
         }
     }
 
     /// Puts the ego of an episode on the benches, if there is a family.
-    fn place_member(&self, key: StartKey, first: &mut Testbench, asked: Option<&mut Testbench>) {
+    fn place_member(&self, key: StartKey, first: &mut Testbench, target: Option<&mut Testbench>) {
         let against = self.scenario.against;
         let Some(family) = self.scenario.family().filter(|_| !against.is_nominal()) else {
             return;
         };
         let mut member = family.draw(&self.scenario.name, key);
-        if let Some(asked) = asked {
-            self.scenario.place_member(&family.variant(&member), asked);
+        if let Some(target) = target {
+            self.scenario.place_member(&family.variant(&member), target);
         }
         member.plant = PlantKind::Kinematic;
         let cheap = self.cheap.as_ref().unwrap_or(self.scenario);
@@ -147,7 +147,7 @@ struct SearchWorker<'a> {
     /// Bench on which sequences are searched.
     first: Testbench,
     /// Bench on which sequences must succeed, if another one.
-    asked: Option<Testbench>,
+    target: Option<Testbench>,
     watch: &'a Watch<'a>,
 }
 
@@ -160,7 +160,7 @@ impl SearchWorker<'_> {
     ) -> Option<Scouted> {
         let key = self.training_search.key(index);
         self.training_search
-            .place_member(key, &mut self.first, self.asked.as_mut());
+            .place_member(key, &mut self.first, self.target.as_mut());
         let (start, noise) = (self.first.draw(key), self.first.noise_of(key));
         let from = (&start, noise);
         self.first.begin(&start, noise, Aftermath::Skip);
@@ -213,13 +213,13 @@ impl SearchWorker<'_> {
         };
         let mut scouted = Scouted::default();
         let mut confirmations = 0;
-        let asked = &mut self.asked;
+        let target = &mut self.target;
         let mut accept = |actions: &[usize], _: &Testbench| {
-            let confirmed = match asked {
+            let confirmed = match target {
                 None => true,
-                Some(asked) => {
+                Some(target) => {
                     confirmations += 1;
-                    confirms(asked, from, actions, &mut scouted)
+                    confirms(target, from, actions, &mut scouted)
                 }
             };
             if confirmed {
@@ -278,9 +278,9 @@ impl SearchWorker<'_> {
             if !confirms(&mut self.first, from, &sequence, &mut scouted) {
                 continue;
             }
-            let confirmed = match &mut self.asked {
+            let confirmed = match &mut self.target {
                 None => true,
-                Some(asked) => confirms(asked, from, &sequence, &mut scouted),
+                Some(target) => confirms(target, from, &sequence, &mut scouted),
             };
             if confirmed {
                 scouted.actions = Some(sequence);
@@ -329,9 +329,9 @@ impl SearchWorker<'_> {
             }
             let reward = self.reward(from, &sequence, &mut scouted);
             if reward > 0.0 {
-                let confirmed = match &mut self.asked {
+                let confirmed = match &mut self.target {
                     None => true,
-                    Some(asked) => confirms(asked, from, &sequence, &mut scouted),
+                    Some(target) => confirms(target, from, &sequence, &mut scouted),
                 };
                 if confirmed {
                     scouted.actions = Some(sequence);

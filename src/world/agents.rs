@@ -58,7 +58,7 @@ impl Agents<'_> {
         roads: &'a PlacedRoads,
     ) -> Agents<'a> {
         let list = ValuePath::top().to("agents");
-        let mut cast = Agents {
+        let mut result = Agents {
             agents: Vec::new(),
             ego: None,
             entries: Vec::new(),
@@ -96,9 +96,9 @@ impl Agents<'_> {
                     phase,
                     drive,
                 } => {
-                    if let Some(drive) = cast.light_drive(problems, &path, name, drive) {
-                        cast.light_entries.push(i);
-                        cast.lights.push(Light {
+                    if let Some(drive) = result.light_drive(problems, &path, name, drive) {
+                        result.light_entries.push(i);
+                        result.lights.push(Light {
                             name: name.clone(),
                             line_m: *line_m,
                             phase: *phase,
@@ -107,18 +107,18 @@ impl Agents<'_> {
                     }
                 }
                 _ => {
-                    if let Some(agent) = cast.road_user(problems, &path, file, entry) {
-                        cast.agents.push(agent);
-                        cast.entries.push(i);
+                    if let Some(agent) = result.road_user(problems, &path, file, entry) {
+                        result.agents.push(agent);
+                        result.entries.push(i);
                     }
                     // Invalid agents are declared as well, so that a reference
                     // to them is no second error.
-                    cast.declared.push(entry.name().to_owned());
+                    result.declared.push(entry.name().to_owned());
                 }
             }
         }
-        cast.count(problems, &list);
-        cast
+        result.count(problems, &list);
+        result
     }
 
     fn count(&self, problems: &mut Problems, list: &ValuePath) {

@@ -108,7 +108,7 @@ fn assemble(
         &file.sensors,
         &file.clock,
     );
-    let cast = Agents::read(&mut problems, origin, &file, &roads);
+    let agents = Agents::read(&mut problems, origin, &file, &roads);
     // Reported together, so that users see all mistakes of the agents at once.
     problems.done()?;
     let Agents {
@@ -123,7 +123,7 @@ fn assemble(
         rules,
         written_out,
         ..
-    } = cast
+    } = agents
     else {
         // Invariant: a missing ego is a problem, and there was none.
         return Err(Vec::new());

@@ -90,7 +90,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
             let agent = &spec.agents[i];
             let entry = entry_of(&path.to("agents"), &scenario.text, &agent.name);
             let words = in_words(&tried, &start);
-            super::plans::meets(problems, &entry, agent, why, &words);
+            super::plans::refuse_meeting(problems, &entry, agent, why, &words);
             return;
         }
         bench.begin(&start, 0, Aftermath::Skip);
@@ -147,8 +147,8 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
 
 /// First two bodies that overlap from above.
 fn first_overlap(bench: &Testbench) -> Option<(usize, usize)> {
-    let (cast, frame) = (bench.stage().agents, bench.frame());
-    let boxes: Vec<GroundRectangle> = cast
+    let (agents, frame) = (bench.stage().agents, bench.frame());
+    let boxes: Vec<GroundRectangle> = agents
         .iter()
         .zip(&frame.placements)
         .map(|(who, place)| GroundRectangle::of(who.size_m, place))

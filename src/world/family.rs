@@ -173,8 +173,8 @@ impl Family {
             // other draw.
             let mut rng = key.generator(world, "structure");
             let which = rng.random_range(0..=self.structures.len());
-            let met = self.structures.get(which);
-            member.controller = met.map(|structure| structure.draw(&mut rng));
+            let drawn = self.structures.get(which);
+            member.controller = drawn.map(|structure| structure.draw(&mut rng));
         }
         member
     }
@@ -216,7 +216,7 @@ impl Family {
     }
 
     /// Returns the number of additional inputs of a conditional ado.
-    pub fn told_width(&self) -> usize {
+    pub fn context_width(&self) -> usize {
         self.quantities.len()
     }
 
@@ -226,7 +226,7 @@ impl Family {
     ///
     /// The plant is no input. An ado with that input would learn each plant
     /// from its own episodes only.
-    pub fn told(&self, member: &EgoSample) -> Vec<f32> {
+    pub fn context_of(&self, member: &EgoSample) -> Vec<f32> {
         self.unit(member).iter().map(|&u| u as f32).collect()
     }
 
@@ -247,7 +247,7 @@ impl Family {
     }
 
     /// Returns the names of the additional inputs of a conditional ado, in order.
-    pub fn told_names(&self) -> Vec<String> {
+    pub fn context_names(&self) -> Vec<String> {
         let quantities = self.quantities.iter();
         quantities.map(|q| q.varied.name().to_owned()).collect()
     }

@@ -208,7 +208,7 @@ impl Scenario {
     pub fn spaces(&self) -> Spaces {
         let mut spaces = self.world.spaces().clone();
         if let (TrainingEgos::Conditioned, Some(family)) = (self.against, self.family()) {
-            spaces.observation += family.told_width();
+            spaces.observation += family.context_width();
         }
         spaces
     }
@@ -273,8 +273,8 @@ impl Scenario {
             let controller = change.controller.as_ref()?;
             Some((name.as_str(), controller.controller.program()?))
         });
-        let met = self.family().into_iter().flat_map(Family::programs);
-        own.into_iter().chain(reused).chain(met).collect()
+        let of_family = self.family().into_iter().flat_map(Family::programs);
+        own.into_iter().chain(reused).chain(of_family).collect()
     }
 
     /// Returns true if programs that files name may be started.

@@ -113,8 +113,8 @@ impl Scenario {
             (TrainingEgos::Conditioned, family) => family?.conditional.clone(),
         };
         // The inputs of a conditional ado cannot express a structure.
-        let told = against == TrainingEgos::Conditioned;
-        let family = self.family().filter(|_| told).map(|family| {
+        let sees_parameters = against == TrainingEgos::Conditioned;
+        let family = self.family().filter(|_| sees_parameters).map(|family| {
             let structures = Vec::new();
             Arc::new(Family {
                 structures,

@@ -92,12 +92,12 @@ fn what_is_told_is_scaled_to_the_ranges_whatever_the_plant() {
     let family = family(&world);
     let mut member = family.nominal(PlantKind::Rigid);
     member.values = family.quantities.iter().map(|q| q.lo).collect();
-    assert_eq!(family.told(&member), [-1.0; 6]);
+    assert_eq!(family.context_of(&member), [-1.0; 6]);
     member.values = family.quantities.iter().map(|q| q.hi).collect();
-    assert_eq!(family.told(&member), [1.0; 6]);
+    assert_eq!(family.context_of(&member), [1.0; 6]);
     member.plant = PlantKind::Kinematic;
-    assert_eq!(family.told(&member), [1.0; 6]);
-    assert_eq!(family.told_width(), family.told_names().len());
+    assert_eq!(family.context_of(&member), [1.0; 6]);
+    assert_eq!(family.context_width(), family.context_names().len());
 }
 
 #[test]

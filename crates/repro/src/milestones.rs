@@ -46,7 +46,7 @@ pub(crate) fn milestones(
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);
     let spaces = scenario.world().spaces();
     let mut learner = scenario.learner().build(spaces, seed);
-    let asked = scenario.learner().decisions();
+    let requested = scenario.learner().decisions();
     let ego = EgoUnderTest::nominal(scenario);
     let mut reached = Vec::new();
     let (mut played, mut cpu_s) = (0, 0.0);
@@ -58,7 +58,7 @@ pub(crate) fn milestones(
         learner.train(&mut gym, &mut |progress| {
             // The last report before a stop gives the number of finished episodes.
             played = progress.episodes;
-            (watch.progress)(progress.decisions.min(asked), asked);
+            (watch.progress)(progress.decisions.min(requested), requested);
             if watch.stopped() || target.is_some_and(|target| target <= played) {
                 Control::Stop
             } else {

@@ -159,12 +159,16 @@ fn sum(rows: &[ProtocolRow], ego: &str) -> ProtocolRow {
 /// They are the requested egos, or the world's own and all egos under `reuse`.
 pub fn protocol_egos(
     world: &Scenario,
-    asked: &[String],
+    requested: &[String],
 ) -> Result<Vec<EgoUnderTest>, brakecheck::experiment::EgoError> {
     let all = ["all".to_owned()];
-    let asked = if asked.is_empty() { &all[..] } else { asked };
+    let requested = if requested.is_empty() {
+        &all[..]
+    } else {
+        requested
+    };
     let mut egos = Vec::new();
-    for one in asked {
+    for one in requested {
         egos.extend(EgoUnderTest::find(world, one)?);
     }
     Ok(egos)

@@ -23,7 +23,7 @@ impl Checker {
         for (nth, entry) in entries.iter().enumerate() {
             let at = ValuePath::top().to("egos").at(nth);
             for ego in self.found(&at, world, entry)? {
-                self.starts_alike(&at, world, &ego)?;
+                self.same_starts(&at, world, &ego)?;
                 let ego = ChangedEgo {
                     name: ego.name().to_owned(),
                     change: ego.change().clone(),
@@ -53,15 +53,15 @@ impl Checker {
         let wrong = self.source.at(at);
         match entry {
             // A file is recognised by its extension, so egos may have any other name.
-            EgoEntry::Ego(asked) if asked.ends_with(".ron") => {
-                let path = self.dir.join(asked);
+            EgoEntry::Ego(requested) if requested.ends_with(".ron") => {
+                let path = self.dir.join(requested);
                 let (change, _) = played.changed_by(&path)?;
                 // The file is relative to the campaign file, wherever the command is run.
-                EgoUnderTest::changed(played, asked, &change, "mend the file")
+                EgoUnderTest::changed(played, requested, &change, "mend the file")
                     .map(|ego| vec![ego])
                     .map_err(wrong)
             }
-            EgoEntry::Ego(asked) => EgoUnderTest::find(played, asked).map_err(wrong),
+            EgoEntry::Ego(requested) => EgoUnderTest::find(played, requested).map_err(wrong),
             EgoEntry::Sweep(text) => {
                 let sweep = Sweep::parse(text).map_err(self.source.at(at))?;
                 sweep.egos(played).map_err(wrong)
@@ -98,7 +98,7 @@ impl Checker {
     }
 
     /// Refuses an ego with other starts, which would not pair with those of other egos.
-    fn starts_alike(
+    fn same_starts(
         &self,
         at: &ValuePath,
         world: usize,

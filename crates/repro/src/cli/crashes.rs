@@ -10,7 +10,7 @@ const WORLDS: [&str; 4] = ["acc_iso", "cut_in_clear", "merge_r157", "pedestrian_
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let request = CaseStudies {
-        seeds: args.asked_seeds(MOST_SEEDS),
+        seeds: args.seeds_within(MOST_SEEDS),
         starts: args.starts,
         runs: &args.output.join("runs"),
     };

@@ -21,7 +21,7 @@ const WORLDS: [&str; 10] = [
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let request = CaseStudies {
-        seeds: args.asked_seeds(MOST_SEEDS),
+        seeds: args.seeds_within(MOST_SEEDS),
         starts: args.starts,
         runs: &args.output.join("runs"),
     };

@@ -10,7 +10,7 @@ const WORLDS: [&str; 2] = ["grid_hard", "grid"];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let request = Table1 {
-        seeds: args.asked_seeds(MOST_SEEDS),
+        seeds: args.seeds_within(MOST_SEEDS),
     };
     let mut studies = Vec::new();
     for name in WORLDS {

@@ -10,12 +10,12 @@ use crate::{
 use brakecheck::experiment::test_starts;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let seeds = args.asked_seeds(MOST_SEEDS);
-    let asked = |path: &&LetterPath| {
+    let seeds = args.seeds_within(MOST_SEEDS);
+    let is_wanted = |path: &&LetterPath| {
         args.world.is_empty() || args.world.iter().any(|name| name == path.world)
     };
     let mut studies = Vec::new();
-    for path in LETTER_PATHS.iter().filter(asked) {
+    for path in LETTER_PATHS.iter().filter(is_wanted) {
         let letter = world(args, path.world)?;
         let Some(baselines) = baselines(args, path, letter.text())? else {
             return Ok(None);
@@ -44,7 +44,7 @@ fn baselines(
     path: &LetterPath,
     text: &str,
 ) -> Result<Option<Vec<LetterBaselines>>, Failure> {
-    let seeds = args.asked_seeds(MOST_SEEDS);
+    let seeds = args.seeds_within(MOST_SEEDS);
     // Baselines need no learner: paths of one world share them.
     let unlearned = LetterPath {
         learner: None,
@@ -78,7 +78,7 @@ fn rows(
     text: &str,
     baselines: &[LetterBaselines],
 ) -> Result<Option<Vec<LetterRow>>, Failure> {
-    let seeds = args.asked_seeds(MOST_SEEDS);
+    let seeds = args.seeds_within(MOST_SEEDS);
     let learner = path.learner.unwrap_or("dqn");
     let mut rows = Vec::new();
     for (at, step) in path.steps(text)?.iter().enumerate() {

@@ -76,7 +76,7 @@ struct ReproduceArgs {
 
 impl ReproduceArgs {
     /// The trainings and test starts asked for, at most `most` trainings.
-    fn asked_seeds(&self, most: u64) -> Seeds {
+    fn seeds_within(&self, most: u64) -> Seeds {
         Seeds {
             first: self.first_seed,
             count: self.seeds.min(most),

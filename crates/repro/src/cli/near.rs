@@ -36,7 +36,7 @@ const DELTAS: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     // One trained ado is looked at: the first.
-    let seeds = args.asked_seeds(1);
+    let seeds = args.seeds_within(1);
     let mut all = Vec::new();
     for (name, wanted) in FAILING {
         let scenario = world(args, name)?;
@@ -74,7 +74,7 @@ fn near(
     around: &Start,
     watch: &Watch<'_>,
 ) -> Result<Option<NearFailing>, Failure> {
-    let seeds = args.asked_seeds(1);
+    let seeds = args.seeds_within(1);
     let (path, _) = trained_run(scenario, seeds.first, &args.output.join("runs"), watch)?;
     let starts = test_starts(scenario, seeds.starts, args.starts, watch);
     // An interrupted training has no policy.

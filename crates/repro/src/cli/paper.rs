@@ -50,7 +50,7 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
 ];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let seeds = args.asked_seeds(MOST_SEEDS);
+    let seeds = args.seeds_within(MOST_SEEDS);
     let mut measured = Vec::new();
     for (name, learner, paper, episodes) in ROWS {
         let mut scenario = world(args, name)?;

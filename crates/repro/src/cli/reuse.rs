@@ -18,8 +18,8 @@ const SEEDS: u64 = 3;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let runs = args.output.join("runs");
-    let asked = ReuseStudyConfig {
-        seeds: args.asked_seeds(SEEDS),
+    let config = ReuseStudyConfig {
+        seeds: args.seeds_within(SEEDS),
         starts: args.starts,
         tries: TRIES,
         runs: &runs,
@@ -31,13 +31,13 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     for name in names {
         let scenario = world(args, name)?;
         // Trainings come first, because all egos share them.
-        let Some(study) = begin(name, &scenario, asked)? else {
+        let Some(study) = begin(name, &scenario, config)? else {
             return Ok(None);
         };
         let mut results = Vec::new();
         for ego in &EgoUnderTest::find(&scenario, "all")? {
-            let own = json!({ "starts": asked.starts, "tries": asked.tries });
-            let settings = settings(asked.seeds, own);
+            let own = json!({ "starts": config.starts, "tries": config.tries });
+            let settings = settings(config.seeds, own);
             // One piece per ego, so that an interruption costs a single ego.
             let piece = format!("{name}, reuse on {}", ego.name());
             let made = once(args, (&piece, &scenario), settings, |watch| {
@@ -52,7 +52,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }
     Ok(Some(Made {
         name: "reuse",
-        markdown: headed(asked.seeds, &reuse_markdown(&studies)),
+        markdown: headed(config.seeds, &reuse_markdown(&studies)),
         json: json!({ "reuse": studies }),
     }))
 }
@@ -61,10 +61,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
 fn begin<'a>(
     name: &str,
     scenario: &'a Scenario,
-    asked: ReuseStudyConfig<'a>,
+    config: ReuseStudyConfig<'a>,
 ) -> Result<Option<ReuseStudy<'a>>, Failure> {
     let shown = bar(name);
-    Ok(ReuseStudy::begin(scenario, asked, &shown.watch())?)
+    Ok(ReuseStudy::begin(scenario, config, &shown.watch())?)
 }
 
 impl From<ReuseError> for Failure {

@@ -21,7 +21,7 @@ const MOST_TRAININGS: u64 = 2;
 const MOST_STARTS: usize = 100;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let seeds = args.asked_seeds(MOST_TRAININGS);
+    let seeds = args.seeds_within(MOST_TRAININGS);
     let names = if args.world.is_empty() {
         WORLDS.map(str::to_owned).to_vec()
     } else {
@@ -64,12 +64,12 @@ fn rows(
                 let Some(run) = trained(args, &scenario, seed, watch)? else {
                     return Ok(None);
                 };
-                let asked = StructureStudy {
+                let study = StructureStudy {
                     run: &run,
                     nominal: &scenario,
                     starts: (starts, seeds.starts),
                 };
-                Ok(asked.evaluate(ego, watch)?)
+                Ok(study.evaluate(ego, watch)?)
             })?;
             let Some(row) = made else {
                 return Ok(None);

@@ -151,7 +151,7 @@ pub struct EgoResult {
 pub struct ReuseStudy<'a> {
     scenario: &'a Scenario,
     family: &'a Family,
-    asked: ReuseStudyConfig<'a>,
+    config: ReuseStudyConfig<'a>,
     trainings: Vec<SeedPolicies>,
     train_cpu_s: CpuByAdo,
     starts: TestStarts,
@@ -165,7 +165,7 @@ impl<'a> ReuseStudy<'a> {
     /// Returns an error without a family, if a training fails, or if a file cannot be written.
     pub fn begin(
         scenario: &'a Scenario,
-        asked: ReuseStudyConfig<'a>,
+        config: ReuseStudyConfig<'a>,
         watch: &Watch<'_>,
     ) -> Result<Option<ReuseStudy<'a>>, ReuseError> {
         let Some(family) = scenario.family() else {
@@ -173,14 +173,14 @@ impl<'a> ReuseStudy<'a> {
                 world: scenario.name().to_owned(),
             });
         };
-        let Some((trainings, train_cpu_s)) = trainings(scenario, &asked, watch)? else {
+        let Some((trainings, train_cpu_s)) = trainings(scenario, &config, watch)? else {
             return Ok(None);
         };
-        let starts = test_starts(scenario, asked.seeds.starts, asked.starts, watch);
+        let starts = test_starts(scenario, config.seeds.starts, config.starts, watch);
         Ok(starts.map(|starts| ReuseStudy {
             scenario,
             family,
-            asked,
+            config,
             trainings,
             train_cpu_s,
             starts,
@@ -225,7 +225,7 @@ impl<'a> ReuseStudy<'a> {
                 policies,
                 self.family,
                 (&member, context),
-                self.asked.tries,
+                self.config.tries,
             )?);
         }
         // Only an ego of the family has parameters that identification can miss.
@@ -239,7 +239,7 @@ impl<'a> ReuseStudy<'a> {
         let heuristic = match self.heuristic.get() {
             Some(tuned) => tuned,
             None => {
-                let tuned = tune_heuristic(self.scenario, self.asked.seeds.first, watch);
+                let tuned = tune_heuristic(self.scenario, self.config.seeds.first, watch);
                 if watch.stopped() {
                     return Ok(None);
                 }
@@ -249,7 +249,7 @@ impl<'a> ReuseStudy<'a> {
         rows.extend(on_starts.rivals(
             &self.trainings[0].nominal,
             heuristic.as_ref(),
-            self.asked.tries,
+            self.config.tries,
         )?);
         // The search is the last row, and all other rows are compared with it.
         Row::compare_with_last(&mut rows);
@@ -344,7 +344,7 @@ impl<'a> ReuseStudy<'a> {
             world: self.scenario.name().to_owned(),
             starts: first.map_or(0, |row| row.starts),
             trivial: first.map_or(0, |row| row.trivial),
-            seeds: self.asked.seeds.count,
+            seeds: self.config.seeds.count,
             train_cpu_s: self.train_cpu_s.clone(),
             costs: cost_comparison::compare_costs(training, &egos, &known),
             summary: summarise(&egos, &CONDITIONAL.into()),

@@ -53,13 +53,13 @@ fn brief() -> Scenario {
 fn every_ado_and_baseline_plays_every_ego_on_the_same_starts() {
     let dir = tempfile::tempdir().expect("scratch");
     let world = brief();
-    let asked = ReuseStudyConfig {
+    let config = ReuseStudyConfig {
         seeds: ONE,
         starts: 16,
         tries: 3,
         runs: dir.path(),
     };
-    let begun = ReuseStudy::begin(&world, asked, &quiet());
+    let begun = ReuseStudy::begin(&world, config, &quiet());
     let begun = begun.expect("trainings").expect("not stopped");
     let evaluate = |name: &str| -> EgoResult {
         let ego = EgoUnderTest::find(&world, name).expect("an ego");
@@ -150,7 +150,7 @@ fn every_ado_and_baseline_plays_every_ego_on_the_same_starts() {
     assert!(table.contains("| softer brakes | Inside |"), "{table}");
 
     // Finished trainings are used unchanged.
-    let again = ReuseStudy::begin(&world, asked, &quiet());
+    let again = ReuseStudy::begin(&world, config, &quiet());
     let again = again.expect("trainings").expect("not stopped");
     let same = again.evaluate(&EgoUnderTest::nominal(&world), &quiet());
     let same = same.expect("rows").expect("not stopped");
@@ -163,13 +163,13 @@ fn a_world_without_a_family_is_refused() {
     let world = Scenario::parse("cut_in.ron", include_str!("../../../../worlds/cut_in.ron"));
     let world = world.expect("a world");
     let dir = tempfile::tempdir().expect("scratch");
-    let asked = ReuseStudyConfig {
+    let config = ReuseStudyConfig {
         seeds: ONE,
         starts: 4,
         tries: 2,
         runs: dir.path(),
     };
-    let refused = ReuseStudy::begin(&world, asked, &quiet());
+    let refused = ReuseStudy::begin(&world, config, &quiet());
     assert!(matches!(
         refused.map(|_| ()),
         Err(ReuseError::NoFamily { .. })
