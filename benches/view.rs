@@ -64,7 +64,9 @@ fn row_by_row(bencher: Bencher) {
                 {
                     let motion = Transform3D::from_translation_rotation(
                         place.centre_m.map(|at| at as f32),
-                        rerun::Quaternion::from_xyzw(place.rotation.map(|part| part as f32)),
+                        rerun::Quaternion::from_xyzw(
+                            place.rotation.coords.map(|part| part as f32).into(),
+                        ),
                     );
                     stream.log(*name, &motion).expect("logged");
                 }

@@ -192,22 +192,17 @@ impl Party<'_> {
     ///
     /// Both are measured to the left in the frame of `frame`'s heading and position.
     fn face(&self, side: Side, frame: &Party<'_>) -> (f64, f64) {
-        let (own, other) = (&self.state.pose, &frame.state.pose);
         // Poses are of the front bumper, so only the rear face lies a length behind.
         let back_m = if side == Side::Rear {
             self.body.length_m
         } else {
             0.0
         };
-        let (sin, cos) = libm::sincos(own.heading_rad);
-        let (dx_m, dy_m) = (
-            own.x_m - back_m * cos - other.x_m,
-            own.y_m - back_m * sin - other.y_m,
-        );
-        let (frame_sin, frame_cos) = libm::sincos(other.heading_rad);
+        let face = self.state.pose.ahead(-back_m).frame();
+        let frame = frame.state.pose.frame();
         // Cosine of the relative heading: the face's width projected across the frame.
-        let turned = cos * frame_cos + sin * frame_sin;
-        let left_m = dy_m * frame_cos - dx_m * frame_sin;
+        let turned = face.ahead().dot(&frame.ahead());
+        let left_m = frame.to_local(face.origin_m).y;
         (left_m, 0.5 * self.body.width_m * turned.abs())
     }
 }

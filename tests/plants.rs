@@ -376,9 +376,9 @@ fn every_vehicle_drives_corners_and_stops() {
                     0.03 * grip,
                     &format!("{kind:?} {name} at {fraction}"),
                 );
-                let [x, y, _, _] = car.plant.placement(BodyId(0)).rotation;
+                let rotation = car.plant.placement(BodyId(0)).rotation;
                 assert!(
-                    (x * x + y * y).sqrt() < 0.05,
+                    libm::hypot(rotation.i, rotation.j) < 0.05,
                     "{kind:?} {name} leans too much"
                 );
                 close(

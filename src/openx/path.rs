@@ -65,12 +65,11 @@ pub(super) fn vertices(motion: &Motion, agent: usize, body: &Body, sample_s: f64
 }
 
 fn vertex(state: &BodyState, time_s: f64, behind_m: f64) -> Vertex {
-    let pose = &state.pose;
-    let (sin, cos) = libm::sincos(pose.heading_rad);
+    let pose = state.pose.ahead(-behind_m);
     Vertex {
         time_s,
-        x_m: pose.x_m - behind_m * cos,
-        y_m: pose.y_m - behind_m * sin,
+        x_m: pose.x_m,
+        y_m: pose.y_m,
         heading_rad: pose.heading_rad,
     }
 }

@@ -29,6 +29,7 @@ mod body_model;
 pub mod kinematic;
 mod limits;
 mod planar;
+mod pose;
 pub mod rigid;
 mod vehicle;
 mod walker;
@@ -39,6 +40,8 @@ use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 pub use body::{Body, BodyError, BodyKind};
 pub use body_model::{BodyDimensions, InvalidBody};
 pub use kinematic::Kinematic;
+pub(crate) use pose::{GroundFrame, rotation_by};
+pub use pose::{Placement, Pose};
 pub use rigid::Rigid;
 pub use vehicle::Vehicle;
 pub use walker::Walker;
@@ -101,17 +104,6 @@ pub enum PlantKind {
 pub struct Ground {
     /// Coefficient of friction μ between tyre and road, above 0.
     pub friction: f64,
-}
-
-/// Pose of the middle of the front bumper on the ground.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Pose {
-    /// Position along world x.
-    pub x_m: f64,
-    /// Position along world y (left).
-    pub y_m: f64,
-    /// Heading, counter-clockwise from world x.
-    pub heading_rad: f64,
 }
 
 /// State of a body, as a plant reports it.
@@ -199,15 +191,6 @@ pub struct Contact {
     /// A unit vector from the first body of the pair to the second, perpendicular to
     /// the touched face.
     pub normal: [f64; 2],
-}
-
-/// Position and orientation of a body's centre, for viewers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placement {
-    /// Centre of the bounding box in the world frame.
-    pub centre_m: [f64; 3],
-    /// Quaternion (x, y, z, w).
-    pub rotation: [f64; 4],
 }
 
 /// Plant: bodies on flat ground, stepped together.

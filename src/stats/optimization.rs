@@ -154,11 +154,13 @@ pub(crate) fn descend(
                 pairs.map(|(there, here)| (there - here) / by).collect()
             })
             .collect();
-        let equations = equations(&slopes, &deviations);
+        let count = free.len();
+        let left = DMatrix::from_fn(count, count, |i, j| dot(&slopes[i], &slopes[j]));
+        let right = DVector::from_fn(count, |i, _| -dot(&slopes[i], &deviations));
         let candidates: Vec<Vec<f64>> = DAMPINGS
             // A damping without a solution is skipped.
             .iter()
-            .filter_map(|damping| step(&here, free, equations.clone(), *damping))
+            .filter_map(|damping| step(&here, free, (left.clone(), &right), *damping))
             .collect();
         let measured = measure(&candidates).into_iter().zip(candidates);
         let best = measured.min_by(|(a, _), (b, _)| cost(a).total_cmp(&cost(b)));
@@ -188,6 +190,10 @@ pub(crate) fn cost(deviations: &[f64]) -> f64 {
     (3.0 * sum / deviations.len().max(1) as f64).sqrt()
 }
 
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
 fn first(measured: Vec<Deviations>) -> Deviations {
     measured.into_iter().next().unwrap_or_default()
 }
@@ -199,70 +205,26 @@ fn beside(here: &[f64], d: usize) -> Vec<f64> {
     there
 }
 
-/// Returns JᵀJ d = −Jᵀr as rows `[a … | b]`, which are the same for every damping.
-fn equations(slopes: &[Vec<f64>], deviations: &[f64]) -> Vec<Vec<f64>> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let mut rows: Vec<Vec<f64>> = Vec::with_capacity(slopes.len());
-    for (i, a) in slopes.iter().enumerate() {
-        // The matrix is symmetric, so the left part is copied from the rows above.
-        let left: Vec<f64> = rows.iter().map(|above| above[i]).collect();
-        let right = slopes[i..].iter().map(|b| dot(a, b));
-        rows.push(left.into_iter().chain(right).collect());
-    }
-    for (row, a) in rows.iter_mut().zip(slopes) {
-        row.push(-dot(a, deviations));
-    }
-    rows
-}
-
 /// Returns the end of a damped step, or `None` if the equations have no solution.
+///
+/// `left` is JᵀJ and `right` is −Jᵀr.
 fn step(
     here: &[f64],
     free: &[usize],
-    mut equations: Vec<Vec<f64>>,
+    (mut left, right): (DMatrix<f64>, &DVector<f64>),
     damping: f64,
 ) -> Option<Vec<f64>> {
-    for (i, row) in equations.iter_mut().enumerate() {
+    for i in 0..free.len() {
         // Marquardt: damping in proportion to the diagonal, so that flat dimensions are
-        // damped less than steep ones.
-        row[i] *= 1.0 + damping;
-        // A dimension without slope stays in place.
-        row[i] += 1e-12;
+        // damped less than steep ones. A dimension without slope stays in place.
+        left[(i, i)] = left[(i, i)] * (1.0 + damping) + 1e-12;
     }
-    let by = solve(equations)?;
+    let by = left.lu().solve(right)?;
     let mut there = here.to_vec();
-    for (&d, by) in free.iter().zip(by) {
+    for (&d, by) in free.iter().zip(&by) {
         there[d] = (there[d] + by).clamp(-1.0, 1.0);
     }
-    Some(there)
-}
-
-/// Solves rows `[a … | b]` by Gaussian elimination with pivots.
-///
-/// A library's LU decomposition adds in another order. The identified parameters would
-/// then differ in their last bits from those of kept runs.
-fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
-    let n = rows.len();
-    for i in 0..n {
-        let pivot = (i..n).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs()))?;
-        rows.swap(i, pivot);
-        let head = rows[i].clone();
-        for row in rows.iter_mut().skip(i + 1) {
-            let factor = row[i] / head[i];
-            row.iter_mut()
-                .zip(&head)
-                .for_each(|(a, b)| *a -= factor * b);
-        }
-    }
-    let mut solution = vec![0.0; n];
-    for i in (0..n).rev() {
-        let known: f64 = (i + 1..n).map(|j| rows[i][j] * solution[j]).sum();
-        solution[i] = (rows[i][n] - known) / rows[i][i];
-    }
-    solution
-        .iter()
-        .all(|value| value.is_finite())
-        .then_some(solution)
+    by.iter().all(|by| by.is_finite()).then_some(there)
 }
 
 /// Regularisation of the weights, in standard deviations.

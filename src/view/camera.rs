@@ -1,5 +1,6 @@
 //! Cameras of the spatial views: their positions and their visible entities.
 
+use nalgebra::Point2;
 use rerun::blueprint::components::Eye3DKind;
 use rerun::external::re_sdk_types::blueprint::archetypes::{EyeControls3D, LineGrid3D};
 
@@ -67,14 +68,12 @@ impl ViewExtent {
         let Some(frame) = story.frames.get(story.decided.unwrap_or(last)) else {
             return around;
         };
-        let ego = frame.placements[story.ego()];
-        // Only the turn about the vertical matters: the cameras neither pitch
-        // nor roll.
-        let [_, _, turn, real] = ego.rotation;
-        let (sin, cos) = (2.0 * turn.atan2(real)).sin_cos();
+        // The cameras neither pitch nor roll.
+        let own = frame.placements[story.ego()].ground_frame();
         for other in &frame.placements {
-            let [dx, dy] = [0, 1].map(|axis| other.centre_m[axis] - ego.centre_m[axis]);
-            let (ahead_m, left_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
+            let [ahead_m, left_m] = own
+                .to_local(Point2::new(other.centre_m[0], other.centre_m[1]))
+                .into();
             if ahead_m.abs() <= ViewExtent::FAR_M && left_m.abs() <= ViewExtent::FAR_M {
                 around.ahead_m = grown(around.ahead_m, ahead_m);
                 around.left_m = grown(around.left_m, left_m);

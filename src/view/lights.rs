@@ -7,10 +7,11 @@ use super::entity::{agent_path, path};
 use super::error::ViewError;
 use super::log_writer::{LogWriter, clock};
 use super::palette;
-use super::space::{distance, lifted};
+use super::space::{distance, lifted, quaternion};
 use super::viewed_episode::ViewedEpisode;
 use crate::ego::Phase;
 use crate::scene::LightPost;
+use crate::sim::Placement;
 
 /// Distance of the post from the right edge of the road, in metres.
 const ASIDE_M: f32 = 1.0;
@@ -77,9 +78,8 @@ pub(super) fn word(phase: Phase) -> &'static str {
 fn log_post(light: &LightPost, journal: &mut LogWriter) -> Result<(), ViewError> {
     let [right, left] = light.stop_line_m;
     let turn_rad = (left[1] - right[1]).atan2(left[0] - right[0]) - std::f64::consts::FRAC_PI_2;
-    let (sin, cos) = (0.5 * turn_rad as f32).sin_cos();
     let frame = Transform3D::from_translation(lifted(right, 0.0))
-        .with_quaternion(rerun::Quaternion::from_xyzw([0.0, 0.0, sin, cos]));
+        .with_quaternion(quaternion(&Placement::upright(right, turn_rad)));
     let mast = LineStrips3D::new([[[0.0, -ASIDE_M, 0.0], [0.0, -ASIDE_M, LAMP_M]]])
         .with_radii([0.07])
         .with_colors([palette::POST]);

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use nalgebra::{Point2, Vector2};
+
 use super::Scenario;
 use super::error::Problem;
 use super::locate::ValuePath;
@@ -159,31 +161,30 @@ fn first_overlap(bench: &Testbench) -> Option<(usize, usize)> {
 
 /// Body as a rectangle on the ground.
 struct GroundRectangle {
-    centre_m: [f64; 2],
+    centre_m: Point2<f64>,
     /// Half length along, and half width across.
-    half_m: [[f64; 2]; 2],
+    half_m: [Vector2<f64>; 2],
 }
 
 impl GroundRectangle {
     fn of(size_m: [f64; 3], place: &Placement) -> GroundRectangle {
-        let [x, y, _] = place.centre_m;
-        let [_, _, turn, real] = place.rotation;
-        let (sin, cos) = libm::sincos(2.0 * libm::atan2(turn, real));
-        let (long, broad) = (0.5 * size_m[0], 0.5 * size_m[1]);
+        let frame = place.ground_frame();
         GroundRectangle {
-            centre_m: [x, y],
-            half_m: [[long * cos, long * sin], [-broad * sin, broad * cos]],
+            centre_m: frame.origin_m,
+            half_m: [
+                frame.ahead() * (0.5 * size_m[0]),
+                frame.left() * (0.5 * size_m[1]),
+            ],
         }
     }
 
     /// Returns true if no side of either rectangle separates them.
     fn overlaps(&self, other: &GroundRectangle) -> bool {
-        let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
-        let apart: [f64; 2] = std::array::from_fn(|i| other.centre_m[i] - self.centre_m[i]);
+        let apart = other.centre_m - self.centre_m;
         let sides = || self.half_m.into_iter().chain(other.half_m);
         sides().all(|axis| {
-            let reach: f64 = sides().map(|side| dot(axis, side).abs()).sum();
-            dot(axis, apart).abs() < reach
+            let reach: f64 = sides().map(|side| axis.dot(&side).abs()).sum();
+            axis.dot(&apart).abs() < reach
         })
     }
 }

@@ -1,7 +1,10 @@
 //! Reference drivers as controllers that read percepts and keep their lane.
 
+use nalgebra::{UnitComplex, Vector2};
+
 use super::{DriverModel, LaneBody, Reflexes, Response};
 use crate::ego::{Briefing, Command, Controller, Fault, Own, Percept, Seen};
+use crate::sim::rotation_by;
 
 /// Hardest acceleration on the return to the nominal speed.
 pub(crate) const NOMINAL_MPS2: f64 = 1.0;
@@ -68,19 +71,18 @@ impl LaneBody {
 
     /// Returns a body from its front in lane coordinates.
     ///
-    /// The velocity is along and across the lane. Sine and cosine are those of
-    /// the heading relative to the lane.
-    pub fn behind_front(
+    /// Velocity and heading are relative to the lane.
+    pub(crate) fn behind_front(
         (front_x_m, front_y_m): (f64, f64),
-        (speed_mps, lateral_mps): (f64, f64),
-        (sin, cos): (f64, f64),
+        velocity_mps: Vector2<f64>,
+        heading: UnitComplex<f64>,
         (length_m, width_m): (f64, f64),
     ) -> LaneBody {
         LaneBody {
-            x_m: front_x_m - 0.5 * length_m * cos,
-            y_m: front_y_m - 0.5 * length_m * sin,
-            speed_mps,
-            lateral_mps,
+            x_m: front_x_m - 0.5 * length_m * heading.re,
+            y_m: front_y_m - 0.5 * length_m * heading.im,
+            speed_mps: velocity_mps.x,
+            lateral_mps: velocity_mps.y,
             accel_mps2: 0.0,
             length_m,
             width_m,
@@ -89,32 +91,29 @@ impl LaneBody {
 
     /// Returns the ego with its front at the origin.
     fn of_own(own: &Own) -> LaneBody {
-        let (sin, cos) = libm::sincos(own.heading_rad);
+        let heading = rotation_by(own.heading_rad);
         let size = (own.length_m, own.width_m);
         // Turning moves the front sideways, and not the middle.
         let lateral_mps = own.lateral_mps - 0.5 * own.length_m * own.yaw_rate_rad_per_s;
-        let velocity = (
-            own.speed_mps * cos - lateral_mps * sin,
-            own.speed_mps * sin + lateral_mps * cos,
-        );
-        LaneBody::behind_front((0.0, 0.0), velocity, (sin, cos), size)
+        let velocity_mps = heading * Vector2::new(own.speed_mps, lateral_mps);
+        LaneBody::behind_front((0.0, 0.0), velocity_mps, heading, size)
     }
 
     /// Returns an agent from the front in its percept.
     fn of_seen(seen: &Seen) -> LaneBody {
-        let (sin, cos) = libm::sincos(seen.road_heading_rad);
+        let heading = rotation_by(seen.road_heading_rad);
         // Turning moves the front sideways, so this share of its velocity is
         // removed.
         let lever_mps = 0.5 * seen.length_m * seen.yaw_rate_rad_per_s;
-        let velocity = (
-            seen.speed_mps + lever_mps * sin,
-            seen.lateral_mps - lever_mps * cos,
+        let velocity_mps = Vector2::new(
+            seen.speed_mps + lever_mps * heading.im,
+            seen.lateral_mps - lever_mps * heading.re,
         );
         let front = (seen.headway_m, seen.lateral_m);
         let size = (seen.length_m, seen.width_m);
         LaneBody {
             accel_mps2: seen.ax_mps2,
-            ..LaneBody::behind_front(front, velocity, (sin, cos), size)
+            ..LaneBody::behind_front(front, velocity_mps, heading, size)
         }
     }
 }

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use super::catalog::Catalogs;
 use super::error::ImportError;
 use super::files::Files;
+use super::pose_geometry::wrapped;
 use super::roads::RoadMap;
 use super::scope::ParameterScope;
-use super::spot::{Spot, wrapped};
 use super::tree::XmlNode;
 use super::ways::{Bend, ImportedPath, OnWay, Spiral};
+use crate::sim::Pose;
 
 /// Greatest angle in radians between two directions that count as equal.
 const SAME_RAD: f64 = 1e-6;
@@ -21,7 +22,7 @@ const ASIDE_M: f64 = 10.0;
 /// Place, with its description in the file.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
-    pub spot: Spot,
+    pub spot: Pose,
     /// Lane, if the file gives the place by a lane.
     pub lane: Option<OnLane>,
     /// Position on a path, if the file gives the place by a path.
@@ -151,7 +152,7 @@ impl PositionContext<'_> {
                     let placed = self.place(vertex.inner("Position")?, scope)?;
                     Ok(placed.spot)
                 });
-                let vertices = vertices.collect::<Result<Vec<Spot>, ImportError>>()?;
+                let vertices = vertices.collect::<Result<Vec<Pose>, ImportError>>()?;
                 let way = ImportedPath::through(shape, &vertices)?;
                 let last = vertices.last().unwrap_or(&way.begins);
                 Ok(OnWay {
@@ -255,7 +256,7 @@ impl PositionContext<'_> {
         let on = line.at(s_m, t_m);
         // Lanes left of the reference line are driven against its direction.
         let driven = if 0 < lane {
-            Spot {
+            Pose {
                 heading_rad: wrapped(on.heading_rad + core::f64::consts::PI),
                 ..on
             }
@@ -299,7 +300,7 @@ impl PositionContext<'_> {
     fn on_route(&self, it: &XmlNode, scope: &ParameterScope) -> Result<Placed, ImportError> {
         let reference = it.inner("RouteRef")?.only()?;
         let (route, stops) = self.route(reference, scope)?;
-        let spots: Vec<Spot> = stops.iter().map(|stop| stop.spot).collect();
+        let spots: Vec<Pose> = stops.iter().map(|stop| stop.spot).collect();
         // Only the direction of the route matters here: it must be straight.
         let begins = ImportedPath::through(&route, &spots)?.begins;
         let on = it.inner("InRoutePosition")?.only()?;
@@ -389,7 +390,7 @@ fn within(it: &XmlNode, s_m: f64, length_m: f64, what: &str) -> Result<(), Impor
 }
 
 /// Turns a place by its `Orientation`.
-fn turned(it: &XmlNode, scope: &ParameterScope, spot: Spot) -> Result<Spot, ImportError> {
+fn turned(it: &XmlNode, scope: &ParameterScope, spot: Pose) -> Result<Pose, ImportError> {
     let Some(orientation) = it.child("Orientation") else {
         return Ok(spot);
     };
@@ -399,7 +400,7 @@ fn turned(it: &XmlNode, scope: &ParameterScope, spot: Spot) -> Result<Spot, Impo
         // Absolute headings are the default of OpenSCENARIO.
         _ => 0.0,
     };
-    Ok(Spot {
+    Ok(Pose {
         heading_rad: wrapped(base_rad + h_rad),
         ..spot
     })

@@ -5,11 +5,12 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::error::ImportError;
+use super::pose_geometry::wrapped;
 use super::scope::ParameterScope;
-use super::spot::{Spot, wrapped};
 use super::surface::Surface;
 use super::tree::XmlNode;
 use super::ways::{Bend, Spiral};
+use crate::sim::Pose;
 
 /// Lateral distance in metres up to which lanes stay near their spirals.
 const LANES_M: f64 = 12.0;
@@ -25,7 +26,7 @@ const MOST_SAMPLES: f64 = 20_000.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ReferenceSegment {
     pub s_m: f64,
-    start: Spot,
+    start: Pose,
     pub length_m: f64,
     pub per_m: f64,
 }
@@ -158,7 +159,7 @@ impl ImportedRoad {
                 }
             };
             let mut s_m = plain.number(geometry, "s")?;
-            let mut start = Spot {
+            let mut start = Pose {
                 x_m: plain.number(geometry, "x")?,
                 y_m: plain.number(geometry, "y")?,
                 heading_rad: plain.number(geometry, "hdg")?,
@@ -250,7 +251,7 @@ impl ImportedRoad {
         let near_m = (side_m(1) + side_m(-1)).max(LEAST_WIDTH_M);
         let apart_m = (self.length_m / MOST_SAMPLES).max(0.25 * near_m);
         let cell = |at_m: f64| (at_m / near_m).floor() as i64;
-        let mut seen: HashMap<(i64, i64), Vec<(f64, Spot)>> = HashMap::new();
+        let mut seen: HashMap<(i64, i64), Vec<(f64, Pose)>> = HashMap::new();
         let samples = (self.length_m / apart_m).min(MOST_SAMPLES) as usize;
         for s_m in (0..=samples).map(|nth| nth as f64 * apart_m) {
             let here = self.at(s_m, 0.0);
@@ -260,7 +261,7 @@ impl ImportedRoad {
                 let there = seen.get(&(column + dx, row + dy)).into_iter().flatten();
                 // A bend is near itself for a while: half a turn at its tightest.
                 let mut others = there.filter(|(other_m, _)| other_m + 4.0 * near_m < s_m);
-                let touches = |spot: &Spot| {
+                let touches = |spot: &Pose| {
                     libm::hypot(spot.x_m - here.x_m, spot.y_m - here.y_m) < 0.9 * near_m
                 };
                 if let Some((other_m, _)) = others.find(|(_, spot)| touches(spot)) {
@@ -281,7 +282,7 @@ impl ImportedRoad {
     }
 
     /// Place at a station, `t_m` to the left of the reference line.
-    pub(super) fn at(&self, s_m: f64, t_m: f64) -> Spot {
+    pub(super) fn at(&self, s_m: f64, t_m: f64) -> Pose {
         // A station on a joint belongs to the later piece.
         let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
         let piece = before.unwrap_or(&self.pieces[0]);
@@ -341,7 +342,7 @@ impl ImportedRoad {
 
 impl ReferenceSegment {
     /// Station and place of its end.
-    fn end(&self) -> (f64, Spot) {
+    fn end(&self) -> (f64, Pose) {
         let end = self.start.bent(self.length_m, self.per_m);
         (self.s_m + self.length_m, end)
     }
@@ -350,8 +351,8 @@ impl ReferenceSegment {
 /// Refuses a piece that does not start at the end of the previous piece.
 fn joins(
     geometry: &XmlNode,
-    before: Option<(f64, Spot)>,
-    (s_m, start): (f64, Spot),
+    before: Option<(f64, Pose)>,
+    (s_m, start): (f64, Pose),
 ) -> Result<(), ImportError> {
     let (ends_m, end) = before.unwrap_or((0.0, start));
     let off_m = libm::hypot(start.x_m - end.x_m, start.y_m - end.y_m);

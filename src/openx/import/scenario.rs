@@ -17,9 +17,9 @@ use super::places::{OnLane, Placed, PositionContext};
 use super::points::ImportedPoint;
 use super::roads::RoadMap;
 use super::scope::ParameterScope;
-use super::spot::Spot;
 use super::tree::XmlNode;
 use super::ways::{Bend, ImportedPath, OnWay};
+use crate::sim::Pose;
 
 /// Valid range of friction coefficients.
 const FRICTIONS: core::ops::RangeInclusive<f64> = 0.01..=2.0;
@@ -42,7 +42,7 @@ pub(super) struct Protocol {
 #[derive(Clone, Debug)]
 pub(super) enum RoadFrame {
     /// Straight line from a place.
-    Straight(Spot),
+    Straight(Pose),
     /// Parallel to a reference line, `t_m` to its left.
     Beside { road: String, t_m: f64 },
     /// Bent path.
@@ -270,12 +270,12 @@ impl Concrete {
     /// # Errors
     ///
     /// Returns an error for a place on another road than a bent one of the ego.
-    pub(super) fn in_frame(&self, placed: &Placed) -> Result<Spot, ImportError> {
+    pub(super) fn in_frame(&self, placed: &Placed) -> Result<Pose, ImportError> {
         let refused = |what: String| self.at.error(what);
         match &self.frame {
             RoadFrame::Straight(origin) => Ok(origin.sees(&placed.spot)),
             RoadFrame::Along(way) => Ok(match &placed.way {
-                Some(on) if on.way == *way => Spot {
+                Some(on) if on.way == *way => Pose {
                     x_m: on.along_m,
                     ..on.spot().sees(&placed.spot)
                 },
@@ -306,7 +306,7 @@ impl Concrete {
                     way_m * (1.0 - piece.per_m * t_m)
                 });
                 let on = root.at(*s_m, *own_t_m);
-                Ok(Spot {
+                Ok(Pose {
                     x_m: along.sum(),
                     y_m: own_t_m - t_m,
                     heading_rad: on.sees(&placed.spot).heading_rad,

@@ -6,8 +6,8 @@ use super::entity::ImportedEntity;
 use super::error::ImportError;
 use super::places::is_along;
 use super::scenario::Concrete;
-use super::spot::Spot;
 use super::ways::OnWay;
+use crate::sim::Pose;
 
 /// Tolerance in radians of a pedestrian's direction.
 const SQUARE_RAD: f64 = 0.02;
@@ -17,7 +17,7 @@ pub(super) struct EntityInFrame<'a> {
     pub entity: &'a ImportedEntity,
     pub name: String,
     /// Reference point of the entity.
-    pub spot: Spot,
+    pub spot: Pose,
     pub path: EntityPath<'a>,
 }
 
@@ -30,7 +30,7 @@ pub(super) enum EntityPath<'a> {
     Left,
     Right,
     /// Path of its own: the start of the path, and the position on it.
-    Own(Spot, &'a OnWay),
+    Own(Pose, &'a OnWay),
     /// Standing entity, turned away from the road.
     Turned,
 }

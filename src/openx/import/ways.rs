@@ -3,8 +3,8 @@
 //! Spirals are replaced by arcs within a millimetre of them.
 
 use super::error::ImportError;
-use super::spot::Spot;
 use super::tree::XmlNode;
+use crate::sim::Pose;
 
 /// Greatest distance in metres of the arcs from their spiral.
 const NEAR_M: f64 = 0.001;
@@ -24,7 +24,7 @@ pub(super) struct Bend {
 /// Path of an entity: pieces from a place on, then straight.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ImportedPath {
-    pub begins: Spot,
+    pub begins: Pose,
     /// Pieces. An empty list is a straight line.
     pub pieces: Vec<Bend>,
 }
@@ -48,7 +48,7 @@ pub(super) struct Spiral {
 
 impl ImportedPath {
     /// Returns a straight path from a place.
-    pub(super) fn straight(begins: Spot) -> ImportedPath {
+    pub(super) fn straight(begins: Pose) -> ImportedPath {
         ImportedPath {
             begins,
             pieces: Vec::new(),
@@ -61,12 +61,12 @@ impl ImportedPath {
     ///
     /// Returns an error for places beside the line, and for a path without a
     /// length.
-    pub(super) fn through(asks: &XmlNode, spots: &[Spot]) -> Result<ImportedPath, ImportError> {
+    pub(super) fn through(asks: &XmlNode, spots: &[Pose]) -> Result<ImportedPath, ImportError> {
         let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
             return Err(asks.refused("a way without places", "give the way at least two places"));
         };
         let (dx, dy) = (last.x_m - first.x_m, last.y_m - first.y_m);
-        let begins = Spot {
+        let begins = Pose {
             // The direction is that of the line. The places may face elsewhere.
             heading_rad: libm::atan2(dy, dx),
             ..*first
@@ -92,7 +92,7 @@ impl ImportedPath {
     }
 
     /// Place on the path, with the direction of the path.
-    pub(super) fn at(&self, along_m: f64) -> Spot {
+    pub(super) fn at(&self, along_m: f64) -> Pose {
         let mut spot = self.begins;
         let mut left_m = along_m;
         for piece in &self.pieces {
@@ -124,12 +124,12 @@ impl OnWay {
     }
 
     /// Returns the place.
-    pub(super) fn spot(&self) -> Spot {
+    pub(super) fn spot(&self) -> Pose {
         self.way.at(self.along_m)
     }
 
     /// Extends the first line of the path back to an earlier place.
-    pub(super) fn begin_at(&mut self, first: Spot) {
+    pub(super) fn begin_at(&mut self, first: Pose) {
         let by_m = first.sees(&self.way.begins).x_m;
         if let Some(piece) = self.way.pieces.first_mut().filter(|it| it.per_m == 0.0) {
             // The position and the end keep their places, so their stations
@@ -207,11 +207,11 @@ mod tests {
     /// Reference solution of the spiral by numerical integration.
     ///
     /// Places and headings are at even distances.
-    fn exact(spiral: Spiral, steps: usize) -> Vec<Spot> {
+    fn exact(spiral: Spiral, steps: usize) -> Vec<Pose> {
         let step_m = spiral.length_m / steps as f64;
         let change_per_m2 = (spiral.to_per_m - spiral.from_per_m) / spiral.length_m;
         let heading_rad = |s_m: f64| s_m * (spiral.from_per_m + 0.5 * change_per_m2 * s_m);
-        let mut spot = Spot::default();
+        let mut spot = Pose::default();
         let mut all = vec![spot];
         for i in 0..steps {
             // Simpson's rule.
@@ -220,7 +220,7 @@ mod tests {
                 let at = |share: f64| f(heading_rad(s_m + share * step_m));
                 (at(0.0) + 4.0 * at(0.5) + at(1.0)) / 6.0
             };
-            spot = Spot {
+            spot = Pose {
                 x_m: spot.x_m + step_m * mean(libm::cos),
                 y_m: spot.y_m + step_m * mean(libm::sin),
                 heading_rad: heading_rad(s_m + step_m),
@@ -247,7 +247,7 @@ mod tests {
                 to_per_m,
             };
             let way = ImportedPath {
-                begins: Spot::default(),
+                begins: Pose::default(),
                 pieces: spiral.arcs(beside_m),
             };
             let arcs_m: f64 = way.pieces.iter().map(|piece| piece.length_m).sum();

@@ -1,7 +1,10 @@
 //! Episode as numbers to show: the track of every body, and the camera's focus.
 
+use nalgebra::Vector2;
+
 use crate::ego::Phase;
 use crate::scene::{ContactEvent, Frame, Role, SceneGeometry};
+use crate::sim::rotation_by;
 use crate::testbench::Episode;
 use crate::trace::Trace;
 
@@ -146,8 +149,7 @@ impl EpisodeFrames {
 
     /// Place of the world in the picture's directions.
     pub(super) fn turned(&self, x_m: f64, y_m: f64) -> [f64; 2] {
-        let (sin, cos) = libm::sincos(self.turn_rad);
-        [x_m * cos + y_m * sin, y_m * cos - x_m * sin]
+        (rotation_by(self.turn_rad).inverse() * Vector2::new(x_m, y_m)).into()
     }
 
     /// Half of the extent of a body in the picture's directions.
@@ -258,7 +260,7 @@ impl BodyTrack {
             .clone()
             .map(|place| (place.centre_m[0], place.centre_m[1]))
             .unzip();
-        let heading_rad = unwound(places.map(|place| heading_rad(place.rotation)));
+        let heading_rad = unwound(places.map(|place| place.heading_rad()));
         let speed_mps: Vec<f64> = match speeds {
             // The trace may end before the last frame.
             Some(speeds) => kept.iter().map(|i| at_or_last(&speeds, *i)).collect(),
@@ -302,11 +304,6 @@ fn touched_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Opti
 /// Returns true for a world of cells.
 pub(super) fn is_on_cells(stage: &SceneGeometry) -> bool {
     stage.agents.iter().any(|agent| agent.body == "cell")
-}
-
-/// Angle about the vertical of a quaternion (x, y, z, w).
-fn heading_rad([x, y, z, w]: [f64; 4]) -> f64 {
-    libm::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 }
 
 /// Angles without jumps of a full turn.

@@ -4,10 +4,11 @@
 
 use core::f64::consts::PI;
 
+use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use crate::ego::RoadPiece;
-use crate::sim::Pose;
+use crate::sim::{BodyState, GroundFrame, Pose, rotation_by};
 
 /// A piece of a curved road.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +42,11 @@ pub struct OnRoad {
 }
 
 impl OnRoad {
+    /// Returns the velocity of a body along and across the road.
+    pub(super) fn velocity_mps(&self, state: &BodyState) -> Vector2<f64> {
+        rotation_by(self.heading_rad) * Vector2::new(state.speed_mps, state.lateral_mps)
+    }
+
     /// Returns the same place for an agent that drives against the road.
     pub(super) fn reversed(&self) -> OnRoad {
         OnRoad {
@@ -69,11 +75,9 @@ pub struct CourseError {
 struct Leg {
     from_s_m: f64,
     length_m: f64,
-    x_m: f64,
-    y_m: f64,
-    heading_rad: f64,
-    sin: f64,
-    cos: f64,
+    start: Pose,
+    /// Frame of the start.
+    frame: GroundFrame,
     curvature_per_m: f64,
 }
 
@@ -209,18 +213,14 @@ impl Course {
 
     /// Begins with the straight run-in, so that s = 0 is at (x, y).
     fn begin(x_m: f64, y_m: f64, heading_rad: f64) -> Course {
-        let (sin, cos) = libm::sincos(heading_rad);
+        let origin = Pose {
+            x_m,
+            y_m,
+            heading_rad,
+        };
+        let start = origin.ahead(-RUN_OUT_M);
         Course {
-            legs: vec![Leg {
-                from_s_m: -RUN_OUT_M,
-                length_m: RUN_OUT_M,
-                x_m: x_m - RUN_OUT_M * cos,
-                y_m: y_m - RUN_OUT_M * sin,
-                heading_rad,
-                sin,
-                cos,
-                curvature_per_m: 0.0,
-            }],
+            legs: vec![Leg::new(-RUN_OUT_M, RUN_OUT_M, start, 0.0)],
         }
     }
 
@@ -228,18 +228,9 @@ impl Course {
         let Some(last) = self.legs.last() else {
             return;
         };
-        let end = last.pose(last.length_m, 0.0);
-        let (sin, cos) = libm::sincos(end.heading_rad);
-        self.legs.push(Leg {
-            from_s_m: last.from_s_m + last.length_m,
-            length_m,
-            x_m: end.x_m,
-            y_m: end.y_m,
-            heading_rad: end.heading_rad,
-            sin,
-            cos,
-            curvature_per_m,
-        });
+        let (from_s_m, end) = (last.from_s_m + last.length_m, last.pose(last.length_m, 0.0));
+        self.legs
+            .push(Leg::new(from_s_m, length_m, end, curvature_per_m));
     }
 
     /// Returns the pieces in order, without the straight ends.
@@ -349,9 +340,19 @@ impl Course {
 }
 
 impl Leg {
+    fn new(from_s_m: f64, length_m: f64, start: Pose, curvature_per_m: f64) -> Leg {
+        Leg {
+            from_s_m,
+            length_m,
+            start,
+            frame: start.frame(),
+            curvature_per_m,
+        }
+    }
+
     /// Returns the distance from a pose to the start of the leg.
     fn start_away_m(&self, pose: &Pose) -> f64 {
-        let (dx, dy) = (pose.x_m - self.x_m, pose.y_m - self.y_m);
+        let (dx, dy) = (pose.x_m - self.start.x_m, pose.y_m - self.start.y_m);
         (dx * dx + dy * dy).sqrt()
     }
 
@@ -368,18 +369,17 @@ impl Leg {
                 (1.0 - turn_cos) / k + lateral_m * turn_cos,
             )
         };
+        let at_m = self.frame.to_world(ahead_m, left_m);
         Pose {
-            x_m: self.x_m + ahead_m * self.cos - left_m * self.sin,
-            y_m: self.y_m + ahead_m * self.sin + left_m * self.cos,
-            heading_rad: wrapped(self.heading_rad + turn_rad),
+            x_m: at_m.x,
+            y_m: at_m.y,
+            heading_rad: wrapped(self.start.heading_rad + turn_rad),
         }
     }
 
     /// Returns the distance to the leg and the coordinates at its nearest point.
     fn locate(&self, pose: &Pose) -> (f64, OnRoad) {
-        let (dx, dy) = (pose.x_m - self.x_m, pose.y_m - self.y_m);
-        let ahead_m = dx * self.cos + dy * self.sin;
-        let left_m = dy * self.cos - dx * self.sin;
+        let [ahead_m, left_m] = self.frame.to_local(pose.point_m()).into();
         let k = self.curvature_per_m;
         let (along_m, lateral_m) = if k == 0.0 {
             (ahead_m, left_m)

@@ -2,11 +2,13 @@
 
 use core::f64::consts::{PI, TAU};
 
+use nalgebra::Vector2;
+
 use super::line_of_sight;
 use super::spec::DriveSpec;
 use super::state::SceneState;
 use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
-use crate::sim::BodyState;
+use crate::sim::{BodyState, rotation_by};
 
 /// Returns a percept with all other agents named, to be filled per sample.
 pub(super) fn blank(spec: &DriveSpec, ego: usize) -> Percept {
@@ -61,11 +63,11 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
     }
     for (seen, i) in percept.others.iter_mut().zip(others.clone()) {
         let other = scene.on_road_of(ego, i);
-        let (along, across) = scene.velocity_along(i, &other);
+        let velocity_mps = other.velocity_mps(&scene.states[i]);
         seen.headway_m = other.s_m - at.s_m;
         seen.lateral_m = other.lateral_m - at.lateral_m;
-        seen.speed_mps = along;
-        seen.lateral_mps = across;
+        seen.speed_mps = velocity_mps.x;
+        seen.lateral_mps = velocity_mps.y;
         seen.lane = spec.road.lane_at(other.lateral_m);
         seen.road_heading_rad = other.heading_rad;
         seen.yaw_rate_rad_per_s = scene.states[i].yaw_rate_rad_per_s;
@@ -87,20 +89,17 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
 
 /// Fills in the pose and motion of a body, seen from the ego's front.
 fn in_ego_frame(seen: &mut Seen, ego: &BodyState, other: &BodyState) {
-    let (sin, cos) = libm::sincos(ego.pose.heading_rad);
-    let (dx_m, dy_m) = (other.pose.x_m - ego.pose.x_m, other.pose.y_m - ego.pose.y_m);
-    seen.x_m = dx_m * cos + dy_m * sin;
-    seen.y_m = dy_m * cos - dx_m * sin;
+    [seen.x_m, seen.y_m] = ego.pose.frame().to_local(other.pose.point_m()).into();
     let turned_rad = other.pose.heading_rad - ego.pose.heading_rad;
     seen.heading_rad = if turned_rad.abs() <= PI {
         turned_rad
     } else {
         libm::remainder(turned_rad, TAU)
     };
-    let (sin, cos) = libm::sincos(turned_rad);
-    seen.vx_mps = other.speed_mps * cos - other.lateral_mps * sin;
-    seen.vy_mps = other.speed_mps * sin + other.lateral_mps * cos;
+    let turned = rotation_by(turned_rad);
+    let velocity_mps = Vector2::new(other.speed_mps, other.lateral_mps);
+    [seen.vx_mps, seen.vy_mps] = (turned * velocity_mps).into();
     // The plant knows the acceleration along the heading only.
-    seen.ax_mps2 = other.accel_mps2 * cos;
-    seen.ay_mps2 = other.accel_mps2 * sin;
+    seen.ax_mps2 = other.accel_mps2 * turned.re;
+    seen.ay_mps2 = other.accel_mps2 * turned.im;
 }

@@ -5,42 +5,36 @@
 //! point is hidden if the straight line to it crosses the box of a third body
 //! on wheels, parked or moving, whatever its height. Pedestrians hide nothing.
 
+use nalgebra::Point2;
+
 use super::spec::DriveSpec;
-use crate::sim::{Body, BodyState, Pose};
+use crate::sim::{Body, BodyState, GroundFrame, Pose};
 
 /// Outline of a body from above.
 struct Footprint {
-    middle: (f64, f64),
-    cos: f64,
-    sin: f64,
+    /// Frame of its middle.
+    frame: GroundFrame,
     half_length_m: f64,
     half_width_m: f64,
 }
 
 impl Footprint {
     fn of(body: &Body, front: &Pose) -> Footprint {
-        let (sin, cos) = libm::sincos(front.heading_rad);
         let half_length_m = 0.5 * body.length_m;
+        let mut frame = front.frame();
+        frame.origin_m -= frame.ahead() * half_length_m;
         Footprint {
-            middle: (
-                front.x_m - half_length_m * cos,
-                front.y_m - half_length_m * sin,
-            ),
-            cos,
-            sin,
+            frame,
             half_length_m,
             half_width_m: 0.5 * body.width_m,
         }
     }
 
     /// Returns its middle and its corners.
-    fn points(&self) -> [(f64, f64); 5] {
+    fn points(&self) -> [Point2<f64>; 5] {
         let at = |ahead: f64, left: f64| {
             let (ahead_m, left_m) = (ahead * self.half_length_m, left * self.half_width_m);
-            (
-                self.middle.0 + ahead_m * self.cos - left_m * self.sin,
-                self.middle.1 + ahead_m * self.sin + left_m * self.cos,
-            )
+            self.frame.to_world(ahead_m, left_m)
         };
         [
             at(0.0, 0.0),
@@ -55,12 +49,8 @@ impl Footprint {
     ///
     /// In its own frame the box is |ahead| ≤ a and |left| ≤ b. The shares of
     /// the line within the two strips must overlap (Kay, Kajiya 1986).
-    fn hides(&self, from: (f64, f64), to: (f64, f64)) -> bool {
-        let own = |(x, y): (f64, f64)| {
-            let (dx, dy) = (x - self.middle.0, y - self.middle.1);
-            [dx * self.cos + dy * self.sin, dy * self.cos - dx * self.sin]
-        };
-        let (from, to) = (own(from), own(to));
+    fn hides(&self, from: Point2<f64>, to: Point2<f64>) -> bool {
+        let (from, to) = (self.frame.to_local(from), self.frame.to_local(to));
         let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
         for (axis, half_m) in [self.half_length_m, self.half_width_m]
             .into_iter()
@@ -96,7 +86,7 @@ pub(super) fn visible<'a>(
     let (boxes, fronts): (Vec<Footprint>, Vec<Pose>) = boxes
         .map(|(body, state)| (Footprint::of(body, &state.pose), state.pose))
         .unzip();
-    let eye = (fronts[ego].x_m, fronts[ego].y_m);
+    let eye = fronts[ego].point_m();
     let on_wheels = |i: &usize| !spec.agents[*i].body.is_on_foot();
     let sees = |seen: usize| {
         let points = boxes[seen].points();
@@ -124,14 +114,15 @@ mod tests {
         // Across: 0.9 m to either side of x = 10, from y = 0 back to −4.54.
         let parked = Footprint::of(&sedan, &front);
         for (from, to, hidden) in [
-            ((0.0, 0.0), (20.0, -2.0), true),
-            ((0.0, 0.0), (20.0, 0.2), false),
-            ((0.0, 0.0), (9.0, -2.0), false),
-            ((10.0, 5.0), (10.0, -10.0), true),
-            ((11.0, 5.0), (11.0, -10.0), false),
-            ((0.0, -4.4), (20.0, -4.4), true),
-            ((0.0, -4.6), (20.0, -4.6), false),
+            ([0.0, 0.0], [20.0, -2.0], true),
+            ([0.0, 0.0], [20.0, 0.2], false),
+            ([0.0, 0.0], [9.0, -2.0], false),
+            ([10.0, 5.0], [10.0, -10.0], true),
+            ([11.0, 5.0], [11.0, -10.0], false),
+            ([0.0, -4.4], [20.0, -4.4], true),
+            ([0.0, -4.6], [20.0, -4.6], false),
         ] {
+            let [from, to] = [from, to].map(Point2::from);
             assert_eq!(parked.hides(from, to), hidden, "{from:?} {to:?}");
             assert_eq!(parked.hides(to, from), hidden, "{to:?} {from:?}");
         }

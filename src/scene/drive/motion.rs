@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector2;
 use rand::RngExt;
 
 use super::actions::Maneuver;
@@ -26,7 +27,7 @@ use crate::scene::{
 };
 use crate::seed::StartKey;
 use crate::severity::{Impact, Party};
-use crate::sim::{BodyCommand, BodyId, Contact, Pose};
+use crate::sim::{BodyCommand, BodyId, Contact, Pose, rotation_by};
 use crate::trace::Schema;
 
 /// A driving scene in motion.
@@ -238,10 +239,10 @@ impl DriveScene {
                 // Walks are given along the road: the body's heading minus its
                 // angle to the road is the road's direction.
                 let road_rad = state.pose.heading_rad - at.heading_rad;
-                let (sin, cos) = libm::sincos(road_rad);
+                let velocity_mps = rotation_by(road_rad) * Vector2::new(along_mps, left_mps);
                 BodyCommand::Walk {
-                    x_mps: along_mps * cos - left_mps * sin,
-                    y_mps: along_mps * sin + left_mps * cos,
+                    x_mps: velocity_mps.x,
+                    y_mps: velocity_mps.y,
                 }
             }
             // Invariant: only lights turn, and they have no body.

@@ -8,10 +8,12 @@
 use core::f64::consts::PI;
 use std::sync::Arc;
 
+use nalgebra::Vector2;
+
 use super::course::{Course, wrapped};
 use super::plan::{Approach, MotionLaw, MotionPlan, ScriptStep, Unmet};
 use super::road::Road;
-use crate::sim::Pose;
+use crate::sim::{Pose, rotation_by};
 use crate::stl::{Monitor, OnlineMonitor};
 
 /// Largest difference at which two instants count as equal.
@@ -335,12 +337,7 @@ impl PlanRun {
         let lateral_m = self.lateral_m + sin * stray.ahead_m + cos * stray.left_m;
         let at = course.pose(s_m, lateral_m);
         let heading_rad = wrapped(at.heading_rad + heading_rad);
-        let (sin, cos) = libm::sincos(heading_rad);
-        Pose {
-            x_m: at.x_m + self.carried.lever_m * cos,
-            y_m: at.y_m + self.carried.lever_m * sin,
-            heading_rad,
-        }
+        Pose { heading_rad, ..at }.ahead(self.carried.lever_m)
     }
 
     /// Returns the initial phase of a step that is next from an instant on.
@@ -527,7 +524,7 @@ impl PlanRun {
         let along_mps = speed_mps + self.stray.ahead_mps;
         let ahead_mps = ahead(along_mps);
         let left_mps = self.stray.left_mps;
-        let velocity = (
+        let velocity_mps = Vector2::new(
             cos * ahead_mps - sin * left_mps,
             sin * ahead_mps + cos * left_mps + sideways_mps,
         );
@@ -535,7 +532,7 @@ impl PlanRun {
         // standing body must not turn.
         let moves = TURNING_MPS <= ahead_mps.max(sideways_mps.abs());
         if !self.carried.on_foot && moves {
-            self.heading_rad = libm::atan2(velocity.1, velocity.0);
+            self.heading_rad = libm::atan2(velocity_mps.y, velocity_mps.x);
         }
         let planned_mps = ahead(speed_mps);
         if !self.carried.on_foot && TURNING_MPS <= planned_mps.max(sideways_mps.abs()) {
@@ -546,19 +543,15 @@ impl PlanRun {
         let pose = self.pose(course);
         let turn_rad = wrapped(pose.heading_rad - before.pose.heading_rad);
         let yaw_rate_rad_per_s = turn_rad / sample_s;
-        let (facing_sin, facing_cos) = libm::sincos(self.heading_rad);
+        let own_mps = if self.carried.on_foot {
+            rotation_by(self.heading_rad).inverse() * velocity_mps
+        } else {
+            Vector2::new(along_mps, yaw_rate_rad_per_s * self.carried.lever_m)
+        };
         let arrival = Arrival {
             pose,
-            speed_mps: if self.carried.on_foot {
-                velocity.0 * facing_cos + velocity.1 * facing_sin
-            } else {
-                along_mps
-            },
-            lateral_mps: if self.carried.on_foot {
-                velocity.1 * facing_cos - velocity.0 * facing_sin
-            } else {
-                yaw_rate_rad_per_s * self.carried.lever_m
-            },
+            speed_mps: own_mps.x,
+            lateral_mps: own_mps.y,
             yaw_rate_rad_per_s,
             accel_mps2: 0.0,
         };

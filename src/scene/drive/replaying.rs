@@ -7,6 +7,8 @@
 
 use std::sync::Arc;
 
+use nalgebra::{UnitComplex, Vector2};
+
 use super::course::{Course, OnRoad};
 use super::layout::DriveLayout;
 use super::line_of_sight;
@@ -16,7 +18,7 @@ use super::spec::EgoController;
 use super::world::DriveWorld;
 use crate::ego::reference::LaneBody;
 use crate::scene::{BodySample, Motion, Scene, StepOutcome};
-use crate::sim::{Body, BodyCommand, BodyState, PlantKind};
+use crate::sim::{Body, BodyCommand, BodyState, PlantKind, rotation_by};
 
 impl DriveWorld {
     /// Returns the same world on the kinematic plant, without an ego controller.
@@ -130,7 +132,7 @@ struct Onward {
 impl Onward {
     fn new(state: &BodyState, course: &Course, road: &Road, on_foot: bool) -> Onward {
         let at = course.locate(&state.pose);
-        let (along_mps, across_mps) = velocity_mps(state, &at);
+        let [along_mps, across_mps] = at.velocity_mps(state).into();
         let brake_mps2 = (-state.accel_mps2).max(0.0);
         let stands_s = if brake_mps2 == 0.0 {
             f64::INFINITY
@@ -174,10 +176,10 @@ impl Onward {
             (true, true) => core::f64::consts::PI,
         };
         let moves = after_s < self.stands_s;
-        let (sin, cos) = if is_centred {
-            (0.0, direction)
+        let heading = if is_centred {
+            UnitComplex::from_cos_sin_unchecked(direction, 0.0)
         } else {
-            libm::sincos(self.at.heading_rad)
+            rotation_by(self.at.heading_rad)
         };
         let along_mps = self.along_mps - direction * lost_mps;
         let across_mps = if moves && !is_centred {
@@ -185,39 +187,27 @@ impl Onward {
         } else {
             0.0
         };
+        let velocity_mps = heading.inverse() * Vector2::new(along_mps, across_mps);
         BodyState {
             pose,
-            speed_mps: along_mps * cos + across_mps * sin,
-            lateral_mps: across_mps * cos - along_mps * sin,
+            speed_mps: velocity_mps.x,
+            lateral_mps: velocity_mps.y,
             yaw_rate_rad_per_s: 0.0,
             accel_mps2: if moves { -self.brake_mps2 } else { 0.0 },
         }
     }
 }
 
-/// Returns the velocity along and across the road.
-fn velocity_mps(state: &BodyState, at: &OnRoad) -> (f64, f64) {
-    let (sin, cos) = libm::sincos(at.heading_rad);
-    (
-        state.speed_mps * cos - state.lateral_mps * sin,
-        state.speed_mps * sin + state.lateral_mps * cos,
-    )
-}
-
 /// Returns a body in lane coordinates of its middle, as reference drivers need it.
 fn in_lane(state: &BodyState, at: &OnRoad, body: &Body) -> LaneBody {
-    let (sin, cos) = libm::sincos(at.heading_rad);
+    let heading = rotation_by(at.heading_rad);
     let lever_mps = state.yaw_rate_rad_per_s * body.half_length_m();
     // Turning moves the front sideways, and not the middle.
-    let lateral_mps = state.lateral_mps - lever_mps;
-    let velocity = (
-        state.speed_mps * cos - lateral_mps * sin,
-        state.speed_mps * sin + lateral_mps * cos,
-    );
+    let velocity_mps = heading * Vector2::new(state.speed_mps, state.lateral_mps - lever_mps);
     let size = (body.length_m, body.width_m);
     LaneBody {
-        accel_mps2: state.accel_mps2 * cos,
-        ..LaneBody::behind_front((at.s_m, at.lateral_m), velocity, (sin, cos), size)
+        accel_mps2: state.accel_mps2 * heading.re,
+        ..LaneBody::behind_front((at.s_m, at.lateral_m), velocity_mps, heading, size)
     }
 }
 

@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector2;
+
 use super::actions::PhaseAction;
 use super::course::OnRoad;
 use super::light::LightState;
@@ -156,18 +158,8 @@ impl SceneState {
     }
 
     /// Returns the velocity of an agent along and across its road.
-    pub(super) fn velocity_mps(&self, agent: usize) -> (f64, f64) {
-        self.velocity_along(agent, &self.on_road[agent])
-    }
-
-    /// Returns the velocity of an agent along and across the road at `at`.
-    pub(super) fn velocity_along(&self, agent: usize, at: &OnRoad) -> (f64, f64) {
-        let state = &self.states[agent];
-        let (sin, cos) = libm::sincos(at.heading_rad);
-        (
-            state.speed_mps * cos - state.lateral_mps * sin,
-            state.speed_mps * sin + state.lateral_mps * cos,
-        )
+    pub(super) fn velocity_mps(&self, agent: usize) -> Vector2<f64> {
+        self.on_road[agent].velocity_mps(&self.states[agent])
     }
 
     /// Returns clearance and speed of the next agent ahead in an agent's path.
@@ -192,7 +184,7 @@ impl SceneState {
         let nearest = ahead.min_by(|a, b| a.1.total_cmp(&b.1));
         nearest.map(|(i, headway_m)| {
             let clearance_m = headway_m - agents[i].body.length_m;
-            (clearance_m, self.velocity_mps(i).0)
+            (clearance_m, self.velocity_mps(i).x)
         })
     }
 }
@@ -217,7 +209,7 @@ impl SceneState {
         let body = &self.spec.agents[agent].body;
         let front_m = (at.s_m - own.s_m, at.lateral_m - own.lateral_m);
         let room = LaneOccupancy::of(front_m, at.heading_rad, (body.length_m, body.width_m));
-        (room, self.velocity_along(agent, &at).0)
+        (room, at.velocity_mps(&self.states[agent]).x)
     }
 
     fn nearest_ahead(&self, agent: usize) -> Option<(f64, f64)> {

@@ -45,7 +45,7 @@ impl LaneKeeping {
             (LaneKeeping::RearAxle, Direction::With) => body.lever_m(),
             (LaneKeeping::RearAxle, Direction::Against) => -body.lever_m(),
         };
-        ahead(&course.pose(s_m - lever_m, lateral_m), lever_m)
+        course.pose(s_m - lever_m, lateral_m).ahead(lever_m)
     }
 
     /// Returns the input of the lane keeper: the place of the point that it keeps.
@@ -68,7 +68,7 @@ impl LaneKeeping {
         let at = match self {
             LaneKeeping::Front => at,
             LaneKeeping::RearAxle => {
-                let at = course.locate(&ahead(front, -body.lever_m()));
+                let at = course.locate(&front.ahead(-body.lever_m()));
                 let curvature_per_m = course.mean_curvature_per_m(at.s_m, along_m);
                 OnRoad {
                     curvature_per_m,
@@ -149,15 +149,5 @@ impl LaneKeeper {
         } else {
             keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m)
         }
-    }
-}
-
-/// Returns the pose at a distance ahead of another.
-fn ahead(pose: &Pose, by_m: f64) -> Pose {
-    let (sin, cos) = libm::sincos(pose.heading_rad);
-    Pose {
-        x_m: pose.x_m + by_m * cos,
-        y_m: pose.y_m + by_m * sin,
-        heading_rad: pose.heading_rad,
     }
 }

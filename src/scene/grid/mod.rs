@@ -324,13 +324,9 @@ impl Scene for GridScene {
 
     fn frame(&self) -> Frame {
         let side = 1.0 / f64::from(self.layout.spec.arena.refine);
-        let placement = |cell: Cell| Placement {
-            centre_m: [
-                (f64::from(cell.x) + 0.5) * side,
-                (f64::from(cell.y) + 0.5) * side,
-                side / 2.0,
-            ],
-            rotation: [0.0, 0.0, 0.0, 1.0],
+        let placement = |cell: Cell| {
+            let [x_m, y_m] = [cell.x, cell.y].map(|at| (f64::from(at) + 0.5) * side);
+            Placement::upright([x_m, y_m, side / 2.0], 0.0)
         };
         let Position { ego, ado } = self.moment.now;
         Frame {

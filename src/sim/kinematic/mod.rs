@@ -180,11 +180,8 @@ impl Plant for Kinematic {
     fn placement(&self, id: BodyId) -> Placement {
         let mover = &self.movers[id.0];
         let rect = mover.rect(&mover.at);
-        let (half_sin, half_cos) = libm::sincos(0.5 * mover.at.heading_rad);
-        Placement {
-            centre_m: [rect.x_m, rect.y_m, 0.5 * mover.extent.height_m],
-            rotation: [0.0, 0.0, half_sin, half_cos],
-        }
+        let centre_m = [rect.x_m, rect.y_m, 0.5 * mover.extent.height_m];
+        Placement::upright(centre_m, mover.at.heading_rad)
     }
 
     fn gap_m(&self, a: BodyId, b: BodyId) -> f64 {

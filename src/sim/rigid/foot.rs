@@ -82,12 +82,8 @@ impl Motor for Foot {
 
     fn placement(&self, _: &RapierWorld, height_m: f64) -> Placement {
         let (x_m, y_m) = self.stride.at_m;
-        let half_rad = 0.5 * libm::atan2(self.heading.1, self.heading.0);
-        let (sin, cos) = libm::sincos(half_rad);
-        Placement {
-            centre_m: [x_m, y_m, 0.5 * height_m],
-            rotation: [0.0, 0.0, sin, cos],
-        }
+        let heading_rad = libm::atan2(self.heading.1, self.heading.0);
+        Placement::upright([x_m, y_m, 0.5 * height_m], heading_rad)
     }
 
     fn fork(&self) -> Box<dyn Motor> {

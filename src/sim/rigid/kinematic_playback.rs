@@ -88,12 +88,8 @@ impl Motor for PlaybackBody {
     }
 
     fn placement(&self, _: &RapierWorld, height_m: f64) -> Placement {
-        let half_rad = 0.5 * libm::atan2(self.rect.sin, self.rect.cos);
-        let (sin, cos) = libm::sincos(half_rad);
-        Placement {
-            centre_m: [self.rect.x_m, self.rect.y_m, 0.5 * height_m],
-            rotation: [0.0, 0.0, sin, cos],
-        }
+        let heading_rad = libm::atan2(self.rect.sin, self.rect.cos);
+        Placement::upright([self.rect.x_m, self.rect.y_m, 0.5 * height_m], heading_rad)
     }
 
     fn fork(&self) -> Box<dyn Motor> {

@@ -233,10 +233,10 @@ impl ChassisMotion {
         let centre = self.pose * vector(0.0, 0.0, 0.5 * height_m);
         let (x_m, y_m) = (f64::from(centre.x), f64::from(centre.y));
         let rotation = self.pose.rotation;
-        Placement {
-            centre_m: [origin_m.0 + x_m, origin_m.1 + y_m, f64::from(centre.z)],
-            rotation: [rotation.x, rotation.y, rotation.z, rotation.w].map(f64::from),
-        }
+        Placement::from_parts(
+            [origin_m.0 + x_m, origin_m.1 + y_m, f64::from(centre.z)],
+            [rotation.x, rotation.y, rotation.z, rotation.w].map(f64::from),
+        )
     }
 
     /// Returns the velocity gained since an earlier instant, along world x and y.

@@ -13,7 +13,7 @@ use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::space::{distance, lifted};
+use crate::view::space::{distance, lifted, quaternion};
 use crate::view::viewed_episode::ViewedEpisode;
 use crate::view::{figure, lights, palette, road};
 
@@ -88,14 +88,9 @@ fn log_motion(
 fn log_follow(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let ego = story.ego();
     let upright = story.frames.iter().map(|frame| {
-        let Placement { centre_m, rotation } = frame.placements[ego];
-        let ([x, y, _], [_, _, turn, real]) = (centre_m, rotation);
-        // The guard covers an overturned ego, for which both parts vanish.
-        let norm = (turn * turn + real * real).sqrt().max(1e-9);
-        Placement {
-            centre_m: [x, y, 0.0],
-            rotation: [0.0, 0.0, turn / norm, real / norm],
-        }
+        let placement = &frame.placements[ego];
+        let [x, y, _] = placement.centre_m;
+        Placement::upright([x, y, 0.0], placement.heading_rad())
     });
     log_transforms(story, FOLLOW.into(), upright, journal)
 }
@@ -108,10 +103,7 @@ fn log_transforms(
 ) -> Result<(), ViewError> {
     let motion = Transform3D::update_fields()
         .with_many_translation(placements.clone().map(|place| lifted(place.centre_m, 0.0)))
-        .with_many_quaternion(
-            placements
-                .map(|place| rerun::Quaternion::from_xyzw(place.rotation.map(|part| part as f32))),
-        );
+        .with_many_quaternion(placements.map(|place| quaternion(&place)));
     let columns = motion.columns_of_unit_batches();
     let instants = (0..story.frames.len()).map(|sample| (sample, story.time_s(sample)));
     journal.columns(entity, clock(instants), columns)

@@ -91,7 +91,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .seen_in(-10.0, 10.0),
     Agent
         .signal("lateral_speed", "m/s")
-        .is(|state, [a, _]| state.velocity_mps(a).1)
+        .is(|state, [a, _]| state.velocity_mps(a).y)
         .about("velocity across the road, to the left")
         .seen_in(-3.0, 3.0),
     Agent
@@ -239,7 +239,7 @@ fn time_to_collision_s(state: &SceneState, [a, b]: [usize; 2]) -> f64 {
     // subtracted.
     let front = if 0.0 < ahead_m { b } else { a };
     let clearance_m = ahead_m.abs() - state.spec.agents[front].body.length_m;
-    let closing_mps = (state.velocity_mps(a).0 - state.velocity_mps(b).0) * ahead_m.signum();
+    let closing_mps = (state.velocity_mps(a).x - state.velocity_mps(b).x) * ahead_m.signum();
     capped_s(clearance_m, closing_mps)
 }
 
