@@ -21,21 +21,25 @@ pub use reward::Reward;
 pub use verdict::{RulesUntilContact, Verdict};
 
 use serde::{Deserialize, Serialize};
+use strum::Display;
 
 use crate::stl::{Monitor, OnlineMonitor, Scratch};
 use crate::trace::{RowError, Trace};
 
 /// End of an episode, and the part of it that is judged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Display, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum JudgeKind {
     /// Judges the prefix up to the first decided sample, where the episode ends.
     #[default]
+    #[strum(to_string = "until a violation")]
     UntilViolation,
     /// Judges the whole run to the horizon, with the contact sample held.
+    #[strum(to_string = "over the whole run")]
     WholeRun,
     /// Judges everything up to a contact or the horizon.
     ///
     /// A rule that no further sample can satisfy ends the episode earlier.
+    #[strum(to_string = "until a contact")]
     UntilContact,
 }
 

@@ -283,9 +283,7 @@ fn a_run_is_evaluated_kept_replayed_and_watched() {
         "--search",
         "1",
         "--keep",
-        &kept,
-        "--keep-most",
-        "2",
+        &format!("{kept},most=2"),
         "--plant",
         "rigid",
         "--fail-on-counterexample",
@@ -616,7 +614,9 @@ fn ctrl_c_saves_and_resuming_ends_in_the_same_bytes() {
 #[test]
 fn help_is_what_it_was() {
     let mut text = String::new();
-    for verb in ["", "check", "train", "eval", "search", "replay", "stl"] {
+    for verb in [
+        "", "check", "train", "eval", "gate", "sweep", "search", "replay", "stl",
+    ] {
         let args: Vec<&str> = [verb, "--help"]
             .into_iter()
             .filter(|a| !a.is_empty())

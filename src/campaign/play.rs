@@ -9,7 +9,7 @@ use crate::adversary::Ado;
 use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch, consent, leaf};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
-use crate::scene::{Dynamics, Start};
+use crate::scene::Start;
 use crate::search::{Adversary, ExperimentCell, Method, MethodSettings, StartResult};
 use crate::severity::Impact;
 use crate::stats::StartOutcome;
@@ -157,7 +157,7 @@ impl UnitContext<'_> {
     fn blank(&self, start: usize, x: &[f64]) -> StartRow {
         StartRow {
             world: self.world.name().to_owned(),
-            plant: plant_word(self.ego.scenario().plant()),
+            plant: self.ego.scenario().plant(),
             ego: self.ego.name().to_owned(),
             ado: self.unit.ado.word(),
             train_seed: self.ado.as_ref().map(|ado| ado.seed),
@@ -231,9 +231,4 @@ struct SuccessDetails {
     impact: Option<Impact>,
     preventable: Option<bool>,
     actions: Vec<usize>,
-}
-
-/// Returns the name of the plant as in rows of other verbs.
-fn plant_word(plant: Dynamics) -> String {
-    format!("{plant:?}")
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::scene::Dynamics;
 use crate::severity::CrashKind;
 use crate::stats::StartOutcome;
 
@@ -13,8 +14,8 @@ use crate::stats::StartOutcome;
 pub(crate) struct StartRow {
     /// Name of the world.
     pub world: String,
-    /// Name of the plant.
-    pub plant: String,
+    /// The plant.
+    pub plant: Dynamics,
     /// Name of the ego.
     pub ego: String,
     /// Name of the ado.

@@ -7,6 +7,7 @@ use super::file::StartsAsked;
 use super::plan::{Plan, PlannedAdo, Unit};
 use crate::evaluation::GateOn;
 use crate::run_dir::ClosingSpeed;
+use crate::scene::Dynamics;
 use crate::stats::{Flips, Outcomes, StartOutcome, at_most, seeds_interval, wilson};
 
 /// Largest number of starts named in a gate.
@@ -78,8 +79,8 @@ impl UnitCounts {
 pub struct SummaryRow {
     /// Name of the world.
     pub world: String,
-    /// Name of the plant.
-    pub plant: String,
+    /// The plant.
+    pub plant: Dynamics,
     /// Name of the ego.
     pub ego: String,
     /// Name of the ado.
@@ -129,8 +130,8 @@ pub struct SummaryRow {
 pub struct GateVerdict {
     /// Name of the world.
     pub world: String,
-    /// Name of the plant.
-    pub plant: String,
+    /// The plant.
+    pub plant: Dynamics,
     /// Name of the ado.
     pub ado: String,
     /// Seed of its training.
@@ -160,8 +161,8 @@ pub struct GateVerdict {
 pub struct CellMap {
     /// Name of the world.
     pub world: String,
-    /// Name of the plant.
-    pub plant: String,
+    /// The plant.
+    pub plant: Dynamics,
     /// Name of the ego.
     pub ego: String,
     /// Axis x: name, unit, values.
@@ -251,13 +252,12 @@ fn train_seed(plan: &Plan, unit: &Unit) -> Option<u64> {
 }
 
 /// Returns the plant of a unit, as in rows.
-fn plant(dir: &PlanDir, unit: &Unit) -> String {
-    let plant = match unit.ego.change.plant {
+fn plant(dir: &PlanDir, unit: &Unit) -> Dynamics {
+    match unit.ego.change.plant {
         // A changed ego may name its own plant.
         Some(plant) => plant.into(),
         None => dir.played(unit).plant(),
-    };
-    format!("{plant:?}")
+    }
 }
 
 /// Returns the share of the starts solved by a search that an ado solves too.

@@ -252,7 +252,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         let (run, keep) = (nominal.display(), dir.join("kept"));
         let keep = keep.display();
         words(&format!(
-            "eval {run} --starts 10 --keep {keep} --keep-most 4 --jobs 1"
+            "eval {run} --starts 10 --keep {keep},most=4 --jobs 1"
         ))
     };
     let identified = |dir: &Path| {

@@ -4,7 +4,7 @@
 pub(super) const ALL: &str = "\
 Exit codes:
   0    done
-  1    a counterexample was found (--fail-on-counterexample), or a kept one still fails
+  1    a counterexample (--fail-on-counterexample), a kept one that still fails, or a failed gate
   2    the input is wrong: the message says where, and what would be right
   3    the ego, the disk or the program failed
   4    a replay differs from what was recorded
@@ -22,6 +22,8 @@ pub(super) const NEW: &str = "Example:\n  brakecheck new mine\n\nDocuments: docs
 pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/guide/worlds.md, docs/reference/ego-protocol.md";
 pub(super) const TRAIN: &str = "Example:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n\nDocuments: docs/background/learners.md";
 pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/guide/reuse.md, docs/guide/crashes.md";
+pub(super) const GATE: &str = "Examples:\n  brakecheck gate runs/acc --ego new.ron --baseline-ego nominal\n  brakecheck gate runs/acc --baseline-ego old.ron -- python3 ego.py\n\nDocuments: docs/background/claims.md";
+pub(super) const SWEEP: &str = "Example:\n  brakecheck sweep runs/acc --over ego.time_gap_s=0.3..1.5:7 --curve curve.svg\n\nDocuments: docs/background/claims.md";
 pub(super) const SEARCH: &str =
     "Example:\n  brakecheck search worlds/acc.ron --starts 50\n\nDocuments: docs/guide/search.md";
 pub(super) const REPLAY: &str =
@@ -83,7 +85,7 @@ mod tests {
             Some((verb.get_name(), starts.get_default_values().to_vec()))
         });
         let drawing: Vec<_> = drawing.collect();
-        assert_eq!(drawing.len(), 4, "{drawing:?}");
+        assert_eq!(drawing.len(), 6, "{drawing:?}");
         for (verb, values) in &drawing {
             assert_eq!(values, &["300"], "{verb}");
         }

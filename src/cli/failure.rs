@@ -34,7 +34,7 @@ const MOST_CHARS: usize = 2000;
 pub enum Exit {
     /// Done.
     Done = 0,
-    /// A counterexample was found and asked to fail, or a kept one still fails.
+    /// A counterexample was found and asked to fail, a kept one still fails, or a gate failed.
     Counterexample = 1,
     /// The user's input is wrong.
     Input = 2,

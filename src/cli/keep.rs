@@ -1,55 +1,104 @@
-//! Options of `eval` and `search` for kept counterexamples.
+//! Option of `eval`, `gate`, `sweep` and `search` for kept counterexamples.
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::number_args::whole_number;
 use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings};
 
 /// Default number of kept counterexamples per ego.
 const USUAL: usize = 10;
 
-/// Which counterexamples are written as files, and in which form.
+/// Text of `--help`.
+const SETTINGS: &str = "\
+Write the worst counterexamples that differ and persist into a directory
+
+Settings, as in `--keep crashes,most=4,as-found`:
+- most=N:   At most N per ego [default: 10; of points all]
+- all:      Every counterexample, like others or not
+- as-found: Without minimization
+- runs=N:   At most N runs of a program to minimize and label each [default: 300]";
+
+/// Kept counterexamples: their number, form and directory.
 #[derive(Args, Clone, Debug)]
 pub(super) struct KeepArgs {
     /// Write the worst counterexamples that differ and persist into a directory.
-    #[arg(long, value_name = "DIR")]
-    keep: Option<PathBuf>,
-    /// Counterexamples to write per ego, at most [default: 10; of points all]
-    #[arg(long, value_name = "N", requires = "keep")]
-    keep_most: Option<usize>,
-    /// Write every counterexample, like others or not.
-    #[arg(long, requires = "keep", conflicts_with = "keep_most")]
-    keep_all: bool,
-    /// Write them as they were found, instead of as small as they get.
-    #[arg(long, requires = "keep")]
-    as_found: bool,
-    /// Runs of a program to minimize and label each counterexample, at most.
-    #[arg(long, value_name = "N", default_value_t = KEEP_RUNS, requires = "keep")]
-    keep_runs: u64,
+    #[arg(long, value_name = "DIR[,SETTING]...", value_parser = request, long_help = SETTINGS)]
+    keep: Option<KeepRequest>,
+}
+
+/// Directory and its settings.
+#[derive(Clone, Debug, PartialEq)]
+struct KeepRequest {
+    dir: PathBuf,
+    /// `None` without a setting, because points have another default.
+    selection: Option<CrashSelection>,
+    form: Form,
+    runs: u64,
+}
+
+/// Parses a directory and its settings.
+fn request(text: &str) -> Result<KeepRequest, String> {
+    let mut parts = text.split(',');
+    let dir = parts.next().unwrap_or_default();
+    if dir.is_empty() {
+        return Err("missing directory".to_owned());
+    }
+    let mut request = KeepRequest {
+        dir: dir.into(),
+        selection: None,
+        form: Form::Shrunk,
+        runs: KEEP_RUNS,
+    };
+    for setting in parts {
+        let (name, value) = match setting.split_once('=') {
+            Some((name, value)) => (name, Some(value)),
+            None => (setting, None),
+        };
+        let number = |least: u64| {
+            let number = value.and_then(whole_number).filter(|it| least <= *it);
+            number.ok_or_else(|| format!("`{name}=N` requires a whole number from {least} on"))
+        };
+        let selection = match (name, value) {
+            ("most", _) => CrashSelection::Worst(number(1)? as usize),
+            ("all", None) => CrashSelection::All,
+            ("as-found", None) => {
+                request.form = Form::AsFound;
+                continue;
+            }
+            ("runs", _) => {
+                request.runs = number(0)?;
+                continue;
+            }
+            _ => {
+                return Err(format!(
+                    "unknown setting `{setting}`, known are most=N, all, as-found and runs=N"
+                ));
+            }
+        };
+        // Two numbers contradict each other, and the last would win silently.
+        if request.selection.replace(selection).is_some() {
+            return Err(format!("`{setting}` contradicts an earlier setting"));
+        }
+    }
+    Ok(request)
 }
 
 impl KeepArgs {
     /// The directory, if anything is to be kept.
     pub(super) fn dir(&self) -> Option<&Path> {
-        self.keep.as_deref()
+        self.keep.as_ref().map(|keep| keep.dir.as_path())
     }
 
-    /// Returns the settings, with the choice `usual` by default.
+    /// Returns the settings, with the selection `usual` by default.
     fn settings_of(&self, usual: CrashSelection) -> KeepSettings {
-        let choice = match (self.keep_all, self.keep_most) {
-            (true, _) => CrashSelection::All,
-            (false, Some(most)) => CrashSelection::Worst(most),
-            (false, None) => usual,
-        };
-        let form = if self.as_found {
-            Form::AsFound
-        } else {
-            Form::Shrunk
+        let Some(keep) = &self.keep else {
+            return KeepSettings::new(usual, Form::Shrunk);
         };
         KeepSettings {
-            runs: self.keep_runs,
-            ..KeepSettings::new(choice, form)
+            runs: keep.runs,
+            ..KeepSettings::new(keep.selection.unwrap_or(usual), keep.form)
         }
     }
 
@@ -61,5 +110,44 @@ impl KeepArgs {
     /// Returns the settings for points, by default all.
     pub(super) fn settings_of_points(&self) -> KeepSettings {
         self.settings_of(CrashSelection::All)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_directory_has_settings_behind_commas() {
+        let read = |text: &str| request(text).expect(text);
+        let bare = read("kept");
+        assert_eq!((bare.selection, bare.form), (None, Form::Shrunk));
+        assert_eq!(bare.runs, KEEP_RUNS);
+        let few = read("a/b=c,most=1_000,as-found,runs=16");
+        assert_eq!(few.dir, Path::new("a/b=c"));
+        assert_eq!(few.selection, Some(CrashSelection::Worst(1000)));
+        assert_eq!((few.form, few.runs), (Form::AsFound, 16));
+        assert_eq!(read("kept,all").selection, Some(CrashSelection::All));
+    }
+
+    #[test]
+    fn a_wrong_setting_is_named_beside_the_known_ones() {
+        for (text, says) in [
+            ("", "missing directory"),
+            (",all", "missing directory"),
+            (
+                "kept,mots=3",
+                "unknown setting `mots=3`, known are most=N, all",
+            ),
+            ("kept,", "unknown setting ``"),
+            ("kept,all=3", "unknown setting `all=3`"),
+            ("kept,most", "`most=N` requires a whole number from 1 on"),
+            ("kept,most=0", "whole number from 1 on"),
+            ("kept,runs=x", "`runs=N` requires a whole number from 0 on"),
+            ("kept,most=3,all", "`all` contradicts"),
+        ] {
+            let error = request(text).expect_err(text);
+            assert!(error.contains(says), "{text}: {error}");
+        }
     }
 }

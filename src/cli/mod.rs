@@ -6,12 +6,11 @@ mod campaign;
 mod check;
 mod crashes;
 mod eval;
-mod eval_args;
 mod examples;
 mod excerpt;
 mod export;
 mod failure;
-mod gate_and_sweep;
+mod gate;
 mod keep;
 mod kept;
 mod last_resort;
@@ -21,13 +20,16 @@ mod points;
 mod progress;
 mod report;
 mod reproduce;
+mod run_under_test;
 mod search;
 mod serve;
 mod stl;
+mod sweep;
 mod table;
 mod talk;
 #[doc(hidden)]
 pub mod terminal;
+mod test_args;
 mod theorems;
 mod train;
 mod view;
@@ -72,7 +74,13 @@ enum Verb {
     Train(train::TrainArgs),
     /// Measure a trained ado and baselines on test starts and egos.
     #[command(after_help = examples::EVAL)]
-    Eval(eval_args::EvalArgs),
+    Eval(eval::EvalArgs),
+    /// Compare an ego with an earlier one, start by start, under a trained ado.
+    #[command(after_help = examples::GATE)]
+    Gate(gate::GateArgs),
+    /// Measure a trained ado on an ego over a range of a parameter.
+    #[command(after_help = examples::SWEEP)]
+    Sweep(sweep::SweepArgs),
     /// Search action sequences per start: what an adversary can do at all.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
@@ -108,7 +116,9 @@ impl Verb {
             Verb::New(args) => args.common(),
             Verb::Check(args) => args.common(),
             Verb::Train(args) => args.common.clone(),
-            Verb::Eval(args) => args.common.clone(),
+            Verb::Eval(args) => args.test.common.clone(),
+            Verb::Gate(args) => args.test.common.clone(),
+            Verb::Sweep(args) => args.test.common.clone(),
             Verb::Search(args) => args.common.clone(),
             // A verb that moved takes any words, so its common options are unknown.
             Verb::Reproduce(_) => Common::default(),
@@ -126,7 +136,13 @@ impl Verb {
     fn saves_when_interrupted(&self) -> bool {
         matches!(
             self,
-            Verb::Train(_) | Verb::Eval(_) | Verb::Search(_) | Verb::Report(_) | Verb::Campaign(_)
+            Verb::Train(_)
+                | Verb::Eval(_)
+                | Verb::Gate(_)
+                | Verb::Sweep(_)
+                | Verb::Search(_)
+                | Verb::Report(_)
+                | Verb::Campaign(_)
         )
     }
 }
@@ -163,6 +179,8 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Check(args) => check::run(&args),
         Verb::Train(args) => train::run(&args),
         Verb::Eval(args) => eval::run(&args),
+        Verb::Gate(args) => gate::run(&args),
+        Verb::Sweep(args) => sweep::run(&args),
         Verb::Search(args) => search::run(&args),
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),

@@ -15,7 +15,7 @@ pub fn start_count() -> impl TypedValueParser<Value = usize> {
 /// A whole number in a range.
 pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value = u64> {
     move |text: &str| {
-        let value = read(text).ok_or("a whole number, such as 300, 1_000, 300k or 1.5M")?;
+        let value = whole_number(text).ok_or("a whole number, such as 300, 1_000, 300k or 1.5M")?;
         let (least, most) = (range.start(), range.end());
         if range.contains(&value) {
             Ok(value)
@@ -28,7 +28,7 @@ pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value =
 }
 
 /// Parses a whole number, also in thousands (`k`) or millions (`M`).
-fn read(text: &str) -> Option<u64> {
+pub(super) fn whole_number(text: &str) -> Option<u64> {
     let plain = text.replace('_', "");
     let (digits, zeros) = match plain.strip_suffix(['k', 'K']) {
         Some(digits) => (digits, 3),
@@ -51,7 +51,7 @@ fn read(text: &str) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use super::read;
+    use super::whole_number;
 
     #[test]
     fn numbers_are_read_as_people_type_them() {
@@ -74,7 +74,7 @@ mod tests {
             ("99999999999999999999", None),
         ];
         for (text, expect) in cases {
-            assert_eq!(read(text), expect, "{text}");
+            assert_eq!(whole_number(text), expect, "{text}");
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::eval_args::EvalArgs;
+use super::eval::EvalArgs;
 use super::{Exit, Failure, interrupted_early, print_json, progress, table, table_of, talk};
 use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, points};
 use crate::experiment::{EgoUnderTest, consent_to};
@@ -21,16 +21,16 @@ preventable    of those, points at which a human model of UN R157 (CC_LATCHED or
 
 /// Plays every ego at every point, and prints, keeps and gates the results.
 pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
-    let egos = EgoUnderTest::find_or_program(world, &args.ego, &args.program)?;
+    let egos = args.ego.find(world)?;
     // Only the named egos play here, so the world's own ego needs no consent.
     consent_to(&egos)?;
     let tables = met(args, &egos);
     if tables.is_empty() {
-        return interrupted_early(&args.common);
+        return interrupted_early(&args.test.common);
     }
     show(args, world, &tables)?;
     // Results are printed first, so a full disk does not cost them.
-    if let Some(dir) = args.keep.dir() {
+    if let Some(dir) = args.test.keep.dir() {
         keep(args, &tables, dir)?;
     }
     if talk::stopped() {
@@ -53,8 +53,8 @@ fn met(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
         watch.phase(&format!("points: {}", ego.name()));
         let request = PointsRequest {
             ego,
-            starts: (args.starts, args.seed),
-            switches: args.search,
+            starts: (args.test.starts, args.test.seed),
+            switches: args.test.search,
         };
         tables.extend(points(&request, &watch));
         if watch.stopped() {
@@ -67,13 +67,13 @@ fn met(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
 fn keep(args: &EvalArgs, tables: &[PointsTable], dir: &Path) -> Result<(), Failure> {
     let bar = progress::bar("");
     for table in tables {
-        table.keep(dir, args.keep.settings_of_points(), &bar.watch())?;
+        table.keep(dir, args.test.keep.settings_of_points(), &bar.watch())?;
     }
     Ok(())
 }
 
 fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(), Failure> {
-    if args.common.json {
+    if args.test.common.json {
         let rows = tables.iter().flat_map(|table| &table.rows);
         let rows: Vec<_> = rows.collect();
         return print_json(&json!({ "rows": rows, "points": tables }));
@@ -84,7 +84,7 @@ fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(),
 fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {
     let points = tables.first().map_or(0, |table| table.points.len());
     let mut text = format!(
-        "{} on the {:?} plant, {points} points, each played by the ego under test\n{}\n{}{EXPLAINED}",
+        "{} on the {} plant, {points} points, each played by the ego under test\n{}\n{}{EXPLAINED}",
         world.name(),
         world.plant(),
         by_point(world, tables),

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::eval::is_world;
 use super::number_args::{STARTS, count, start_count};
+use super::run_under_test::is_world;
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, open_run, print_json, progress,
     talk,
@@ -231,7 +231,7 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
         manifest.world, manifest.seed, manifest.decisions
     );
     if let Some(plant) = manifest.plant.plant() {
-        train.push_str(&format!(" --plant {}", format!("{plant:?}").to_lowercase()));
+        train.push_str(&format!(" --plant {}", <&str>::from(plant)));
     }
     if !manifest.against.is_nominal() {
         train.push_str(&format!(" --against {}", manifest.against));

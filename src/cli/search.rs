@@ -9,6 +9,7 @@ use strum::VariantArray;
 
 use super::keep::KeepArgs;
 use super::number_args::{STARTS, count, start_count};
+use super::test_args::EgoArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table, talk,
@@ -38,9 +39,8 @@ pub(super) struct SearchArgs {
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
-    /// Which ego is tested: nominal, a name under `reuse`, a RON file, or all.
-    #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
-    ego: String,
+    #[command(flatten)]
+    ego: EgoArgs,
     /// The physics to test in, instead of the world's.
     #[arg(long, value_parser = one_of::<PlantKind>())]
     plant: Option<PlantKind>,
@@ -49,9 +49,6 @@ pub(super) struct SearchArgs {
     /// Exit with 1 if an ego can be made to fail.
     #[arg(long)]
     fail_on_counterexample: bool,
-    /// A program that is the ego, after `--`: typing it consents to start it.
-    #[arg(last = true, value_name = "COMMAND")]
-    program: Vec<String>,
     /// Seed of the test starts.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
@@ -75,7 +72,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     let run = is_run.then(|| open_run(&args.world, &args.common));
     let run = run.transpose()?;
     let (world, nominal) = worlds(args, run.as_ref())?;
-    let egos = EgoUnderTest::find_or_program(&nominal, &args.ego, &args.program)?;
+    let egos = args.ego.find(&nominal)?;
     let stored = stored(args, run.as_ref(), &egos)?;
     let settings = MethodSettings {
         switches: args.switches,

@@ -278,7 +278,7 @@ fn opening(rows: &[Row]) -> String {
     let all = row.starts + row.trivial + row.invalid;
     let share = 100.0 * row.trivial as f64 / all.max(1) as f64;
     let mut text = format!(
-        "{} on the {:?} plant, {all} starts of seed {}",
+        "{} on the {} plant, {all} starts of seed {}",
         row.world, row.plant, row.start_seed
     );
     let judged_itself = rows

@@ -452,7 +452,6 @@ pub fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> Str
 
 /// Returns the common prefix of all files of an ego in a world.
 fn stem_of_ego(scenario: &Scenario, ego: &str) -> String {
-    let plant = format!("{:?}", scenario.plant()).to_lowercase();
     let (world, ego) = (file_name(scenario.name()), file_name(ego));
-    format!("{world}-{ego}-{plant}-")
+    format!("{world}-{ego}-{}-", scenario.plant())
 }

@@ -55,7 +55,7 @@ pub enum SweepError {
 impl SweepError {
     /// The fix.
     pub fn help(&self) -> &'static str {
-        "write for example --over ego.time_gap_s=0.3..1.5:7"
+        "write for example `ego.time_gap_s=0.3..1.5:7`"
     }
 }
 

@@ -53,7 +53,7 @@ fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
     let solved = row.solved.iter().enumerate();
     let solved = solved.filter(|(_, outcome)| **outcome == StartOutcome::Solved);
     let starts: Vec<usize> = solved.map(|(start, _)| start).collect();
-    let class = format!("{}.{:?}", row.world, row.plant);
+    let class = format!("{}.{}", row.world, row.plant);
     let name = format!("ego {} against ado {}", row.ego, row.ado);
     // A row with faults has no case that passes, even without counterexamples.
     html! {

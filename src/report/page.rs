@@ -79,7 +79,7 @@ fn opening(report: &Report<'_>) -> Markup {
                 div class="tile" { b { (percent(row.foul_rate)) } span { "fouls: the ado broke a rule" } }
                 div class="tile" { b { (percent(row.contact_rate)) } span { "end in contact" @if let Some(speed) = row.closing_speed_mps { ", closing at " (format!("{:.1}", speed.median)) " m/s (median), " (format!("{:.1}", speed.p90)) " m/s (90 %)" } @if let Some(late) = row.foul_before_contact_rate { "; on " (percent(late)) " of the starts the ado broke a rule between the failure and the contact" } } }
                 div class="tile" { b { (format!("{:.0} s", report.manifest.cpu_s)) } span { "of processor time trained the ado, " (report.manifest.decisions_done) " decisions" } }
-                div class="tile" { b { (format!("{:?}", row.plant)) } span { "plant; judge " (format!("{:?}", row.judge)) } }
+                div class="tile" { b { (row.plant) } span { "plant; judged " (row.judge) } }
             }
         }
     }
@@ -147,7 +147,7 @@ fn again(report: &Report<'_>) -> Markup {
     html! {
         h2 { "How to make it again" }
         pre { @for command in &report.commands { (command) "\n" } }
-        p { "This page was made by brakecheck " (env!("CARGO_PKG_VERSION")) "; the run by " (manifest.brakecheck) " on " (manifest.target) ", seed " (manifest.seed) ", plant " (format!("{:?}", manifest.plant)) @if let Some(learner) = &manifest.learner { ", learner " (learner) } "." }
+        p { "This page was made by brakecheck " (env!("CARGO_PKG_VERSION")) "; the run by " (manifest.brakecheck) " on " (manifest.target) ", seed " (manifest.seed) ", plant " (manifest.plant) @if let Some(learner) = &manifest.learner { ", learner " (learner) } "." }
         div class="wide" { table { tbody {
             tr { td { "world.ron" } td { "SHA-256 " code { (manifest.world_sha256) } } }
             tr { td { "policy.safetensors" } td { @match &manifest.policy_sha256 { Some(hash) => { "SHA-256 " code { (hash) } } None => { "not there yet" } } } }

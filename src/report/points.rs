@@ -108,7 +108,7 @@ impl PointsPage<'_> {
         let skipped = count(&|it| it.skipped);
         let tests = self.points.len() + varied;
         let name = &self.scenario.name;
-        let class = format!("{}.{:?}", self.scenario.name, self.scenario.plant());
+        let class = format!("{}.{}", self.scenario.name, self.scenario.plant());
         let page = html! {
             (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
             testsuites name="brakecheck" tests=(tests) failures=(failures) errors=(errors) {

@@ -92,7 +92,7 @@ impl Display for NotAsked {
             ),
             NotAsked::RunLimit { runs } => write!(
                 f,
-                "the limit of {runs} runs was reached; `--keep-runs` raises it"
+                "the limit of {runs} runs was reached; `--keep DIR,runs=N` raises it"
             ),
             NotAsked::Interrupted => f.write_str("the command was interrupted"),
             NotAsked::EgoFailed => f.write_str("the ego failed to run"),

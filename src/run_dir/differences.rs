@@ -64,8 +64,8 @@ impl RunDir {
         compare("seed", begun.seed.to_string(), requested.seed.to_string());
         compare(
             "plant",
-            format!("{:?}", begun.plant),
-            format!("{:?}", scenario.plant()),
+            begun.plant.to_string(),
+            scenario.plant().to_string(),
         );
         let learner = |name: &Option<String>| match name {
             Some(name) => format!("`{name}`"),
@@ -91,10 +91,18 @@ impl RunDir {
             left_out(&scenario.left_out),
         );
         let ego = |ego: Option<&ChangedEgo>| match ego {
-            Some(ego) => format!("`{}` ({:?})", ego.name, ego.change),
+            Some(ego) => format!("`{}`", ego.name),
             None => "nominal".to_owned(),
         };
         compare("ego", ego(begun.ego.as_ref()), ego(requested.ego));
+        if let (Some(was), Some(is)) = (&begun.ego, requested.ego)
+            && was.name == is.name
+        {
+            // A file of the same name may hold another change.
+            let value = |ego: &ChangedEgo| serde_json::to_value(&ego.change).unwrap_or_default();
+            let mut note = |what, begun, now| found.push(RunDifference { what, begun, now });
+            leaves("ego", &value(was), &value(is), &mut note);
+        }
         // Only the hash of the settings is kept. It is compared last, because
         // any difference above explains it.
         let settings = settings_of(scenario);
@@ -149,7 +157,8 @@ impl RunDir {
             if goals.is_empty() {
                 "none".to_owned()
             } else {
-                format!("{goals:?}")
+                let words: Vec<&str> = goals.iter().map(<&str>::from).collect();
+                words.join(" and ")
             }
         };
         if begun.goals != scenario.goals {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
+use strum::Display;
 
 use super::drive::DriveWorld;
 use super::grid::GridWorld;
@@ -20,8 +21,9 @@ pub enum World {
     Grid(GridWorld),
 }
 
-/// Dynamics of a world, as rows and files name them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// Dynamics of a world. Rows have their names, and texts have them in lower case.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[strum(serialize_all = "lowercase")]
 pub enum Dynamics {
     /// 3D rigid bodies.
     Rigid,

@@ -21,8 +21,7 @@ pub fn retrained(
 ) -> Result<Option<RunDir>, TrainError> {
     let plain = changed.training_against(TrainingEgos::Nominal);
     let changed = plain.as_ref().unwrap_or(changed);
-    let plant = format!("{:?}", changed.plant()).to_lowercase();
-    let name = file_name(&format!("{}-{plant}", ego.name));
+    let name = file_name(&format!("{}-{}", ego.name, changed.plant()));
     let path = run.path().join("retrained").join(name);
     let seed = run.manifest().seed;
     let mut own = match RunDir::resume(&path) {

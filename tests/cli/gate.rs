@@ -22,8 +22,8 @@ fn a_gate_and_its_opposite_mirror_each_other() {
     let harder = path(&dir, "harder.ron");
     std::fs::write(&harder, HARDER).expect("written");
     let gate = |ego: &str, before: &str, on: &str| {
-        let asked = ["eval", &run, "--starts", "120", "--ego", ego];
-        let gated = ["--baseline-ego", before, "--gate", on, "--json"];
+        let asked = ["gate", &run, "--starts", "120", "--ego", ego];
+        let gated = ["--baseline-ego", before, "--on", on, "--json"];
         let output = brakecheck(&[&asked[..], &gated].concat());
         (code(&output), json(&output)["gates"][0].clone())
     };
@@ -53,7 +53,7 @@ fn a_gate_and_its_opposite_mirror_each_other() {
     assert_eq!(gate("nominal", &harder, "never").0, 0);
 
     // In words; and what cannot be compared is refused.
-    let asked = ["eval", &run, "--starts", "20", "--ego", &harder];
+    let asked = ["gate", &run, "--starts", "20", "--ego", &harder];
     let output = brakecheck(&[&asked[..], &["--baseline-ego", "nominal"]].concat());
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(
@@ -65,7 +65,7 @@ fn a_gate_and_its_opposite_mirror_each_other() {
         ("nominal", "all", "more than one ego"),
         ("nominal", "nominel", "no ego `nominel`"),
     ] {
-        let output = brakecheck(&["eval", &run, "--ego", ego, "--baseline-ego", before]);
+        let output = brakecheck(&["gate", &run, "--ego", ego, "--baseline-ego", before]);
         assert_eq!(code(&output), 2);
         assert!(stderr(&output).contains(says), "{}", stderr(&output));
     }
@@ -78,7 +78,7 @@ fn a_sweep_says_from_where_on_an_ego_is_safe() {
     assert_eq!(code(&trained), 0, "{}", stderr(&trained));
     let curve = path(&dir, "curve.svg");
     let asked = [
-        "eval", &run, "--starts", "40", "--ado", "trained", "--ado", "hold",
+        "sweep", &run, "--starts", "40", "--ado", "trained", "--ado", "hold",
     ];
     let over = ["--over", "ego.time_gap_s=0.3..2.7:4"];
     let output = brakecheck(&[&asked[..], &over, &["--curve", &curve, "--json"]].concat());
@@ -110,8 +110,45 @@ fn a_sweep_says_from_where_on_an_ego_is_safe() {
         ("time_gap_s=0.3..1", "is no sweep"),
         ("ego.time_gap_s=-1..1:3", "below 0"),
     ] {
-        let output = brakecheck(&["eval", &run, "--over", over]);
+        let output = brakecheck(&["sweep", &run, "--over", over]);
         assert_eq!(code(&output), 2);
+        assert!(stderr(&output).contains(says), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn a_gate_and_a_sweep_require_a_run_and_their_option() {
+    let over = "ego.time_gap_s=0.3..1";
+    let cases: [(&[&str], &str); 6] = [
+        (
+            &["gate", "acc", "--baseline-ego", "nominal"],
+            "train an ado first",
+        ),
+        (
+            &["sweep", "worlds/acc.ron", "--over", over],
+            "train an ado first",
+        ),
+        (&["gate", "runs/none"], "--baseline-ego <NAME|FILE.ron>"),
+        (&["sweep", "runs/none"], "--over <ego.NAME=LO..HI[:N]>"),
+        (
+            &[
+                "gate",
+                "runs/none",
+                "--baseline-ego",
+                "nominal",
+                "--on",
+                "all",
+            ],
+            "preventable, any, never",
+        ),
+        (
+            &["search", "acc", "--keep", "kept,mots=3"],
+            "unknown setting `mots=3`, known are most=N, all, as-found and runs=N",
+        ),
+    ];
+    for (args, says) in cases {
+        let output = brakecheck(args);
+        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
         assert!(stderr(&output).contains(says), "{}", stderr(&output));
     }
 }

@@ -24,8 +24,8 @@ fn an_ego_of_another_structure_is_learned_from_runs_of_it_and_remembered() {
         "--json",
     ];
     let asked = [&asked[..], &["--runs", "40", "--search", "1"]].concat();
-    let keep = [&asked[..], &["--keep", &kept, "--as-found"]].concat();
-    let output = brakecheck(&keep);
+    let keep = format!("{kept},as-found");
+    let output = brakecheck(&[&asked[..], &["--keep", &keep]].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let first = json(&output);
 

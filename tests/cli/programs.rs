@@ -34,7 +34,7 @@ for line in sys.stdin:
 "#;
 
 /// Keeps what a random search finds against the program; what was said.
-fn kept(dir: &tempfile::TempDir, name: &str, more: &[&str]) -> (Vec<About>, String) {
+fn kept(dir: &tempfile::TempDir, name: &str, settings: &str) -> (Vec<About>, String) {
     let program = path(dir, "blind.py");
     std::fs::write(&program, BLIND).expect("written");
     // Machines are busy: a start of Python may take its time.
@@ -44,7 +44,8 @@ fn kept(dir: &tempfile::TempDir, name: &str, more: &[&str]) -> (Vec<About>, Stri
     );
     std::fs::write(&ego, change).expect("written");
     let directory = path(dir, name);
-    let asked = [
+    let keep = format!("{directory},most=2{settings}");
+    let search = brakecheck(&[
         "search",
         "acc",
         "--plant",
@@ -61,11 +62,8 @@ fn kept(dir: &tempfile::TempDir, name: &str, more: &[&str]) -> (Vec<About>, Stri
         &ego,
         "--allow-programs",
         "--keep",
-        &directory,
-        "--keep-most",
-        "2",
-    ];
-    let search = brakecheck(&[&asked, more].concat());
+        &keep,
+    ]);
     assert_eq!(code(&search), 0, "{}", stderr(&search));
     let read = Regressions::load(&directory).expect("kept files");
     read.reproduce().unwrap_or_else(|error| panic!("{error}"));
@@ -77,7 +75,7 @@ fn kept(dir: &tempfile::TempDir, name: &str, more: &[&str]) -> (Vec<About>, Stri
 #[test]
 fn the_crash_of_a_program_is_minimized_labelled_and_persistent() {
     let dir = scratch();
-    let (all, said) = kept(&dir, "kept", &[]);
+    let (all, said) = kept(&dir, "kept", "");
     assert!(said.contains("minimized and labelled with"), "{said}");
     assert!(!all.is_empty());
     for about in &all {
@@ -101,7 +99,7 @@ fn the_crash_of_a_program_is_minimized_labelled_and_persistent() {
 #[test]
 fn the_limit_of_runs_holds_and_is_said() {
     let dir = scratch();
-    let (all, said) = kept(&dir, "kept", &["--keep-runs", "16"]);
+    let (all, said) = kept(&dir, "kept", ",runs=16");
     assert!(said.contains("the limit of 16 runs"), "{said}");
     for about in &all {
         let runs = about.ego_runs.as_ref().expect("counted");

@@ -198,7 +198,7 @@ fn every_learner_trains_towards_goals_and_goes_on_with_the_same_ones_only() {
         };
         let refused = TrainSession::resume(&world, &broken, &other);
         let refused = refused.err().expect("other goals").to_string();
-        let said = "training goals: [Severe, Distinct], now [Severe]";
+        let said = "training goals: severe and distinct, now severe";
         assert!(refused.contains(said), "{refused}");
         // Left out they are those it was begun with, and what was counted goes on.
         let same = TrainRequest {

@@ -182,7 +182,7 @@ fn a_training_goes_on_only_as_what_it_was_begun_as() {
         told[0].starts_with("world file, line ") && told[0].contains("31.0"),
         "{told:?}"
     );
-    assert_eq!(told[1], "plant: Kinematic, now Rigid");
+    assert_eq!(told[1], "plant: kinematic, now rigid");
     drop(run);
 
     let mut run = RunDir::resume(&begun).expect("a run");

@@ -170,7 +170,7 @@ fn text(scenario: &Scenario) -> String {
     let mut out = format!("{}: {}\n", scenario.name, scenario.question);
     let clock = scenario.world().clock();
     out.push_str(&format!(
-        "\n{:?} plant, judge {:?}; {} s in samples of {} s, a decision every {} s, {} physics steps per sample\n",
+        "\n{} plant, judged {}; {} s in samples of {} s, a decision every {} s, {} physics steps per sample\n",
         scenario.plant(), scenario.rulebook().judge, clock.horizon_s, clock.sample_s, clock.decision_s, clock.substeps
     ));
     out.push_str(&format!("\nthe ego must   {}\n", scenario.ego_spec));

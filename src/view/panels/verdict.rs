@@ -72,8 +72,7 @@ fn write_document(story: &ViewedEpisode<'_>, text: &mut String) -> std::fmt::Res
         }
         None => writeln!(text, "| contact | none |")?,
     }
-    let plant = format!("{:?}", story.scenario.plant()).to_lowercase();
-    writeln!(text, "| plant | {plant} |")?;
+    writeln!(text, "| plant | {} |", story.scenario.plant())?;
     writeln!(text, "\n| start | |\n|---|---|")?;
     let axes = story.scenario.axes();
     for (axis, value) in axes.iter().zip(&episode.start.0) {

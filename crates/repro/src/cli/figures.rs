@@ -102,7 +102,7 @@ fn drawn(
 
 fn caption(what: &str, (scenario, switches): (&Scenario, usize)) -> String {
     format!(
-        "{what} World {}, {:?} plant. The actions were found by search over all sequences with at most {switches} switches, not by a trained ado.",
+        "{what} World {}, {} plant. The actions were found by search over all sequences with at most {switches} switches, not by a trained ado.",
         scenario.name(),
         scenario.plant(),
     )

@@ -72,7 +72,7 @@ fn one_markdown(study: &ReuseReport) -> String {
         let recall = mean_of(ego, CONDITIONAL, |row| row.recall);
         let shown = [
             ego.ego.clone(),
-            format!("{:?}", ego.relation),
+            ego.relation.heading().to_owned(),
             percent(ego.fails_without_adversary),
             or_dash(ego.reachable.map(percent)),
         ];

@@ -1,0 +1,228 @@
+//! Run whose ado `eval`, `gate` and `sweep` test.
+
+use std::num::NonZeroU64;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::test_args::TestArgs;
+use super::{Failure, open_run, print_json, progress, table, talk};
+use crate::adversary::AdoKind;
+use crate::evaluation::{Evaluation, EvaluationTable, summarise};
+use crate::experiment::{EgoUnderTest, Watch, on_plant};
+use crate::run_dir::{AdversaryId, Row, RunDir};
+use crate::sysid::ContextSource;
+use crate::world::Scenario;
+
+/// Remark on a conditional ado without any run of an ego.
+const UNTOLD: &str = "the ado is told the parameters of the world's own ego: `--runs 10` identifies every ego from ten runs of it, `--runs 100` also learns how it drives";
+
+/// Returns whether the path is a world file or a shipped world, and not a run.
+pub(super) fn is_world(path: &Path) -> bool {
+    let mut shipped = Scenario::shipped_names().chain(Scenario::protocol_names());
+    let mut is_shipped = || shipped.any(|name| path.as_os_str() == name);
+    // A directory of the same name as a shipped world is a run.
+    path.is_file() || (!path.exists() && is_shipped())
+}
+
+/// Refuses a world where a verb requires a trained ado.
+pub(super) fn refuse_world(path: &Path, verb: &str) -> Result<(), Failure> {
+    if is_world(path) {
+        let world = path.display();
+        return Err(Failure::input(
+            format!("`{world}` is a world, and `{verb}` requires the run of a trained ado"),
+            format!("train an ado first and give its run: `brakecheck train {world} -o RUN`"),
+        ));
+    }
+    Ok(())
+}
+
+/// Result of a verb below the rows: its key in JSON, and its text.
+pub(super) struct Supplement {
+    pub(super) key: &'static str,
+    pub(super) value: Value,
+    pub(super) text: String,
+}
+
+/// Run and its world, on the plant to test on, with the requested ados.
+pub(super) struct RunUnderTest<'a> {
+    pub(super) nominal: Scenario,
+    run: RunDir,
+    ados: Vec<AdoKind>,
+    context: Option<ContextSource>,
+    test: &'a TestArgs,
+}
+
+impl<'a> RunUnderTest<'a> {
+    /// Opens a run, and refuses requests without a possible result.
+    pub(super) fn open(path: &Path, test: &'a TestArgs) -> Result<RunUnderTest<'a>, Failure> {
+        let run = open_run(path, &test.common)?;
+        let context = context(test, &run)?;
+        let world = run.scenario()?;
+        let nominal = match test.plant {
+            Some(plant) => on_plant(&world, plant)?,
+            None => world,
+        };
+        keeps_something(test)?;
+        can_learn(test, &nominal)?;
+        Ok(RunUnderTest {
+            ados: ados(test, &run),
+            nominal,
+            run,
+            context,
+            test,
+        })
+    }
+
+    /// Returns the watch of an evaluation of so many egos.
+    pub(super) fn watch<'b>(&self, bar: &'b progress::Bar, egos: usize) -> Watch<'b> {
+        // Keeping plays many runs, so it counts as a step.
+        let keeping = usize::from(self.test.keep.dir().is_some());
+        bar.watch().first_of(egos + keeping)
+    }
+
+    /// Plays every ado against every ego, and returns `None` if stopped before the first.
+    ///
+    /// Egos that are compared stay in memory, as those whose counterexamples are kept.
+    pub(super) fn evaluate<'b>(
+        &'b self,
+        egos: &'b [EgoUnderTest],
+        compares: bool,
+        watch: &Watch<'_>,
+    ) -> Result<Option<EvaluationTable<'b>>, Failure> {
+        let test = self.test;
+        let evaluation = Evaluation {
+            run: &self.run,
+            nominal: &self.nominal,
+            egos,
+            ados: &self.ados,
+            context: self.context.as_ref(),
+            starts: (test.starts, test.seed),
+            search: test.search,
+            tries: test.tries,
+            runs: NonZeroU64::new(test.runs),
+            unknown: &[],
+            keeps: compares || test.keep.dir().is_some(),
+        };
+        Ok(evaluation.run(watch)?)
+    }
+
+    /// Prints the rows, and the result of the verb below them.
+    pub(super) fn show(
+        &self,
+        evaluated: &EvaluationTable<'_>,
+        result: Option<Supplement>,
+    ) -> Result<(), Failure> {
+        let summary = summarise(&evaluated.egos, &AdversaryId::Trained);
+        if self.test.common.json {
+            let mut object = json!({
+                "rows": evaluated.rows(),
+                "egos": evaluated.egos,
+                "summary": summary,
+                "explain": evaluated.reasons,
+            });
+            // Keys appear only if requested, so scripts of other requests see no change.
+            if !evaluated.identified.is_empty() {
+                object["identified"] = json!(evaluated.identified);
+            }
+            if !evaluated.adapted_to.is_empty() {
+                object["adapted"] = json!(evaluated.adapted_to);
+            }
+            if let Some(result) = result {
+                object[result.key] = result.value;
+            }
+            return print_json(&object);
+        }
+        talk::data(&table::reuse(&evaluated.egos, &summary))?;
+        for found in &evaluated.identified {
+            talk::data(&format!("\n{}", table::identified(found)))?;
+        }
+        for adapted in &evaluated.adapted_to {
+            talk::data(&format!("\n{adapted}"))?;
+        }
+        for why in &evaluated.reasons {
+            talk::data(&format!(
+                "\nwhy `{}` fails from start {}, the first of them: {}",
+                why.ego, why.start, why.explanation
+            ))?;
+        }
+        match result {
+            Some(result) => talk::data(&format!("\n{}", result.text)),
+            None => Ok(()),
+        }
+    }
+
+    /// Keeps counterexamples if asked to: the step after as many as there are egos.
+    pub(super) fn keep(&self, evaluated: &EvaluationTable<'_>, egos: usize) -> Result<(), Failure> {
+        let keep = &self.test.keep;
+        if let Some(dir) = keep.dir() {
+            let bar = progress::bar("");
+            let watch = bar.watch().first_of(egos + 1).later(egos);
+            evaluated.keep(dir, keep.settings(), &watch)?;
+        }
+        Ok(())
+    }
+}
+
+/// Returns all rows, or the error that ended the evaluation at a later ego.
+pub(super) fn rows_of(evaluated: EvaluationTable<'_>) -> Result<Vec<Row>, Failure> {
+    let rows = evaluated.rows();
+    match evaluated.failure {
+        Some(failure) => Err(failure.into()),
+        None => Ok(rows),
+    }
+}
+
+/// Returns the context of a conditional ado, with a remark if it has none.
+fn context(test: &TestArgs, run: &RunDir) -> Result<Option<ContextSource>, Failure> {
+    let context = ContextSource::of(run, NonZeroU64::new(test.runs))?;
+    if context == Some(ContextSource::Nominal) {
+        talk::say(UNTOLD);
+    }
+    Ok(context)
+}
+
+/// Returns the ados to play.
+///
+/// By default, an ado that adapts has the baselines beside it that it must exceed.
+fn ados(test: &TestArgs, run: &RunDir) -> Vec<AdoKind> {
+    match (test.ado.is_empty(), test.runs) {
+        (false, _) => test.ado.clone(),
+        (true, 0) => vec![AdoKind::Trained],
+        (true, _) => {
+            use AdoKind::{Constant, Hold, Replays, Switch, Trained};
+            let mut beside = vec![Trained, Hold, Constant, Switch];
+            // Only a training against one ego stores counterexamples.
+            if run.manifest().against.is_nominal() {
+                beside.push(Replays);
+            }
+            beside
+        }
+    }
+}
+
+/// Refuses to adapt to egos in worlds without driving.
+fn can_learn(test: &TestArgs, nominal: &Scenario) -> Result<(), Failure> {
+    if 0 < test.runs && nominal.drive().is_none() {
+        return Err(Failure::input(
+            "`--runs` learns how an ego drives, and in this world no vehicle drives",
+            "leave it out: the ado of a grid plays as it was trained",
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses to keep counterexamples of ados whose counterexamples are not kept.
+fn keeps_something(test: &TestArgs) -> Result<(), Failure> {
+    let kept = [AdoKind::Trained, AdoKind::All, AdoKind::Optimal];
+    let asked = &test.ado;
+    let plays_trained = asked.is_empty() || kept.iter().any(|ado| asked.contains(ado));
+    if test.keep.dir().is_some() && !plays_trained {
+        Err(Failure::input(
+            "`--keep` writes counterexamples of the trained ado, which is not asked for",
+            "add `--ado trained`",
+        ))
+    } else {
+        Ok(())
+    }
+}

@@ -1,0 +1,111 @@
+//! `brakecheck sweep`: an ado against an ego over a range of a parameter.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
+use super::test_args::TestArgs;
+use super::{Exit, Failure, exit_of, interrupted_early, progress, table_of};
+use crate::evaluation::{Sweep, SweepPoint, Swept};
+use crate::report::sweep_curve;
+use crate::run_dir::write_file;
+use crate::stats::{at_most, wilson};
+
+/// Legend of a sweep's columns.
+const EXPLAINED: &str = "
+failing        starts from which some ado makes the ego fail with that value, every rule kept
+95 % interval  of the share of such starts, in %; in 40ths: the same share as a bar, rounded up";
+
+#[derive(Args, Debug)]
+pub(super) struct SweepArgs {
+    /// The run directory that `train` made.
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// Parameter of the ego, its range, and the number of values [default: 7].
+    #[arg(long, value_name = "ego.NAME=LO..HI[:N]")]
+    over: String,
+    /// Draw the share of failing starts over the range as SVG.
+    #[arg(long, value_name = "FILE.svg")]
+    curve: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) test: TestArgs,
+}
+
+pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
+    refuse_world(&args.run, "sweep")?;
+    let sweep = Sweep::parse(&args.over)?;
+    let tested = RunUnderTest::open(&args.run, &args.test)?;
+    let egos = sweep.egos(&tested.nominal)?;
+    let bar = progress::bar("");
+    let watch = tested.watch(&bar, egos.len());
+    let Some(evaluated) = tested.evaluate(&egos, false, &watch)? else {
+        return interrupted_early(&args.test.common);
+    };
+    drop(bar);
+    let swept = sweep.swept(&evaluated.egos);
+    // Rows are printed before files are written, so a full disk does not cost the rows.
+    let result = Supplement {
+        key: "swept",
+        value: json!(swept),
+        text: in_words(&swept),
+    };
+    tested.show(&evaluated, Some(result))?;
+    if let Some(file) = &args.curve {
+        write_file(file, curve(&swept).as_bytes())?;
+    }
+    tested.keep(&evaluated, egos.len())?;
+    Ok(exit_of(&rows_of(evaluated)?, false))
+}
+
+fn curve(swept: &Swept) -> String {
+    let points = swept.points.iter().map(|point| {
+        let share = point.failing as f64 / point.starts.max(1) as f64;
+        (point.value, share, wilson(point.failing, point.starts))
+    });
+    sweep_curve(
+        &swept.parameter,
+        &points.collect::<Vec<_>>(),
+        &safety(swept),
+    )
+}
+
+fn in_words(swept: &Swept) -> String {
+    let parameter = &swept.parameter;
+    let lines = swept.points.iter().map(|point| {
+        let SweepPoint {
+            value,
+            starts,
+            failing,
+        } = *point;
+        // Starts are independent here, so a binomial interval applies.
+        let [lo, hi] = wilson(failing, starts).map(|share| 100.0 * share);
+        [
+            format!("{value}"),
+            format!("{failing} of {starts}"),
+            format!("{lo:.1} – {hi:.1}"),
+            // Rounded up, so that a single failure is visible.
+            "#".repeat((40.0 * failing as f64 / starts.max(1) as f64).ceil() as usize),
+        ]
+    });
+    let header = [parameter.as_str(), "failing", "95 % interval", "in 40ths"];
+    let table = table_of(header, lines);
+    format!("{table}{EXPLAINED}\n{}", safety(swept))
+}
+
+/// From where on, or up to where, no start fails.
+fn safety(swept: &Swept) -> String {
+    let parameter = &swept.parameter;
+    let starts = swept.points.iter().map(|point| point.starts);
+    // The value with the fewest starts has the weakest bound.
+    let bound = 100.0 * at_most(starts.min().unwrap_or(0));
+    let safe = match (swept.safe_from, swept.safe_up_to) {
+        (Some(least), Some(most)) if least <= most => "no value fails".to_owned(),
+        (Some(from), _) => format!("no failure from {parameter} = {from} on"),
+        (None, Some(to)) => format!("no failure up to {parameter} = {to}"),
+        // Safe values in the middle only are no useful bound.
+        (None, None) => return "starts fail at both ends of the range".to_owned(),
+    };
+    format!("{safe}: at each such value at most {bound:.1} % at 95 %, for these ados and starts")
+}

@@ -1,0 +1,60 @@
+//! Options that `eval`, `gate` and `sweep` share.
+
+use clap::Args;
+
+use super::keep::KeepArgs;
+use super::number_args::{STARTS, count, start_count};
+use super::{Common, one_of};
+use crate::adversary::AdoKind;
+use crate::experiment::{EgoError, EgoUnderTest};
+use crate::sim::PlantKind;
+use crate::world::Scenario;
+
+/// Ego under test, by name, file or program.
+#[derive(Args, Debug)]
+pub(super) struct EgoArgs {
+    /// Ego to test: nominal, a name under `reuse`, a RON file, or all.
+    #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
+    ego: String,
+    /// A program that is the ego, after `--`: typing it consents to start it.
+    #[arg(last = true, value_name = "COMMAND")]
+    program: Vec<String>,
+}
+
+impl EgoArgs {
+    /// Returns the egos in a world.
+    pub(super) fn find(&self, world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
+        EgoUnderTest::find_or_program(world, &self.ego, &self.program)
+    }
+}
+
+/// Starts, ados and effort of a test.
+#[derive(Args, Debug)]
+pub(super) struct TestArgs {
+    /// Test starts to draw.
+    #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
+    pub(super) starts: usize,
+    /// Ado to play; repeat for several [default: trained; with `--runs` baselines, too].
+    #[arg(long, value_parser = one_of::<AdoKind>(), value_name = "ADO")]
+    pub(super) ado: Vec<AdoKind>,
+    /// The physics to test in, instead of the run's.
+    #[arg(long, value_parser = one_of::<PlantKind>())]
+    pub(super) plant: Option<PlantKind>,
+    /// Also search with at most so many switches, and fill in recall.
+    #[arg(long, value_name = "M")]
+    pub(super) search: Option<usize>,
+    /// Runs of the trained ado per start: the greedy one, then explored ones.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
+    pub(super) tries: u64,
+    /// Runs of each ego to learn it from: 0 for none, 100 to adapt, 10 to identify it for a
+    /// conditional ado.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
+    pub(super) runs: u64,
+    #[command(flatten)]
+    pub(super) keep: KeepArgs,
+    /// Seed of the test starts.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
+    pub(super) seed: u64,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
