@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, examples, finished, print_json, progress, table_of, talk};
+use super::{Common, Exit, Failure, examples, finished, print_json, progress, table_of, terminal};
 use crate::campaign::{
     COLUMNS, GateVerdict, Merged, PIECE_S, PieceDone, Plan, PlanCost, PlanDir, SummaryRow,
 };
@@ -111,13 +111,13 @@ pub(super) fn run(args: &CampaignArgs) -> Result<Exit, Failure> {
 }
 
 fn plan(args: &PlanArgs) -> Result<Exit, Failure> {
-    let bar = progress::bar("pilot");
+    let bar = progress::bar(&args.common, "pilot");
     let allowed = args.common.allow_programs;
     let cut = Plan::make(&args.file, args.piece_s, allowed, &bar.watch())?;
     drop(bar);
     let Some(cut) = cut else {
         // A partial pilot has no costs to cut by.
-        talk::say("interrupted: nothing was planned");
+        terminal::note("interrupted: nothing was planned");
         return Ok(Exit::Interrupted);
     };
     // A dry run plays the pilot for its costs, and writes nothing.
@@ -140,10 +140,10 @@ fn plan(args: &PlanArgs) -> Result<Exit, Failure> {
         }))?;
         return Ok(Exit::Done);
     }
-    talk::data(&in_words(cost))?;
+    terminal::data(&in_words(cost))?;
     if let Some(dir) = dir {
         let dir = dir.display();
-        talk::data(&format!(
+        terminal::data(&format!(
             "planned in {dir}; next: brakecheck campaign run {dir}\n\
              or by an engine, in that directory: snakemake --cores 2, or slurm.sh"
         ))?;
@@ -178,7 +178,7 @@ fn in_words(cost: &PlanCost) -> String {
 
 fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
     let dir = opened(&args.dir, &args.common)?;
-    let bar = progress::bar("campaign");
+    let bar = progress::bar(&args.common, "campaign");
     let done = dir.run_piece(number, &bar.watch())?;
     drop(bar);
     let word = match done {
@@ -189,14 +189,14 @@ fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
     if args.common.json {
         print_json(&json!({ "piece": number, "done": done != PieceDone::Stopped }))?
     } else {
-        talk::say(&format!("piece {number} {word}"))
+        terminal::note(&format!("piece {number} {word}"))
     }
     Ok(finished(Exit::Done))
 }
 
 fn all(args: &RunArgs) -> Result<Exit, Failure> {
     let dir = opened(&args.dir, &args.common)?;
-    let bar = progress::bar("campaign");
+    let bar = progress::bar(&args.common, "campaign");
     let ran = dir.run(&bar.watch())?;
     drop(bar);
     let (done, all) = (ran.done, ran.all);
@@ -207,11 +207,11 @@ fn all(args: &RunArgs) -> Result<Exit, Failure> {
         let failed: Vec<_> = failed.collect();
         print_json(&json!({ "pieces": all, "done": done, "failed": failed }))?;
     } else {
-        talk::data(&format!("{done} of {all} pieces are there"))?;
+        terminal::data(&format!("{done} of {all} pieces are there"))?;
     }
     let more = ran.failed.len().saturating_sub(1);
     if let Some((piece, error)) = ran.failed.into_iter().next() {
-        talk::say(&format!(
+        terminal::note(&format!(
             "piece {piece} cannot be made{}; the same command makes what is not there",
             match more {
                 0 => String::new(),
@@ -220,8 +220,8 @@ fn all(args: &RunArgs) -> Result<Exit, Failure> {
         ));
         return Err(error.into());
     }
-    if talk::stopped() {
-        talk::say("interrupted: the pieces that are there are kept; the same command goes on");
+    if terminal::stopped() {
+        terminal::note("interrupted: the pieces that are there are kept; the same command goes on");
     }
     Ok(finished(Exit::Done))
 }
@@ -236,11 +236,11 @@ fn opened(dir: &std::path::Path, common: &Common) -> Result<PlanDir, Failure> {
 
 fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
     let dir = opened(&args.dir, &args.common)?;
-    let bar = progress::bar("merging");
+    let bar = progress::bar(&args.common, "merging");
     let merged = dir.merge(&args.with, &bar.watch());
     drop(bar);
-    if talk::stopped() {
-        talk::say("interrupted: nothing was merged");
+    if terminal::stopped() {
+        terminal::note("interrupted: nothing was merged");
         return Ok(Exit::Interrupted);
     }
     let merged = merged?;
@@ -254,11 +254,11 @@ fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
             "summary": merged.summary,
         }))?;
     } else {
-        talk::data(&rates(&merged.summary.rows))?;
+        terminal::data(&rates(&merged.summary.rows))?;
         if !merged.summary.gates.is_empty() {
-            talk::data(&gates(&merged.summary.gates))?;
+            terminal::data(&gates(&merged.summary.gates))?;
         }
-        talk::data(&format!(
+        terminal::data(&format!(
             "\n{} rows in {}\nSHA-256 {}\npage: {}",
             merged.rows,
             merged.path.display(),

@@ -9,7 +9,7 @@ use super::run_under_test::{RunUnderTest, Supplement, is_world, rows_of};
 use super::test_args::{EgoArgs, TestArgs};
 use super::{
     Exit, Failure, exit_of, interrupted_early, load_world, points, print_json, progress, table,
-    talk, theorems,
+    terminal, theorems,
 };
 use crate::evaluation::{EvaluationTable, TheoremsChecked, untrained};
 use crate::experiment::{Watch, on_plant};
@@ -70,7 +70,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
         return points::run(args, &world);
     }
     let egos = args.ego.find(&world)?;
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.test.common, "");
     let watch = bar.watch().first_of(egos.len());
     let starts = (test.starts, test.seed);
     // One switch is a cheap estimate of the reach, while `search` looks further.
@@ -83,9 +83,9 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     if test.common.json {
         print_json(&json!({ "rows": met.rows, "in_the_way": met.in_the_way }))?
     } else {
-        talk::data(&table::rows(&met.rows))?;
+        terminal::data(&table::rows(&met.rows))?;
         for why in &met.in_the_way {
-            talk::data(&why.to_string())?;
+            terminal::data(&why.to_string())?;
         }
     }
     Ok(exit_of(&met.rows, args.fail_on_counterexample))
@@ -98,7 +98,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     // All checks of the request come before the first simulation.
     let tested = RunUnderTest::open(&args.run, &args.test)?;
     let egos = args.ego.find(&tested.nominal)?;
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.test.common, "");
     let watch = tested.watch(&bar, egos.len());
     let Some(mut evaluated) = tested.evaluate(&egos, false, &watch)? else {
         return interrupted_early(&args.test.common);

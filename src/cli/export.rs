@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, print_json, talk};
+use super::{Common, Exit, Failure, print_json, terminal};
 use crate::crashes::{Exports, NotExported, Regressions, export};
 
 #[derive(Args, Debug)]
@@ -44,7 +44,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
             "refused": refused.iter().map(refusal).collect::<Vec<_>>(),
         }))?;
     } else if !files.is_empty() {
-        talk::data(&files.join("\n"))?;
+        terminal::data(&files.join("\n"))?;
     }
     if refused.is_empty() {
         Ok(Exit::Done)

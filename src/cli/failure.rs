@@ -633,7 +633,7 @@ macro_rules! prints_as_on_the_command_line {
     ($($error:ty),* $(,)?) => {
         $(impl fmt::Debug for $error {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                let text = Failure::from(self).render(super::plain_theme(), super::talk::width());
+                let text = Failure::from(self).render(super::plain_theme(), super::terminal::width());
                 write!(f, "\n{}", text.trim_end())
             }
         })*

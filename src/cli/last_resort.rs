@@ -3,7 +3,7 @@
 use std::panic::{self, AssertUnwindSafe, PanicHookInfo};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::{Exit, talk};
+use super::{Exit, terminal};
 
 /// Set after the first message. If several threads fail, a single message is printed.
 static SPOKE: AtomicBool = AtomicBool::new(false);
@@ -12,7 +12,7 @@ static SPOKE: AtomicBool = AtomicBool::new(false);
 pub(super) fn speak_plainly() {
     panic::set_hook(Box::new(|fault| {
         if !SPOKE.swap(true, Ordering::Relaxed) {
-            talk::say(&in_words(fault));
+            terminal::note(&in_words(fault));
         }
     }));
 }

@@ -12,12 +12,12 @@ mod export;
 mod failure;
 mod gate;
 mod keep;
-mod kept;
 mod last_resort;
 mod new;
 mod number_args;
 mod points;
 mod progress;
+mod replay;
 mod report;
 mod reproduce;
 mod run_under_test;
@@ -26,7 +26,6 @@ mod serve;
 mod stl;
 mod sweep;
 mod table;
-mod talk;
 #[doc(hidden)]
 pub mod terminal;
 mod test_args;
@@ -86,7 +85,7 @@ enum Verb {
     Search(search::SearchArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
     #[command(after_help = examples::REPLAY)]
-    Replay(kept::ReplayArgs),
+    Replay(replay::ReplayArgs),
     /// Measure a formula of Signal Temporal Logic on a trace in CSV.
     #[command(after_help = examples::STL)]
     Stl(stl::StlArgs),
@@ -182,7 +181,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Gate(args) => gate::run(&args),
         Verb::Sweep(args) => sweep::run(&args),
         Verb::Search(args) => search::run(&args),
-        Verb::Replay(args) => kept::replay(&args),
+        Verb::Replay(args) => replay::run(&args),
         Verb::Stl(args) => stl::run(&args),
         Verb::Report(args) => report::run(&args),
         Verb::Reproduce(args) => Err(reproduce::refusal(&args)),
@@ -239,12 +238,15 @@ fn finite_or_word(value: f64) -> serde_json::Value {
 
 /// Ends a verb that computed nothing, by an interruption or because of the ego.
 fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
-    if talk::stopped() {
-        talk::say("interrupted before anything was evaluated");
+    if terminal::stopped() {
+        terminal::note("interrupted before anything was evaluated");
         return Ok(Exit::Interrupted);
     }
     if common.json {
-        let faults = talk::faults().complaint().map(|complaint| complaint.faults);
+        let faults = common
+            .faults()
+            .complaint()
+            .map(|complaint| complaint.faults);
         // A script that reads JSON gets an object even without a row.
         print_json(&json!({ "rows": [], "faults": faults }))?;
     }
@@ -260,8 +262,8 @@ fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
             .is_some_and(|it| it.left_out && 0 < it.starts)
     };
     let found = rows.iter().any(|row| 0 < row.successes || alone(row));
-    if talk::stopped() {
-        talk::say("interrupted: the rows cover the starts that were finished");
+    if terminal::stopped() {
+        terminal::note("interrupted: the rows cover the starts that were finished");
         return Exit::Interrupted;
     }
     if found && fail_on_counterexample {
@@ -273,7 +275,7 @@ fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
 
 /// Returns the exit code of a verb that may have been interrupted.
 fn finished(otherwise: Exit) -> Exit {
-    if talk::stopped() {
+    if terminal::stopped() {
         Exit::Interrupted
     } else {
         otherwise
@@ -282,7 +284,7 @@ fn finished(otherwise: Exit) -> Exit {
 
 /// Prints one JSON object on stdout.
 fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
-    talk::json(&value.to_string())
+    terminal::json(&value.to_string())
 }
 
 /// Renders failures without colour, for tests and logs.

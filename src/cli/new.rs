@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, print_json, talk};
+use super::{Common, Exit, Failure, print_json, terminal};
 use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
 use crate::run_dir::write_file;
 use crate::world::{Scenario, file_text};
@@ -74,7 +74,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     if args.json {
         print_json(&json!({ "file": file }))
     } else {
-        talk::data(&format!(
+        terminal::data(&format!(
             "wrote {file}; next: brakecheck check {file}, then brakecheck search {file} --starts 20"
         ))
     }?;
@@ -117,7 +117,9 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         write_file(path, world.text.as_bytes())?;
     }
     if !args.json {
-        dropped.iter().for_each(|it| talk::say(&dropped_line(it)));
+        dropped
+            .iter()
+            .for_each(|it| terminal::note(&dropped_line(it)));
     }
     let told = files.iter().zip(&worlds);
     if args.json {
@@ -144,7 +146,7 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
                      every point, `--ego FILE.ron` a `Change`"
             ));
         }
-        talk::data(&lines.join("\n"))
+        terminal::data(&lines.join("\n"))
     }?;
     Ok(Exit::Done)
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::eval::EvalArgs;
-use super::{Exit, Failure, interrupted_early, print_json, progress, table, table_of, talk};
+use super::{Exit, Failure, interrupted_early, print_json, progress, table, table_of, terminal};
 use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, points};
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::TextTable;
@@ -33,8 +33,8 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     if let Some(dir) = args.test.keep.dir() {
         keep(args, &tables, dir)?;
     }
-    if talk::stopped() {
-        talk::say("interrupted: the table covers the points that were finished");
+    if terminal::stopped() {
+        terminal::note("interrupted: the table covers the points that were finished");
         return Ok(Exit::Interrupted);
     }
     let fails = tables.iter().any(PointsTable::fails);
@@ -46,7 +46,7 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
 }
 
 fn met(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.test.common, "");
     let watch = bar.watch();
     let mut tables = Vec::new();
     for ego in egos {
@@ -65,7 +65,7 @@ fn met(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
 }
 
 fn keep(args: &EvalArgs, tables: &[PointsTable], dir: &Path) -> Result<(), Failure> {
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.test.common, "");
     for table in tables {
         table.keep(dir, args.test.keep.settings_of_points(), &bar.watch())?;
     }
@@ -78,7 +78,7 @@ fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(),
         let rows: Vec<_> = rows.collect();
         return print_json(&json!({ "rows": rows, "points": tables }));
     }
-    talk::data(&text(args, world, tables))
+    terminal::data(&text(args, world, tables))
 }
 
 fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {

@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
-use super::talk;
+use super::terminal::{self, Common};
 use crate::experiment::{Remark, StepPlace, Watch};
+use crate::testbench::FaultLog;
 use crate::visible::visible_line;
 
 /// Between two lines of progress, where there is no terminal.
@@ -170,7 +171,7 @@ impl SharedProgress {
             let (now, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
             present = now;
             if timeout.timed_out() && !present.ended {
-                talk::say(&present.phase.line(present.spent(), self.at_once));
+                terminal::note(&present.phase.line(present.spent(), self.at_once));
             }
         }
     }
@@ -179,6 +180,7 @@ impl SharedProgress {
 /// Progress of a command, removed when dropped.
 pub struct Bar {
     shown: ProgressBar,
+    faults: FaultLog,
     shared: Arc<SharedProgress>,
     lines: Option<JoinHandle<()>>,
     progress: Box<dyn Fn(u64, u64) + Send + Sync>,
@@ -186,7 +188,7 @@ pub struct Bar {
 }
 
 /// Creates a bar whose phases and counts come from the work, after `title`.
-pub fn bar(title: &str) -> Bar {
+pub fn bar(common: &Common, title: &str) -> Bar {
     let shared = Arc::new(SharedProgress {
         present: Mutex::new(Present {
             phase: ProgressPhase {
@@ -231,7 +233,7 @@ pub fn bar(title: &str) -> Bar {
             }
             Remark::Detail(detail) => told.present().phase.detail = detail.to_owned(),
             // The bar is removed while a line is written, or both would mix.
-            Remark::Line(line) => return named.suspend(|| talk::say(line)),
+            Remark::Line(line) => return named.suspend(|| terminal::note(line)),
         }
         // Not while the lock is held: drawing takes it.
         let label = told.present().phase.label();
@@ -239,6 +241,7 @@ pub fn bar(title: &str) -> Bar {
     });
     Bar {
         shown,
+        faults: common.faults(),
         shared,
         lines: lines.and_then(Result::ok),
         progress,
@@ -272,8 +275,8 @@ impl Bar {
         Watch {
             progress: &*self.progress,
             remarks: &*self.remarks,
-            stop: talk::stop(),
-            faults: talk::faults(),
+            stop: terminal::stop(),
+            faults: self.faults.clone(),
             place: StepPlace::Unnumbered,
         }
     }

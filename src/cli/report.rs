@@ -9,7 +9,7 @@ use super::number_args::{STARTS, count, start_count};
 use super::run_under_test::is_world;
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, open_run, print_json, progress,
-    talk,
+    terminal,
 };
 use crate::crashes::{file_stem, openx, write_openx};
 use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
@@ -88,7 +88,7 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
         starts: (args.starts, args.seed),
         reuse_starts: args.reuse_starts,
     };
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.common, "");
     let Some(mut report) = request.report(&bar.watch())? else {
         return interrupted_early(&args.common);
     };
@@ -103,7 +103,7 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
     write(args, &html, &report)?;
     match unheeded(args, &report) {
         // Faults of this evaluation are reported with all details at the end.
-        Some(failure) if talk::faults().complaint().is_none() => Err(failure),
+        Some(failure) if args.common.faults().complaint().is_none() => Err(failure),
         _ => Ok(Exit::Done),
     }
 }
@@ -135,7 +135,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
         ));
     };
     consent_to(&egos)?;
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.common, "");
     let request = PointsRequest {
         ego,
         starts: (args.starts, args.seed),
@@ -152,7 +152,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
     let html = args.output.clone().unwrap_or(usual);
     write_files(args, &html, (page.html(), page.junit()))?;
     if !args.common.json {
-        talk::data(&table.summary())?;
+        terminal::data(&table.summary())?;
     }
     Ok(finished(Exit::Done))
 }
@@ -172,7 +172,7 @@ fn write_files(args: &ReportArgs, html: &Path, texts: (String, String)) -> Resul
             "junit": junit.display().to_string(),
         }))
     } else {
-        talk::data(&format!("{}\n{}", html.display(), junit.display()))
+        terminal::data(&format!("{}\n{}", html.display(), junit.display()))
     }
 }
 
@@ -197,7 +197,7 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
                     .map(|file| file.strip_prefix(parent).unwrap_or(file));
                 example.scenarios = links.map(|link| link.display().to_string()).collect();
             }
-            Err(why) => talk::say(&format!("{name} is not exported: {why}")),
+            Err(why) => terminal::note(&format!("{name} is not exported: {why}")),
         }
     }
     Ok(())

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::test_args::TestArgs;
-use super::{Failure, open_run, print_json, progress, table, talk};
+use super::{Failure, open_run, print_json, progress, table, terminal};
 use crate::adversary::AdoKind;
 use crate::evaluation::{Evaluation, EvaluationTable, summarise};
 use crate::experiment::{EgoUnderTest, Watch, on_plant};
@@ -133,21 +133,21 @@ impl<'a> RunUnderTest<'a> {
             }
             return print_json(&object);
         }
-        talk::data(&table::reuse(&evaluated.egos, &summary))?;
+        terminal::data(&table::reuse(&evaluated.egos, &summary))?;
         for found in &evaluated.identified {
-            talk::data(&format!("\n{}", table::identified(found)))?;
+            terminal::data(&format!("\n{}", table::identified(found)))?;
         }
         for adapted in &evaluated.adapted_to {
-            talk::data(&format!("\n{adapted}"))?;
+            terminal::data(&format!("\n{adapted}"))?;
         }
         for why in &evaluated.reasons {
-            talk::data(&format!(
+            terminal::data(&format!(
                 "\nwhy `{}` fails from start {}, the first of them: {}",
                 why.ego, why.start, why.explanation
             ))?;
         }
         match result {
-            Some(result) => talk::data(&format!("\n{}", result.text)),
+            Some(result) => terminal::data(&format!("\n{}", result.text)),
             None => Ok(()),
         }
     }
@@ -156,7 +156,7 @@ impl<'a> RunUnderTest<'a> {
     pub(super) fn keep(&self, evaluated: &EvaluationTable<'_>, egos: usize) -> Result<(), Failure> {
         let keep = &self.test.keep;
         if let Some(dir) = keep.dir() {
-            let bar = progress::bar("");
+            let bar = progress::bar(&self.test.common, "");
             let watch = bar.watch().first_of(egos + 1).later(egos);
             evaluated.keep(dir, keep.settings(), &watch)?;
         }
@@ -177,7 +177,7 @@ pub(super) fn rows_of(evaluated: EvaluationTable<'_>) -> Result<Vec<Row>, Failur
 fn context(test: &TestArgs, run: &RunDir) -> Result<Option<ContextSource>, Failure> {
     let context = ContextSource::of(run, NonZeroU64::new(test.runs))?;
     if context == Some(ContextSource::Nominal) {
-        talk::say(UNTOLD);
+        terminal::note(UNTOLD);
     }
     Ok(context)
 }

@@ -12,7 +12,7 @@ use super::number_args::{STARTS, count, start_count};
 use super::test_args::EgoArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
-    progress, table, talk,
+    progress, table, terminal,
 };
 use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for};
 use crate::experiment::{EgoUnderTest, on_plant};
@@ -78,7 +78,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         switches: args.switches,
         stored: stored.as_ref(),
     };
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.common, "");
     let campaign = SearchCampaign {
         world: &world,
         egos: &egos,
@@ -118,7 +118,7 @@ fn worlds(args: &SearchArgs, run: Option<&RunDir>) -> Result<(Scenario, Scenario
 /// The last of so many steps.
 fn keep(args: &SearchArgs, searched: &SearchTable, steps: usize) -> Result<(), Failure> {
     if let Some(dir) = args.keep.dir() {
-        let bar = progress::bar("");
+        let bar = progress::bar(&args.common, "");
         let watch = bar.watch().first_of(steps).later(steps - 1);
         searched.keep(dir, args.keep.settings(), &watch)?;
     }
@@ -130,7 +130,7 @@ fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
     if args.common.json {
         print_json(&json!({ "rows": rows, "break_even": evens }))
     } else {
-        talk::data(&format!(
+        terminal::data(&format!(
             "{}{}{}",
             table::rows(rows),
             anytime_lines(rows),

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use indexmap::IndexMap;
 
-use super::{Common, Exit, Failure, open_run, talk};
+use super::{Common, Exit, Failure, open_run, terminal};
 use crate::serving::{ServeError, ServedAdo};
 
 /// Page that describes the protocol.
@@ -40,12 +40,12 @@ pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common())?;
     let told: IndexMap<String, f64> = args.tell.iter().cloned().collect();
     let mut ado = ServedAdo::of(&run, &told)?;
-    talk::say(&format!(
+    terminal::note(&format!(
         "the ado of world `{}` answers on standard output, line by line ({DOCUMENT})",
         ado.world().name()
     ));
     let served = ado.serve(&mut io::stdin().lock(), &mut io::stdout().lock())?;
-    talk::say(&format!(
+    terminal::note(&format!(
         "{} decisions, {} messages answered with an error",
         served.decisions, served.errors
     ));

@@ -5,7 +5,7 @@ use std::io::Read;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, finite_or_word, print_json, talk};
+use super::{Common, Exit, Failure, finite_or_word, print_json, terminal};
 use crate::run_dir::trace_of_csv;
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
@@ -78,7 +78,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     let monitor = monitor.map_err(in_formula)?;
     // The value is valid, but rarely the intended one.
     if let Some(short) = beyond(&monitor, &trace) {
-        talk::say(&short);
+        terminal::note(&short);
     }
     let mut scratch = Scratch::default();
     let measured = FormulaResult {
@@ -166,8 +166,8 @@ impl FormulaResult {
 
     fn show(&self, dt_s: f64) -> Result<(), Failure> {
         match &self.all {
-            None => talk::data(&format!("{}", self.robustness))?,
-            Some(all) => talk::data(&lines(all, dt_s))?,
+            None => terminal::data(&format!("{}", self.robustness))?,
+            Some(all) => terminal::data(&lines(all, dt_s))?,
         }
         let word = if self.satisfied {
             "satisfied"
@@ -175,9 +175,9 @@ impl FormulaResult {
             "violated"
         };
         // The verdict goes to stderr, so that stdout has data only.
-        talk::say(&format!("{word}, ρ = {}", self.robustness));
+        terminal::note(&format!("{word}, ρ = {}", self.robustness));
         match &self.explanation {
-            Some(explanation) => talk::data(&explanation.to_string()),
+            Some(explanation) => terminal::data(&explanation.to_string()),
             None => Ok(()),
         }
     }

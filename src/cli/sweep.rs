@@ -38,7 +38,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     let sweep = Sweep::parse(&args.over)?;
     let tested = RunUnderTest::open(&args.run, &args.test)?;
     let egos = sweep.egos(&tested.nominal)?;
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.test.common, "");
     let watch = tested.watch(&bar, egos.len());
     let Some(evaluated) = tested.evaluate(&egos, false, &watch)? else {
         return interrupted_early(&args.test.common);

@@ -1,19 +1,27 @@
-//! Command line parts for programs built on this library.
+//! Command line parts and terminal output for programs built on this library: stdout
+//! for data, stderr for messages, and Ctrl-C.
 //!
 //! The module is hidden because only the programs of this repository use it. It may
 //! change in any version.
+//!
+//! Architecture Invariant: this program writes to a terminal only through this module
+//! and the progress bar. Foreign text is escaped ([`crate::visible`]).
 
 use std::ffi::OsString;
+use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use clap::{Args, CommandFactory, FromArgMatches};
+use miette::GraphicalTheme;
 
-use super::{Exit, Failure, last_resort, talk};
-use crate::visible::visible;
+use super::{Exit, Failure, last_resort};
+use crate::testbench::FaultLog;
+use crate::visible::{visible, visible_json};
 
 pub use super::number_args::start_count;
 pub use super::progress::{Bar, bar};
-pub use super::talk::{data, json, say};
 
 /// Options of every command that plays episodes.
 #[derive(Args, Clone, Debug, Default)]
@@ -30,6 +38,17 @@ pub struct Common {
     /// Largest share of invalid episodes in a row that is no fault, 0 to 1.
     #[arg(long, global = true, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     pub allow_invalid: f64,
+    /// Log of the faults in all episodes of the command, shared by clones.
+    #[arg(skip)]
+    pub(super) faults: Arc<OnceLock<FaultLog>>,
+}
+
+impl Common {
+    /// Returns the log of the faults in all episodes of the command.
+    pub(super) fn faults(&self) -> FaultLog {
+        let log = || FaultLog::allowing(self.allow_invalid);
+        self.faults.get_or_init(log).clone()
+    }
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -63,7 +82,7 @@ pub fn main<P: Program>() -> ExitCode {
     ExitCode::from(exit as u8)
 }
 
-/// Runs a program on `arguments`, its own name first, once per process.
+/// Runs a program on `arguments`, its own name first.
 ///
 /// Help, and an invalid command line, end the process.
 pub(super) fn main_of<P: Program>(arguments: impl IntoIterator<Item = OsString>) -> Exit {
@@ -73,14 +92,13 @@ pub(super) fn main_of<P: Program>(arguments: impl IntoIterator<Item = OsString>)
     };
     // Without a handler the operating system ends the program at once.
     if program.saves_when_interrupted() {
-        talk::listen_for_interrupts();
+        listen_for_interrupts();
     }
     let common = program.common();
-    // Set before the verb, because the log of faults is made at its first use.
-    talk::allow_faults(common.allow_invalid);
     let result = with_jobs(&common, move || program.carry_out());
+    let settled = |exit| settled(&common, exit);
     result.and_then(settled).unwrap_or_else(|failure| {
-        talk::say_rendered(failure.render(talk::theme(), talk::width()).trim_end());
+        note_rendered(failure.render(theme(), width()).trim_end());
         failure.exit
     })
 }
@@ -92,7 +110,7 @@ fn refused(error: &clap::Error) -> Exit {
         error.exit()
     } else {
         // A terminal would obey control characters in the arguments.
-        talk::say(text.trim_end())
+        note(text.trim_end())
     }
     Exit::Input
 }
@@ -114,10 +132,10 @@ fn read_line<P: Program>(arguments: impl IntoIterator<Item = OsString>) -> Resul
 /// Returns the exit code of a verb, or its failure because of faults.
 ///
 /// If more episodes are invalid than allowed, the output is no verdict on the ego.
-fn settled(exit: Exit) -> Result<Exit, Failure> {
-    match talk::faults().complaint() {
+fn settled(common: &Common, exit: Exit) -> Result<Exit, Failure> {
+    match common.faults().complaint() {
         // An interruption has an exit code of its own, which takes precedence.
-        Some(complaint) if !talk::stopped() => Err(complaint.into()),
+        Some(complaint) if !stopped() => Err(complaint.into()),
         _ => Ok(exit),
     }
 }
@@ -133,4 +151,89 @@ where
     let pool = pool.map_err(|error| Failure::fault(error.to_string(), None))?;
     // A pool of its own limits all parallel loops of the verb.
     pool.install(verb)
+}
+
+/// Set once Ctrl-C was pressed: a signal of the process, not of a command.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// Returns the flag that Ctrl-C sets.
+pub(super) fn stop() -> &'static AtomicBool {
+    &STOP
+}
+
+/// Returns whether Ctrl-C was pressed.
+pub(super) fn stopped() -> bool {
+    STOP.load(Ordering::Relaxed)
+}
+
+/// The first Ctrl-C asks to stop and save, the second one ends at once.
+pub(super) fn listen_for_interrupts() {
+    // Without a handler the program still works: Ctrl-C then ends it at once.
+    let _ = ctrlc::set_handler(|| {
+        // The second Ctrl-C is for work that does not stop soon.
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        let _ = writeln!(io::stderr(), "\nstopping and saving (again to end at once)");
+    });
+}
+
+/// Prints a message on stderr, its control characters escaped.
+pub fn note(text: &str) {
+    note_rendered(&visible(text));
+}
+
+/// Prints a message on stderr whose foreign parts are escaped already.
+///
+/// It may contain colours of this program.
+pub(super) fn note_rendered(text: &str) {
+    // A closed stderr must not end the work.
+    let _ = writeln!(stderr(), "{text}");
+}
+
+#[cfg(not(test))]
+use io::{stderr, stdout};
+
+/// Unit tests run verbs for their files, so their output is discarded.
+#[cfg(test)]
+use io::{sink as stdout, sink as stderr};
+
+/// Data on stdout, its control characters escaped.
+///
+/// A closed pipe is the reader's choice, not an error.
+pub fn data(text: &str) -> Result<(), Failure> {
+    write_data(&visible(text))
+}
+
+/// Prints a JSON text on stdout. Its strings contain no raw control characters.
+pub fn json(text: &str) -> Result<(), Failure> {
+    write_data(&visible_json(text))
+}
+
+fn write_data(text: &str) -> Result<(), Failure> {
+    let mut stdout = stdout();
+    // Flushed at once, because a full disk must be an error before the exit.
+    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::fault(
+            format!("writing to standard output failed: {error}"),
+            Some("check where it is redirected, and the free space there".to_owned()),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Colours on a terminal, plain text elsewhere.
+pub(super) fn theme() -> GraphicalTheme {
+    // The convention of no-color.org.
+    let plain = std::env::var_os("NO_COLOR").is_some();
+    if io::stderr().is_terminal() && !plain {
+        GraphicalTheme::unicode()
+    } else {
+        super::plain_theme()
+    }
+}
+
+/// Columns for messages.
+pub(super) fn width() -> usize {
+    100
 }

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
-    progress, table, talk,
+    progress, table, terminal,
 };
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Row, TrainingEnd};
@@ -64,13 +64,13 @@ pub(super) struct TrainArgs {
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let world = load_world(&args.world, &args.common)?;
     let mut session = session(args, &world)?;
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.common, "");
     let trained = session.train(&bar.watch())?;
     drop(bar);
     let path = session.run().path().display().to_string();
     // An interrupted training has no final policy, so there is nothing to evaluate.
     if trained.interrupted {
-        talk::say(&format!(
+        terminal::note(&format!(
             "stopped after {} of {} decisions; go on with `brakecheck train {} -o {path} --resume`",
             trained.done.decisions,
             trained.done.decisions_asked,
@@ -79,7 +79,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Interrupted);
     }
     say_trained(&trained);
-    let bar = progress::bar("");
+    let bar = progress::bar(&args.common, "");
     let Some(closing) = session.evaluate(args.starts, &bar.watch())? else {
         return interrupted_early(&args.common);
     };
@@ -88,7 +88,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     // The rows are printed first, so a full disk does not cost them.
     session.keep(&closing)?;
     if !args.common.json {
-        talk::say(&format!("kept in {path}"));
+        terminal::note(&format!("kept in {path}"));
     }
     Ok(finished(Exit::Done))
 }
@@ -120,7 +120,7 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
 
 fn say_trained(trained: &TrainingOutcome) {
     let done = &trained.done;
-    talk::say(&format!(
+    terminal::note(&format!(
         "trained for {} decisions in {} episodes: {:.1} s of processor time, {:.0} decisions/s",
         done.decisions,
         done.episodes,
@@ -128,7 +128,7 @@ fn say_trained(trained: &TrainingOutcome) {
         rate(trained)
     ));
     if 0 < trained.aborted {
-        talk::say(&format!(
+        terminal::note(&format!(
             "{} episodes were dropped for faults of the ego or the physics",
             trained.aborted
         ));
@@ -139,11 +139,11 @@ fn say_trained(trained: &TrainingOutcome) {
         .ended
         .filter(|ended| *ended != TrainingEnd::Asked)
     {
-        talk::say(&format!("ended: {}", ended.in_words()));
+        terminal::note(&format!("ended: {}", ended.in_words()));
     }
     if let Some(warning) = trained.done.calibration.and_then(|c| c.warning()) {
-        talk::say(&format!("warning: {}", warning.what));
-        talk::say(&format!("  help: {}", warning.help));
+        terminal::note(&format!("warning: {}", warning.what));
+        terminal::note(&format!("  help: {}", warning.help));
     }
 }
 
@@ -160,7 +160,7 @@ fn show(
     rows: &[Row],
 ) -> Result<(), Failure> {
     if !args.common.json {
-        return talk::data(&table::rows(rows));
+        return terminal::data(&table::rows(rows));
     }
     let (run, world) = (session.run(), session.world());
     print_json(&json!({

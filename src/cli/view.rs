@@ -7,7 +7,7 @@ use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use strum::VariantArray;
 
-use super::{Common, Exit, Failure, print_json, talk};
+use super::{Common, Exit, Failure, print_json, terminal};
 use crate::crashes::{Regressions, Replayed, ViewKind, picture};
 use crate::ego::reference::ReferenceDriver;
 use crate::run_dir::write_file;
@@ -31,7 +31,7 @@ pub(super) struct ViewArgs {
     /// place (docs/background/preventability.md).
     #[arg(long, value_name = "DRIVER", value_parser = drivers())]
     beside: Option<String>,
-    /// Print one JSON object on stdout instead of talking.
+    /// Print one JSON object on stdout instead of messages.
     #[arg(long)]
     json: bool,
     /// Start the program that a kept file names as the ego.
@@ -118,7 +118,7 @@ fn draw(
     if args.json {
         print_json(&json!({ "file": file, "bytes": svg.len() }))
     } else {
-        talk::data(&format!(
+        terminal::data(&format!(
             "{file}: {} kB; any browser plays it",
             svg.len().div_ceil(1000)
         ))
@@ -134,7 +134,7 @@ fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
     if args.json {
         print_json(&json!({ "file": file, "bytes": bytes, "samples": samples }))
     } else {
-        talk::data(&format!(
+        terminal::data(&format!(
             "{file}: {samples} samples, {} kB; open it with `rerun {file}`",
             bytes.div_ceil(1000)
         ))

@@ -148,7 +148,11 @@ fn one_file_writes_to_the_terminal_and_escapes_what_others_wrote() {
         Some(2)
     );
     // The messages of a protocol, and a test.
-    let may = ["src/cli/talk.rs", "src/cli/serve.rs", "src/cli/crashes.rs"];
+    let may = [
+        "src/cli/terminal.rs",
+        "src/cli/serve.rs",
+        "src/cli/crashes.rs",
+    ];
     for (path, text) in texts() {
         if let (Some(line), false) = (writes(&text), may.contains(&path.as_str())) {
             panic!("{path}:{}: printed without being escaped", line + 1);

@@ -17,7 +17,7 @@ fn with(code: &str) -> Sources {
             "mod talk; pub use talk::say; pub struct Exit;",
         ),
         (
-            "src/cli/talk.rs",
+            "src/cli/terminal.rs",
             "pub fn say() {} macro_rules! m { () => {} }",
         ),
         ("src/campaign/mod.rs", "pub struct Watch;"),

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, failure, print_json, talk};
+use super::{Common, Exit, Failure, failure, print_json, terminal};
 use crate::world::{LoadError, Scenario};
 
 #[derive(Args, Debug)]
@@ -68,13 +68,17 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         listing["warnings"] = warnings(&scenario);
         print_json(&listing)?;
     } else {
-        talk::data(&format!("{}{}", text(&scenario), programs::text(&named)))?;
+        terminal::data(&format!("{}{}", text(&scenario), programs::text(&named)))?;
     }
     let file = world.display().to_string();
     let notes = failure::warnings(&file, &scenario.text, &scenario.warnings);
     if !notes.is_empty() {
         let shown = Failure::of(Exit::Done, notes);
-        talk::say_rendered(shown.render(talk::theme(), talk::width()).trim_end());
+        terminal::note_rendered(
+            shown
+                .render(terminal::theme(), terminal::width())
+                .trim_end(),
+        );
     }
     // A faulty program is reported last, so that the listing is complete.
     match programs::first_fault(&named) {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde_json::json;
 
-use super::super::{Exit, Failure, print_json, table_of, talk};
+use super::super::{Exit, Failure, print_json, table_of, terminal};
 use crate::ego::{DOCUMENT, Exercise, Fault, FaultKind, Finding, Hello, Process, exercise};
 use crate::visible::command_line;
 use crate::world::Scenario;
@@ -119,7 +119,7 @@ pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure
             "fault": done.fault,
         }))
     } else {
-        talk::data(&findings(&done))
+        terminal::data(&findings(&done))
     }?;
     let wrong = done.findings.iter().find(|found| !found.passed);
     match (&done.fault, wrong) {

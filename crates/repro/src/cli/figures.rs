@@ -13,7 +13,7 @@ use brakecheck::world::Scenario;
 
 /// Writes the three figures as SVG files.
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let shown = bar("figures");
+    let shown = bar(&args.common, "figures");
     let watch = shown.watch();
     let acc = world(args, "acc")?;
     let merge = world(args, "merge")?;

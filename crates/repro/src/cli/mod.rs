@@ -152,7 +152,7 @@ fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     let mut results = serde_json::Map::new();
     for part in args.what.parts() {
         let Some(made) = part(args)? else {
-            terminal::say("interrupted: what is finished is kept; run the same command to go on");
+            terminal::note("interrupted: what is finished is kept; run the same command to go on");
             return Ok(Exit::Interrupted);
         };
         // Saved before it is printed, so a broken pipe does not cost the part.
@@ -237,11 +237,11 @@ fn once<T: Serialize + DeserializeOwned>(
         Ok(made) => return Ok(made),
         // A damaged piece is only lost time, unlike a damaged run.
         Err(error @ RunError::Damaged { .. }) => {
-            terminal::say(&format!("{error}; it is made anew"))
+            terminal::note(&format!("{error}; it is made anew"))
         }
         Err(error) => return Err(error.into()),
     }
-    let bar = terminal::bar(piece);
+    let bar = terminal::bar(&args.common, piece);
     let made = make(&bar.watch())?;
     // An interrupted piece is not kept, because it would look finished.
     if let Some(made) = &made {

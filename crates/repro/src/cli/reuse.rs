@@ -1,6 +1,6 @@
 //! One trained ado on changed egos, beside honest baselines.
 
-use brakecheck::cli::terminal::bar;
+use brakecheck::cli::terminal::{Common, bar};
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
@@ -31,7 +31,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     for name in names {
         let scenario = world(args, name)?;
         // Trainings come first, because all egos share them.
-        let Some(study) = begin(name, &scenario, config)? else {
+        let Some(study) = begin(&args.common, name, &scenario, config)? else {
             return Ok(None);
         };
         let mut results = Vec::new();
@@ -59,11 +59,12 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
 
 /// Trains the ados that are not trained yet.
 fn begin<'a>(
+    common: &Common,
     name: &str,
     scenario: &'a Scenario,
     config: ReuseStudyConfig<'a>,
 ) -> Result<Option<ReuseStudy<'a>>, Failure> {
-    let shown = bar(name);
+    let shown = bar(common, name);
     Ok(ReuseStudy::begin(scenario, config, &shown.watch())?)
 }
 

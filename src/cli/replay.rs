@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, finite_or_word, print_json, progress, table_of, talk};
+use super::{Common, Exit, Failure, finite_or_word, print_json, progress, table_of, terminal};
 use crate::crashes::{Regressions, Replayed};
 use crate::rulebook::RulesUntilContact;
 use crate::run_dir::{About, StartRepeated};
@@ -48,7 +48,7 @@ enum Expect {
     Recorded,
 }
 
-pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
+pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
     let mut regressions = Regressions::find(&args.what, args.episode.as_deref())?
         .allow_programs(args.common.allow_programs)
         .allow_invalid(args.common.allow_invalid);
@@ -62,7 +62,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         }
     };
     if args.refine {
-        refine(&regressions, &mut replayed)?;
+        refine(&args.common, &regressions, &mut replayed)?;
     }
     // Labels of another run are computed by replays, so they run in parallel.
     let known: Vec<About> = replayed.par_iter().map(Replayed::known).collect();
@@ -75,7 +75,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     if args.common.json {
         print_json(&json!({ "rows": rows, "in_all": in_all }))
     } else {
-        talk::data(&format!(
+        terminal::data(&format!(
             "{}{}\n{in_all}",
             table(&replayed),
             remarks(&replayed, &known)
@@ -140,8 +140,12 @@ impl Display for ReplaySummary {
 }
 
 /// Labels the replays that are bit-identical.
-fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Failure> {
-    let bar = progress::bar("refining");
+fn refine(
+    common: &Common,
+    regressions: &Regressions,
+    replayed: &mut [Replayed],
+) -> Result<(), Failure> {
+    let bar = progress::bar(common, "refining");
     let watch = bar.watch();
     let total = replayed.len() as u64;
     for (done, (kept, replayed)) in regressions.kept().iter().zip(replayed).enumerate() {
