@@ -52,7 +52,7 @@ impl Keeping {
 /// What `train` takes.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct TrainAsked {
+pub(crate) struct TrainOptions {
     output: PathBuf,
     ego: Option<Py<PyAny>>,
     seed: Option<u64>,
@@ -73,12 +73,12 @@ pub(crate) struct TrainAsked {
 pub(crate) fn train_ado<'py>(
     py: Python<'py>,
     world: &RawWorld,
-    asked: TrainAsked,
+    options: TrainOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut world = world.0.clone();
     let mut name = None;
-    if let Some(ego) = asked.ego.as_ref().map(|ego| ego.bind(py)) {
+    if let Some(ego) = options.ego.as_ref().map(|ego| ego.bind(py)) {
         match ego.cast::<PyString>() {
             Ok(named) => name = Some(named.to_cow()?.into_owned()),
             Err(_) if !is_python(Some(ego)) && !ego.is_none() => {
@@ -90,12 +90,12 @@ pub(crate) fn train_ado<'py>(
             Err(_) => world = egos(&world, Some(ego))?[0].scenario().clone(),
         }
     }
-    let plant = asked.plant.as_deref().map(plant_of).transpose()?;
-    let against = asked.against.parse().map_err(|_| {
-        let what = format!("`against={:?}` is not known", asked.against);
+    let plant = options.plant.as_deref().map(plant_of).transpose()?;
+    let against = options.against.parse().map_err(|_| {
+        let what = format!("`against={:?}` is not known", options.against);
         wrong(what, "known: nominal, wide, conditional")
     })?;
-    let goals = asked.goals.as_ref().map(|goals| {
+    let goals = options.goals.as_ref().map(|goals| {
         let goal = |word: &String| {
             word.to_lowercase().parse::<TrainingGoal>().map_err(|_| {
                 let what = format!("unknown training goal {word:?}");
@@ -105,30 +105,30 @@ pub(crate) fn train_ado<'py>(
         goals.iter().map(goal).collect::<PyResult<Vec<_>>>()
     });
     let goals = goals.transpose()?;
-    let from = asked.from_run.as_deref().map(RunDir::open).transpose();
+    let from = options.from_run.as_deref().map(RunDir::open).transpose();
     let from = from.map_err(failed)?;
     let found = running.watched(py, move |watch| {
         let request = TrainRequest {
-            seed: asked.seed,
-            decisions: asked.decisions,
-            learner: asked.learner.as_deref(),
+            seed: options.seed,
+            decisions: options.decisions,
+            learner: options.learner.as_deref(),
             goals: goals.as_deref(),
             against,
-            leave_out: asked.leave_out.as_deref(),
+            leave_out: options.leave_out.as_deref(),
             ego: name.as_deref(),
             plant,
             from: from.as_ref(),
         };
-        let mut session = if asked.resume {
-            TrainSession::resume(&world, &asked.output, &request)?
+        let mut session = if options.resume {
+            TrainSession::resume(&world, &options.output, &request)?
         } else {
-            TrainSession::begin(&world, &asked.output, &request)?
+            TrainSession::begin(&world, &options.output, &request)?
         };
         let trained = session.train(watch)?;
         if trained.interrupted {
             return Ok(None);
         }
-        let Some(closing) = session.evaluate(asked.starts, watch)? else {
+        let Some(closing) = session.evaluate(options.starts, watch)? else {
             return Ok(None);
         };
         session.keep(&closing)?;
@@ -144,7 +144,7 @@ pub(crate) fn train_ado<'py>(
 /// What `eval` of a run takes.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct EvalAsked {
+pub(crate) struct EvalOptions {
     run: PathBuf,
     ego: Option<Py<PyAny>>,
     ados: Vec<String>,
@@ -162,39 +162,39 @@ pub(crate) struct EvalAsked {
 #[pyfunction]
 pub(crate) fn eval_run<'py>(
     py: Python<'py>,
-    asked: EvalAsked,
+    options: EvalOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let mut run = RunDir::open(&asked.run).map_err(failed)?;
-    run.allow_programs(asked.allow_programs);
-    let nominal = placed(&run.scenario().map_err(failed)?, asked.plant.as_deref())?;
-    let ego = asked.ego.as_ref().map(|ego| ego.bind(py));
+    let mut run = RunDir::open(&options.run).map_err(failed)?;
+    run.allow_programs(options.allow_programs);
+    let nominal = placed(&run.scenario().map_err(failed)?, options.plant.as_deref())?;
+    let ego = options.ego.as_ref().map(|ego| ego.bind(py));
     let egos = egos(&nominal, ego)?;
-    let ados = asked.ados.iter().map(|word| {
+    let ados = options.ados.iter().map(|word| {
         let known = || "known: trained, all, and those of `brakecheck eval --help`";
         let kind = word.parse::<AdoKind>();
         kind.map_err(|_| wrong(format!("there is no ado `{word}`"), known()))
     });
     let ados = ados.collect::<PyResult<Vec<_>>>()?;
     let rows = running.watched(py, move |watch| {
-        let context = ContextSource::of(&run, NonZeroU64::new(asked.runs))?;
+        let context = ContextSource::of(&run, NonZeroU64::new(options.runs))?;
         let evaluation = Evaluation {
             run: &run,
             nominal: &nominal,
             egos: &egos,
             ados: &ados,
             context: context.as_ref(),
-            starts: (asked.starts, asked.seed),
-            search: asked.search,
-            tries: asked.tries,
-            runs: NonZeroU64::new(asked.runs),
+            starts: (options.starts, options.seed),
+            search: options.search,
+            tries: options.tries,
+            runs: NonZeroU64::new(options.runs),
             unknown: &[],
-            keeps: asked.keep.is_some(),
+            keeps: options.keep.is_some(),
         };
         let Some(table) = evaluation.run(watch)? else {
             return Ok(None);
         };
-        if let Some(keep) = &asked.keep {
+        if let Some(keep) = &options.keep {
             table.keep(&keep.directory, keep.settings(), watch)?;
         }
         let rows = table.rows();
@@ -209,7 +209,7 @@ pub(crate) fn eval_run<'py>(
 /// What an evaluation without a run takes.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct MeetAsked {
+pub(crate) struct BaselineOptions {
     /// From observations to joint actions; None: baselines and search only.
     ado: Option<Py<PyAny>>,
     name: String,
@@ -225,17 +225,17 @@ pub(crate) struct MeetAsked {
 pub(crate) fn eval_world<'py>(
     py: Python<'py>,
     world: &RawWorld,
-    asked: MeetAsked,
+    options: BaselineOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
     let nominal = world.0.clone();
-    let egos = egos(&nominal, asked.ego.as_ref().map(|ego| ego.bind(py)))?;
-    let drawn = (asked.starts, asked.seed);
-    let Some(act) = &asked.ado else {
-        let switches = asked.switches.unwrap_or(1);
+    let egos = egos(&nominal, options.ego.as_ref().map(|ego| ego.bind(py)))?;
+    let drawn = (options.starts, options.seed);
+    let Some(act) = &options.ado else {
+        let switches = options.switches.unwrap_or(1);
         let rows = running.watched(py, move |watch| {
-            let met = untrained(&nominal, &egos, drawn, switches, watch)?;
-            Ok(met.map(|met| met.rows))
+            let table = untrained(&nominal, &egos, drawn, switches, watch)?;
+            Ok(table.map(|table| table.rows))
         })?;
         return objects(py, &something(rows)?);
     };
@@ -263,15 +263,15 @@ pub(crate) fn eval_world<'py>(
                 starts: &starts,
             };
             let mut cells = experiment.run(watch);
-            if let Some(keep) = &asked.keep {
-                cells[0].adversary = asked.name.as_str().into();
+            if let Some(keep) = &options.keep {
+                cells[0].adversary = options.name.as_str().into();
                 cells[0].keep(&keep.directory, keep.settings(), watch)?;
             }
-            cells[0].row.method.clone_from(&asked.name);
+            cells[0].row.method.clone_from(&options.name);
             // The constant is played second and shown last.
             cells[1..].rotate_left(1);
             let mut own: Vec<Row> = cells.into_iter().map(|cell| cell.row).collect();
-            if let Some(switches) = asked.switches {
+            if let Some(switches) = options.switches {
                 let search = Adversary::switches(switches).play(ego, &starts, watch);
                 own.extend(search.map(|cell| cell.row));
                 Row::compare_with_last(&mut own);
@@ -288,7 +288,7 @@ pub(crate) fn eval_world<'py>(
 /// What `search` takes.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct SearchAsked {
+pub(crate) struct SearchOptions {
     ego: Option<Py<PyAny>>,
     method: String,
     switches: Option<usize>,
@@ -303,15 +303,15 @@ pub(crate) struct SearchAsked {
 pub(crate) fn search_world<'py>(
     py: Python<'py>,
     world: &RawWorld,
-    asked: SearchAsked,
+    options: SearchOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let egos = egos(&world.0, asked.ego.as_ref().map(|ego| ego.bind(py)))?;
+    let egos = egos(&world.0, options.ego.as_ref().map(|ego| ego.bind(py)))?;
     let settings = MethodSettings {
-        switches: asked.switches,
+        switches: options.switches,
         stored: None,
     };
-    let method = Method::named(&asked.method, &settings).map_err(failed)?;
+    let method = Method::named(&options.method, &settings).map_err(failed)?;
     let world = world.0.clone();
     let rows = running.watched(py, move |watch| {
         let campaign = SearchCampaign {
@@ -319,13 +319,13 @@ pub(crate) fn search_world<'py>(
             egos: &egos,
             run: None,
             method,
-            budget: asked.budget.unwrap_or(BUDGET),
-            starts: (asked.starts, asked.seed),
+            budget: options.budget.unwrap_or(BUDGET),
+            starts: (options.starts, options.seed),
         };
         let Some(table) = campaign.run(watch)? else {
             return Ok(None);
         };
-        if let Some(keep) = &asked.keep {
+        if let Some(keep) = &options.keep {
             table.keep(&keep.directory, keep.settings(), watch)?;
         }
         Ok(Some(table.rows))
@@ -336,7 +336,7 @@ pub(crate) fn search_world<'py>(
 /// What `identify` takes.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct IdentifyAsked {
+pub(crate) struct IdentifyOptions {
     ego: Option<Py<PyAny>>,
     runs: usize,
     seed: u64,
@@ -347,10 +347,10 @@ pub(crate) struct IdentifyAsked {
 pub(crate) fn identify_ego<'py>(
     py: Python<'py>,
     world: &RawWorld,
-    asked: IdentifyAsked,
+    options: IdentifyOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let egos = egos(&world.0, asked.ego.as_ref().map(|ego| ego.bind(py)))?;
+    let egos = egos(&world.0, options.ego.as_ref().map(|ego| ego.bind(py)))?;
     let [ego] = &egos[..] else {
         return Err(wrong("`all` is more than one ego", "name one of them"));
     };
@@ -358,9 +358,9 @@ pub(crate) fn identify_ego<'py>(
     let (family, name) = (world.family().cloned(), ego.name().to_owned());
     let found = running.watched(py, move |watch| {
         consent(&world, &egos)?;
-        let request = IdentifyRequest::new(&world, ego.scenario(), asked.runs)
-            .at_most(asked.runs as u64)
-            .seed(asked.seed);
+        let request = IdentifyRequest::new(&world, ego.scenario(), options.runs)
+            .at_most(options.runs as u64)
+            .seed(options.seed);
         Ok(identify(&request, watch)?)
     })?;
     let found = something(found)?;

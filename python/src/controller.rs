@@ -123,12 +123,12 @@ impl PythonController {
         let Some(briefing) = self.briefing.clone() else {
             return;
         };
-        let told = self.tell(
+        let answer = self.tell(
             "briefed",
             |instance| instance.brief.as_ref(),
             move |py| arguments(py, &objects(py, &briefing)?),
         );
-        if !told {
+        if !answer {
             self.instance.replace(None);
         }
     }
@@ -136,7 +136,7 @@ impl PythonController {
     /// Calls a method that an ego need not have; whether that went well.
     fn tell(
         &self,
-        asked: &str,
+        occasion: &str,
         method: fn(&Instance) -> Option<&Py<PyAny>>,
         with: impl FnOnce(Python<'_>) -> PyResult<Py<PyTuple>> + Send + 'static,
     ) -> bool {
@@ -150,8 +150,9 @@ impl PythonController {
             Some(method) => Ok((method.clone_ref(py), with(py)?)),
             None => Ok((py.None(), PyTuple::empty(py).unbind())),
         };
-        let told = call(self.limit(), ask, |_| Ok(()));
-        told.map_err(|why| self.fail(FaultKind::Error, why, asked))
+        let answer = call(self.limit(), ask, |_| Ok(()));
+        answer
+            .map_err(|why| self.fail(FaultKind::Error, why, occasion))
             .is_ok()
     }
 
@@ -159,20 +160,20 @@ impl PythonController {
         Some(self.maker.deadline)
     }
 
-    fn fail(&self, kind: FaultKind, why: Unanswered, asked: &str) {
-        let fault = self.fault(kind, why, asked);
+    fn fail(&self, kind: FaultKind, why: Unanswered, occasion: &str) {
+        let fault = self.fault(kind, why, occasion);
         self.failed.replace(Some(fault));
     }
 
     /// Reason why there is no answer as a fault. An instance that is still busy
     /// is left alone from now on.
-    fn fault(&self, kind: FaultKind, why: Unanswered, asked: &str) -> Fault {
+    fn fault(&self, kind: FaultKind, why: Unanswered, occasion: &str) -> Fault {
         match why {
             Unanswered::Raised(error) => raised(kind, &error),
             Unanswered::Late { stack } => {
                 self.instance.replace(None);
                 let (name, seconds) = (&self.maker.name, self.maker.deadline.as_secs_f64());
-                let what = format!("`{name}` gave no answer within {seconds} s when {asked}");
+                let what = format!("`{name}` gave no answer within {seconds} s when {occasion}");
                 Fault::new(FaultKind::Timeout, what).with_stderr(last(&stack))
             }
             Unanswered::Stopped => {
@@ -216,8 +217,8 @@ impl Controller for PythonController {
             Ok((instance.control.clone_ref(py), arguments(py, &seen)?))
         };
         call(self.limit(), ask, commanded).map_err(|why| {
-            let asked = format!("asked for a command at {:.3} s", percept.time_s);
-            self.fault(FaultKind::Error, why, &asked)
+            let occasion = format!("asked for a command at {:.3} s", percept.time_s);
+            self.fault(FaultKind::Error, why, &occasion)
         })
     }
 

@@ -21,7 +21,7 @@ use crate::watch::{Running, interruptible};
 /// Which kept files are replayed, and against whom.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct ReplayAsked {
+pub(crate) struct ReplayOptions {
     path: PathBuf,
     episode: Option<String>,
     ego: Option<Py<PyAny>>,
@@ -32,31 +32,31 @@ pub(crate) struct ReplayAsked {
 #[pyfunction]
 pub(crate) fn replay_kept(
     py: Python<'_>,
-    asked: ReplayAsked,
+    options: ReplayOptions,
     running: Running,
 ) -> PyResult<Vec<RawReplayed>> {
-    let found = Regressions::find(&asked.path, asked.episode.as_deref()).map_err(failed)?;
+    let found = Regressions::find(&options.path, options.episode.as_deref()).map_err(failed)?;
     let mut found = found
-        .allow_programs(asked.allow_programs)
+        .allow_programs(options.allow_programs)
         .allow_invalid(running.allow_invalid);
-    let ego = asked.ego.as_ref().map(|ego| ego.bind(py));
-    let mut asked_ego = None;
+    let ego = options.ego.as_ref().map(|ego| ego.bind(py));
+    let mut requested_ego = None;
     if let Some(ego) = ego.filter(|ego| is_python(Some(ego))) {
         let (name, factory) = factory(ego)?;
         found = found.with_ego(&name, factory);
-        asked_ego = Some(name);
+        requested_ego = Some(name);
     } else if let Some(ego) = ego.filter(|ego| !ego.is_none()) {
         let (name, command) = match ego.cast::<PyString>() {
             Ok(name) => (Some(name.to_cow()?.into_owned()), Vec::new()),
             Err(_) => (None, ego.extract::<Vec<String>>()?),
         };
         found = found.against(name.as_deref(), &command).map_err(failed)?;
-        asked_ego = Some(name.map_or_else(|| command.join(" "), |name| stem(&name)));
+        requested_ego = Some(name.map_or_else(|| command.join(" "), |name| stem(&name)));
     }
     let recorded = found.kept().iter();
     let recorded = recorded.map(|kept| stem(&kept.counterexample.ego));
     let egos: Vec<String> = recorded
-        .map(|recorded| asked_ego.clone().unwrap_or(recorded))
+        .map(|recorded| requested_ego.clone().unwrap_or(recorded))
         .collect();
     let replayed = running.watched(py, move |_| {
         let replayed = if found.is_recorded_ego() {

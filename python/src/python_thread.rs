@@ -89,9 +89,9 @@ pub(crate) fn call<T: Send + 'static>(
     };
     // A thread that has ended drops the question, which is noticed below.
     let _ = thread.questions.send(question);
-    let asked = Instant::now();
+    let requested = Instant::now();
     loop {
-        let left = limit.map_or(LOOK, |limit| limit.saturating_sub(asked.elapsed()));
+        let left = limit.map_or(LOOK, |limit| limit.saturating_sub(requested.elapsed()));
         match receive.recv_timeout(left.min(LOOK)) {
             Ok(answer) => {
                 THREAD.set(Some(thread));
@@ -105,7 +105,7 @@ pub(crate) fn call<T: Send + 'static>(
                 thread.abandon();
                 return Err(Unanswered::Stopped);
             }
-            Err(RecvTimeoutError::Timeout) if limit.is_some_and(|it| it <= asked.elapsed()) => {
+            Err(RecvTimeoutError::Timeout) if limit.is_some_and(|it| it <= requested.elapsed()) => {
                 let stack = thread.abandon();
                 return Err(Unanswered::Late { stack });
             }
@@ -200,8 +200,8 @@ impl Mailbox {
         returned: Bound<'_, PyAny>,
         raised: Option<Bound<'_, PyAny>>,
     ) -> Option<Call> {
-        let heard = self.hear.lock();
-        if let Some(hear) = heard.unwrap_or_else(PoisonError::into_inner).take() {
+        let received = self.hear.lock();
+        if let Some(hear) = received.unwrap_or_else(PoisonError::into_inner).take() {
             hear(raised.map_or(Ok(returned), |raised| Err(PyErr::from_value(raised))));
         }
         loop {

@@ -47,9 +47,10 @@ impl RawRun {
     }
 
     /// The trained ado; a conditional one is told of the ego what is given.
-    fn policy(&self, told: Vec<(String, f64)>) -> PyResult<RawPolicy> {
+    fn policy(&self, parameters: Vec<(String, f64)>) -> PyResult<RawPolicy> {
         let (run, world) = (self.open()?, self.scenario()?);
-        let policy = policy_for_parameters(&run, &told.into_iter().collect()).map_err(failed)?;
+        let policy =
+            policy_for_parameters(&run, &parameters.into_iter().collect()).map_err(failed)?;
         let observation = world.world().spaces().observation;
         Ok(RawPolicy {
             policy,

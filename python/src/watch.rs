@@ -33,13 +33,13 @@ pub(crate) struct Running {
 
 /// What the thread that works tells the one that waits.
 #[derive(Default)]
-struct Told {
+struct Reported {
     done: AtomicU64,
     total: AtomicU64,
     words: Mutex<(String, Vec<String>)>,
 }
 
-impl Told {
+impl Reported {
     fn hear(&self, remark: Remark<'_>) {
         let mut words = self.words.lock().unwrap_or_else(PoisonError::into_inner);
         match remark {
@@ -74,9 +74,9 @@ impl Running {
         py: Python<'_>,
         work: impl FnOnce(&Watch<'_>) -> Result<T, Failure> + Send + 'static,
     ) -> PyResult<T> {
-        let told = Arc::new(Told::default());
+        let reported = Arc::new(Reported::default());
         let faults = FaultLog::allowing(self.allow_invalid);
-        let (hearer, log, jobs) = (told.clone(), faults.clone(), self.jobs);
+        let (hearer, log, jobs) = (reported.clone(), faults.clone(), self.jobs);
         let work = move |stop: &Arc<AtomicBool>| {
             let progress = |done, total| {
                 hearer.done.store(done, Ordering::Relaxed);
@@ -95,10 +95,10 @@ impl Running {
             );
             result.unwrap_or_else(|error| Err(Failure::fault(error.to_string(), None)))
         };
-        let result = interruptible(py, work, |py| told.show(py, self.progress.as_ref()))?;
+        let result = interruptible(py, work, |py| reported.show(py, self.progress.as_ref()))?;
         // Ctrl-C may have been pressed inside an ego.
         check_interrupted()?;
-        told.show(py, self.progress.as_ref())?;
+        reported.show(py, self.progress.as_ref())?;
         // Why an ego did not run says more than what could not be done for it.
         match faults.complaint() {
             Some(complaint) => Err(failed(complaint)),
@@ -125,10 +125,10 @@ pub(crate) fn interruptible<T: Send + 'static>(
             .unwrap_or_else(PoisonError::into_inner)
             .recv_timeout(most)
     };
-    let told = stop.clone();
+    let reported = stop.clone();
     std::thread::spawn(move || {
         // Nobody receives what was left behind.
-        let _ = send.send(stopped_by(&told, || work(&told)));
+        let _ = send.send(stopped_by(&reported, || work(&reported)));
     });
     loop {
         match py.detach(|| wait(LOOK)) {

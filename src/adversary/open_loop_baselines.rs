@@ -88,10 +88,10 @@ mod tests {
         let nominal = EgoUnderTest::nominal(&world);
         let best = best_then_brake(&nominal, &starts, &watch).expect("it drives");
         assert_eq!(best.row.ado, AdversaryId::BestSwitch);
-        let says = &best.row.method;
+        let stated = &best.row.method;
         assert!(
-            says.ends_with("the best of 6") && says.contains("-3 m/s²"),
-            "{says}"
+            stated.ends_with("the best of 6") && stated.contains("-3 m/s²"),
+            "{stated}"
         );
         // The first of the six is the constant braking.
         let constant = best_constant(&nominal, &starts, &watch);

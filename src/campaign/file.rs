@@ -146,7 +146,7 @@ pub(super) struct GateEntry {
 /// Starts of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub enum StartsAsked {
+pub enum RequestedStarts {
     /// Test starts of a stream.
     Drawn {
         /// Number of starts.
@@ -163,11 +163,11 @@ pub enum StartsAsked {
     },
 }
 
-impl StartsAsked {
+impl RequestedStarts {
     /// Returns the seed of the stream of starts, or of their noise.
     pub fn seed(&self) -> u64 {
         match self {
-            StartsAsked::Drawn { seed, .. } | StartsAsked::Grid { seed, .. } => *seed,
+            RequestedStarts::Drawn { seed, .. } | RequestedStarts::Grid { seed, .. } => *seed,
         }
     }
 }

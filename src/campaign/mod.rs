@@ -32,7 +32,7 @@ pub(crate) use cost_pilot::PIECE_S;
 pub use cost_pilot::{Cut, PlanCost};
 pub use dir::{PieceDone, PlanDir, Ran};
 pub use error::CampaignError;
-pub use file::StartsAsked;
+pub use file::RequestedStarts;
 pub use merge::Merged;
 pub(crate) use page::COLUMNS;
 pub use plan::{

@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::file::StartsAsked;
+use super::file::RequestedStarts;
 use crate::content_hash::{BLANK, seal, sha256};
 use crate::evaluation::GateOn;
 use crate::run_dir::ChangedEgo;
@@ -35,7 +35,7 @@ pub struct Plan {
     /// Ados that the campaign trains.
     pub trainings: Vec<PlannedTraining>,
     /// Starts that are played in each world.
-    pub starts: StartsAsked,
+    pub starts: RequestedStarts,
     /// Whether counterexamples are judged by the reference drivers.
     pub preventability: bool,
     /// Ego that every other ego is compared with, and the rule that decides.
@@ -337,7 +337,7 @@ mod tests {
                 seed: 1,
                 decisions: None,
             }],
-            starts: StartsAsked::Drawn { count: 7, seed: 1 },
+            starts: RequestedStarts::Drawn { count: 7, seed: 1 },
             preventability: false,
             gate: None,
             boundary: None,
@@ -375,7 +375,7 @@ mod tests {
         };
         let requested = plan.question(&work);
         let mut other = plan.clone();
-        other.starts = StartsAsked::Drawn { count: 7, seed: 2 };
+        other.starts = RequestedStarts::Drawn { count: 7, seed: 2 };
         assert_ne!(other.question(&work), requested);
         let mut other = plan.clone();
         other.preventability = true;

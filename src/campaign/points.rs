@@ -2,28 +2,30 @@
 
 use std::ops::Range;
 
-use super::file::StartsAsked;
+use super::file::RequestedStarts;
 use crate::experiment::{drawn_starts, test_noise};
 use crate::scene::Start;
 use crate::world::Scenario;
 
-impl StartsAsked {
+impl RequestedStarts {
     /// Returns the number of starts in a world.
     pub(super) fn count(&self, world: &Scenario) -> usize {
         match self {
-            StartsAsked::Drawn { count, .. } => match world.starts() {
+            RequestedStarts::Drawn { count, .. } => match world.starts() {
                 // A world with a list of starts cannot have more than that list.
                 Some(all) => all.len().min(*count),
                 None => *count,
             },
-            StartsAsked::Grid { axes, .. } => axes.iter().map(|(_, values)| values.len()).product(),
+            RequestedStarts::Grid { axes, .. } => {
+                axes.iter().map(|(_, values)| values.len()).product()
+            }
         }
     }
 
     /// Returns a range of the starts, each with the seed of its noise.
     pub(super) fn of(&self, world: &Scenario, which: Range<usize>) -> Vec<(Start, u64)> {
         match self {
-            StartsAsked::Drawn { count, seed } => {
+            RequestedStarts::Drawn { count, seed } => {
                 // A list that fits is played completely and in order, as `eval` does.
                 match world.starts().filter(|all| all.len() <= *count) {
                     None => drawn_starts(world, *seed, which),
@@ -35,7 +37,7 @@ impl StartsAsked {
                     }
                 }
             }
-            StartsAsked::Grid { axes, seed } => {
+            RequestedStarts::Grid { axes, seed } => {
                 let bench = world.bench();
                 let point = |index| (point(world, axes, index), test_noise(&bench, *seed, index));
                 which.map(point).collect()
@@ -75,7 +77,7 @@ mod tests {
     #[test]
     fn drawn_starts_are_those_of_eval_wherever_they_are_cut() {
         let world = world();
-        let requested = StartsAsked::Drawn { count: 9, seed: 7 };
+        let requested = RequestedStarts::Drawn { count: 9, seed: 7 };
         let all = test_starts(&world, 7, 9, &Watch::unwatched()).expect("not stopped");
         let mut cut = requested.of(&world, 0..4);
         cut.extend(requested.of(&world, 4..9));
@@ -90,7 +92,7 @@ mod tests {
             (names[1].clone(), vec![1.0, 2.0, 3.0]),
             (names[0].clone(), vec![10.0, 20.0]),
         ];
-        let requested = StartsAsked::Grid { axes, seed: 0 };
+        let requested = RequestedStarts::Grid { axes, seed: 0 };
         assert_eq!(requested.count(&world), 6);
         let starts = requested.of(&world, 0..6);
         let of = |nth: usize| -> Vec<f64> { starts.iter().map(|(it, _)| it.0[nth]).collect() };

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::dir::PlanDir;
-use super::file::StartsAsked;
+use super::file::RequestedStarts;
 use super::plan::{Plan, PlannedAdo, Unit};
 use crate::evaluation::GateOn;
 use crate::run_dir::ClosingSpeed;
@@ -397,7 +397,7 @@ fn gates(
 }
 
 fn maps(dir: &PlanDir, units: &[(&Unit, &UnitCounts)]) -> Vec<CellMap> {
-    let StartsAsked::Grid { axes, .. } = &dir.plan().starts else {
+    let RequestedStarts::Grid { axes, .. } = &dir.plan().starts else {
         return Vec::new();
     };
     // A grid with fewer than two axes has no map.

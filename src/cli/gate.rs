@@ -61,8 +61,8 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
 /// Returns the egos under test, and the baseline ego below them.
 fn egos(args: &GateArgs, nominal: &Scenario) -> Result<Vec<EgoUnderTest>, Failure> {
     let mut egos = args.ego.find(nominal)?;
-    let asked = &args.baseline_ego;
-    let before = EgoUnderTest::find(nominal, asked)?;
+    let requested = &args.baseline_ego;
+    let before = EgoUnderTest::find(nominal, requested)?;
     let [before] = &before[..] else {
         return Err(Failure::input(
             "`--baseline-ego all` is more than one ego",
@@ -73,7 +73,7 @@ fn egos(args: &GateArgs, nominal: &Scenario) -> Result<Vec<EgoUnderTest>, Failur
     egos.retain(|ego| ego.name() != before.name());
     if egos.is_empty() {
         return Err(Failure::input(
-            format!("`{asked}` is compared with itself"),
+            format!("`{requested}` is compared with itself"),
             "name another ego with `--ego`",
         ));
     }

@@ -85,7 +85,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
 fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
     let stem = named.file_name().unwrap_or_default().to_string_lossy();
-    let asked = Import {
+    let import = Import {
         scenario: from,
         points: args.points.as_deref(),
         only: args.point,
@@ -97,7 +97,7 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         worlds,
         broken,
         dropped,
-    } = asked.read(&file_text)?;
+    } = import.read(&file_text)?;
     let mut files = Vec::new();
     for world in &worlds {
         let path = named.with_file_name(format!("{}.ron", world.name));
@@ -121,19 +121,20 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
             .iter()
             .for_each(|it| terminal::note(&dropped_line(it)));
     }
-    let told = files.iter().zip(&worlds);
+    let written = files.iter().zip(&worlds);
     if args.json {
         let dropped = dropped.iter().map(|it| {
             let file = it.file.display().to_string();
             json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
         });
         let dropped: Vec<_> = dropped.collect();
-        let told = told.map(|((_, file), world)| json!({ "file": file, "points": world.points }));
-        let told: Vec<_> = told.collect();
-        print_json(&json!({ "worlds": told, "broken": broken, "dropped": dropped }))
+        let written =
+            written.map(|((_, file), world)| json!({ "file": file, "points": world.points }));
+        let written: Vec<_> = written.collect();
+        print_json(&json!({ "worlds": written, "broken": broken, "dropped": dropped }))
     } else {
-        let lines =
-            told.map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()));
+        let lines = written
+            .map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()));
         let mut lines: Vec<String> = lines.collect();
         if 0 < broken {
             lines.push(format!(

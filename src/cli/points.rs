@@ -24,7 +24,7 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     let egos = args.ego.find(world)?;
     // Only the named egos play here, so the world's own ego needs no consent.
     consent_to(&egos)?;
-    let tables = met(args, &egos);
+    let tables = played(args, &egos);
     if tables.is_empty() {
         return interrupted_early(&args.test.common);
     }
@@ -45,7 +45,7 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     })
 }
 
-fn met(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
+fn played(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
     let bar = progress::bar(&args.test.common, "");
     let watch = bar.watch();
     let mut tables = Vec::new();

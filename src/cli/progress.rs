@@ -223,20 +223,20 @@ pub fn bar(common: &Common, title: &str) -> Bar {
         moved.set_length(total);
         moved.set_position(done);
     });
-    let (named, told) = (shown.clone(), Arc::clone(&shared));
+    let (named, reported) = (shown.clone(), Arc::clone(&shared));
     let remarks = Box::new(move |remark: Remark<'_>| {
         match remark {
             Remark::Phase { what, step } => {
-                told.present().begin(what, step);
+                reported.present().begin(what, step);
                 named.set_length(0);
                 named.set_position(0);
             }
-            Remark::Detail(detail) => told.present().phase.detail = detail.to_owned(),
+            Remark::Detail(detail) => reported.present().phase.detail = detail.to_owned(),
             // The bar is removed while a line is written, or both would mix.
             Remark::Line(line) => return named.suspend(|| terminal::note(line)),
         }
         // Not while the lock is held: drawing takes it.
-        let label = told.present().phase.label();
+        let label = reported.present().phase.label();
         named.set_message(label);
     });
     Bar {

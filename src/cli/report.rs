@@ -126,8 +126,8 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
             "leave them out",
         ));
     }
-    let asked = args.ego.as_deref().unwrap_or("nominal");
-    let egos = EgoUnderTest::find_or_program(&world, asked, &args.program)?;
+    let requested = args.ego.as_deref().unwrap_or("nominal");
+    let egos = EgoUnderTest::find_or_program(&world, requested, &args.program)?;
     let [ego] = &egos[..] else {
         return Err(Failure::input(
             "`--ego all` is more than one ego",

@@ -14,7 +14,7 @@ pub(super) struct ReproduceArgs {
 
 /// Refusal of `reproduce WHAT`.
 pub(super) fn refusal(args: &ReproduceArgs) -> Failure {
-    let asked = if args.words.is_empty() {
+    let words = if args.words.is_empty() {
         "WHAT".to_owned()
     } else {
         command_line(&args.words)
@@ -24,6 +24,6 @@ pub(super) fn refusal(args: &ReproduceArgs) -> Failure {
         "run this in a copy of the repository:",
     )
     .with_command(&format!(
-        "cargo run --release -p brakecheck-repro -- {asked}"
+        "cargo run --release -p brakecheck-repro -- {words}"
     ))
 }

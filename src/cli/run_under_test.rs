@@ -215,8 +215,8 @@ fn can_learn(test: &TestArgs, nominal: &Scenario) -> Result<(), Failure> {
 /// Refuses to keep counterexamples of ados whose counterexamples are not kept.
 fn keeps_something(test: &TestArgs) -> Result<(), Failure> {
     let kept = [AdoKind::Trained, AdoKind::All, AdoKind::Optimal];
-    let asked = &test.ado;
-    let plays_trained = asked.is_empty() || kept.iter().any(|ado| asked.contains(ado));
+    let requested = &test.ado;
+    let plays_trained = requested.is_empty() || kept.iter().any(|ado| requested.contains(ado));
     if test.keep.dir().is_some() && !plays_trained {
         Err(Failure::input(
             "`--keep` writes counterexamples of the trained ado, which is not asked for",

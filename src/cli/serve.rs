@@ -38,8 +38,8 @@ fn quantity(text: &str) -> Result<(String, f64), String> {
 
 pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common())?;
-    let told: IndexMap<String, f64> = args.tell.iter().cloned().collect();
-    let mut ado = ServedAdo::of(&run, &told)?;
+    let parameters: IndexMap<String, f64> = args.tell.iter().cloned().collect();
+    let mut ado = ServedAdo::of(&run, &parameters)?;
     terminal::note(&format!(
         "the ado of world `{}` answers on standard output, line by line ({DOCUMENT})",
         ado.world().name()

@@ -252,8 +252,8 @@ fn on_the_road(carried: &CarryOver) -> String {
         "\nreading        ε < τ as in the theorem, or the sharper one\
          \nbounds         distances that are not exceeded, by the other starts\
          \ncoverage       pairs that stay within the bounds\
-         \npredicted      pairs foretold to carry over; precision: of those, the share that does;\
-         \n               recall: of those that do, the share foretold",
+         \npredicted      pairs forecast_row to carry over; precision: of those, the share that does;\
+         \n               recall: of those that do, the share forecast_row",
     );
     for refused in &carried.refused {
         text.push_str(&format!("\nleft out: {}", refused.why));

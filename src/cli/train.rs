@@ -78,7 +78,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         ));
         return Ok(Exit::Interrupted);
     }
-    say_trained(&trained);
+    print_trained(&trained);
     let bar = progress::bar(&args.common, "");
     let Some(closing) = session.evaluate(args.starts, &bar.watch())? else {
         return interrupted_early(&args.common);
@@ -118,7 +118,7 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
     })
 }
 
-fn say_trained(trained: &TrainingOutcome) {
+fn print_trained(trained: &TrainingOutcome) {
     let done = &trained.done;
     terminal::note(&format!(
         "trained for {} decisions in {} episodes: {:.1} s of processor time, {:.0} decisions/s",

@@ -70,9 +70,9 @@ impl CachedResult {
         }
         let found = self.hash(&kept["made"]);
         if kept["sha256"] != found {
-            let says = &kept["sha256"];
+            let stated = &kept["sha256"];
             return Err(damaged(format!(
-                "it was changed since it was written: SHA-256 is {found}, it says {says}"
+                "it was changed since it was written: SHA-256 is {found}, it says {stated}"
             )));
         }
         let seal = kept["seal"].as_str().unwrap_or_default();

@@ -382,6 +382,16 @@ fn few_types_share_a_name() {
     assert!(shared.len() <= MOST_SHARED_NAMES, "\n{shared:#?}");
 }
 
+#[test]
+fn names_are_the_fields_words() {
+    let private = names::private_words(&texts());
+    assert!(private.is_empty(), "\n{private:#?}");
+    let wrong = "fn told() {} struct HeardFrom; struct A { met_s: f64 } fn f() { let asked = 1; }";
+    let kept = "enum End { Asked } fn cast() {} fn broadcast(metres: f64) {}";
+    let found = names::private_words(&[("wrong.rs", wrong), ("kept.rs", kept)]);
+    assert_eq!(found.len(), 4, "{found:?}");
+}
+
 /// A verb parses, calls the library and prints; what it decides is below.
 const MOST_LINES_OF_A_VERB: usize = 40;
 

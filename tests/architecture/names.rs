@@ -147,3 +147,107 @@ impl<'a> Visit<'a> for Public {
         self.scan(it.tokens.clone());
     }
 }
+
+/// Words that name nothing a reader would search for, in any name of the code.
+const PRIVATE_WORDS: [&str; 16] = [
+    "alike", "asked", "cast", "foretold", "heard", "lived", "meeting", "meets", "met", "nobody",
+    "somebody", "say", "says", "telling", "told", "whom",
+];
+
+/// Names with a private word that must stay: keys of stored files, a premise, and a term of
+/// collision detection.
+const KEPT_NAMES: [&str; 6] = [
+    "Asked",
+    "NotAsked",
+    "PremiseNotMet",
+    "cast",
+    "decisions_asked",
+    "not_asked",
+];
+
+/// The names of functions, fields, variants, types and variables with a private word,
+/// each with its place.
+pub fn private_words(texts: &[(impl AsRef<str>, impl AsRef<str>)]) -> Vec<String> {
+    let mut found = PrivateWords::default();
+    for (path, text) in texts {
+        let file = syn::parse_file(text.as_ref()).expect("a source file");
+        if file.attrs.iter().any(is_for_tests) {
+            continue;
+        }
+        found.path = path.as_ref().to_owned();
+        found.visit_file(&file);
+    }
+    found.names
+}
+
+#[derive(Default)]
+struct PrivateWords {
+    path: String,
+    names: Vec<String>,
+}
+
+impl PrivateWords {
+    fn check(&mut self, name: &syn::Ident) {
+        let text = name.to_string();
+        if KEPT_NAMES.contains(&&*text) {
+            return;
+        }
+        let words = words_of(&text);
+        if words.iter().any(|word| PRIVATE_WORDS.contains(&&**word)) {
+            let line = name.span().start().line;
+            self.names.push(format!("{}:{line}: {text}", self.path));
+        }
+    }
+}
+
+/// The lower-case words of a name in either case style.
+fn words_of(name: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    for c in name.chars() {
+        if c == '_' || c.is_uppercase() {
+            words.push(String::new());
+        }
+        if c != '_'
+            && let Some(word) = words.last_mut()
+        {
+            word.extend(c.to_lowercase());
+        }
+    }
+    words
+}
+
+impl<'a> Visit<'a> for PrivateWords {
+    fn visit_item(&mut self, item: &'a syn::Item) {
+        if let syn::Item::Mod(it) = item
+            && it.attrs.iter().any(is_for_tests)
+        {
+            return;
+        }
+        if let Some((_, name, _)) = type_of(item) {
+            self.check(name);
+        }
+        visit::visit_item(self, item);
+    }
+
+    fn visit_signature(&mut self, it: &'a syn::Signature) {
+        self.check(&it.ident);
+        visit::visit_signature(self, it);
+    }
+
+    fn visit_field(&mut self, it: &'a syn::Field) {
+        if let Some(name) = &it.ident {
+            self.check(name);
+        }
+        visit::visit_field(self, it);
+    }
+
+    fn visit_variant(&mut self, it: &'a syn::Variant) {
+        self.check(&it.ident);
+        visit::visit_variant(self, it);
+    }
+
+    fn visit_pat_ident(&mut self, it: &'a syn::PatIdent) {
+        self.check(&it.ident);
+        visit::visit_pat_ident(self, it);
+    }
+}

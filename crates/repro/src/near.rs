@@ -60,12 +60,12 @@ pub struct NearRow {
     /// Per axis, failing starts with a smaller and with a larger value than x0.
     pub below_above: Vec<(String, [usize; 2])>,
     /// Failing starts that are similar to no training start.
-    pub never_met: usize,
+    pub never_seen: usize,
 }
 
 /// Evaluates all `starts` that are δ-near `around`, for each δ.
 ///
-/// Every training start counts as seen, even if training did not reach it, so `never_met`
+/// Every training start counts as seen, even if training did not reach it, so `never_seen`
 /// is a lower bound. `None`: stopped.
 pub fn near_starts(
     scenario: &Scenario,
@@ -136,7 +136,7 @@ pub fn near_starts(
             failing: failing.len(),
             ci95: wilson(failing.len(), near.len()),
             below_above: sides.collect(),
-            never_met: unseen.count(),
+            never_seen: unseen.count(),
         }
     };
     Some(NearFailing {
@@ -192,7 +192,7 @@ pub fn near_starts_markdown(all: &[NearFailing]) -> String {
                 format!("{} of {}", row.near, near.starts),
                 format!("{} ({share:.1} %) [{lo:.1}, {hi:.1}]", row.failing),
                 sides.collect::<Vec<_>>().join("; "),
-                row.never_met.to_string(),
+                row.never_seen.to_string(),
             ]
         })
     });

@@ -6,7 +6,7 @@ mod starts;
 
 use std::path::{Path as FilePath, PathBuf};
 
-use super::file::{BoundaryEntry, CampaignFile, GateEntry, StartsAsked, WorldEntry};
+use super::file::{BoundaryEntry, CampaignFile, GateEntry, RequestedStarts, WorldEntry};
 use super::plan::{FORMAT, Plan, PlannedRun, PlannedTraining, PlannedWorld, Unit};
 use super::regulation_boundary;
 use crate::campaign::error::CampaignError;
@@ -170,7 +170,7 @@ impl Checker {
     fn units(
         &mut self,
         file: &CampaignFile,
-        starts: &StartsAsked,
+        starts: &RequestedStarts,
     ) -> Result<Vec<Unit>, CampaignError> {
         let mut units: Vec<Unit> = Vec::new();
         for world in 0..self.worlds.len() {

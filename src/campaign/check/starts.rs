@@ -2,7 +2,7 @@
 
 use super::Checker;
 use crate::campaign::error::CampaignError;
-use crate::campaign::file::{StartsAsked, StartsEntry};
+use crate::campaign::file::{RequestedStarts, StartsEntry};
 use crate::world::{Scenario, ValuePath, guessed};
 
 /// Largest number of starts of a unit.
@@ -15,10 +15,10 @@ impl Checker {
         &self,
         at: &ValuePath,
         entry: &StartsEntry,
-    ) -> Result<StartsAsked, CampaignError> {
+    ) -> Result<RequestedStarts, CampaignError> {
         let (axes, seed) = match *entry {
             StartsEntry::Drawn { count, seed } if (1..=MAX_STARTS).contains(&count) => {
-                return Ok(StartsAsked::Drawn { count, seed });
+                return Ok(RequestedStarts::Drawn { count, seed });
             }
             StartsEntry::Drawn { count, .. } => {
                 let what = format!("{count} starts: there are 1 to {MAX_STARTS}");
@@ -58,7 +58,7 @@ impl Checker {
             .iter()
             .try_fold(1usize, |all, (_, along)| all.checked_mul(along.len()));
         match all.filter(|all| (1..=MAX_STARTS).contains(all)) {
-            Some(_) if !values.is_empty() => Ok(StartsAsked::Grid { axes: values, seed }),
+            Some(_) if !values.is_empty() => Ok(RequestedStarts::Grid { axes: values, seed }),
             _ => {
                 let what = format!("the grid has no axis, or more than {MAX_STARTS} points");
                 Err(self.source.wrong(&at.to("axes"), what, None))

@@ -11,8 +11,8 @@ use super::super::{Briefing, Command, Fault, FaultKind, Percept};
 #[cfg(unix)]
 use super::program::{Program, shown};
 use super::protocol::{
-    AskReset, AskStep, DOCUMENT, Empty, Greeting, Hello, HelloAnswer, Numbered, PROTOCOL,
-    ReadyAnswer, Reset, Say, StepAnswer,
+    AskReset, AskStep, DOCUMENT, EgoMessage, Empty, Greeting, Hello, HelloAnswer, Numbered,
+    PROTOCOL, ReadyAnswer, Reset, StepAnswer,
 };
 #[cfg(not(unix))]
 use super::unsupported_platform::{UnsupportedProgram as Program, shown};
@@ -54,7 +54,7 @@ impl Talk {
         };
         let occasion = || "asked for its hello".to_owned();
         let answer: Result<HelloAnswer, Fault> =
-            talk.ask(&Say::Hello(greeting), timeout, &occasion);
+            talk.ask(&EgoMessage::Hello(greeting), timeout, &occasion);
         let HelloAnswer { hello } = answer.map_err(|fault| {
             talk.broken = true;
             match fault.kind {
@@ -166,7 +166,7 @@ impl Talk {
     /// Asks the program to end and returns whether it did in time.
     pub(super) fn close(&mut self, grace: Duration) -> bool {
         self.broken = true;
-        let farewell = serde_json::to_vec(&Say::Close(Empty {})).unwrap_or_default();
+        let farewell = serde_json::to_vec(&EgoMessage::Close(Empty {})).unwrap_or_default();
         self.program.close(&[&farewell[..], b"\n"].concat(), grace)
     }
 

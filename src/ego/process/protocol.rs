@@ -15,7 +15,7 @@ pub(crate) const DOCUMENT: &str = "docs/reference/ego-protocol.md";
 /// Message of brakecheck without an episode.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Say {
+pub(super) enum EgoMessage {
     /// Greeting, which the program answers with its own.
     Hello(Greeting),
     /// Farewell, which asks the program to end.

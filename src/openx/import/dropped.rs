@@ -81,7 +81,7 @@ impl DropLog {
         let kind = KINDS.iter().find(|(name, _)| *name == node.name);
         match kind {
             Some((_, kind)) => {
-                if !says_nothing(node) {
+                if !is_empty_element(node) {
                     self.note(kind, node);
                 }
             }
@@ -123,7 +123,7 @@ impl DropLog {
 }
 
 /// Returns true for a curve or a lane height whose terms are all 0.
-fn says_nothing(node: &XmlNode) -> bool {
+fn is_empty_element(node: &XmlNode) -> bool {
     let is_curve = CURVES.contains(&node.name.as_str());
     let mut terms = TERMS.iter().filter_map(|term| node.raw(term));
     is_curve && terms.all(|term| number(term) == Some(0.0))

@@ -73,9 +73,9 @@ fn near_starts_are_counted_as_they_play() {
     assert_eq!(wide.below_above[0].0, "ego.speed");
     assert_eq!(wide.below_above[0].1, [slower, failing.len() - slower]);
     assert!(0 < wide.failing && narrow.near < wide.near);
-    assert!(wide.never_met <= wide.failing && look(0).rows[1].never_met == wide.failing);
+    assert!(wide.never_seen <= wide.failing && look(0).rows[1].never_seen == wide.failing);
     // A dense training contains all of them, within 1 % of each range.
-    assert!(look(20_000).rows[1].never_met < wide.never_met);
+    assert!(look(20_000).rows[1].never_seen < wide.never_seen);
     assert!(near_starts_markdown(&[near]).contains("ego.speed 12.00"));
     let outside = start_with(&world, &[("ego.speed", 99.0)]);
     assert!(matches!(outside, Err(FigureError::NoSuchStart { .. })));
