@@ -31,7 +31,7 @@ pub(super) const REPLAY: &str =
 pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n\nDocuments: docs/reference/stl.md";
 pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/guide/report.md";
-pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n\nDocuments: docs/guide/report.md";
+pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n\nDocuments: docs/guide/pictures.md";
 pub(super) const REPRODUCE: &str = "Refused; instead, in the repository:\n  cargo run --release -p brakecheck-repro -- case-studies\n\nDocuments: docs/background/results.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/guide/export.md";
 pub(super) const SERVE: &str =

@@ -9,7 +9,7 @@ use crate::sysid::IdentifiedAs;
 /// Legend of the columns of rows.
 const ROWS_EXPLAINED: &str = "
 success        starts on which the ego fails, and no rule was broken before; with its 95 % interval
-recall         of the starts that search solves, the share solved here too; –: none was asked for
+recall         share solved here of the starts that search solves; –: no search, or it solved none
 sims/start     simulations spent per start, on average
 fouls          starts on which a rule was broken first: no success; search: sequences it tried
 fouls before   starts that were solved, a rule being broken between failure and contact
