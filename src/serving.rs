@@ -140,7 +140,7 @@ impl ServedAdo {
     /// Returns an error if a line is no message, or a pipe fails.
     pub fn serve(
         &mut self,
-        request: &mut impl BufRead,
+        requests: &mut impl BufRead,
         answers: &mut impl Write,
     ) -> Result<Served, ServeError> {
         let mut served = Served::default();
@@ -152,7 +152,7 @@ impl ServedAdo {
                 let _ = write_line(answers, &json!({ "error": why }));
                 ServeError::NoMessage { line, why }
             };
-            match request.by_ref().take(LONGEST + 1).read_line(&mut text) {
+            match requests.by_ref().take(LONGEST + 1).read_line(&mut text) {
                 Ok(0) => break,
                 Ok(_) => {}
                 Err(error) if error.kind() == io::ErrorKind::InvalidData => {

@@ -123,12 +123,12 @@ impl PythonController {
         let Some(briefing) = self.briefing.clone() else {
             return;
         };
-        let answer = self.tell(
+        let went_well = self.tell(
             "briefed",
             |instance| instance.brief.as_ref(),
             move |py| arguments(py, &objects(py, &briefing)?),
         );
-        if !answer {
+        if !went_well {
             self.instance.replace(None);
         }
     }

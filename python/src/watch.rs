@@ -125,10 +125,10 @@ pub(crate) fn interruptible<T: Send + 'static>(
             .unwrap_or_else(PoisonError::into_inner)
             .recv_timeout(most)
     };
-    let reported = stop.clone();
+    let flag = stop.clone();
     std::thread::spawn(move || {
         // Nobody receives what was left behind.
-        let _ = send.send(stopped_by(&reported, || work(&reported)));
+        let _ = send.send(stopped_by(&flag, || work(&flag)));
     });
     loop {
         match py.detach(|| wait(LOOK)) {

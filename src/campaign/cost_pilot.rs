@@ -62,7 +62,7 @@ impl Plan {
     /// Reads a campaign file and cuts it into pieces of about `piece_s` seconds.
     ///
     /// Without `piece_s` a pilot measures the cost of a start. It plays a few starts per world,
-    /// ado and program as an ego, and pieces take [`PIECE_S`].
+    /// ado and program as an ego, and pieces take 10 s.
     /// With `piece_s` no start is played, so the plan follows from the file alone.
     /// `None`: stopped.
     ///

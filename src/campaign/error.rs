@@ -139,7 +139,7 @@ impl CampaignError {
             }
             CampaignError::Interrupted => "run the same command again",
             CampaignError::Strangers { .. } => {
-                "take these files away: two pieces have the same name"
+                "take these files away: they are no pieces of this plan"
             }
             CampaignError::Unmergeable { some_are_wrong, .. } if *some_are_wrong => {
                 "remove those that are damaged or foreign and run them again: \

@@ -152,7 +152,7 @@ fn state(map: &CellMap, nth: usize) -> CellState {
 }
 
 impl SummaryRow {
-    /// Returns the cells of the row, in the order of [`COLUMNS`].
+    /// Returns the cells of the row, in the order of the columns.
     pub fn cells(&self) -> [String; 10] {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),

@@ -75,20 +75,20 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let starts = (test.starts, test.seed);
     // One switch is a cheap estimate of the reach, while `search` looks further.
     let switches = test.search.unwrap_or(1);
-    let Some(table) = untrained(&world, &egos, starts, switches, &watch)? else {
+    let Some(baselines) = untrained(&world, &egos, starts, switches, &watch)? else {
         drop(bar);
         return interrupted_early(&test.common);
     };
     drop(bar);
     if test.common.json {
-        print_json(&json!({ "rows": table.rows, "in_the_way": table.in_the_way }))?
+        print_json(&json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way }))?
     } else {
-        terminal::data(&table::rows(&table.rows))?;
-        for why in &table.in_the_way {
+        terminal::data(&table::rows(&baselines.rows))?;
+        for why in &baselines.in_the_way {
             terminal::data(&why.to_string())?;
         }
     }
-    Ok(exit_of(&table.rows, args.fail_on_counterexample))
+    Ok(exit_of(&baselines.rows, args.fail_on_counterexample))
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {

@@ -514,7 +514,7 @@ fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
             Exit::Input,
             "name counterexamples of driving worlds; `brakecheck view` shows those of grids",
         ),
-        ExportRefusal::OpenX(OpenXError::NobodyMoves) => (
+        ExportRefusal::OpenX(OpenXError::NoMotion) => (
             Exit::Input,
             "such a start fails by itself: begin with more room between the two",
         ),

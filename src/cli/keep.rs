@@ -18,7 +18,8 @@ Settings, as in `--keep crashes,most=4,as-found`:
 - most=N:   At most N per ego [default: 10; of points all]
 - all:      Every counterexample, like others or not
 - as-found: Without minimization
-- runs=N:   At most N runs of a program to minimize and label each [default: 300]";
+- runs=N:   At most N runs of a program to minimize and label each [default: 300]
+A directory with a comma in its name cannot be given";
 
 /// Kept counterexamples: their number, form and directory.
 #[derive(Args, Clone, Debug)]
@@ -51,11 +52,17 @@ fn request(text: &str) -> Result<KeepRequest, String> {
         form: Form::Shrunk,
         runs: KEEP_RUNS,
     };
+    let mut given = Vec::new();
     for setting in parts {
         let (name, value) = match setting.split_once('=') {
             Some((name, value)) => (name, Some(value)),
             None => (setting, None),
         };
+        // The last of two settings would win silently.
+        if given.contains(&name) {
+            return Err(format!("`{name}` is there twice"));
+        }
+        given.push(name);
         let number = |least: u64| {
             let number = value.and_then(whole_number).filter(|it| least <= *it);
             number.ok_or_else(|| format!("`{name}=N` requires a whole number from {least} on"))
@@ -77,7 +84,6 @@ fn request(text: &str) -> Result<KeepRequest, String> {
                 ));
             }
         };
-        // Two numbers contradict each other, and the last would win silently.
         if request.selection.replace(selection).is_some() {
             return Err(format!("`{setting}` contradicts an earlier setting"));
         }

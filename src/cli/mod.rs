@@ -151,7 +151,7 @@ pub fn main() -> ExitCode {
     terminal::main::<Cli>()
 }
 
-/// Runs the program on `arguments`, its own name first, once per process.
+/// Runs the program on `arguments`, its own name first.
 ///
 /// Help, and an invalid command line, end the process.
 pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {

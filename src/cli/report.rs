@@ -31,7 +31,7 @@ pub(super) struct ReportArgs {
     /// Another run of the same world, to show beside it; repeat for several.
     #[arg(long, value_name = "RUN", num_args = 1..)]
     with: Vec<PathBuf>,
-    /// Rows to show: what `eval` or `search` printed with `--json`; repeat for several.
+    /// Rows to show: what `eval`, `gate`, `sweep` or `search` printed with `--json`; repeat for several.
     #[arg(long, value_name = "FILE.json")]
     rows: Vec<PathBuf>,
     /// Test starts for the nominal ego.

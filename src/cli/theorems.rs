@@ -231,10 +231,10 @@ fn on_the_road(carried: &CarryOver) -> String {
         "\n\nBefore running, distances bounded at {:.0} % by as many other starts:\n",
         100.0 * (1.0 - carried.alpha)
     ));
-    let foretold = carried.rows.iter().flat_map(|row| {
-        let plain = foretold(&row.ego, row.ado, "ε < τ", &row.forecast);
+    let forecasts = carried.rows.iter().flat_map(|row| {
+        let plain = forecast_row(&row.ego, row.ado, "ε < τ", &row.forecast);
         let sharper = row.sharper.as_ref();
-        let sharper = sharper.map(|s| foretold(&row.ego, row.ado, "sharper", &s.forecast));
+        let sharper = sharper.map(|s| forecast_row(&row.ego, row.ado, "sharper", &s.forecast));
         std::iter::once(plain).chain(sharper)
     });
     let header = [
@@ -247,13 +247,13 @@ fn on_the_road(carried: &CarryOver) -> String {
         "precision",
         "recall",
     ];
-    text.push_str(&table_of(header, foretold));
+    text.push_str(&table_of(header, forecasts));
     text.push_str(
         "\nreading        ε < τ as in the theorem, or the sharper one\
          \nbounds         distances that are not exceeded, by the other starts\
          \ncoverage       pairs that stay within the bounds\
-         \npredicted      pairs forecast_row to carry over; precision: of those, the share that does;\
-         \n               recall: of those that do, the share forecast_row",
+         \npredicted      pairs forecast to carry over; precision: of those, the share that does;\
+         \n               recall: of those that do, the share forecast",
     );
     for refused in &carried.refused {
         text.push_str(&format!("\nleft out: {}", refused.why));
@@ -261,7 +261,7 @@ fn on_the_road(carried: &CarryOver) -> String {
     text
 }
 
-fn foretold(ego: &str, ado: &str, reading: &str, forecast: &Forecast) -> [String; 8] {
+fn forecast_row(ego: &str, ado: &str, reading: &str, forecast: &Forecast) -> [String; 8] {
     let bounds = forecast.quantiles.iter().map(|q| number(*q));
     let [lo, hi] = forecast.coverage_ci95.map(|share| 100.0 * share);
     let coverage = format!("{:.1} % [{lo:.1}, {hi:.1}]", 100.0 * forecast.coverage);

@@ -139,7 +139,7 @@ pub fn openx(
         scenario: driving,
         ego,
         episode,
-        recorded: &recorded.ok_or(OpenXError::NobodyMoves)?,
+        recorded: &recorded.ok_or(OpenXError::NoMotion)?,
         ghostly: &ghostly.map_err(ExportRefusal::Fault)?,
     };
     Ok(crash.files()?)

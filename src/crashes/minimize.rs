@@ -65,7 +65,7 @@ pub fn effort(scenario: &Scenario, actions: &[usize]) -> Effort {
 /// same two agents, at no less than [`CLOSING`] of the closing speed, and without a new
 /// rule violation before it. An ego that is not deterministic runs as often as the
 /// world's `repeats`. Without `repeats` its episodes are unchanged. A program runs at
-/// most [`KEEP_RUNS`] times.
+/// most 300 times.
 pub fn shrink(scenario: &Scenario, episode: &Episode, watch: &Watch<'_>) -> (Episode, Shrunk) {
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, watch);
     shrink_within(&reruns, episode, 0)

@@ -59,7 +59,7 @@ pub struct KeepSettings {
 }
 
 impl KeepSettings {
-    /// Creates settings with [`KEEP_RUNS`] runs.
+    /// Creates settings with 300 runs.
     pub fn new(choice: CrashSelection, form: Form) -> KeepSettings {
         KeepSettings {
             choice,

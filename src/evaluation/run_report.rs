@@ -43,7 +43,7 @@ pub struct ReportRequest<'a> {
     pub reuse_starts: Option<usize>,
 }
 
-/// Output of `eval` or `search`, as far as a report shows it.
+/// Output of `eval`, `gate`, `sweep` or `search`, as far as a report shows it.
 #[derive(Clone, Debug, Default, Deserialize)]
 pub struct GivenRows {
     /// Rows of any egos and ados.

@@ -72,7 +72,7 @@ pub struct OpenX {
 pub enum OpenXError {
     /// The passage has a single instant, and a trajectory takes two.
     #[error("it begins in contact, so nothing moves in it")]
-    NobodyMoves,
+    NoMotion,
     /// The XML writer failed, which is not expected in memory.
     #[error("writing XML failed: {0}")]
     Xml(#[from] io::Error),
@@ -198,8 +198,8 @@ impl Crash<'_> {
         .to_vec();
         let rules = scenario.rules().iter().enumerate();
         properties.extend(rules.map(|(i, rule)| {
-            let told = format!("{}: {}", rule.name, rule.formula);
-            (format!("rule.{}", i + 1), told)
+            let text = format!("{}: {}", rule.name, rule.formula);
+            (format!("rule.{}", i + 1), text)
         }));
         let constants = scenario.names().constants.iter();
         properties
@@ -224,7 +224,7 @@ fn ways(spec: &DriveSpec, passage: &Passage) -> Result<Vec<Vec<Vertex>>, OpenXEr
     if ways.iter().all(|way| 2 <= way.len()) {
         Ok(ways)
     } else {
-        Err(OpenXError::NobodyMoves)
+        Err(OpenXError::NoMotion)
     }
 }
 

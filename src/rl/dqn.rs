@@ -476,11 +476,11 @@ impl Learner for Dqn {
     fn exploration(&self) -> f64 {
         let ends = (self.config.exploration, self.config.final_exploration);
         // Extensions do not explore more than the end of the configured training.
-        let requested = TrainingCounters {
+        let configured = TrainingCounters {
             requested: self.config.decisions,
             ..self.tally
         };
-        epsilon(&requested, ends, self.config.exploration_fraction)
+        epsilon(&configured, ends, self.config.exploration_fraction)
     }
 
     fn policy(&self) -> Box<dyn Policy> {

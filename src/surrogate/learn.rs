@@ -53,7 +53,7 @@ pub struct LearnEgoRequest<'a> {
     pub policy: &'a dyn Policy,
     /// Bundle to continue training from inside the surrogate, if any.
     pub bundle: Option<&'a TensorFile>,
-    /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`](crate::sysid::LEAST_RUNS).
+    /// Runs of the ego that may be recorded, at least 10.
     pub runs: u64,
     /// Kinds of stock controllers that are not compared with the ego.
     ///

@@ -84,8 +84,8 @@ pub(super) struct RobustScore<'a> {
 impl RobustScore<'_> {
     /// Returns the number of variations on which a strategy succeeds.
     ///
-    /// A failure on the leading variation gives 0. Counting ends at `asked.end`, or as soon
-    /// as `asked.start` cannot be exceeded.
+    /// A failure on the leading variation gives 0. Counting ends at `wanted.end`, or as soon
+    /// as `wanted.start` cannot be exceeded.
     pub(super) fn score(&mut self, strategy: &Strategy, wanted: Range<usize>) -> usize {
         let samples = self.judge.bench.clock().samples_per_decision();
         // The real ego has already survived this strategy from this start.

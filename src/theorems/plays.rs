@@ -49,7 +49,7 @@ impl TheoremEpisode {
 impl<'a> GridUnderTest<'a> {
     pub(super) fn of(scenario: GridScenario<'a>) -> Result<GridUnderTest<'a>, TheoremsError> {
         let Some(starts) = scenario.starts() else {
-            let why = "it is no grid with a list of starts".to_owned();
+            let why = "it has no list of starts".to_owned();
             return Err(not_solved(&scenario, why));
         };
         let game = Game::of(scenario.world());

@@ -17,7 +17,7 @@ pub struct GoalTracker {
     goals: Vec<TrainingGoal>,
     /// First success of each group, with the number of its successes.
     groups: Vec<(CrashFeatures, u64)>,
-    failures: u64,
+    successes: u64,
 }
 
 impl GoalTracker {
@@ -37,7 +37,7 @@ impl GoalTracker {
         let mut tracker = GoalTracker {
             goals: scenario.goals().to_vec(),
             groups: Vec::new(),
-            failures: 0,
+            successes: 0,
         };
         if let Some(checkpoint) = checkpoint {
             tracker.restore(checkpoint)?;
@@ -62,7 +62,7 @@ impl GoalTracker {
     }
 
     fn distinct(&mut self, shape: CrashFeatures) -> f64 {
-        self.failures += 1;
+        self.successes += 1;
         let found = self
             .groups
             .iter()
@@ -72,7 +72,7 @@ impl GoalTracker {
             self.groups.len() - 1
         });
         self.groups[group].1 += 1;
-        let mean = self.failures as f64 / self.groups.len() as f64;
+        let mean = self.successes as f64 / self.groups.len() as f64;
         TrainingGoal::distinct_share(self.groups[group].1, mean)
     }
 
@@ -109,7 +109,7 @@ impl GoalTracker {
             self.groups
                 .push((CrashFeatures { class, signals }, counts[i]));
         }
-        self.failures = counts.iter().sum();
+        self.successes = counts.iter().sum();
         Ok(())
     }
 }

@@ -58,7 +58,7 @@ impl Agents<'_> {
         roads: &'a PlacedRoads,
     ) -> Agents<'a> {
         let list = ValuePath::top().to("agents");
-        let mut result = Agents {
+        let mut read = Agents {
             agents: Vec::new(),
             ego: None,
             entries: Vec::new(),
@@ -96,9 +96,9 @@ impl Agents<'_> {
                     phase,
                     drive,
                 } => {
-                    if let Some(drive) = result.light_drive(problems, &path, name, drive) {
-                        result.light_entries.push(i);
-                        result.lights.push(Light {
+                    if let Some(drive) = read.light_drive(problems, &path, name, drive) {
+                        read.light_entries.push(i);
+                        read.lights.push(Light {
                             name: name.clone(),
                             line_m: *line_m,
                             phase: *phase,
@@ -107,18 +107,18 @@ impl Agents<'_> {
                     }
                 }
                 _ => {
-                    if let Some(agent) = result.road_user(problems, &path, file, entry) {
-                        result.agents.push(agent);
-                        result.entries.push(i);
+                    if let Some(agent) = read.road_user(problems, &path, file, entry) {
+                        read.agents.push(agent);
+                        read.entries.push(i);
                     }
                     // Invalid agents are declared as well, so that a reference
                     // to them is no second error.
-                    result.declared.push(entry.name().to_owned());
+                    read.declared.push(entry.name().to_owned());
                 }
             }
         }
-        result.count(problems, &list);
-        result
+        read.count(problems, &list);
+        read
     }
 
     fn count(&self, problems: &mut Problems, list: &ValuePath) {

@@ -92,7 +92,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
             let agent = &spec.agents[i];
             let entry = entry_of(&path.to("agents"), &scenario.text, &agent.name);
             let words = in_words(&tried, &start);
-            super::plans::refuse_meeting(problems, &entry, agent, why, &words);
+            super::plans::refuse_encounter(problems, &entry, agent, why, &words);
             return;
         }
         bench.begin(&start, 0, Aftermath::Skip);

@@ -215,7 +215,7 @@ pub(super) fn bind(
 }
 
 /// Reports a meeting that is impossible at a start, which `words` describe.
-pub(super) fn refuse_meeting(
+pub(super) fn refuse_encounter(
     problems: &mut Problems,
     entry: &ValuePath,
     agent: &Agent,

@@ -384,11 +384,12 @@ fn few_types_share_a_name() {
 
 #[test]
 fn names_are_the_fields_words() {
-    let private = names::private_words(&texts());
+    let private = names::private_words(library(), &texts());
     assert!(private.is_empty(), "\n{private:#?}");
     let wrong = "fn told() {} struct HeardFrom; struct A { met_s: f64 } fn f() { let asked = 1; }";
     let kept = "enum End { Asked } fn cast() {} fn broadcast(metres: f64) {}";
-    let found = names::private_words(&[("wrong.rs", wrong), ("kept.rs", kept)]);
+    let sources = Sources::read(&[("src/lib.rs", wrong), ("src/kept.rs", kept)]);
+    let found = names::private_words(&sources, &[("src/lib.rs", wrong), ("src/kept.rs", kept)]);
     assert_eq!(found.len(), 4, "{found:?}");
 }
 

@@ -14,7 +14,7 @@ fn with(code: &str) -> Sources {
         ),
         (
             "src/cli/mod.rs",
-            "mod talk; pub use talk::say; pub struct Exit;",
+            "mod terminal; pub use terminal::say; pub struct Exit;",
         ),
         (
             "src/cli/terminal.rs",

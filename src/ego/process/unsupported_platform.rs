@@ -30,7 +30,7 @@ impl UnsupportedProgram {
         &mut self,
         _line: &[u8],
         _timeout: Duration,
-        _asked: &dyn Fn() -> String,
+        _occasion: &dyn Fn() -> String,
         _answer: &mut Vec<u8>,
     ) -> Result<(), Fault> {
         match *self {}

@@ -37,7 +37,7 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     ),
     (
         "yellow_light",
-        None,
+        Some("dqn"),
         "yellow light: ~60 / 64 % after 162 / 247 episodes",
         &[162, 247],
     ),

@@ -144,10 +144,10 @@ fn near(study: &GridStudy, text: &mut String) {
     let mut lines: Vec<Vec<String>> = Vec::new();
     for row in &near.deltas {
         let trained = row.trained.iter().flat_map(|share| {
-            let around = share.where_trained.map_or("–".to_owned(), percent);
+            let around = share.where_satisfied.map_or("–".to_owned(), percent);
             [
                 format!("{} ({})", percent(share.median), percent(share.min)),
-                format!("{}: {around}", share.trained_on),
+                format!("{}: {around}", share.satisfying),
             ]
         });
         let before = [row.delta.to_string(), percent(row.paper)].into_iter();

@@ -59,9 +59,9 @@ pub struct NearShare {
     /// Mean number of δ-near starts per counterexample.
     pub near: f64,
     /// Counterexamples of all seeds with δ < γ^T (g(τ) + 1), the premise of Theorem 1.
-    pub trained_on: usize,
+    pub satisfying: usize,
     /// Share around these counterexamples alone. `None`: there are none.
-    pub where_trained: Option<f64>,
+    pub where_satisfied: Option<f64>,
 }
 
 /// Randomly selected counterexample of the training.
@@ -270,8 +270,8 @@ fn captured(known: &[Known]) -> f64 {
 /// Returns the share of failing δ-near starts, over counterexamples and seeds.
 fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearShare {
     let share = |(fail, count): (usize, usize)| fail as f64 / count.max(1) as f64;
-    let (mut shares, mut all, mut trained_at) = (Vec::new(), (0, 0), (0, 0));
-    let (mut centres, mut trained_on) = (0, 0);
+    let (mut shares, mut all, mut satisfied) = (Vec::new(), (0, 0), (0, 0));
+    let (mut centres, mut satisfying) = (0, 0);
     for one in seeds {
         let mut own = (0, 0);
         for (start, centre) in &one.centres {
@@ -283,8 +283,8 @@ fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearS
             let fail = fail.count();
             own = (own.0 + fail, own.1 + count);
             if delta < centre.reach {
-                trained_on += 1;
-                trained_at = (trained_at.0 + fail, trained_at.1 + count);
+                satisfying += 1;
+                satisfied = (satisfied.0 + fail, satisfied.1 + count);
             }
         }
         // Shares are formed per seed, because seeds are the independent samples.
@@ -297,7 +297,7 @@ fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearS
         median: spread.median,
         min: spread.min,
         near: all.1 as f64 / centres.max(1) as f64,
-        trained_on,
-        where_trained: (0 < trained_on).then(|| share(trained_at)),
+        satisfying,
+        where_satisfied: (0 < satisfying).then(|| share(satisfied)),
     }
 }

@@ -82,14 +82,14 @@ impl Keyframes {
         let values: Vec<(f64, String)> = values.collect();
         let name = format!("k{}", self.count);
         self.count += 1;
-        let is_told = |i: usize| {
+        let is_needed = |i: usize| {
             let same = |other: Option<&(f64, String)>| other.is_some_and(|it| it.1 == values[i].1);
             // A value between two equal values is interpolated anyway.
             !(0 < i && same(values.get(i - 1)) && same(values.get(i + 1)))
         };
         let mut frames = String::new();
         for (i, (time_s, value)) in values.iter().enumerate() {
-            if is_told(i) {
+            if is_needed(i) {
                 frames += &format!("{}%{{{value}}}", self.period.percent(*time_s));
             }
         }
