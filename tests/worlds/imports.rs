@@ -427,7 +427,7 @@ fn refused_of_storyboards() -> Vec<Refusal> {
             lead(
                 r#"<ControllerAction><ActivateControllerAction longitudinal="true" lateral="false"/></ControllerAction>"#,
             ),
-            "whom a controller moves",
+            "that a controller moves",
             "ControllerAction",
         ),
         (
