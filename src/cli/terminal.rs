@@ -5,7 +5,7 @@
 //! change in any version.
 //!
 //! Architecture Invariant: this program writes to a terminal only through this module
-//! and the progress bar. Foreign text is escaped ([`crate::visible`]).
+//! and the progress bar. Foreign text is escaped (`crate::visible`).
 
 use std::ffi::OsString;
 use std::io::{self, IsTerminal, Write};
