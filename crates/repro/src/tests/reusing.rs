@@ -147,7 +147,10 @@ fn every_ado_and_baseline_plays_every_ego_on_the_same_starts() {
     assert_eq!(changed.map(|sum| sum.egos), Some(2));
     assert!(changed.is_some_and(|sum| sum.reference_minus.is_none()));
     let table = reuse_markdown(std::slice::from_ref(&study));
-    assert!(table.contains("| softer brakes | inside the family it was trained against |"), "{table}");
+    assert!(
+        table.contains("| softer brakes | inside the family it was trained against |"),
+        "{table}"
+    );
 
     // Finished trainings are used unchanged.
     let again = ReuseStudy::begin(&world, config, &quiet());
