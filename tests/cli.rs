@@ -24,6 +24,9 @@ mod points;
 mod programs;
 #[path = "cli/report.rs"]
 mod report;
+#[cfg(feature = "rerun")]
+#[path = "cli/rerun.rs"]
+mod rerun;
 #[path = "cli/reuse.rs"]
 mod reuse;
 #[path = "cli/rivals.rs"]

@@ -3,14 +3,20 @@
 #![cfg(feature = "rerun")]
 
 use std::collections::BTreeMap;
-use std::io::Cursor;
+use std::io::{Cursor, Write};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
 
+use brakecheck::experiment::{Audience, ShownEpisode, Watch};
+use brakecheck::run_dir::{Calibration, Progress};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
-use brakecheck::view::{Recording, ViewError, entities, record};
+use brakecheck::training::{TrainRequest, TrainSession};
+use brakecheck::view::{EpisodeStream, LiveView, Recording, ViewError, entities, record};
 use brakecheck::world::Scenario;
-use rerun::external::re_log_encoding::DecoderApp;
-use rerun::log::{Chunk, LogMsg};
+use re_chunk::Chunk;
+use re_log_encoding::DecoderApp;
+use re_log_types::LogMsg;
 
 fn world() -> Scenario {
     Scenario::parse("acc.ron", include_str!("../worlds/acc.ron")).unwrap()
@@ -241,6 +247,223 @@ fn an_episode_of_a_grid_world_can_be_watched() {
     let content = read_back(&std::fs::read(&file).unwrap());
     assert!(content.contains_key("/verdict"), "{:?}", content.keys());
     assert!(content.keys().any(|entity| entity.contains("ego")));
+}
+
+/// Bytes that another thread writes.
+#[derive(Clone, Default)]
+struct Pipe(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Pipe {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Pipe {
+    fn bytes(&self) -> Vec<u8> {
+        self.0.lock().unwrap().clone()
+    }
+}
+
+/// Times of an entity on a timeline of a stream, in the order of its messages.
+fn times(bytes: &[u8], entity: &str, timeline: &str) -> Vec<i64> {
+    let messages = DecoderApp::decode_lazy(Cursor::new(bytes));
+    let chunks = messages.filter_map(|message| match message.unwrap() {
+        LogMsg::ArrowMsg(_, arrow) => Some(Chunk::from_arrow_msg(&arrow).unwrap()),
+        _ => None,
+    });
+    let of_entity = chunks.filter(|chunk| chunk.entity_path().to_string() == entity);
+    let columns = of_entity.flat_map(|chunk| {
+        let timelines = chunk.timelines().iter();
+        let wanted = timelines.filter(|(name, _)| name.as_str() == timeline);
+        wanted
+            .flat_map(|(_, column)| column.times_raw().to_vec())
+            .collect::<Vec<i64>>()
+    });
+    columns.collect()
+}
+
+fn progress(decisions: u64) -> Progress {
+    Progress {
+        decisions,
+        episodes: 2,
+        window: 2,
+        aborted: 0,
+        solved_share: 0.5,
+        mean_return: 0.1,
+        exploration: 0.9,
+        mean_loss: Some(0.02),
+    }
+}
+
+#[test]
+fn a_stream_has_its_episodes_one_after_another_beside_the_learning_curves() {
+    let world = world();
+    let (first, second) = (crash(&world), uneventful(&world));
+    let pipe = Pipe::default();
+    let mut stream = EpisodeStream::new(Box::new(pipe.clone()), "two episodes", true).unwrap();
+    let mut from = 1000;
+    for episode in [&first, &second] {
+        let to = from + episode.actions.len() as u64 - 1;
+        stream
+            .episode(&ShownEpisode {
+                scenario: &world,
+                episode,
+                caption: "a caption",
+                decisions: Some((from, to)),
+            })
+            .unwrap();
+        // A growing file can be read at any time.
+        assert!(times(&pipe.bytes(), "/world/ego", "decisions").contains(&(to as i64)));
+        from = to + 500;
+    }
+    stream.progress(&progress(2000)).unwrap();
+    let calibration = Calibration {
+        starts: 60,
+        switches: 1,
+        searched: 20,
+        both: 19,
+        ado_only: 0,
+        simulations: 100,
+    };
+    stream.calibration(2000, &calibration).unwrap();
+    stream.finish().unwrap();
+    let bytes = pipe.bytes();
+    let content = read_back(&bytes);
+    let (_, timelines, _) = &content["/robustness/ego_spec"];
+    assert_eq!(timelines, &["decisions", "episode", "shown_time"]);
+    let shown = times(&bytes, "/robustness/ego_spec", "shown_time");
+    assert_eq!(shown.len(), first.trace.len() + second.trace.len() + 2);
+    assert!(shown.is_sorted(), "the second episode follows the first");
+    let decisions = times(&bytes, "/robustness/ego_spec", "decisions");
+    let last = from as i64 - 500;
+    assert_eq!((decisions[0], decisions.last()), (1000, Some(&last)));
+    for curve in [
+        "share/success",
+        "share/exploration",
+        "share/calibration",
+        "return",
+        "loss",
+    ] {
+        let entity = format!("/learning/{curve}");
+        assert_eq!(times(&bytes, &entity, "decisions"), [2000], "{entity}");
+    }
+    // What the second episode lacks is cleared, such as the contact of the first.
+    let contact = times(&bytes, "/contact", "episode");
+    assert_eq!(contact.last(), Some(&2));
+}
+
+#[test]
+fn a_closed_viewer_ends_the_stream_and_nothing_else() {
+    /// A pipe whose reader closes after some bytes.
+    struct Closing(usize);
+    impl Write for Closing {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0 = self
+                .0
+                .checked_sub(bytes.len())
+                .ok_or(std::io::ErrorKind::BrokenPipe)?;
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let world = world();
+    let episode = crash(&world);
+    let stream = EpisodeStream::new(Box::new(Closing(5_000)), "closing", false).unwrap();
+    let live = LiveView::start(stream).unwrap();
+    assert!(live.is_ready());
+    show(&live, &world, &episode);
+    let end = live.finish().expect("not ended before");
+    assert!(matches!(end.error, Some(ViewError::Closed)), "{end:?}");
+    assert_eq!(end.shown, 0);
+    assert!(!live.is_ready());
+    show(&live, &world, &episode);
+    assert!(live.finish().is_none());
+}
+
+#[test]
+fn a_viewer_that_reads_nothing_never_delays_the_work() {
+    /// A full pipe, which accepts its first bytes only.
+    struct Full(usize, Receiver<()>);
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            if self.0 < bytes.len() {
+                let _ = self.1.recv();
+            }
+            self.0 = self.0.saturating_sub(bytes.len());
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let world = world();
+    let episode = crash(&world);
+    let (open, closed) = channel();
+    let stream = EpisodeStream::new(Box::new(Full(5_000, closed)), "full", false).unwrap();
+    let live = LiveView::start(stream).unwrap();
+    show(&live, &world, &episode);
+    // The episode is being written, so the next ones are left out.
+    for _ in 0..3 {
+        assert!(!live.is_ready());
+        live.progress(&progress(1));
+    }
+    drop(open);
+    let end = live.finish().expect("not ended before");
+    assert_eq!((end.shown, end.left_out, end.error.is_none()), (1, 3, true));
+}
+
+fn show(live: &LiveView, world: &Scenario, episode: &Episode) {
+    live.episode(&ShownEpisode {
+        scenario: world,
+        episode,
+        caption: "",
+        decisions: None,
+    });
+}
+
+#[test]
+fn a_watched_training_writes_the_same_bytes() {
+    let world = world();
+    let directory = tempfile::tempdir().unwrap();
+    let request = TrainRequest {
+        decisions: Some(4_000),
+        ..TrainRequest::default()
+    };
+    let pipe = Pipe::default();
+    let stream = EpisodeStream::new(Box::new(pipe.clone()), "a training", true).unwrap();
+    let live = LiveView::start(stream).unwrap();
+    let mut files = Vec::new();
+    for (name, audience) in [("alone", None), ("watched", Some(&live as &dyn Audience))] {
+        let run = directory.path().join(name);
+        let mut session = TrainSession::begin(&world, &run, &request).unwrap();
+        session
+            .train(&Watch::unwatched().shown_to(audience))
+            .unwrap();
+        let bytes = |file: &str| std::fs::read(run.join(file)).unwrap();
+        files.push(
+            [
+                "policy.safetensors",
+                "progress.jsonl",
+                "counterexamples.jsonl",
+            ]
+            .map(bytes),
+        );
+    }
+    assert_eq!(files[0], files[1]);
+    let end = live.finish().expect("not ended before");
+    assert!(end.error.is_none() && 0 < end.shown, "{end:?}");
+    let bytes = pipe.bytes();
+    let decisions = times(&bytes, "/world/ego", "decisions");
+    assert!(decisions.is_sorted() && 0 < decisions[0], "{decisions:?}");
+    assert!(!times(&bytes, "/learning/loss", "decisions").is_empty());
 }
 
 /// Whether an entity is one of those listed as `/world/<agent>`.

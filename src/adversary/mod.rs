@@ -18,5 +18,6 @@ pub(crate) use open_loop_baselines::{best_constant, best_then_brake, in_words};
 pub use rollout::{Ado, EvalRequest, Evaluated, Outcome, RecordedFailure, eval};
 pub(crate) use rollout::{
     EpisodeResult, RecordedSuccess, RepeatedEpisode, blank_row, count_solved, groups, note_row,
+    success_caption,
 };
 pub use threshold_rule::{Heuristic, tune_heuristic};

@@ -228,6 +228,11 @@ pub(crate) fn note_row(watch: &Watch<'_>, row: &Row) {
     watch.faults.note_row(name, row.invalid_share());
 }
 
+/// Returns the caption of a success that is shown while others are sought.
+pub(crate) fn success_caption(ego: &str, ado: &AdversaryId, index: usize) -> String {
+    format!("ego {ego}, ado {ado}, start {index}")
+}
+
 /// Plays every start once and counts.
 pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
     watch.phase(&format!("evaluating {}, {}", request.ego, request.ado.id()));
@@ -235,6 +240,11 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
     let played = request.starts.each(watch, bench, |bench, _, turn| {
         let attempt = request.repeat(bench, turn.index);
         watch.faults.note(turn.index as u64, attempt.fault.as_ref());
+        if attempt.episode.verdict.is_success() {
+            let caption = || success_caption(request.ego, &request.ado.id(), turn.index);
+            let episode = || attempt.episode.clone();
+            watch.show_success(request.scenario, &caption, episode);
+        }
         Some(attempt.played(request.scenario, turn.cpu_s()))
     });
     Evaluated::of(request, played, watch)

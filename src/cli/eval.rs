@@ -5,14 +5,16 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::live::{Live, Streamed};
 use super::run_under_test::{RunUnderTest, Supplement, is_world, rows_of};
-use super::test_args::{EgoArgs, TestArgs};
+use super::test_args::{EgoArgs, TestArgs, note_program_costs};
 use super::{
     Exit, Failure, exit_of, interrupted_early, load_world, points, print_json, progress, table,
-    terminal, theorems,
+    theorems,
 };
 use crate::evaluation::{EvaluationTable, TheoremsChecked, untrained};
 use crate::experiment::{Watch, on_plant};
+use crate::world::Scenario;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
@@ -57,6 +59,12 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
     ))
 }
 
+/// Opens the stream of an evaluation of a world, if one is requested.
+pub(super) fn open_live(args: &EvalArgs, world: &Scenario) -> Result<Live, Failure> {
+    let live = &args.test.live;
+    live.open(&args.test.common, world.name(), Streamed::Episodes)
+}
+
 /// Evaluates a world in which no ado was trained.
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let test = &args.test;
@@ -70,8 +78,9 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
         return points::run(args, &world);
     }
     let egos = args.ego.find(&world)?;
+    let live = open_live(args, &world)?;
     let bar = progress::bar(&args.test.common, "");
-    let watch = bar.watch().first_of(egos.len());
+    let watch = bar.watch().first_of(egos.len()).shown_to(live.audience());
     let starts = (test.starts, test.seed);
     // One switch is a cheap estimate of the reach, while `search` looks further.
     let switches = test.search.unwrap_or(1);
@@ -79,13 +88,15 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
         drop(bar);
         return interrupted_early(&test.common);
     };
+    note_program_costs(&egos, &watch);
     drop(bar);
+    live.end();
     if test.common.json {
         print_json(&json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way }))?
     } else {
-        terminal::data(&table::rows(&baselines.rows))?;
+        test.live.data(&table::rows(&baselines.rows))?;
         for why in &baselines.in_the_way {
-            terminal::data(&why.to_string())?;
+            test.live.data(&why.to_string())?;
         }
     }
     Ok(exit_of(&baselines.rows, args.fail_on_counterexample))

@@ -20,7 +20,7 @@ Documents: docs/README.md beside the source, https://docs.rs/brakecheck, and
 
 pub(super) const NEW: &str = "Example:\n  brakecheck new mine\n\nDocuments: docs/guide/worlds.md";
 pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/guide/worlds.md, docs/reference/ego-protocol.md";
-pub(super) const TRAIN: &str = "Example:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n\nDocuments: docs/background/learners.md";
+pub(super) const TRAIN: &str = "Examples:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n  brakecheck train worlds/acc.ron -o runs/acc --rerun - | rerun -\n\nDocuments: docs/background/learners.md";
 pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/guide/reuse.md, docs/guide/crashes.md";
 pub(super) const GATE: &str = "Examples:\n  brakecheck gate runs/acc --ego new.ron --baseline-ego nominal\n  brakecheck gate runs/acc --baseline-ego old.ron -- python3 ego.py\n\nDocuments: docs/background/claims.md";
 pub(super) const SWEEP: &str = "Example:\n  brakecheck sweep runs/acc --over ego.time_gap_s=0.3..1.5:7 --curve curve.svg\n\nDocuments: docs/background/claims.md";
@@ -31,7 +31,7 @@ pub(super) const REPLAY: &str =
 pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n\nDocuments: docs/reference/stl.md";
 pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/guide/report.md";
-pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n\nDocuments: docs/guide/pictures.md";
+pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n  brakecheck view kept --rerun kept.rrd\n\nDocuments: docs/guide/pictures.md";
 pub(super) const REPRODUCE: &str = "Refused; instead, in the repository:\n  cargo run --release -p brakecheck-repro -- case-studies\n\nDocuments: docs/background/results.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/guide/export.md";
 pub(super) const SERVE: &str =

@@ -13,6 +13,7 @@ mod failure;
 mod gate;
 mod keep;
 mod last_resort;
+mod live;
 mod new;
 mod number_args;
 mod points;

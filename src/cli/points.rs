@@ -4,7 +4,9 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::eval::EvalArgs;
+use super::eval::{EvalArgs, open_live};
+use super::live::Live;
+use super::test_args::note_program_costs;
 use super::{Exit, Failure, interrupted_early, print_json, progress, table, table_of, terminal};
 use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, points};
 use crate::experiment::{EgoUnderTest, consent_to};
@@ -24,7 +26,9 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     let egos = args.ego.find(world)?;
     // Only the named egos play here, so the world's own ego needs no consent.
     consent_to(&egos)?;
-    let tables = played(args, &egos);
+    let live = open_live(args, world)?;
+    let tables = played(args, &egos, &live);
+    live.end();
     if tables.is_empty() {
         return interrupted_early(&args.test.common);
     }
@@ -45,9 +49,9 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     })
 }
 
-fn played(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
+fn played(args: &EvalArgs, egos: &[EgoUnderTest], live: &Live) -> Vec<PointsTable> {
     let bar = progress::bar(&args.test.common, "");
-    let watch = bar.watch();
+    let watch = bar.watch().shown_to(live.audience());
     let mut tables = Vec::new();
     for ego in egos {
         watch.phase(&format!("points: {}", ego.name()));
@@ -61,6 +65,7 @@ fn played(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
             break;
         }
     }
+    note_program_costs(egos, &watch);
     tables
 }
 
@@ -78,7 +83,7 @@ fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(),
         let rows: Vec<_> = rows.collect();
         return print_json(&json!({ "rows": rows, "points": tables }));
     }
-    terminal::data(&text(args, world, tables))
+    args.test.live.data(&text(args, world, tables))
 }
 
 fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {

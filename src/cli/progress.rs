@@ -278,6 +278,7 @@ impl Bar {
             stop: terminal::stop(),
             faults: self.faults.clone(),
             place: StepPlace::Unnumbered,
+            audience: None,
         }
     }
 }

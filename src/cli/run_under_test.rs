@@ -5,7 +5,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::test_args::TestArgs;
+use super::live::{Live, Streamed};
+use super::test_args::{TestArgs, note_program_costs};
 use super::{Failure, open_run, print_json, progress, table, terminal};
 use crate::adversary::AdoKind;
 use crate::evaluation::{Evaluation, EvaluationTable, summarise};
@@ -51,11 +52,13 @@ pub(super) struct RunUnderTest<'a> {
     ados: Vec<AdoKind>,
     context: Option<ContextSource>,
     test: &'a TestArgs,
+    pub(super) live: Live,
 }
 
 impl<'a> RunUnderTest<'a> {
     /// Opens a run, and refuses requests without a possible result.
     pub(super) fn open(path: &Path, test: &'a TestArgs) -> Result<RunUnderTest<'a>, Failure> {
+        test.live.refuse_json(test.common.json)?;
         let run = open_run(path, &test.common)?;
         let context = context(test, &run)?;
         let world = run.scenario()?;
@@ -68,17 +71,19 @@ impl<'a> RunUnderTest<'a> {
         Ok(RunUnderTest {
             ados: ados(test, &run),
             nominal,
-            run,
             context,
+            live: open_live(test, &run)?,
+            run,
             test,
         })
     }
 
     /// Returns the watch of an evaluation of so many egos.
-    pub(super) fn watch<'b>(&self, bar: &'b progress::Bar, egos: usize) -> Watch<'b> {
+    pub(super) fn watch<'b>(&'b self, bar: &'b progress::Bar, egos: usize) -> Watch<'b> {
         // Keeping plays many runs, so it counts as a step.
         let keeping = usize::from(self.test.keep.dir().is_some());
-        bar.watch().first_of(egos + keeping)
+        let watch = bar.watch().first_of(egos + keeping);
+        watch.shown_to(self.live.audience())
     }
 
     /// Plays every ado against every ego, and returns `None` if stopped before the first.
@@ -104,7 +109,9 @@ impl<'a> RunUnderTest<'a> {
             unknown: &[],
             keeps: compares || test.keep.dir().is_some(),
         };
-        Ok(evaluation.run(watch)?)
+        let evaluated = evaluation.run(watch)?;
+        note_program_costs(egos, watch);
+        Ok(evaluated)
     }
 
     /// Prints the rows, and the result of the verb below them.
@@ -113,6 +120,7 @@ impl<'a> RunUnderTest<'a> {
         evaluated: &EvaluationTable<'_>,
         result: Option<Supplement>,
     ) -> Result<(), Failure> {
+        self.live.end();
         let summary = summarise(&evaluated.egos, &AdversaryId::Trained);
         if self.test.common.json {
             let mut object = json!({
@@ -133,21 +141,25 @@ impl<'a> RunUnderTest<'a> {
             }
             return print_json(&object);
         }
-        terminal::data(&table::reuse(&evaluated.egos, &summary))?;
+        self.test
+            .live
+            .data(&table::reuse(&evaluated.egos, &summary))?;
         for found in &evaluated.identified {
-            terminal::data(&format!("\n{}", table::identified(found)))?;
+            self.test
+                .live
+                .data(&format!("\n{}", table::identified(found)))?;
         }
         for adapted in &evaluated.adapted_to {
-            terminal::data(&format!("\n{adapted}"))?;
+            self.test.live.data(&format!("\n{adapted}"))?;
         }
         for why in &evaluated.reasons {
-            terminal::data(&format!(
+            self.test.live.data(&format!(
                 "\nwhy `{}` fails from start {}, the first of them: {}",
                 why.ego, why.start, why.explanation
             ))?;
         }
         match result {
-            Some(result) => terminal::data(&format!("\n{}", result.text)),
+            Some(result) => self.test.live.data(&format!("\n{}", result.text)),
             None => Ok(()),
         }
     }
@@ -180,6 +192,12 @@ fn context(test: &TestArgs, run: &RunDir) -> Result<Option<ContextSource>, Failu
         terminal::note(UNTOLD);
     }
     Ok(context)
+}
+
+/// Opens the stream of a test, if one is requested.
+fn open_live(test: &TestArgs, run: &RunDir) -> Result<Live, Failure> {
+    let name = format!("test with {}", run.path().display());
+    test.live.open(&test.common, &name, Streamed::Episodes)
 }
 
 /// Returns the ados to play.

@@ -8,11 +8,12 @@ use serde_json::json;
 use strum::VariantArray;
 
 use super::keep::KeepArgs;
+use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
-use super::test_args::EgoArgs;
+use super::test_args::{EgoArgs, note_program_costs};
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
-    progress, table, terminal,
+    progress, table,
 };
 use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for};
 use crate::experiment::{EgoUnderTest, on_plant};
@@ -46,6 +47,8 @@ pub(super) struct SearchArgs {
     plant: Option<PlantKind>,
     #[command(flatten)]
     keep: KeepArgs,
+    #[command(flatten)]
+    live: RerunArgs,
     /// Exit with 1 if an ego can be made to fail.
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -78,6 +81,8 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         switches: args.switches,
         stored: stored.as_ref(),
     };
+    let live = &args.live;
+    let live = live.open(&args.common, world.name(), Streamed::Episodes)?;
     let bar = progress::bar(&args.common, "");
     let campaign = SearchCampaign {
         world: &world,
@@ -88,10 +93,13 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         starts: (args.starts, args.seed),
     };
     let steps = egos.len() + usize::from(args.keep.dir().is_some());
-    let Some(searched) = campaign.run(&bar.watch().first_of(steps))? else {
+    let watch = bar.watch().first_of(steps).shown_to(live.audience());
+    let Some(searched) = campaign.run(&watch)? else {
         return interrupted_early(&args.common);
     };
+    note_program_costs(&egos, &watch);
     drop(bar);
+    live.end();
     // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
     keep(args, &searched, steps)?;
@@ -130,7 +138,7 @@ fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
     if args.common.json {
         print_json(&json!({ "rows": rows, "break_even": evens }))
     } else {
-        terminal::data(&format!(
+        args.live.data(&format!(
             "{}{}{}",
             table::rows(rows),
             anytime_lines(rows),

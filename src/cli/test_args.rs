@@ -3,10 +3,11 @@
 use clap::Args;
 
 use super::keep::KeepArgs;
+use super::live::RerunArgs;
 use super::number_args::{STARTS, count, start_count};
 use super::{Common, one_of};
 use crate::adversary::AdoKind;
-use crate::experiment::{EgoError, EgoUnderTest};
+use crate::experiment::{EgoError, EgoUnderTest, Watch};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -25,6 +26,25 @@ impl EgoArgs {
     /// Returns the egos in a world.
     pub(super) fn find(&self, world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
         EgoUnderTest::find_or_program(world, &self.ego, &self.program)
+    }
+}
+
+/// Notes the cost of each ego that is a program.
+pub(super) fn note_program_costs(egos: &[EgoUnderTest], watch: &Watch<'_>) {
+    for ego in egos {
+        let cost = ego.program_cost().filter(|cost| 0 < cost.steps);
+        if let Some(cost) = cost {
+            watch.note(&format!(
+                "`{}` gave {} commands in {} episodes; waiting for them took {:.1} s in all, \
+                 {:.2} ms each, on {} processes",
+                ego.name(),
+                cost.steps,
+                cost.episodes,
+                cost.waited_s,
+                1e3 * cost.waited_s / cost.steps as f64,
+                cost.starts
+            ));
+        }
     }
 }
 
@@ -52,6 +72,8 @@ pub(super) struct TestArgs {
     pub(super) runs: u64,
     #[command(flatten)]
     pub(super) keep: KeepArgs,
+    #[command(flatten)]
+    pub(super) live: RerunArgs,
     /// Seed of the test starts.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     pub(super) seed: u64,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
@@ -58,14 +59,19 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = count(0..=u64::MAX))]
     seed: Option<u64>,
     #[command(flatten)]
+    live: RerunArgs,
+    #[command(flatten)]
     pub(super) common: Common,
 }
 
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let world = load_world(&args.world, &args.common)?;
+    // Opened first, because a refused stream must leave no run directory.
+    let title = format!("training in {}", world.name);
+    let live = args.live.open(&args.common, &title, Streamed::Training)?;
     let mut session = session(args, &world)?;
     let bar = progress::bar(&args.common, "");
-    let trained = session.train(&bar.watch())?;
+    let trained = session.train(&bar.watch().shown_to(live.audience()))?;
     drop(bar);
     let path = session.run().path().display().to_string();
     // An interrupted training has no final policy, so there is nothing to evaluate.
@@ -80,10 +86,12 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     }
     print_trained(&trained);
     let bar = progress::bar(&args.common, "");
-    let Some(closing) = session.evaluate(args.starts, &bar.watch())? else {
+    let watch = bar.watch().shown_to(live.audience());
+    let Some(closing) = session.evaluate(args.starts, &watch)? else {
         return interrupted_early(&args.common);
     };
     drop(bar);
+    live.end();
     show(args, &session, &trained, &closing.rows)?;
     // The rows are printed first, so a full disk does not cost them.
     session.keep(&closing)?;
@@ -160,7 +168,7 @@ fn show(
     rows: &[Row],
 ) -> Result<(), Failure> {
     if !args.common.json {
-        return terminal::data(&table::rows(rows));
+        return args.live.data(&table::rows(rows));
     }
     let (run, world) = (session.run(), session.world());
     print_json(&json!({

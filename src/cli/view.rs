@@ -7,26 +7,35 @@ use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use strum::VariantArray;
 
-use super::{Common, Exit, Failure, print_json, terminal};
-use crate::crashes::{Regressions, Replayed, ViewKind, picture};
+use super::live::RerunArgs;
+#[cfg(feature = "rerun")]
+use super::live::{self, Streamed};
+use super::{Common, Exit, Failure, open_run, print_json, terminal};
+use crate::crashes::{Regressions, Replayed, ViewKind, newest_of_training, picture};
 use crate::ego::reference::ReferenceDriver;
+#[cfg(feature = "rerun")]
+use crate::experiment::ShownEpisode;
 use crate::run_dir::write_file;
+#[cfg(feature = "rerun")]
+use crate::view::ViewError;
 
 #[derive(Args, Debug)]
 pub(super) struct ViewArgs {
     /// A kept counterexample, a directory of them, or a run directory.
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
-    /// Which of them: a number (from 0) or a file name.
-    #[arg(default_value = "0")]
-    episode: String,
+    /// Which of them: a number (from 0) or a file name [default: 0, or all with
+    /// `--rerun`].
+    episode: Option<String>,
     /// Replay against this ego first: a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
     ego: Option<String>,
     /// The recording to write, or a picture from above that plays in any
     /// browser [default: the episode's name with .rrd].
-    #[arg(short, long, value_name = "OUT.rrd|OUT.svg")]
+    #[arg(short, long, value_name = "OUT.rrd|OUT.svg", conflicts_with = "rerun")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    live: RerunArgs,
     /// Beside it in the picture, what this reference driver does in the ego's
     /// place (docs/background/preventability.md).
     #[arg(long, value_name = "DRIVER", value_parser = drivers())]
@@ -66,30 +75,104 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     if !is_picture && !cfg!(feature = "rerun") {
         return Err(without_viewer());
     }
+    args.live.refuse_json(args.json)?;
+    let (replayed, ego) = replayed(args)?;
+    let Some(first) = replayed.first() else {
+        return Err(Failure::input(
+            format!("`{}` holds no kept counterexample", args.what.display()),
+            "name one, or a directory of them",
+        ));
+    };
+    if let Some(fault) = first.fault() {
+        let message = format!("there is nothing to see: {fault}");
+        return Err(Failure::fault(message, None));
+    }
+    match &args.output {
+        _ if args.live.is_given() => stream(args, &replayed),
+        Some(output) if is_picture => draw(args, (first, ego), output),
+        _ => recording(args, first),
+    }?;
+    Ok(Exit::Done)
+}
+
+/// Counterexamples of a training that a stream shows.
+const NEWEST: usize = 20;
+
+/// Plays the requested counterexamples again, and returns them with the name of the ego.
+fn replayed(args: &ViewArgs) -> Result<(Vec<Replayed>, String), Failure> {
+    let all = args.live.is_given() && args.episode.is_none();
+    let is_run = args.what.join("manifest.json").is_file();
+    if is_run && !args.what.join("episodes").exists() && args.ego.is_none() {
+        return Ok((of_training(args, all)?, "nominal".to_owned()));
+    }
     let single = args.what.is_file();
+    let number = args.episode.as_deref().unwrap_or("0");
     // A file has a single counterexample, so the default number 0 must not select.
-    let episode = (!single).then_some(args.episode.as_str());
+    let episode = (!single && !all).then_some(number);
     let regressions = Regressions::find(&args.what, episode)?.allow_programs(args.allow_programs);
     let ego = ego(args, &regressions);
     let replayed = match args.ego.as_deref() {
         Some(ego) => regressions.against(Some(ego), &[])?.replay()?,
         None => regressions.replay_recorded()?,
     };
-    let Some(replayed) = replayed.first() else {
-        return Err(Failure::input(
-            format!("`{}` holds no kept counterexample", args.what.display()),
-            "name one, or a directory of them",
-        ));
-    };
-    if let Some(fault) = replayed.fault() {
-        let message = format!("there is nothing to see: {fault}");
-        return Err(Failure::fault(message, None));
+    Ok((replayed, ego))
+}
+
+/// Plays counterexamples of a training that has kept no episodes yet.
+fn of_training(args: &ViewArgs, all: bool) -> Result<Vec<Replayed>, Failure> {
+    let run = open_run(&args.what, &args.common())?;
+    let mut newest = newest_of_training(&run, NEWEST)?;
+    if all {
+        return Ok(newest);
     }
-    match &args.output {
-        Some(output) if is_picture => draw(args, (replayed, ego), output),
-        _ => recording(args, replayed),
-    }?;
-    Ok(Exit::Done)
+    let number = args.episode.as_deref().unwrap_or("0");
+    match number.parse::<usize>() {
+        // Number 0 is the newest.
+        Ok(number) if number < newest.len() => {
+            Ok(vec![newest.swap_remove(newest.len() - 1 - number)])
+        }
+        _ => Err(Failure::input(
+            format!(
+                "`{number}` is none of the {} newest counterexamples",
+                newest.len()
+            ),
+            "the training has kept no episodes yet; its newest counterexample is number 0",
+        )),
+    }
+}
+
+/// Writes all counterexamples as one recording.
+#[cfg(feature = "rerun")]
+fn stream(args: &ViewArgs, replayed: &[Replayed]) -> Result<(), Failure> {
+    let name = args.what.display().to_string();
+    let Some(mut stream) = args.live.stream(&name, Streamed::Episodes)? else {
+        return Ok(());
+    };
+    for replayed in replayed {
+        let caption = caption(replayed);
+        let shown = ShownEpisode {
+            scenario: &replayed.scenario,
+            episode: &replayed.episode,
+            caption: &caption,
+            decisions: None,
+        };
+        match stream.episode(&shown) {
+            Err(ViewError::Closed) => return Ok(terminal::note("the viewer was closed")),
+            written => written.map_err(live::failure)?,
+        }
+    }
+    stream.finish().map_err(live::failure)?;
+    if args.json {
+        return print_json(&json!({ "episodes": replayed.len() }));
+    }
+    let episodes = live::episodes(replayed.len() as u64);
+    terminal::note(&format!("streamed {episodes}"));
+    Ok(())
+}
+
+#[cfg(not(feature = "rerun"))]
+fn stream(_: &ViewArgs, _: &[Replayed]) -> Result<(), Failure> {
+    Err(without_viewer())
 }
 
 /// Returns the name of the ego: the requested ego, or that of the file.
@@ -141,16 +224,22 @@ fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
     }
 }
 
+/// Returns the file of an episode, and its difference from the recorded run.
+#[cfg(feature = "rerun")]
+fn caption(replayed: &Replayed) -> String {
+    let file = replayed.path.display().to_string();
+    match replayed.departure() {
+        Some(departure) => format!("{file}: {departure}"),
+        None => file,
+    }
+}
+
 /// Writes the recording, and returns its name, bytes and samples.
 #[cfg(feature = "rerun")]
 fn record(replayed: &Replayed, output: &Path) -> Result<(String, u64, usize), Failure> {
-    let file = replayed.path.display().to_string();
-    let caption = match replayed.departure() {
-        Some(departure) => format!("{file}: {departure}"),
-        None => file,
-    };
+    let caption = caption(replayed);
     let recorded = crate::view::record(&replayed.scenario, &replayed.episode, &caption, output)
-        .map_err(|error| Failure::fault(error.to_string(), Some(error.help().to_owned())))?;
+        .map_err(live::failure)?;
     let file = recorded.path.display().to_string();
     Ok((file, recorded.bytes, recorded.samples))
 }
@@ -161,7 +250,7 @@ fn record(_: &Replayed, _: &Path) -> Result<(String, u64, usize), Failure> {
 }
 
 /// Returns the failure of a build without the viewer, with the alternative.
-fn without_viewer() -> Failure {
+pub(super) fn without_viewer() -> Failure {
     Failure::input(
         "this brakecheck was built without the viewer's recordings",
         "install it with its default features (`--features rerun`); `-o crash.svg` writes a \

@@ -20,7 +20,7 @@ pub use minimize::{CLOSING, effort, shrink};
 pub use perturbation_robustness::persistence;
 pub use picture::{Inapplicable, UnknownViewKind, ViewKind, picture};
 pub use regressions::{RegressionError, Regressions};
-pub use replay::{Difference, Replayed, SavedCounterexample, replay};
+pub use replay::{Difference, Replayed, SavedCounterexample, newest_of_training, replay};
 pub(crate) use reruns::KEEP_RUNS;
 pub(crate) use reruns::copies;
 pub use root_cause::{SubstituteDriver, decisive, last_chance, why};

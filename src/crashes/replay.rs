@@ -6,8 +6,11 @@ use super::save_crashes::{description, description_of_run};
 use crate::ego::Fault;
 use crate::report::outcome_in_words;
 use crate::rulebook::Verdict;
-use crate::run_dir::{About, Counterexample, KeptError, StartRepeated, digests_of};
+use crate::run_dir::{
+    About, Counterexample, KeptError, RunDir, RunError, StartRepeated, digests_of,
+};
 use crate::scene::drive::EgoDrive;
+use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Episode, Replay, play};
 use crate::trace::Schema;
 use crate::world::{Repeats, Scenario};
@@ -126,6 +129,48 @@ impl Replayed {
         let invalid = self.episode.verdict == Verdict::Invalid;
         self.episode.fault.as_ref().filter(|_| invalid)
     }
+}
+
+/// Plays the newest counterexamples of a training again, at most `most`, oldest first.
+///
+/// The training may still be running.
+///
+/// # Errors
+/// The training stored none yet, or a file is damaged.
+pub fn newest_of_training(run: &RunDir, most: usize) -> Result<Vec<Replayed>, RunError> {
+    let (scenario, stored) = (run.scenario()?, run.counterexamples_so_far()?);
+    let seed = run.manifest().seed;
+    let mut bench = scenario.bench();
+    let all = stored.all();
+    let newest = all.iter().skip(all.len().saturating_sub(most));
+    let replayed = newest.map(|success| {
+        let key = StartKey {
+            purpose: Purpose::Train,
+            seed,
+            index: success.index,
+        };
+        let noise = bench.noise_of(key);
+        let mut actor = Replay::holding(&success.actions);
+        let episode = play(
+            &mut bench,
+            &success.start,
+            noise,
+            &mut actor,
+            Aftermath::Play,
+        );
+        Replayed {
+            path: run.path().join(format!("training-{}", success.index)),
+            scenario: scenario.clone(),
+            identical: episode.verdict.is_success(),
+            episode,
+            first_difference: None,
+            repeats_by_commands: None,
+            ego_as_recorded: None,
+            repeated: None,
+            about: None,
+        }
+    });
+    Ok(replayed.collect())
 }
 
 /// Replays a kept counterexample in `scenario`.

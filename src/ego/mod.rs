@@ -64,7 +64,7 @@ pub use fault::{Fault, FaultKind};
 pub(crate) use fault::{PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
 pub(crate) use process::DOCUMENT;
-pub use process::{Exercise, Finding, Hello, PROTOCOL, ProcessController, exercise};
+pub use process::{Exercise, Finding, Hello, PROTOCOL, ProcessController, ProgramCost, exercise};
 pub use recorded::RecordedCommands;
 pub use room::LaneOccupancy;
 pub use stock::*;

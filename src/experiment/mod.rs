@@ -3,6 +3,7 @@
 //! Everything here runs in parallel per episode and gives the same rows for any
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
+mod audience;
 mod clustering;
 mod cost;
 mod determinism_check;
@@ -13,6 +14,7 @@ mod failed_leaf;
 mod progress;
 mod test_starts;
 
+pub use audience::{Audience, ShownEpisode};
 pub(crate) use clustering::{CrashClass, badness, descending, worse_first};
 pub use clustering::{CrashFeatures, NEAR, clusters};
 pub use cost::Cost;

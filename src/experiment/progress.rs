@@ -2,8 +2,10 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::audience::{Audience, ShownEpisode};
 use crate::scene::Start;
 use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Testbench, play};
+use crate::world::Scenario;
 
 /// Message about progress, for a person. No result depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,6 +52,8 @@ pub struct Watch<'a> {
     pub faults: FaultLog,
     /// Step of the command that is observed.
     pub place: StepPlace,
+    /// Viewer of the work, if any.
+    pub audience: Option<&'a dyn Audience>,
 }
 
 impl<'a> Watch<'a> {
@@ -61,6 +65,32 @@ impl<'a> Watch<'a> {
             stop,
             faults: FaultLog::default(),
             place: StepPlace::Unnumbered,
+            audience: None,
+        }
+    }
+
+    /// Returns the watch with a viewer of the work.
+    pub fn shown_to(&self, audience: Option<&'a dyn Audience>) -> Watch<'a> {
+        Watch {
+            audience,
+            ..self.at(self.place)
+        }
+    }
+
+    /// Shows the viewer a success, which `episode` plays again if there is room for it.
+    pub(crate) fn show_success(
+        &self,
+        scenario: &Scenario,
+        caption: &dyn Fn() -> String,
+        episode: impl FnOnce() -> Episode,
+    ) {
+        if let Some(audience) = self.audience.filter(|audience| audience.is_ready()) {
+            audience.episode(&ShownEpisode {
+                scenario,
+                episode: &episode(),
+                caption: &caption(),
+                decisions: None,
+            });
         }
     }
 
@@ -70,10 +100,11 @@ impl<'a> Watch<'a> {
         Watch::new(&|_, _| {}, &GO_ON)
     }
 
-    /// Returns the watch without phases and progress, for a part of other work.
+    /// Returns the watch without phases, progress and viewer, for a part of other work.
     pub fn quiet(&self) -> Watch<'a> {
         Watch {
             progress: &|_, _| {},
+            audience: None,
             ..self.at(StepPlace::Inside)
         }
     }

@@ -21,8 +21,8 @@ use super::bundle::{BundleError, TensorFile};
 use super::demonstrations::{Demonstrations, Imitation};
 use super::dice::LearnerRng;
 use super::learner::{
-    Built, ConfigError, Demonstration, Learner, LearnerKind, Shaped, TrainingCounters, epsilon,
-    expect_sizes, linear,
+    Built, ConfigError, Demonstration, Learner, LearnerKind, Losses, Shaped, TrainingCounters,
+    epsilon, expect_sizes, linear,
 };
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
@@ -84,6 +84,7 @@ pub(super) struct Dqn {
     tally: TrainingCounters,
     /// Decision at which the schedule of step sizes restarts.
     since: u64,
+    losses: Losses,
     room: DqnWorkspace,
 }
 
@@ -184,6 +185,7 @@ impl Dqn {
             dice,
             tally: TrainingCounters::new(config.decisions),
             since: 0,
+            losses: Losses::default(),
             room: DqnWorkspace {
                 batch: Batch::default(),
                 here: online.tape(config.batch),
@@ -312,10 +314,12 @@ impl Dqn {
         let huber = self.config.huber as f32;
         let (values, gradients) = self.online.output_and_gradient(size, here);
         gradients.fill(0.0);
+        let mut loss = 0.0;
         for i in 0..size {
             let at = i * stride + batch.actions[i];
             let error = values[at] - batch.rewards[i];
             let slope = self.config.loss.slope(error, huber);
+            loss += batch.weights[i] * self.config.loss.value(error, huber);
             gradients[at] = batch.weights[i] * slope / size as f32;
             match &mut self.shown {
                 // The batch ends with the transitions of successes.
@@ -328,6 +332,7 @@ impl Dqn {
                 _ => self.replay.prioritise(batch.slots[i], error),
             }
         }
+        self.losses.add(f64::from(loss / size as f32));
         self.online
             .backward(&batch.observations, size, here, gradient);
         self.adam.step(self.online.parameters_mut(), gradient, rate);
@@ -471,6 +476,10 @@ impl Learner for Dqn {
 
     fn tally(&self) -> &TrainingCounters {
         &self.tally
+    }
+
+    fn take_losses(&mut self) -> Losses {
+        std::mem::take(&mut self.losses)
     }
 
     fn exploration(&self) -> f64 {

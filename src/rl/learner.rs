@@ -47,6 +47,23 @@ impl TrainingCounters {
     }
 }
 
+/// Losses of some updates of a learner.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Sum of the mean losses of the updates.
+    pub sum: f64,
+    /// Number of updates.
+    pub updates: u64,
+}
+
+impl Losses {
+    /// Adds an update with its mean loss.
+    pub fn add(&mut self, loss: f64) {
+        self.sum += loss;
+        self.updates += 1;
+    }
+}
+
 /// Successful episode: its start and its actions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Demonstration {
@@ -85,6 +102,13 @@ pub trait Learner: Send {
     /// Returns the current probability of an exploratory action.
     fn exploration(&self) -> f64;
 
+    /// Returns the losses of the updates since the last call, and forgets them.
+    ///
+    /// A learner without a loss returns none.
+    fn take_losses(&mut self) -> Losses {
+        Losses::default()
+    }
+
     /// Trains until the configured decisions are taken or the observer stops it.
     ///
     /// `observer` is called after every episode and may return [`Control::Stop`].
@@ -93,6 +117,7 @@ pub trait Learner: Send {
     fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&LearnerReport) -> Control) {
         while !self.finished() {
             let episode_return = self.episode(env);
+            let losses = self.take_losses();
             let tally = self.tally();
             let progress = LearnerReport {
                 decisions: tally.decisions,
@@ -100,6 +125,7 @@ pub trait Learner: Send {
                 aborted: tally.aborted,
                 episode_return,
                 exploration: self.exploration() as f32,
+                losses,
             };
             if observer(&progress) == Control::Stop {
                 // Between episodes, the only place where a checkpoint is complete.

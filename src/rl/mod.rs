@@ -43,7 +43,7 @@ pub use demonstrations::Imitation;
 pub use dice::LearnerRng;
 pub use dqfd::DqfdSettings;
 pub use dqn::{DqnSettings, Loss};
-pub use learner::{ConfigError, Demonstration, Learner, Seeding, TrainingCounters};
+pub use learner::{ConfigError, Demonstration, Learner, Losses, Seeding, TrainingCounters};
 pub(crate) use list::fine_tuner;
 pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};
 pub use ppo::PpoSettings;
@@ -114,6 +114,8 @@ pub struct LearnerReport {
     pub episode_return: f32,
     /// Current exploration rate.
     pub exploration: f32,
+    /// Losses of the updates since the last report.
+    pub losses: Losses,
 }
 
 /// Answer of the progress callback.

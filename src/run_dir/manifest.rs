@@ -206,6 +206,12 @@ pub struct Window {
     pub solved: u64,
     /// Sum of their returns.
     pub returns: f64,
+    /// Sum of the learner's mean losses.
+    #[serde(default)]
+    pub losses: f64,
+    /// Number of updates with a loss.
+    #[serde(default)]
+    pub updates: u64,
 }
 
 impl Window {

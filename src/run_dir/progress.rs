@@ -38,6 +38,9 @@ pub struct Progress {
     pub mean_return: f64,
     /// Current share of exploratory actions.
     pub exploration: f32,
+    /// Mean loss of the learner's updates. `None`: it made no update.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_loss: Option<f64>,
 }
 
 impl RunDir {

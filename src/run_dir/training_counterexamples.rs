@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::append_log::verified;
 use super::{Grown, RunDir, RunError};
 use crate::scene::{Axis, Start};
 use crate::seed::{Purpose, StartKey};
@@ -138,15 +139,25 @@ impl RunDir {
     ///
     /// Returns an error if the training stored none or has not finished, or the file is damaged.
     pub fn counterexamples(&self) -> Result<Stored, RunError> {
-        let path = self.path.join(FILE);
-        if !self.manifest.is_finished() {
-            return Err(self.unfinished());
+        if self.manifest.is_finished() {
+            self.counterexamples_so_far()
+        } else {
+            Err(self.unfinished())
         }
+    }
+
+    /// Returns the counterexamples up to the last checkpoint of a training, finished or not.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the training stored none, or the file is damaged.
+    pub fn counterexamples_so_far(&self) -> Result<Stored, RunError> {
+        let path = self.path.join(FILE);
         let Some(count) = &self.manifest.counterexamples else {
             let path = self.path.clone();
             return Err(RunError::NothingStored { path });
         };
-        let bytes = self.read_verified(FILE, count.sha256.as_deref())?;
+        let bytes = verified(&path, &count.grown(), self.manifest.is_finished())?;
         let damaged = |line: usize, why: String| RunError::Damaged {
             path: path.clone(),
             why: format!("line {}: {why}", line + 1),

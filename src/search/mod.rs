@@ -29,7 +29,9 @@ pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, Sea
 pub(super) use mutate::mutate;
 pub use request::SearchRequest;
 
-use crate::adversary::{RecordedFailure, blank_row, count_solved, groups, note_row};
+use crate::adversary::{
+    RecordedFailure, RecordedSuccess, blank_row, count_solved, groups, note_row, success_caption,
+};
 use crate::experiment::Watch;
 use crate::run_dir::{AdversaryId, Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
 use crate::scene::{Dynamics, Start};
@@ -85,6 +87,12 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
             let (start, noise) = from;
             let mut found = searcher.solve((start, *noise), turn.index, watch)?;
             found.cpu_s = turn.cpu_s();
+            if let Some(actions) = &found.actions {
+                let caption = || success_caption(request.ego, &AdversaryId::Search, turn.index);
+                let found = RecordedSuccess::of_actions(actions.clone());
+                let again = || found.play(request.scenario, &mut searcher.bench, (start, *noise));
+                watch.show_success(request.scenario, &caption, again);
+            }
             Some(found)
         });
     let row = request.row(&found);

@@ -78,9 +78,14 @@ impl Gym {
     /// The episode that has just ended, if it is a success.
     pub(crate) fn success(&self) -> Option<Episode> {
         let success = self.bench.verdict()?.is_success();
+        success.then(|| self.ended_episode()).flatten()
+    }
+
+    /// Returns the record of the episode that has just ended.
+    pub(crate) fn ended_episode(&self) -> Option<Episode> {
+        self.bench.verdict()?;
         let noise = self.bench.noise_of(self.key(self.index));
-        let actions = self.actions.clone();
-        success.then(|| self.bench.episode(&self.start, noise, actions))
+        Some(self.bench.episode(&self.start, noise, self.actions.clone()))
     }
 
     /// Reward of the success that has just ended, which reaches the goals of the

@@ -187,7 +187,11 @@ impl<'a> StoppingRule<'a> {
         }
         let calibrator = self.calibrator.as_mut()?;
         self.watch.phase("playing calibration starts");
-        calibrator.of(&*learner.policy(), self.watch)
+        let calibration = calibrator.of(&*learner.policy(), self.watch)?;
+        if let Some(audience) = self.watch.audience {
+            audience.calibration(learner.decisions(), &calibration);
+        }
+        Some(calibration)
     }
 
     /// Returns the cost of calibration and searches so far.

@@ -8,7 +8,7 @@ use super::stopping_rule::StoppingRule;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
 use crate::rl::{BundleError, Control, Learner, LearnerReport, TensorFile};
-use crate::run_dir::{Done, RunDir, RunError, Window};
+use crate::run_dir::{Done, Progress, RunDir, RunError, Window};
 use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
 use crate::world::Scenario;
@@ -91,6 +91,7 @@ pub fn train(
         (None, None) => scenario.learner.build(spaces, seed),
     };
     gym.inner().tell_faults(watch.faults.clone());
+    gym.show_to(watch.audience);
     let mut physics_steps = run.manifest().physics_steps;
     let mut spent_s = run.manifest().cpu_s;
     let mut own = OwnTime::begin();
@@ -131,8 +132,11 @@ pub fn train(
             let until = patience.next_look(learner.decisions()).min(until);
             let total = learner.tally().requested;
             learner.train(&mut gym, &mut |progress| {
-                if let Some(share) = ledger.note(progress) {
-                    learning.detail(&format!("solves {:.0} %", 100.0 * share));
+                if let Some(line) = ledger.note(progress) {
+                    learning.detail(&format!("solves {:.0} %", 100.0 * line.solved_share));
+                    if let Some(audience) = watch.audience {
+                        audience.progress(&line);
+                    }
                 }
                 (watch.progress)(progress.decisions.min(total), total);
                 let pause = until <= progress.decisions || watch.stopped();
@@ -279,18 +283,20 @@ struct Ledger {
 }
 
 impl Ledger {
-    /// Notes an episode, and returns at times the recent share of successes.
-    fn note(&mut self, progress: &LearnerReport) -> Option<f64> {
+    /// Notes an episode, and returns at times the line of the recent ones.
+    fn note(&mut self, progress: &LearnerReport) -> Option<Progress> {
         self.aborted = progress.aborted;
         self.episodes = progress.episodes;
         let window = &mut self.window;
         window.episodes += 1;
         window.returns += f64::from(progress.episode_return);
         window.solved += u64::from(0.0 < progress.episode_return);
+        window.losses += progress.losses.sum;
+        window.updates += progress.losses.updates;
         if window.episodes < REPORT_EPISODES {
             return None;
         }
-        let line = crate::run_dir::Progress {
+        let line = Progress {
             decisions: progress.decisions,
             episodes: progress.episodes,
             window: window.episodes,
@@ -298,13 +304,14 @@ impl Ledger {
             solved_share: window.solved as f64 / window.episodes as f64,
             mean_return: window.returns / window.episodes as f64,
             exploration: progress.exploration,
+            mean_loss: (0 < window.updates).then(|| window.losses / window.updates as f64),
         };
         if let Ok(text) = serde_json::to_string(&line) {
             self.lines.push_str(&text);
             self.lines.push('\n');
         }
         self.window = Window::default();
-        Some(line.solved_share)
+        Some(line)
     }
 
     fn done(

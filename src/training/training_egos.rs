@@ -1,7 +1,9 @@
 //! Training against a family, with another ego in every episode.
 
 use super::goals::GoalTracker;
+use crate::experiment::{Audience, ShownEpisode};
 use crate::rl::{End, Env, Spaces, Step};
+use crate::scene::drive::EgoVariant;
 use crate::seed::Purpose;
 use crate::testbench::Gym;
 use crate::world::{Scenario, TrainingEgos};
@@ -20,6 +22,9 @@ pub struct TrainingGym<'a> {
     spaces: Spaces,
     /// Goals that add to the reward of successes by Definition 4.
     goals: Option<GoalTracker>,
+    /// Index of the running episode.
+    index: u64,
+    audience: Option<&'a dyn Audience>,
 }
 
 impl<'a> TrainingGym<'a> {
@@ -32,7 +37,31 @@ impl<'a> TrainingGym<'a> {
             seen: scenario.world().spaces().observation,
             spaces: scenario.spaces(),
             goals: None,
+            index: 0,
+            audience: None,
         }
+    }
+
+    /// Shows episodes to a viewer, whenever it is ready for one.
+    pub fn show_to(&mut self, audience: Option<&'a dyn Audience>) {
+        self.audience = audience;
+    }
+
+    /// Shows the episode that has just ended with a reward.
+    fn show(&mut self, audience: &dyn Audience, reward: f32) {
+        let Some(episode) = self.gym.ended_episode() else {
+            return;
+        };
+        let member = self.scenario.drive().zip(self.member(self.index));
+        let member = member.map(|(driving, (_, variant))| driving.with_member(&variant));
+        let last = self.gym.spent().decisions;
+        let first = last.saturating_sub(episode.actions.len() as u64) + 1;
+        audience.episode(&ShownEpisode {
+            scenario: member.as_ref().unwrap_or(self.scenario),
+            episode: &episode,
+            caption: &format!("training after {last} decisions, return {reward:+.3}"),
+            decisions: Some((first, last)),
+        });
     }
 
     /// Rewards successes by these goals.
@@ -54,17 +83,21 @@ impl<'a> TrainingGym<'a> {
         &mut self.gym
     }
 
+    /// Draws the member of an episode, if there is a family, with its context.
+    fn member(&self, index: u64) -> Option<(Vec<f32>, EgoVariant)> {
+        let nominal = self.scenario.against.is_nominal();
+        let family = self.scenario.family().filter(|_| !nominal)?;
+        let member = family.draw(&self.scenario.name, self.gym.key(index));
+        Some((family.context_of(&member), family.variant(&member)))
+    }
+
     /// Puts the member of an episode on the bench, if there is a family.
     fn place_member(&mut self, index: u64) {
-        let against = self.scenario.against;
-        let Some(family) = self.scenario.family().filter(|_| !against.is_nominal()) else {
-            return;
-        };
-        let member = family.draw(&self.scenario.name, self.gym.key(index));
-        self.scenario
-            .place_member(&family.variant(&member), self.gym.bench());
-        if against == TrainingEgos::Conditioned {
-            self.context = family.context_of(&member);
+        if let Some((context, variant)) = self.member(index) {
+            self.scenario.place_member(&variant, self.gym.bench());
+            if self.scenario.against == TrainingEgos::Conditioned {
+                self.context = context;
+            }
         }
     }
 }
@@ -75,6 +108,7 @@ impl Env for TrainingGym<'_> {
     }
 
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
+        self.index = index;
         self.place_member(index);
         let (seen, context) = obs.split_at_mut(self.seen);
         self.gym.reset(index, seen);
@@ -91,6 +125,11 @@ impl Env for TrainingGym<'_> {
             step.reward = self.gym.reward_for(goals.share(self.scenario, &episode));
         }
         context.copy_from_slice(&self.context);
+        if step.end == Some(End::Terminated)
+            && let Some(audience) = self.audience.filter(|audience| audience.is_ready())
+        {
+            self.show(audience, step.reward);
+        }
         step
     }
 }

@@ -1,13 +1,13 @@
 //! Names of entities, which are their places in a recording.
 
-use rerun::EntityPath;
+use re_log_types::EntityPath;
 
 /// Entity path from parts with any characters.
 pub(super) fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
     EntityPath::from(
         parts
             .into_iter()
-            .map(rerun::EntityPathPart::new)
+            .map(re_log_types::EntityPathPart::new)
             .collect::<Vec<_>>(),
     )
 }

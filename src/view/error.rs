@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use rerun::RecordingStreamError;
-
 /// Failure to make a recording.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -16,9 +14,30 @@ pub enum ViewError {
         /// Underlying error.
         source: std::io::Error,
     },
-    /// Rejection of the data by the viewer's library.
+    /// Stream whose reader is gone: a viewer that was closed.
+    #[error("the viewer was closed")]
+    Closed,
+    /// Reader that does not read what is sent.
+    #[error("the viewer did not read the end of the stream")]
+    Stuck,
+    /// Failure to write a stream.
+    #[error("the stream cannot be written: {source}")]
+    Stream {
+        /// Underlying error.
+        source: std::io::Error,
+    },
+    /// Absence of a viewer to connect to.
+    #[error("no viewer answers at `{address}`")]
+    NoViewer {
+        /// Address that was tried.
+        address: String,
+    },
+    /// Rejection of a value by the viewer's library.
     #[error("the recording could not be assembled: {0}")]
-    Sdk(#[from] RecordingStreamError),
+    Value(#[from] rerun::SerializationError),
+    /// Rejection of rows by the viewer's library.
+    #[error("the recording could not be assembled: {0}")]
+    Rows(#[from] re_chunk::ChunkError),
     /// Failure of the viewer's library to encode the data.
     #[error("the recording could not be encoded: {what}")]
     Encode {
@@ -34,7 +53,11 @@ impl ViewError {
             ViewError::Write { .. } => {
                 "name a file in a directory that exists and can be written, e.g. `-o crash.rrd`"
             }
-            ViewError::Sdk(_) | ViewError::Encode { .. } => {
+            ViewError::Stuck => "the file or the viewer lacks the last episodes",
+            ViewError::Closed => "open it again for the next command",
+            ViewError::Stream { .. } => "check the free space, and that the file can be written",
+            ViewError::NoViewer { .. } => "start it first: `rerun`",
+            ViewError::Value(_) | ViewError::Rows(_) | ViewError::Encode { .. } => {
                 "this is a fault of the program; the episode itself is fine"
             }
         }

@@ -1,6 +1,8 @@
 //! Figures of road users: as large as their bodies, with a shape for each kind.
 
-use rerun::{AsComponents, Boxes3D, Capsules3D, Cylinders3D, FillMode, Points3D};
+use rerun::AsComponents;
+use rerun::archetypes::{Boxes3D, Capsules3D, Cylinders3D, Points3D};
+use rerun::components::FillMode;
 
 use super::entity::agent_path;
 use super::error::ViewError;
@@ -190,7 +192,7 @@ fn wheels(figure: BodyFigure, body: &Scale) -> Option<Cylinders3D> {
     let centres: Vec<[f32; 3]> = axles.into_iter().flat_map(on_axle).collect();
     // A cylinder is upright along z. A quarter turn about x makes it roll.
     let quarter = std::f32::consts::FRAC_1_SQRT_2;
-    let rolling = rerun::Quaternion::from_xyzw([quarter, 0.0, 0.0, quarter]);
+    let rolling = rerun::datatypes::Quaternion::from_xyzw([quarter, 0.0, 0.0, quarter]);
     let wheels = Cylinders3D::from_lengths_and_radii(
         vec![breadth_m; centres.len()],
         vec![radius_m; centres.len()],

@@ -4,18 +4,18 @@
 //! neither the 3D camera nor the axes of plots.
 
 use rerun::AsComponents;
-use rerun::blueprint::components::{
-    ContainerKind, Corner2D, IncludedContent, PanelState, PlayState,
-};
-use rerun::external::re_sdk_types::blueprint::archetypes::{
+use rerun::blueprint::archetypes::{
     ContainerBlueprint, PanelBlueprint, PlotLegend, ScalarAxis, TimeAxis, TimePanelBlueprint,
     ViewBlueprint, ViewContents, ViewportBlueprint,
 };
-use rerun::external::re_sdk_types::datatypes::{self, Range1D};
+use rerun::blueprint::components::{
+    ContainerKind, Corner2D, IncludedContent, PanelState, PlayState,
+};
+use rerun::datatypes::{self, Range1D};
 
 use super::error::ViewError;
 use super::lines;
-use super::log_writer::{LogWriter, UNTIL_VERDICT, nanos};
+use super::log_writer::{DECISIONS, LogWriter, UNTIL_VERDICT, nanos};
 use super::viewed_episode::ViewedEpisode;
 
 /// Height of a plot, of a line of its legend, and of the legend's frame.
@@ -52,15 +52,64 @@ fn legend_room(story: &ViewedEpisode<'_>) -> f64 {
     (1.0 / (1.0 - (legend_px / PLOT_WIDE_PX).min(0.5))).max(1.45)
 }
 
+/// Time axis of a stream: about the length of an episode before the current time.
+fn latest_episode(story: &ViewedEpisode<'_>, timeline: &str) -> TimeAxis {
+    let (before, after) = if timeline == DECISIONS {
+        (story.episode.actions.len().max(1) as i64, 1)
+    } else {
+        (nanos(story.end_s().max(0.1)), nanos(0.5))
+    };
+    let from_now =
+        |time: i64| datatypes::TimeRangeBoundary::CursorRelative(datatypes::TimeInt(time));
+    TimeAxis::new().with_view_range(datatypes::TimeRange {
+        start: from_now(-before),
+        end: from_now(after),
+    })
+}
+
 /// Builder of a blueprint, node by node.
 pub(super) struct BlueprintBuilder<'a> {
     journal: &'a mut LogWriter,
     next: u64,
+    /// Timeline at which a stream opens. `None`: a recording of one episode.
+    stream: Option<&'static str>,
 }
 
 impl<'a> BlueprintBuilder<'a> {
     pub(super) fn new(journal: &'a mut LogWriter) -> BlueprintBuilder<'a> {
-        BlueprintBuilder { journal, next: 0 }
+        BlueprintBuilder {
+            journal,
+            next: 0,
+            stream: None,
+        }
+    }
+
+    /// Creates the builder of a stream that opens at the end of a timeline.
+    pub(super) fn of_stream(
+        journal: &'a mut LogWriter,
+        timeline: &'static str,
+    ) -> BlueprintBuilder<'a> {
+        BlueprintBuilder {
+            journal,
+            next: 0,
+            stream: Some(timeline),
+        }
+    }
+
+    /// Adds a plot of curves over the complete timeline.
+    pub(super) fn curves(
+        &mut self,
+        title: &str,
+        origin: &str,
+        legend: Option<Corner2D>,
+    ) -> Result<BlueprintNode, ViewError> {
+        let view = self.view("TimeSeries", title, origin, &["$origin/**"])?;
+        let legend = match legend {
+            Some(corner) => PlotLegend::new().with_corner(corner),
+            None => PlotLegend::new().with_visible(false),
+        };
+        self.property(&view, "PlotLegend", &legend)?;
+        Ok(view)
     }
 
     /// Adds a plot of curves over time. `axis` is the range of their values.
@@ -72,6 +121,11 @@ impl<'a> BlueprintBuilder<'a> {
         axis: (f64, f64),
         legend: Option<Corner2D>,
     ) -> Result<BlueprintNode, ViewError> {
+        if let Some(timeline) = self.stream {
+            let view = self.curves(title, origin, legend)?;
+            self.property(&view, "TimeAxis", &latest_episode(story, timeline))?;
+            return Ok(view);
+        }
         let marks = format!("+ {}/**", lines::MARKS);
         let view = self.view("TimeSeries", title, origin, &["$origin/**", &marks])?;
         // Marks extend beyond every axis, so the axis must be fixed.
@@ -116,7 +170,8 @@ impl<'a> BlueprintBuilder<'a> {
         }
         // Following opens at the end of a timeline, which is the verdict.
         // Playing from there starts again at real speed.
-        let timeline = story.opens_s().map_or("sim_time", |_| UNTIL_VERDICT);
+        let episode = || story.opens_s().map_or("sim_time", |_| UNTIL_VERDICT);
+        let timeline = self.stream.unwrap_or_else(episode);
         let time = TimePanelBlueprint::new()
             .with_state(PanelState::Collapsed)
             .with_timeline(timeline)

@@ -1,7 +1,9 @@
 //! Traffic lights: a post beside the stop line, and its phases over time.
 
-use rerun::{Boxes3D, FillMode, LineStrips3D, Points3D, StateChange, StateConfiguration};
-use rerun::{Color, Transform3D};
+use rerun::archetypes::Transform3D;
+use rerun::archetypes::{Boxes3D, LineStrips3D, Points3D, StateChange, StateConfiguration};
+use rerun::components::Color;
+use rerun::components::FillMode;
 
 use super::entity::{agent_path, path};
 use super::error::ViewError;

@@ -1,6 +1,9 @@
 //! Curves over time, and the marks of all plots.
 
-use rerun::{Color, EntityPath, Scalars, SeriesLines, TimeColumn};
+use re_chunk::TimeColumn;
+use re_log_types::EntityPath;
+use rerun::archetypes::{Scalars, SeriesLines};
+use rerun::components::Color;
 
 use super::entity::path;
 use super::error::ViewError;
@@ -23,6 +26,10 @@ pub(super) fn log_marks(
     story: &ViewedEpisode<'_>,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
+    // In a stream the axes fit the curves, so the marks would flatten them.
+    if journal.is_stream() {
+        return Ok(());
+    }
     let mut upright = |what: &str, (sample, time_s): (usize, f64), name: &str, rgb: Rgb| {
         // A curve has one value per instant, so the line takes two instants.
         let instants = clock([(sample, time_s), (sample, time_s + 1e-6)]);

@@ -1,17 +1,13 @@
 //! Messages for the viewer, assembled in this thread.
 //!
-//! The library's own recording stream batches rows on a separate thread, which
-//! helps programs that log while they run. Here all data is known beforehand,
-//! in columns. Starting and joining that thread would cost more than the
-//! recording itself.
+//! The SDK's own recording stream batches rows on a separate thread, which
+//! helps programs that log row by row. Here the data of an episode is known
+//! beforehand, in columns. Starting and joining that thread would cost more
+//! than the recording itself.
 
-use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
-use rerun::log::{Chunk, ChunkId, LogMsg, RowId};
-use rerun::time::{TimePoint, Timeline};
-use rerun::{
-    AsComponents, EntityPath, RecordingStreamError, SerializationError, SerializedComponentColumn,
-    StoreId, StoreKind, TimeColumn,
-};
+use re_chunk::{Chunk, ChunkId, RowId, TimeColumn, TimePoint, Timeline};
+use re_log_types::{EntityPath, LogMsg, SetStoreInfo, StoreId, StoreInfo, StoreKind, StoreSource};
+use rerun::{AsComponents, SerializationError, SerializedComponentColumn};
 
 use super::error::ViewError;
 
@@ -19,6 +15,60 @@ use super::error::ViewError;
 const APPLICATION: &str = "brakecheck";
 /// Timeline that ends with the verdict, for episodes that continue after it.
 pub(super) const UNTIL_VERDICT: &str = "until_verdict";
+/// Timeline of a stream: the episodes one after another, in simulated time.
+pub(super) const SHOWN_TIME: &str = "shown_time";
+/// Timeline of a stream: the number of the episode.
+pub(super) const EPISODE: &str = "episode";
+/// Timeline of a stream: the decisions of the training.
+pub(super) const DECISIONS: &str = "decisions";
+
+/// Place of an episode on the timelines of a stream.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StreamPlace {
+    /// Start on the timeline [`SHOWN_TIME`], in nanoseconds.
+    pub from_ns: i64,
+    /// Number of the episode, from 1.
+    pub episode: i64,
+    /// Training decisions before and after the episode, if it is one of a training.
+    pub decisions: Option<(i64, i64)>,
+    /// Number of samples between two decisions.
+    pub samples_per_decision: i64,
+}
+
+impl StreamPlace {
+    /// Decision that was taken last at a sample. An aftermath has none of its own.
+    fn decision(&self, sample: i64) -> Option<i64> {
+        let (from, to) = self.decisions?;
+        Some((from + sample / self.samples_per_decision.max(1)).min(to))
+    }
+
+    fn at(&self, sample: usize, time_s: f64) -> TimePoint {
+        let shown = TimePoint::default()
+            .with(
+                Timeline::new_duration(SHOWN_TIME),
+                self.from_ns + nanos(time_s),
+            )
+            .with(Timeline::new_sequence(EPISODE), self.episode);
+        match self.decision(sample as i64) {
+            Some(decision) => shown.with(Timeline::new_sequence(DECISIONS), decision),
+            None => shown,
+        }
+    }
+
+    fn columns(&self, [times, steps]: &[TimeColumn; 2]) -> Vec<TimeColumn> {
+        let shown = times.times_raw().iter().map(|time| self.from_ns + time);
+        let episodes = times.times_raw().iter().map(|_| self.episode);
+        let decisions = steps.times_raw().iter().map(|step| self.decision(*step));
+        let mut columns = vec![
+            TimeColumn::new_duration_nanos(SHOWN_TIME, shown),
+            TimeColumn::new_sequence(EPISODE, episodes),
+        ];
+        if let Some(decisions) = decisions.collect::<Option<Vec<i64>>>() {
+            columns.push(TimeColumn::new_sequence(DECISIONS, decisions));
+        }
+        columns
+    }
+}
 
 /// Messages of one store: a recording, or a blueprint.
 pub(super) struct LogWriter {
@@ -26,6 +76,8 @@ pub(super) struct LogWriter {
     messages: Vec<LogMsg>,
     /// End of the timeline [`UNTIL_VERDICT`], in nanoseconds.
     until: Option<i64>,
+    /// Place of the current episode, in a stream.
+    place: Option<StreamPlace>,
 }
 
 impl LogWriter {
@@ -41,7 +93,25 @@ impl LogWriter {
             store,
             messages: vec![opening],
             until: None,
+            place: None,
         }
+    }
+
+    /// Places all later messages on the timelines of a stream.
+    ///
+    /// What a recording logs for all times then holds from the start of the episode on.
+    pub(super) fn place(&mut self, place: StreamPlace) {
+        self.place = Some(place);
+    }
+
+    /// Returns whether the messages are those of a stream of episodes.
+    pub(super) fn is_stream(&self) -> bool {
+        self.place.is_some()
+    }
+
+    /// Returns the messages since the last call.
+    pub(super) fn take_messages(&mut self) -> Vec<LogMsg> {
+        std::mem::take(&mut self.messages)
     }
 
     /// Adds a timeline that ends at `time_s` to all later messages up to that time.
@@ -74,6 +144,34 @@ impl LogWriter {
         entity: impl Into<EntityPath>,
         parts: &[&dyn AsComponents],
     ) -> Result<(), ViewError> {
+        let at = self.place.map(|place| place.at(0, 0.0));
+        self.row(entity.into(), at.unwrap_or_default(), parts)
+    }
+
+    /// Logs components at a point of the timelines.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the viewer's library rejects the data.
+    pub(super) fn at(
+        &mut self,
+        entity: impl Into<EntityPath>,
+        at: TimePoint,
+        parts: &[&dyn AsComponents],
+    ) -> Result<(), ViewError> {
+        self.row(entity.into(), at, parts)
+    }
+
+    /// Logs components that hold for the whole stream, whatever its place.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the viewer's library rejects the data.
+    pub(super) fn throughout(
+        &mut self,
+        entity: impl Into<EntityPath>,
+        parts: &[&dyn AsComponents],
+    ) -> Result<(), ViewError> {
         self.row(entity.into(), TimePoint::default(), parts)
     }
 
@@ -88,6 +186,9 @@ impl LogWriter {
         entity: impl Into<EntityPath>,
         parts: &[&dyn AsComponents],
     ) -> Result<(), ViewError> {
+        if let Some(place) = self.place {
+            return self.row(entity.into(), place.at(sample, time_s), parts);
+        }
         let instant = TimePoint::default()
             .with(Timeline::new_sequence("step"), sample as i64)
             .with(Timeline::new_duration("sim_time"), nanos(time_s));
@@ -118,17 +219,21 @@ impl LogWriter {
         columns: Result<impl Iterator<Item = SerializedComponentColumn>, SerializationError>,
     ) -> Result<(), ViewError> {
         let times: Vec<i64> = clock[0].times_raw().to_vec();
+        let clock = match &self.place {
+            Some(place) => place.columns(&clock),
+            None => clock.into(),
+        };
+        let clock = clock.into_iter();
         let clock = clock.map(|times| (*times.timeline().name(), times));
-        let columns = columns.map_err(RecordingStreamError::from)?;
         let chunk = Chunk::from_auto_row_ids(
             ChunkId::new(),
             entity.into(),
-            clock.into_iter().collect(),
-            columns
+            clock.collect(),
+            columns?
                 .map(|column| (column.descriptor, column.list_array))
                 .collect(),
         );
-        let chunk = chunk.map_err(RecordingStreamError::from)?;
+        let chunk = chunk?;
         let until = self.until.unwrap_or(i64::MIN);
         // Rows are sorted by time, so those of the shorter timeline come first.
         let early = times.partition_point(|time| *time <= until);
@@ -140,9 +245,7 @@ impl LogWriter {
         let mut first = chunk.row_sliced_shallow(0, early);
         let times_s = times[..early].iter().map(|time| 1e-9 * *time as f64);
         let column = TimeColumn::new_duration_secs(UNTIL_VERDICT, times_s);
-        first
-            .add_timeline(column)
-            .map_err(RecordingStreamError::from)?;
+        first.add_timeline(column)?;
         self.push(first)?;
         match times.len() - early {
             0 => Ok(()),
@@ -160,11 +263,11 @@ impl LogWriter {
         let chunk = Chunk::builder(entity)
             .with_serialized_batches(RowId::new(), at, batches)
             .build();
-        self.push(chunk.map_err(RecordingStreamError::from)?)
+        self.push(chunk?)
     }
 
     fn push(&mut self, chunk: Chunk) -> Result<(), ViewError> {
-        let message = chunk.to_arrow_msg().map_err(RecordingStreamError::from)?;
+        let message = chunk.to_arrow_msg()?;
         self.messages
             .push(LogMsg::ArrowMsg(self.store.clone(), message));
         Ok(())

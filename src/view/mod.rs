@@ -62,33 +62,39 @@
 //! [rerun]: https://rerun.io
 
 mod camera;
+#[cfg(feature = "connect")]
+mod connection;
 mod entity;
 mod error;
 mod figure;
 mod layout;
+mod learning;
 mod lights;
 mod lines;
+mod live;
 mod log_writer;
 mod palette;
 mod panel;
 mod panels;
 mod road;
 mod space;
+mod stream;
 mod viewed_episode;
 
 use std::path::{Path, PathBuf};
 
-use rerun::external::re_log_encoding::{EncodeError, Encoder};
-use rerun::external::re_log_types::BlueprintActivationCommand;
-use rerun::log::LogMsg;
-use rerun::{EntityPath, RecordingInfo, StoreKind};
+use re_log_encoding::{EncodeError, Encoder};
+use re_log_types::{BlueprintActivationCommand, EntityPath, LogMsg, StoreKind};
+use rerun::archetypes::RecordingInfo;
 
 use crate::testbench::Episode;
 use crate::world::Scenario;
 pub use error::ViewError;
+pub use live::{LiveEnd, LiveView};
 use log_writer::LogWriter;
 pub use panel::Entity;
 pub use panels::entities;
+pub use stream::EpisodeStream;
 use viewed_episode::ViewedEpisode;
 
 /// Recording file that was written.

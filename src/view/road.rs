@@ -1,6 +1,6 @@
 //! Road: surface, verges, lane markings and a post every 10 m.
 
-use rerun::{LineStrips3D, Mesh3D};
+use rerun::archetypes::{LineStrips3D, Mesh3D};
 
 use super::error::ViewError;
 use super::log_writer::LogWriter;

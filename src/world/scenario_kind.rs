@@ -102,11 +102,23 @@ impl<'a> DriveScenario<'a> {
 
     /// Returns the scene of a member of the family.
     pub fn scene_of(self, variant: &EgoVariant) -> Box<dyn Scene> {
+        Box::new(self.world_of(variant).scene())
+    }
+
+    /// Returns the scenario with a member of the family as its ego.
+    pub fn with_member(self, variant: &EgoVariant) -> Scenario {
+        Scenario {
+            world: World::Drive(self.world_of(variant)),
+            ..self.scenario.clone()
+        }
+    }
+
+    fn world_of(self, variant: &EgoVariant) -> DriveWorld {
         // The consent belongs to this scenario, and members come without any.
         let mut variant = variant.clone();
         let controller = &mut variant.controller.controller;
         controller.allow_programs(self.programs_allowed);
-        Box::new(self.world.with_variant(&variant).scene())
+        self.world.with_variant(&variant)
     }
 
     /// Returns the columns of the ego's x, y and speed in traces.

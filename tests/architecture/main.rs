@@ -33,7 +33,7 @@ const FLOORS: [(&str, u32); 37] = [
     ("conformance", 4),
     ("world", 5),
     ("run_dir", 6),
-    ("view", 7),
+    ("view", 9),
     ("report", 7),
     ("openx", 7),
     ("experiment", 8),

@@ -20,7 +20,7 @@ mod protocol;
 #[cfg(not(unix))]
 mod unsupported_platform;
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,7 @@ use super::actuator::written_as;
 use super::{
     Actuated, Briefing, Command, Controller, Fault, FaultKind, Parameter, Percept, UnknownParameter,
 };
+pub use pool::ProgramCost;
 use pool::{Pool, Talk};
 
 /// Longest timeout that a world may set.
@@ -175,6 +176,11 @@ impl Process {
         Ok(())
     }
 
+    /// Returns the cost of the program so far, in all episodes of all its clones.
+    pub fn cost(&self) -> ProgramCost {
+        self.pool.cost()
+    }
+
     fn talk(&self) -> Result<Talk, Fault> {
         if !self.allowed {
             return Err(Fault::new(
@@ -259,8 +265,12 @@ impl ProcessController {
         };
         if self.fresh {
             talk.reset(self.seed, &self.briefing, timeout)?;
+            self.spec.pool.count_episode();
             self.fresh = false;
         }
-        talk.step(percept, timeout)
+        let asked = Instant::now();
+        let command = talk.step(percept, timeout);
+        self.spec.pool.count_step(asked.elapsed());
+        command
     }
 }

@@ -1,6 +1,7 @@
 //! Conversations with started programs, and the pool of waiting programs.
 
 use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -236,11 +237,54 @@ impl Talk {
     }
 }
 
-/// Programs that wait for an episode.
+/// Cost of a program so far, in all episodes of a command.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ProgramCost {
+    /// Number of times that it was started.
+    pub starts: u64,
+    /// Episodes.
+    pub episodes: u64,
+    /// Commands that it gave, one per sample.
+    pub steps: u64,
+    /// Time of waiting for these commands, in seconds, added up over all workers.
+    pub waited_s: f64,
+}
+
+/// Programs that wait for an episode, and their cost so far.
 #[derive(Clone, Default)]
-pub(super) struct Pool(Arc<Mutex<Vec<Talk>>>);
+pub(super) struct Pool(Arc<PoolState>);
+
+#[derive(Default)]
+struct PoolState {
+    waiting: Mutex<Vec<Talk>>,
+    starts: AtomicU64,
+    episodes: AtomicU64,
+    steps: AtomicU64,
+    waited_ns: AtomicU64,
+}
 
 impl Pool {
+    /// Returns the cost so far.
+    pub(super) fn cost(&self) -> ProgramCost {
+        let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        ProgramCost {
+            starts: count(&self.0.starts),
+            episodes: count(&self.0.episodes),
+            steps: count(&self.0.steps),
+            waited_s: 1e-9 * count(&self.0.waited_ns) as f64,
+        }
+    }
+
+    pub(super) fn count_episode(&self) {
+        self.0.episodes.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn count_step(&self, waited: Duration) {
+        let waited_ns = u64::try_from(waited.as_nanos()).unwrap_or(u64::MAX);
+        self.0.steps.fetch_add(1, Ordering::Relaxed);
+        self.0.waited_ns.fetch_add(waited_ns, Ordering::Relaxed);
+    }
+
     /// Returns a waiting program or starts a new one.
     pub(super) fn take(&self, command: &[String], timeout: Duration) -> Result<Talk, Fault> {
         // The lock is released before a start, which may take as long as the
@@ -248,7 +292,10 @@ impl Pool {
         let waiting = self.lock().pop();
         match waiting {
             Some(talk) => Ok(talk),
-            None => Talk::start(command, timeout),
+            None => {
+                self.0.starts.fetch_add(1, Ordering::Relaxed);
+                Talk::start(command, timeout)
+            }
         }
     }
 
@@ -259,7 +306,8 @@ impl Pool {
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Talk>> {
         // Push and pop leave no half-changed list, so a poisoned lock is usable.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        let waiting = self.0.waiting.lock();
+        waiting.unwrap_or_else(PoisonError::into_inner)
     }
 }
 

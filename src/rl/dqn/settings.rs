@@ -15,6 +15,14 @@ pub enum Loss {
 }
 
 impl Loss {
+    /// Returns the loss of an error.
+    pub fn value(self, error: f32, huber: f32) -> f32 {
+        match self {
+            Loss::Huber if huber < error.abs() => huber * (error.abs() - 0.5 * huber),
+            Loss::Huber | Loss::Squared => 0.5 * error * error,
+        }
+    }
+
     /// Returns the derivative of the loss by Q(s, a).
     pub fn slope(self, error: f32, huber: f32) -> f32 {
         match self {

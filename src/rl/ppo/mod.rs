@@ -16,7 +16,8 @@ use policy::ActorCritic;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
 use crate::rl::learner::{
-    Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, expect_sizes, linear,
+    Built, ConfigError, Learner, LearnerKind, Losses, Shaped, TrainingCounters, expect_sizes,
+    linear,
 };
 use crate::rl::nn::{Adam, Mlp, Tape, argmax};
 use crate::rl::replay::check;
@@ -96,6 +97,7 @@ struct Ppo {
     tally: TrainingCounters,
     /// Share of the last episode's actions that were not the likeliest.
     explored: f32,
+    losses: Losses,
     room: PpoWorkspace,
 }
 
@@ -203,6 +205,7 @@ impl Ppo {
             dice,
             tally: TrainingCounters::new(config.decisions),
             explored: 1.0,
+            losses: Losses::default(),
             room: PpoWorkspace {
                 order: Vec::new(),
                 inputs: Vec::new(),
@@ -295,11 +298,14 @@ impl Ppo {
         let stride = self.critic.output_stride();
         let (values, gradient) = self.critic.output_and_gradient(size, critic);
         gradient.fill(0.0);
+        let mut loss = 0.0;
         // Only the first column is an output, the rest of a row is padding.
         for (at, &i) in batch.iter().enumerate() {
             let error = values[at * stride] - rollout.returns[i as usize];
             gradient[at * stride] = scale * error;
+            loss += 0.5 * scale * error * error;
         }
+        self.losses.add(f64::from(loss));
         self.critic.backward(inputs, size, critic, critic_gradient);
 
         let rates = (self.config.learning_rate, self.config.final_learning_rate);
@@ -368,6 +374,11 @@ impl Learner for Ppo {
 
     fn tally(&self) -> &TrainingCounters {
         &self.tally
+    }
+
+    /// The losses of the critic: the actor's objective has no level of its own.
+    fn take_losses(&mut self) -> Losses {
+        std::mem::take(&mut self.losses)
     }
 
     fn exploration(&self) -> f64 {

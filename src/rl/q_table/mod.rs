@@ -16,8 +16,8 @@ use table::Table;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
 use crate::rl::learner::{
-    Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, epsilon, expect_sizes,
-    within,
+    Built, ConfigError, Learner, LearnerKind, Losses, Shaped, TrainingCounters, epsilon,
+    expect_sizes, within,
 };
 use crate::rl::nn::argmax;
 use crate::rl::replay::EpisodeBuffer;
@@ -116,6 +116,7 @@ struct QTable {
     buffer: EpisodeBuffer,
     /// Row of every observation of the episode.
     trail: Vec<usize>,
+    losses: Losses,
 }
 
 impl QTable {
@@ -152,6 +153,7 @@ impl QTable {
             cell: Vec::new(),
             buffer: EpisodeBuffer::default(),
             trail: Vec::new(),
+            losses: Losses::default(),
         }
     }
 
@@ -178,7 +180,9 @@ impl QTable {
             LearningRate::Power(omega) => libm::pow(f64::from(self.visits[at]), -omega),
         };
         let target = reward + self.config.discount as f32 * next;
-        self.table.values[at] += rate as f32 * (target - self.table.values[at]);
+        let error = target - self.table.values[at];
+        self.losses.add(0.5 * f64::from(error * error));
+        self.table.values[at] += rate as f32 * error;
     }
 
     /// Returns the row of the observation's cell, creating it if needed.
@@ -279,6 +283,10 @@ impl Learner for QTable {
 
     fn tally(&self) -> &TrainingCounters {
         &self.tally
+    }
+
+    fn take_losses(&mut self) -> Losses {
+        std::mem::take(&mut self.losses)
     }
 
     fn exploration(&self) -> f64 {

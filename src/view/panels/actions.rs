@@ -1,6 +1,6 @@
 //! Chosen actions of the ados and phases of lights, as coloured lanes.
 
-use rerun::{StateChange, StateConfiguration};
+use rerun::archetypes::{StateChange, StateConfiguration};
 
 use crate::view::entity::path;
 use crate::view::error::ViewError;

@@ -1,8 +1,9 @@
 //! Log of events, in the order of time.
 
+use rerun::archetypes::TextLog;
+use rerun::blueprint::archetypes::TextLogColumns;
 use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
-use rerun::external::re_sdk_types::blueprint::archetypes::TextLogColumns;
-use rerun::{TextLog, TextLogLevel};
+use rerun::components::TextLogLevel;
 
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};

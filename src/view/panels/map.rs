@@ -2,10 +2,11 @@
 //!
 //! Pictures have y downward and maps have it upward, so rows are mirrored here.
 
+use rerun::AsComponents;
+use rerun::archetypes::{Arrows2D, Boxes2D, LineStrips2D, Points2D};
+use rerun::blueprint::archetypes::{Background, VisualBounds2D};
 use rerun::blueprint::components::BackgroundKind;
-use rerun::external::re_sdk_types::blueprint::archetypes::{Background, VisualBounds2D};
-use rerun::external::re_sdk_types::datatypes::{Range1D, Range2D};
-use rerun::{Arrows2D, AsComponents, Boxes2D, LineStrips2D, Points2D};
+use rerun::datatypes::{Range1D, Range2D};
 
 use crate::rulebook::Verdict;
 use crate::scene::grid::Arena;
@@ -54,8 +55,8 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
         return Ok(Vec::new());
     };
     let view = layout.view("2D", "map", MAP, &["$origin/**"])?;
-    let dark =
-        Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(17, 20, 26));
+    let dark = Background::new(BackgroundKind::SolidColor)
+        .with_color(rerun::components::Color::from_rgb(17, 20, 26));
     layout.property(&view, "Background", &dark)?;
     let size = f64::from(arena.size);
     let range = Range1D([-MARGIN_CELLS, size + MARGIN_CELLS]);

@@ -15,8 +15,9 @@ mod verdict;
 use rerun::blueprint::components::ContainerKind;
 
 use super::error::ViewError;
-use super::layout::BlueprintBuilder;
-use super::log_writer::LogWriter;
+use super::layout::{BlueprintBuilder, Views};
+use super::learning;
+use super::log_writer::{DECISIONS, LogWriter, SHOWN_TIME};
 use super::panel::{Column, Entity, Panel};
 use super::viewed_episode::ViewedEpisode;
 use crate::world::Scenario;
@@ -54,11 +55,41 @@ pub(super) fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<
 
 /// Writes the blueprint, with every panel in its column.
 pub(super) fn lay_out(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
-    let mut layout = BlueprintBuilder::new(journal);
+    arrange(story, BlueprintBuilder::new(journal), |_| Ok(Vec::new()))
+}
+
+/// Writes the blueprint of a stream, in a training with its learning curves.
+pub(super) fn lay_out_stream(
+    story: &ViewedEpisode<'_>,
+    journal: &mut LogWriter,
+    shows_learning: bool,
+) -> Result<(), ViewError> {
+    if shows_learning {
+        let layout = BlueprintBuilder::of_stream(journal, DECISIONS);
+        arrange(story, layout, learning::views)
+    } else {
+        let layout = BlueprintBuilder::of_stream(journal, SHOWN_TIME);
+        arrange(story, layout, |_| Ok(Vec::new()))
+    }
+}
+
+/// Arranges the views, with `first` above the words.
+fn arrange<'a>(
+    story: &ViewedEpisode<'_>,
+    mut layout: BlueprintBuilder<'a>,
+    first: impl FnOnce(&mut BlueprintBuilder<'a>) -> Result<Views, ViewError>,
+) -> Result<(), ViewError> {
+    let mut first = first(&mut layout)?;
     let (mut columns, mut widths) = (Vec::new(), Vec::new());
     for (column, title, width) in Column::ALL {
         let panels = PANELS.iter().filter(|panel| panel.column == column);
         let (mut views, mut heights) = (Vec::new(), Vec::new());
+        if column == Column::Words {
+            for (view, height) in first.drain(..) {
+                views.push(view);
+                heights.push(height);
+            }
+        }
         for panel in panels.filter(|panel| panel.applies(story.scenario)) {
             for (view, height) in (panel.views)(story, &mut layout)? {
                 views.push(view);

@@ -1,6 +1,6 @@
 //! Running robustness of ψ_ego and of every rule over time.
 
-use rerun::TimeColumn;
+use re_chunk::TimeColumn;
 use rerun::blueprint::components::Corner2D;
 
 use crate::view::entity::path;

@@ -1,8 +1,9 @@
 //! World in space: moving bodies, paths and the place of contact.
 
+use re_log_types::EntityPath;
+use rerun::archetypes::{Arrows3D, LineStrips3D, Points3D, Transform3D};
+use rerun::blueprint::archetypes::Background;
 use rerun::blueprint::components::BackgroundKind;
-use rerun::external::re_sdk_types::blueprint::archetypes::Background;
-use rerun::{Arrows3D, EntityPath, LineStrips3D, Points3D, Transform3D};
 
 use crate::rulebook::Verdict;
 use crate::scene::Frame;
@@ -51,8 +52,8 @@ pub(super) static PANEL: Panel = Panel {
 fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let around = ViewExtent::of(story);
     let view = layout.view("3D", "scene", FOLLOW, &SPACE)?;
-    let sky =
-        Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(17, 20, 26));
+    let sky = Background::new(BackgroundKind::SolidColor)
+        .with_color(rerun::components::Color::from_rgb(17, 20, 26));
     layout.property(&view, "Background", &sky)?;
     let (eye_m, at_m) = around.seen_aslant();
     look(layout, &view, eye_m, at_m, [0.0, 0.0, 1.0])?;

@@ -1,6 +1,6 @@
 //! Signals by unit. The most informative groups have plots of their own.
 
-use rerun::EntityPath;
+use re_log_types::EntityPath;
 use rerun::blueprint::components::{ContainerKind, Corner2D};
 
 use crate::scene::drive::Road;

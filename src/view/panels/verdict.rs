@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use rerun::TextDocument;
+use rerun::archetypes::TextDocument;
 
 use crate::rulebook::Verdict;
 use crate::scene::Role;

@@ -1,0 +1,195 @@
+//! Option `--rerun`: a stream for the rerun viewer while a command runs.
+
+use clap::Args;
+
+use super::{Common, Failure, terminal};
+use crate::experiment::Audience;
+#[cfg(feature = "rerun")]
+use crate::view::{EpisodeStream, LiveEnd, LiveView, ViewError};
+
+/// Word that stands for standard output.
+const STDOUT: &str = "-";
+/// Word that stands for a viewer that runs already.
+#[cfg(feature = "connect")]
+const CONNECT: &str = "connect";
+
+/// Stream for the rerun viewer.
+#[derive(Args, Clone, Debug, Default)]
+pub(super) struct RerunArgs {
+    /// Stream episodes to the rerun viewer while the command runs: a file, or `-` for
+    /// `... | rerun -`.
+    ///
+    /// With `-`, tables go to stderr. A build with `--features connect` also takes
+    /// `connect`, for a viewer that runs already.
+    #[arg(long, value_name = "FILE.rrd|-")]
+    rerun: Option<String>,
+}
+
+/// Content of a stream, which decides on its views.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Streamed {
+    /// Episodes alone.
+    Episodes,
+    /// Episodes of a training, with its learning curves.
+    Training,
+}
+
+/// Stream of a command, if one was requested.
+#[derive(Default)]
+pub(super) struct Live {
+    #[cfg(feature = "rerun")]
+    view: Option<LiveView>,
+}
+
+impl RerunArgs {
+    /// Returns whether a stream was requested.
+    pub(super) fn is_given(&self) -> bool {
+        self.rerun.is_some()
+    }
+
+    /// Prints data on stdout, or on stderr if the stream has stdout.
+    pub(super) fn data(&self, text: &str) -> Result<(), Failure> {
+        if self.rerun.as_deref() == Some(STDOUT) {
+            terminal::note(text);
+            return Ok(());
+        }
+        terminal::data(text)
+    }
+
+    /// Refuses a stream and a JSON object on the same standard output.
+    pub(super) fn refuse_json(&self, json: bool) -> Result<(), Failure> {
+        if json && self.rerun.as_deref() == Some(STDOUT) {
+            return Err(Failure::input(
+                "`--json` and `--rerun -` both write to standard output",
+                "stream to a file: `--rerun live.rrd`",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Opens the stream, if one is requested. `name` is the recording's.
+    #[cfg(feature = "rerun")]
+    pub(super) fn open(
+        &self,
+        common: &Common,
+        name: &str,
+        content: Streamed,
+    ) -> Result<Live, Failure> {
+        self.refuse_json(common.json)?;
+        let Some(stream) = self.stream(name, content)? else {
+            return Ok(Live::default());
+        };
+        let view = LiveView::start(stream)
+            .map_err(|error| Failure::fault(format!("no thread for the stream: {error}"), None))?;
+        Ok(Live { view: Some(view) })
+    }
+
+    /// Opens the stream without a thread of its own.
+    #[cfg(feature = "rerun")]
+    pub(super) fn stream(
+        &self,
+        name: &str,
+        content: Streamed,
+    ) -> Result<Option<EpisodeStream>, Failure> {
+        let learning = content == Streamed::Training;
+        let opened = match self.rerun.as_deref() {
+            None => return Ok(None),
+            #[cfg(feature = "connect")]
+            Some(CONNECT) => EpisodeStream::connect(name, learning),
+            #[cfg(not(feature = "connect"))]
+            Some("connect") => return Err(without_connection()),
+            Some(STDOUT) => {
+                refuse_terminal()?;
+                EpisodeStream::new(Box::new(std::io::stdout()), name, learning)
+            }
+            Some(file) => match std::fs::File::create(file) {
+                Ok(created) => EpisodeStream::new(Box::new(created), name, learning),
+                Err(source) => Err(ViewError::Write {
+                    path: file.into(),
+                    source,
+                }),
+            },
+        };
+        Ok(Some(opened.map_err(failure)?))
+    }
+
+    /// Refuses a stream in a build without the viewer.
+    #[cfg(not(feature = "rerun"))]
+    pub(super) fn open(&self, _: &Common, _: &str, _: Streamed) -> Result<Live, Failure> {
+        match self.rerun {
+            None => Ok(Live::default()),
+            Some(_) => Err(super::view::without_viewer()),
+        }
+    }
+}
+
+impl Live {
+    /// Returns the viewer of the work.
+    pub(super) fn audience(&self) -> Option<&dyn Audience> {
+        #[cfg(feature = "rerun")]
+        return self.view.as_ref().map(|view| view as &dyn Audience);
+        #[cfg(not(feature = "rerun"))]
+        None
+    }
+
+    /// Ends the stream, with a note on what it contains.
+    pub(super) fn end(&self) {
+        #[cfg(feature = "rerun")]
+        if let Some(end) = self.view.as_ref().and_then(LiveView::finish) {
+            terminal::note(&in_words(&end));
+        }
+    }
+}
+
+#[cfg(feature = "rerun")]
+fn in_words(end: &LiveEnd) -> String {
+    let all = end.shown + end.left_out;
+    let episodes = format!("streamed {} of {}", end.shown, episodes(all));
+    match &end.error {
+        None => episodes,
+        // A closed viewer is the user's choice, so there is nothing to mend.
+        Some(ViewError::Closed) => format!("{episodes}; then the viewer was closed"),
+        Some(error) => format!("{episodes}; {error}\n  help: {}", error.help()),
+    }
+}
+
+/// Number of episodes in words.
+#[cfg(feature = "rerun")]
+pub(super) fn episodes(count: u64) -> String {
+    match count {
+        1 => "1 episode".to_owned(),
+        _ => format!("{count} episodes"),
+    }
+}
+
+#[cfg(feature = "rerun")]
+pub(super) fn failure(error: ViewError) -> Failure {
+    let help = error.help();
+    match error {
+        ViewError::Write { .. } | ViewError::NoViewer { .. } => {
+            Failure::input(error.to_string(), help)
+        }
+        _ => Failure::fault(error.to_string(), Some(help.to_owned())),
+    }
+}
+
+/// Refuses to write bytes to a person.
+#[cfg(feature = "rerun")]
+fn refuse_terminal() -> Result<(), Failure> {
+    if std::io::IsTerminal::is_terminal(&std::io::stdout()) {
+        return Err(Failure::input(
+            "`--rerun -` writes bytes for the viewer, and standard output is a terminal",
+            "pipe it to the viewer: `brakecheck ... --rerun - | rerun -`",
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(all(feature = "rerun", not(feature = "connect")))]
+fn without_connection() -> Failure {
+    Failure::input(
+        "this brakecheck was built without the connection to a running viewer",
+        "pipe the stream to the viewer: `brakecheck ... --rerun - | rerun -`; or install with \
+         `--features connect`",
+    )
+}
