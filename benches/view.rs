@@ -1,17 +1,16 @@
 //! What recording an episode costs, per sample.
 //!
-//! `cargo bench --bench view`. `by_column` sends everything, text and layout
-//! included; `row_by_row` sends only bodies, signals and robustness, the way
-//! one would log from a loop. `film` plays the episode again, which any
-//! recording has to, and `whole` is all of it up to the bytes of the file.
+//! `cargo bench --bench view`. `by_column` makes the messages. `film_only` plays the
+//! episode again, `film_and_formulas` also evaluates its formulas, and `whole` is
+//! everything up to the bytes of a file. `streamed` is an episode of a stream.
 
+use brakecheck::experiment::ShownEpisode;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, film, play};
-use brakecheck::view::Recording;
+use brakecheck::view::{EpisodeStream, Recording};
 use brakecheck::world::Scenario;
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use rerun::{RecordingStream, RecordingStreamBuilder, Scalars, Transform3D};
 
 fn main() {
     divan::main();
@@ -31,11 +30,6 @@ fn episode() -> (Scenario, Episode) {
     (world, episode)
 }
 
-fn stream() -> (RecordingStream, rerun::sink::MemorySinkStorage) {
-    let builder = RecordingStreamBuilder::new("bench").enabled(true);
-    builder.memory().expect("memory")
-}
-
 #[divan::bench]
 fn by_column(bencher: Bencher) {
     let (world, episode) = episode();
@@ -43,49 +37,6 @@ fn by_column(bencher: Bencher) {
     bencher
         .counter(ItemsCount::new(episode.trace.len()))
         .bench(|| recording.messages().expect("messages"));
-}
-
-#[divan::bench]
-fn row_by_row(bencher: Bencher) {
-    let (world, episode) = episode();
-    let mut bench = world.bench();
-    let frames = film(&mut bench, &episode);
-    let trace = &episode.trace;
-    bencher
-        .counter(ItemsCount::new(trace.len()))
-        .with_inputs(stream)
-        .bench_values(|(stream, storage)| {
-            for (sample, frame) in frames.iter().enumerate() {
-                stream.set_time_sequence("step", sample as i64);
-                stream.set_duration_secs("sim_time", sample as f64 * trace.dt_s());
-                for (name, place) in ["world/ego", "world/ado", "follow"]
-                    .iter()
-                    .zip(frame.placements.iter().chain(frame.placements.first()))
-                {
-                    let motion = Transform3D::from_translation_rotation(
-                        place.centre_m.map(|at| at as f32),
-                        rerun::Quaternion::from_xyzw(
-                            place.rotation.coords.map(|part| part as f32).into(),
-                        ),
-                    );
-                    stream.log(*name, &motion).expect("logged");
-                }
-                for group in 0..8 {
-                    let values = [2 * group, 2 * group + 1].map(|i| {
-                        let signal = i % trace.schema().len();
-                        trace.column(signal)[sample]
-                    });
-                    let entity = format!("signals/{group}");
-                    stream.log(entity, &Scalars::new(values)).expect("logged");
-                }
-                for formula in 0..3 {
-                    let value = trace.column(formula)[sample];
-                    let entity = format!("robustness/{formula}");
-                    stream.log(entity, &Scalars::new([value])).expect("logged");
-                }
-            }
-            storage.take().len()
-        });
 }
 
 #[divan::bench]
@@ -113,4 +64,20 @@ fn whole(bencher: Bencher) {
     bencher
         .counter(ItemsCount::new(episode.trace.len()))
         .bench(|| Recording::new(&world, &episode, "").encode());
+}
+
+#[divan::bench]
+fn streamed(bencher: Bencher) {
+    let (world, episode) = episode();
+    let shown = ShownEpisode {
+        scenario: &world,
+        episode: &episode,
+        caption: "",
+        decisions: Some((0, 60)),
+    };
+    let out = Box::new(std::io::sink());
+    let mut stream = EpisodeStream::new(out, "bench", true).expect("a stream");
+    bencher
+        .counter(ItemsCount::new(episode.trace.len()))
+        .bench_local(|| stream.episode(&shown));
 }
