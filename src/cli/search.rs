@@ -26,7 +26,7 @@ pub(super) struct SearchArgs {
     /// A world file, the name of a shipped world, or a run directory.
     #[arg(value_name = "WORLD|RUN")]
     world: PathBuf,
-    /// How sequences are chosen.
+    /// Method that chooses the sequences.
     #[arg(long, value_parser = method_of_the_list(), default_value = "switches")]
     method: MethodInfo,
     #[arg(long, value_name = "M", help = MethodOption::Switches.help())]

@@ -132,7 +132,8 @@ pub fn train(
             let total = learner.tally().requested;
             learner.train(&mut gym, &mut |progress| {
                 if let Some(share) = ledger.note(progress) {
-                    learning.detail(&format!("solves {:.0} %", 100.0 * share));
+                    // Training episodes explore, so the closing evaluation may succeed more often.
+                    learning.detail(&format!("solves {:.0} % exploring", 100.0 * share));
                 }
                 (watch.progress)(progress.decisions.min(total), total);
                 let pause = until <= progress.decisions || watch.stopped();
