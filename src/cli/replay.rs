@@ -218,7 +218,7 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
             text.push_str(&format!(
                 "\n{file}: the ego fails in {failing} of {ran} runs [{lo:.0}–{hi:.0} %]{}",
                 if repeated.differs() {
-                    "; it does not answer alike in all of them"
+                    "; its commands differ between them"
                 } else {
                     ""
                 }

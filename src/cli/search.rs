@@ -207,7 +207,7 @@ fn in_words(even: &BreakEven) -> String {
     );
     // Both use the same training, so neither is charged for it.
     if even.once.simulations == 0 {
-        return format!("{spent}.\nBoth live on a training.");
+        return format!("{spent}.\nBoth require the counterexamples of a training.");
     }
     let at_most = if even.matched { "" } else { "at most " };
     let from = |starts: Option<f64>| match starts {

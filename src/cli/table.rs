@@ -66,7 +66,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
             ));
             if 0 < repeats.differing {
                 text.push_str(&format!(
-                    "; on {} starts it does not answer alike each time",
+                    "; on {} starts its commands differ between the runs",
                     repeats.differing
                 ));
             }
@@ -238,7 +238,7 @@ fn uncounted(rows: &[Row]) -> String {
         String::new()
     } else {
         format!(
-            "\nviolated, but not as `counts` asks for (uncounted): {}",
+            "\nviolations that `counts` excludes (uncounted): {}",
             named.join(", ")
         )
     }
