@@ -130,7 +130,10 @@ impl ReplaySummary {
     /// Counts the failing replays, in words.
     fn still_failing(&self) -> String {
         let (still_fail, fixed) = (self.still_fail, self.fixed);
-        let first = format!("{still_fail} of {} still fail, {fixed} fixed", self.replayed);
+        let first = format!(
+            "{still_fail} of {} still fail, {fixed} fixed",
+            self.replayed
+        );
         first + &self.not_run()
     }
 

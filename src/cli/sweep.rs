@@ -107,5 +107,7 @@ fn safety(swept: &Swept) -> String {
         // Safe values in the middle only are no useful bound.
         (None, None) => return "starts fail at both ends of the range".to_owned(),
     };
-    format!("{safe}: at each such value at most {bound:.1} % (one-sided 95 % bound), for these ados and starts")
+    format!(
+        "{safe}: at each such value at most {bound:.1} % (one-sided 95 % bound), for these ados and starts"
+    )
 }

@@ -119,7 +119,9 @@ pub fn conditioned(
             Ok(member) => (member, "true"),
             Err(error) => {
                 let name = ego.name();
-                watch.note(&format!("`{name}`: {error}; the ado observes the nominal values"));
+                watch.note(&format!(
+                    "`{name}`: {error}; the ado observes the nominal values"
+                ));
                 (nominal.clone(), "nominal")
             }
         },
