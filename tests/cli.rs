@@ -314,6 +314,14 @@ fn a_run_is_evaluated_kept_replayed_and_watched() {
         assert!(row["contact_s"].is_number());
     }
     assert_eq!(rows.as_array().expect("rows").len(), 2);
+    let summary = |more: &[&str]| {
+        let output = brakecheck(&[&["replay", &kept], more].concat());
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        text.lines().last().unwrap_or_default().to_owned()
+    };
+    assert_eq!(summary(&[]), "2 of 2 still fail, 0 fixed");
+    let recorded = summary(&["--expect", "recorded"]);
+    assert_eq!(recorded, "2 of 2 as recorded, 0 differ");
 
     // Another ego is no replay of bits; whether it fails decides.
     let gentle = path(&dir, "gentle.ron");

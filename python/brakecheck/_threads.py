@@ -8,6 +8,7 @@ blocks in C stays behind without keeping the process from exiting.
 from __future__ import annotations
 
 import atexit
+import contextlib
 import ctypes
 import sys
 import threading
@@ -42,6 +43,13 @@ _OURS = {__file__, threading.__file__}
 
 
 def _serve(mailbox: Mailbox) -> None:
+    # A thread can also be abandoned between two calls, such as the second of two
+    # threads at Ctrl-C. That is no error of a thread, so no hook may report it.
+    with contextlib.suppress(SystemExit):
+        _answer(mailbox)
+
+
+def _answer(mailbox: Mailbox) -> None:
     returned: object = None
     raised: BaseException | None = None
     while call := mailbox.exchange(returned, raised):

@@ -67,7 +67,7 @@ def train(
             writes a line on stderr, False nothing, None a line on terminals and
             in notebooks.
         allow_programs: start the programs that files name as egos.
-        allow_invalid: largest share of invalid episodes in a row that is no fault.
+        allow_invalid: share of invalid episodes to tolerate in each row.
 
     Raises:
         InputError: what is asked for does not fit.
@@ -126,7 +126,7 @@ def eval(
         starts: test starts to draw.
         seed: of the test starts.
         plant: the physics to test in.
-        search: also search with so many switches, and fill in `recall`.
+        search: also search with this many switches of action, which gives `recall`.
         tries: runs of the trained ado per start.
         runs: runs of the ego that the ado may learn it from: 100 are enough, and a
             conditional one identifies it from 10.

@@ -111,7 +111,7 @@ class Formula:
         return self._raw.satisfied(_columns(signals), dt)
 
     def explain(self, signals: Any, *, dt: float = 1.0) -> Explanation:
-        """Which leaf, at which time, with which value decides the robustness."""
+        """Leaf, time and value that decide the robustness."""
         found, robustness, text = self._raw.explain(_columns(signals), dt)
         pairs = found["signals"]
         pairs = pairs.items() if isinstance(pairs, dict) else pairs

@@ -27,7 +27,7 @@ pub(crate) struct Running {
     jobs: usize,
     /// Called with (what is done now, done, total, new remarks), or None.
     progress: Option<Py<PyAny>>,
-    /// Largest share of invalid episodes in a row that is no fault.
+    /// Share of invalid episodes to tolerate in each row.
     pub(crate) allow_invalid: f64,
 }
 

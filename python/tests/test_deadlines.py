@@ -8,7 +8,7 @@ import time
 
 import brakecheck
 import pytest
-from brakecheck import Env, FaultError, InputError, VectorEnv
+from brakecheck import Env, FaultError, InputError, VectorEnv, _threads
 from conftest import ROOT
 
 #: Longer than any test may take: nothing but a deadline or Ctrl-C ends this.
@@ -265,6 +265,23 @@ def test_ctrl_c_ends_a_search_that_nobody_could_wait_for():
         brakecheck.search("acc", switches=3, starts=1)
 
     assert pressed(call) < PROMPT
+
+
+def test_a_thread_that_is_abandoned_between_two_calls_ends_quietly(monkeypatch):
+    reported, abandoned = [], threading.Event()
+    monkeypatch.setattr(threading, "excepthook", reported.append)
+
+    class Mailbox:
+        """Has no call yet."""
+
+        def exchange(self, returned, raised):
+            abandoned.wait()
+
+    thread = _threads.start(Mailbox())
+    _threads.abandon(thread)
+    abandoned.set()
+    thread.join()
+    assert reported == []
 
 
 def test_what_was_interrupted_can_be_played_again():

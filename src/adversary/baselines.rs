@@ -32,7 +32,7 @@ pub enum AdoKind {
     Heuristic,
     /// The nearest training counterexample, replayed; then the ten nearest.
     Replays,
-    /// One trained anew for each changed ego, kept under RUN/retrained.
+    /// An ado trained anew for each changed ego, kept under RUN/retrained.
     Retrained,
     /// The exact solution of a grid world.
     Optimal,

@@ -169,7 +169,7 @@ impl PlanDir {
             match &found {
                 Some(known) if *known != text => {
                     return Ok(Err(format!(
-                        "there twice, and different in `{}`: an ego or a machine does not answer twice alike",
+                        "there twice with different content, the second in `{}`: an ego or a machine is not deterministic",
                         place.display()
                     )));
                 }

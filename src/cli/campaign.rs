@@ -16,7 +16,7 @@ const SHOWN: usize = 40;
 /// Legend below a table of rates.
 const EXPLAINED: &str = "
 fails %  share of the starts from which the ego fails, every rule kept; 95 %: its interval
-recall   of the starts that search solves, the share solved here too; –: no search met this ego
+recall   of the starts that search solves, the share solved here too; –: no search against this ego
 fouls    starts on which the ado broke a rule first; contact: starts that end in one
 prev.    failures that CC_LATCHED or FSM would have avoided; –: they were not judged
 closing  median closing speed of the failures that end in contact, m/s";
@@ -32,7 +32,7 @@ enum CampaignVerb {
     /// Cut a campaign file into pieces, with files for engines that run them.
     #[command(after_help = examples::CAMPAIGN_PLAN)]
     Plan(PlanArgs),
-    /// Make the pieces that are not there yet, or one of them.
+    /// Make all missing pieces, or a single piece.
     #[command(after_help = examples::CAMPAIGN_RUN)]
     Run(RunArgs),
     /// Check all pieces and write them as one file, with a summary and a page.
@@ -48,11 +48,11 @@ struct PlanArgs {
     /// The directory to plan into.
     #[arg(short, long, value_name = "DIR", required_unless_present = "dry_run")]
     output: Option<PathBuf>,
-    /// Cut pieces of about so many seconds by a guess from the worlds, and play
-    /// no pilot [default: a pilot, and 10 seconds].
+    /// Cut pieces of about S seconds by an estimate from the worlds, without a pilot
+    /// [default: a pilot, and 10 seconds].
     #[arg(long, value_name = "S", value_parser = seconds)]
     piece_s: Option<f64>,
-    /// Only say how many pieces, hours and bytes it comes to.
+    /// Only print the number of pieces, hours and bytes.
     #[arg(long)]
     dry_run: bool,
     #[command(flatten)]
@@ -63,7 +63,7 @@ struct PlanArgs {
 struct RunArgs {
     /// The directory of the plan.
     dir: PathBuf,
-    /// Only this piece, counted from 0: what an engine runs.
+    /// Make only this piece, counted from 0, as engines do.
     #[arg(long, value_name = "I")]
     piece: Option<usize>,
     #[command(flatten)]
@@ -74,8 +74,8 @@ struct RunArgs {
 struct MergeArgs {
     /// The directory of the plan.
     dir: PathBuf,
-    /// Another directory of the same plan with pieces of another machine; repeat
-    /// for several.
+    /// A copy of the plan directory with pieces of another machine; repeat for
+    /// several.
     #[arg(long, value_name = "DIR")]
     with: Vec<PathBuf>,
     #[command(flatten)]

@@ -18,7 +18,7 @@ use crate::world::Scenario;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
-    /// The run directory of `train`; or a world: all its points, or its baselines and search.
+    /// Run directory of a trained ado; or a world, to play its points, or baselines and search.
     #[arg(value_name = "RUN|WORLD.ron")]
     pub(super) run: PathBuf,
     #[command(flatten)]

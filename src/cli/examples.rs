@@ -5,10 +5,10 @@ pub(super) const ALL: &str = "\
 Exit codes:
   0    done
   1    a counterexample (--fail-on-counterexample), a kept one that still fails, or a failed gate
-  2    the input is wrong: the message says where, and what would be right
+  2    invalid input: the message shows the place and a fix
   3    the ego, the disk or the program failed
   4    a replay differs from what was recorded
-  130  interrupted; what was computed is kept
+  130  interrupted; finished work is kept
 
 First steps:
   brakecheck new mine

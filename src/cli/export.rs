@@ -13,7 +13,7 @@ pub(super) struct ExportArgs {
     /// A kept counterexample, a directory of them, or a run directory.
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
-    /// The directory to write into; what has the same names there is replaced.
+    /// The directory to write into; files of the same names are replaced.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Print one JSON object on stdout instead of a list.

@@ -575,7 +575,7 @@ impl From<&Complaint> for Failure {
         let mut help = String::new();
         // Otherwise a reader would take the few episodes for all.
         if complaint.given_up {
-            help.push_str("it was given up before the end; ");
+            help.push_str("the command ended before all episodes were played; ");
         }
         if let Some(fault) = complaint
             .faults

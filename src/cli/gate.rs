@@ -22,7 +22,7 @@ pub(super) struct GateArgs {
     /// The earlier ego, to compare with.
     #[arg(long, value_name = "NAME|FILE.ron")]
     baseline_ego: String,
-    /// Newly failing starts that fail the gate: exit with 1.
+    /// Newly failing starts that fail the gate, with exit code 1.
     #[arg(long, value_parser = one_of::<GateOn>(), default_value = "preventable")]
     on: GateOn,
     #[command(flatten)]

@@ -12,19 +12,19 @@ const USUAL: usize = 10;
 
 /// Text of `--help`.
 const SETTINGS: &str = "\
-Write the worst counterexamples that differ and persist into a directory
+Write the worst distinct and persistent counterexamples into a directory
 
 Settings, as in `--keep crashes,most=4,as-found`:
 - most=N:   At most N per ego [default: 10; of points all]
-- all:      Every counterexample, like others or not
+- all:      Every counterexample, similar ones included
 - as-found: Without minimization
 - runs=N:   At most N runs of a program to minimize and label each [default: 300]
-A directory with a comma in its name cannot be given";
+The name of the directory must not contain a comma";
 
 /// Kept counterexamples: their number, form and directory.
 #[derive(Args, Clone, Debug)]
 pub(super) struct KeepArgs {
-    /// Write the worst counterexamples that differ and persist into a directory.
+    /// Write the worst distinct and persistent counterexamples into a directory.
     #[arg(long, value_name = "DIR[,SETTING]...", value_parser = request, long_help = SETTINGS)]
     keep: Option<KeepRequest>,
 }

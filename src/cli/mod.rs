@@ -81,7 +81,7 @@ enum Verb {
     /// Measure a trained ado on an ego over a range of a parameter.
     #[command(after_help = examples::SWEEP)]
     Sweep(sweep::SweepArgs),
-    /// Search action sequences per start: what an adversary can do at all.
+    /// Search every start for action sequences that make the ego fail.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
@@ -96,7 +96,7 @@ enum Verb {
     /// As earlier versions made the paper's tables and figures again.
     #[command(hide = true, after_help = examples::REPRODUCE)]
     Reproduce(reproduce::ReproduceArgs),
-    /// Play many worlds, egos, ados and starts in pieces that can die.
+    /// Play many worlds, egos, ados and starts in resumable pieces.
     #[command(after_help = examples::CAMPAIGN)]
     Campaign(campaign::CampaignArgs),
     /// Write an episode as a recording for the rerun viewer, or as a picture.
@@ -105,7 +105,7 @@ enum Verb {
     /// Write kept counterexamples as OpenSCENARIO and OpenDRIVE files.
     #[command(after_help = examples::EXPORT)]
     Export(export::ExportArgs),
-    /// Let another simulator ask a trained ado what to do, in JSON lines.
+    /// Serve a trained ado to another simulator, in JSON lines.
     #[command(after_help = examples::SERVE)]
     Serve(serve::ServeArgs),
 }
@@ -203,6 +203,23 @@ fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
 /// Reads a world, with the consent that was typed.
 fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
     Ok(Scenario::find(path)?.allow_programs(common.allow_programs))
+}
+
+/// Refuses a program after `--` in a verb that takes it from a file only.
+fn refuse_program(verb: &str, program: &[String]) -> Result<(), Failure> {
+    if program.is_empty() {
+        return Ok(());
+    }
+    let command: Vec<String> = program.iter().map(|word| format!("{word:?}")).collect();
+    let change = format!(
+        "Change(controller: Process(command: [{}]))",
+        command.join(", ")
+    );
+    let refused = Failure::input(
+        format!("`{verb}` takes no program after `--`"),
+        "use `--ego FILE.ron --allow-programs`, with this line in FILE.ron:",
+    );
+    Err(refused.with_command(&change))
 }
 
 /// Values of an argument: the words of a list of the library, explained by its

@@ -15,13 +15,13 @@ const WORLD: &str = include_str!("new_world.ron");
 
 #[derive(Args, Debug)]
 pub(super) struct NewArgs {
-    /// Its name; the file is NAME.ron in this directory. With --from it may have
-    /// a directory, and points that need other roads or bodies get NAME_2.ron.
+    /// Name of the world, written to NAME.ron. With --from it may contain a
+    /// directory, and points with other roads or bodies go to NAME_2.ron.
     name: String,
-    /// An OpenSCENARIO file whose points are to be a world.
+    /// OpenSCENARIO file to import as a world.
     #[arg(long, value_name = "FILE.xosc")]
     from: Option<PathBuf>,
-    /// Its variation file; without one there is one point, the file's own.
+    /// Its variation file [default: none, a single point].
     #[arg(long, value_name = "FILE.xosc", requires = "from")]
     points: Option<PathBuf>,
     /// Only this point of the variation file, from 0.

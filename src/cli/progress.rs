@@ -331,13 +331,13 @@ mod tests {
             "1/4 searching training starts: 500 of 2000 after 60 s, about 180 s left"
         );
         now.begin("training (decisions)", Some((2, 4)));
-        now.phase.detail = "solves 34 %".to_owned();
+        now.phase.detail = "solves 34 % exploring".to_owned();
         // A resumed training. Its earlier part has no rate.
         now.count(100_000, 160_000);
         now.count(110_000, 160_000);
         assert_eq!(
             line(&now, 30, 0),
-            "2/4 training (decisions), solves 34 %: 110000 of 160000 after 30 s, about 150 s left"
+            "2/4 training (decisions), solves 34 % exploring: 110000 of 160000 after 30 s, about 150 s left"
         );
         now.begin("theorems", Some((1, 1)));
         assert_eq!(line(&now, 1, 1), "theorems: 1 s so far");

@@ -1,6 +1,5 @@
 //! `brakecheck replay`: kept counterexamples.
 
-use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -8,6 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
+use super::test_args::PROGRAM;
 use super::{Common, Exit, Failure, finite_or_word, print_json, progress, table_of, terminal};
 use crate::crashes::{Regressions, Replayed};
 use crate::rulebook::RulesUntilContact;
@@ -20,23 +20,23 @@ pub(super) struct ReplayArgs {
     /// A kept counterexample, a directory of them, or a run directory.
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
-    /// Which of them: a number (from 0) or a file name; all if left out.
+    /// Number (from 0) or file name of a single counterexample [default: all].
     episode: Option<String>,
     /// Replay against this ego: a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
     ego: Option<String>,
-    /// What counts as well: reproducing what was recorded.
+    /// Check this, instead of whether the ego still fails.
     #[arg(long, value_enum)]
     expect: Option<Expect>,
-    /// Find out what is to be said of each (severity, cause, persistence) and write
-    /// those that are reproduced bit for bit again with it, and their hashes.
+    /// Determine severity, cause and persistence again, in files that replay bit for
+    /// bit.
     #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"])]
     refine: bool,
     /// Exit with 1 if a kept counterexample still fails (the default).
     #[arg(long)]
     fail_on_counterexample: bool,
-    /// A program that is the ego, after `--`: typing it consents to start it.
-    #[arg(last = true, value_name = "COMMAND")]
+    /// Program to run as the ego, after `--`; typing it consents to start it.
+    #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
     program: Vec<String>,
     #[command(flatten)]
     pub(super) common: Common,
@@ -44,7 +44,7 @@ pub(super) struct ReplayArgs {
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 enum Expect {
-    /// Verdict, robustness, contact, rules until it and every sample as recorded.
+    /// Verdict, robustness, contact, rules and every sample are as recorded.
     Recorded,
 }
 
@@ -72,11 +72,16 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
         .map(|(it, about)| row(it, about))
         .collect();
     let in_all = ReplaySummary::of(&replayed);
+    let summary = if recorded {
+        in_all.as_recorded(&replayed)
+    } else {
+        in_all.still_failing()
+    };
     if args.common.json {
         print_json(&json!({ "rows": rows, "in_all": in_all }))
     } else {
         terminal::data(&format!(
-            "{}{}\n{in_all}",
+            "{}{}\n{summary}",
             table(&replayed),
             remarks(&replayed, &known)
         ))
@@ -121,20 +126,30 @@ impl ReplaySummary {
             invalid,
         }
     }
-}
 
-impl Display for ReplaySummary {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let ReplaySummary {
-            replayed,
-            still_fail,
-            fixed,
-            invalid,
-        } = self;
-        write!(f, "{still_fail} of {replayed} still fail, {fixed} fixed")?;
-        match invalid {
-            0 => Ok(()),
-            some => write!(f, ", {some} did not run"),
+    /// Counts the failing replays, in words.
+    fn still_failing(&self) -> String {
+        let (still_fail, fixed) = (self.still_fail, self.fixed);
+        let first = format!(
+            "{still_fail} of {} still fail, {fixed} fixed",
+            self.replayed
+        );
+        first + &self.not_run()
+    }
+
+    /// Counts the replays that are as recorded, in words.
+    fn as_recorded(&self, replayed: &[Replayed]) -> String {
+        let same = replayed.iter().filter(|one| one.identical).count();
+        let differs = |one: &&Replayed| !one.identical && one.fault().is_none();
+        let differ = replayed.iter().filter(differs).count();
+        let first = format!("{same} of {} as recorded, {differ} differ", self.replayed);
+        first + &self.not_run()
+    }
+
+    fn not_run(&self) -> String {
+        match self.invalid {
+            0 => String::new(),
+            some => format!(", {some} did not run"),
         }
     }
 }
@@ -206,7 +221,7 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
             text.push_str(&format!(
                 "\n{file}: the ego fails in {failing} of {ran} runs [{lo:.0}–{hi:.0} %]{}",
                 if repeated.differs() {
-                    "; it does not answer alike in all of them"
+                    "; its commands differ between them"
                 } else {
                     ""
                 }
@@ -293,9 +308,9 @@ fn table(replayed: &[Replayed]) -> String {
     format!(
         "{place}{}\nverdict        counterexample: the ego failed, every rule kept; foul: one was broken; held: neither\
          \nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
-         \ncontact        when it is, and at which closing speed; –: there was none\
-         \nrules until it whether the ados kept theirs until the contact; –: there was none, or it is not known\
-         \nbits           whether every sample of this run is the recorded one, or from when on not",
+         \ncontact        its time and closing speed; –: no contact\
+         \nrules until it the rules of the ados until the contact; –: no contact, or not known\
+         \nbits           identical: every sample is as recorded; otherwise the time of the first difference",
         table_of(header, lines)
     )
 }

@@ -31,24 +31,24 @@ pub(super) struct ReportArgs {
     /// Another run of the same world, to show beside it; repeat for several.
     #[arg(long, value_name = "RUN", num_args = 1..)]
     with: Vec<PathBuf>,
-    /// Rows to show: what `eval`, `gate`, `sweep` or `search` printed with `--json`; repeat for several.
+    /// Rows to show, from `eval`, `gate`, `sweep` or `search` with `--json`; repeat for several.
     #[arg(long, value_name = "FILE.json")]
     rows: Vec<PathBuf>,
     /// Test starts for the nominal ego.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
-    /// The first of them that every changed ego is tried on too, without
-    /// `--rows` [default: as many as 1000 episodes allow, 20 to 100].
+    /// Test starts for every changed ego, without `--rows` [default: as many as
+    /// 1000 episodes allow, 20 to 100].
     #[arg(long, value_name = "N", value_parser = start_count())]
     reuse_starts: Option<usize>,
     /// Also write each counterexample of the page as OpenSCENARIO, into a directory
     /// beside it, and link it.
     #[arg(long)]
     scenarios: bool,
-    /// Of a world with points, which ego: nominal, a name under `reuse`, a RON file.
+    /// Ego of a world with points: nominal, a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
     ego: Option<String>,
-    /// Of a world with points, a program that is the ego, after `--`.
+    /// Program to run as the ego of a world with points, after `--` (`lag_s` is 0).
     #[arg(last = true, value_name = "COMMAND")]
     program: Vec<String>,
     /// Seed of the test starts.

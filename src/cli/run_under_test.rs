@@ -16,7 +16,7 @@ use crate::sysid::ContextSource;
 use crate::world::Scenario;
 
 /// Remark on a conditional ado without any run of an ego.
-const UNTOLD: &str = "the ado is told the parameters of the world's own ego: `--runs 10` identifies every ego from ten runs of it, `--runs 100` also learns how it drives";
+const UNTOLD: &str = "the ado observes the parameters of the world's own ego: `--runs 10` identifies every ego from ten recorded runs, and `--runs 100` also learns its behaviour";
 
 /// Returns whether the path is a world file or a shipped world, and not a run.
 pub(super) fn is_world(path: &Path) -> bool {
@@ -237,7 +237,7 @@ fn keeps_something(test: &TestArgs) -> Result<(), Failure> {
     let plays_trained = requested.is_empty() || kept.iter().any(|ado| requested.contains(ado));
     if test.keep.dir().is_some() && !plays_trained {
         Err(Failure::input(
-            "`--keep` writes counterexamples of the trained ado, which is not asked for",
+            "`--keep` requires the trained ado, whose counterexamples it writes",
             "add `--ado trained`",
         ))
     } else {

@@ -27,7 +27,7 @@ pub(super) struct SearchArgs {
     /// A world file, the name of a shipped world, or a run directory.
     #[arg(value_name = "WORLD|RUN")]
     world: PathBuf,
-    /// How sequences are chosen.
+    /// Method that chooses the sequences.
     #[arg(long, value_parser = method_of_the_list(), default_value = "switches")]
     method: MethodInfo,
     #[arg(long, value_name = "M", help = MethodOption::Switches.help())]
@@ -215,7 +215,7 @@ fn in_words(even: &BreakEven) -> String {
     );
     // Both use the same training, so neither is charged for it.
     if even.once.simulations == 0 {
-        return format!("{spent}.\nBoth live on a training.");
+        return format!("{spent}.\nBoth require the counterexamples of a training.");
     }
     let at_most = if even.matched { "" } else { "at most " };
     let from = |starts: Option<f64>| match starts {

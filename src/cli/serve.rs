@@ -16,8 +16,8 @@ const DOCUMENT: &str = "docs/reference/ado-protocol.md";
 pub(super) struct ServeArgs {
     /// The run directory of a trained ado.
     run: PathBuf,
-    /// What a conditional ado is told of the ego it meets; repeat for every
-    /// quantity of its family [default: the nominal values].
+    /// Parameter of the ego, for a conditional ado; repeat for every quantity of
+    /// its family [default: the nominal values].
     #[arg(long, value_name = "NAME=VALUE", value_parser = quantity)]
     tell: Vec<(String, f64)>,
 }

@@ -25,19 +25,19 @@ pub(super) struct StlArgs {
     /// Sampling period in seconds [default: from the time column, else 1].
     #[arg(long, value_name = "S")]
     dt: Option<f64>,
-    /// Whether `until` asks for its left side where its right side holds.
+    /// Samples on which the left side of `until` must hold.
     #[arg(long, value_enum, default_value = "half-open")]
     until: UntilArg,
-    /// What lies behind the end of the trace.
+    /// Continuation of the trace after its end.
     #[arg(long, value_enum, default_value = "truncate")]
     end: EndArg,
     /// A named constant; repeat for several.
     #[arg(long = "const", value_name = "NAME=VALUE")]
     constants: Vec<String>,
-    /// The robustness at every sample, not only at the first.
+    /// Print the robustness at every sample, not only at the first.
     #[arg(long)]
     all: bool,
-    /// Which leaf, at which time, with which value decides.
+    /// Print the leaf, the time and the value that decide the robustness.
     #[arg(long)]
     explain: bool,
     /// Exit with 1 if the trace violates the formula.
@@ -50,19 +50,19 @@ pub(super) struct StlArgs {
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum UntilArg {
-    /// The left side on [t, t').
+    /// From t to t', without the sample at t' where the right side holds.
     HalfOpen,
-    /// The left side on [t, t'].
+    /// From t to t', with the sample at t' where the right side holds.
     Closed,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum EndArg {
-    /// Nothing: windows end with the trace.
+    /// No continuation: windows end with the trace.
     Truncate,
-    /// The last sample, for ever.
+    /// The last sample, forever.
     Hold,
-    /// The worst that could still come.
+    /// The worst possible samples.
     Strict,
 }
 

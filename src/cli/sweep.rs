@@ -16,7 +16,7 @@ use crate::stats::{at_most, wilson};
 /// Legend of a sweep's columns.
 const EXPLAINED: &str = "
 failing        starts from which some ado makes the ego fail with that value, every rule kept
-95 % interval  of the share of such starts, in %; in 40ths: the same share as a bar, rounded up";
+95 % interval  of the share of such starts, in %, two-sided; in 40ths: the same share as a bar, rounded up";
 
 #[derive(Args, Debug)]
 pub(super) struct SweepArgs {
@@ -107,5 +107,7 @@ fn safety(swept: &Swept) -> String {
         // Safe values in the middle only are no useful bound.
         (None, None) => return "starts fail at both ends of the range".to_owned(),
     };
-    format!("{safe}: at each such value at most {bound:.1} % at 95 %, for these ados and starts")
+    format!(
+        "{safe}: at each such value at most {bound:.1} % (one-sided 95 % bound), for these ados and starts"
+    )
 }

@@ -8,13 +8,14 @@ use crate::sysid::IdentifiedAs;
 
 /// Legend of the columns of rows.
 const ROWS_EXPLAINED: &str = "
-success        starts on which the ego fails, and no rule was broken before; with its 95 % interval
+success        starts on which the ego fails, and no rule was broken before
+95 % interval  of the success rate over other starts, two-sided
 recall         share solved here of the starts that search solves; –: no search, or it solved none
 sims/start     simulations spent per start, on average
 fouls          starts on which a rule was broken first: no success; search: sequences it tried
-fouls before   starts that were solved, a rule being broken between failure and contact
-contact        starts that end in a contact; closing: its speed after a failure, median and 90 %
-groups         groups of alike failures (docs/guide/crashes.md); –: none, or not compared
+fouls before   solved starts with a rule broken between the failure and the contact
+contact        starts that end in a contact; closing: speed of contacts after a failure
+groups         groups of similar failures (docs/guide/crashes.md); –: none, or not compared
 cpu s          processor time spent on all of the starts";
 
 /// Legend of the columns of a block's egos and of its summary.
@@ -65,7 +66,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
             ));
             if 0 < repeats.differing {
                 text.push_str(&format!(
-                    "; on {} starts it does not answer alike each time",
+                    "; on {} starts its commands differ between the runs",
                     repeats.differing
                 ));
             }
@@ -237,7 +238,7 @@ fn uncounted(rows: &[Row]) -> String {
         String::new()
     } else {
         format!(
-            "\nviolated, but not as `counts` asks for (uncounted): {}",
+            "\nviolations that `counts` excludes (uncounted): {}",
             named.join(", ")
         )
     }
@@ -264,7 +265,7 @@ fn bounds(rows: &[Row]) -> String {
         let bound = (1000.0 * bound).ceil() / 10.0;
         let names = names.join(", ");
         format!(
-            "\n{names}: no success in {starts}, so at most {bound:.1} % at 95 %, for these starts"
+            "\n{names}: no success in {starts}, so at most {bound:.1} % (one-sided 95 % bound), for these starts"
         )
     });
     lines.collect()
@@ -442,8 +443,8 @@ mod tests {
         ];
         assert_eq!(
             bounds(&none),
-            "\nhold, random: no success in 284, so at most 1.1 % at 95 %, for these starts\
-             \nsearch: no success in 50, so at most 5.9 % at 95 %, for these starts"
+            "\nhold, random: no success in 284, so at most 1.1 % (one-sided 95 % bound), for these starts\
+             \nsearch: no success in 50, so at most 5.9 % (one-sided 95 % bound), for these starts"
         );
         let two_egos = [
             row("nominal", "hold", (0, 100)),
@@ -451,7 +452,7 @@ mod tests {
         ];
         assert_eq!(
             bounds(&two_egos),
-            "\nhold on nominal, hold on van: no success in 100, so at most 3.0 % at 95 %, for these starts"
+            "\nhold on nominal, hold on van: no success in 100, so at most 3.0 % (one-sided 95 % bound), for these starts"
         );
         assert_eq!(bounds(&[]), "");
     }

@@ -35,7 +35,7 @@ pub struct Common {
     /// Start the programs that worlds, changes and kept files name as egos.
     #[arg(long, global = true)]
     pub allow_programs: bool,
-    /// Largest share of invalid episodes in a row that is no fault, 0 to 1.
+    /// Share of invalid episodes to tolerate in each table row, 0 to 1.
     #[arg(long, global = true, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     pub allow_invalid: f64,
     /// Log of the faults in all episodes of the command, shared by clones.

@@ -11,14 +11,21 @@ use crate::experiment::{EgoError, EgoUnderTest, Watch};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
+/// Text of `--help` on a program after `--`.
+pub(super) const PROGRAM: &str = "\
+Program to run as the ego, after `--`; typing it consents to start it
+
+Its commands act without actuator lag (`lag_s` 0). To set a lag, give `--ego` a file with
+`Process(…)` instead (docs/reference/egos.md)";
+
 /// Ego under test, by name, file or program.
 #[derive(Args, Debug)]
 pub(super) struct EgoArgs {
     /// Ego to test: nominal, a name under `reuse`, a RON file, or all.
     #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
     ego: String,
-    /// A program that is the ego, after `--`: typing it consents to start it.
-    #[arg(last = true, value_name = "COMMAND")]
+    /// Program to run as the ego, after `--`; typing it consents to start it.
+    #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
     program: Vec<String>,
 }
 
@@ -60,13 +67,13 @@ pub(super) struct TestArgs {
     /// The physics to test in, instead of the run's.
     #[arg(long, value_parser = one_of::<PlantKind>())]
     pub(super) plant: Option<PlantKind>,
-    /// Also search with at most so many switches, and fill in recall.
+    /// Also search with at most M switches of action, which gives recall.
     #[arg(long, value_name = "M")]
     pub(super) search: Option<usize>,
-    /// Runs of the trained ado per start: the greedy one, then explored ones.
+    /// Tries of the trained ado per start: the first greedy, the others exploring.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
     pub(super) tries: u64,
-    /// Runs of each ego to learn it from: 0 for none, 100 to adapt, 10 to identify it for a
+    /// Runs of each ego to record and learn from: 100 to adapt, 10 to identify it for a
     /// conditional ado.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
     pub(super) runs: u64,

@@ -9,7 +9,7 @@ use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
-    progress, table, terminal,
+    progress, refuse_program, table, terminal,
 };
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Row, TrainingEnd};
@@ -30,14 +30,13 @@ pub(super) struct TrainArgs {
     /// Which of the world's `learners` to train with, instead of its `learner`.
     #[arg(long, value_name = "NAME")]
     learner: Option<String>,
-    /// Look for severe or for distinct failures, instead of the world's `goals`.
+    /// Reward severe or distinct failures, instead of the world's `goals`.
     #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL")]
     goals: Vec<TrainingGoal>,
-    /// What to train against: the world's ego, or its family under `train_against`.
+    /// Egos to train against: the world's own, or its family under `train_against`.
     #[arg(long, value_parser = one_of::<TrainingEgos>(), default_value = "nominal", value_name = "EGOS")]
     against: TrainingEgos,
-    /// A structure of the family that is not met, to ask later how the ado fares on
-    /// it.
+    /// Leave a structure out of the family, to test the ado on it later.
     #[arg(long, value_name = "STRUCTURE")]
     leave_out: Option<String>,
     /// Train against a changed ego: a name under `reuse`, or a RON file.
@@ -46,18 +45,21 @@ pub(super) struct TrainArgs {
     /// The physics to train in, instead of the world's.
     #[arg(long, value_parser = one_of::<PlantKind>())]
     plant: Option<PlantKind>,
-    /// Go on with an interrupted training in RUN.
+    /// Continue an interrupted training in RUN.
     #[arg(long)]
     resume: bool,
     /// Begin with the policy of another run and fine-tune it.
     #[arg(long, value_name = "RUN", conflicts_with = "resume")]
     from: Option<PathBuf>,
-    /// Test starts of the closing evaluation.
+    /// Test starts of the closing evaluation, always of seed 0.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
-    /// Seed of the training, and of its test starts: 0, or as begun.
+    /// Seed of the training [default: 0, or as begun].
     #[arg(long, value_name = "N", value_parser = count(0..=u64::MAX))]
     seed: Option<u64>,
+    /// Taken only to be refused with the fix.
+    #[arg(last = true, hide = true)]
+    program: Vec<String>,
     #[command(flatten)]
     live: RerunArgs,
     #[command(flatten)]
@@ -65,6 +67,7 @@ pub(super) struct TrainArgs {
 }
 
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
+    refuse_program("train", &args.program)?;
     let world = load_world(&args.world, &args.common)?;
     // Opened first, because a refused stream must leave no run directory.
     let title = format!("training in {}", world.name);

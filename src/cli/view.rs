@@ -10,7 +10,7 @@ use strum::VariantArray;
 use super::live::RerunArgs;
 #[cfg(feature = "rerun")]
 use super::live::{self, Streamed};
-use super::{Common, Exit, Failure, open_run, print_json, terminal};
+use super::{Common, Exit, Failure, open_run, print_json, refuse_program, terminal};
 use crate::crashes::{Regressions, Replayed, ViewKind, newest_of_training, picture};
 use crate::ego::reference::ReferenceDriver;
 #[cfg(feature = "rerun")]
@@ -24,7 +24,7 @@ pub(super) struct ViewArgs {
     /// A kept counterexample, a directory of them, or a run directory.
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
-    /// Which of them: a number (from 0) or a file name [default: 0, or all with
+    /// Number (from 0) or file name of a counterexample [default: 0, or all with
     /// `--rerun`].
     episode: Option<String>,
     /// Replay against this ego first: a name under `reuse`, or a RON file.
@@ -36,16 +36,19 @@ pub(super) struct ViewArgs {
     output: Option<PathBuf>,
     #[command(flatten)]
     live: RerunArgs,
-    /// Beside it in the picture, what this reference driver does in the ego's
-    /// place (docs/background/preventability.md).
+    /// Show beside it this reference driver in the ego's place
+    /// (docs/background/preventability.md).
     #[arg(long, value_name = "DRIVER", value_parser = drivers())]
     beside: Option<String>,
     /// Print one JSON object on stdout instead of messages.
     #[arg(long)]
     json: bool,
-    /// Start the program that a kept file names as the ego.
+    /// Start the programs that the kept file or `--ego` names as egos.
     #[arg(long)]
     allow_programs: bool,
+    /// Taken only to be refused with the fix.
+    #[arg(last = true, hide = true)]
+    program: Vec<String>,
 }
 
 impl ViewArgs {
@@ -63,6 +66,7 @@ fn drivers() -> PossibleValuesParser {
 }
 
 pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
+    refuse_program("view", &args.program)?;
     let kind = args.output.as_deref().map(ViewKind::of).transpose()?;
     let is_picture = kind == Some(ViewKind::Picture);
     if args.beside.is_some() && !is_picture {

@@ -128,7 +128,7 @@ impl KeptFiles {
             some => format!("; minimized and labelled with {some} runs of it"),
         };
         watch.note(&format!(
-            "kept {} of {} counterexamples of `{ego}` in {}: {} of them differ{passed_over}{older}{runs}",
+            "kept {} of {} counterexamples of `{ego}` in {}: {} of them are distinct{passed_over}{older}{runs}",
             self.files.len(),
             self.found,
             dir.display(),

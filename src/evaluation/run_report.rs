@@ -315,7 +315,7 @@ fn notes(run: &RunDir) -> Vec<String> {
     }
     if manifest.against == TrainingEgos::Conditioned {
         notes.push(format!(
-            "It is told the parameters of the ego it meets ({}); here the true ones.",
+            "It observes the parameters of its ego ({}), here the true values.",
             manifest.parameters.join(", ")
         ));
     }

@@ -88,7 +88,7 @@ fn opening(report: &Report<'_>) -> Markup {
 fn seen(report: &Report<'_>, nominal: &Nominal) -> Markup {
     let all = nominal.highlights.len();
     html! {
-        h2 { "Counterexamples that tell most, the worst first" }
+        h2 { "Most informative counterexamples, the worst first" }
         @if nominal.highlights.is_empty() {
             p { "The ado makes the ego fail from none of the test starts." }
         } @else {
@@ -112,7 +112,7 @@ pub(super) fn world(scenario: &Scenario) -> Markup {
         h2 { "The world" }
         p { "The ego must keep ψ_ego, and the ado keeps its rules, the most important first:" }
         div class="wide" { table {
-            thead { tr { th { "" } th { "who" } th { "what" } th { "in Signal Temporal Logic" } } }
+            thead { tr { th { "" } th { "agent" } th { "requirement" } th { "formula" } } }
             tbody {
                 tr { td { "ψ_ego" } td { "ego" } td class="w" { @if let Some(requirement) = &scenario.requirement { (requirement) } } td class="w" { code { (scenario.ego_spec) } } }
                 @for rule in &scenario.rules {
@@ -134,7 +134,7 @@ pub(super) fn world(scenario: &Scenario) -> Markup {
         details {
             summary { "Signals" }
             div class="wide" { table {
-                thead { tr { th { "signal" } th { "unit" } th { "what it is" } } }
+                thead { tr { th { "signal" } th { "unit" } th { "meaning" } } }
                 tbody { @for (signal, _) in scenario.signals() { tr { td { code { (signal.name) } } td { (signal.unit) } td class="w" { (signal.about) } } } }
             } }
         }

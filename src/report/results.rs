@@ -58,14 +58,14 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
             p { "No progress is recorded." }
         }
         div class="wide" { table class="rows" {
-            thead { tr { th { "run" } th class="n" { "seed" } th class="n" { "decisions" } th class="n" { "episodes" } th class="n" { "CPU s" } th class="n" { "of what search solves" } th class="n" { "closing evaluation" } th { "95 %" } } }
+            thead { tr { th { "run" } th class="n" { "seed" } th class="n" { "decisions" } th class="n" { "episodes" } th class="n" { "CPU s" } th class="n" { "recall on calibration starts" } th class="n" { "closing evaluation" } th { "95 %" } } }
             tbody { @for training in trainings {
                 @let m = &training.manifest;
                 tr {
                     td { code { (training.run) } } td class="n" data-l="seed" { (m.seed) }
                     td class="n" data-l="decisions" { (m.decisions_done) @if m.decisions_done < m.decisions { " of " (m.decisions) } }
                     td class="n" data-l="episodes" { (m.episodes) } td class="n" data-l="CPU s" { (format!("{:.0}", m.cpu_s)) }
-                    td class="n" data-l="of what search solves" { (m.calibration.map_or("–".to_owned(), |c| format!("{} of {}", c.both, c.searched))) }
+                    td class="n" data-l="recall on calibration starts" { (m.calibration.map_or("–".to_owned(), |c| format!("{} of {}", c.both, c.searched))) }
                     @match training.closing.first() {
                         Some(row) => { td class="n" data-l="closing evaluation" { (percent(row.success_rate)) " of " (row.starts) } td data-l="95 %" { (interval(row)) } }
                         None => { td class="n" data-l="closing evaluation" { "–" } td {} }
@@ -237,7 +237,7 @@ pub(super) fn costs(costs: &[TestingCost]) -> Markup {
             })) }
         }
         div class="wide" { table {
-            thead { tr { th { "way" } th class="n" { "once" } th class="n" { "per start" } th class="n" { "solves" } th class="n" { "break-even [starts]" } } }
+            thead { tr { th { "method" } th class="n" { "sims once" } th class="n" { "sims / start" } th class="n" { "success" } th class="n" { "break-even [starts]" } } }
             tbody { @for cost in costs { tr {
                 td { (cost.name) } td class="n" { (format!("{:.0}", cost.fixed)) }
                 td class="n" { (format!("{:.1}", cost.per_start)) } td class="n" { (percent(cost.solves)) }

@@ -114,8 +114,8 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
         beaten.push(format!(
             "On {} no baseline of this table is as good as the trained ado.",
             match compared {
-                1 => "the one ego that both met".to_owned(),
-                some => format!("all {some} egos that both met"),
+                1 => "the only ego that both played against".to_owned(),
+                some => format!("all {some} egos that both played against"),
             }
         ));
     }

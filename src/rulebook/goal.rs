@@ -26,7 +26,7 @@ use strum::{Display, EnumMessage, EnumString, IntoStaticStr, VariantArray};
 pub enum TrainingGoal {
     /// Contacts at a high closing speed.
     Severe,
-    /// Failures unlike those that the training has met most often.
+    /// Failures of kinds that are rare in the training so far.
     Distinct,
 }
 

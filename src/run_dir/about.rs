@@ -364,8 +364,8 @@ impl Display for About {
             None => format!("labelled with {runs}"),
         }));
         lines.extend(self.cluster.map(|size| match size {
-            1 => "like no other".to_owned(),
-            size => format!("one of {size} that are alike"),
+            1 => "no similar counterexample".to_owned(),
+            size => format!("one of {size} similar counterexamples"),
         }));
         f.write_str(&lines.join("\n"))
     }

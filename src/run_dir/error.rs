@@ -79,7 +79,7 @@ pub enum RunError {
         why: String,
     },
     /// The ado is conditional, and the parameters of the ego are missing.
-    #[error("the ado in `{path}` is conditional: it must be told {}", names.join(", "))]
+    #[error("the conditional ado in `{path}` requires values of {}", names.join(", "))]
     Unconditioned {
         /// Directory.
         path: PathBuf,
@@ -105,7 +105,7 @@ impl RunError {
                 Some("go on with `brakecheck train WORLD -o RUN --resume`".to_owned())
             }
             RunError::NothingStored { .. } => Some(
-                "it met a family of egos: name a run that was trained against one ego".to_owned(),
+                "it was trained on a family of egos: name a run that was trained against a single ego".to_owned(),
             ),
             RunError::Exists { .. } => {
                 Some("go on with `--resume`, or name another directory with `-o`".to_owned())
@@ -121,7 +121,7 @@ impl RunError {
                 Some("restore the file from a backup, or make it again".to_owned())
             }
             RunError::Unconditioned { .. } => Some(
-                "`brakecheck eval RUN --ego E --runs 10` tells it what ten runs of the ego show"
+                "`brakecheck eval RUN --ego E --runs 10` identifies them from ten runs of the ego"
                     .to_owned(),
             ),
             RunError::World(_) => None,

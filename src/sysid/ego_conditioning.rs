@@ -119,7 +119,9 @@ pub fn conditioned(
             Ok(member) => (member, "true"),
             Err(error) => {
                 let name = ego.name();
-                watch.note(&format!("`{name}`: {error}; told the nominal values"));
+                watch.note(&format!(
+                    "`{name}`: {error}; the ado observes the nominal values"
+                ));
                 (nominal.clone(), "nominal")
             }
         },
@@ -149,8 +151,8 @@ fn note_unexplained(ego: &EgoUnderTest, context: &str, found: &IdentifiedAs, wat
         return;
     }
     let what = match context {
-        "identified" => "the ado is told its nearest member",
-        _ => "which says nothing of it: the ado is told the nominal values",
+        "identified" => "the ado observes the parameters of this member",
+        _ => "too far to describe it: the ado observes the nominal values",
     };
     watch.note(&format!(
         "`{}` is none of the family, its nearest member is {:.2} m away; {what}",
@@ -354,7 +356,7 @@ pub(crate) fn place_of(run: &RunDir, ego: &EgoUnderTest, key: &Value) -> Option<
 #[non_exhaustive]
 pub enum ConditioningError {
     /// The ado is not conditional.
-    #[error("the ado in `{}` is not told anything", run.display())]
+    #[error("the ado in `{}` takes no parameters", run.display())]
     NotConditional {
         /// Directory of the run.
         run: PathBuf,
@@ -386,10 +388,10 @@ impl ConditioningError {
     pub fn help(&self) -> Option<String> {
         match self {
             ConditioningError::NotConditional { .. } => {
-                Some("tell it nothing, or train with `--against conditional`".to_owned())
+                Some("leave `--tell` out, or train with `--against conditional`".to_owned())
             }
             ConditioningError::Misfit { known, .. } => {
-                Some(format!("the ado is told: {}", known.join(", ")))
+                Some(format!("the ado observes: {}", known.join(", ")))
             }
             ConditioningError::NoFamily
             | ConditioningError::NoMember(_)

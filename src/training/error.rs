@@ -91,7 +91,7 @@ pub enum SessionError {
 #[non_exhaustive]
 pub enum OptionClash {
     /// Structure to leave out without a family.
-    #[error("only a wide ado meets structures of which one can be left out")]
+    #[error("`--leave-out` requires `--against wide`")]
     LeaveOut,
     /// Family beside one of its egos.
     #[error("`--against` trains on a family of egos, `--ego` on one of them")]

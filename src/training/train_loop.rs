@@ -133,7 +133,8 @@ pub fn train(
             let total = learner.tally().requested;
             learner.train(&mut gym, &mut |progress| {
                 if let Some(line) = ledger.note(progress) {
-                    learning.detail(&format!("solves {:.0} %", 100.0 * line.solved_share));
+                    // Training episodes explore, so the closing evaluation may succeed more often.
+                    learning.detail(&format!("solves {:.0} % exploring", 100.0 * line.solved_share));
                     if let Some(audience) = watch.audience {
                         audience.progress(&line);
                     }

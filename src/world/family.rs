@@ -51,11 +51,11 @@ pub enum TrainingEgos {
     /// The world's own ego.
     #[default]
     Nominal,
-    /// All egos of the family; the ado is not told which one it meets.
+    /// All egos of the family; the ado does not observe their parameters.
     #[serde(rename = "wide")]
     #[strum(serialize = "wide")]
     Randomized,
-    /// All egos of the family; the ado is told the parameters of each.
+    /// All egos of the family; the ado observes the parameters of each.
     #[serde(rename = "conditional")]
     #[strum(serialize = "conditional")]
     Conditioned,

@@ -300,7 +300,7 @@ fn a_merge_names_what_is_missing_damaged_foreign_or_twice_and_different() {
     fs::write(&pieces(&other)[3], sealed_again).expect("another answer");
     let said = refused(&[&ours, "--with", &other]);
     assert!(
-        said.contains("piece 3 is there twice, and different"),
+        said.contains("piece 3 is there twice with different content"),
         "{said}"
     );
     fs::write(&pieces(&other)[3], &kept).expect("mended");

@@ -82,6 +82,24 @@ fn what_has_no_effect_is_no_option() {
 }
 
 #[test]
+fn a_program_after_a_verb_that_takes_a_file_is_refused_with_that_file() {
+    let cases = [
+        ["view", "tests/regressions/acc-nominal-0001.ron"],
+        ["train", "acc"],
+    ];
+    for verb in cases {
+        let output = brakecheck(&[&verb[..], &["--", "python3", "my ego.py"]].concat());
+        assert_eq!(code(&output), 2, "{verb:?}");
+        for part in [
+            "`--ego FILE.ron --allow-programs`",
+            r#"Change(controller: Process(command: ["python3", "my ego.py"]))"#,
+        ] {
+            assert!(stderr(&output).contains(part), "{}", stderr(&output));
+        }
+    }
+}
+
+#[test]
 fn egos_learners_and_worlds_are_guessed() {
     let kept = "tests/regressions/acc-nominal-0001.ron";
     let cases: [(&[&str], &str); 5] = [

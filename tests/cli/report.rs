@@ -85,7 +85,7 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     );
     for word in [
         "Which starts fail",
-        "Counterexamples that tell most",
+        "Most informative counterexamples",
         "always[0, T] (headway &gt;= d_safe)",
         "softer brakes",
         "fouls before contact",

@@ -172,7 +172,7 @@ fn what_is_no_message_and_what_is_no_ado_end_with_2() {
     let none = path(&dir, "none");
     let cases: [(&[&str], &str); 3] = [
         (&[&none], "brakecheck train"),
-        (&[&run, "--tell", "lag_s=0.4"], "is not told anything"),
+        (&[&run, "--tell", "lag_s=0.4"], "takes no parameters"),
         (&[&run, "--tell", "lag_s"], "lag_s=0.4"),
     ];
     for (args, says) in cases {

@@ -99,7 +99,7 @@ fn failure(command: &[String], fault: &Fault) -> Failure {
             FaultKind::CannotStart => {
                 format!("{stderr}check its name and path, and that it may be executed")
             }
-            _ => format!("{stderr}what it has to say is in {DOCUMENT}"),
+            _ => format!("{stderr}see {DOCUMENT} for the messages that it must answer"),
         }),
     )
 }

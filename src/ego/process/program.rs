@@ -329,12 +329,17 @@ impl Program {
 
     fn late(&self, read_it: bool, timeout: Duration, occasion: &dyn Fn() -> String) -> Fault {
         let seconds = timeout.as_secs_f64();
+        let name = &self.name;
         let what = if read_it {
-            format!("gave no answer within {seconds} s")
+            // An answer that stays in a buffer is the usual cause.
+            format!(
+                "`{name}` gave no answer within {seconds} s when {}; \
+                 a program must flush its output after every line",
+                occasion()
+            )
         } else {
-            format!("read nothing for {seconds} s")
+            format!("`{name}` read nothing for {seconds} s when {}", occasion())
         };
-        let what = format!("`{}` {what} when {}", self.name, occasion());
         Fault::new(FaultKind::Timeout, what)
     }
 
