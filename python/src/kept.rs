@@ -153,7 +153,7 @@ impl RawReplayed {
 /// Name of an ego, without folder and extension where a file describes it.
 fn stem(name: &str) -> String {
     let file = name.strip_suffix(".ron");
-    let file = file.map(|file| file.rsplit('/').next().unwrap_or(file));
+    let file = file.map(|file| file.rsplit(std::path::is_separator).next().unwrap_or(file));
     file.unwrap_or(name).to_owned()
 }
 

@@ -186,7 +186,11 @@ fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
     let ego = args.ego.clone().or(recorded).unwrap_or_default();
     match ego.strip_suffix(".ron") {
         // A caption has room for a name, not for a path.
-        Some(file) => file.rsplit('/').next().unwrap_or(file).to_owned(),
+        Some(file) => file
+            .rsplit(std::path::is_separator)
+            .next()
+            .unwrap_or(file)
+            .to_owned(),
         None => ego,
     }
 }

@@ -98,7 +98,7 @@ fn floor_name(module: &[String]) -> &str {
 fn texts() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut texts = sources::list(root, "src");
-    if !root.join("Cargo.toml.orig").exists() {
+    if !pages::is_published() {
         texts.extend(sources::list(root, "crates/stl/src"));
         texts.extend(sources::list(root, "crates/repro/src"));
     }
