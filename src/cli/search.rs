@@ -87,14 +87,16 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         budget: args.budget.unwrap_or(BUDGET),
         starts: (args.starts, args.seed),
     };
-    let steps = egos.len() + usize::from(args.keep.dir().is_some());
-    let Some(searched) = campaign.run(&bar.watch().first_of(steps))? else {
+    let Some(searched) = campaign.run(&bar.watch().first_of(args.keep.steps(egos.len())))? else {
         return interrupted_early(&args.common);
     };
     drop(bar);
     // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
-    keep(args, &searched, steps)?;
+    let step = (&args.common, egos.len());
+    args.keep.last_step(step, |dir, settings, watch| {
+        searched.keep(dir, settings, watch)
+    })?;
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
 }
 
@@ -113,16 +115,6 @@ fn worlds(args: &SearchArgs, run: Option<&RunDir>) -> Result<(Scenario, Scenario
         Some(plant) => Ok((world, on_plant(&nominal, plant)?)),
         None => Ok((world, nominal)),
     }
-}
-
-/// The last of so many steps.
-fn keep(args: &SearchArgs, searched: &SearchTable, steps: usize) -> Result<(), Failure> {
-    if let Some(dir) = args.keep.dir() {
-        let bar = progress::bar(&args.common, "");
-        let watch = bar.watch().first_of(steps).later(steps - 1);
-        searched.keep(dir, args.keep.settings(), &watch)?;
-    }
-    Ok(())
 }
 
 fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {

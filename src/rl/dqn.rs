@@ -23,7 +23,7 @@ use super::demonstrations::{Demonstrations, Imitation};
 use super::dice::LearnerRng;
 use super::learner::{
     Built, ConfigError, Demonstration, Learner, LearnerKind, Shaped, TrainingCounters, epsilon,
-    expect_sizes,
+    expect_sizes, layers,
 };
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
@@ -103,9 +103,7 @@ impl Dqn {
     /// Creates an untrained learner.
     pub(super) fn new(config: &DqnSettings, spaces: &Spaces, seed: u64) -> Dqn {
         let mut dice = LearnerRng::new(seed);
-        let mut sizes = vec![spaces.observation];
-        sizes.extend(&config.hidden);
-        sizes.push(spaces.actions);
+        let sizes = layers(spaces.observation, &config.hidden, spaces.actions);
         let online = Mlp::orthogonal(&sizes, config.last_gain as f32, &mut dice);
         Dqn::around(config, spaces, online, dice)
     }
@@ -357,9 +355,8 @@ impl Learner for Dqn {
 
     fn renew(&mut self) {
         // The configured sizes, even if the learner started from another network.
-        let mut sizes = vec![self.online.inputs()];
-        sizes.extend(&self.config.hidden);
-        sizes.push(self.online.outputs());
+        let [inputs, outputs] = self.online.ends();
+        let sizes = layers(inputs, &self.config.hidden, outputs);
         let gain = self.config.last_gain as f32;
         self.online = Mlp::orthogonal(&sizes, gain, &mut self.dice);
         self.target = self.online.clone();

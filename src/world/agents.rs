@@ -9,7 +9,7 @@ use super::check;
 use super::file::{
     AdoFile, AgentFile, DriveFile, Facing, LightFile, NumberOrRange, ScenarioFile, StartFile,
 };
-use super::language::formula;
+use super::language::rule_of;
 use super::locate::ValuePath;
 use super::plans;
 use super::problems::Problems;
@@ -353,19 +353,10 @@ impl Agents<'_> {
                 .push((signal.clone(), path.to("observe").at(j)));
         }
         for (j, rule) in ado.rulebook.iter().enumerate() {
-            let stl = path.to("rulebook").at(j).to("stl");
-            let Some(formula) = formula(problems, &stl, &rule.stl) else {
-                continue;
-            };
-            self.rules.push(RuleSpec {
-                name: rule.name.clone(),
-                ado: name.to_owned(),
-                // Without a priority, rules are ranked by their position.
-                priority: rule.priority.unwrap_or(self.rules.len()),
-                formula,
-                requirement: rule.requirement.clone(),
-                place: stl,
-            });
+            let place = path.to("rulebook").at(j).to("stl");
+            let rank = self.rules.len();
+            self.rules
+                .extend(rule_of(problems, place, rule, (name, rank)));
         }
     }
 

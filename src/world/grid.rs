@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::error::Problem;
 use super::family::TrainingEgos;
 use super::file::{GridChange, RuleFile, SignalFile};
-use super::language::{Judging, Language, constants, formula, rulebook};
+use super::language::{Judging, Language, constants, rule_of, rulebook};
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
@@ -114,13 +114,7 @@ fn too_much(problems: &mut Problems, file: &GridFile) {
     let observed = file.ado.observe.len();
     limits::within(problems, &ado.to("observe"), observed, limits::OBSERVED);
     limits::rules(problems, &ado.to("rulebook"), &file.ado.rulebook);
-    let formulas = file.formulas.0.iter();
-    let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
-    let signals = file.signals.0.iter();
-    let signals = signals.map(|(name, signal)| ("signals", name, signal.expr.len()));
-    for (field, name, bytes) in formulas.chain(signals) {
-        limits::within(problems, &top.to(field).to(name), bytes, limits::STL_BYTES);
-    }
+    limits::texts(problems, &file.formulas, &file.signals);
 }
 
 pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>> {
@@ -178,13 +172,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     let mut language = Language::new(1.0, offers, spec.constants.clone());
     spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
     problems.done()?;
-    let names = language.names(&mut problems, &top.to("formulas"), &file.formulas);
-    let ego_spec = formula(&mut problems, &top.to("ego_spec"), &file.ego_spec);
-    problems.done()?;
-    let Some(ego_spec) = ego_spec else {
-        return Err(problems.into_list());
-    };
-    language.bind(&mut problems, &top.to("ego_spec"), &ego_spec, &names);
+    let (names, ego_spec) =
+        language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
     for rule in &rules {
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }
@@ -196,26 +185,15 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     problems.done()?;
     // Only used signals are published.
     spec.extra = language.published();
-    let world = match GridWorld::new(spec) {
-        Ok(world) => World::Grid(world),
-        Err(error) => {
-            problems.add(&top, error.to_string(), "here", None);
-            return Err(problems.into_list());
-        }
-    };
-    let schema = world.schema();
+    let world = GridWorld::new(spec);
+    let world = world.map_err(|error| problems.ended(&top, error.to_string()))?;
     let judging = Judging {
         judge: file.judge,
         counts: file.counts,
         reward: file.reward,
     };
-    let rulebook = match rulebook(schema, &ego_spec, &rules, &names, judging) {
-        Ok(rulebook) => Arc::new(rulebook),
-        Err(error) => {
-            problems.stl(&top.to("ego_spec"), &error);
-            return Err(problems.into_list());
-        }
-    };
+    let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging);
+    let rulebook = rulebook.map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
     let reuse = file.reuse.0.into_iter();
     let reuse: IndexMap<String, Change> =
         reuse.map(|(name, change)| (name, change.into())).collect();
@@ -239,8 +217,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         // The ego of a grid is deterministic, so repeated runs are equal.
         repeats: Repeats::default(),
         warnings: Vec::new(),
-        world,
-        rulebook,
+        world: World::Grid(world),
+        rulebook: Arc::new(rulebook),
         programs_allowed: false,
     };
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
@@ -286,16 +264,7 @@ fn rules(problems: &mut Problems, path: &ValuePath, file: &[RuleFile]) -> Vec<Ru
     let mut rules: Vec<RuleSpec> = Vec::new();
     for (i, rule) in file.iter().enumerate() {
         let place = path.at(i).to("stl");
-        if let Some(formula) = formula(problems, &place, &rule.stl) {
-            rules.push(RuleSpec {
-                name: rule.name.clone(),
-                ado: "ado".to_owned(),
-                priority: rule.priority.unwrap_or(rules.len()),
-                formula,
-                requirement: rule.requirement.clone(),
-                place,
-            });
-        }
+        rules.extend(rule_of(problems, place, rule, ("ado", rules.len())));
     }
     rules
 }
