@@ -20,6 +20,8 @@ mod learned;
 mod picture;
 #[path = "cli/points.rs"]
 mod points;
+#[path = "support/program.rs"]
+mod program;
 #[path = "cli/programs.rs"]
 mod programs;
 #[path = "cli/report.rs"]
@@ -40,9 +42,9 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
 
-use assert_cmd::Command;
 use brakecheck::run_dir::{Counterexample, csv_of};
 use brakecheck::trace::Trace;
+use program::{code, json, path, run_in, scratch, stderr};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
@@ -51,35 +53,25 @@ fn root() -> &'static Path {
 }
 
 fn brakecheck(args: &[&str]) -> Output {
-    Command::cargo_bin("brakecheck")
-        .expect("the program")
-        .current_dir(root())
-        .env("NO_COLOR", "1")
-        .args(args)
-        .output()
-        .expect("it runs")
+    brakecheck_in(root(), args)
 }
 
-fn code(output: &Output) -> i32 {
-    output.status.code().expect("an exit code")
+fn brakecheck_in(dir: &Path, args: &[&str]) -> Output {
+    run_in(dir, "brakecheck", args)
 }
 
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+/// Expects exit code 2 with these words, and returns all messages.
+#[track_caller]
+fn refusal(output: &Output, says: &str) -> String {
+    let said = stderr(output);
+    assert_eq!(code(output), 2, "`{says}`: {said}");
+    assert!(said.contains(says), "`{says}`: {said}");
+    said
 }
 
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|e| panic!("no JSON ({e}): {}", stderr(output)))
-}
-
-/// A scratch directory of its own for one test.
-fn scratch() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a scratch directory")
-}
-
-fn path(dir: &tempfile::TempDir, name: &str) -> String {
-    dir.path().join(name).display().to_string()
+#[track_caller]
+fn refused(args: &[&str], says: &str) -> String {
+    refusal(&brakecheck(args), says)
 }
 
 /// Trains a small run on the kinematic plant; without further options it is
@@ -147,13 +139,8 @@ fn a_broken_world_exits_with_2_and_shows_the_place() {
         text.replace("ado.speed <= v_lim", "ado.speed <= v_limit"),
     )
     .expect("w");
-    let output = brakecheck(&["check", &file]);
-    assert_eq!(code(&output), 2);
-    let said = stderr(&output);
-    assert!(
-        said.contains("broken.ron:36:92") && said.contains("did you mean `v_lim`"),
-        "{said}"
-    );
+    let said = refused(&["check", &file], "broken.ron:36:92");
+    assert!(said.contains("did you mean `v_lim`"), "{said}");
     let output = brakecheck(&["check", &file, "--json"]);
     assert_eq!(code(&output), 2);
     assert_eq!(json(&output)["problems"][0]["line"], 36);
@@ -207,14 +194,8 @@ fn wrong_words_and_missing_files_exit_with_2_and_a_cure() {
         (&["check", "src"], "src"),
     ];
     for (args, says) in cases {
-        let output = brakecheck(args);
-        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
-        assert!(
-            stderr(&output).contains(says),
-            "{args:?}: {}",
-            stderr(&output)
-        );
-        assert!(!stderr(&output).contains("panicked"), "{args:?}");
+        let said = refused(args, says);
+        assert!(!said.contains("panicked"), "{args:?}");
     }
 }
 

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::number_args::whole_number;
+use super::{Common, Failure, progress};
 use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings};
+use crate::experiment::Watch;
 
 /// Default number of kept counterexamples per ego.
 const USUAL: usize = 10;
@@ -108,9 +110,28 @@ impl KeepArgs {
         }
     }
 
-    /// Returns the settings for counterexamples, by default the worst.
-    pub(super) fn settings(&self) -> KeepSettings {
-        self.settings_of(CrashSelection::Worst(USUAL))
+    /// Returns the steps of a command that plays so many egos.
+    ///
+    /// Keeping plays many runs, so it counts as a step.
+    pub(super) fn steps(&self, egos: usize) -> usize {
+        egos + usize::from(self.keep.is_some())
+    }
+
+    /// Keeps counterexamples, by default the worst, as the step after those of the egos.
+    pub(super) fn last_step<T, E>(
+        &self,
+        (common, egos): (&Common, usize),
+        keep: impl FnOnce(&Path, KeepSettings, &Watch<'_>) -> Result<T, E>,
+    ) -> Result<(), Failure>
+    where
+        Failure: From<E>,
+    {
+        if let Some(dir) = self.dir() {
+            let bar = progress::bar(common, "");
+            let watch = bar.watch().first_of(self.steps(egos)).later(egos);
+            keep(dir, self.settings_of(CrashSelection::Worst(USUAL)), &watch)?;
+        }
+        Ok(())
     }
 
     /// Returns the settings for points, by default all.

@@ -110,6 +110,18 @@ struct Present {
 }
 
 impl Present {
+    fn new(title: &str) -> Present {
+        Present {
+            phase: ProgressPhase {
+                title: title.to_owned(),
+                ..ProgressPhase::default()
+            },
+            began: Instant::now(),
+            last: Instant::now(),
+            ended: false,
+        }
+    }
+
     fn spent(&self) -> PhaseTime {
         PhaseTime {
             elapsed_s: self.began.elapsed().as_secs(),
@@ -190,15 +202,7 @@ pub struct Bar {
 /// Creates a bar whose phases and counts come from the work, after `title`.
 pub fn bar(common: &Common, title: &str) -> Bar {
     let shared = Arc::new(SharedProgress {
-        present: Mutex::new(Present {
-            phase: ProgressPhase {
-                title: title.to_owned(),
-                ..ProgressPhase::default()
-            },
-            began: Instant::now(),
-            last: Instant::now(),
-            ended: false,
-        }),
+        present: Mutex::new(Present::new(title)),
         ended: Condvar::new(),
         at_once: rayon::current_num_threads() as u64,
     });
@@ -299,18 +303,6 @@ impl Drop for Bar {
 mod tests {
     use super::*;
 
-    fn present(title: &str) -> Present {
-        Present {
-            phase: ProgressPhase {
-                title: title.to_owned(),
-                ..ProgressPhase::default()
-            },
-            began: Instant::now(),
-            last: Instant::now(),
-            ended: false,
-        }
-    }
-
     fn line(present: &Present, elapsed_s: u64, idle_s: u64) -> String {
         let spent = PhaseTime { elapsed_s, idle_s };
         present.phase.line(spent, 2)
@@ -318,7 +310,7 @@ mod tests {
 
     #[test]
     fn every_phase_has_its_own_label_and_counts() {
-        let mut now = present("");
+        let mut now = Present::new("");
         now.begin("searching training starts", Some((1, 4)));
         assert_eq!(
             line(&now, 30, 30),
@@ -341,7 +333,7 @@ mod tests {
         );
         now.begin("theorems", Some((1, 1)));
         assert_eq!(line(&now, 1, 1), "theorems: 1 s so far");
-        let mut titled = present("acc, seed 1");
+        let mut titled = Present::new("acc, seed 1");
         assert_eq!(line(&titled, 5, 5), "acc, seed 1: 5 s so far");
         titled.begin("training", Some((2, 4)));
         assert_eq!(line(&titled, 5, 5), "acc, seed 1: 2/4 training: 5 s so far");
@@ -354,7 +346,7 @@ mod tests {
 
     #[test]
     fn the_last_items_and_slow_ones_have_no_rosy_end() {
-        let mut now = present("");
+        let mut now = Present::new("");
         now.begin("searching", None);
         now.count(0, 30);
         now.count(28, 30);

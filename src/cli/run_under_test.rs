@@ -80,9 +80,7 @@ impl<'a> RunUnderTest<'a> {
 
     /// Returns the watch of an evaluation of so many egos.
     pub(super) fn watch<'b>(&'b self, bar: &'b progress::Bar, egos: usize) -> Watch<'b> {
-        // Keeping plays many runs, so it counts as a step.
-        let keeping = usize::from(self.test.keep.dir().is_some());
-        let watch = bar.watch().first_of(egos + keeping);
+        let watch = bar.watch().first_of(self.test.keep.steps(egos));
         watch.shown_to(self.live.audience())
     }
 
@@ -166,13 +164,8 @@ impl<'a> RunUnderTest<'a> {
 
     /// Keeps counterexamples if asked to: the step after as many as there are egos.
     pub(super) fn keep(&self, evaluated: &EvaluationTable<'_>, egos: usize) -> Result<(), Failure> {
-        let keep = &self.test.keep;
-        if let Some(dir) = keep.dir() {
-            let bar = progress::bar(&self.test.common, "");
-            let watch = bar.watch().first_of(egos + 1).later(egos);
-            evaluated.keep(dir, keep.settings(), &watch)?;
-        }
-        Ok(())
+        let keep = |dir: &Path, settings, watch: &Watch<'_>| evaluated.keep(dir, settings, watch);
+        self.test.keep.last_step((&self.test.common, egos), keep)
     }
 }
 

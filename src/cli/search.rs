@@ -92,7 +92,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         budget: args.budget.unwrap_or(BUDGET),
         starts: (args.starts, args.seed),
     };
-    let steps = egos.len() + usize::from(args.keep.dir().is_some());
+    let steps = args.keep.steps(egos.len());
     let watch = bar.watch().first_of(steps).shown_to(live.audience());
     let Some(searched) = campaign.run(&watch)? else {
         return interrupted_early(&args.common);
@@ -102,7 +102,10 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     live.end();
     // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
-    keep(args, &searched, steps)?;
+    let step = (&args.common, egos.len());
+    args.keep.last_step(step, |dir, settings, watch| {
+        searched.keep(dir, settings, watch)
+    })?;
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
 }
 
@@ -121,16 +124,6 @@ fn worlds(args: &SearchArgs, run: Option<&RunDir>) -> Result<(Scenario, Scenario
         Some(plant) => Ok((world, on_plant(&nominal, plant)?)),
         None => Ok((world, nominal)),
     }
-}
-
-/// The last of so many steps.
-fn keep(args: &SearchArgs, searched: &SearchTable, steps: usize) -> Result<(), Failure> {
-    if let Some(dir) = args.keep.dir() {
-        let bar = progress::bar(&args.common, "");
-        let watch = bar.watch().first_of(steps).later(steps - 1);
-        searched.keep(dir, args.keep.settings(), &watch)?;
-    }
-    Ok(())
 }
 
 fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {

@@ -24,6 +24,7 @@ pub use replay::{Difference, Replayed, SavedCounterexample, newest_of_training, 
 pub(crate) use reruns::KEEP_RUNS;
 pub(crate) use reruns::copies;
 pub use root_cause::{SubstituteDriver, decisive, last_chance, why};
+pub(crate) use save_crashes::keep_cells;
 pub use save_crashes::{
     CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, description, file_stem,
 };

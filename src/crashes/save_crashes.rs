@@ -445,6 +445,24 @@ impl ExperimentCell {
     }
 }
 
+/// Keeps the selected successes of every cell as files and reports them.
+///
+/// # Errors
+/// The disk refuses.
+pub(crate) fn keep_cells(
+    cells: &[ExperimentCell],
+    dir: &Path,
+    settings: KeepSettings,
+    watch: &Watch<'_>,
+) -> Result<Vec<KeptFiles>, KeptError> {
+    let keep = |cell: &ExperimentCell| {
+        let kept = cell.keep(dir, settings, watch)?;
+        kept.note(cell.ego.name(), dir, watch);
+        Ok(kept)
+    };
+    cells.iter().map(keep).collect()
+}
+
 /// Returns `WORLD-EGO-PLANT-SEED-INDEX` without characters that disturb a path.
 pub fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
     format!("{}{seed}-{index:04}", stem_of_ego(scenario, ego))

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::break_even::{BreakEven, break_even};
 use super::error::EvaluationError;
 use crate::adversary::{Ado, eval};
-use crate::crashes::{KeepSettings, KeptFiles};
+use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
 use crate::experiment::{
     Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
@@ -55,13 +55,7 @@ impl SearchTable {
         settings: KeepSettings,
         watch: &Watch<'_>,
     ) -> Result<Vec<KeptFiles>, EvaluationError> {
-        let mut all = Vec::new();
-        for cell in &self.cells {
-            let kept = cell.keep(dir, settings, watch)?;
-            kept.note(cell.ego.name(), dir, watch);
-            all.push(kept);
-        }
-        Ok(all)
+        Ok(keep_cells(&self.cells, dir, settings, watch)?)
     }
 }
 

@@ -7,7 +7,7 @@ use super::error::EvaluationError;
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
 use super::reuse::{ReusedOn, reused_on};
 use crate::adversary::Baselines;
-use crate::crashes::{KeepSettings, KeptFiles};
+use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
 use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
@@ -242,12 +242,6 @@ impl<'a> EvaluationTable<'a> {
         settings: KeepSettings,
         watch: &Watch<'_>,
     ) -> Result<Vec<KeptFiles>, EvaluationError> {
-        let mut all = Vec::new();
-        for found in &self.found {
-            let kept = found.keep(dir, settings, watch)?;
-            kept.note(found.ego.name(), dir, watch);
-            all.push(kept);
-        }
-        Ok(all)
+        Ok(keep_cells(&self.found, dir, settings, watch)?)
     }
 }

@@ -4,6 +4,7 @@ use maud::{Markup, PreEscaped, html};
 
 use super::page::STYLE;
 use super::plot::{Chart, Curve, Mark, Region, chart};
+use super::words::wrapped;
 use crate::visible::visible_markup;
 
 /// Height of a caption's line, and the number of letters that fit.
@@ -223,19 +224,4 @@ fn sized(panel: &Chart) -> Markup {
     html! {
         svg width=(PANEL.0) height=(PANEL.1) { (chart(panel)) }
     }
-}
-
-fn wrapped(text: &str, letters: usize) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split_whitespace() {
-        match lines.last_mut() {
-            // One letter fewer than the limit, for the space before the word.
-            Some(line) if line.chars().count() + word.chars().count() < letters => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_owned()),
-        }
-    }
-    lines
 }

@@ -121,6 +121,22 @@ fn width(word: &str) -> f64 {
     LETTER * word.chars().count() as f64
 }
 
+/// Breaks a text into lines of at most so many letters.
+pub(super) fn wrapped(text: &str, letters: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            // One letter fewer than the limit, for the space before the word.
+            Some(line) if line.chars().count() + word.chars().count() < letters => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

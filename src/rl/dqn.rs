@@ -14,6 +14,7 @@
 //! Deviations: docs/background/learners.md.
 
 mod settings;
+mod update;
 
 pub use settings::{DqnSettings, Loss};
 
@@ -22,7 +23,7 @@ use super::demonstrations::{Demonstrations, Imitation};
 use super::dice::LearnerRng;
 use super::learner::{
     Built, ConfigError, Demonstration, Learner, LearnerKind, Losses, Shaped, TrainingCounters,
-    epsilon, expect_sizes, linear,
+    epsilon, expect_sizes, layers,
 };
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
@@ -33,9 +34,6 @@ use super::{End, Env, Policy, Spaces};
 pub(super) const POLICY: &str = "brakecheck dqn policy 1";
 /// Kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck dqn checkpoint 1";
-
-/// First step size of an extension, as a share of the configured size.
-const AGAIN: f64 = 0.3;
 
 impl LearnerKind for DqnSettings {
     fn bundles(&self) -> [&'static str; 2] {
@@ -106,9 +104,7 @@ impl Dqn {
     /// Creates an untrained learner.
     pub(super) fn new(config: &DqnSettings, spaces: &Spaces, seed: u64) -> Dqn {
         let mut dice = LearnerRng::new(seed);
-        let mut sizes = vec![spaces.observation];
-        sizes.extend(&config.hidden);
-        sizes.push(spaces.actions);
+        let sizes = layers(spaces.observation, &config.hidden, spaces.actions);
         let online = Mlp::orthogonal(&sizes, config.last_gain as f32, &mut dice);
         Dqn::around(config, spaces, online, dice)
     }
@@ -239,24 +235,6 @@ impl Dqn {
         }
     }
 
-    /// Returns the current step size of Adam, which falls linearly.
-    ///
-    /// An extension starts lower, since most is learned by then.
-    fn learning_rate(&self) -> f64 {
-        let (first, last) = (self.config.learning_rate, self.config.final_learning_rate);
-        let first = match self.since {
-            0 => first,
-            _ => (first * AGAIN).max(last),
-        };
-        let span = self.tally.requested.saturating_sub(self.since) as f64;
-        linear(
-            first,
-            last,
-            self.tally.decisions.saturating_sub(self.since),
-            span,
-        )
-    }
-
     /// Records a successful episode as an example, if examples are kept.
     fn succeeded(&mut self, index: u64, buffer: &EpisodeBuffer) {
         let DqnSettings {
@@ -264,89 +242,6 @@ impl Dqn {
         } = self.config;
         if let Some(shown) = &mut self.shown {
             shown.remember(index, buffer, steps, discount as f32);
-        }
-    }
-
-    /// Runs a step of Adam on a prioritised batch, then updates the target network.
-    fn update(&mut self) {
-        let rate = self.learning_rate() as f32;
-        let DqnWorkspace {
-            batch,
-            here,
-            there,
-            gradient,
-            ..
-        } = &mut self.room;
-        let size = self.config.batch;
-        // Unlike the step size, β is not restarted: it stays 1 in an extension.
-        let span = self.config.decisions as f64;
-        let beta = linear(self.config.correction, 1.0, self.tally.decisions, span);
-        let shown = self.shown.as_ref().map_or(0, |shown| shown.drawn_of(size));
-        // Order of a batch: own transitions, the newest, successes. The loop below
-        // relies on it.
-        let own = size - shown;
-        let newest = usize::from(self.config.newest && 0 < own);
-        self.replay
-            .sample(own - newest, beta, &mut self.dice, batch);
-        if 0 < newest {
-            self.replay.append_newest(batch);
-        }
-        if let Some(successes) = &mut self.shown {
-            successes.sample(shown, beta, &mut self.dice, batch);
-        }
-
-        // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')). After a terminal
-        // state γ^k is stored as 0, so that all rows are treated alike.
-        let stride = self.online.output_stride();
-        let actions = self.online.outputs();
-        let picks = self.online.forward(&batch.nexts, size, here);
-        let judges = self.target.forward(&batch.nexts, size, there);
-        let rows = picks.chunks_exact(stride).zip(judges.chunks_exact(stride));
-        for (i, (pick, judge)) in rows.enumerate() {
-            batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
-        }
-
-        // δ = Q(s, a) − y. The gradient of the Huber loss is δ clipped, that of the
-        // squared loss is δ. The priority uses the unclipped error, so that a large
-        // error is drawn again soon, however little a step reduces it. Invariant:
-        // padding columns and actions not taken have no gradient.
-        self.online.forward(&batch.observations, size, here);
-        let huber = self.config.huber as f32;
-        let (values, gradients) = self.online.output_and_gradient(size, here);
-        gradients.fill(0.0);
-        let mut loss = 0.0;
-        for i in 0..size {
-            let at = i * stride + batch.actions[i];
-            let error = values[at] - batch.rewards[i];
-            let slope = self.config.loss.slope(error, huber);
-            loss += batch.weights[i] * self.config.loss.value(error, huber);
-            gradients[at] = batch.weights[i] * slope / size as f32;
-            match &mut self.shown {
-                // The batch ends with the transitions of successes.
-                Some(successes) if own <= i => {
-                    successes.prioritise(batch.slots[i], error);
-                    let row = i * stride..i * stride + actions;
-                    let gradient = &mut gradients[row.clone()];
-                    successes.margin(&values[row], batch.actions[i], 1.0 / size as f32, gradient);
-                }
-                _ => self.replay.prioritise(batch.slots[i], error),
-            }
-        }
-        self.losses.add(f64::from(loss / size as f32));
-        self.online
-            .backward(&batch.observations, size, here, gradient);
-        self.adam.step(self.online.parameters_mut(), gradient, rate);
-
-        // Paper (Mnih 2015): a periodic copy. Here: Polyak averaging, because it has a
-        // parameter less to tune.
-        let polyak = self.config.polyak as f32;
-        let pairs = self
-            .target
-            .parameters_mut()
-            .iter_mut()
-            .zip(self.online.parameters());
-        for (target, online) in pairs {
-            *target += polyak * (online - *target);
         }
     }
 }
@@ -462,9 +357,8 @@ impl Learner for Dqn {
 
     fn renew(&mut self) {
         // The configured sizes, even if the learner started from another network.
-        let mut sizes = vec![self.online.inputs()];
-        sizes.extend(&self.config.hidden);
-        sizes.push(self.online.outputs());
+        let [inputs, outputs] = self.online.ends();
+        let sizes = layers(inputs, &self.config.hidden, outputs);
         let gain = self.config.last_gain as f32;
         self.online = Mlp::orthogonal(&sizes, gain, &mut self.dice);
         self.target = self.online.clone();

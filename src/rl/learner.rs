@@ -190,6 +190,18 @@ pub(super) fn within(
     })
 }
 
+/// Refuses hidden layers that are too many or too wide.
+pub(super) fn within_widths(hidden: &[usize]) -> Result<(), ConfigError> {
+    within("hidden", hidden.len() as f64, 1.0, 8.0)?;
+    let mut widths = hidden.iter();
+    widths.try_for_each(|width| within("hidden", *width as f64, 1.0, 4096.0))
+}
+
+/// Returns the sizes of a network's layers, from its inputs to its outputs.
+pub(super) fn layers(inputs: usize, hidden: &[usize], outputs: usize) -> Vec<usize> {
+    [&[inputs], hidden, &[outputs]].concat()
+}
+
 /// Refuses a bundle of another kind.
 pub(super) fn expect_kind(bundle: &TensorFile, kind: &'static str) -> Result<(), BundleError> {
     if bundle.meta() == kind {

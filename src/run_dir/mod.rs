@@ -23,12 +23,14 @@ mod adversary_id;
 mod append_log;
 mod cached_result;
 mod calibration;
+mod contact_severity;
 mod counterexample;
 mod differences;
 pub(crate) mod disk;
 mod error;
 mod manifest;
 mod progress;
+mod repeated_runs;
 mod row;
 mod run_lookup;
 mod samples;
@@ -48,6 +50,7 @@ pub use adversary_id::AdversaryId;
 pub(crate) use adversary_id::keys as adversary_keys;
 pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
+pub use contact_severity::{ClosingSpeed, ContactSeverity};
 pub use counterexample::{Counterexample, KeptError, csv_of, digests_of};
 pub use differences::{RequestedTraining, RunDifference};
 pub(crate) use disk::WholeFile;
@@ -55,10 +58,8 @@ pub use disk::{file_name, make_dir, write_file};
 pub use error::RunError;
 pub use manifest::{ChangedEgo, Done, Grown, Manifest, Sought, Window};
 pub use progress::Progress;
-pub use row::{
-    Anytime, ClosingSpeed, ContactSeverity, FailsAlone, FailureKind, Repeated, Row, StartRepeated,
-    Unconfirmed,
-};
+pub use repeated_runs::{Repeated, StartRepeated};
+pub use row::{Anytime, FailsAlone, FailureKind, Row, Unconfirmed};
 pub use run_lookup::RunsOnDisk;
 pub use samples::{SamplesError, trace_of_csv};
 pub use training_counterexamples::{Stored, StoredCount};

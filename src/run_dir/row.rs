@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use super::adversary_id::{AdversaryId, keys};
 use super::calibration::CalibrationWarning;
+use super::contact_severity::{ClosingSpeed, ContactSeverity};
+use super::repeated_runs::Repeated;
 use crate::rulebook::JudgeKind;
 use crate::scene::Dynamics;
-use crate::severity::{CrashKind, Impact, RiskCurve};
-use crate::stats::{Outcomes, StartOutcome, runs_interval};
-use crate::testbench::{Episode, FaultCount};
-use crate::world::Repeats;
+use crate::stats::{Outcomes, StartOutcome};
+use crate::testbench::FaultCount;
 
 /// Rate over starts, as every command prints it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -205,103 +205,6 @@ pub struct Unconfirmed {
     pub starts: usize,
 }
 
-/// Closing speeds over all contacts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ClosingSpeed {
-    /// Median.
-    pub median: f64,
-    /// 90th percentile.
-    pub p90: f64,
-}
-
-impl ClosingSpeed {
-    /// Returns the percentiles of a list of speeds. `None` for an empty list.
-    pub fn of(mut speeds_mps: Vec<f64>) -> Option<ClosingSpeed> {
-        if speeds_mps.is_empty() {
-            return None;
-        }
-        speeds_mps.sort_by(f64::total_cmp);
-        // Nearest rank, so each percentile is a speed that occurred.
-        let at = |share: f64| {
-            let rank = (share * (speeds_mps.len() - 1) as f64).round() as usize;
-            speeds_mps[rank]
-        };
-        Some(ClosingSpeed {
-            median: at(0.5),
-            p90: at(0.9),
-        })
-    }
-}
-
-/// Effect of a row's contacts on the ego.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ContactSeverity {
-    /// Share of the contacts of each kind. The shares add up to 1.
-    pub kinds: BTreeMap<CrashKind, f64>,
-    /// Share of the contacts in which another agent hit the ego's rear.
-    pub struck_from_behind: f64,
-    /// Median of the ego's Δv.
-    pub ego_delta_v_mps: f64,
-    /// Greatest injury risk of each applicable curve.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub max_injury_risk: BTreeMap<RiskCurve, f64>,
-}
-
-impl ContactSeverity {
-    /// Returns the effect of a list of contacts. `None` for an empty list.
-    pub fn of(impacts: &[Impact]) -> Option<ContactSeverity> {
-        let all = impacts.len().max(1) as f64;
-        let delta_v = impacts.iter().map(|impact| impact.ego_delta_v_mps);
-        let delta_v = ClosingSpeed::of(delta_v.collect())?;
-        let mut kinds: BTreeMap<CrashKind, f64> = BTreeMap::new();
-        let mut max_injury_risk = BTreeMap::new();
-        for impact in impacts {
-            *kinds.entry(impact.kind).or_default() += 1.0;
-            if let Some(risk) = impact.injury_risk() {
-                let most = max_injury_risk.entry(risk.curve).or_insert(0.0);
-                *most = risk.probability.max(*most);
-            }
-        }
-        kinds.values_mut().for_each(|count| *count /= all);
-        let behind = impacts
-            .iter()
-            .filter(|impact| impact.is_struck_from_behind());
-        Some(ContactSeverity {
-            kinds,
-            struck_from_behind: behind.count() as f64 / all,
-            ego_delta_v_mps: delta_v.median,
-            max_injury_risk,
-        })
-    }
-}
-
-impl Display for ContactSeverity {
-    /// Writes kinds, Δv and the greatest risk in one line.
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        for (n, (kind, share)) in self.kinds.iter().enumerate() {
-            let comma = if n == 0 { "" } else { ", " };
-            write!(f, "{comma}{:.0} % {}", 100.0 * share, kind.word())?;
-        }
-        if 0.0 < self.struck_from_behind {
-            let share = 100.0 * self.struck_from_behind;
-            write!(f, " ({share:.0} % with the ego struck from behind)")?;
-        }
-        write!(
-            f,
-            "; Δv of the ego {:.1} m/s (median)",
-            self.ego_delta_v_mps
-        )?;
-        for (curve, risk) in &self.max_injury_risk {
-            let percent = 100.0 * risk;
-            write!(f, "; at most {percent:.1} % risk of {}", curve.about())?;
-        }
-        if self.max_injury_risk.is_empty() {
-            write!(f, "; injury risk not computed")?;
-        }
-        Ok(())
-    }
-}
-
 impl Row {
     /// Returns the share of the starts on which the ego or the physics failed.
     ///
@@ -341,6 +244,7 @@ impl Row {
 mod tests {
     use super::*;
     use crate::ego::FaultKind;
+    use crate::severity::RiskCurve;
 
     const PAGE: &str = include_str!("../../docs/reference/json.md");
 
@@ -448,100 +352,5 @@ mod tests {
             let row = format!("| `{key}` | ");
             assert!(PAGE.contains(&row), "docs/reference/json.md lacks `{key}`");
         }
-    }
-}
-
-/// Summary of several runs of each start.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Repeated {
-    /// Runs per start.
-    pub runs: u32,
-    /// Number of failures of the ego from which a start is solved.
-    pub gate: u32,
-    /// Share of all runs, over all starts, in which the ego fails.
-    pub failing_share: f64,
-    /// Its 95 % interval over other starts and other runs of them.
-    pub ci95: [f64; 2],
-    /// Starts on which the runs of the ego differ.
-    pub differing: usize,
-}
-
-impl Repeated {
-    /// Summarizes the starts that were played. `None` if each was played once.
-    pub fn of<'a>(
-        repeats: Repeats,
-        starts: impl Iterator<Item = Option<&'a StartRepeated>>,
-    ) -> Option<Repeated> {
-        let Repeats { runs, gate } = repeats;
-        let starts: Vec<&StartRepeated> = starts.flatten().collect();
-        if runs < 2 || starts.is_empty() {
-            return None;
-        }
-        let of_run = |run: usize| -> Outcomes {
-            let outcomes = starts.iter().map(|start| start.outcomes.get(run).copied());
-            outcomes
-                .map(|outcome| outcome.unwrap_or(StartOutcome::NotReached))
-                .collect()
-        };
-        let all: Vec<Outcomes> = (0..runs as usize).map(of_run).collect();
-        let count = |outcome| all.iter().map(|run| run.count(outcome)).sum::<usize>();
-        let failing = count(StartOutcome::Solved);
-        let held = count(StartOutcome::Unsolved);
-        Some(Repeated {
-            runs,
-            gate,
-            failing_share: failing as f64 / (failing + held).max(1) as f64,
-            ci95: runs_interval(&all.iter().collect::<Vec<_>>()),
-            differing: starts.iter().filter(|start| start.differs).count(),
-        })
-    }
-}
-
-/// Runs of one start.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StartRepeated {
-    /// Outcomes, one per run.
-    outcomes: Outcomes,
-    /// True if the runs of the ego differ.
-    differs: bool,
-}
-
-impl StartRepeated {
-    /// Summarizes runs of one start, at least one, and returns the representative run.
-    ///
-    /// With `gate` failures it is a failure, otherwise a run without failure.
-    /// An invalid run comes first, because its outcome is unknown.
-    pub fn of(episodes: &[Episode], gate: u32) -> (StartRepeated, usize) {
-        use StartOutcome::{Invalid, Solved, Unsolved};
-        let verdicts = episodes.iter().map(|episode| &episode.verdict);
-        let outcomes: Outcomes = verdicts.map(StartOutcome::of).collect();
-        let first = |wanted| outcomes.iter().position(|outcome| *outcome == wanted);
-        let standing = if gate.max(1) as usize <= outcomes.count(Solved) {
-            first(Solved)
-        } else {
-            first(Invalid).or(first(Unsolved))
-        };
-        let differs = episodes.windows(2).any(|pair| {
-            let same = pair[0].commands == pair[1].commands && pair[0].trace == pair[1].trace;
-            // Runs that fault end early, so their difference says nothing about
-            // determinism.
-            !same && pair.iter().all(|episode| episode.fault.is_none())
-        });
-        // Invariant: fewer failures than the gate leave a run without failure.
-        (StartRepeated { outcomes, differs }, standing.unwrap_or(0))
-    }
-
-    /// Returns the number of runs in which the ego failed, and of all valid runs.
-    pub fn failing(&self) -> (usize, usize) {
-        let failing = self.outcomes.count(StartOutcome::Solved);
-        (
-            failing,
-            failing + self.outcomes.count(StartOutcome::Unsolved),
-        )
-    }
-
-    /// Returns true if the runs of the ego differ.
-    pub fn differs(&self) -> bool {
-        self.differs
     }
 }

@@ -7,10 +7,13 @@ use std::sync::Arc;
 
 use serde::{Serialize, Serializer};
 
-use super::learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego};
-use super::model::{MEMBERS, OUTPUTS, Surrogate};
+use super::learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, learn_ego};
+use super::model::{OUTPUTS, Surrogate};
 use super::plan::Planner;
-use super::strategy::{Earlier, PlanningBudget, Policies, Strategy};
+use super::planning_budget::PlanningBudget;
+use super::strategy::{Earlier, Policies, Strategy};
+use super::surrogate_error::SurrogateError;
+use super::surrogate_fit::MEMBERS;
 use crate::adversary::{EpisodeResult, EvalRequest, Evaluated, RepeatedEpisode, in_words};
 use crate::content_hash::sha256;
 use crate::experiment::{EgoUnderTest, Watch, WorkItem};

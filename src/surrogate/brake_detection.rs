@@ -9,9 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::emergency_brake::{
-    COUNTS, EmergencyBrake, MARGIN, Situation, TERMS, braking_line, worth,
-};
+use super::brake_line::{braking_line, worth};
+use super::emergency_brake::{COUNTS, EmergencyBrake, MARGIN, Situation, TERMS};
 use crate::seed;
 use crate::stats::{CrossEntropySearch, SMALL_WEIGHTS, add_equation, logistic};
 

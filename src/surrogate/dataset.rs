@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
+use super::ego_motion::MotionReader;
 use super::emergency_brake::Situation;
 use super::features::ModelInputs;
-use super::model::FitSamples;
-use super::model_fit::{FittedModel, LabelledRun};
+use super::fitted_model::FittedModel;
+use super::model_fit::LabelledRun;
 use super::plan::Planner;
 use super::strategy::{Earlier, Strategy};
-use super::surrogate_sim::{ModelBench, MotionReader, NoisyStart, RunPrefix, VARIATIONS};
+use super::surrogate_fit::FitSamples;
+use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::scene::Start;

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use super::model_fit::{FittedModel, MODELS, StockModel};
+use super::fitted_model::{FittedModel, MODELS, StockModel};
 use crate::ego::{Briefing, Own, Percept, Phase, Seen, SeenLight};
 
 /// Ages of the remembered frames, s.

@@ -12,20 +12,22 @@ use super::dataset::{
     RecordedRun, judged_on, labelled, mixed, open_loop_runs, planned, samples, starts,
 };
 use super::emergency_brake::EmergencyBrake;
-use super::model::{MEMBERS, Surrogate, fit};
-use super::model_fit::{FittedModel, fit_models, kinds_except};
+use super::fine_tune::fine_tuned;
+use super::fitted_model::FittedModel;
+use super::model::Surrogate;
+use super::model_fit::fit_models;
+use super::model_kind::kinds_except;
+use super::open_loop_actions::{TriedActions, best_fixed};
 use super::plan::Planner;
-use super::strategy::{PlanningBudget, Policies, TriedActions, best_fixed};
-use super::surrogate_sim::{
-    ModelBench, ModelDriverConfig, ModelDriverSlot, MotionSample, RunPrefix, VARIATIONS,
-};
+use super::planning_budget::PlanningBudget;
+use super::strategy::Policies;
+use super::surrogate_error::{SurrogateError, error_of};
+use super::surrogate_fit::fit;
 use crate::experiment::Watch;
-use crate::rl::{Control, Env, Policy, Spaces, Step, TensorFile, fine_tuner, load_policy};
+use crate::rl::{Policy, TensorFile, load_policy};
 use crate::scene::Start;
-use crate::seed::Purpose;
 use crate::sim::PlantKind;
 use crate::stats::{predicted, wilson};
-use crate::testbench::Gym;
 use crate::world::{DriveScenario, Scenario};
 
 /// Number of runs from which three rounds are recorded instead of two.
@@ -34,12 +36,6 @@ const THREE_ROUNDS: u64 = 90;
 const UPDATES: u64 = 40_000;
 /// Updates after the last round.
 const LAST_UPDATES: u64 = 120_000;
-/// Error below which a surrogate predicts well, m.
-///
-/// It applies even if an ego that keeps its acceleration is predicted as well.
-const CLOSE_M: f64 = 0.1;
-/// Prediction horizon of the error, s.
-const AHEAD_S: f64 = 2.0;
 
 /// Request to learn an ego.
 #[derive(Clone, Copy)]
@@ -98,25 +94,6 @@ impl<'a> LearnEgoRequest<'a> {
     /// Sets the seed of the starts and of the fit.
     pub fn seed(self, seed: u64) -> LearnEgoRequest<'a> {
         LearnEgoRequest { seed, ..self }
-    }
-}
-
-/// Error of a surrogate, two seconds ahead.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub struct SurrogateError {
-    /// Root mean square distance to the ego, in runs outside the fit, m.
-    pub rms_m: f64,
-    /// The same error for an ego that keeps its acceleration, m.
-    pub keeps_acceleration_m: f64,
-}
-
-impl SurrogateError {
-    /// Returns whether the surrogate predicts the ego usefully.
-    ///
-    /// Its error must be below 0.1 m or below half the error of constant acceleration.
-    pub fn predicts_well(&self) -> bool {
-        self.rms_m < f64::max(CLOSE_M, 0.5 * self.keeps_acceleration_m)
     }
 }
 
@@ -339,140 +316,9 @@ fn interleaved(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
     [0, 1].map(|from| starts.iter().skip(from).step_by(2).cloned().collect())
 }
 
-/// Returns the error of a surrogate in runs outside its fit.
-fn error_of(
-    world: DriveScenario<'_>,
-    surrogate: &Arc<Surrogate>,
-    runs: &[RecordedRun],
-) -> Option<SurrogateError> {
-    let mut model = ModelBench::quick(world);
-    let (mut squares, mut count) = ([0.0; 2], 0u32);
-    for run in runs {
-        for [learned_m, keeping_m] in errors_m(&mut model, surrogate, run) {
-            squares[0] += learned_m * learned_m;
-            squares[1] += keeping_m * keeping_m;
-            count += 1;
-        }
-    }
-    let rms = |sum: f64| (sum / f64::from(count)).sqrt();
-    (0 < count).then(|| SurrogateError {
-        rms_m: rms(squares[0]),
-        keeps_acceleration_m: rms(squares[1]),
-    })
-}
-
-/// Returns the errors of the surrogate and of constant acceleration along a run.
-///
-/// They are taken [`AHEAD_S`] after every start of a window, or at the earlier end of
-/// the first of the motions.
-fn errors_m(
-    model: &mut ModelBench,
-    surrogate: &Arc<Surrogate>,
-    run: &RecordedRun,
-) -> Vec<[f64; 2]> {
-    let clock = *model.bench.clock();
-    let ahead = (AHEAD_S / clock.sample_s).round() as usize;
-    let step = (AHEAD_S / clock.decision_s).round().max(1.0) as usize;
-    let RunPrefix { actions, motion } = &run.so_far;
-    let mut errors = Vec::new();
-    for decision in (0..actions.len()).step_by(step) {
-        let now = decision * clock.samples_per_decision();
-        // A window that exceeds the recorded run has no true position to compare with.
-        if motion.len() <= now + ahead {
-            break;
-        }
-        let so_far = RunPrefix {
-            actions: actions[..decision].to_vec(),
-            motion: motion[..=now].to_vec(),
-        };
-        let mut predicted_motion = |surrogate| {
-            model.begin(run.from(), &so_far, surrogate, VARIATIONS[0]);
-            model.play_actions(&actions[decision..]);
-            model.motion()
-        };
-        // Both predictions start from the same recorded motion.
-        let predicted_motion = [predicted_motion(Some(surrogate)), predicted_motion(None)];
-        // A predicted run may end before the ego's run, and nothing is predicted after it.
-        let ends = predicted_motion
-            .iter()
-            .map(|motion| motion.len().saturating_sub(1));
-        let at = ends.fold(now + ahead, usize::min);
-        let off_m = |moments: Vec<MotionSample>| Some(moments.get(at)?.distance_m(&motion[at]));
-        errors.push(predicted_motion.map(|moments| off_m(moments).unwrap_or(0.0)));
-    }
-    errors
-}
-
-/// Decisions per training.
-const DECISIONS: u64 = 30_000;
-
-/// Training starts against the surrogate, with another member in every episode.
-///
-/// The ado then relies only on behaviour that all members share.
-struct Inside {
-    gym: Gym,
-    driver_slot: ModelDriverSlot,
-    surrogate: Arc<Surrogate>,
-}
-
-impl Env for Inside {
-    fn spaces(&self) -> &Spaces {
-        self.gym.spaces()
-    }
-
-    fn reset(&mut self, index: u64, obs: &mut [f32]) {
-        self.driver_slot.set(ModelDriverConfig {
-            surrogate: Some(Arc::clone(&self.surrogate)),
-            // The episode index selects the member, so equal requests repeat the training.
-            member: Some(index as usize % MEMBERS),
-            ..ModelDriverConfig::default()
-        });
-        self.gym.reset(index, obs);
-    }
-
-    fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
-        self.gym.step(action, obs)
-    }
-}
-
-/// Trains the ado inside the surrogate in the place of the ego of `world`.
-///
-/// Returns `None` if stopped, or if the policy cannot be trained further because it is
-/// conditional or not from deep Q-learning. Equal requests give equal policies.
-pub(super) fn fine_tuned(
-    world: DriveScenario<'_>,
-    policy: Option<&TensorFile>,
-    (surrogate, seed): (&Arc<Surrogate>, u64),
-    watch: &Watch<'_>,
-) -> Option<TensorFile> {
-    let ModelBench {
-        bench, driver_slot, ..
-    } = ModelBench::quick(world);
-    let mut learner = fine_tuner(bench.spaces(), (DECISIONS, seed), policy?)?;
-    let mut inside = Inside {
-        gym: Gym::new(bench, Purpose::Train, seed),
-        driver_slot,
-        surrogate: Arc::clone(surrogate),
-    };
-    learner.train(&mut inside, &mut |_| {
-        if watch.stopped() {
-            Control::Stop
-        } else {
-            Control::Continue
-        }
-    });
-    // A policy from a stopped training would depend on the time of the stop.
-    learner.finished().then(|| learner.policy_bundle())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rl::nn::Mlp;
-    use crate::rl::{DqnSettings, LearnerConfig, Policy, PpoSettings, load_policy};
-    use crate::surrogate::model::OUTPUTS;
-    use crate::surrogate::surrogate_sim::width_of;
-    use crate::testbench::{Aftermath, PolicyActor, play};
 
     fn seen(
         planned: (u64, u64),
@@ -509,112 +355,5 @@ mod tests {
         assert_eq!(open_loop.acts(), Acts::OpenLoop);
         assert_eq!(open_loop.expected(40).0, 10.0 / 16.0);
         assert_eq!(seen((0, 16), (8, 8), Some((4, 16))).acts(), Acts::AsTrained);
-    }
-
-    #[test]
-    fn where_a_models_run_ends_nothing_is_held_against_it_any_more() {
-        let shipped = |name| Scenario::shipped(name).expect("shipped").expect("sound");
-        let (structures, world) = (shipped("acc_structures"), shipped("merge_fair"));
-        let ego = world.with(&structures.reuse()["rss"]).expect("an ego");
-        // The ego is cut off and brakes. Constant acceleration is hit at once and was exact
-        // until then.
-        let from = starts(&world, 24, 8);
-        let mut actions = vec![2; 6];
-        actions.push(4);
-        let ego = ego.drive().expect("driven");
-        let runs = open_loop_runs(ego, &actions, &from, &Watch::unwatched());
-        let width = width_of(ego);
-        let keeps = Arc::new(Surrogate::of_members(
-            vec![Mlp::zeros(&[width, OUTPUTS])],
-            [0.0, 0.0],
-            [-8.0, 2.0],
-        ));
-        let error = error_of(ego, &keeps, &runs).expect("long enough");
-        // With the motion of the ego afterwards the error would be 3 m.
-        assert!(error.rms_m < 0.5, "{error:?}");
-        assert_eq!(error.rms_m, error.keeps_acceleration_m);
-        assert!(error.predicts_well(), "nothing is left to foresee");
-    }
-
-    /// Surrogate that always answers `change_mps2`.
-    fn surrogate_of(world: DriveScenario<'_>, change_mps2: f64) -> Arc<Surrogate> {
-        let width = width_of(world);
-        // In a single layer the biases precede the weights.
-        let mut net = Mlp::zeros(&[width, OUTPUTS]);
-        net.parameters_mut()[0] = 1.0;
-        Arc::new(Surrogate::of_members(
-            vec![net.clone(), net],
-            [change_mps2, 0.0],
-            [-8.0, 2.0],
-        ))
-    }
-
-    /// Counts the starts, of 20, on which a policy makes the surrogate fail.
-    fn solved(world: DriveScenario<'_>, surrogate: &Arc<Surrogate>, policy: &dyn Policy) -> usize {
-        let ModelBench {
-            bench, driver_slot, ..
-        } = ModelBench::quick(world);
-        let mut gym = Gym::new(bench, Purpose::Calibration, 2);
-        let is_success = |index: &u64| {
-            let key = gym.key(*index);
-            let bench = gym.bench();
-            let (start, noise) = (bench.draw(key), bench.noise_of(key));
-            driver_slot.set(ModelDriverConfig {
-                surrogate: Some(Arc::clone(surrogate)),
-                ..ModelDriverConfig::default()
-            });
-            let mut actor = PolicyActor(policy);
-            let episode = play(bench, &start, noise, &mut actor, Aftermath::Skip);
-            episode.verdict.is_success()
-        };
-        (0..20).filter(is_success).count()
-    }
-
-    fn unlearned(world: &Scenario, learner: LearnerConfig) -> TensorFile {
-        learner.build(&world.spaces(), 3).policy_bundle()
-    }
-
-    #[test]
-    fn an_ado_learns_what_the_ego_in_the_surrogate_does() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.drive().expect("driven");
-        let watch = Watch::unwatched();
-        let before = unlearned(
-            &world,
-            LearnerConfig::new(DqnSettings::default()).expect("sound"),
-        );
-        // The first keeps its acceleration and runs into a braking vehicle. The second
-        // always brakes hard and fails from the nearest starts only.
-        let keeps = surrogate_of(world, 0.0);
-        let brakes = surrogate_of(world, -1.0);
-        let learn = |policy: &TensorFile, ego: &Arc<Surrogate>| {
-            fine_tuned(world, Some(policy), (ego, 5), &watch)
-        };
-        let solves = |kept: &TensorFile, ego| {
-            let policy = load_policy(kept).expect("a policy");
-            solved(world, ego, &*policy)
-        };
-        let kept = learn(&before, &keeps).expect("deep Q-learning");
-        let [first, after, braking] = [(&before, &keeps), (&kept, &keeps), (&kept, &brakes)]
-            .map(|(policy, ego)| solves(policy, ego));
-        assert!(first < 10 && 16 <= after, "{first}, then {after}");
-        assert!(braking < 8, "{braking}");
-        assert_eq!(learn(&before, &keeps).as_ref(), Some(&kept));
-        assert_ne!(learn(&before, &brakes), Some(kept));
-
-        let other = unlearned(
-            &world,
-            LearnerConfig::new(PpoSettings::default()).expect("sound"),
-        );
-        assert!(learn(&other, &keeps).is_none(), "of another learner");
-        assert!(fine_tuned(world, None, (&keeps, 5), &watch).is_none());
-        let lane = Scenario::shipped("cut_in")
-            .expect("shipped")
-            .expect("sound");
-        let stranger = unlearned(
-            &lane,
-            LearnerConfig::new(DqnSettings::default()).expect("sound"),
-        );
-        assert!(learn(&stranger, &keeps).is_none(), "of other observations");
     }
 }

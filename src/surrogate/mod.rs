@@ -19,21 +19,32 @@
 
 mod adapted_policy;
 mod brake_detection;
+mod brake_line;
 mod dataset;
+mod ego_motion;
 mod emergency_brake;
 mod features;
+mod fine_tune;
+mod fitted_model;
 mod learn;
 mod model;
+mod model_driver;
 mod model_fit;
+mod model_kind;
+mod open_loop_actions;
 mod plan;
+mod planning_budget;
 #[cfg(test)]
 mod recorded_runs;
 mod strategy;
+mod surrogate_error;
+mod surrogate_fit;
 mod surrogate_sim;
 
 pub(crate) use adapted_policy::learned;
 pub use adapted_policy::{AdaptedRow, AdaptedTo};
 pub use emergency_brake::{BrakedFor, EmergencyBrake};
-pub use learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego};
-pub use model_fit::FittedModel;
-pub use strategy::TriedActions;
+pub use fitted_model::FittedModel;
+pub use learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, learn_ego};
+pub use open_loop_actions::TriedActions;
+pub use surrogate_error::SurrogateError;

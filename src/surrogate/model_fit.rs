@@ -7,11 +7,9 @@
 //! The best controllers become inputs of the surrogate. If a controller explains nearly
 //! all changes, the networks learn only the residual.
 
-use std::collections::VecDeque;
-
-use serde::{Deserialize, Serialize};
-
-use crate::ego::{Actuated, Actuator, Briefing, Controller, ControllerSpec, KINDS, Percept};
+use super::fitted_model::{FittedModel, MODELS, late};
+use super::model_kind::ModelKind;
+use crate::ego::{Briefing, KINDS, Percept};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::seed;
 use crate::stats::{CrossEntropySearch, descend};
@@ -320,144 +318,6 @@ fn mean_square(deviations: &[f64]) -> f64 {
     sum / deviations.len().max(1) as f64
 }
 
-/// Number of stock controllers among the inputs of a surrogate.
-pub(super) const MODELS: usize = 3;
-/// Unexplained share below which networks learn only the residual.
-const CLOSE: f64 = 0.25;
-/// Largest change of acceleration of a car between samples, m/s².
-const MOST_CHANGE_MPS2: f64 = 15.0;
-/// Unexplained share that each parameter must remove.
-const PER_PARAMETER: f64 = 0.002;
-
-/// Stock controller with the parameters that reproduce most of an ego's behaviour.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FittedModel {
-    /// Controller and the actuator lag behind it.
-    pub controller: Actuated<ControllerSpec>,
-    /// Delay between percept and answer, s.
-    pub delay_s: f64,
-    /// Share of the ego's changes of acceleration that it leaves unexplained.
-    ///
-    /// 0: none. 1: as much as constant acceleration.
-    pub unexplained: f64,
-}
-
-impl std::fmt::Display for FittedModel {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{}, which leaves {:.0} % of it unexplained",
-            self.controller.controller.kind(),
-            100.0 * self.unexplained
-        )?;
-        if !self.is_close() {
-            return Ok(());
-        }
-        let parameters = self.controller.parameters();
-        let all = parameters
-            .iter()
-            .map(|it| format!("{}: {:.3}", it.name, it.value));
-        let all: Vec<String> = all.collect();
-        write!(f, " ({})", all.join(", "))
-    }
-}
-
-impl FittedModel {
-    /// Returns whether networks learn only its residual.
-    pub(super) fn is_close(&self) -> bool {
-        self.unexplained < CLOSE
-    }
-
-    /// Returns the unexplained share plus a cost per parameter.
-    ///
-    /// Among equally good controllers the simpler controller is preferred.
-    pub(super) fn left(&self) -> f64 {
-        self.unexplained + PER_PARAMETER * self.controller.parameters().len() as f64
-    }
-
-    /// Builds a model that is ready for an episode.
-    pub(super) fn model(&self, briefing: &Briefing) -> StockModel {
-        let mut controller = self.controller.controller.build();
-        controller.brief(&Briefing {
-            lag_s: self.controller.lag_s,
-            ..briefing.clone()
-        });
-        controller.reset(0);
-        let delay = (self.delay_s / briefing.sample_s).round();
-        StockModel {
-            controller: Some(controller),
-            actuator: Actuator::new(self.controller.lag_s, briefing.sample_s),
-            delay: delay as usize,
-            seen: VecDeque::new(),
-        }
-    }
-}
-
-/// Stock controller that receives the ego's percepts.
-pub(super) struct StockModel {
-    /// Always present, because stock controllers can be copied.
-    controller: Option<Box<dyn Controller>>,
-    actuator: Actuator,
-    /// Samples between a percept and its answer.
-    pub delay: usize,
-    seen: VecDeque<Percept>,
-}
-
-impl Clone for StockModel {
-    fn clone(&self) -> StockModel {
-        StockModel {
-            controller: self.controller.as_ref().and_then(|it| it.fork()),
-            actuator: self.actuator,
-            delay: self.delay,
-            seen: self.seen.clone(),
-        }
-    }
-}
-
-impl StockModel {
-    /// Resets the model for another episode.
-    pub(super) fn reset(&mut self) {
-        if let Some(controller) = &mut self.controller {
-            controller.reset(0);
-        }
-        self.seen.clear();
-    }
-
-    /// Returns the change of its acceleration until the next sample.
-    pub(super) fn change_mps2(&mut self, percept: &Percept) -> f64 {
-        if self.delay == 0 {
-            return self.answer(percept);
-        }
-        // The first percept is repeated until the delay has passed.
-        if self.seen.len() > self.delay {
-            self.seen.pop_front();
-        }
-        self.seen.push_back(percept.clone());
-        // Invariant: an element was pushed just now.
-        let late = self.seen.front().map(|then| late(percept, then));
-        late.map_or(0.0, |late| self.answer(&late))
-    }
-
-    fn answer(&mut self, percept: &Percept) -> f64 {
-        let now_mps2 = percept.own.accel_mps2;
-        let Some(Ok(wish)) = self.controller.as_mut().map(|it| it.control(percept)) else {
-            return 0.0;
-        };
-        let next_mps2 = self.actuator.from(now_mps2).step(wish.accel_mps2);
-        // Full braking must not drive the ego backwards within the sample.
-        let next_mps2 = next_mps2.max(-percept.own.speed_mps / percept.sample_s);
-        (next_mps2 - now_mps2).clamp(-MOST_CHANGE_MPS2, MOST_CHANGE_MPS2)
-    }
-}
-
-/// Combines the own state of `now` with the other vehicles of `then`.
-pub(super) fn late(now: &Percept, then: &Percept) -> Percept {
-    Percept {
-        own: now.own,
-        ..then.clone()
-    }
-}
-
 /// Inputs of an ego in a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EgoInputs {
@@ -473,110 +333,12 @@ pub(super) struct LabelledRun {
     pub answers: Vec<[f64; 2]>,
 }
 
-/// Longest delay of an ego's reaction, s.
-const LONGEST_DELAY_S: f64 = 0.75;
-
-/// Ranges of the parameters of stock controllers, by name.
-///
-/// A kind with any other parameter is not tried.
-const RANGES: &[(&str, f64, f64)] = &[
-    ("lag_s", 0.0, 1.0),
-    ("kp_per_s2", 0.02, 1.5),
-    ("kd_per_s", 0.1, 3.0),
-    ("standstill_headway_m", 3.0, 20.0),
-    ("time_gap_s", 0.1, 3.0),
-    ("max_brake_mps2", 2.0, 10.0),
-    ("max_accel_mps2", 0.5, 4.0),
-    ("filter_brake_mps2", 3.0, 10.0),
-    ("filter_margin_m", 0.0, 3.0),
-    ("filter_delay_s", 0.0, 1.0),
-    ("soft_brake_mps2", 0.5, 5.0),
-    ("rear_gap_s", 0.1, 2.0),
-    ("desired_speed_mps", 5.0, 50.0),
-    ("min_gap_m", 0.1, 6.0),
-    ("comfort_brake_mps2", 0.5, 7.0),
-    ("reaction_s", 0.05, 1.5),
-    ("plan_brake_mps2", 2.0, 9.0),
-    ("leader_brake_mps2", 2.0, 9.0),
-    ("transition_m", 3.0, 40.0),
-    ("form", 0.2, 4.0),
-    ("sensitivity_per_s", 0.05, 2.0),
-    ("closing_gain_per_s", 0.0, 2.0),
-    ("aeb_trigger_mps2", 2.0, 9.0),
-    ("aeb_brake_mps2", 0.0, 10.0),
-    ("cruise_gain_per_s", 0.1, 2.0),
-    ("cruise_limit_mps2", 0.5, 4.0),
-    ("trigger_mps2", 1.0, 9.0),
-    ("margin_m", 0.0, 5.0),
-    ("side_m", 0.0, 1.5),
-    ("look_ahead_s", 1.0, 8.0),
-    ("threshold_m", 0.0, 10.0),
-    ("t_lka_s", 0.0, 4.0),
-    ("ttc_s", 0.5, 5.0),
-    ("foot_off_mps2", 0.0, 1.0),
-    ("jerk_mps3", 2.0, 30.0),
-    ("wander_m", 0.1, 1.0),
-    ("perceived_m", 0.0, 1.5),
-    ("inside_m", 0.0, 1.0),
-    ("early_s", 0.0, 2.0),
-    ("ego_accel_mps2", 0.0, 3.0),
-    ("ego_brake_mps2", 2.0, 9.0),
-    ("other_brake_mps2", 2.0, 10.0),
-    ("lateral_accel_mps2", 0.1, 2.0),
-    ("lateral_margin_m", 0.0, 1.0),
-    ("hard_brake_mps2", 3.0, 9.0),
-    ("standstill_gap_m", 0.0, 5.0),
-    ("safe_margin_m", 0.0, 2.0),
-    ("passing_margin_s", 0.0, 1.0),
-];
-
-/// Returns all kinds except those in `unknown`.
-pub(super) fn kinds_except(unknown: &[&str]) -> Vec<&'static str> {
-    let kinds = KINDS.iter().map(|(kind, _)| *kind);
-    kinds.filter(|kind| !unknown.contains(kind)).collect()
-}
-
-/// Kind of stock controller and the ranges of its parameters.
-pub(super) struct ModelKind {
-    pub kind: &'static str,
-    pub ranges: Vec<(&'static str, f64, f64)>,
-}
-
-impl ModelKind {
-    /// Returns the kind, or `None` if a range of its parameters is missing.
-    pub(super) fn of(&(kind, names): &(&'static str, &[&'static str])) -> Option<ModelKind> {
-        let range = |name: &str| RANGES.iter().find(|range| range.0 == name).copied();
-        // Every kind is tried with an actuator lag.
-        let ranges = names.iter().map(|name| range(name)).chain([range("lag_s")]);
-        let ranges: Vec<_> = ranges.collect::<Option<_>>()?;
-        // A kind with the lag as its only parameter cannot be fitted.
-        (1 < ranges.len()).then_some(ModelKind { kind, ranges })
-    }
-
-    /// Returns the controller at a point of the box.
-    ///
-    /// Coordinates run from −1 to 1, one per parameter and one for the delay.
-    pub(super) fn at(&self, point: &[f64]) -> Option<FittedModel> {
-        let within = |at: f64, low: f64, high: f64| low + 0.5 * (at + 1.0) * (high - low);
-        let pairs = self.ranges.iter().zip(point);
-        let values: Vec<_> = pairs
-            .map(|(&(name, low, high), &at)| (name, within(at, low, high)))
-            .collect();
-        Some(FittedModel {
-            controller: Actuated::of_kind(self.kind, &values)?,
-            delay_s: within(*point.last()?, 0.0, LONGEST_DELAY_S),
-            unexplained: f64::INFINITY,
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ego::{Actuated, Briefing};
     use crate::sim::PlantKind;
+    use crate::surrogate::model_kind::kinds_except;
     use crate::surrogate::recorded_runs::runs_of;
-    use crate::world::Scenario;
 
     fn parameter(fitted: &FittedModel, name: &str) -> f64 {
         let all = fitted.controller.parameters();
@@ -625,43 +387,6 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_hands_on_what_others_did_then_and_oneself_now() {
-        let fitted = FittedModel {
-            controller: Actuated::of_kind(
-                "Idm",
-                &[
-                    ("desired_speed_mps", 30.0),
-                    ("time_gap_s", 1.0),
-                    ("min_gap_m", 2.0),
-                    ("max_accel_mps2", 2.0),
-                    ("comfort_brake_mps2", 3.0),
-                    ("max_brake_mps2", 8.0),
-                    ("lag_s", 0.0),
-                ],
-            )
-            .expect("a kind"),
-            delay_s: 0.1,
-            unexplained: 0.0,
-        };
-        let briefing = Briefing {
-            sample_s: 0.05,
-            ..Briefing::default()
-        };
-        let at_once = FittedModel {
-            delay_s: 0.0,
-            ..fitted.clone()
-        };
-        let runs = runs_of("idm", PlantKind::Kinematic, 33);
-        let percepts = &runs[0].inputs.percepts;
-        let (mut delayed, mut prompt) = (fitted.model(&briefing), at_once.model(&briefing));
-        for (sample, percept) in percepts.iter().enumerate() {
-            let then = late(percept, &percepts[sample.saturating_sub(2)]);
-            let (delayed, prompt) = (delayed.change_mps2(percept), prompt.change_mps2(&then));
-            assert_eq!(delayed, prompt, "sample {sample}");
-        }
-    }
-
-    #[test]
     fn an_ego_that_never_changes_its_acceleration_is_like_nobody() {
         let mut runs = runs_of("idm", PlantKind::Kinematic, 33);
         for run in &mut runs {
@@ -671,28 +396,5 @@ mod tests {
         let nobody = ModelFits::default();
         assert_eq!(fit_models(&runs, &["Idm"], 1, &watch), nobody);
         assert_eq!(fit_models(&[], &["Idm"], 1, &watch), nobody);
-    }
-
-    #[test]
-    fn every_range_holds_the_parameters_of_the_shipped_egos() {
-        let world = Scenario::shipped("acc_structures").expect("shipped");
-        for (name, change) in world.expect("sound").reuse() {
-            let Some(controller) = &change.controller else {
-                continue;
-            };
-            let kind = controller.controller.kind();
-            let kind = KINDS
-                .iter()
-                .find(|other| other.0 == kind)
-                .and_then(ModelKind::of);
-            let kind = kind.expect("tried");
-            for parameter in controller.parameters() {
-                let mut ranges = kind.ranges.iter();
-                let range = ranges.find(|range| range.0 == parameter.name);
-                let (_, low, high) = range.expect("a range");
-                let holds = (*low..=*high).contains(&parameter.value);
-                assert!(holds, "{name}: {} {}", parameter.name, parameter.value);
-            }
-        }
     }
 }

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
+use super::ego_motion::{MotionReader, MotionSample};
 use super::model::Surrogate;
-use super::strategy::{Earlier, PlanningBudget, Policies, RobustScore, Strategy, play_strategy};
-use super::surrogate_sim::{
-    ModelBench, MotionReader, MotionSample, NoisyStart, RunPrefix, VARIATIONS,
-};
+use super::planning_budget::PlanningBudget;
+use super::strategy::{Earlier, Policies, RobustScore, Strategy, play_strategy};
+use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
 use crate::experiment::Watch;
 use crate::rulebook::Verdict;
 use crate::search::{Tree, WalkControl};

@@ -1,4 +1,4 @@
-//! Strategies of an ado from a start on, and the effort of planning them.
+//! Strategies of an ado from a start on.
 //!
 //! A start can be planned again with the motion recorded in its earlier runs.
 //! The ego is assumed to be deterministic: equal inputs give equal answers.
@@ -10,14 +10,9 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
 use super::model::Surrogate;
 use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
 use crate::rl::Policy;
-use crate::rulebook::Verdict;
-use crate::scene::Start;
-use crate::world::DriveScenario;
 
 /// Behaviour of the ado from a start on.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -206,214 +201,10 @@ fn common(run: &RunPrefix, actions: &[usize]) -> usize {
     pairs.take_while(|(run, wanted)| run == wanted).count()
 }
 
-/// Spacing of the decisions at which a sequence may switch actions.
-#[derive(Clone, Copy, Debug)]
-struct SwitchSpacing {
-    /// Spacing with one switch, decisions.
-    one: usize,
-    /// Smallest spacing with two switches, decisions.
-    two: usize,
-    /// Largest number of sequences with two switches.
-    ///
-    /// Many actions or decisions widen the spacing until this limit holds.
-    most: usize,
-}
-
-/// Spacing that suits three actions and 30 decisions.
-const FINE: SwitchSpacing = SwitchSpacing {
-    one: 1,
-    two: 2,
-    most: 6_000,
-};
-/// Largest number of sequences if nothing else was found, about five times as slow.
-const FINEST: usize = 30_000;
-/// Spacing for searches that are repeated often.
-const QUICK: SwitchSpacing = SwitchSpacing {
-    one: 1,
-    two: 4,
-    most: 2_000,
-};
-
-/// Planning effort of a run.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PlanningBudget {
-    /// Number of leading variations to plan for.
-    ///
-    /// They are tried if the surrogate itself has no plan.
-    pub leads: usize,
-    /// Spacing before the first action, for the surrogate itself.
-    first: SwitchSpacing,
-    /// Spacing for its variations and during the run.
-    later: SwitchSpacing,
-    /// Whether a last, finer search follows if nothing else was found.
-    is_finest: bool,
-    /// Decisions without a search after the first search in vain.
-    ///
-    /// Every further search in vain doubles them.
-    rest: usize,
-}
-
-impl PlanningBudget {
-    /// Effort for a run that counts.
-    pub(super) const FULL: PlanningBudget = PlanningBudget {
-        leads: 4,
-        first: FINE,
-        later: QUICK,
-        is_finest: true,
-        rest: 0,
-    };
-    /// Effort for a run that is recorded for learning.
-    ///
-    /// Such a run need not succeed, and there are many of them.
-    pub(super) const BRIEF: PlanningBudget = PlanningBudget {
-        leads: 2,
-        first: QUICK,
-        later: SwitchSpacing { one: 2, ..QUICK },
-        is_finest: false,
-        rest: 4,
-    };
-
-    /// Returns the spacing of the switches of a sequence.
-    ///
-    /// `size` holds the number of actions and of decisions.
-    pub(super) fn stride(&self, size: (usize, usize), switches: usize, is_first: bool) -> usize {
-        let grid = if is_first { self.first } else { self.later };
-        match switches {
-            0 | 1 => grid.one,
-            _ => stride(size, grid.two, grid.most),
-        }
-    }
-
-    /// Returns the spacing of the last search, if it is finer than the first search.
-    pub(super) fn finest(&self, size: (usize, usize)) -> Option<usize> {
-        let finest = stride(size, 1, FINEST);
-        (self.is_finest && finest < self.stride(size, 2, true)).then_some(finest)
-    }
-
-    /// Returns the number of decisions without a search after `in_vain` failures.
-    pub(super) fn rest(&self, in_vain: u32) -> usize {
-        match in_vain {
-            0 => 0,
-            // The shift is bounded, so the pause cannot overflow.
-            _ => self.rest << (in_vain - 1).min(8),
-        }
-    }
-}
-
-/// Returns the smallest spacing, at least `least`, with at most `most` sequences.
-fn stride((actions, decisions): (usize, usize), least: usize, most: usize) -> usize {
-    let others = actions.saturating_sub(1);
-    let sequences = |stride: usize| {
-        let places = decisions / stride;
-        // Three actions in a row, neighbours different, and two ordered places.
-        actions * others * others * places * places.saturating_sub(1) / 2
-    };
-    (least..decisions)
-        // A run too short for any switch gets a spacing of its whole length.
-        .find(|&stride| sequences(stride) <= most)
-        .unwrap_or(decisions.max(1))
-}
-
-/// Times of the switch to the second action, as shares of the horizon.
-const SWITCH_AT: [f64; 3] = [0.125, 0.25, 0.5];
-/// Number of actions above which only the best constants are tried second.
-const MANY: usize = 6;
-/// Number of constants tried second in that case.
-const SECOND: usize = 3;
-/// Starts in the surrogate on which the candidates are compared.
-const STARTS: usize = 40;
-
-/// Actions tried on an ego, the same from every start.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TriedActions {
-    /// Actions in order, the last action held.
-    pub actions: Vec<usize>,
-    /// Runs of the ego under them.
-    pub runs: u64,
-    /// Runs in which the ego failed and the ado kept every rule.
-    pub successes: u64,
-}
-
-/// Result of actions on the surrogate.
-#[derive(Clone, Copy, Debug, Default)]
-struct ActionScore {
-    successes: usize,
-    /// Starts with a broken rule or without a counted verdict.
-    violations: usize,
-    /// Sum of the margins over all other starts.
-    margins: f64,
-}
-
-/// Returns the best constant action or pair of actions on the surrogate.
-///
-/// Candidates are ordered by successes, then by broken rules, then by margin.
-/// `None`: the ado has no actions.
-pub(super) fn best_fixed(
-    world: DriveScenario<'_>,
-    surrogate: &Arc<Surrogate>,
-    starts: &[(Start, u64)],
-) -> Option<Vec<usize>> {
-    let mut model = ModelBench::quick(world);
-    let actions = model.bench.spaces().actions;
-    let decisions = model.bench.clock().decisions();
-    // All candidates play the same starts, so their counts are comparable.
-    let starts = &starts[..starts.len().min(STARTS)];
-    let mut score = |actions: &[usize]| {
-        let mut score = ActionScore::default();
-        for (start, noise) in starts {
-            let from = (start, *noise);
-            model.begin(from, &RunPrefix::default(), Some(surrogate), VARIATIONS[0]);
-            model.play_actions(actions);
-            match model.bench.verdict() {
-                Some(Verdict::Counterexample { .. }) => score.successes += 1,
-                Some(Verdict::Held { margin }) => score.margins += margin,
-                _ => score.violations += 1,
-            }
-        }
-        score
-    };
-    let mut tried: Vec<(Vec<usize>, ActionScore)> = (0..actions)
-        .map(|action| (vec![action], score(&[action])))
-        .collect();
-    // The constants must be ranked before the best of them are taken as second actions.
-    sort(&mut tried);
-    let second = if MANY < actions { SECOND } else { actions };
-    let last: Vec<usize> = tried.iter().take(second).map(|one| one.0[0]).collect();
-    for first in 0..actions {
-        for &then in last.iter().filter(|&&then| then != first) {
-            for share in SWITCH_AT {
-                // At least one decision, so that the first action is played at all.
-                let held = ((share * decisions as f64).round() as usize).max(1);
-                let mut sequence = vec![first; held];
-                sequence.push(then);
-                let score = score(&sequence);
-                tried.push((sequence, score));
-            }
-        }
-    }
-    sort(&mut tried);
-    tried.into_iter().next().map(|(actions, _)| actions)
-}
-
-/// Sorts the candidates, the best first, and keeps the order of equals.
-fn sort(tried: &mut [(Vec<usize>, ActionScore)]) {
-    tried.sort_by(|(_, a), (_, b)| {
-        let by_successes = b.successes.cmp(&a.successes);
-        let by_violations = a.violations.cmp(&b.violations);
-        by_successes
-            .then(by_violations)
-            // A smaller margin means that the ego came closer to a failure.
-            .then(a.margins.total_cmp(&b.margins))
-    });
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rl::nn::Mlp;
-    use crate::surrogate::model::OUTPUTS;
-    use crate::surrogate::surrogate_sim::MotionSample;
-    use crate::world::Scenario;
+    use crate::surrogate::ego_motion::MotionSample;
 
     /// Run with two samples per decision. The sample number is the position.
     fn run(actions: &[usize]) -> RunPrefix {
@@ -465,55 +256,5 @@ mod tests {
         let from: Vec<_> = earlier.beginnings(2);
         assert_eq!(from.len(), 1);
         assert_eq!((from[0].actions.len(), from[0].motion.len()), (2, 5));
-    }
-
-    #[test]
-    fn with_many_actions_switches_are_further_apart() {
-        // `acc` is searched completely. `cut_in` is searched at every fifth or seventh
-        // decision, and at every second decision in the last search.
-        assert_eq!(PlanningBudget::FULL.finest((3, 30)), Some(1));
-        assert_eq!(PlanningBudget::FULL.stride((3, 30), 2, true), 2);
-        assert_eq!(PlanningBudget::FULL.stride((3, 30), 2, false), 4);
-        assert_eq!(PlanningBudget::FULL.finest((6, 40)), Some(2));
-        assert_eq!(PlanningBudget::FULL.finest((10, 100)), Some(11));
-        assert_eq!(PlanningBudget::FULL.stride((6, 40), 2, true), 5);
-        assert_eq!(PlanningBudget::FULL.stride((6, 40), 2, false), 7);
-        // A single action has no switches, and too many actions leave no place for them.
-        assert_eq!(stride((1, 40), 1, 6_000), 1);
-        assert_eq!(stride((1000, 40), 1, 6_000), 21);
-        assert_eq!(stride((3, 1), 1, 6_000), 1);
-    }
-
-    #[test]
-    fn a_recorded_run_is_thought_over_less_and_less_often() {
-        assert_eq!([0, 1, 2, 3].map(|n| PlanningBudget::FULL.rest(n)), [0; 4]);
-        assert_eq!(
-            [0, 1, 2, 3].map(|n| PlanningBudget::BRIEF.rest(n)),
-            [0, 4, 8, 16]
-        );
-        assert_eq!(PlanningBudget::BRIEF.finest((3, 30)), None);
-    }
-
-    #[test]
-    fn of_actions_that_are_the_same_everywhere_those_with_most_successes_are_found() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.drive().expect("driven");
-        let width = super::super::surrogate_sim::width_of(world);
-        // Surrogate that keeps its acceleration whatever it sees.
-        let net = Mlp::orthogonal(
-            &[width, 4, OUTPUTS],
-            0.1,
-            &mut crate::rl::LearnerRng::new(1),
-        );
-        let idle = Arc::new(Surrogate::of_members(vec![net], [0.0, 0.0], [-9.0, 9.0]));
-        let from = super::super::dataset::starts(&world, 20, 3);
-        let found = best_fixed(world, &idle, &from).expect("actions");
-        // A coasting follower is hit most surely by braking at once. A stop breaks a rule.
-        let (last, before) = found.split_last().expect("an action");
-        assert!(
-            !before.is_empty() && before.iter().all(|&action| action == 0),
-            "{found:?}"
-        );
-        assert_ne!(*last, 0);
     }
 }

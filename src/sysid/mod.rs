@@ -1,6 +1,7 @@
 //! System identification: the parameters of an ego, from runs of it alone.
 
 mod ego_conditioning;
+mod ego_recording;
 mod identify;
 
 pub(crate) use ego_conditioning::LEAST_RUNS;

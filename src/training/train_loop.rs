@@ -134,7 +134,10 @@ pub fn train(
             learner.train(&mut gym, &mut |progress| {
                 if let Some(line) = ledger.note(progress) {
                     // Training episodes explore, so the closing evaluation may succeed more often.
-                    learning.detail(&format!("solves {:.0} % exploring", 100.0 * line.solved_share));
+                    learning.detail(&format!(
+                        "solves {:.0} % exploring",
+                        100.0 * line.solved_share
+                    ));
                     if let Some(audience) = watch.audience {
                         audience.progress(&line);
                     }

@@ -5,6 +5,7 @@
 
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::Demonstration;
+use crate::rulebook::Verdict;
 use crate::scene::{Dynamics, Start};
 use crate::search::mutate;
 use crate::search::{Tree, WalkControl};
@@ -278,11 +279,7 @@ impl SearchWorker<'_> {
             if !confirms(&mut self.first, from, &sequence, &mut scouted) {
                 continue;
             }
-            let confirmed = match &mut self.target {
-                None => true,
-                Some(target) => confirms(target, from, &sequence, &mut scouted),
-            };
-            if confirmed {
+            if self.is_confirmed(from, &sequence, &mut scouted) {
                 scouted.actions = Some(sequence);
                 break;
             }
@@ -328,15 +325,9 @@ impl SearchWorker<'_> {
                 continue;
             }
             let reward = self.reward(from, &sequence, &mut scouted);
-            if reward > 0.0 {
-                let confirmed = match &mut self.target {
-                    None => true,
-                    Some(target) => confirms(target, from, &sequence, &mut scouted),
-                };
-                if confirmed {
-                    scouted.actions = Some(sequence);
-                    break;
-                }
+            if reward > 0.0 && self.is_confirmed(from, &sequence, &mut scouted) {
+                scouted.actions = Some(sequence);
+                break;
             }
             // The newest of equal sequences comes first, so that the search advances.
             let at = elites.partition_point(|elite| elite.0 > reward);
@@ -375,33 +366,45 @@ impl SearchWorker<'_> {
     /// Plays a sequence on the searching bench, with the last action held, and returns
     /// its reward.
     fn reward(&mut self, from: (&Start, u64), actions: &[usize], scouted: &mut Scouted) -> f64 {
-        let mut replay = Replay::holding(actions);
-        let episode = play(
-            &mut self.first,
-            from.0,
-            from.1,
-            &mut replay,
-            Aftermath::Skip,
-        );
-        scouted.simulations += 1;
-        scouted.physics_steps += episode.physics_steps;
-        let reward = self.first.rulebook().reward_of(&episode.verdict);
+        let verdict = verdict_of(&mut self.first, from, actions, scouted);
+        let reward = self.first.rulebook().reward_of(&verdict);
         reward.unwrap_or(f64::NEG_INFINITY)
+    }
+
+    /// Returns whether a sequence succeeds on the target bench too, if there is one.
+    fn is_confirmed(
+        &mut self,
+        from: (&Start, u64),
+        actions: &[usize],
+        scouted: &mut Scouted,
+    ) -> bool {
+        let target = self.target.as_mut();
+        target.is_none_or(|target| confirms(target, from, actions, scouted))
     }
 }
 
-/// Plays a sequence, with the last action held, and returns whether it succeeds.
+/// Plays a sequence and returns whether it succeeds.
 fn confirms(
+    bench: &mut Testbench,
+    from: (&Start, u64),
+    actions: &[usize],
+    scouted: &mut Scouted,
+) -> bool {
+    verdict_of(bench, from, actions, scouted).is_success()
+}
+
+/// Plays a sequence, with the last action held, and counts its cost.
+fn verdict_of(
     bench: &mut Testbench,
     (start, noise): (&Start, u64),
     actions: &[usize],
     scouted: &mut Scouted,
-) -> bool {
+) -> Verdict {
     let mut replay = Replay::holding(actions);
     let episode = play(bench, start, noise, &mut replay, Aftermath::Skip);
     scouted.simulations += 1;
     scouted.physics_steps += episode.physics_steps;
-    episode.verdict.is_success()
+    episode.verdict
 }
 
 #[cfg(test)]

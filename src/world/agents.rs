@@ -3,11 +3,13 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use super::RuleSpec;
-use super::check::{self, ActsAs};
+use super::ado_actions::{self, ActsAs};
+use super::bodies;
+use super::check;
 use super::file::{
     AdoFile, AgentFile, DriveFile, Facing, LightFile, NumberOrRange, ScenarioFile, StartFile,
 };
-use super::language::formula;
+use super::language::rule_of;
 use super::locate::ValuePath;
 use super::plans;
 use super::problems::Problems;
@@ -19,7 +21,6 @@ use crate::scene::drive::{
     Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, PlacedRoads,
     Range, Script, StartPlace, TrainedAdo,
 };
-use crate::sim::Body;
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
 const MAX_OFFSET_M: f64 = 20.0;
@@ -73,12 +74,7 @@ impl Agents<'_> {
             roads,
             origin,
         };
-        for (name, body) in &file.bodies.0 {
-            if let Err(error) = body.validate() {
-                let place = ValuePath::top().to("bodies").to(name).to(error.field);
-                problems.add(&place, error.to_string(), "here", body_help(error.field));
-            }
-        }
+        bodies::check(problems, &file.bodies);
         for (i, entry) in file.agents.iter().enumerate() {
             let path = list.at(i);
             check::agent_name(problems, &path.to("name"), entry.name());
@@ -211,7 +207,7 @@ impl Agents<'_> {
         }
         // Read before the body, so that mistakes in both are reported.
         let place = self.place(problems, &path.to("start"), start, number);
-        let body = find_body(problems, &path.to("body"), file, body)?;
+        let body = bodies::find(problems, &path.to("body"), &file.bodies, body)?;
         let on_foot = matches!(entry, AgentFile::Pedestrian { .. });
         let acts_as = ActsAs::from(body.control());
         if on_foot != (acts_as == ActsAs::Walker) {
@@ -282,7 +278,7 @@ impl Agents<'_> {
                 Drive::Planned(plans::read(problems, path, &plan, acts_as)?)
             }
             DriveFile::Ado(ado) => {
-                check::actions(problems, path, ado, acts_as);
+                ado_actions::check(problems, path, ado, acts_as);
                 let base = match &ado.base {
                     Some(plan) => {
                         let place = match plan {
@@ -339,7 +335,7 @@ impl Agents<'_> {
                 LightDrive::Schedule(schedule.clone())
             }
             LightFile::Ado(ado) => {
-                check::actions(problems, &path, ado, ActsAs::Light);
+                ado_actions::check(problems, &path, ado, ActsAs::Light);
                 self.rules_of(problems, &path, name, ado);
                 LightDrive::Ado {
                     actions: ado.actions.clone(),
@@ -357,19 +353,10 @@ impl Agents<'_> {
                 .push((signal.clone(), path.to("observe").at(j)));
         }
         for (j, rule) in ado.rulebook.iter().enumerate() {
-            let stl = path.to("rulebook").at(j).to("stl");
-            let Some(formula) = formula(problems, &stl, &rule.stl) else {
-                continue;
-            };
-            self.rules.push(RuleSpec {
-                name: rule.name.clone(),
-                ado: name.to_owned(),
-                // Without a priority, rules are ranked by their position.
-                priority: rule.priority.unwrap_or(self.rules.len()),
-                formula,
-                requirement: rule.requirement.clone(),
-                place: stl,
-            });
+            let place = path.to("rulebook").at(j).to("stl");
+            let rank = self.rules.len();
+            self.rules
+                .extend(rule_of(problems, place, rule, (name, rank)));
         }
     }
 
@@ -465,7 +452,7 @@ fn obstacle(
     check::range(problems, &path.to("s_m"), s_m.0);
     check::range(problems, &path.to("lateral_m"), lateral_m.0);
     check::within(problems, &path.to("heading_rad"), *heading_rad, -PI, PI);
-    let body = find_body(problems, &path.to("body"), file, body)?;
+    let body = bodies::find(problems, &path.to("body"), &file.bodies, body)?;
     if body.is_on_foot() {
         let what = format!("`{}` is no body on wheels", body.name);
         let help = "who stands on foot is a `Pedestrian(…)` with `Scripted(Walk([]))`".to_owned();
@@ -485,45 +472,4 @@ fn obstacle(
         },
         drive: Drive::Scripted(Script::Stand),
     })
-}
-
-/// Advice for a field whose bounds follow from other fields.
-fn body_help(field: &str) -> Option<String> {
-    let help = match field {
-        "com_height_m" => {
-            "higher, it would tip over on its springs: lower it, or raise `track_m` or `suspension_hz`"
-        }
-        "com_ahead_m" => "both axles must carry weight",
-        "suspension_travel_m" => {
-            "it must carry the body's weight: raise it, or raise `suspension_hz`"
-        }
-        "max_steer_rad" => "the turn's centre must lie beside the inner wheel",
-        _ => return None,
-    };
-    Some(help.to_owned())
-}
-
-fn find_body(
-    problems: &mut Problems,
-    path: &ValuePath,
-    file: &ScenarioFile,
-    name: &str,
-) -> Option<Body> {
-    // The world's own bodies take precedence over shipped bodies.
-    if let Some(body) = file.bodies.0.get(name) {
-        return Some(body.clone());
-    }
-    match Body::shipped(name) {
-        Some(Ok(body)) => Some(body),
-        Some(Err(error)) => {
-            problems.add(path, error.to_string(), "here", None);
-            None
-        }
-        None => {
-            let mut known: Vec<&str> = Body::shipped_names().collect();
-            known.extend(file.bodies.0.keys().map(String::as_str));
-            problems.unknown(path, "body", name, &known);
-            None
-        }
-    }
 }

@@ -6,7 +6,7 @@ use super::agents::Agents;
 use super::error::Problem;
 use super::family::TrainingEgos;
 use super::file::ScenarioFile;
-use super::language::{Judging, Language, constants, formula, rulebook};
+use super::language::{Judging, Language, constants, rulebook};
 use super::locate::ValuePath;
 use super::problems::Problems;
 use super::runs::{Assembled, RunSource, WorldOrigin};
@@ -176,13 +176,8 @@ fn assemble(
     let mut language = Language::new(spec.clock.sample_s, offers, constants);
     spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
     problems.done()?;
-    let names = language.names(&mut problems, &top.to("formulas"), &file.formulas);
-    let ego_spec = formula(&mut problems, &top.to("ego_spec"), &file.ego_spec);
-    problems.done()?;
-    let Some(ego_spec) = ego_spec else {
-        return Err(problems.into_list());
-    };
-    language.bind(&mut problems, &top.to("ego_spec"), &ego_spec, &names);
+    let (names, ego_spec) =
+        language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
     plans::bind(
         &mut problems,
         &mut language,
@@ -211,30 +206,15 @@ fn assemble(
     spec.formulas = names.clone();
     problems.done()?;
     spec.extra = language.published();
-    let world = match DriveWorld::new(spec) {
-        Ok(world) => world,
-        Err(error) => {
-            problems.add(&top, error.to_string(), "here", None);
-            return Err(problems.into_list());
-        }
+    let world = DriveWorld::new(spec);
+    let world = world.map_err(|error| problems.ended(&top, error.to_string()))?;
+    let judging = Judging {
+        judge: file.judge,
+        counts: file.counts,
+        reward: file.reward,
     };
-    let rulebook = match rulebook(
-        world.schema(),
-        &ego_spec,
-        &rules,
-        &names,
-        Judging {
-            judge: file.judge,
-            counts: file.counts,
-            reward: file.reward,
-        },
-    ) {
-        Ok(rulebook) => Arc::new(rulebook),
-        Err(error) => {
-            problems.stl(&top.to("ego_spec"), &error);
-            return Err(problems.into_list());
-        }
-    };
+    let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging);
+    let rulebook = rulebook.map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
     let scenario = Scenario {
         name: file.name,
         question: file.question,
@@ -257,7 +237,7 @@ fn assemble(
         repeats: file.repeats,
         warnings: Vec::new(),
         world: World::Drive(world.clone()),
-        rulebook,
+        rulebook: Arc::new(rulebook),
         programs_allowed: false,
     };
     Ok((scenario, world))

@@ -2,7 +2,6 @@
 
 use indexmap::IndexMap;
 
-use super::file::AdoFile;
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
@@ -12,8 +11,7 @@ use crate::ego::{Actuated, ControllerSpec, Parameter, Process};
 use crate::rl::{LearnerConfig, LearnerSettings};
 use crate::rulebook::Reward;
 use crate::scene::Clock;
-use crate::scene::drive::{Actions, DriveSpec, Range, Road, Script, Sensors};
-use crate::sim::BodyControl;
+use crate::scene::drive::{DriveSpec, Range, Road, Script, Sensors};
 use crate::stl::Expr;
 
 /// Greatest number of samples of an episode.
@@ -258,148 +256,6 @@ fn parameters(problems: &mut Problems, path: &ValuePath, parameters: &[Parameter
                 parameter.name, parameter.value, parameter.at_least
             );
             problems.add(&path.to(parameter.name), what, "too small", None);
-        }
-    }
-}
-
-/// Checks the actions of an ado: their range, and their fit for its body.
-pub(super) fn actions(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, body: ActsAs) {
-    let list = path.to("actions");
-    let numbers: Vec<(ValuePath, f64)> = match &ado.actions {
-        Actions::Accelerations(accelerations) => {
-            let numbered = accelerations.iter().enumerate();
-            numbered.map(|(i, a)| (list.at(0).at(i), *a)).collect()
-        }
-        Actions::Grid(grid) => {
-            if grid.lateral_mps <= 0.0 || 5.0 < grid.lateral_mps {
-                let what = format!("a lateral speed of {} m/s", grid.lateral_mps);
-                let help = Some("above 0 and at most 5; `Left` and `Right` say where".to_owned());
-                problems.add(&list.to("lateral_mps"), what, "out of range", help);
-            }
-            within(
-                problems,
-                &list.to("lateral_lag_s"),
-                grid.lateral_lag_s,
-                0.0,
-                5.0,
-            );
-            let numbered = grid.accelerations.iter().enumerate();
-            let place = list.to("accelerations");
-            numbered.map(|(i, a)| (place.at(i), *a)).collect()
-        }
-        Actions::Walks(walks) => {
-            let numbered = walks.iter().enumerate();
-            numbered
-                .flat_map(|(i, &(along, left))| {
-                    let place = list.at(0).at(i);
-                    [(place.at(0), along), (place.at(1), left)]
-                })
-                .collect()
-        }
-        Actions::Phases(_) => Vec::new(),
-        Actions::Deviate(added) => {
-            let parts = [
-                ("accelerations", &added.accelerations),
-                ("lateral_mps", &added.lateral_mps),
-            ];
-            let parts = parts.into_iter().flat_map(|(field, values)| {
-                let place = list.to(field);
-                let numbered = values.iter().enumerate();
-                numbered.map(move |(i, value)| (place.at(i), *value))
-            });
-            parts.collect()
-        }
-    };
-    for (place, value) in numbers {
-        within(problems, &place, value, -30.0, 30.0);
-    }
-    if ado.actions.is_empty() {
-        let what = "an ado without actions";
-        problems.add(&list, what, "give at least one", None);
-    }
-    if let Some((what, help)) = misplanned(ado, body) {
-        problems.add(&list, what, "here", Some(help.to_owned()));
-    } else if ado.base.is_none() && !fits(&ado.actions, body) {
-        let what = format!("{} cannot do this", body.words());
-        problems.add(&list, what, "not its actions", Some(body.help().to_owned()));
-    }
-    if ado.actions.len() <= ado.neutral {
-        let what = format!(
-            "neutral action {} of {} actions",
-            ado.neutral,
-            ado.actions.len()
-        );
-        let help = Some("actions count from 0".to_owned());
-        problems.add(&path.to("neutral"), what, "no such action", help);
-    }
-    within(problems, &path.to("lag_s"), ado.lag_s, 0.0, 10.0);
-}
-
-/// Returns true if the actions suit a kind of ado.
-pub(super) fn fits(actions: &Actions, body: ActsAs) -> bool {
-    match actions {
-        Actions::Accelerations(_) | Actions::Grid(_) => body == ActsAs::Vehicle,
-        Actions::Walks(_) => body == ActsAs::Walker,
-        Actions::Phases(_) => body == ActsAs::Light,
-        // Deviations require a plan, and a plan belongs to one world.
-        Actions::Deviate(_) => false,
-    }
-}
-
-/// Mistake of a plan that is missing, or is no base for the actions.
-fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str)> {
-    match (&ado.base, &ado.actions) {
-        (Some(_), _) if body == ActsAs::Light => Some((
-            "a traffic light has no way to plan",
-            "leave `base` out; a light on a schedule has `drive: Schedule([…])`",
-        )),
-        (None, Actions::Deviate(_)) => Some((
-            "there is no plan from which to deviate",
-            "give the ado a `base: Script([…])` or `base: Meet(…)`",
-        )),
-        (Some(_), actions) if !matches!(actions, Actions::Deviate(_)) => Some((
-            "an ado with a plan deviates from it",
-            "write `actions: Deviate(accelerations: […], lateral_mps: […])`, or leave `base` out",
-        )),
-        _ => None,
-    }
-}
-
-/// Kind of an ado, with regard to its actions.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum ActsAs {
-    Vehicle,
-    Walker,
-    Light,
-}
-
-impl From<BodyControl> for ActsAs {
-    fn from(control: BodyControl) -> ActsAs {
-        match control {
-            BodyControl::Drive => ActsAs::Vehicle,
-            BodyControl::Walk => ActsAs::Walker,
-        }
-    }
-}
-
-impl ActsAs {
-    pub(super) fn words(self) -> &'static str {
-        match self {
-            ActsAs::Vehicle => "a vehicle",
-            ActsAs::Walker => "a pedestrian",
-            ActsAs::Light => "a traffic light",
-        }
-    }
-
-    fn help(self) -> &'static str {
-        match self {
-            ActsAs::Vehicle => {
-                "write `Accelerations([-3.0, 0.0, 3.0])` or `Grid(accelerations: […], lateral: […])`"
-            }
-            ActsAs::Walker => {
-                "write `Walks([(0.0, 0.0), (0.0, 1.4)])`: along the road, to the left"
-            }
-            ActsAs::Light => "write `Phases([Hold, Advance])`",
         }
     }
 }

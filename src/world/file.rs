@@ -1,16 +1,16 @@
 //! Shape of a world file for serde.
 
-use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::family_file::FamilyFile;
 use super::ordered::{Ordered, Patch};
 use super::repeats::Repeats;
 use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
-use crate::rl::{DqnSettings, LearnerSettings};
+use crate::rl::LearnerSettings;
 use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 use crate::scene::Clock;
 use crate::scene::drive::{
@@ -433,72 +433,4 @@ impl<'de> Deserialize<'de> for SignalFile {
         }
         deserializer.deserialize_any(Either)
     }
-}
-
-/// Default probability with which a quantity of a member is nominal.
-const NOMINAL: f64 = 0.6;
-
-/// Content of `train_against` for serde.
-#[derive(Deserialize)]
-#[serde(rename = "Family", deny_unknown_fields)]
-pub(super) struct FamilyFile {
-    #[serde(default)]
-    pub(super) ego: Ordered<(f64, f64)>,
-    #[serde(default)]
-    pub(super) delay_s: Option<(f64, f64)>,
-    #[serde(default)]
-    pub(super) position_sd_m: Option<(f64, f64)>,
-    #[serde(default)]
-    pub(super) speed_sd_mps: Option<(f64, f64)>,
-    #[serde(default)]
-    pub(super) friction: Option<(f64, f64)>,
-    /// Egos of other structures, each drawn as often as the world's own.
-    ///
-    /// Keys are names under `reuse`, and values are ranges over the parameters
-    /// of their controllers.
-    #[serde(default)]
-    pub(super) structures: Ordered<Ordered<(f64, f64)>>,
-    /// Weights of the plants, out of the sum of all weights.
-    #[serde(default)]
-    pub(super) plants: Option<BTreeMap<PlantName, u32>>,
-    /// Probability with which a quantity is nominal.
-    #[serde(default = "nominal")]
-    pub(super) nominal: f64,
-    #[serde(default = "patient")]
-    pub(super) wide: LearnerSettings,
-    #[serde(default = "patient")]
-    pub(super) conditional: LearnerSettings,
-}
-
-/// Plant as a key of a map.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
-pub(super) enum PlantName {
-    Rigid,
-    Kinematic,
-}
-
-impl From<PlantName> for PlantKind {
-    fn from(name: PlantName) -> PlantKind {
-        match name {
-            PlantName::Rigid => PlantKind::Rigid,
-            PlantName::Kinematic => PlantKind::Kinematic,
-        }
-    }
-}
-
-fn nominal() -> f64 {
-    NOMINAL
-}
-
-/// Default learner against a family.
-///
-/// It trains longer than the default of a single ego, explores for a smaller
-/// share of the training, and takes smaller steps.
-fn patient() -> LearnerSettings {
-    LearnerSettings::Dqn(DqnSettings {
-        decisions: 3_000_000,
-        exploration_fraction: 0.05,
-        learning_rate: 5e-4,
-        ..DqnSettings::default()
-    })
 }

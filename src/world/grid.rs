@@ -1,4 +1,4 @@
-//! Grid worlds: assembly of a checked scenario, and changes.
+//! Grid worlds: assembly of a checked scenario.
 
 use std::sync::Arc;
 
@@ -8,19 +8,16 @@ use serde::Deserialize;
 use super::error::Problem;
 use super::family::TrainingEgos;
 use super::file::{GridChange, RuleFile, SignalFile};
-use super::language::{Judging, Language, constants, formula, rulebook};
+use super::language::{Judging, Language, constants, rule_of, rulebook};
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::warnings::Warnings;
-use super::{
-    Change, ChangeError, GridScenario, Repeats, RuleSpec, Scenario, check, counting, dry_run,
-    limits,
-};
+use super::{Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, limits};
 use crate::rl::LearnerSettings;
 use crate::rulebook::{Counts, JudgeKind, Reward};
+use crate::scene::World;
 use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
-use crate::scene::{Observed, World};
 
 /// Greatest side of a map, in fine cells.
 const MAX_SIDE: u32 = 200;
@@ -117,13 +114,7 @@ fn too_much(problems: &mut Problems, file: &GridFile) {
     let observed = file.ado.observe.len();
     limits::within(problems, &ado.to("observe"), observed, limits::OBSERVED);
     limits::rules(problems, &ado.to("rulebook"), &file.ado.rulebook);
-    let formulas = file.formulas.0.iter();
-    let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
-    let signals = file.signals.0.iter();
-    let signals = signals.map(|(name, signal)| ("signals", name, signal.expr.len()));
-    for (field, name, bytes) in formulas.chain(signals) {
-        limits::within(problems, &top.to(field).to(name), bytes, limits::STL_BYTES);
-    }
+    limits::texts(problems, &file.formulas, &file.signals);
 }
 
 pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>> {
@@ -181,13 +172,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     let mut language = Language::new(1.0, offers, spec.constants.clone());
     spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
     problems.done()?;
-    let names = language.names(&mut problems, &top.to("formulas"), &file.formulas);
-    let ego_spec = formula(&mut problems, &top.to("ego_spec"), &file.ego_spec);
-    problems.done()?;
-    let Some(ego_spec) = ego_spec else {
-        return Err(problems.into_list());
-    };
-    language.bind(&mut problems, &top.to("ego_spec"), &ego_spec, &names);
+    let (names, ego_spec) =
+        language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
     for rule in &rules {
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }
@@ -199,26 +185,15 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     problems.done()?;
     // Only used signals are published.
     spec.extra = language.published();
-    let world = match GridWorld::new(spec) {
-        Ok(world) => World::Grid(world),
-        Err(error) => {
-            problems.add(&top, error.to_string(), "here", None);
-            return Err(problems.into_list());
-        }
-    };
-    let schema = world.schema();
+    let world = GridWorld::new(spec);
+    let world = world.map_err(|error| problems.ended(&top, error.to_string()))?;
     let judging = Judging {
         judge: file.judge,
         counts: file.counts,
         reward: file.reward,
     };
-    let rulebook = match rulebook(schema, &ego_spec, &rules, &names, judging) {
-        Ok(rulebook) => Arc::new(rulebook),
-        Err(error) => {
-            problems.stl(&top.to("ego_spec"), &error);
-            return Err(problems.into_list());
-        }
-    };
+    let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging);
+    let rulebook = rulebook.map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
     let reuse = file.reuse.0.into_iter();
     let reuse: IndexMap<String, Change> =
         reuse.map(|(name, change)| (name, change.into())).collect();
@@ -242,8 +217,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         // The ego of a grid is deterministic, so repeated runs are equal.
         repeats: Repeats::default(),
         warnings: Vec::new(),
-        world,
-        rulebook,
+        world: World::Grid(world),
+        rulebook: Arc::new(rulebook),
         programs_allowed: false,
     };
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
@@ -289,26 +264,17 @@ fn rules(problems: &mut Problems, path: &ValuePath, file: &[RuleFile]) -> Vec<Ru
     let mut rules: Vec<RuleSpec> = Vec::new();
     for (i, rule) in file.iter().enumerate() {
         let place = path.at(i).to("stl");
-        if let Some(formula) = formula(problems, &place, &rule.stl) {
-            rules.push(RuleSpec {
-                name: rule.name.clone(),
-                ado: "ado".to_owned(),
-                priority: rule.priority.unwrap_or(rules.len()),
-                formula,
-                requirement: rule.requirement.clone(),
-                place,
-            });
-        }
+        rules.extend(rule_of(problems, place, rule, ("ado", rules.len())));
     }
     rules
 }
 
 /// Value that does not fit a grid, with the field of a change.
-struct Misfit {
-    field: &'static str,
-    what: String,
+pub(super) struct Misfit {
+    pub(super) field: &'static str,
+    pub(super) what: String,
     label: &'static str,
-    help: Option<String>,
+    pub(super) help: Option<String>,
 }
 
 impl Misfit {
@@ -323,7 +289,7 @@ impl Misfit {
 }
 
 /// Refuses numbers that make no game.
-fn fits(spec: &GridSpec) -> Result<(), Misfit> {
+pub(super) fn fits(spec: &GridSpec) -> Result<(), Misfit> {
     let Arena {
         size,
         refine,
@@ -410,132 +376,4 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
         return misfit("starts", what, "too many to list", help);
     }
     Ok(())
-}
-
-impl From<GridChange> for Change {
-    fn from(grid: GridChange) -> Change {
-        Change {
-            grid: Some(grid),
-            ..Change::default()
-        }
-    }
-}
-
-/// Returns the spec after a change, with T for the new horizon.
-///
-/// # Errors
-///
-/// Returns an error for a field of driving worlds, and for values that make no
-/// game.
-pub(super) fn apply(spec: &GridSpec, change: &Change) -> Result<GridSpec, ChangeError> {
-    let fail = |what: String, help: Option<String>, field: &str| ChangeError {
-        what,
-        help,
-        place: vec![field.to_owned()],
-    };
-    // Fields of driving worlds are refused by name instead of being ignored.
-    let driving = [
-        ("ego", !change.ego.0.is_empty()),
-        ("controller", change.controller.is_some()),
-        ("ego_body", change.ego_body.is_some()),
-        ("friction", change.friction.is_some()),
-        ("plant", change.plant.is_some()),
-        ("sensors", change.sensors.is_some()),
-    ];
-    if let Some((field, _)) = driving.iter().find(|(_, given)| *given) {
-        let help = "a grid has: size, refine, ego_step, at_wall, horizon, starts".to_owned();
-        return Err(fail(
-            format!("a grid world has no `{field}`"),
-            Some(help),
-            field,
-        ));
-    }
-    let mut spec = spec.clone();
-    let Some(grid) = &change.grid else {
-        return Ok(spec);
-    };
-    let arena = &mut spec.arena;
-    arena.size = grid.size.unwrap_or(arena.size);
-    arena.refine = grid.refine.unwrap_or(arena.refine);
-    arena.ego_step = grid.ego_step.unwrap_or(arena.ego_step);
-    arena.at_wall = grid.at_wall.unwrap_or(arena.at_wall);
-    spec.horizon = grid.horizon.unwrap_or(spec.horizon);
-    if let Some(starts) = &grid.starts {
-        spec.starts = starts.clone();
-    }
-    // Checked after all fields are set, because their limits depend on each
-    // other.
-    fits(&spec).map_err(|misfit| fail(misfit.what, misfit.help, misfit.field))?;
-    spec.constants
-        .insert("T".to_owned(), f64::from(spec.steps()));
-    Ok(spec)
-}
-
-impl Scenario {
-    /// Returns the grid world with a change, and its formulas bound again.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if the change, or the formulas after it, do not fit.
-    pub(super) fn with_grid(
-        &self,
-        world: &GridWorld,
-        change: &Change,
-    ) -> Result<Scenario, ChangeError> {
-        let spec = apply(world.spec(), change)?;
-        // Formulas contain T, which follows from the horizon.
-        let mut names = self.names.clone();
-        names.constants = spec.constants.clone();
-        let misfit = |what: String| ChangeError {
-            what,
-            help: Some("formulas are bound anew to the changed horizon".to_owned()),
-            place: vec!["horizon".to_owned()],
-        };
-        let world = GridWorld::new(spec).map_err(|error| misfit(error.to_string()))?;
-        let rulebook = rulebook(
-            world.schema(),
-            &self.ego_spec,
-            &self.rules,
-            &names,
-            Judging {
-                judge: self.rulebook.judge,
-                counts: self.rulebook.counts.clone(),
-                reward: self.rulebook.reward,
-            },
-        );
-        Ok(Scenario {
-            rulebook: Arc::new(rulebook.map_err(|error| misfit(error.to_string()))?),
-            world: World::Grid(world),
-            names,
-            ..self.clone()
-        })
-    }
-}
-
-impl GridScenario<'_> {
-    /// Returns the world with an ado that observes both positions.
-    ///
-    /// The shipped ados observe a window. [The optimal ado][best] of a larger
-    /// map requires the complete map.
-    ///
-    /// [best]: crate::grid_solver::exact::PositionPolicy::optimal
-    pub fn fully_observed(self) -> Scenario {
-        let mut spec = self.world().spec().clone();
-        // Positions are scaled to −1 ..= 1 over the map.
-        let half = f64::from(spec.arena.size) / 2.0;
-        let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
-        let observe = names.map(|name| Observed {
-            name: name.to_owned(),
-            mid: half,
-            half,
-        });
-        spec.observe = observe.into();
-        // Invariant: every grid publishes both positions.
-        let world = GridWorld::new(spec);
-        assert!(world.is_ok(), "positions are signals of every grid");
-        Scenario {
-            world: World::Grid(world.unwrap_or_else(|_| self.world().clone())),
-            ..Scenario::clone(&self)
-        }
-    }
 }

@@ -8,8 +8,8 @@ use indexmap::IndexMap;
 
 use super::RuleSpec;
 use super::check;
-use super::error::{did_you_mean, known_names};
-use super::file::SignalFile;
+use super::error::{Problem, did_you_mean, known_names};
+use super::file::{RuleFile, SignalFile};
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
@@ -187,6 +187,26 @@ impl Language {
         }
     }
 
+    /// Returns the named formulas and the ego's specification, which is bound.
+    ///
+    /// # Errors
+    /// There are mistakes so far.
+    pub(super) fn specification(
+        &mut self,
+        problems: &mut Problems,
+        formulas: &Ordered<String>,
+        ego_spec: &str,
+    ) -> Result<(Names, Formula), Vec<Problem>> {
+        let place = ValuePath::top().to("ego_spec");
+        let names = self.names(problems, &ValuePath::top().to("formulas"), formulas);
+        let ego_spec = formula(problems, &place, ego_spec);
+        problems.done()?;
+        // Invariant: a formula that is missing here is a mistake above.
+        let ego_spec = ego_spec.ok_or_else(Vec::new)?;
+        self.bind(problems, &place, &ego_spec, &names);
+        Ok((names, ego_spec))
+    }
+
     /// Binds a formula that must not look ahead, because a step waits for it.
     pub(super) fn bind_past(
         &mut self,
@@ -332,6 +352,25 @@ fn usual_range(unit: &str) -> (f64, f64) {
         "s" => (0.0, 20.0),
         _ => (-1.0, 1.0),
     }
+}
+
+/// Returns a rule of an ado, or reports the mistakes of its formula.
+///
+/// Rules without a priority are ranked by `rank`, their position.
+pub(super) fn rule_of(
+    problems: &mut Problems,
+    place: ValuePath,
+    rule: &RuleFile,
+    (ado, rank): (&str, usize),
+) -> Option<RuleSpec> {
+    Some(RuleSpec {
+        name: rule.name.clone(),
+        ado: ado.to_owned(),
+        priority: rule.priority.unwrap_or(rank),
+        formula: formula(problems, &place, &rule.stl)?,
+        requirement: rule.requirement.clone(),
+        place,
+    })
 }
 
 /// Parses a formula and reports its mistakes.

@@ -4,8 +4,11 @@
 //! physics step would take minutes, without a hint at the cause.
 //! `docs/reference/files.md` lists them.
 
-use super::file::{AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile};
+use super::file::{
+    AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile, SignalFile,
+};
 use super::locate::ValuePath;
+use super::ordered::Ordered;
 use super::problems::Problems;
 use crate::scene::drive::{Actions, MotionPlan, Road, Script};
 
@@ -84,14 +87,7 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
         let path = top.to("roads").to(name).to("pieces");
         within(problems, &path, road.pieces.len(), PIECES);
     }
-    // Long formulas cost time at every sample, in each of their monitors.
-    let formulas = file.formulas.0.iter();
-    let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
-    let signals = file.signals.0.iter();
-    let signals = signals.map(|(name, signal)| ("signals", name, signal.expr.len()));
-    for (field, name, bytes) in formulas.chain(signals) {
-        within(problems, &top.to(field).to(name), bytes, STL_BYTES);
-    }
+    texts(problems, &file.formulas, &file.signals);
     if let Some(points) = &file.points {
         within(
             problems,
@@ -108,6 +104,23 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
     // short.
     for (i, agent) in file.agents.iter().take(AGENTS.most).enumerate() {
         drive(problems, &top.to("agents").at(i).to("drive"), agent);
+    }
+}
+
+/// Reports named formulas and signals that are too long.
+pub(super) fn texts(
+    problems: &mut Problems,
+    formulas: &Ordered<String>,
+    signals: &Ordered<SignalFile>,
+) {
+    // Long formulas cost time at every sample, in each of their monitors.
+    let formulas = formulas.0.iter();
+    let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
+    let signals = signals.0.iter();
+    let signals = signals.map(|(name, signal)| ("signals", name, signal.expr.len()));
+    for (field, name, bytes) in formulas.chain(signals) {
+        let place = ValuePath::top().to(field).to(name);
+        within(problems, &place, bytes, STL_BYTES);
     }
 }
 

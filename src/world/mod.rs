@@ -12,7 +12,9 @@
 //! assert!(error.to_string().starts_with("mine.ron:1:"));
 //! ```
 
+mod ado_actions;
 mod agents;
+mod bodies;
 mod build;
 mod changed;
 mod check;
@@ -21,8 +23,10 @@ mod dry_run;
 mod error;
 mod family;
 mod family_check;
+mod family_file;
 mod file;
 mod grid;
+mod grid_change;
 mod language;
 mod limits;
 mod locate;

@@ -1,6 +1,7 @@
 //! Plans of a world file: number ranges, formulas and laws.
 
-use super::check::{self, ActsAs};
+use super::ado_actions::ActsAs;
+use super::check;
 use super::file::{NumberOrRange, PlanFile};
 use super::language::Language;
 use super::language::formula;

@@ -106,6 +106,18 @@ impl<'a> Problems<'a> {
         }
     }
 
+    /// Reports a mistake after which nothing can be checked, and returns all mistakes.
+    pub(super) fn ended(&mut self, path: &ValuePath, what: impl Into<String>) -> Vec<Problem> {
+        self.add(path, what, "here", None);
+        std::mem::take(&mut self.list)
+    }
+
+    /// Reports a mistake in an STL string after which nothing can be checked.
+    pub(super) fn ended_in_stl(&mut self, path: &ValuePath, error: &StlError) -> Vec<Problem> {
+        self.stl(path, error);
+        std::mem::take(&mut self.list)
+    }
+
     pub(super) fn into_list(self) -> Vec<Problem> {
         self.list
     }

@@ -15,7 +15,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use self::run::{LoadedRun, RunFile, TrainedFile, opened};
-use super::check::{self, ActsAs};
+use super::ado_actions::{self, ActsAs};
 use super::error::{did_you_mean, known_names};
 use super::locate::ValuePath;
 use super::ordered::Ordered;
@@ -48,7 +48,7 @@ pub(super) fn open(
             return None;
         }
     };
-    if !check::fits(&drive.actions, acts_as) {
+    if !ado_actions::fits(&drive.actions, acts_as) {
         let what = format!("{} cannot do what this ado does", acts_as.words());
         let help = "a vehicle takes a vehicle's place, a walker a walker's, a light a light's";
         problems.add(&place, what, "not its actions", Some(help.to_owned()));

@@ -1,6 +1,8 @@
 //! The floors of ARCHITECTURE.md, checked from the sources.
 
 mod circles;
+#[path = "../support/files.rs"]
+mod files;
 mod names;
 mod pages;
 mod references;

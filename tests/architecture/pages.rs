@@ -2,32 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
+use super::files::{below, read, root};
 
 /// Returns true in a published package, which lacks `lab`, `python` and `crates`.
 pub fn is_published() -> bool {
     root().join("Cargo.toml.orig").exists()
-}
-
-pub fn read(page: &Path) -> String {
-    std::fs::read_to_string(page).unwrap_or_else(|error| panic!("{}: {error}", page.display()))
-}
-
-/// Everything with this ending in a directory and below.
-pub fn below(directory: &Path, ending: &str) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(directory).expect("a directory") {
-        let path = entry.expect("an entry").path();
-        if path.is_dir() {
-            found.extend(below(&path, ending));
-        } else if path.extension().is_some_and(|it| it == ending) {
-            found.push(path);
-        }
-    }
-    found.sort();
-    found
 }
 
 pub fn pages() -> Vec<PathBuf> {

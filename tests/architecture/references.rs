@@ -6,7 +6,8 @@ use std::sync::LazyLock;
 
 use syn::visit::{self, Visit};
 
-use super::pages::{below, is_published, pages, read, root};
+use super::files::{below, read, root};
+use super::pages::{is_published, pages};
 use super::sources::{Names, Sources, words};
 use super::{library, texts};
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{brakecheck, code, json, path, scratch, small_run, stderr};
+use super::{brakecheck, code, json, path, refused, scratch, small_run, stderr};
 use serde_json::Value;
 
 /// The shipped ego, braking a fifth harder.
@@ -65,9 +65,10 @@ fn a_gate_and_its_opposite_mirror_each_other() {
         ("nominal", "all", "more than one ego"),
         ("nominal", "nominel", "no ego `nominel`"),
     ] {
-        let output = brakecheck(&["gate", &run, "--ego", ego, "--baseline-ego", before]);
-        assert_eq!(code(&output), 2);
-        assert!(stderr(&output).contains(says), "{}", stderr(&output));
+        refused(
+            &["gate", &run, "--ego", ego, "--baseline-ego", before],
+            says,
+        );
     }
 }
 
@@ -110,9 +111,7 @@ fn a_sweep_says_from_where_on_an_ego_is_safe() {
         ("time_gap_s=0.3..1", "is no sweep"),
         ("ego.time_gap_s=-1..1:3", "below 0"),
     ] {
-        let output = brakecheck(&["sweep", &run, "--over", over]);
-        assert_eq!(code(&output), 2);
-        assert!(stderr(&output).contains(says), "{}", stderr(&output));
+        refused(&["sweep", &run, "--over", over], says);
     }
 }
 
@@ -147,8 +146,6 @@ fn a_gate_and_a_sweep_require_a_run_and_their_option() {
         ),
     ];
     for (args, says) in cases {
-        let output = brakecheck(args);
-        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains(says), "{}", stderr(&output));
+        refused(args, says);
     }
 }

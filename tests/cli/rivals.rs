@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::{brakecheck, code, json, path, scratch, small_run, stderr};
+use super::{brakecheck, code, json, path, refused, scratch, small_run, stderr};
 
 fn words(rows: &Value) -> Vec<&str> {
     let rows = rows["rows"].as_array().expect("rows").iter();
@@ -78,12 +78,9 @@ fn a_run_stands_beside_searches_replays_and_a_rule() {
     // Nor is what belongs to another world.
     std::fs::write(&file, text).expect("written");
     let foreign = ["search", "worlds/merge.ron", "--method", "mutate", "--from"];
-    let output = brakecheck(&[&foreign[..], &[&path(&dir, "run")]].concat());
-    assert_eq!(code(&output), 2, "{}", stderr(&output));
-    assert!(
-        stderr(&output).contains("same world"),
-        "{}",
-        stderr(&output)
+    refused(
+        &[&foreign[..], &[&path(&dir, "run")]].concat(),
+        "same world",
     );
 }
 

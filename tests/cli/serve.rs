@@ -8,7 +8,7 @@ use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::Aftermath;
 use serde_json::{Value, json};
 
-use super::{brakecheck, code, path, scratch, small_run, stderr};
+use super::{brakecheck, code, path, refusal, scratch, small_run, stderr};
 
 /// Says all lines at once, and reads what is answered.
 fn say(args: &[&str], lines: &[u8]) -> (Output, Vec<Value>) {
@@ -165,8 +165,7 @@ fn what_is_no_message_and_what_is_no_ado_end_with_2() {
     ];
     for (said, why) in cases {
         let (output, answers) = say(&[&run], said);
-        assert_eq!(code(&output), 2, "{}", stderr(&output));
-        assert!(stderr(&output).contains(why), "{}", stderr(&output));
+        refusal(&output, why);
         assert!(answers.last().expect("said")["error"].is_string());
     }
     let none = path(&dir, "none");
@@ -177,8 +176,7 @@ fn what_is_no_message_and_what_is_no_ado_end_with_2() {
     ];
     for (args, says) in cases {
         let output = brakecheck(&[&["serve"], args].concat());
-        assert_eq!(code(&output), 2, "{}", stderr(&output));
-        assert!(stderr(&output).contains(says), "{}", stderr(&output));
+        refusal(&output, says);
         assert!(output.stdout.is_empty());
     }
 }

@@ -5,7 +5,7 @@ use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 
-use super::{code, json, stderr};
+use super::{code, json, refusal, stderr};
 
 fn stl(args: &[&str], csv: &str) -> Output {
     let mut child = Command::new(assert_cmd::cargo::cargo_bin("brakecheck"))
@@ -143,13 +143,7 @@ fn what_users_get_wrong_exits_with_2_and_is_named() {
         (&["x > c", "--const", "c=nan"], good, "named constant"),
     ];
     for (args, csv, says) in cases {
-        let output = stl(args, csv);
-        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
-        assert!(
-            stderr(&output).contains(says),
-            "{args:?}: {}",
-            stderr(&output)
-        );
-        assert!(!stderr(&output).contains("panicked"));
+        let said = refusal(&stl(args, csv), says);
+        assert!(!said.contains("panicked"), "{said}");
     }
 }

@@ -1,10 +1,14 @@
 //! Tables that are made from nothing, and what is kept of them on the way.
 
+#[path = "../../../tests/support/program.rs"]
+mod program;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use assert_cmd::cargo::CommandCargoExt;
+use program::{code, json, path, run_in, scratch, stderr};
 use quick_xml::events::Event;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -15,35 +19,7 @@ fn root() -> PathBuf {
 
 /// Runs the program in a directory without worlds: they are inside it.
 fn repro(args: &[&str]) -> Output {
-    Command::cargo_bin("repro")
-        .expect("the program")
-        .current_dir(env!("CARGO_TARGET_TMPDIR"))
-        .env("NO_COLOR", "1")
-        .args(args)
-        .output()
-        .expect("it runs")
-}
-
-fn code(output: &Output) -> i32 {
-    output.status.code().expect("an exit code")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|e| panic!("no JSON ({e}): {}", stderr(output)))
-}
-
-/// A scratch directory of its own for one test.
-fn scratch() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a scratch directory")
-}
-
-fn path(dir: &tempfile::TempDir, name: &str) -> String {
-    dir.path().join(name).display().to_string()
+    run_in(Path::new(env!("CARGO_TARGET_TMPDIR")), "repro", args)
 }
 
 /// ACC on the kinematic plant with a training of a second.

@@ -4,11 +4,13 @@
 //! begin before the previous event ends are refused. Their priorities would
 //! decide, and a script has none.
 
-use super::entity::{Approached, ImportedEntity, ImportedLaw, ImportedStep};
+mod lanes;
+
+use super::entity::{Approached, ImportedEntity, ImportedStep};
 use super::error::ImportError;
-use super::laws::{Speeds, approached, dynamics, gap_of, speed, walked};
+use super::laws::{Speeds, approached, gap_of, speed, walked};
 use super::motion::{friction_of, is_still};
-use super::places::{OnLane, Placed, PositionContext, lane_beside};
+use super::places::{Placed, PositionContext};
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
 use super::triggers::{StartTrigger, StoryElement, starts};
@@ -389,115 +391,6 @@ impl Reader<'_> {
         }
         Ok(())
     }
-
-    fn lane_change(
-        &mut self,
-        who: usize,
-        it: &XmlNode,
-        scope: &ParameterScope,
-    ) -> Result<ImportedLaw, ImportError> {
-        let ground = self.ground;
-        let on = own_lane(&self.scripts[who], it)?;
-        let target = it.inner("LaneChangeTarget")?.only()?;
-        let value = scope.number(target, "value")? as i32;
-        let to = match target.name.as_str() {
-            "AbsoluteTargetLane" => value,
-            _ => lane_beside(&self.lane_of(target, scope)?, value),
-        };
-        let line = ground.roads.road(it, &on.road)?;
-        let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
-        // The rate of a sinusoidal change is its greatest lateral speed.
-        let rate_mps = dynamics(it.inner("LaneChangeActionDynamics")?, scope, "rate")?;
-        let script = &mut self.scripts[who];
-        let by_m = to_m - script.t_m;
-        script.lane = Some(to);
-        script.t_m = to_m;
-        script.changed_m += by_m;
-        Ok(ImportedLaw::LaneChange { by_m, rate_mps })
-    }
-
-    fn lane_offset(
-        &mut self,
-        who: usize,
-        it: &XmlNode,
-        scope: &ParameterScope,
-    ) -> Result<ImportedLaw, ImportError> {
-        let ground = self.ground;
-        let on = own_lane(&self.scripts[who], it)?;
-        if it.raw("continuous").is_some_and(|value| value != "false") {
-            let help = "write continuous=\"false\"";
-            return Err(it.refused("an offset that is kept for ever is not read", help));
-        }
-        let target = it.inner("LaneOffsetTarget")?.only()?;
-        let mut offset_m = scope.number(target, "value")?;
-        let line = ground.roads.road(it, &on.road)?;
-        let lane = self.scripts[who].lane.unwrap_or(on.lane);
-        let middle_m = line.middle_m(it, lane)?;
-        if target.name == "RelativeTargetLaneOffset" {
-            let other = self.lane_of(target, scope)?;
-            offset_m += other.t_m - line.middle_m(it, other.lane)?;
-        }
-        let dynamics = it.inner("LaneOffsetActionDynamics")?;
-        if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
-            return Err(dynamics.refused(
-                "only sinusoidal lane offsets are read",
-                "write dynamicsShape=\"sinusoidal\"",
-            ));
-        }
-        // The greatest lateral acceleration of a cosine determines its
-        // duration.
-        let most_lateral_mps2 = scope.number(dynamics, "maxLateralAcc")?;
-        let script = &mut self.scripts[who];
-        script.t_m = middle_m + offset_m;
-        Ok(ImportedLaw::Beside {
-            // A world adds lane changes and offsets, so the changes so far are
-            // subtracted.
-            t_m: script.t_m - script.changed_m,
-            most_lateral_mps2,
-        })
-    }
-
-    /// Lane of the entity to which a target is relative.
-    ///
-    /// The entity must keep its initial lane for as long as it exists.
-    /// `lanes_stay` checks this after all acts are read.
-    fn lane_of(&mut self, target: &XmlNode, scope: &ParameterScope) -> Result<OnLane, ImportError> {
-        let name = scope.text(target, "entityRef")?;
-        let other = self.ground.placed.get(&name);
-        let lane = other.and_then(|it| it.lane.clone());
-        let lane = lane.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
-        let help = "name the lane by an absolute target";
-        // In OpenDRIVE, lanes left of the reference line have positive numbers.
-        if 0 < lane.lane {
-            let what = format!("a lane relative to `{name}`, who drives against the road");
-            return Err(target.refused(what, help));
-        }
-        let what = format!("a lane relative to `{name}`, who changes its own, is not read");
-        self.relative.push((name, target.refused(what, help)));
-        Ok(lane)
-    }
-
-    /// Refuses targets that are relative to the lane of an entity that leaves it.
-    fn lanes_stay(&self) -> Result<(), ImportError> {
-        let leaves = |name: &str| {
-            let script = self.scripts.iter().find(|it| it.name == name);
-            let laws = script.into_iter().flat_map(|it| &it.steps);
-            let mut laws = laws.flat_map(|step| &step.laws);
-            laws.any(|law| {
-                matches!(
-                    law,
-                    ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }
-                )
-            })
-        };
-        let wrong = self.relative.iter().find(|(name, _)| leaves(name));
-        wrong.map_or(Ok(()), |(_, error)| Err(error.clone()))
-    }
-}
-
-fn own_lane(script: &EntityScript, it: &XmlNode) -> Result<OnLane, ImportError> {
-    let lane = script.placed.lane.clone();
-    lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }
 
 /// Actions of an event that move an entity, each with its containing element.

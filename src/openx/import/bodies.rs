@@ -37,6 +37,20 @@ impl ImportedBody {
         let mass_kg = scope.number_or_zero(entity, "mass")?;
         let on_foot = entity.name == "Pedestrian";
         let sizes = format!("length_m: {length_m}, width_m: {width_m}, height_m: {height_m}");
+        let on_wheels = |wheelbase_m: f64, wheel_m: f64, track_m: f64| {
+            vehicle(ImportedVehicle {
+                name: &name,
+                sizes: &sizes,
+                mass_kg,
+                width_m,
+                height_m,
+                centre_m,
+                front_m,
+                wheelbase_m,
+                wheel_m,
+                track_m,
+            })
+        };
         let ron = match entity.name.as_str() {
             "Pedestrian" => {
                 // A pedestrian without a mass gets a typical mass: physics
@@ -55,33 +69,10 @@ impl ImportedBody {
                 let wheelbase_m = scope.number(front, "positionX")?;
                 let wheel_m = 0.5 * scope.number(front, "wheelDiameter")?;
                 let track_m = scope.number(front, "trackWidth")?;
-                vehicle(ImportedVehicle {
-                    name: &name,
-                    sizes: &sizes,
-                    mass_kg,
-                    width_m,
-                    height_m,
-                    centre_m,
-                    front_m,
-                    wheelbase_m,
-                    wheel_m,
-                    track_m,
-                })
+                on_wheels(wheelbase_m, wheel_m, track_m)
             }
-            "MiscObject" => vehicle(ImportedVehicle {
-                name: &name,
-                sizes: &sizes,
-                mass_kg,
-                width_m,
-                height_m,
-                centre_m,
-                front_m,
-                // A `MiscObject` has no axles. Proportions of its box replace
-                // them.
-                wheelbase_m: 0.6 * length_m,
-                wheel_m: 0.1 * height_m,
-                track_m: 0.8 * width_m,
-            }),
+            // A `MiscObject` has no axles. Proportions of its box replace them.
+            "MiscObject" => on_wheels(0.6 * length_m, 0.1 * height_m, 0.8 * width_m),
             other => return Err(entity.error(format!("a `{other}` is not read"))),
         };
         let most = |name: &str| match entity.child("Performance") {

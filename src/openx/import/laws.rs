@@ -58,12 +58,7 @@ pub(super) fn speed(
             is_delta(target)?;
             Some(scope.text(target, "entityRef")?)
         }
-        _ => {
-            return Err(target.refused(
-                "a target speed of this kind is not read",
-                "write an `AbsoluteTargetSpeed` or a `RelativeTargetSpeed`",
-            ));
-        }
+        _ => return Err(unknown_target(target)),
     };
     let dynamics = it.inner("SpeedActionDynamics")?;
     keeps_place(dynamics)?;
@@ -135,6 +130,12 @@ fn keeps_place(dynamics: &XmlNode) -> Result<(), ImportError> {
             Err(dynamics.refused("a change that is only followed is not read", help))
         }
     }
+}
+
+/// Error of a target speed that is neither absolute nor relative.
+pub(super) fn unknown_target(target: &XmlNode) -> ImportError {
+    let help = "write an `AbsoluteTargetSpeed` or a `RelativeTargetSpeed`";
+    target.refused("a target speed of this kind is not read", help)
 }
 
 /// Refuses a relative speed other than a sum that is taken once.

@@ -3,7 +3,7 @@
 use super::dropped::lone_time;
 use super::entity::ImportedEntity;
 use super::error::ImportError;
-use super::laws::{gap_of, is_delta};
+use super::laws::{gap_of, is_delta, unknown_target};
 use super::places::{Placed, PositionContext};
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
@@ -150,12 +150,7 @@ pub(super) fn first_speed_mps(
                     other.ok_or_else(|| target.error(format!("`{name}` is not placed before")))?;
                 other.speed_mps + value_mps
             }
-            _ => {
-                return Err(target.refused(
-                    "a target speed of this kind is not read",
-                    "write an `AbsoluteTargetSpeed` or a `RelativeTargetSpeed`",
-                ));
-            }
+            _ => return Err(unknown_target(target)),
         };
     }
     if 0.0 <= speed_mps {

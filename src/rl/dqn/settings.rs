@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::rl::learner::{ConfigError, within};
+use crate::rl::learner::{ConfigError, within, within_widths};
 
 /// Loss of a single error δ = Q(s, a) − y.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -143,10 +143,7 @@ impl DqnSettings {
 
     /// Checks every setting against its bounds.
     pub(super) fn bounds(&self) -> Result<(), ConfigError> {
-        within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
-        for width in &self.hidden {
-            within("hidden", *width as f64, 1.0, 4096.0)?;
-        }
+        within_widths(&self.hidden)?;
         within("batch", self.batch as f64, 1.0, 65536.0)?;
         within("update_every", self.update_every as f64, 1.0, 1e6)?;
         within("learning_starts", self.learning_starts as f64, 1.0, 1e9)?;

@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::rl::Spaces;
-use crate::rl::learner::{ConfigError, within};
+use crate::rl::learner::{ConfigError, within, within_widths};
 
 /// Hyperparameters of proximal policy optimisation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,10 +55,7 @@ impl Default for PpoSettings {
 
 impl PpoSettings {
     pub(super) fn bounds(&self) -> Result<(), ConfigError> {
-        within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
-        for width in &self.hidden {
-            within("hidden", *width as f64, 1.0, 4096.0)?;
-        }
+        within_widths(&self.hidden)?;
         within("horizon", self.horizon as f64, 1.0, 1e9)?;
         within("epochs", self.epochs as f64, 1.0, 1e4)?;
         within("batch", self.batch as f64, 1.0, 65536.0)?;
@@ -70,12 +66,5 @@ impl PpoSettings {
         within("clip", self.clip, 1e-3, 1.0)?;
         within("entropy", self.entropy, 0.0, 10.0)?;
         within("max_gradient", self.max_gradient, 1e-6, 1e6)
-    }
-
-    pub(super) fn sizes(&self, spaces: &Spaces, outputs: usize) -> Vec<usize> {
-        let mut sizes = vec![spaces.observation];
-        sizes.extend(&self.hidden);
-        sizes.push(outputs);
-        sizes
     }
 }

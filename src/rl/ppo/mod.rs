@@ -17,7 +17,7 @@ use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
 use crate::rl::learner::{
     Built, ConfigError, Learner, LearnerKind, Losses, Shaped, TrainingCounters, expect_sizes,
-    linear,
+    layers, linear,
 };
 use crate::rl::nn::{Adam, Mlp, Tape, argmax};
 use crate::rl::replay::check;
@@ -128,8 +128,9 @@ impl LearnerKind for PpoSettings {
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let mut dice = LearnerRng::new(seed);
         // A small gain in the last layer: all actions start equally likely.
-        let actor = Mlp::orthogonal(&self.sizes(spaces, spaces.actions), 0.01, &mut dice);
-        let critic = Mlp::orthogonal(&self.sizes(spaces, 1), 1.0, &mut dice);
+        let sizes = |outputs| layers(spaces.observation, &self.hidden, outputs);
+        let actor = Mlp::orthogonal(&sizes(spaces.actions), 0.01, &mut dice);
+        let critic = Mlp::orthogonal(&sizes(1), 1.0, &mut dice);
         Box::new(Ppo::around(self, actor, critic, dice))
     }
 

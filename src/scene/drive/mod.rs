@@ -15,6 +15,7 @@ mod layout;
 mod light;
 mod line_of_sight;
 mod motion;
+mod motion_profile;
 mod names;
 mod network;
 mod observing;

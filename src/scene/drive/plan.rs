@@ -245,6 +245,21 @@ pub struct Approach {
     pub to_mps: f64,
 }
 
+impl Approach {
+    /// Returns the meeting as the single step of a script.
+    pub(super) fn step(self) -> ScriptStep<f64, ()> {
+        ScriptStep {
+            when: None,
+            after_s: self.begins_s,
+            does: vec![MotionLaw::Speed {
+                to_mps: self.to_mps,
+                relative_to: None,
+                rate_mps2: self.accel_mps2.is_finite().then_some(self.accel_mps2),
+            }],
+        }
+    }
+}
+
 /// Reason why a meeting is infeasible, with advice.
 pub(super) type Unmet = (String, &'static str);
 

@@ -11,13 +11,12 @@ use std::sync::Arc;
 use nalgebra::Vector2;
 
 use super::course::{Course, wrapped};
-use super::plan::{Approach, MotionLaw, MotionPlan, ScriptStep, Unmet};
+use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
+use super::plan::{MotionLaw, MotionPlan, ScriptStep, Unmet};
 use super::road::Road;
 use crate::sim::{Pose, rotation_by};
 use crate::stl::{Monitor, OnlineMonitor};
 
-/// Largest difference at which two instants count as equal.
-const SAME_S: f64 = 1e-9;
 /// Speed below which a body keeps its heading.
 const TURNING_MPS: f64 = 0.05;
 /// Largest lateral deviation speed of a vehicle, as a share of its speed.
@@ -64,26 +63,6 @@ pub(super) struct Arrival {
     pub accel_mps2: f64,
 }
 
-/// A speed that changes linearly.
-#[derive(Clone, Copy, Debug)]
-struct SpeedRamp {
-    begins_s: f64,
-    from_mps: f64,
-    to_mps: f64,
-    /// At least 0. Infinity changes the speed at once.
-    rate_mps2: f64,
-}
-
-/// A lateral motion along a cosine.
-#[derive(Clone, Copy, Debug)]
-struct Swing {
-    begins_s: f64,
-    lasts_s: f64,
-    by_m: f64,
-    /// True if lateral motion reduces progress along the road.
-    is_slanted: bool,
-}
-
 #[derive(Clone, Debug)]
 enum PlanPhase {
     /// Waits for the formula of the step.
@@ -125,63 +104,6 @@ pub(super) struct PlanRun {
     last: Arrival,
 }
 
-impl SpeedRamp {
-    fn steady(speed_mps: f64) -> SpeedRamp {
-        SpeedRamp {
-            begins_s: 0.0,
-            from_mps: speed_mps,
-            to_mps: speed_mps,
-            rate_mps2: f64::INFINITY,
-        }
-    }
-
-    fn lasts_s(&self) -> f64 {
-        if self.from_mps == self.to_mps {
-            0.0
-        } else {
-            (self.to_mps - self.from_mps).abs() / self.rate_mps2
-        }
-    }
-
-    fn ends_s(&self) -> f64 {
-        self.begins_s + self.lasts_s()
-    }
-
-    fn speed_mps(&self, time_s: f64) -> f64 {
-        // Exact at the end: interpolation would miss the target by a rounding
-        // error.
-        if self.ends_s() - SAME_S <= time_s {
-            return self.to_mps;
-        }
-        let for_s = (time_s - self.begins_s).max(0.0);
-        self.from_mps + (self.to_mps - self.from_mps) * for_s / self.lasts_s()
-    }
-
-    /// Returns the distance between two instants, without an end of the ramp between.
-    fn way_m(&self, from_s: f64, to_s: f64) -> f64 {
-        0.5 * (self.speed_mps(from_s) + self.speed_mps(to_s)) * (to_s - from_s)
-    }
-}
-
-impl Swing {
-    fn way_m(&self, time_s: f64) -> f64 {
-        if self.lasts_s <= 0.0 {
-            return self.by_m;
-        }
-        let share = ((time_s - self.begins_s) / self.lasts_s).clamp(0.0, 1.0);
-        0.5 * self.by_m * (1.0 - libm::cos(PI * share))
-    }
-
-    fn speed_mps(&self, time_s: f64) -> f64 {
-        let share = (time_s - self.begins_s) / self.lasts_s;
-        if 0.0 < self.lasts_s && (0.0..1.0).contains(&share) {
-            0.5 * self.by_m * PI / self.lasts_s * libm::sin(PI * share)
-        } else {
-            0.0
-        }
-    }
-}
-
 /// Interval and road of a sample, as input to a plan.
 #[derive(Clone, Copy)]
 pub(super) struct SampleSpan<'a> {
@@ -217,7 +139,7 @@ impl PlanRun {
                     cos.signum() * (meet.here_at_m - front_m)
                 };
                 let approach = meet.approach(ego, way_m)?;
-                (approach.from_mps, vec![approach_step(approach)])
+                (approach.from_mps, vec![approach.step()])
             }
         };
         let mut run = PlanRun {
@@ -471,8 +393,7 @@ impl PlanRun {
             None => (0.0, false),
         };
         let ahead_m = if is_slanted {
-            // The guard covers rounding where the motion is purely lateral.
-            (way_m * way_m - aside_m * aside_m).max(0.0).sqrt()
+            forward_part(way_m, aside_m)
         } else {
             way_m
         };
@@ -514,9 +435,7 @@ impl PlanRun {
         let is_slanted = self.swing.is_some_and(|swing| swing.is_slanted);
         let ahead = |along_mps: f64| {
             if is_slanted {
-                (along_mps * along_mps - sideways_mps * sideways_mps)
-                    .max(0.0)
-                    .sqrt()
+                forward_part(along_mps, sideways_mps)
             } else {
                 along_mps
             }
@@ -577,24 +496,5 @@ impl PlanConstants {
         } else {
             (libm::cos(self.facing_rad).signum(), 0.0)
         }
-    }
-}
-
-/// Returns the single step of a meeting.
-fn approach_step(approach: Approach) -> ScriptStep<f64, ()> {
-    let Approach {
-        begins_s,
-        accel_mps2,
-        to_mps,
-        ..
-    } = approach;
-    ScriptStep {
-        when: None,
-        after_s: begins_s,
-        does: vec![MotionLaw::Speed {
-            to_mps,
-            relative_to: None,
-            rate_mps2: accel_mps2.is_finite().then_some(accel_mps2),
-        }],
     }
 }

@@ -5,6 +5,7 @@ use crate::preventability::FilmedDriver;
 use crate::report::animation::episode_frames::EpisodeFrames;
 use crate::report::animation::picture::Picture;
 use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words};
+use crate::report::words;
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::world::Scenario;
 
@@ -137,15 +138,5 @@ fn other(who: &str, filmed: &FilmedDriver, picture: &Picture<'_>) -> String {
 /// Text in lines that fit, in bold type or not.
 pub(super) fn wrapped(text: &str, bold: bool) -> Vec<String> {
     let letters = if bold { BOLD_LETTERS } else { LETTERS };
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split_whitespace() {
-        match lines.last_mut() {
-            Some(line) if line.chars().count() + word.chars().count() < letters => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_owned()),
-        }
-    }
-    lines
+    words::wrapped(text, letters)
 }

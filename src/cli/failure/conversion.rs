@@ -1,0 +1,450 @@
+//! Errors of the library as failures, each with its exit code and its help.
+
+use std::fmt;
+use std::path::Path;
+
+use super::{Exit, Failure, MOST_NOTES, Note, not_allowed, placed};
+use crate::adversary::AdversaryError;
+use crate::campaign::CampaignError;
+use crate::cli::{plain_theme, terminal};
+use crate::crashes::{
+    ExportRefusal, FindError, Inapplicable, NotExported, RegressionError, UnknownViewKind,
+};
+use crate::evaluation::{EvaluationError, SweepError};
+use crate::experiment::EgoError;
+use crate::openx::OpenXError;
+use crate::rl::ConfigError;
+use crate::run_dir::{KeptError, RunError};
+use crate::search::SearchError;
+use crate::sysid::{ConditioningError, IdentifyError};
+use crate::testbench::Complaint;
+use crate::theorems::TheoremsError;
+use crate::training::{SessionError, TrainError};
+use crate::world::{LoadError, Scenario, ScenarioError, guessed};
+
+impl From<&ScenarioError> for Failure {
+    fn from(error: &ScenarioError) -> Failure {
+        // One mistake can cause many others, so the first are enough.
+        let problems = error.problems.iter().take(MOST_NOTES);
+        let problems = problems.map(|problem| placed(&error.file, &error.text, problem));
+        let mut notes: Vec<Note> = problems.collect();
+        if let more @ 1.. = error.problems.len() - notes.len() {
+            let what = format!("{more} more mistakes are not shown");
+            notes.push(Note::new(&what, Some("correct these first")));
+        }
+        Failure::of(Exit::Input, notes)
+    }
+}
+
+impl From<&LoadError> for Failure {
+    fn from(error: &LoadError) -> Failure {
+        match error {
+            LoadError::Scenario(error) => Failure::from(&**error),
+            LoadError::Io { file, .. } => {
+                // A mistyped name of a shipped world is a frequent mistake.
+                let stem = Path::new(file).file_stem().and_then(|stem| stem.to_str());
+                let known = guessed(
+                    stem.unwrap_or_default(),
+                    "shipped",
+                    Scenario::shipped_names(),
+                );
+                Failure::input(
+                    error.to_string(),
+                    format!("name a world file, or a shipped world by its name; {known}"),
+                )
+            }
+        }
+    }
+}
+
+impl From<&ConfigError> for Failure {
+    fn from(error: &ConfigError) -> Failure {
+        Failure::input(error.what(), &error.help)
+    }
+}
+
+impl From<&RunError> for Failure {
+    fn from(error: &RunError) -> Failure {
+        let help = error.help();
+        match error {
+            RunError::World(world) => Failure::from(&**world),
+            RunError::NotARun { .. }
+            | RunError::Exists { .. }
+            | RunError::Differs { .. }
+            | RunError::Unconditioned { .. }
+            | RunError::Unfinished { .. }
+            | RunError::NothingStored { .. } => {
+                Failure::plain(Exit::Input, error.to_string(), help)
+            }
+            RunError::Io { .. } | RunError::Locked { .. } | RunError::Damaged { .. } => {
+                Failure::plain(Exit::Fault, error.to_string(), help)
+            }
+        }
+    }
+}
+
+impl From<&EgoError> for Failure {
+    fn from(error: &EgoError) -> Failure {
+        match error {
+            EgoError::NotAllowed { who, command } => not_allowed(who, command),
+            // A wrapped error of a file keeps its place in the text.
+            EgoError::World(error) => error.into(),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&AdversaryError> for Failure {
+    fn from(error: &AdversaryError) -> Failure {
+        match error {
+            AdversaryError::Run(error) => error.into(),
+            AdversaryError::Indistinct(_) => Failure::fault(error.to_string(), None),
+            _ => Failure::plain(
+                Exit::Input,
+                error.to_string(),
+                error.help().map(str::to_owned),
+            ),
+        }
+    }
+}
+
+impl From<&SearchError> for Failure {
+    fn from(error: &SearchError) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<&SweepError> for Failure {
+    fn from(error: &SweepError) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<&UnknownViewKind> for Failure {
+    fn from(error: &UnknownViewKind) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<&Inapplicable> for Failure {
+    fn from(error: &Inapplicable) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<&FindError> for Failure {
+    fn from(error: &FindError) -> Failure {
+        match error {
+            FindError::Ego(error) => error.into(),
+            FindError::Change(error) => error.into(),
+            FindError::Kept(error) => error.into(),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&SessionError> for Failure {
+    fn from(error: &SessionError) -> Failure {
+        match error {
+            SessionError::Ego(error) => error.into(),
+            SessionError::Run(error) => error.into(),
+            SessionError::Train(error) => error.into(),
+            SessionError::Config(error) => error.into(),
+            SessionError::Kept(error) => error.into(),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&ConditioningError> for Failure {
+    fn from(error: &ConditioningError) -> Failure {
+        match error {
+            ConditioningError::Identify(error) => error.into(),
+            ConditioningError::Run(error) => error.into(),
+            ConditioningError::NoFamily | ConditioningError::NoMember(_) => {
+                Failure::fault(error.to_string(), None)
+            }
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&EvaluationError> for Failure {
+    fn from(error: &EvaluationError) -> Failure {
+        match error {
+            EvaluationError::Ego(error) => error.into(),
+            EvaluationError::Adversary(error) => error.into(),
+            EvaluationError::Conditioning(error) => error.into(),
+            EvaluationError::Theorems(error) => error.into(),
+            EvaluationError::Train(error) => error.into(),
+            EvaluationError::Kept(error) => error.into(),
+            EvaluationError::Run(error) => error.into(),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&CampaignError> for Failure {
+    fn from(error: &CampaignError) -> Failure {
+        match error {
+            CampaignError::Faults { complaint, .. } => complaint.into(),
+            CampaignError::Ego(error) => error.into(),
+            CampaignError::Search(error) => error.into(),
+            CampaignError::Sweep(error) => error.into(),
+            CampaignError::World(error) => error.into(),
+            CampaignError::Run(error) => error.into(),
+            CampaignError::Session(error) => error.into(),
+            CampaignError::Config(error) => error.into(),
+            CampaignError::Fault(what) => Failure::fault(what, None),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&TheoremsError> for Failure {
+    fn from(error: &TheoremsError) -> Failure {
+        let help = match error {
+            TheoremsError::Stochastic { .. } => {
+                "leave out `--theorems`; for such an ego count successes over fresh noise seeds"
+            }
+            TheoremsError::NotEveryViolation { .. } => {
+                "leave out `--theorems`; `eval --ego all` says what carries over to which ego"
+            }
+            TheoremsError::NoCounterexample { .. } => "train longer, or evaluate more starts",
+            TheoremsError::NothingChanged { .. } => {
+                "name changed egos under `reuse`, or give one with `--ego FILE.ron`"
+            }
+            TheoremsError::NotSolved { .. } => {
+                "the exact solver knows `always[0, T] (d_man >= 1)` under unit moves only: leave out `--theorems`"
+            }
+        };
+        Failure::input(error.to_string(), help)
+    }
+}
+
+impl From<&IdentifyError> for Failure {
+    fn from(error: &IdentifyError) -> Failure {
+        match error {
+            IdentifyError::NoRuns { .. } => Failure::fault(
+                error.to_string(),
+                Some("look at the ego: its controller errs or its commands are not finite".into()),
+            ),
+            IdentifyError::NotVaried { .. } | IdentifyError::NothingToFit => Failure::input(
+                error.to_string(),
+                "leave out fewer quantities, and only those",
+            ),
+            IdentifyError::NoFamily { .. } => Failure::input(
+                error.to_string(),
+                "families stand under `train_against` in a world file: docs/guide/reuse.md",
+            ),
+        }
+    }
+}
+
+impl From<&KeptError> for Failure {
+    fn from(error: &KeptError) -> Failure {
+        match error {
+            KeptError::Run(error) => Failure::from(error),
+            KeptError::World { source, .. } => Failure::from(&**source),
+            KeptError::Format { .. } | KeptError::Change { .. } => Failure::input(
+                error.to_string(),
+                "kept counterexamples are written by `brakecheck eval RUN --keep DIR`",
+            ),
+        }
+    }
+}
+
+impl From<&RegressionError> for Failure {
+    fn from(error: &RegressionError) -> Failure {
+        match error {
+            RegressionError::Kept(error) => Failure::from(error),
+            RegressionError::NoSuchEgo { name, known, .. } => {
+                let known = known.iter().map(String::as_str);
+                let known = std::iter::once("nominal").chain(known);
+                let help = format!(
+                    "{}; or name a RON file with a `Change`",
+                    guessed(name, "known", known)
+                );
+                Failure::input(error.to_string(), help)
+            }
+            RegressionError::Change(change) => {
+                Failure::plain(Exit::Input, change.to_string(), change.help.clone())
+            }
+            RegressionError::NotAllowed { path, command } => {
+                let who = format!("the ego in `{}`", path.display());
+                not_allowed(&who, command)
+            }
+            RegressionError::Differ { .. } => Failure::plain(
+                Exit::NotIdentical,
+                error.to_string(),
+                Some(
+                    "ask the version that kept them (`brakecheck replay FILE --expect recorded` \
+                     names the first sample that differs), or keep them anew with this one"
+                        .to_owned(),
+                ),
+            ),
+            RegressionError::StillFails { .. } => Failure::plain(
+                Exit::Counterexample,
+                error.to_string(),
+                Some(
+                    "look at one with `brakecheck view FILE -o crash.svg`, correct the ego, and \
+                     run the test again"
+                        .to_owned(),
+                ),
+            ),
+            RegressionError::Invalid { .. } => Failure::fault(
+                error.to_string(),
+                Some(
+                    "correct the ego, or allow a share of such replays with \
+                     `Regressions::allow_invalid` (`--allow-invalid SHARE`)"
+                        .to_owned(),
+                ),
+            ),
+        }
+    }
+}
+
+impl From<Vec<NotExported>> for Failure {
+    fn from(refused: Vec<NotExported>) -> Failure {
+        let cures: Vec<_> = refused.iter().map(|one| cure(&one.why)).collect();
+        // Of several the least counts: 2 before 3 before 4.
+        let exits = cures.iter().map(|(exit, _)| *exit);
+        let exit = exits.min_by_key(|exit| *exit as u8);
+        let notes = refused.iter().zip(cures);
+        let notes = notes.map(|(one, (_, help))| Note::new(&one.to_string(), Some(help)));
+        Failure::of(exit.unwrap_or(Exit::Input), notes.collect())
+    }
+}
+
+/// Returns the exit code and the help of a refused export.
+fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
+    match why {
+        ExportRefusal::Grid { .. } => (
+            Exit::Input,
+            "name counterexamples of driving worlds; `brakecheck view` shows those of grids",
+        ),
+        ExportRefusal::OpenX(OpenXError::NoMotion) => (
+            Exit::Input,
+            "such a start fails by itself: begin with more room between the two",
+        ),
+        ExportRefusal::OpenX(OpenXError::Xml(_)) => (Exit::Fault, "please report it"),
+        ExportRefusal::Differs { .. } => (
+            Exit::NotIdentical,
+            "export it with the version that kept it, or search and keep it anew with this one",
+        ),
+        ExportRefusal::Fault(_) => (
+            Exit::Fault,
+            "the others are simulated beyond the contact, where this ego does not run: mend it",
+        ),
+    }
+}
+
+impl From<&TrainError> for Failure {
+    fn from(error: &TrainError) -> Failure {
+        match error {
+            TrainError::Run(error) => Failure::from(error),
+            TrainError::Bundle(_) => Failure::input(
+                error.to_string(),
+                "the run was made with another world or learner: train anew",
+            ),
+            TrainError::Faults {
+                decisions,
+                complaint,
+            } => {
+                let mut failure = Failure::from(complaint);
+                // The kept decisions matter most, so they precede the reason.
+                if let Some(note) = failure.notes.first_mut() {
+                    note.what = format!(
+                        "training ended after {decisions} decisions, which are kept: {}",
+                        note.what
+                    );
+                }
+                failure
+            }
+        }
+    }
+}
+
+impl From<&Complaint> for Failure {
+    fn from(complaint: &Complaint) -> Failure {
+        let mut help = String::new();
+        // Otherwise a reader would take the few episodes for all.
+        if complaint.given_up {
+            help.push_str("it was given up before the end; ");
+        }
+        if let Some(fault) = complaint
+            .faults
+            .iter()
+            .find(|fault| !fault.stderr.is_empty())
+        {
+            help.push_str(&format!("its stderr ends:\n{}\n", fault.stderr));
+        }
+        help.push_str(
+            "mend the ego (`brakecheck check -- COMMAND` tries a program against the protocol), \
+             or allow a share of such episodes with `--allow-invalid SHARE`",
+        );
+        Failure::fault(complaint.to_string(), Some(help))
+    }
+}
+
+/// Implements the conversion of an owned error.
+macro_rules! from_owned {
+    ($($error:ty),* $(,)?) => {
+        $(impl From<$error> for Failure {
+            fn from(error: $error) -> Failure {
+                Failure::from(&error)
+            }
+        })*
+    };
+}
+
+from_owned!(
+    AdversaryError,
+    CampaignError,
+    Complaint,
+    ConditioningError,
+    ConfigError,
+    EgoError,
+    EvaluationError,
+    FindError,
+    IdentifyError,
+    Inapplicable,
+    KeptError,
+    LoadError,
+    RegressionError,
+    RunError,
+    ScenarioError,
+    SearchError,
+    SessionError,
+    SweepError,
+    TheoremsError,
+    TrainError,
+    UnknownViewKind,
+);
+
+/// Errors print in a test that returns them as they do on the command line:
+/// with their place and their help, not as the fields of a structure.
+macro_rules! prints_as_on_the_command_line {
+    ($($error:ty),* $(,)?) => {
+        $(impl fmt::Debug for $error {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                let text = Failure::from(self).render(plain_theme(), terminal::width());
+                write!(f, "\n{}", text.trim_end())
+            }
+        })*
+    };
+}
+
+prints_as_on_the_command_line!(
+    CampaignError,
+    EgoError,
+    EvaluationError,
+    FindError,
+    KeptError,
+    LoadError,
+    RegressionError,
+    RunError,
+    ScenarioError,
+    SessionError,
+    TrainError,
+);

@@ -1,0 +1,58 @@
+//! Bodies of a driving world: its own and the shipped ones.
+
+use super::locate::ValuePath;
+use super::ordered::Ordered;
+use super::problems::Problems;
+use crate::sim::Body;
+
+/// Reports the mistakes of a world's own bodies.
+pub(super) fn check(problems: &mut Problems, own: &Ordered<Body>) {
+    for (name, body) in &own.0 {
+        if let Err(error) = body.validate() {
+            let place = ValuePath::top().to("bodies").to(name).to(error.field);
+            problems.add(&place, error.to_string(), "here", help(error.field));
+        }
+    }
+}
+
+/// Advice for a field whose bounds follow from other fields.
+fn help(field: &str) -> Option<String> {
+    let help = match field {
+        "com_height_m" => {
+            "higher, it would tip over on its springs: lower it, or raise `track_m` or `suspension_hz`"
+        }
+        "com_ahead_m" => "both axles must carry weight",
+        "suspension_travel_m" => {
+            "it must carry the body's weight: raise it, or raise `suspension_hz`"
+        }
+        "max_steer_rad" => "the turn's centre must lie beside the inner wheel",
+        _ => return None,
+    };
+    Some(help.to_owned())
+}
+
+/// Finds a body by its name, or reports it as unknown.
+pub(super) fn find(
+    problems: &mut Problems,
+    path: &ValuePath,
+    own: &Ordered<Body>,
+    name: &str,
+) -> Option<Body> {
+    // The world's own bodies take precedence over shipped bodies.
+    if let Some(body) = own.0.get(name) {
+        return Some(body.clone());
+    }
+    match Body::shipped(name) {
+        Some(Ok(body)) => Some(body),
+        Some(Err(error)) => {
+            problems.add(path, error.to_string(), "here", None);
+            None
+        }
+        None => {
+            let mut known: Vec<&str> = Body::shipped_names().collect();
+            known.extend(own.0.keys().map(String::as_str));
+            problems.unknown(path, "body", name, &known);
+            None
+        }
+    }
+}
