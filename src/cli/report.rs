@@ -64,8 +64,8 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
     }
     if args.ego.is_some() || !args.program.is_empty() {
         return Err(Failure::input(
-            "an ego is named, and the page of a run has all of the world's",
-            "leave it out; `brakecheck eval RUN --ego E --json` makes rows for `--rows`",
+            "the page of a run shows all egos of its world, so it takes no `--ego` and no program",
+            "leave it out, or add rows by `--rows` from `brakecheck eval RUN --ego E --json`",
         ));
     }
     of_run(args)

@@ -17,7 +17,7 @@ use crate::training::TrainError;
 #[non_exhaustive]
 pub enum EvaluationError {
     /// Too few runs to learn an ego from.
-    #[error("an ego is not learned from {runs} runs")]
+    #[error("{runs} runs are too few to learn an ego")]
     TooFewRuns {
         /// Runs asked for.
         runs: u64,
