@@ -1,6 +1,7 @@
 //! Shapes in which viewers draw bodies, derived from their sizes.
 
-use super::AgentDescription;
+use super::{AgentDescription, Role};
+use crate::sim::Body;
 
 /// Maximum length and width of a body that is drawn as a person.
 const PERSON_M: f64 = 1.2;
@@ -21,6 +22,18 @@ pub enum BodyFigure {
 }
 
 impl AgentDescription {
+    /// Returns the description of an agent with a body.
+    pub(crate) fn of(name: &str, role: Role, body: &Body) -> AgentDescription {
+        AgentDescription {
+            name: name.to_owned(),
+            role,
+            body: body.name.clone(),
+            size_m: [body.length_m, body.width_m, body.height_m],
+            colour: body.color_rgb,
+            on_foot: body.is_on_foot(),
+        }
+    }
+
     /// Returns the shape of this body by its size, which covers custom bodies too.
     ///
     /// A walking body that is as large as a car is a moving target dummy. It is

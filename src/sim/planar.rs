@@ -24,6 +24,31 @@ pub(super) struct Rect {
     pub yaw_rate_rad_per_s: f64,
 }
 
+impl Rect {
+    /// Returns the speed along the heading.
+    pub(super) fn along_mps(&self) -> f64 {
+        self.vx_mps * self.cos + self.vy_mps * self.sin
+    }
+
+    /// Returns the turn to the heading of another rectangle, the shorter way around.
+    pub(super) fn turn_rad_to(&self, other: &Rect) -> f64 {
+        libm::atan2(
+            self.cos * other.sin - self.sin * other.cos,
+            self.cos * other.cos + self.sin * other.sin,
+        )
+    }
+
+    /// Returns the rectangle turned about its centre.
+    pub(super) fn turned(&self, turn_rad: f64) -> Rect {
+        let (sin, cos) = libm::sincos(turn_rad);
+        Rect {
+            cos: self.cos * cos - self.sin * sin,
+            sin: self.sin * cos + self.cos * sin,
+            ..*self
+        }
+    }
+}
+
 /// Constant dimensions of a rectangle.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Extent {

@@ -253,14 +253,7 @@ mod tests {
         ];
         for (name, figure) in expected {
             let body = Body::shipped(name).unwrap().unwrap();
-            let agent = AgentDescription {
-                name: "ado".to_owned(),
-                role: Role::Ado,
-                body: name.to_owned(),
-                size_m: [body.length_m, body.width_m, body.height_m],
-                colour: body.color_rgb,
-                on_foot: body.is_on_foot(),
-            };
+            let agent = AgentDescription::of("ado", Role::Ado, &body);
             assert_eq!(agent.figure(), figure, "{name}");
             let scale = Scale::of(&agent);
             for (centre, size, _) in boxes(figure, &scale, [1; 3], [2; 3]) {

@@ -273,14 +273,7 @@ fn the_contact_is_marked_when_and_where_it_is() {
 fn bodies_have_their_true_sizes() {
     for name in ["sedan", "van", "truck", "motorcycle", "pedestrian"] {
         let body = Body::shipped(name).unwrap().unwrap();
-        let agent = AgentDescription {
-            name: "ado".to_owned(),
-            role: Role::Ado,
-            body: name.to_owned(),
-            size_m: [body.length_m, body.width_m, body.height_m],
-            colour: body.color_rgb,
-            on_foot: body.is_on_foot(),
-        };
+        let agent = AgentDescription::of("ado", Role::Ado, &body);
         let drawn = bodies::body(&agent).into_string();
         let number = |text: &str, name: &str| -> Option<f64> {
             let (_, rest) = text.split_once(&format!(" {name}=\""))?;

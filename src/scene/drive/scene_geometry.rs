@@ -7,18 +7,14 @@ use crate::scene::{AgentDescription, LightPost, Role, SceneGeometry};
 /// Returns the cast, the lanes and the lights.
 pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
     let spec = &layout.spec;
-    let agents = spec.agents.iter().map(|agent| AgentDescription {
-        name: agent.name.clone(),
-        role: match agent.drive {
+    let agents = spec.agents.iter().map(|agent| {
+        let role = match agent.drive {
             Drive::Ego => Role::Ego,
             Drive::Ado { .. } => Role::Ado,
             // A frozen ado no longer learns and is shown as traffic.
             Drive::Trained(_) | Drive::Scripted(_) | Drive::Planned(_) => Role::Scripted,
-        },
-        body: agent.body.name.clone(),
-        size_m: [agent.body.length_m, agent.body.width_m, agent.body.height_m],
-        colour: agent.body.color_rgb,
-        on_foot: agent.body.is_on_foot(),
+        };
+        AgentDescription::of(&agent.name, role, &agent.body)
     });
     let borders = spec.road.borders_m();
     let lights = spec.lights.iter().map(|light| {

@@ -100,7 +100,7 @@ impl Car {
                 1.0 - front_share,
             ]
             .map(|axle| 0.5 * axle),
-            target_mps: rect.vx_mps * rect.cos + rect.vy_mps * rect.sin,
+            target_mps: rect.along_mps(),
             accel_mps2: 0.0,
             curvature_per_m: 0.0,
             before: world.motion(handle),
@@ -184,7 +184,7 @@ impl Motor for Car {
         world.recentre(self.handle, &mut self.origin_m);
         self.before = world.motion(self.handle);
         self.origin_before_m = self.origin_m;
-        let speed_mps = rect.vx_mps * rect.cos + rect.vy_mps * rect.sin;
+        let speed_mps = rect.along_mps();
         let drive = self.limits.drive(self.accel_mps2, self.target_mps, dt_s);
         let force_n = self.mass_kg * self.accelerate(&drive, speed_mps, dt_s);
         let steering_rad = self.steer(&drive, speed_mps);
@@ -237,7 +237,7 @@ impl Motor for Car {
         );
         let rect = motion.rect(self.origin_m, &self.com);
         // The old target belonged to the end of the undone step.
-        self.aim(rect.vx_mps * rect.cos + rect.vy_mps * rect.sin);
+        self.aim(rect.along_mps());
     }
 
     fn fork(&self) -> Box<dyn Motor> {

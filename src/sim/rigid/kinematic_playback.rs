@@ -68,12 +68,9 @@ impl Motor for PlaybackBody {
 
     fn rewind(&mut self, _: &mut RapierWorld, share: f64) {
         let mix = |from: f64, to: f64| from + share * (to - from);
-        let turn_rad = libm::atan2(
-            self.before.cos * self.rect.sin - self.before.sin * self.rect.cos,
-            self.before.cos * self.rect.cos + self.before.sin * self.rect.sin,
-        );
+        let turn_rad = self.before.turn_rad_to(&self.rect);
         // Turn the unit vector instead of mixing it, which would shorten it.
-        let (cos, sin) = turned((self.before.cos, self.before.sin), share * turn_rad);
+        let Rect { cos, sin, .. } = self.before.turned(share * turn_rad);
         self.rect = Rect {
             x_m: mix(self.before.x_m, self.rect.x_m),
             y_m: mix(self.before.y_m, self.rect.y_m),
@@ -100,25 +97,14 @@ impl Motor for PlaybackBody {
 /// Returns a rectangle after a time at its velocity and yaw rate.
 fn after(rect: Rect, dt_s: f64) -> Rect {
     // Without a turn keep the exact bits, so that a straight motion does not drift.
-    let (cos, sin) = if rect.yaw_rate_rad_per_s == 0.0 {
-        (rect.cos, rect.sin)
+    let turned = if rect.yaw_rate_rad_per_s == 0.0 {
+        rect
     } else {
-        turned((rect.cos, rect.sin), rect.yaw_rate_rad_per_s * dt_s)
+        rect.turned(rect.yaw_rate_rad_per_s * dt_s)
     };
     Rect {
         x_m: rect.x_m + rect.vx_mps * dt_s,
         y_m: rect.y_m + rect.vy_mps * dt_s,
-        cos,
-        sin,
-        ..rect
+        ..turned
     }
-}
-
-/// Rotates a unit vector.
-fn turned((cos, sin): (f64, f64), turn_rad: f64) -> (f64, f64) {
-    let (turn_sin, turn_cos) = libm::sincos(turn_rad);
-    (
-        cos * turn_cos - sin * turn_sin,
-        sin * turn_cos + cos * turn_sin,
-    )
 }

@@ -180,7 +180,7 @@ impl Plant for Rigid {
 
     fn advance(&mut self, dt_s: f64, substeps: u32) -> Option<Contact> {
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
-            mover.before_mps = along(&sweep.after);
+            mover.before_mps = sweep.after.along_mps();
             mover.motor.begin(dt_s);
         }
         let steps = substeps.max(1);
@@ -207,13 +207,14 @@ impl Plant for Rigid {
         }
         if 0.0 < elapsed_s {
             for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
-                mover.accel_mps2 = (along(&sweep.after) - mover.before_mps) / elapsed_s;
+                mover.accel_mps2 = (sweep.after.along_mps() - mover.before_mps) / elapsed_s;
             }
         }
         contact
     }
 
     fn state(&self, id: BodyId) -> BodyState {
+        let after = &self.sweeps[id.0].after;
         let Rect {
             x_m,
             y_m,
@@ -222,7 +223,7 @@ impl Plant for Rigid {
             vx_mps,
             vy_mps,
             yaw_rate_rad_per_s,
-        } = self.sweeps[id.0].after;
+        } = *after;
         let ahead_m = self.sweeps[id.0].extent.half_length_m;
         BodyState {
             pose: Pose {
@@ -230,7 +231,7 @@ impl Plant for Rigid {
                 y_m: y_m + ahead_m * sin,
                 heading_rad: libm::atan2(sin, cos),
             },
-            speed_mps: vx_mps * cos + vy_mps * sin,
+            speed_mps: after.along_mps(),
             lateral_mps: vy_mps * cos - vx_mps * sin + yaw_rate_rad_per_s * ahead_m,
             yaw_rate_rad_per_s,
             accel_mps2: self.movers[id.0].accel_mps2,
@@ -277,9 +278,4 @@ fn motor(world: &mut RapierWorld, body: &Body, ground: Ground, rect: &Rect) -> B
         BodyKind::Vehicle(vehicle) => Box::new(Car::new(world, body, vehicle, ground, rect)),
         BodyKind::Walker(walker) => Box::new(Foot::new(walker, rect)),
     }
-}
-
-/// Returns the speed along the heading.
-fn along(rect: &Rect) -> f64 {
-    rect.vx_mps * rect.cos + rect.vy_mps * rect.sin
 }

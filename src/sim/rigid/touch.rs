@@ -50,17 +50,15 @@ impl SweptFootprint {
     pub(super) fn at(&self, share: f64) -> Rect {
         let (a, b) = (&self.before, &self.after);
         let mix = |from: f64, to: f64| from + share * (to - from);
-        // Rotate by a share of the turn instead of mixing unit vectors, which would
-        // shrink the box.
-        let (sin, cos) = libm::sincos(share * self.turn_rad());
         Rect {
             x_m: mix(a.x_m, b.x_m),
             y_m: mix(a.y_m, b.y_m),
-            cos: a.cos * cos - a.sin * sin,
-            sin: a.sin * cos + a.cos * sin,
             vx_mps: mix(a.vx_mps, b.vx_mps),
             vy_mps: mix(a.vy_mps, b.vy_mps),
             yaw_rate_rad_per_s: mix(a.yaw_rate_rad_per_s, b.yaw_rate_rad_per_s),
+            // Rotate by a share of the turn instead of mixing unit vectors, which would
+            // shrink the box.
+            ..a.turned(share * self.turn_rad())
         }
     }
 
@@ -70,8 +68,7 @@ impl SweptFootprint {
     }
 
     fn turn_rad(&self) -> f64 {
-        let (a, b) = (&self.before, &self.after);
-        libm::atan2(a.cos * b.sin - a.sin * b.cos, a.cos * b.cos + a.sin * b.sin)
+        self.before.turn_rad_to(&self.after)
     }
 
     /// Returns a bound on the displacement of any point by turning.

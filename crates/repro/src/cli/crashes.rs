@@ -14,13 +14,8 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         starts: args.starts,
         runs: &args.output.join("runs"),
     };
-    let names = if args.world.is_empty() {
-        WORLDS.map(str::to_owned).to_vec()
-    } else {
-        args.world.clone()
-    };
     let mut studies = Vec::new();
-    for name in &names {
+    for name in &args.worlds_or(WORLDS) {
         let scenario = world(args, name)?;
         let settings = settings(request.seeds, json!({ "starts": args.starts }));
         let piece = format!("{name}, crashes");

@@ -26,13 +26,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         runs: &args.output.join("runs"),
     };
     let mut studies = Vec::new();
-    let all = WORLDS.map(str::to_owned).to_vec();
-    let names = if args.world.is_empty() {
-        all
-    } else {
-        args.world.clone()
-    };
-    for name in &names {
+    for name in &args.worlds_or(WORLDS) {
         let scenario = world(args, name)?;
         let settings = settings(request.seeds, json!({ "starts": args.starts }));
         // The piece is a file name, so an interrupted table resumes by world.

@@ -11,11 +11,8 @@ use brakecheck::experiment::test_starts;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let seeds = args.seeds_within(MOST_SEEDS);
-    let is_wanted = |path: &&LetterPath| {
-        args.world.is_empty() || args.world.iter().any(|name| name == path.world)
-    };
     let mut studies = Vec::new();
-    for path in LETTER_PATHS.iter().filter(is_wanted) {
+    for path in LETTER_PATHS.iter().filter(|path| args.wants(path.world)) {
         let letter = world(args, path.world)?;
         let Some(baselines) = baselines(args, path, letter.text())? else {
             return Ok(None);

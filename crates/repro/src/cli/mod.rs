@@ -75,6 +75,20 @@ struct ReproduceArgs {
 }
 
 impl ReproduceArgs {
+    /// The worlds asked for, by default those of a table.
+    fn worlds_or<'a>(&self, usual: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+        if self.world.is_empty() {
+            usual.into_iter().map(str::to_owned).collect()
+        } else {
+            self.world.clone()
+        }
+    }
+
+    /// Returns true if a world of a table is asked for.
+    fn wants(&self, world: &str) -> bool {
+        self.world.is_empty() || self.world.iter().any(|name| name == world)
+    }
+
     /// The trainings and test starts asked for, at most `most` trainings.
     fn seeds_within(&self, most: u64) -> Seeds {
         Seeds {

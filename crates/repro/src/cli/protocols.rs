@@ -21,16 +21,8 @@ pub(super) fn r157(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
 /// Returns `None` if stopped.
 fn made(args: &ReproduceArgs, protocol: &'static str) -> Result<Option<Made>, Failure> {
     let own = |name: &&str| name.split('/').next() == Some(protocol);
-    let names: Vec<String> = if args.world.is_empty() {
-        Scenario::protocol_names()
-            .filter(own)
-            .map(str::to_owned)
-            .collect()
-    } else {
-        args.world.clone()
-    };
     let mut rows: Vec<ProtocolRow> = Vec::new();
-    for name in &names {
+    for name in &args.worlds_or(Scenario::protocol_names().filter(own)) {
         let scenario = world(args, name)?.allow_programs(args.common.allow_programs);
         for ego in protocol_egos(&scenario, &args.ego)? {
             let settings = json!({ "ego": ego.change(), "starts": args.starts });

@@ -25,10 +25,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         runs: &runs,
     };
     let mut studies = Vec::new();
-    let names = WORLDS
-        .iter()
-        .filter(|name| args.world.is_empty() || args.world.iter().any(|world| world == *name));
-    for name in names {
+    for name in WORLDS.iter().filter(|name| args.wants(name)) {
         let scenario = world(args, name)?;
         // Trainings come first, because all egos share them.
         let Some(study) = begin(&args.common, name, &scenario, config)? else {

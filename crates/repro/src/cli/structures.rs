@@ -22,13 +22,8 @@ const MOST_STARTS: usize = 100;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let seeds = args.seeds_within(MOST_TRAININGS);
-    let names = if args.world.is_empty() {
-        WORLDS.map(str::to_owned).to_vec()
-    } else {
-        args.world.clone()
-    };
     let (mut tables, mut studies) = (String::new(), serde_json::Map::new());
-    for name in &names {
+    for name in &args.worlds_or(WORLDS) {
         let Some(rows) = rows(args, seeds, name)? else {
             return Ok(None);
         };

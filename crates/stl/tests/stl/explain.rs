@@ -1,10 +1,22 @@
 //! The leaf that decides.
 
 use brakecheck_stl::trace::{Schema, Signal, Trace};
-use brakecheck_stl::{Constants, Formula, Reason, TraceEnd, Until};
+use brakecheck_stl::{Constants, Explanation, Formula, Reason, TraceEnd, Until};
 use proptest::prelude::*;
 
 use super::naive::{rows, settings, trace, wff};
+
+/// Every step has the value, up to its sign, and a leaf is its reason.
+pub fn ends_at_the_value(explanation: &Explanation) -> Result<(), TestCaseError> {
+    let rho = explanation.robustness;
+    for step in &explanation.path {
+        prop_assert_eq!(step.value.abs(), rho.abs(), "{}", explanation);
+    }
+    if rho.is_finite() {
+        prop_assert_eq!(explanation.reason, Reason::Leaf, "{}", explanation);
+    }
+    Ok(())
+}
 
 proptest! {
     #![proptest_config(super::cases(2000))]
@@ -15,13 +27,7 @@ proptest! {
         let end = [TraceEnd::Truncate, TraceEnd::Hold, TraceEnd::Strict][end];
         let monitor = wff.monitor(&settings(until, end));
         let explanation = monitor.explain(&trace(&rows));
-        let rho = explanation.robustness;
-        for step in &explanation.path {
-            prop_assert_eq!(step.value.abs(), rho.abs(), "{}", explanation);
-        }
-        if rho.is_finite() {
-            prop_assert_eq!(explanation.reason, Reason::Leaf, "{}", explanation);
-        }
+        ends_at_the_value(&explanation)?;
         prop_assert!(serde_json::to_string(&explanation).is_ok());
     }
 }
@@ -38,7 +44,7 @@ fn run() -> Trace {
     trace
 }
 
-fn explain(text: &str) -> brakecheck_stl::Explanation {
+fn explain(text: &str) -> Explanation {
     let trace = run();
     let formula: Formula = text.parse().unwrap();
     formula

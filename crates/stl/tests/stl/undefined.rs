@@ -6,6 +6,7 @@ use brakecheck_stl::{
 };
 use proptest::prelude::*;
 
+use super::explain::ends_at_the_value;
 use super::naive::{Lengths, doubtful, naive, naive_held, rows, settings, trace, zeros};
 
 fn reading() -> impl Strategy<Value = (Until, TraceEnd)> {
@@ -73,14 +74,7 @@ proptest! {
     #[test]
     fn explanations_end_where_the_value_is(wff in doubtful(), rows in zeros(), (until, end) in reading()) {
         let monitor = wff.monitor(&settings(until, end));
-        let explanation = monitor.explain(&trace(&rows));
-        let rho = explanation.robustness;
-        for step in &explanation.path {
-            prop_assert_eq!(step.value.abs(), rho.abs(), "{}", explanation);
-        }
-        if rho.is_finite() {
-            prop_assert_eq!(explanation.reason, Reason::Leaf, "{}", explanation);
-        }
+        ends_at_the_value(&monitor.explain(&trace(&rows)))?;
     }
 }
 
