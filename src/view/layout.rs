@@ -15,7 +15,7 @@ use rerun::datatypes::{self, Range1D};
 
 use super::error::ViewError;
 use super::lines;
-use super::log_writer::{DECISIONS, LogWriter, UNTIL_VERDICT, nanos};
+use super::log_writer::{LogWriter, SHOWN_TIME, UNTIL_VERDICT, nanos};
 use super::viewed_episode::ViewedEpisode;
 
 /// Height of a plot, of a line of its legend, and of the legend's frame.
@@ -53,17 +53,13 @@ fn legend_room(story: &ViewedEpisode<'_>) -> f64 {
 }
 
 /// Time axis of a stream: about the length of an episode before the current time.
-fn latest_episode(story: &ViewedEpisode<'_>, timeline: &str) -> TimeAxis {
-    let (before, after) = if timeline == DECISIONS {
-        (story.episode.actions.len().max(1) as i64, 1)
-    } else {
-        (nanos(story.end_s().max(0.1)), nanos(0.5))
+fn latest_episode(story: &ViewedEpisode<'_>) -> TimeAxis {
+    let from_now = |time_s: f64| {
+        datatypes::TimeRangeBoundary::CursorRelative(datatypes::TimeInt(nanos(time_s)))
     };
-    let from_now =
-        |time: i64| datatypes::TimeRangeBoundary::CursorRelative(datatypes::TimeInt(time));
     TimeAxis::new().with_view_range(datatypes::TimeRange {
-        start: from_now(-before),
-        end: from_now(after),
+        start: from_now(-1.2 * story.end_s().max(1.0)),
+        end: from_now(0.5),
     })
 }
 
@@ -71,8 +67,8 @@ fn latest_episode(story: &ViewedEpisode<'_>, timeline: &str) -> TimeAxis {
 pub(super) struct BlueprintBuilder<'a> {
     journal: &'a mut LogWriter,
     next: u64,
-    /// Timeline at which a stream opens. `None`: a recording of one episode.
-    stream: Option<&'static str>,
+    /// True for a stream, false for a recording of one episode.
+    is_stream: bool,
 }
 
 impl<'a> BlueprintBuilder<'a> {
@@ -80,24 +76,35 @@ impl<'a> BlueprintBuilder<'a> {
         BlueprintBuilder {
             journal,
             next: 0,
-            stream: None,
+            is_stream: false,
         }
     }
 
-    /// Creates the builder of a stream that opens at the end of a timeline.
-    pub(super) fn of_stream(
-        journal: &'a mut LogWriter,
-        timeline: &'static str,
-    ) -> BlueprintBuilder<'a> {
+    /// Creates the builder of a stream, which opens at the end of its episodes.
+    pub(super) fn of_stream(journal: &'a mut LogWriter) -> BlueprintBuilder<'a> {
         BlueprintBuilder {
-            journal,
-            next: 0,
-            stream: Some(timeline),
+            is_stream: true,
+            ..BlueprintBuilder::new(journal)
         }
     }
 
     /// Adds a plot of curves over the complete timeline.
     pub(super) fn curves(
+        &mut self,
+        title: &str,
+        origin: &str,
+        legend: Corner2D,
+    ) -> Result<BlueprintNode, ViewError> {
+        let view = self.lines(title, origin, Some(legend))?;
+        let all = TimeAxis::new().with_view_range(datatypes::TimeRange {
+            start: datatypes::TimeRangeBoundary::Infinite,
+            end: datatypes::TimeRangeBoundary::Infinite,
+        });
+        self.property(&view, "TimeAxis", &all)?;
+        Ok(view)
+    }
+
+    fn lines(
         &mut self,
         title: &str,
         origin: &str,
@@ -121,9 +128,9 @@ impl<'a> BlueprintBuilder<'a> {
         axis: (f64, f64),
         legend: Option<Corner2D>,
     ) -> Result<BlueprintNode, ViewError> {
-        if let Some(timeline) = self.stream {
-            let view = self.curves(title, origin, legend)?;
-            self.property(&view, "TimeAxis", &latest_episode(story, timeline))?;
+        if self.is_stream {
+            let view = self.lines(title, origin, legend)?;
+            self.property(&view, "TimeAxis", &latest_episode(story))?;
             return Ok(view);
         }
         let marks = format!("+ {}/**", lines::MARKS);
@@ -170,8 +177,11 @@ impl<'a> BlueprintBuilder<'a> {
         }
         // Following opens at the end of a timeline, which is the verdict.
         // Playing from there starts again at real speed.
-        let episode = || story.opens_s().map_or("sim_time", |_| UNTIL_VERDICT);
-        let timeline = self.stream.unwrap_or_else(episode);
+        let timeline = if self.is_stream {
+            SHOWN_TIME
+        } else {
+            story.opens_s().map_or("sim_time", |_| UNTIL_VERDICT)
+        };
         let time = TimePanelBlueprint::new()
             .with_state(PanelState::Collapsed)
             .with_timeline(timeline)

@@ -96,7 +96,7 @@ fn at(shown_ns: i64, decisions: u64) -> TimePoint {
 /// Adds the plots of the learning curves.
 pub(super) fn views(layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let mut plot = |title: &str, origin: &str, height: f32| {
-        let view = layout.curves(title, origin, Some(Corner2D::LeftTop))?;
+        let view = layout.curves(title, origin, Corner2D::LeftTop)?;
         Ok::<_, ViewError>((view, height))
     };
     Ok(vec![

@@ -18,6 +18,9 @@ use crate::run_dir::{Calibration, Progress};
 /// Pause between two episodes on the timeline `shown_time`, in seconds.
 const PAUSE_S: f64 = 0.5;
 
+/// Room of a report of the learner on the timeline `shown_time`, in seconds.
+const REPORT_S: f64 = 0.05;
+
 /// Entities of an episode, which the next episode replaces.
 ///
 /// Curves and logs of events are not among them: they show all episodes.
@@ -33,14 +36,14 @@ const REPLACED: [&str; 6] = [
 /// Stream of episodes for the viewer, one after another on common timelines.
 ///
 /// `shown_time` plays the episodes one after another, `episode` counts them, and
-/// `decisions`, in a training, has them beside the learning curves.
+/// `decisions`, in a training, has them and the learning curves.
 ///
 /// Each call writes and flushes its data, so that a growing file or a pipe shows it.
 pub struct EpisodeStream {
     sink: Sink,
     recording: LogWriter,
-    /// False until the first episode, which decides on the layout.
-    laid_out: bool,
+    /// Kinds of worlds that the layout covers: roads and grids.
+    laid_out: (bool, bool),
     shows_learning: bool,
     shown_ns: i64,
     episodes: i64,
@@ -68,10 +71,7 @@ impl EpisodeStream {
     ) -> Result<EpisodeStream, ViewError> {
         let options = EncodingOptions::PROTOBUF_COMPRESSED;
         let encoder = Encoder::new_eager(CrateVersion::LOCAL, options, out).map_err(refused)?;
-        let mut encoder = Box::new(encoder);
-        // A footer would index chunks that are sent long ago.
-        encoder.do_not_emit_footer();
-        EpisodeStream::through(Sink::Bytes(encoder), name, shows_learning)
+        EpisodeStream::through(Sink::Bytes(Box::new(encoder)), name, shows_learning)
     }
 
     /// Begins a stream to a viewer that runs already, at the SDK's usual address.
@@ -89,7 +89,7 @@ impl EpisodeStream {
         let mut stream = EpisodeStream {
             sink,
             recording: LogWriter::new(StoreKind::Recording),
-            laid_out: false,
+            laid_out: (false, false),
             shows_learning,
             shown_ns: 0,
             episodes: 0,
@@ -128,8 +128,10 @@ impl EpisodeStream {
         self.recording.always("verdict/events", &[&headline])?;
         self.shown_ns += nanos(story.end_s() + PAUSE_S);
         self.send()?;
-        if !self.laid_out {
-            self.laid_out = true;
+        let is_grid = shown.scenario.grid().is_some();
+        let kinds = (self.laid_out.0 || !is_grid, self.laid_out.1 || is_grid);
+        if kinds != self.laid_out {
+            self.laid_out = kinds;
             self.lay_out(&story)?;
         }
         self.flush()
@@ -142,6 +144,8 @@ impl EpisodeStream {
     /// Returns an error if the stream is closed, or the library rejects the data.
     pub fn progress(&mut self, progress: &Progress) -> Result<(), ViewError> {
         learning::log_progress(&mut self.recording, self.shown_ns, progress)?;
+        // Otherwise all reports between two episodes would be at the same place.
+        self.shown_ns += nanos(REPORT_S);
         self.send()?;
         self.flush()
     }
@@ -164,7 +168,8 @@ impl EpisodeStream {
     /// Sends the views and their arrangement.
     fn lay_out(&mut self, story: &ViewedEpisode<'_>) -> Result<(), ViewError> {
         let mut blueprint = LogWriter::new(StoreKind::Blueprint);
-        panels::lay_out_stream(story, &mut blueprint, self.shows_learning)?;
+        let is_mixed = self.laid_out == (true, true);
+        panels::lay_out_stream(story, &mut blueprint, is_mixed, self.shows_learning)?;
         // A blueprint has no effect until a command activates it.
         let activate = BlueprintActivationCommand::make_active(blueprint.store().clone());
         let mut layout = blueprint.into_messages();

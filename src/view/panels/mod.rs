@@ -17,7 +17,7 @@ use rerun::blueprint::components::ContainerKind;
 use super::error::ViewError;
 use super::layout::{BlueprintBuilder, Views};
 use super::learning;
-use super::log_writer::{DECISIONS, LogWriter, SHOWN_TIME};
+use super::log_writer::LogWriter;
 use super::panel::{Column, Entity, Panel};
 use super::viewed_episode::ViewedEpisode;
 use crate::world::Scenario;
@@ -55,21 +55,24 @@ pub(super) fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<
 
 /// Writes the blueprint, with every panel in its column.
 pub(super) fn lay_out(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
-    arrange(story, BlueprintBuilder::new(journal), |_| Ok(Vec::new()))
+    let layout = BlueprintBuilder::new(journal);
+    arrange(story, layout, false, |_| Ok(Vec::new()))
 }
 
 /// Writes the blueprint of a stream, in a training with its learning curves.
+///
+/// A mixed stream has episodes on roads and on grids, so it has the panels of both.
 pub(super) fn lay_out_stream(
     story: &ViewedEpisode<'_>,
     journal: &mut LogWriter,
+    is_mixed: bool,
     shows_learning: bool,
 ) -> Result<(), ViewError> {
+    let layout = BlueprintBuilder::of_stream(journal);
     if shows_learning {
-        let layout = BlueprintBuilder::of_stream(journal, DECISIONS);
-        arrange(story, layout, learning::views)
+        arrange(story, layout, is_mixed, learning::views)
     } else {
-        let layout = BlueprintBuilder::of_stream(journal, SHOWN_TIME);
-        arrange(story, layout, |_| Ok(Vec::new()))
+        arrange(story, layout, is_mixed, |_| Ok(Vec::new()))
     }
 }
 
@@ -77,6 +80,7 @@ pub(super) fn lay_out_stream(
 fn arrange<'a>(
     story: &ViewedEpisode<'_>,
     mut layout: BlueprintBuilder<'a>,
+    is_mixed: bool,
     first: impl FnOnce(&mut BlueprintBuilder<'a>) -> Result<Views, ViewError>,
 ) -> Result<(), ViewError> {
     let mut first = first(&mut layout)?;
@@ -90,7 +94,7 @@ fn arrange<'a>(
                 heights.push(height);
             }
         }
-        for panel in panels.filter(|panel| panel.applies(story.scenario)) {
+        for panel in panels.filter(|panel| is_mixed || panel.applies(story.scenario)) {
             for (view, height) in (panel.views)(story, &mut layout)? {
                 views.push(view);
                 heights.push(height);
