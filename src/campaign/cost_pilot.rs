@@ -1,5 +1,6 @@
 //! Plan of a campaign that is cut into pieces of similar cost.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::check::{Checked, check};
@@ -8,7 +9,7 @@ use super::error::CampaignError;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::play::UnitContext;
 use super::{estimate, workflow_files};
-use crate::experiment::{EgoUnderTest, Watch, consent, on_plant};
+use crate::experiment::{EgoUnderTest, TrivialStarts, Watch, consent, on_plant};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::stats::StartOutcome;
 use crate::testbench::FaultLog;
@@ -51,6 +52,11 @@ struct UnitKind {
     program: Option<Vec<String>>,
 }
 
+/// Starts that a pilot played without an adversary, by world and number.
+///
+/// Each has the duration of its episode, s.
+type PlayedAlone = BTreeMap<(usize, usize), (TrivialStarts, f64)>;
+
 /// Campaign that is cut into pieces, before it is written.
 pub struct Cut {
     checked: Checked,
@@ -83,6 +89,7 @@ impl Plan {
             .collect();
         let measured = piece_s.is_none();
         let mut known: Vec<(UnitKind, f64)> = Vec::new();
+        let mut alone = PlayedAlone::new();
         let (mut units, mut cpu_s) = (checked.plan.units.clone(), 0.0);
         for (nth, unit) in units.iter_mut().enumerate() {
             (watch.progress)(nth as u64, checked.plan.units.len() as u64);
@@ -97,13 +104,23 @@ impl Plan {
             let start_s = match known_s {
                 Some((_, start_s)) => *start_s,
                 None => {
-                    let Some(start_s) = checked.start_s(unit, ego, measured, watch)? else {
+                    let alone = measured.then_some(&mut alone);
+                    let Some(start_s) = checked.start_s(unit, ego, alone, watch)? else {
                         return Ok(None);
                     };
                     known.push((kind, start_s));
                     start_s
                 }
             };
+            // The pieces of a world's first unit play its trivial starts for all its units.
+            let before = &checked.plan.units[..nth];
+            let is_first = !before.iter().any(|other| other.world == unit.world);
+            let alone_s = match (is_first, measured) {
+                (false, _) => 0.0,
+                (true, false) => estimate::alone_s(&checked.worlds[unit.world]),
+                (true, true) => mean_s(&alone, unit.world),
+            };
+            let start_s = start_s + alone_s;
             let fits = (piece_s.unwrap_or(PIECE_S) / start_s).ceil();
             // Every piece has a start at least and no more starts than its unit.
             unit.each = (fits.max(1.0) as usize).min(unit.starts.max(1));
@@ -141,17 +158,20 @@ impl Checked {
         Ok(EgoUnderTest::changed(&played, name, change, help)?)
     }
 
-    /// Returns the cost of a start of a unit, s. `None`: stopped.
+    /// Returns the cost of a start of a unit, s, without its episode in `alone`.
+    ///
+    /// It is measured with `alone`, which gets the starts, and estimated without. `None`:
+    /// stopped.
     fn start_s(
         &self,
         unit: &Unit,
         ego: EgoUnderTest,
-        measured: bool,
+        alone: Option<&mut PlayedAlone>,
         watch: &Watch<'_>,
     ) -> Result<Option<f64>, CampaignError> {
-        if !measured {
+        let Some(alone) = alone else {
             return Ok(Some(estimate::start_s(&ego, &unit.ado)));
-        }
+        };
         let world: &Scenario = &self.worlds[unit.world];
         consent(world, std::slice::from_ref(&ego))?;
         // An untrained ado costs about as much as any other ado that plays a whole episode.
@@ -171,21 +191,24 @@ impl Checked {
             ado: None,
         };
         watch.detail(&format!("{}, {}", world.name(), unit.ado.word()));
-        let (mut spent_s, mut starts) = (0.0, 0);
+        let (mut spent_s, mut alone_s, mut starts) = (0.0, 0.0, 0);
         // One fault among the starts is a matter of the piece that has it. An ego
         // that never runs makes no piece at all.
         let faults = FaultLog::allowing(MOST_FAULTY);
         let mut ran = false;
-        while starts < PILOT_STARTS.min(unit.starts) && spent_s < PILOT_S {
+        while starts < PILOT_STARTS.min(unit.starts) && spent_s + alone_s < PILOT_S {
             // Spread over the starts, because those of a grid differ.
             let next = starts * unit.starts / PILOT_STARTS.min(unit.starts);
+            let began = std::time::Instant::now();
+            let trivial = self.trivial(unit.world, next, alone, watch);
+            alone_s += began.elapsed().as_secs_f64();
             let began = std::time::Instant::now();
             // Faults are accepted here, because the pieces themselves report them.
             let quiet = Watch {
                 faults: faults.clone(),
                 ..watch.quiet()
             };
-            let played = stage.play(next..next + 1, &quiet)?;
+            let played = stage.play(next..next + 1, trivial, &quiet)?;
             if played.is_none() && watch.interrupted() {
                 return Ok(None);
             }
@@ -203,6 +226,42 @@ impl Checked {
         // The floor bounds the number of starts per piece.
         Ok(Some((spent_s / f64::from(starts.max(1) as u32)).max(1e-6)))
     }
+
+    /// Returns whether a start is trivial, from an earlier unit of its world if possible.
+    fn trivial(
+        &self,
+        world: usize,
+        start: usize,
+        alone: &mut PlayedAlone,
+        watch: &Watch<'_>,
+    ) -> TrivialStarts {
+        let scenario = &self.worlds[world];
+        if scenario.judges_each_ego() {
+            return TrivialStarts::default();
+        }
+        if let Some((known, _)) = alone.get(&(world, start)) {
+            return known.clone();
+        }
+        let began = std::time::Instant::now();
+        // The unit plays a start with a fault again, and reports it.
+        let apart = Watch {
+            faults: FaultLog::allowing(1.0),
+            ..watch.quiet()
+        };
+        let points = self.plan.starts.of(scenario, start..start + 1);
+        let played = TrivialStarts::default().play(scenario, &points, &apart);
+        let played = played.unwrap_or_default();
+        let spent_s = began.elapsed().as_secs_f64();
+        alone.insert((world, start), (played.clone(), spent_s));
+        played
+    }
+}
+
+/// Returns the mean duration of a world's episodes without an adversary, s.
+fn mean_s(alone: &PlayedAlone, world: usize) -> f64 {
+    let of_world = alone.range((world, 0)..(world + 1, 0));
+    let spent: Vec<f64> = of_world.map(|(_, (_, spent_s))| *spent_s).collect();
+    spent.iter().sum::<f64>() / spent.len().max(1) as f64
 }
 
 impl Cut {

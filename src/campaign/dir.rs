@@ -15,9 +15,10 @@ use super::error::CampaignError;
 use super::piece::{Heading, PieceText, Unusable};
 use super::plan::{CampaignPiece, FORMAT, Plan, PlannedAdo, Unit, Work};
 use super::play::{LoadedAdo, UnitContext};
+use super::trivial_blocks::TrivialBlocks;
 use super::{piece, training};
 use crate::content_hash::{check, sha256};
-use crate::experiment::{EgoUnderTest, Watch, on_plant};
+use crate::experiment::{EgoUnderTest, Watch, consent, on_plant};
 use crate::run_dir::{RunDir, RunError, write_file};
 use crate::testbench::FaultLog;
 use crate::world::Scenario;
@@ -34,6 +35,8 @@ pub struct PlanDir {
     worlds: Vec<Scenario>,
     /// Worlds on the requested plants.
     played: Vec<Scenario>,
+    /// Trivial starts of each world.
+    trivial: Vec<TrivialBlocks>,
     /// Largest accepted share of invalid episodes in a piece.
     allowed: f64,
 }
@@ -115,7 +118,9 @@ impl PlanDir {
             });
             worlds.push(world);
         }
+        let trivial = (0..worlds.len()).map(|world| TrivialBlocks::new(dir, &plan, world));
         Ok(PlanDir {
+            trivial: trivial.collect(),
             dir: dir.into(),
             plan,
             worlds,
@@ -279,7 +284,9 @@ impl PlanDir {
             }
             Work::Starts { unit, starts } => {
                 let stage = self.stage(*unit)?;
-                let played = stage.play(starts.clone(), &own)?;
+                let trivial = &self.trivial[stage.unit.world];
+                let trivial = trivial.of(starts, (&self.plan, stage.world), &own);
+                let played = stage.play(starts.clone(), trivial, &own)?;
                 let hash = stage.ado.map(|ado| ado.sha256);
                 // The fault check comes before the rows, so a faulty piece leaves no file.
                 if let Some(complaint) = own.faults.complaint() {
@@ -328,12 +335,15 @@ impl PlanDir {
     /// Assembles a unit with its ego and its ado.
     fn stage(&self, unit: usize) -> Result<UnitContext<'_>, CampaignError> {
         let unit = &self.plan.units[unit];
+        let (world, ego) = (&self.worlds[unit.world], self.ego(unit)?);
+        let ado = self.ado(unit)?;
+        consent(world, std::slice::from_ref(&ego))?;
         Ok(UnitContext {
             plan: &self.plan,
             unit,
-            world: &self.worlds[unit.world],
-            ego: self.ego(unit)?,
-            ado: self.ado(unit)?,
+            world,
+            ego,
+            ado,
         })
     }
 

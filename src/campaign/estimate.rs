@@ -6,6 +6,7 @@
 use super::plan::{PlannedAdo, PlannedTraining};
 use crate::experiment::EgoUnderTest;
 use crate::scene::Dynamics;
+use crate::world::Scenario;
 
 /// Processor time of a physics step, s.
 const KINEMATIC_STEP_S: f64 = 0.3e-6;
@@ -19,19 +20,9 @@ const DECISION_S: f64 = 0.25e-3;
 const FIRST_SEQUENCES: f64 = 15.0;
 const PER_SWITCH: f64 = 12.0;
 
-/// Estimates the processor time of a start, s.
+/// Estimates the processor time of a start, s, without the episode of [`alone_s`].
 pub(super) fn start_s(ego: &EgoUnderTest, ado: &PlannedAdo) -> f64 {
     let scenario = ego.scenario();
-    let clock = scenario.world().clock();
-    let samples = (clock.horizon_s / clock.sample_s).ceil();
-    let steps = samples * f64::from(clock.substeps.max(1));
-    let (step_s, searched_step_s) = match scenario.plant() {
-        // A search on the rigid plant is pre-screened on the kinematic plant.
-        Dynamics::Rigid => (RIGID_STEP_S, KINEMATIC_STEP_S),
-        Dynamics::Kinematic => (KINEMATIC_STEP_S, KINEMATIC_STEP_S),
-        Dynamics::Cells => (CELLS_STEP_S, CELLS_STEP_S),
-    };
-    let episode_s = EPISODE_S + steps * step_s;
     match ado {
         PlannedAdo::Search {
             method,
@@ -40,12 +31,45 @@ pub(super) fn start_s(ego: &EgoUnderTest, ado: &PlannedAdo) -> f64 {
         } => match method.as_str() {
             "switches" => {
                 let sequences = FIRST_SEQUENCES * libm::pow(PER_SWITCH, *switches as f64);
-                episode_s + sequences * steps * searched_step_s
+                // A search on the rigid plant is pre-screened on the kinematic plant.
+                let searched_step_s = match scenario.plant() {
+                    Dynamics::Rigid => KINEMATIC_STEP_S,
+                    other => step_s(other),
+                };
+                episode_s(scenario) + sequences * steps(scenario) * searched_step_s
             }
-            _ => *budget as f64 * episode_s,
+            _ => *budget as f64 * episode_s(scenario),
         },
-        // The start itself, and the nominal ego's episode that detects trivial starts.
-        _ => 2.0 * episode_s,
+        _ => episode_s(scenario),
+    }
+}
+
+/// Estimates the processor time of the episode that detects a trivial start, s.
+///
+/// `world` is on the plant of its file. Every start of a world has one such episode.
+pub(super) fn alone_s(world: &Scenario) -> f64 {
+    if world.judges_each_ego() {
+        0.0
+    } else {
+        episode_s(world)
+    }
+}
+
+fn episode_s(scenario: &Scenario) -> f64 {
+    EPISODE_S + steps(scenario) * step_s(scenario.plant())
+}
+
+fn steps(scenario: &Scenario) -> f64 {
+    let clock = scenario.world().clock();
+    let samples = (clock.horizon_s / clock.sample_s).ceil();
+    samples * f64::from(clock.substeps.max(1))
+}
+
+fn step_s(dynamics: Dynamics) -> f64 {
+    match dynamics {
+        Dynamics::Rigid => RIGID_STEP_S,
+        Dynamics::Kinematic => KINEMATIC_STEP_S,
+        Dynamics::Cells => CELLS_STEP_S,
     }
 }
 

@@ -26,6 +26,7 @@ mod regulation_boundary;
 mod row;
 mod summary;
 mod training;
+mod trivial_blocks;
 mod workflow_files;
 
 pub(crate) use cost_pilot::PIECE_S;

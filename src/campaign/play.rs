@@ -6,10 +6,9 @@ use super::error::CampaignError;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::row::StartRow;
 use crate::adversary::Ado;
-use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch, consent, leaf};
+use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, TrivialStarts, Watch, leaf};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
-use crate::scene::Start;
 use crate::search::{Adversary, ExperimentCell, Method, MethodSettings, StartResult};
 use crate::severity::Impact;
 use crate::stats::StartOutcome;
@@ -42,18 +41,32 @@ pub(super) struct PlayedRows {
 }
 
 impl UnitContext<'_> {
-    /// Plays some starts. `None`: stopped before the last of them.
+    /// Plays some starts, of which the known trivial ones are not played again.
+    ///
+    /// `None`: stopped before the last of them.
     pub(super) fn play(
         &self,
         which: Range<usize>,
+        trivial: TrivialStarts,
         watch: &Watch<'_>,
     ) -> Result<Option<PlayedRows>, CampaignError> {
-        consent(self.world, std::slice::from_ref(&self.ego))?;
         let seed = self.plan.starts.seed();
         let points = self.plan.starts.of(self.world, which.clone());
-        let Some(starts) = self.judged(seed, points, watch) else {
-            return Ok(None);
+        // If the world's own ego does not represent others, as in imported scenes, no start
+        // is left out.
+        let trivial = if self.world.judges_each_ego() {
+            TrivialStarts {
+                known: vec![Some(false); points.len()],
+                ..TrivialStarts::default()
+            }
+        } else {
+            let Some(played) = trivial.play(self.world, &points, watch) else {
+                return Ok(None);
+            };
+            played
         };
+        let trivial_s = trivial.cpu_s;
+        let starts = TestStarts::new(seed, points, trivial);
         let Some(cell) = self.adversary()?.play(&self.ego, &starts, watch) else {
             return Ok(None);
         };
@@ -75,30 +88,8 @@ impl UnitContext<'_> {
         });
         Ok(Some(PlayedRows {
             rows: rows.collect(),
-            cpu_s: cell.row.cpu_s,
+            cpu_s: trivial_s + cell.row.cpu_s,
         }))
-    }
-
-    /// Returns the starts, with those left out on which the world's own ego fails by
-    /// itself.
-    ///
-    /// If that ego does not represent others, as in imported scenes, no start is left
-    /// out. `None`: stopped.
-    fn judged(
-        &self,
-        seed: u64,
-        starts: Vec<(Start, u64)>,
-        watch: &Watch<'_>,
-    ) -> Option<TestStarts> {
-        if !self.world.judges_each_ego() {
-            return TestStarts::tried(self.world, seed, starts, watch);
-        }
-        let trivial = vec![false; starts.len()];
-        Some(TestStarts {
-            seed,
-            starts,
-            trivial,
-        })
     }
 
     /// Plays every success again to record its details.

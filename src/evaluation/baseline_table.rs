@@ -39,7 +39,7 @@ pub fn untrained(
         }
         let watch = &watch.later(nth);
         // Each ego may have other trivial starts.
-        let Some((starts, alone)) = starts.for_ego(nominal, ego, watch) else {
+        let Some((starts, alone)) = starts.for_ego(nominal, ego, None, watch) else {
             break;
         };
         let searched = [Adversary::switches(switches)].into_iter();

@@ -8,7 +8,7 @@ use super::break_even::BreakEven;
 use super::error::EvaluationError;
 use crate::adversary::Ado;
 use crate::crashes::{description, highlights};
-use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, test_starts, worse_first};
+use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, worse_first};
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::run_dir::{Row, RunDir, RunError};
 use crate::search::{Adversary, ExperimentCell};
@@ -144,10 +144,11 @@ impl<'a> ReportRequest<'a> {
             Vec::new()
         };
         consent(self.scenario, &egos)?;
-        let (count, seed) = self.starts;
-        let Some(starts) = test_starts(&self.run.world()?, seed, count, watch) else {
+        let (dir, world) = (self.run.path(), EgoUnderTest::nominal(&self.run.world()?));
+        let Some(starts) = TestStarts::stored(Some(dir), &world, self.starts, watch) else {
             return Ok(None);
         };
+        let (_, seed) = self.starts;
         let own = EgoUnderTest::nominal(self.scenario);
         let ado = conditioned(self.run, self.context(), &own, seed, watch)?;
         let ado = Ado::Trained(&*ado.policy, self.run.manifest().seed);
@@ -187,7 +188,7 @@ impl<'a> ReportRequest<'a> {
             let own = if ego.scenario().axes() == self.scenario.axes() {
                 few.clone()
             } else {
-                match test_starts(ego.scenario(), seed, count, watch) {
+                match TestStarts::stored(Some(self.run.path()), ego, (count, seed), watch) {
                     Some(own) => own,
                     None => return Ok(None),
                 }

@@ -6,9 +6,7 @@ use super::break_even::{BreakEven, break_even};
 use super::error::EvaluationError;
 use crate::adversary::{Ado, eval};
 use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
-use crate::experiment::{
-    Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
-};
+use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable};
 use crate::rl::Policy;
 use crate::run_dir::{Row, RunDir, RunError, Stored};
 use crate::search::{ExperimentCell, Method, MethodOption, SearchRequest, Searched, search};
@@ -73,15 +71,18 @@ impl SearchCampaign<'_> {
     pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, EvaluationError> {
         consent(self.world, self.egos)?;
         let trained = self.trained(watch)?;
-        let (count, seed) = self.starts;
-        let Some(starts) = test_starts(self.world, seed, count, watch) else {
+        let (own, dir) = (
+            EgoUnderTest::nominal(self.world),
+            self.run.map(RunDir::path),
+        );
+        let Some(starts) = TestStarts::stored(dir, &own, self.starts, watch) else {
             return Ok(None);
         };
         let (mut rows, mut evens, mut cells) = (Vec::new(), Vec::new(), Vec::new());
         for (nth, ego) in self.egos.iter().enumerate() {
             let watch = &watch.later(nth);
             // Each ego may have other trivial starts.
-            let Some((own, alone)) = starts.for_ego(self.world, ego, watch) else {
+            let Some((own, alone)) = starts.for_ego(self.world, ego, dir, watch) else {
                 break;
             };
             let request = SearchRequest {

@@ -8,9 +8,7 @@ use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
 use super::reuse::{ReusedOn, reused_on};
 use crate::adversary::Baselines;
 use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
-use crate::experiment::{
-    EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
-};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable};
 use crate::run_dir::{FailsAlone, Row};
 use crate::search::ExperimentCell;
 use crate::surrogate::AdaptedTo;
@@ -75,7 +73,7 @@ impl<'a> Evaluation<'a> {
         consent(&world, self.egos)?;
         // Refused before the first simulation.
         self.can_learn()?;
-        let Some(starts) = self.starts(&world, watch) else {
+        let Some(starts) = self.starts(&EgoUnderTest::nominal(&world), watch) else {
             return Ok(None);
         };
         let baselines = Baselines::of(self.ados, self.run, self.nominal, watch)?;
@@ -100,9 +98,8 @@ impl<'a> Evaluation<'a> {
         Ok(Some(table))
     }
 
-    fn starts(&self, scenario: &Scenario, watch: &Watch<'_>) -> Option<TestStarts> {
-        let (count, seed) = self.starts;
-        test_starts(scenario, seed, count, watch)
+    fn starts(&self, ego: &EgoUnderTest, watch: &Watch<'_>) -> Option<TestStarts> {
+        TestStarts::stored(Some(self.run.path()), ego, self.starts, watch)
     }
 }
 
@@ -175,12 +172,13 @@ impl<'a> EvaluationTable<'a> {
         let evaluation = self.evaluation;
         // On a map of another size the starts are others: drawn, or listed, anew.
         if ego.scenario().axes() != evaluation.nominal.axes() {
-            return Some((Some(evaluation.starts(ego.scenario(), watch)?), true));
+            return Some((Some(evaluation.starts(ego, watch)?), true));
         }
         if !self.starts.judges_each_ego(evaluation.nominal) {
             return Some((None, false));
         }
-        let (own, _) = self.starts.for_ego(evaluation.nominal, ego, watch)?;
+        let dir = Some(evaluation.run.path());
+        let (own, _) = self.starts.for_ego(evaluation.nominal, ego, dir, watch)?;
         Some((Some(own), true))
     }
 

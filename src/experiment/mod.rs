@@ -13,6 +13,7 @@ mod error;
 mod failed_leaf;
 mod progress;
 mod test_starts;
+mod trivial_starts;
 
 pub use audience::{Audience, ShownEpisode};
 pub(crate) use clustering::{CrashClass, badness, descending, worse_first};
@@ -30,3 +31,4 @@ pub use progress::{Remark, StepPlace, Watch};
 pub(crate) use test_starts::untried_starts;
 pub use test_starts::{TestStarts, test_starts};
 pub(crate) use test_starts::{drawn_starts, test_noise};
+pub(crate) use trivial_starts::TrivialStarts;

@@ -1,14 +1,16 @@
 //! Test starts: drawn once, and the same for every ego, ado and method.
 
 use std::ops::Range;
+use std::path::Path;
 
 use super::ego_under_test::EgoUnderTest;
 use super::episode_loop::{EpisodeLoop, WorkItem};
 use super::progress::Watch;
+use super::trivial_starts::TrivialStarts;
 use crate::run_dir::FailsAlone;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Aftermath, Constant, FaultLog, Testbench};
+use crate::testbench::{FaultLog, Testbench};
 use crate::world::Scenario;
 
 /// Test starts, with those on which the nominal ego fails by itself.
@@ -107,25 +109,32 @@ impl TestStarts {
         starts: Vec<(Start, u64)>,
         watch: &Watch<'_>,
     ) -> Option<TestStarts> {
-        let neutral = scenario.world().spaces().neutral;
-        let fails_by_itself =
-            |bench: &mut Testbench, (start, noise): &(Start, u64), turn: &WorkItem| {
-                let mut coasting = Constant(neutral);
-                let from = (start, *noise);
-                let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
-                Some(episode.verdict.is_success())
-            };
-        watch.phase("playing starts without an adversary");
-        let all = EpisodeLoop::counted(watch, starts.len());
-        let trivial = all.run(&starts, || scenario.bench(), fails_by_itself);
-        if watch.stopped() {
-            return None;
-        }
-        Some(TestStarts {
+        let trivial = TrivialStarts::default().play(scenario, &starts, watch)?;
+        Some(TestStarts::new(seed, starts, trivial))
+    }
+
+    /// Draws the starts of [`test_starts`], of which the trivial ones are stored in `dir`.
+    ///
+    /// `ego` has the nominal world on the plant of its file. `None`: stopped.
+    pub(crate) fn stored(
+        dir: Option<&Path>,
+        ego: &EgoUnderTest,
+        (count, seed): (usize, u64),
+        watch: &Watch<'_>,
+    ) -> Option<TestStarts> {
+        let starts = listed_or_drawn(ego.scenario(), seed, count);
+        let trivial = TrivialStarts::stored(dir, ego, (seed, &starts), watch)?;
+        Some(TestStarts::new(seed, starts, trivial))
+    }
+
+    /// Returns starts of which the trivial ones were played.
+    pub(crate) fn new(seed: u64, starts: Vec<(Start, u64)>, trivial: TrivialStarts) -> TestStarts {
+        let trivial = trivial.known.into_iter();
+        TestStarts {
             seed,
             starts,
-            trivial: trivial.into_iter().flatten().collect(),
-        })
+            trivial: trivial.map(|known| known == Some(true)).collect(),
+        }
     }
 
     /// Returns whether each ego needs trivial starts of its own.
@@ -143,11 +152,12 @@ impl TestStarts {
     ///
     /// The ego's own failures are left out, instead of those of the nominal ego of
     /// `world`, if each ego needs trivial starts of its own
-    /// ([`TestStarts::judges_each_ego`]).
+    /// ([`TestStarts::judges_each_ego`]). They are stored in `dir`.
     pub(crate) fn for_ego(
         &self,
         world: &Scenario,
         ego: &EgoUnderTest,
+        dir: Option<&Path>,
         watch: &Watch<'_>,
     ) -> Option<(TestStarts, Option<FailsAlone>)> {
         let left_out = self.judges_each_ego(world);
@@ -159,14 +169,14 @@ impl TestStarts {
             faults: FaultLog::default(),
             ..watch.later(0)
         };
-        let Some(own) = TestStarts::tried(ego.scenario(), self.seed, self.starts.clone(), &apart)
-        else {
+        let Some(own) = TrivialStarts::stored(dir, ego, (self.seed, &self.starts), &apart) else {
             let mut all = self.clone();
             if left_out {
                 all.trivial.fill(false);
             }
             return (!watch.stopped()).then_some((all, None));
         };
+        let own = TestStarts::new(self.seed, self.starts.clone(), own);
         let starts = own.trivial.iter().filter(|trivial| **trivial).count();
         let alone = Some(FailsAlone { starts, left_out });
         if left_out {
