@@ -409,11 +409,15 @@ fn a_viewer_that_reads_nothing_never_delays_the_work() {
     let (open, closed) = channel();
     let stream = EpisodeStream::new(Box::new(Full(5_000, closed)), "full", false).unwrap();
     let live = LiveView::start(stream).unwrap();
+    assert!(live.is_ready());
     show(&live, &world, &episode);
     // The episode is being written, so the next ones are left out.
     for _ in 0..3 {
         assert!(!live.is_ready());
-        live.progress(&progress(1));
+    }
+    // More reports than may wait.
+    for decisions in 0..5_000 {
+        live.progress(&progress(decisions));
     }
     drop(open);
     let end = live.finish().expect("not ended before");

@@ -114,7 +114,8 @@ impl Plan {
             };
             // The pieces of a world's first unit play its trivial starts for all its units.
             let before = &checked.plan.units[..nth];
-            let is_first = !before.iter().any(|other| other.world == unit.world);
+            let is_program = checked.worlds[unit.world].program().is_some();
+            let is_first = is_program || !before.iter().any(|other| other.world == unit.world);
             let alone_s = match (is_first, measured) {
                 (false, _) => 0.0,
                 (true, false) => estimate::alone_s(&checked.worlds[unit.world]),

@@ -45,8 +45,9 @@ impl TrivialBlocks {
         watch: &Watch<'_>,
     ) -> TrivialStarts {
         let mut found = TrivialStarts::default();
-        // In such a world no start is left out.
-        if world.judges_each_ego() {
+        // In the first no start is left out. Outcomes of a program are not stored, so
+        // each process would play whole blocks again.
+        if world.judges_each_ego() || world.program().is_some() {
             return found;
         }
         let mut next = which.start;

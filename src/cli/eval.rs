@@ -61,14 +61,14 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
 
 /// Opens the stream of an evaluation of a world, if one is requested.
 pub(super) fn open_live(args: &EvalArgs, world: &Scenario) -> Result<Live, Failure> {
-    let live = &args.test.live;
-    live.open(&args.test.common, world.name(), Streamed::Episodes)
+    args.test.live.open(world.name(), Streamed::Episodes)
 }
 
 /// Evaluates a world in which no ado was trained.
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let test = &args.test;
     let mut world = load_world(&args.run, &test.common)?;
+    test.live.check(test.common.json)?;
     let has_points = world.has_points();
     refuse_options_of_runs(args, has_points)?;
     if let Some(plant) = test.plant {
@@ -90,7 +90,6 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     };
     note_program_costs(&egos, &watch);
     drop(bar);
-    live.end();
     if test.common.json {
         print_json(&json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way }))?
     } else {
@@ -109,8 +108,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     // All checks of the request come before the first simulation.
     let tested = RunUnderTest::open(&args.run, &args.test)?;
     let egos = args.ego.find(&tested.nominal)?;
+    let live = tested.live()?;
     let bar = progress::bar(&args.test.common, "");
-    let watch = tested.watch(&bar, egos.len());
+    let watch = tested.watch((&bar, &live), egos.len());
     let Some(mut evaluated) = tested.evaluate(&egos, false, &watch)? else {
         return interrupted_early(&args.test.common);
     };

@@ -33,8 +33,9 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
     refuse_world(&args.run, "gate")?;
     let tested = RunUnderTest::open(&args.run, &args.test)?;
     let egos = egos(args, &tested.nominal)?;
+    let live = tested.live()?;
     let bar = progress::bar(&args.test.common, "");
-    let watch = tested.watch(&bar, egos.len());
+    let watch = tested.watch((&bar, &live), egos.len());
     let Some(evaluated) = tested.evaluate(&egos, true, &watch)? else {
         return interrupted_early(&args.test.common);
     };

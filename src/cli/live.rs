@@ -1,16 +1,17 @@
 //! Option `--rerun`: a stream for the rerun viewer while a command runs.
 
+use std::path::Path;
+
 use clap::Args;
 
-use super::{Common, Failure, terminal};
+use super::{Failure, terminal};
 use crate::experiment::Audience;
 #[cfg(feature = "rerun")]
 use crate::view::{EpisodeStream, LiveEnd, LiveView, ViewError};
 
-/// Word that stands for standard output.
+/// Name of standard output as a place.
 const STDOUT: &str = "-";
-/// Word that stands for a viewer that runs already.
-#[cfg(feature = "connect")]
+/// Name of a viewer that runs already.
 const CONNECT: &str = "connect";
 
 /// Stream for the rerun viewer.
@@ -56,26 +57,39 @@ impl RerunArgs {
         terminal::data(text)
     }
 
-    /// Refuses a stream and a JSON object on the same standard output.
-    pub(super) fn refuse_json(&self, json: bool) -> Result<(), Failure> {
-        if json && self.rerun.as_deref() == Some(STDOUT) {
-            return Err(Failure::input(
+    /// Refuses a stream without a place, before any work or file.
+    pub(super) fn check(&self, json: bool) -> Result<(), Failure> {
+        let Some(place) = self.rerun.as_deref() else {
+            return Ok(());
+        };
+        if !cfg!(feature = "rerun") {
+            return Err(super::view::without_viewer());
+        }
+        match place {
+            STDOUT if json => Err(Failure::input(
                 "`--json` and `--rerun -` both write to standard output",
                 "stream to a file: `--rerun live.rrd`",
-            ));
+            )),
+            STDOUT if terminal::stdout_for_bytes().is_none() => Err(Failure::input(
+                "`--rerun -` writes bytes for the viewer, and standard output is a terminal",
+                "pipe it to the viewer: `brakecheck ... --rerun - | rerun -`",
+            )),
+            STDOUT => Ok(()),
+            CONNECT if cfg!(feature = "connect") => Ok(()),
+            CONNECT => Err(Failure::input(
+                "this brakecheck was built without the connection to a running viewer",
+                "pipe the stream to the viewer: `brakecheck ... --rerun - | rerun -`; or install \
+                 with `--features connect`",
+            )),
+            file => check_file(Path::new(file)),
         }
-        Ok(())
     }
 
-    /// Opens the stream, if one is requested. `name` is the recording's.
+    /// Opens the stream, if one is requested, after [`RerunArgs::check`].
+    ///
+    /// `name` is that of the recording.
     #[cfg(feature = "rerun")]
-    pub(super) fn open(
-        &self,
-        common: &Common,
-        name: &str,
-        content: Streamed,
-    ) -> Result<Live, Failure> {
-        self.refuse_json(common.json)?;
+    pub(super) fn open(&self, name: &str, content: Streamed) -> Result<Live, Failure> {
         let Some(stream) = self.stream(name, content)? else {
             return Ok(Live::default());
         };
@@ -96,12 +110,10 @@ impl RerunArgs {
             None => return Ok(None),
             #[cfg(feature = "connect")]
             Some(CONNECT) => EpisodeStream::connect(name, learning),
-            #[cfg(not(feature = "connect"))]
-            Some("connect") => return Err(without_connection()),
-            Some(STDOUT) => {
-                refuse_terminal()?;
-                EpisodeStream::new(Box::new(std::io::stdout()), name, learning)
-            }
+            Some(STDOUT) => match terminal::stdout_for_bytes() {
+                Some(stdout) => EpisodeStream::new(Box::new(stdout), name, learning),
+                None => return Ok(None),
+            },
             Some(file) => match std::fs::File::create(file) {
                 Ok(created) => EpisodeStream::new(Box::new(created), name, learning),
                 Err(source) => Err(ViewError::Write {
@@ -113,13 +125,10 @@ impl RerunArgs {
         Ok(Some(opened.map_err(failure)?))
     }
 
-    /// Refuses a stream in a build without the viewer.
+    /// Returns no stream, because `check` refuses each.
     #[cfg(not(feature = "rerun"))]
-    pub(super) fn open(&self, _: &Common, _: &str, _: Streamed) -> Result<Live, Failure> {
-        match self.rerun {
-            None => Ok(Live::default()),
-            Some(_) => Err(super::view::without_viewer()),
-        }
+    pub(super) fn open(&self, _: &str, _: Streamed) -> Result<Live, Failure> {
+        Ok(Live::default())
     }
 }
 
@@ -131,14 +140,37 @@ impl Live {
         #[cfg(not(feature = "rerun"))]
         None
     }
+}
 
-    /// Ends the stream, with a note on what it contains.
-    pub(super) fn end(&self) {
-        #[cfg(feature = "rerun")]
+/// The end of a command ends its stream, with a note on its content.
+#[cfg(feature = "rerun")]
+impl Drop for Live {
+    fn drop(&mut self) {
         if let Some(end) = self.view.as_ref().and_then(LiveView::finish) {
             terminal::note(&in_words(&end));
         }
     }
+}
+
+/// Refuses a file that is no recording, or that has no directory.
+fn check_file(file: &Path) -> Result<(), Failure> {
+    let name = file.display();
+    if file.extension().is_none_or(|extension| extension != "rrd") {
+        return Err(Failure::input(
+            format!("`{name}` is no name of a recording"),
+            "end it with `.rrd`, e.g. `--rerun live.rrd`",
+        ));
+    }
+    let parent = file
+        .parent()
+        .filter(|parent| !parent.as_os_str().is_empty());
+    if parent.is_some_and(|parent| !parent.is_dir()) {
+        return Err(Failure::input(
+            format!("`{name}` is in no directory that exists"),
+            "make its directory first, or name a file in another",
+        ));
+    }
+    Ok(())
 }
 
 #[cfg(feature = "rerun")]
@@ -171,25 +203,4 @@ pub(super) fn failure(error: ViewError) -> Failure {
         }
         _ => Failure::fault(error.to_string(), Some(help.to_owned())),
     }
-}
-
-/// Refuses to write bytes to a person.
-#[cfg(feature = "rerun")]
-fn refuse_terminal() -> Result<(), Failure> {
-    if std::io::IsTerminal::is_terminal(&std::io::stdout()) {
-        return Err(Failure::input(
-            "`--rerun -` writes bytes for the viewer, and standard output is a terminal",
-            "pipe it to the viewer: `brakecheck ... --rerun - | rerun -`",
-        ));
-    }
-    Ok(())
-}
-
-#[cfg(all(feature = "rerun", not(feature = "connect")))]
-fn without_connection() -> Failure {
-    Failure::input(
-        "this brakecheck was built without the connection to a running viewer",
-        "pipe the stream to the viewer: `brakecheck ... --rerun - | rerun -`; or install with \
-         `--features connect`",
-    )
 }

@@ -28,7 +28,6 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     consent_to(&egos)?;
     let live = open_live(args, world)?;
     let tables = played(args, &egos, &live);
-    live.end();
     if tables.is_empty() {
         return interrupted_early(&args.test.common);
     }

@@ -72,11 +72,7 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
         .map(|(it, about)| row(it, about))
         .collect();
     let in_all = ReplaySummary::of(&replayed);
-    let summary = if recorded {
-        in_all.as_recorded(&replayed)
-    } else {
-        in_all.still_failing()
-    };
+    let summary = in_all.in_words(recorded, &replayed);
     if args.common.json {
         print_json(&json!({ "rows": rows, "in_all": in_all }))
     } else {
@@ -124,6 +120,14 @@ impl ReplaySummary {
             still_fail,
             fixed: replayed.len() - still_fail - invalid,
             invalid,
+        }
+    }
+
+    fn in_words(&self, recorded: bool, replayed: &[Replayed]) -> String {
+        if recorded {
+            self.as_recorded(replayed)
+        } else {
+            self.still_failing()
         }
     }
 

@@ -52,13 +52,12 @@ pub(super) struct RunUnderTest<'a> {
     ados: Vec<AdoKind>,
     context: Option<ContextSource>,
     test: &'a TestArgs,
-    pub(super) live: Live,
 }
 
 impl<'a> RunUnderTest<'a> {
     /// Opens a run, and refuses requests without a possible result.
     pub(super) fn open(path: &Path, test: &'a TestArgs) -> Result<RunUnderTest<'a>, Failure> {
-        test.live.refuse_json(test.common.json)?;
+        test.live.check(test.common.json)?;
         let run = open_run(path, &test.common)?;
         let context = context(test, &run)?;
         let world = run.scenario()?;
@@ -72,16 +71,25 @@ impl<'a> RunUnderTest<'a> {
             ados: ados(test, &run),
             nominal,
             context,
-            live: open_live(test, &run)?,
             run,
             test,
         })
     }
 
+    /// Opens the stream of the test, if one is requested.
+    pub(super) fn live(&self) -> Result<Live, Failure> {
+        let name = format!("test with {}", self.run.path().display());
+        self.test.live.open(&name, Streamed::Episodes)
+    }
+
     /// Returns the watch of an evaluation of so many egos.
-    pub(super) fn watch<'b>(&'b self, bar: &'b progress::Bar, egos: usize) -> Watch<'b> {
+    pub(super) fn watch<'b>(
+        &self,
+        (bar, live): (&'b progress::Bar, &'b Live),
+        egos: usize,
+    ) -> Watch<'b> {
         let watch = bar.watch().first_of(self.test.keep.steps(egos));
-        watch.shown_to(self.live.audience())
+        watch.shown_to(live.audience())
     }
 
     /// Plays every ado against every ego, and returns `None` if stopped before the first.
@@ -118,7 +126,6 @@ impl<'a> RunUnderTest<'a> {
         evaluated: &EvaluationTable<'_>,
         result: Option<Supplement>,
     ) -> Result<(), Failure> {
-        self.live.end();
         let summary = summarise(&evaluated.egos, &AdversaryId::Trained);
         if self.test.common.json {
             let mut object = json!({
@@ -185,12 +192,6 @@ fn context(test: &TestArgs, run: &RunDir) -> Result<Option<ContextSource>, Failu
         terminal::note(UNTOLD);
     }
     Ok(context)
-}
-
-/// Opens the stream of a test, if one is requested.
-fn open_live(test: &TestArgs, run: &RunDir) -> Result<Live, Failure> {
-    let name = format!("test with {}", run.path().display());
-    test.live.open(&test.common, &name, Streamed::Episodes)
 }
 
 /// Returns the ados to play.

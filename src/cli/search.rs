@@ -71,6 +71,7 @@ fn method_of_the_list() -> impl TypedValueParser<Value = MethodInfo> {
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     // An option without effect is refused before any file is read.
     args.method.refuse_others(&given(args))?;
+    args.live.check(args.common.json)?;
     let is_run = args.world.is_dir();
     let run = is_run.then(|| open_run(&args.world, &args.common));
     let run = run.transpose()?;
@@ -81,8 +82,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         switches: args.switches,
         stored: stored.as_ref(),
     };
-    let live = &args.live;
-    let live = live.open(&args.common, world.name(), Streamed::Episodes)?;
+    let live = args.live.open(world.name(), Streamed::Episodes)?;
     let bar = progress::bar(&args.common, "");
     let campaign = SearchCampaign {
         world: &world,
@@ -99,7 +99,6 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     };
     note_program_costs(&egos, &watch);
     drop(bar);
-    live.end();
     // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
     let step = (&args.common, egos.len());

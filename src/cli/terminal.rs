@@ -205,6 +205,12 @@ pub fn data(text: &str) -> Result<(), Failure> {
     write_data(&visible(text))
 }
 
+/// Returns stdout for a stream of bytes. `None`: it is a terminal, where a person reads.
+pub(super) fn stdout_for_bytes() -> Option<io::Stdout> {
+    let stdout = io::stdout();
+    (!stdout.is_terminal()).then_some(stdout)
+}
+
 /// Prints a JSON text on stdout. Its strings contain no raw control characters.
 pub fn json(text: &str) -> Result<(), Failure> {
     write_data(&visible_json(text))

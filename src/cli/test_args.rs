@@ -7,6 +7,7 @@ use super::live::RerunArgs;
 use super::number_args::{STARTS, count, start_count};
 use super::{Common, one_of};
 use crate::adversary::AdoKind;
+use crate::ego::Process;
 use crate::experiment::{EgoError, EgoUnderTest, Watch};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
@@ -36,15 +37,22 @@ impl EgoArgs {
     }
 }
 
-/// Notes the cost of each ego that is a program.
+/// Notes the cost of each program that is the ego of some of `egos`.
 pub(super) fn note_program_costs(egos: &[EgoUnderTest], watch: &Watch<'_>) {
-    for ego in egos {
-        let cost = ego.program_cost().filter(|cost| 0 < cost.steps);
-        if let Some(cost) = cost {
+    let mut programs: Vec<&Process> = Vec::new();
+    for program in egos.iter().filter_map(|ego| ego.scenario().program()) {
+        // Changes of one world share its program.
+        if !programs.iter().any(|known| known.shares_cost(program)) {
+            programs.push(program);
+        }
+    }
+    for program in programs {
+        let cost = program.cost();
+        if 0 < cost.steps {
             watch.note(&format!(
-                "`{}` gave {} commands in {} episodes; waiting for them took {:.1} s in all, \
-                 {:.2} ms each, on {} processes",
-                ego.name(),
+                "`{}` gave {} commands in {} episodes, also in trivial starts and checks; \
+                 waiting for them took {:.1} s in all, {:.2} ms each, on {} processes",
+                program.command.join(" "),
                 cost.steps,
                 cost.episodes,
                 cost.waited_s,

@@ -69,10 +69,11 @@ pub(super) struct TrainArgs {
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     refuse_program("train", &args.program)?;
     let world = load_world(&args.world, &args.common)?;
-    // Opened first, because a refused stream must leave no run directory.
-    let title = format!("training in {}", world.name);
-    let live = args.live.open(&args.common, &title, Streamed::Training)?;
+    // A refused stream must leave no run directory, and a refused training no stream.
+    args.live.check(args.common.json)?;
     let mut session = session(args, &world)?;
+    let title = format!("training in {}", world.name);
+    let live = args.live.open(&title, Streamed::Training)?;
     let bar = progress::bar(&args.common, "");
     let trained = session.train(&bar.watch().shown_to(live.audience()))?;
     drop(bar);
@@ -94,7 +95,6 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     drop(bar);
-    live.end();
     show(args, &session, &trained, &closing.rows)?;
     // The rows are printed first, so a full disk does not cost them.
     session.keep(&closing)?;

@@ -15,7 +15,8 @@ use crate::crashes::{Regressions, Replayed, ViewKind, newest_of_training, pictur
 use crate::ego::reference::ReferenceDriver;
 #[cfg(feature = "rerun")]
 use crate::experiment::ShownEpisode;
-use crate::run_dir::write_file;
+use crate::experiment::{EgoUnderTest, consent_to};
+use crate::run_dir::{RunDir, write_file};
 #[cfg(feature = "rerun")]
 use crate::view::ViewError;
 
@@ -79,7 +80,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     if !is_picture && !cfg!(feature = "rerun") {
         return Err(without_viewer());
     }
-    args.live.refuse_json(args.json)?;
+    args.live.check(args.json)?;
     let (replayed, ego) = replayed(args)?;
     let Some(first) = replayed.first() else {
         return Err(Failure::input(
@@ -99,15 +100,17 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Counterexamples of a training that a stream shows.
+/// Newest counterexamples of a running training that a stream shows.
 const NEWEST: usize = 20;
 
 /// Plays the requested counterexamples again, and returns them with the name of the ego.
 fn replayed(args: &ViewArgs) -> Result<(Vec<Replayed>, String), Failure> {
     let all = args.live.is_given() && args.episode.is_none();
-    let is_run = args.what.join("manifest.json").is_file();
-    if is_run && !args.what.join("episodes").exists() && args.ego.is_none() {
-        return Ok((of_training(args, all)?, "nominal".to_owned()));
+    if args.ego.is_none() && args.what.join("manifest.json").is_file() {
+        let run = open_run(&args.what, &args.common())?;
+        if !run.manifest().is_finished() {
+            return of_training(args, &run, all);
+        }
     }
     let single = args.what.is_file();
     let number = args.episode.as_deref().unwrap_or("0");
@@ -122,27 +125,32 @@ fn replayed(args: &ViewArgs) -> Result<(Vec<Replayed>, String), Failure> {
     Ok((replayed, ego))
 }
 
-/// Plays counterexamples of a training that has kept no episodes yet.
-fn of_training(args: &ViewArgs, all: bool) -> Result<Vec<Replayed>, Failure> {
-    let run = open_run(&args.what, &args.common())?;
-    let mut newest = newest_of_training(&run, NEWEST)?;
-    if all {
-        return Ok(newest);
-    }
+/// Plays counterexamples of a training that has not finished. Number 0 is the newest.
+fn of_training(
+    args: &ViewArgs,
+    run: &RunDir,
+    all: bool,
+) -> Result<(Vec<Replayed>, String), Failure> {
+    consent_to(&[EgoUnderTest::nominal(&run.scenario()?)])?;
+    let name = args.what.display();
+    let ego = run.manifest().ego.as_ref();
+    let ego = ego.map_or("nominal", |ego| ego.name.as_str()).to_owned();
     let number = args.episode.as_deref().unwrap_or("0");
-    match number.parse::<usize>() {
-        // Number 0 is the newest.
-        Ok(number) if number < newest.len() => {
-            Ok(vec![newest.swap_remove(newest.len() - 1 - number)])
-        }
-        _ => Err(Failure::input(
-            format!(
-                "`{number}` is none of the {} newest counterexamples",
-                newest.len()
-            ),
-            "the training has kept no episodes yet; its newest counterexample is number 0",
-        )),
+    let Some(number) = number.parse::<usize>().ok() else {
+        return Err(Failure::input(
+            format!("`{number}` is no number of a counterexample"),
+            "a training that has not finished numbers them from 0, the newest",
+        ));
+    };
+    let (skipped, most) = if all { (0, NEWEST) } else { (number, 1) };
+    let newest = newest_of_training(run, skipped, most)?;
+    if newest.is_empty() {
+        return Err(Failure::input(
+            format!("the training in `{name}` has no counterexample {number} so far"),
+            "number 0 is its newest; try again after its next checkpoint",
+        ));
     }
+    Ok((newest, ego))
 }
 
 /// Writes all counterexamples as one recording.
@@ -152,20 +160,19 @@ fn stream(args: &ViewArgs, replayed: &[Replayed]) -> Result<(), Failure> {
     let Some(mut stream) = args.live.stream(&name, Streamed::Episodes)? else {
         return Ok(());
     };
-    for replayed in replayed {
-        let caption = caption(replayed);
-        let shown = ShownEpisode {
+    let streamed = replayed.iter().try_for_each(|replayed| {
+        stream.episode(&ShownEpisode {
             scenario: &replayed.scenario,
             episode: &replayed.episode,
-            caption: &caption,
+            caption: &caption(replayed),
             decisions: None,
-        };
-        match stream.episode(&shown) {
-            Err(ViewError::Closed) => return Ok(terminal::note("the viewer was closed")),
-            written => written.map_err(live::failure)?,
-        }
+        })
+    });
+    match streamed.and_then(|()| stream.finish()) {
+        // A closed viewer is the user's choice.
+        Err(ViewError::Closed) => terminal::note("the viewer was closed"),
+        ended => ended.map_err(live::failure)?,
     }
-    stream.finish().map_err(live::failure)?;
     if args.json {
         return print_json(&json!({ "episodes": replayed.len() }));
     }

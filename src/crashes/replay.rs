@@ -131,19 +131,25 @@ impl Replayed {
     }
 }
 
-/// Plays the newest counterexamples of a training again, at most `most`, oldest first.
+/// Plays the newest counterexamples of a training again, oldest first.
 ///
-/// The training may still be running.
+/// The `skipped` newest are left out, and at most `most` are played. The training may
+/// still be running.
 ///
 /// # Errors
 /// The training stored none yet, or a file is damaged.
-pub fn newest_of_training(run: &RunDir, most: usize) -> Result<Vec<Replayed>, RunError> {
+pub fn newest_of_training(
+    run: &RunDir,
+    skipped: usize,
+    most: usize,
+) -> Result<Vec<Replayed>, RunError> {
     let (scenario, stored) = (run.scenario()?, run.counterexamples_so_far()?);
     let seed = run.manifest().seed;
     let mut bench = scenario.bench();
     let all = stored.all();
-    let newest = all.iter().skip(all.len().saturating_sub(most));
-    let replayed = newest.map(|success| {
+    let newest = &all[..all.len().saturating_sub(skipped)];
+    let newest = &newest[newest.len().saturating_sub(most)..];
+    let replayed = newest.iter().map(|success| {
         let key = StartKey {
             purpose: Purpose::Train,
             seed,

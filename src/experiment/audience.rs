@@ -21,9 +21,9 @@ pub struct ShownEpisode<'a> {
 ///
 /// No result depends on it. Its functions are called from any thread and never block.
 pub trait Audience: Sync {
-    /// Returns whether an episode would be shown now.
+    /// Returns whether an episode is shown now, and takes its place: `episode` must follow.
     ///
-    /// It is asked before an episode is recorded, which costs time.
+    /// It is called before an episode is recorded, which costs time.
     fn is_ready(&self) -> bool;
 
     /// Shows an episode after those before it.

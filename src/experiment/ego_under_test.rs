@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::EgoError;
-use crate::ego::{Process, ProgramCost};
+use crate::ego::Process;
 use crate::run_dir::ChangedEgo;
 use crate::scene::drive::ControllerFactory;
 use crate::sim::PlantKind;
@@ -101,11 +101,6 @@ impl EgoUnderTest {
             scenario: ego.scenario.allow_programs(true),
             ..ego
         })
-    }
-
-    /// Returns the cost of the ego's program so far, if the ego is one.
-    pub fn program_cost(&self) -> Option<ProgramCost> {
-        self.scenario.program().map(Process::cost)
     }
 
     /// Creates the ego of a program if there is one, and otherwise finds the egos of a

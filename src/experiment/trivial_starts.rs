@@ -134,18 +134,18 @@ fn file_of(
     if ego.is_own() || scenario.program().is_some() {
         return None;
     }
-    let asked = json!({
+    let request = json!({
         "change": ego.change(),
         "plant": scenario.plant(),
         "seed": seed,
         "starts": fingerprint(&json!(starts)),
     });
-    let name = fingerprint(&json!([sha256(scenario.text().as_bytes()), asked]));
+    let name = fingerprint(&json!([sha256(scenario.text().as_bytes()), request]));
     Some(CachedResult::new(
         &dir.join(DIR),
         &name[..16],
         scenario,
-        asked,
+        request,
     ))
 }
 

@@ -57,10 +57,13 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// Adds an update with its mean loss.
+    /// Adds an update with its mean loss. A loss that is not finite is left out.
     pub fn add(&mut self, loss: f64) {
-        self.sum += loss;
-        self.updates += 1;
+        // JSON has no such number, and a run must stay readable.
+        if loss.is_finite() {
+            self.sum += loss;
+            self.updates += 1;
+        }
     }
 }
 

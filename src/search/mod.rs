@@ -87,7 +87,9 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
             let (start, noise) = from;
             let mut found = searcher.solve((start, *noise), turn.index, watch)?;
             found.cpu_s = turn.cpu_s();
-            if let Some(actions) = &found.actions {
+            // A program would have to play the episode again.
+            let can_replay = request.scenario.program().is_none();
+            if let Some(actions) = found.actions.as_ref().filter(|_| can_replay) {
                 let caption = || success_caption(request.ego, &AdversaryId::Search, turn.index);
                 let found = RecordedSuccess::of_actions(actions.clone());
                 let again = || found.play(request.scenario, &mut searcher.bench, (start, *noise));

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::error::{OptionClash, SessionError};
 use super::train_loop::{TrainError, TrainingOutcome, steps, train};
 use crate::adversary::Ado;
-use crate::experiment::{EgoUnderTest, Watch, consent, consent_to_family, on_plant, test_starts};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant};
 use crate::rl::{LearnerConfig, Policy};
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Beginning, ChangedEgo, RequestedTraining, Row, RunDir, RunError};
@@ -172,7 +172,9 @@ impl TrainSession {
         let policy = self.policy()?;
         let steps = steps(self.ego.scenario());
         let watch = &watch.first_of(steps).later(steps - 1);
-        let Some(starts) = test_starts(&self.run.world()?, 0, starts, watch) else {
+        let nominal = EgoUnderTest::nominal(&self.run.world()?);
+        let stored = TestStarts::stored(Some(self.run.path()), &nominal, (starts, 0), watch);
+        let Some(starts) = stored else {
             return Ok(None);
         };
         let trained = Adversary::Ado(Ado::Trained(&*policy, self.run.manifest().seed));

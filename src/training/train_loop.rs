@@ -91,7 +91,6 @@ pub fn train(
         (None, None) => scenario.learner.build(spaces, seed),
     };
     gym.inner().tell_faults(watch.faults.clone());
-    gym.show_to(watch.audience);
     let mut physics_steps = run.manifest().physics_steps;
     let mut spent_s = run.manifest().cpu_s;
     let mut own = OwnTime::begin();
@@ -113,6 +112,8 @@ pub fn train(
         decisions: learner.decisions(),
         physics_steps,
     });
+    // Only now, because demonstrations are no episodes of the training.
+    gym.show_to(watch.audience);
     // Counterexamples of a family are not stored, because their egos have no names.
     let stores = scenario.against.is_nominal();
     if stores {

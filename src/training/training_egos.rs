@@ -49,6 +49,7 @@ impl<'a> TrainingGym<'a> {
 
     /// Shows the episode that has just ended with a reward.
     fn show(&mut self, audience: &dyn Audience, reward: f32) {
+        // Invariant: an episode that has just ended has a verdict.
         let Some(episode) = self.gym.ended_episode() else {
             return;
         };

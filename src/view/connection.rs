@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use re_grpc_client::write::{Client, ClientConnectionState, Options};
+use re_grpc_client::write::{Client, ClientConnectionState, GrpcFlushError, Options};
 use re_log_types::LogMsg;
 
 use super::error::ViewError;
@@ -12,7 +12,7 @@ const ADDRESS: &str = "rerun+http://127.0.0.1:9876/proxy";
 /// Time for the viewer to answer.
 const ANSWER: Duration = Duration::from_secs(5);
 /// Time to deliver what is on its way when a command ends.
-const DELIVERY: Duration = Duration::from_secs(20);
+const DELIVERY: Duration = Duration::from_secs(8);
 
 /// Connection to a viewer.
 pub(super) struct Connection(Client);
@@ -56,6 +56,9 @@ impl Connection {
     /// Waits until all messages are delivered.
     pub(super) fn finish(&self) -> Result<(), ViewError> {
         let delivered = self.0.flush_blocking(DELIVERY);
-        delivered.map_err(|_| ViewError::Closed)
+        delivered.map_err(|error| match error {
+            GrpcFlushError::Timeout { .. } => ViewError::Stuck,
+            _ => ViewError::Closed,
+        })
     }
 }

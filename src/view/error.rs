@@ -17,7 +17,10 @@ pub enum ViewError {
     /// Stream whose reader is gone: a viewer that was closed.
     #[error("the viewer was closed")]
     Closed,
-    /// Reader that does not read what is sent.
+    /// Panic of the viewer's library.
+    #[error("the viewer's library failed")]
+    Broken,
+    /// Reader that does not read the stream.
     #[error("the viewer did not read the end of the stream")]
     Stuck,
     /// Failure to write a stream.
@@ -57,7 +60,10 @@ impl ViewError {
             ViewError::Closed => "open it again for the next command",
             ViewError::Stream { .. } => "check the free space, and that the file can be written",
             ViewError::NoViewer { .. } => "start it first: `rerun`",
-            ViewError::Value(_) | ViewError::Rows(_) | ViewError::Encode { .. } => {
+            ViewError::Broken
+            | ViewError::Value(_)
+            | ViewError::Rows(_)
+            | ViewError::Encode { .. } => {
                 "this is a fault of the program; the episode itself is fine"
             }
         }

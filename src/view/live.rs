@@ -1,6 +1,6 @@
 //! Viewer of work in progress, on a thread of its own.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -40,8 +40,8 @@ struct OwnedEpisode {
 /// State that both threads see.
 #[derive(Default)]
 struct Shared {
-    /// Episodes that wait or are being written.
-    pending: AtomicUsize,
+    /// True while an episode is being recorded, or waits, or is being written.
+    busy: AtomicBool,
     shown: AtomicU64,
     spent_ns: AtomicU64,
     closed: AtomicBool,
@@ -86,7 +86,7 @@ impl LiveView {
         thread.spawn(move || {
             let written = write(stream, &messages, &seen);
             seen.closed.store(true, Ordering::Relaxed);
-            // Nobody waits any more if the command has ended without the rest.
+            // The command may have ended without the rest.
             let _ = end.send(written);
         })?;
         Ok(LiveView {
@@ -98,22 +98,22 @@ impl LiveView {
         })
     }
 
-    /// Writes what waits, and ends the stream.
+    /// Writes the waiting messages, and ends the stream.
     ///
     /// `None`: it has ended already.
     pub fn finish(&self) -> Option<LiveEnd> {
         let take = |sender: &Mutex<Option<SyncSender<Message>>>| {
             sender.lock().unwrap_or_else(PoisonError::into_inner).take()
         };
-        // Without a sender the thread ends after what waits.
+        // Without a sender the thread ends after the waiting messages.
         drop(take(&self.sender));
         let ended = self.ended.lock();
         let ended = ended.unwrap_or_else(PoisonError::into_inner).take()?;
         let error = match ended.recv_timeout(PATIENCE) {
             Ok(written) => written.err(),
             Err(RecvTimeoutError::Timeout) => Some(ViewError::Stuck),
-            // A panic in the viewer's library has printed its message.
-            Err(RecvTimeoutError::Disconnected) => Some(ViewError::Closed),
+            // A panic of the viewer's library has printed its message.
+            Err(RecvTimeoutError::Disconnected) => Some(ViewError::Broken),
         };
         Some(LiveEnd {
             shown: self.shared.shown.load(Ordering::Relaxed),
@@ -136,7 +136,8 @@ impl Audience for LiveView {
         }
         let spent_s = 1e-9 * self.shared.spent_ns.load(Ordering::Relaxed) as f64;
         let allowed_s = HEAD_START_S + SHARE * self.work.elapsed().as_secs_f64();
-        let ready = self.shared.pending.load(Ordering::Relaxed) == 0 && spent_s <= allowed_s;
+        // The place is taken here, so that of several workers only the first records.
+        let ready = spent_s <= allowed_s && !self.shared.busy.swap(true, Ordering::Relaxed);
         if !ready {
             self.left_out.fetch_add(1, Ordering::Relaxed);
         }
@@ -150,9 +151,8 @@ impl Audience for LiveView {
             caption: shown.caption.to_owned(),
             decisions: shown.decisions,
         };
-        self.shared.pending.fetch_add(1, Ordering::Relaxed);
         if !self.send(Message::Episode(Box::new(owned))) {
-            self.shared.pending.fetch_sub(1, Ordering::Relaxed);
+            self.shared.busy.store(false, Ordering::Relaxed);
             self.left_out.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -189,7 +189,7 @@ fn write(
                     decisions: owned.decisions,
                 })?;
                 shared.shown.fetch_add(1, Ordering::Relaxed);
-                shared.pending.fetch_sub(1, Ordering::Relaxed);
+                shared.busy.store(false, Ordering::Relaxed);
             }
             Message::Progress(progress) => stream.progress(&progress)?,
             Message::Calibration(decisions, calibration) => {

@@ -99,7 +99,7 @@ impl LogWriter {
 
     /// Places all later messages on the timelines of a stream.
     ///
-    /// What a recording logs for all times then holds from the start of the episode on.
+    /// Messages for all times then hold from the start of the episode on.
     pub(super) fn place(&mut self, place: StreamPlace) {
         self.place = Some(place);
     }

@@ -23,14 +23,16 @@ const REPORT_S: f64 = 0.05;
 
 /// Entities of an episode, which the next episode replaces.
 ///
-/// Curves and logs of events are not among them: they show all episodes.
-const REPLACED: [&str; 6] = [
+/// Curves break there, and the log of events goes on.
+const REPLACED: [&str; 8] = [
     "world",
     "trails",
     "contact",
     "verdict/mark",
     "map",
     "follow",
+    "robustness",
+    "signals",
 ];
 
 /// Stream of episodes for the viewer, one after another on common timelines.
@@ -219,7 +221,7 @@ impl Sink {
     }
 }
 
-/// Tells a closed stream from data that the library rejects.
+/// Distinguishes a closed stream from data that the library rejects.
 fn refused(error: EncodeError) -> ViewError {
     match error {
         EncodeError::Write(source) if source.kind() == io::ErrorKind::BrokenPipe => {

@@ -50,7 +50,8 @@ impl<'a> ViewedEpisode<'a> {
         episode: &'a Episode,
         caption: &'a str,
     ) -> ViewedEpisode<'a> {
-        let mut bench = scenario.bench();
+        // A program is not started again: its commands are in the episode.
+        let mut bench = scenario.repeating(episode).bench();
         let mut frames = film(&mut bench, episode);
         let departs = departure(episode, bench.trace());
         // A run that was judged to the horizon holds its last sample.

@@ -77,6 +77,8 @@ fn the_crash_of_a_program_is_minimized_labelled_and_persistent() {
     let dir = scratch();
     let (all, said) = kept(&dir, "kept", "");
     assert!(said.contains("minimized and labelled with"), "{said}");
+    // The one program is named once, with its cost.
+    assert_eq!(said.matches("blind.py` gave ").count(), 1, "{said}");
     assert!(!all.is_empty());
     for about in &all {
         let shrunk = about.shrunk.expect("asked");

@@ -127,7 +127,25 @@ fn a_training_can_be_viewed_before_it_ends() {
     );
     let output = brakecheck(&["view", &run, "99", "-o", &file]);
     assert_eq!(code(&output), 2, "{}", stderr(&output));
-    assert!(stderr(&output).contains("its newest counterexample is number 0"));
+    assert!(stderr(&output).contains("number 0 is its newest"));
+    let output = brakecheck(&["view", &run, "first", "-o", &file]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+}
+
+#[cfg(not(feature = "connect"))]
+#[test]
+fn a_connection_needs_its_feature() {
+    let args = [
+        "search",
+        "worlds/acc.ron",
+        "--starts",
+        "1",
+        "--rerun",
+        "connect",
+    ];
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+    assert!(stderr(&output).contains("--features connect"));
 }
 
 #[test]
@@ -138,7 +156,8 @@ fn requests_without_a_place_for_the_stream_are_refused() {
     let cases: [(&[&str], &str); 4] = [
         (&["--rerun", "-", "--json"], "both write to standard output"),
         (&["--rerun", &nowhere], "no such directory"),
-        (&["--rerun", "connect"], "--features connect"),
+        // Another file is never overwritten.
+        (&["--rerun", "worlds/acc.ron"], "end it with `.rrd`"),
         (&["--rerun"], "a value is required"),
     ];
     for (more, says) in cases {

@@ -181,6 +181,11 @@ impl Process {
         self.pool.cost()
     }
 
+    /// Returns whether both are one program, as clones are, with one cost.
+    pub fn shares_cost(&self, other: &Process) -> bool {
+        self.pool.is(&other.pool)
+    }
+
     fn talk(&self) -> Result<Talk, Fault> {
         if !self.allowed {
             return Err(Fault::new(
@@ -268,9 +273,9 @@ impl ProcessController {
             self.spec.pool.count_episode();
             self.fresh = false;
         }
-        let asked = Instant::now();
-        let command = talk.step(percept, timeout);
-        self.spec.pool.count_step(asked.elapsed());
-        command
+        let began = Instant::now();
+        let command = talk.step(percept, timeout)?;
+        self.spec.pool.count_step(began.elapsed());
+        Ok(command)
     }
 }

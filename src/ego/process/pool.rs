@@ -275,6 +275,10 @@ impl Pool {
         }
     }
 
+    pub(super) fn is(&self, other: &Pool) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     pub(super) fn count_episode(&self) {
         self.0.episodes.fetch_add(1, Ordering::Relaxed);
     }
