@@ -19,9 +19,6 @@ const CONNECT: &str = "connect";
 pub(super) struct RerunArgs {
     /// Stream episodes to the rerun viewer while the command runs: a file, or `-` for
     /// `... | rerun -`.
-    ///
-    /// With `-`, tables go to stderr. A build with `--features connect` also takes
-    /// `connect`, for a viewer that runs already.
     #[arg(long, value_name = "FILE.rrd|-")]
     rerun: Option<String>,
 }

@@ -22,13 +22,13 @@ use super::bundle::{BundleError, TensorFile};
 use super::demonstrations::{Demonstrations, Imitation};
 use super::dice::LearnerRng;
 use super::learner::{
-    Built, ConfigError, Demonstration, Learner, LearnerKind, Losses, Shaped, TrainingCounters,
-    epsilon, expect_sizes, layers,
+    Built, ConfigError, Demonstration, Learner, LearnerKind, Shaped, TrainingCounters, epsilon,
+    expect_sizes, layers,
 };
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
 use super::starts::{EpisodeStart, StartPool};
-use super::{End, Env, Policy, Spaces};
+use super::{End, Env, Losses, Policy, Spaces};
 
 /// Kind of a kept policy.
 pub(super) const POLICY: &str = "brakecheck dqn policy 1";

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
-use super::{Control, Env, LearnerReport, Policy, Spaces};
+use super::{Control, Env, LearnerReport, Losses, Policy, Spaces};
 
 /// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,26 +44,6 @@ impl TrainingCounters {
         let counters = bundle.get::<u64>("counters", &[3])?;
         (self.decisions, self.episodes, self.aborted) = (counters[0], counters[1], counters[2]);
         Ok(())
-    }
-}
-
-/// Losses of some updates of a learner.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Losses {
-    /// Sum of the mean losses of the updates.
-    pub sum: f64,
-    /// Number of updates.
-    pub updates: u64,
-}
-
-impl Losses {
-    /// Adds an update with its mean loss. A loss that is not finite is left out.
-    pub fn add(&mut self, loss: f64) {
-        // JSON has no such number, and a run must stay readable.
-        if loss.is_finite() {
-            self.sum += loss;
-            self.updates += 1;
-        }
     }
 }
 

@@ -43,7 +43,7 @@ pub use demonstrations::Imitation;
 pub use dice::LearnerRng;
 pub use dqfd::DqfdSettings;
 pub use dqn::{DqnSettings, Loss};
-pub use learner::{ConfigError, Demonstration, Learner, Losses, Seeding, TrainingCounters};
+pub use learner::{ConfigError, Demonstration, Learner, Seeding, TrainingCounters};
 pub(crate) use list::fine_tuner;
 pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};
 pub use ppo::PpoSettings;
@@ -116,6 +116,26 @@ pub struct LearnerReport {
     pub exploration: f32,
     /// Losses of the updates since the last report.
     pub losses: Losses,
+}
+
+/// Losses of some updates of a learner.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Sum of the mean losses of the updates.
+    pub sum: f64,
+    /// Number of updates.
+    pub updates: u64,
+}
+
+impl Losses {
+    /// Adds an update with its mean loss. A loss that is not finite is left out.
+    pub fn add(&mut self, loss: f64) {
+        // JSON has no such number, and a run must stay readable.
+        if loss.is_finite() {
+            self.sum += loss;
+            self.updates += 1;
+        }
+    }
 }
 
 /// Answer of the progress callback.

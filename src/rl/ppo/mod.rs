@@ -16,12 +16,12 @@ use policy::ActorCritic;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
 use crate::rl::learner::{
-    Built, ConfigError, Learner, LearnerKind, Losses, Shaped, TrainingCounters, expect_sizes,
-    layers, linear,
+    Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, expect_sizes, layers,
+    linear,
 };
 use crate::rl::nn::{Adam, Mlp, Tape, argmax};
 use crate::rl::replay::check;
-use crate::rl::{End, Env, Policy, Spaces};
+use crate::rl::{End, Env, Losses, Policy, Spaces};
 
 /// Kind of a kept policy.
 const POLICY: &str = "brakecheck ppo policy 1";

@@ -16,12 +16,12 @@ use table::Table;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
 use crate::rl::learner::{
-    Built, ConfigError, Learner, LearnerKind, Losses, Shaped, TrainingCounters, epsilon,
-    expect_sizes, within,
+    Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, epsilon, expect_sizes,
+    within,
 };
 use crate::rl::nn::argmax;
 use crate::rl::replay::EpisodeBuffer;
-use crate::rl::{End, Env, Policy, Spaces};
+use crate::rl::{End, Env, Losses, Policy, Spaces};
 
 /// Kind of a kept policy.
 const POLICY: &str = "brakecheck q-table policy 1";
