@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex};
 use brakecheck::experiment::{Audience, ShownEpisode, Watch};
 use brakecheck::run_dir::{Calibration, Progress};
 use brakecheck::scene::Start;
+use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
 use brakecheck::training::{TrainRequest, TrainSession};
 use brakecheck::view::{EpisodeStream, LiveView, Recording, ViewError, entities, record};
@@ -435,10 +436,11 @@ fn show(live: &LiveView, world: &Scenario, episode: &Episode) {
 
 #[test]
 fn a_watched_training_writes_the_same_bytes() {
-    let world = world();
+    let world = world().on(PlantKind::Kinematic);
     let directory = tempfile::tempdir().unwrap();
     let request = TrainRequest {
-        decisions: Some(4_000),
+        // Enough episodes for a report.
+        decisions: Some(12_000),
         ..TrainRequest::default()
     };
     let pipe = Pipe::default();

@@ -274,7 +274,9 @@ fn a_flip_in_any_file_of_a_run_is_refused_by_its_name() {
     session.keep(&closing.expect("not stopped")).expect("kept");
     drop(session);
     let whole = told(&path).unwrap_or_else(|failure| panic!("{failure:?}"));
-    let files = files(&path);
+    // Stored trivial starts are played again if they are damaged, which their own tests show.
+    let mut files = files(&path);
+    files.retain(|file| !file.starts_with(path.join("trivial")));
     let names: Vec<String> = files
         .iter()
         .map(|file| {
