@@ -10,6 +10,7 @@ use thiserror::Error;
 
 use super::BodyControl;
 use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
+use super::body_shape::BodyShape;
 use super::vehicle::Vehicle;
 use super::walker::Walker;
 
@@ -40,6 +41,9 @@ pub struct Body {
     /// Distance of the centre of mass ahead of the middle of the length.
     #[serde(default)]
     pub com_ahead_m: f64,
+    /// Collision shape on the rigid plant.
+    #[serde(default, skip_serializing_if = "BodyShape::is_box")]
+    pub shape: BodyShape,
     /// Colour in pictures, 0 to 255 for red, green and blue.
     #[serde(default = "grey")]
     pub color_rgb: [u8; 3],
@@ -110,6 +114,7 @@ impl Body {
             -half_length_m,
             half_length_m,
         )?;
+        self.shape.validate(&self.dimensions())?;
         self.kind.answers().validate(&self.dimensions())
     }
 

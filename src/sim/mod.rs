@@ -26,6 +26,7 @@
 
 mod body;
 mod body_model;
+mod body_shape;
 pub mod kinematic;
 mod limits;
 mod planar;
@@ -39,6 +40,7 @@ use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 pub use body::{Body, BodyError, BodyKind};
 pub use body_model::{BodyDimensions, InvalidBody};
+pub use body_shape::{BodyPart, BodyShape};
 pub use kinematic::Kinematic;
 pub(crate) use pose::{GroundFrame, rotation_by};
 pub use pose::{Placement, Pose};

@@ -80,6 +80,25 @@ pub(super) struct ContactGeometry {
 }
 
 impl ContactGeometry {
+    /// Returns the contact of two shapes at a point, with its closing speed.
+    pub(super) fn new(
+        a: &SizedRect,
+        b: &SizedRect,
+        point_m: [f64; 3],
+        normal: [f64; 2],
+    ) -> ContactGeometry {
+        let [x_m, y_m, _] = point_m;
+        let [nx, ny] = normal;
+        let (ours, theirs) = (a.velocity_at((x_m, y_m)), b.velocity_at((x_m, y_m)));
+        let closing = (ours.0 - theirs.0) * nx + (ours.1 - theirs.1) * ny;
+        ContactGeometry {
+            point_m,
+            // Clamped, because a contact never reports that the bodies move apart.
+            closing_speed_mps: closing.max(0.0),
+            normal,
+        }
+    }
+
     /// Returns the contact to report.
     pub(super) fn contact(&self, pair: (BodyId, BodyId), after_s: f64) -> Contact {
         let ContactGeometry {
@@ -222,15 +241,9 @@ impl SizedRect<'_> {
         let (low, high) = (mine.low.max(-theirs.high), mine.high.min(-theirs.low));
         let (normal, tangent) = (0.5 * (mine.reach - theirs.reach), 0.5 * (low + high));
         let point = (normal * nx - tangent * ny, normal * ny + tangent * nx);
-        let (ours, other_velocity) = (self.velocity_at(point), other.velocity_at(point));
-        let closing = (ours.0 - other_velocity.0) * nx + (ours.1 - other_velocity.1) * ny;
         let height_m = 0.5 * self.extent.height_m.min(other.extent.height_m);
-        ContactGeometry {
-            point_m: [point.0, point.1, height_m],
-            // Clamped, because a contact never reports that the bodies move apart.
-            closing_speed_mps: closing.max(0.0),
-            normal: [nx, ny],
-        }
+        let point_m = [point.0, point.1, height_m];
+        ContactGeometry::new(self, other, point_m, [nx, ny])
     }
 }
 

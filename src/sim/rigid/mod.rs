@@ -13,6 +13,7 @@ mod car;
 mod foot;
 mod kinematic_playback;
 mod motor;
+mod shape;
 mod touch;
 mod world;
 
@@ -20,7 +21,8 @@ use self::car::Car;
 use self::foot::Foot;
 use self::kinematic_playback::PlaybackBody;
 use self::motor::Motor;
-use self::touch::{SweptFootprint, touch};
+use self::shape::CollisionShape;
+use self::touch::{SweptBody, touch};
 use self::world::RapierWorld;
 use super::planar::{ContactGeometry, Extent, Rect};
 use super::{
@@ -39,7 +41,7 @@ pub struct Rigid {
     ground: Ground,
     world: RapierWorld,
     movers: Vec<RigidMover>,
-    sweeps: Vec<SweptFootprint>,
+    sweeps: Vec<SweptBody>,
     faulty: bool,
     passing: bool,
 }
@@ -114,7 +116,7 @@ impl Rigid {
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
             mover.motor.rewind(&mut self.world, share);
             // At rest at the contact, so that the next `advance` starts from there.
-            *sweep = SweptFootprint::resting(mover.motor.rect(&self.world), sweep.extent);
+            sweep.rest(mover.motor.rect(&self.world));
         }
     }
 }
@@ -155,9 +157,10 @@ impl Plant for Rigid {
             accel_mps2: 0.0,
             before_mps: speed_mps,
         };
-        self.sweeps.push(SweptFootprint::resting(
+        self.sweeps.push(SweptBody::resting(
             mover.motor.rect(&self.world),
             Extent::of(body),
+            CollisionShape::of(body),
         ));
         self.movers.push(mover);
         BodyId(self.movers.len() - 1)
@@ -172,8 +175,8 @@ impl Plant for Rigid {
         if let (BodyCommand::Carry { .. }, false) = (command, motor.is_carried()) {
             // From now on rapier holds nothing of this body.
             motor.leave(&mut self.world);
-            let SweptFootprint { after, extent, .. } = self.sweeps[id.0];
-            *motor = Box::new(PlaybackBody::new(after, extent));
+            let sweep = &self.sweeps[id.0];
+            *motor = Box::new(PlaybackBody::new(sweep.after, sweep.extent));
         }
         self.faulty |= !motor.command(command);
     }
@@ -244,12 +247,12 @@ impl Plant for Rigid {
     }
 
     fn gap_m(&self, a: BodyId, b: BodyId) -> f64 {
-        self.sweeps[a.0].now().gap_m(&self.sweeps[b.0].now())
+        self.sweeps[a.0].gap_m(&self.sweeps[b.0])
     }
 
     fn sound(&self) -> bool {
         // NaN compares false, so it is unsound.
-        let fine = |sweep: &SweptFootprint| {
+        let fine = |sweep: &SweptBody| {
             let Rect {
                 x_m,
                 y_m,

@@ -1,0 +1,320 @@
+//! Collision shapes of parry, in f64, and the distance between two of them.
+//!
+//! A shape is a list of convex parts. A part is a core of parry with a radius
+//! around it. The distance between two rounded parts is the distance between
+//! their cores less both radii, so rounding costs no accuracy.
+
+use std::sync::Arc;
+
+use parry3d_f64::math::{Pose, Rotation, Vector};
+use parry3d_f64::query::{
+    ClosestPoints, ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher,
+    QueryDispatcher,
+};
+use parry3d_f64::shape::{Segment, SharedShape};
+
+use crate::sim::planar::{ContactGeometry, Rect, SizedRect, TOUCH_M};
+use crate::sim::{Body, BodyPart, BodyShape};
+
+/// Distance of two cores below which their difference gives no direction.
+const COINCIDENT_M: f64 = 1e-9;
+
+/// Collision shape of a body.
+///
+/// Its frame lies on the ground below the middle of the bounding box: x ahead,
+/// y left, z up. A copy shares the parts.
+#[derive(Clone)]
+pub(super) struct CollisionShape {
+    parts: Arc<[ConvexPart]>,
+}
+
+struct ConvexPart {
+    core: SharedShape,
+    /// Middle of the core in the frame of the shape.
+    middle: Vector,
+    radius_m: f64,
+    /// Lowest and highest point above the ground.
+    up_m: (f64, f64),
+}
+
+/// Signed distance of two shapes, negative if they overlap.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ShapeGap {
+    pub gap_m: f64,
+    /// Unit vector from the first shape to the second, in the world frame.
+    pub normal: [f64; 3],
+}
+
+/// Signed distance of two parts, in the frame of the first part's shape.
+struct PartGap {
+    gap_m: f64,
+    /// Unit vector to the second part.
+    normal: Vector,
+    /// Point of the first part that is closest to the second.
+    point: Vector,
+}
+
+impl CollisionShape {
+    /// Builds the shape of a valid body.
+    pub(super) fn of(body: &Body) -> CollisionShape {
+        let (l, w, h) = (body.length_m, body.width_m, body.height_m);
+        let whole = [(-0.5 * l, 0.5 * l), (-0.5 * w, 0.5 * w), (0.0, h)];
+        let parts = match &body.shape {
+            BodyShape::Box => vec![ConvexPart::cuboid(whole, 0.0)],
+            BodyShape::Rounded { corner_radius_m } => {
+                vec![ConvexPart::cuboid(whole, *corner_radius_m)]
+            }
+            BodyShape::Capsule => {
+                let radius_m = 0.5 * l;
+                let (low, high) = (radius_m, h - radius_m);
+                vec![ConvexPart::capsule(
+                    (0.0, 0.0, low),
+                    (0.0, 0.0, high),
+                    radius_m,
+                )]
+            }
+            BodyShape::Parts(parts) => parts.iter().map(ConvexPart::of).collect(),
+        };
+        CollisionShape {
+            parts: parts.into(),
+        }
+    }
+
+    /// Returns the signed distance of each pair of parts of two shapes.
+    pub(super) fn gaps<'a>(
+        &'a self,
+        rect: &Rect,
+        other: &'a CollisionShape,
+        other_rect: &Rect,
+    ) -> impl Iterator<Item = ShapeGap> + 'a {
+        let pose = relative(rect, other_rect);
+        let (cos, sin) = (rect.cos, rect.sin);
+        self.pairs(other).map(move |(mine, theirs)| {
+            let PartGap { gap_m, normal, .. } = mine.gap(theirs, &pose);
+            ShapeGap {
+                gap_m,
+                normal: [
+                    normal.x * cos - normal.y * sin,
+                    normal.x * sin + normal.y * cos,
+                    normal.z,
+                ],
+            }
+        })
+    }
+
+    /// Returns the signed distance of two shapes: that of their nearest parts.
+    pub(super) fn gap(&self, rect: &Rect, other: &CollisionShape, other_rect: &Rect) -> ShapeGap {
+        let none = ShapeGap {
+            gap_m: f64::INFINITY,
+            normal: [1.0, 0.0, 0.0],
+        };
+        let gaps = self.gaps(rect, other, other_rect);
+        gaps.fold(
+            none,
+            |best, next| if next.gap_m < best.gap_m { next } else { best },
+        )
+    }
+
+    /// Returns the contact point, normal and closing speed of two touching shapes.
+    ///
+    /// The point is the middle of parry's contact manifold: of the common part of two
+    /// faces, or the touching corner. Its height is the middle of the common height of
+    /// the touching parts, because all walls are upright.
+    pub(super) fn contact_geometry(
+        &self,
+        me: &SizedRect,
+        other: (&Self, &SizedRect),
+    ) -> ContactGeometry {
+        let (other_shape, other) = other;
+        let ShapeGap {
+            gap_m: nearest_m,
+            normal,
+        } = self.gap(me.rect, other_shape, other.rect);
+        let pose = relative(me.rect, other.rect);
+        let mut points = Vec::new();
+        for (mine, theirs) in self.pairs(other_shape) {
+            let gap = mine.gap(theirs, &pose);
+            // Only the parts that touch, not those that merely come near.
+            if gap.gap_m > nearest_m + TOUCH_M {
+                continue;
+            }
+            let up_m = 0.5 * (mine.up_m.0.max(theirs.up_m.0) + mine.up_m.1.min(theirs.up_m.1));
+            let at_height = |point: Vector| Vector::new(point.x, point.y, up_m);
+            // parry's manifold may be empty where a corner touches.
+            points.push(at_height(gap.point));
+            points.extend(mine.manifold(theirs, &pose).into_iter().map(at_height));
+        }
+        let normal = level(normal, me.rect, other.rect);
+        let point = middle(&points, me.rect, normal);
+        ContactGeometry::new(me, other, point, normal)
+    }
+
+    fn pairs<'a>(
+        &'a self,
+        other: &'a CollisionShape,
+    ) -> impl Iterator<Item = (&'a ConvexPart, &'a ConvexPart)> {
+        let pair = |mine| other.parts.iter().map(move |theirs| (mine, theirs));
+        self.parts.iter().flat_map(pair)
+    }
+}
+
+impl ConvexPart {
+    fn of(part: &BodyPart) -> ConvexPart {
+        match part {
+            BodyPart::Box {
+                ahead_m,
+                left_m,
+                up_m,
+            } => ConvexPart::cuboid([*ahead_m, *left_m, *up_m], 0.0),
+            BodyPart::Prism { outline_m, up_m } => ConvexPart::prism(outline_m, *up_m),
+            BodyPart::Capsule {
+                from_m,
+                to_m,
+                radius_m,
+            } => ConvexPart::capsule(*from_m, *to_m, *radius_m),
+        }
+    }
+
+    fn cuboid([ahead, left, up]: [(f64, f64); 3], radius_m: f64) -> ConvexPart {
+        let half = |(from, to): (f64, f64)| 0.5 * (to - from) - radius_m;
+        let middle = |(from, to): (f64, f64)| 0.5 * (from + to);
+        ConvexPart {
+            core: SharedShape::cuboid(half(ahead), half(left), half(up)),
+            middle: Vector::new(middle(ahead), middle(left), middle(up)),
+            radius_m,
+            up_m: up,
+        }
+    }
+
+    fn prism(outline_m: &[(f64, f64)], up_m: (f64, f64)) -> ConvexPart {
+        let half_m = 0.5 * (up_m.1 - up_m.0);
+        let corner = |up_m: f64| move |(x, y): &(f64, f64)| Vector::new(*x, *y, up_m);
+        let bottom = outline_m.iter().map(corner(-half_m));
+        let corners: Vec<Vector> = bottom.chain(outline_m.iter().map(corner(half_m))).collect();
+        // A valid outline has an area, so its prism has a hull.
+        let hull = SharedShape::convex_hull(&corners);
+        ConvexPart {
+            core: hull.unwrap_or_else(|| SharedShape::ball(half_m)),
+            middle: Vector::new(0.0, 0.0, 0.5 * (up_m.0 + up_m.1)),
+            radius_m: 0.0,
+            up_m,
+        }
+    }
+
+    fn capsule(from_m: (f64, f64, f64), to_m: (f64, f64, f64), radius_m: f64) -> ConvexPart {
+        let vector = |(x, y, z): (f64, f64, f64)| Vector::new(x, y, z);
+        let (from, to) = (vector(from_m), vector(to_m));
+        let middle = 0.5 * (from + to);
+        ConvexPart {
+            core: SharedShape::new(Segment::new(from - middle, to - middle)),
+            middle,
+            radius_m,
+            up_m: (from.z.min(to.z) - radius_m, from.z.max(to.z) + radius_m),
+        }
+    }
+
+    /// Returns the pose of another part relative to this one.
+    fn pose_of(&self, other: &ConvexPart, pose: &Pose) -> Pose {
+        let middle = *pose * other.middle - self.middle;
+        Pose::from_parts(middle, pose.rotation)
+    }
+
+    fn gap(&self, other: &ConvexPart, pose: &Pose) -> PartGap {
+        let pose = self.pose_of(other, pose);
+        let (a, b) = (&*self.core, &*other.core);
+        let of_cores = |distance_m: f64, normal: Vector, point: Vector| PartGap {
+            gap_m: distance_m - self.radius_m - other.radius_m,
+            normal,
+            point: self.middle + point + normal * self.radius_m,
+        };
+        let points = DefaultQueryDispatcher.closest_points(&pose, a, b, f64::MAX);
+        if let Ok(ClosestPoints::WithinMargin(mine, theirs)) = points {
+            let way = pose * theirs - mine;
+            let distance_m = way.length();
+            if distance_m > COINCIDENT_M {
+                return of_cores(distance_m, way / distance_m, mine);
+            }
+        }
+        match DefaultQueryDispatcher.contact(&pose, a, b, TOUCH_M) {
+            Ok(Some(contact)) => of_cores(contact.dist, contact.normal1, contact.point1),
+            _ => of_cores(0.0, Vector::X, Vector::ZERO),
+        }
+    }
+
+    /// Returns the points of contact within [`TOUCH_M`], in the frame of the shape.
+    fn manifold(&self, other: &ConvexPart, pose: &Pose) -> Vec<Vector> {
+        let pose = self.pose_of(other, pose);
+        let reach_m = self.radius_m + other.radius_m + TOUCH_M;
+        let mut manifolds: Vec<ContactManifold<(), ()>> = Vec::new();
+        let done = DefaultQueryDispatcher.contact_manifolds(
+            &pose,
+            &*self.core,
+            &*other.core,
+            reach_m,
+            &mut manifolds,
+            &mut None,
+        );
+        if done.is_err() {
+            return Vec::new();
+        }
+        let of_manifold = |manifold: &ContactManifold<(), ()>| -> Vec<Vector> {
+            let shift = self.middle + manifold.local_n1 * self.radius_m;
+            let near = manifold.points.iter().filter(|point| point.dist <= reach_m);
+            near.map(|point| point.local_p1 + shift).collect()
+        };
+        manifolds.iter().flat_map(of_manifold).collect()
+    }
+}
+
+/// Returns the pose of a footprint in the frame of another.
+fn relative(rect: &Rect, other: &Rect) -> Pose {
+    let (dx, dy) = (other.x_m - rect.x_m, other.y_m - rect.y_m);
+    let at = Vector::new(
+        dx * rect.cos + dy * rect.sin,
+        dy * rect.cos - dx * rect.sin,
+        0.0,
+    );
+    let (sin, cos) = libm::sincos(0.5 * rect.turn_rad_to(other));
+    Pose::from_parts(at, Rotation::from_xyzw(0.0, 0.0, sin, cos))
+}
+
+/// Returns the middle of some points along the normal, the tangent and upwards.
+///
+/// The points are in the frame of `rect`, the middle is in the world frame. Without
+/// points it is the middle of `rect`.
+fn middle(points: &[Vector], rect: &Rect, [nx, ny]: [f64; 2]) -> [f64; 3] {
+    let Rect {
+        x_m, y_m, cos, sin, ..
+    } = *rect;
+    // Normal in the frame of the points.
+    let (ahead, left) = (nx * cos + ny * sin, ny * cos - nx * sin);
+    let middle = |value: &dyn Fn(&Vector) -> f64| {
+        let values = points.iter().map(value);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
+        if low <= high { 0.5 * (low + high) } else { 0.0 }
+    };
+    let along = middle(&|at| at.x * ahead + at.y * left);
+    let across = middle(&|at| at.y * ahead - at.x * left);
+    let up = middle(&|at| at.z);
+    [
+        x_m + along * nx - across * ny,
+        y_m + along * ny + across * nx,
+        up,
+    ]
+}
+
+/// Returns the normal on the ground, as a unit vector.
+///
+/// A part on top of another gives no direction on the ground. The direction
+/// between the two middles stands in.
+fn level([x, y, _]: [f64; 3], rect: &Rect, other: &Rect) -> [f64; 2] {
+    let unit = |x: f64, y: f64| {
+        let length = (x * x + y * y).sqrt();
+        (length > COINCIDENT_M).then(|| [x / length, y / length])
+    };
+    unit(x, y)
+        .or_else(|| unit(other.x_m - rect.x_m, other.y_m - rect.y_m))
+        .unwrap_or([rect.cos, rect.sin])
+}
