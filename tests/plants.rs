@@ -9,6 +9,8 @@ mod bits;
 mod contacts;
 #[path = "plants/faults.rs"]
 mod faults;
+#[path = "plants/shapes.rs"]
+mod shapes;
 
 use brakecheck::sim::{
     Body, BodyCommand, BodyError, BodyId, BodyKind, BodyState, Contact, GRAVITY_MPS2, Ground,

@@ -182,7 +182,16 @@ macro_rules! shipped {
     };
 }
 
-shipped!["sedan", "van", "truck", "motorcycle", "pedestrian"];
+shipped![
+    "sedan",
+    "compact",
+    "van",
+    "truck",
+    "semitrailer",
+    "motorcycle",
+    "pedestrian",
+    "adult"
+];
 
 fn grey() -> [u8; 3] {
     [160, 160, 160]

@@ -26,6 +26,7 @@ const COINCIDENT_M: f64 = 1e-9;
 #[derive(Clone)]
 pub(super) struct CollisionShape {
     parts: Arc<[ConvexPart]>,
+    is_box: bool,
 }
 
 struct ConvexPart {
@@ -77,7 +78,13 @@ impl CollisionShape {
         };
         CollisionShape {
             parts: parts.into(),
+            is_box: body.shape.is_box(),
         }
+    }
+
+    /// Returns true for the bounding box itself.
+    pub(super) fn is_box(&self) -> bool {
+        self.is_box
     }
 
     /// Returns the signed distance of each pair of parts of two shapes.
