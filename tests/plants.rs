@@ -5,6 +5,8 @@
 
 #[path = "plants/bits.rs"]
 mod bits;
+#[path = "plants/collisions.rs"]
+mod collisions;
 #[path = "plants/contacts.rs"]
 mod contacts;
 #[path = "plants/faults.rs"]

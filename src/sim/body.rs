@@ -44,6 +44,14 @@ pub struct Body {
     /// Collision shape on the rigid plant.
     #[serde(default, skip_serializing_if = "BodyShape::is_box")]
     pub shape: BodyShape,
+    /// Coefficient of restitution in collisions, 0 (plastic) to 1 (elastic).
+    ///
+    /// Two bodies collide with the mean of both coefficients.
+    #[serde(default = "restitution", skip_serializing_if = "is_restitution")]
+    pub restitution: f64,
+    /// Coefficient of friction between this body and others in collisions.
+    #[serde(default = "body_friction", skip_serializing_if = "is_body_friction")]
+    pub body_friction: f64,
     /// Colour in pictures, 0 to 255 for red, green and blue.
     #[serde(default = "grey")]
     pub color_rgb: [u8; 3],
@@ -114,6 +122,8 @@ impl Body {
             -half_length_m,
             half_length_m,
         )?;
+        within("restitution", self.restitution, 0.0, 1.0)?;
+        within("body_friction", self.body_friction, 0.0, 2.0)?;
         self.shape.validate(&self.dimensions())?;
         self.kind.answers().validate(&self.dimensions())
     }
@@ -192,6 +202,24 @@ shipped![
     "pedestrian",
     "adult"
 ];
+
+/// Restitution of bodies that deform, at the speeds of road traffic.
+fn restitution() -> f64 {
+    0.1
+}
+
+fn is_restitution(value: &f64) -> bool {
+    *value == restitution()
+}
+
+/// Friction between sheet metal, as reconstructions of accidents use it.
+fn body_friction() -> f64 {
+    0.5
+}
+
+fn is_body_friction(value: &f64) -> bool {
+    *value == body_friction()
+}
 
 fn grey() -> [u8; 3] {
     [160, 160, 160]

@@ -195,6 +195,21 @@ pub struct Contact {
     pub normal: [f64; 2],
 }
 
+/// Collision of two bodies after the first contact, as the physics resolved it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Collision {
+    /// Bodies that collided, lower number first.
+    pub pair: (BodyId, BodyId),
+    /// Time since [`Plant::collide`] at which the first force acted.
+    pub after_s: f64,
+    /// Time from the first to the last force between the two.
+    pub duration_s: f64,
+    /// Change of the velocity of each centre of mass, along world x and y.
+    ///
+    /// It includes the forces of other bodies that acted in the same steps.
+    pub delta_v_mps: [[f64; 2]; 2],
+}
+
 /// Plant: bodies on flat ground, stepped together.
 ///
 /// Equal calls give equal bits, on a fork and on any thread as well.
@@ -213,6 +228,21 @@ pub trait Plant: Send {
     /// `advance` detects no contact any more and changes nothing else. The mode
     /// survives [`Plant::clear`].
     fn pass_through(&mut self);
+    /// Lets bodies collide from now on, instead of ending the motion at a contact.
+    ///
+    /// `touching` are the bodies in contact. They, and every body that collides
+    /// later, let go of their controls: vehicles roll freely, and others move as
+    /// the collision throws them. `advance` returns no contact any more. Returns
+    /// false on a plant that resolves no collisions, and changes nothing there.
+    fn collide(&mut self, _touching: (BodyId, BodyId)) -> bool {
+        false
+    }
+    /// Returns the collisions since [`Plant::collide`], in the order of time.
+    ///
+    /// A collision that still lasts counts as ended.
+    fn collisions(&mut self) -> Vec<Collision> {
+        Vec::new()
+    }
     /// Sets the command of a body.
     ///
     /// A command that is not finite, or not of the body's kind, is ignored and makes

@@ -33,6 +33,10 @@ pub(super) struct Car {
     /// Motion at the beginning of the step, then its origin.
     before: ChassisMotion,
     origin_before_m: (f64, f64),
+    /// True from the first contact of any two bodies on: the origin is common to all.
+    is_joined: bool,
+    /// True once this car collided. It then rolls freely.
+    is_released: bool,
 }
 
 impl Car {
@@ -105,6 +109,8 @@ impl Car {
             curvature_per_m: 0.0,
             before: world.motion(handle),
             origin_before_m: origin_m,
+            is_joined: false,
+            is_released: false,
         }
     }
 
@@ -128,6 +134,14 @@ impl Car {
         let given_mps2 = wanted_mps2.clamp(-most_mps2, most_mps2);
         self.aim(speed_mps + given_mps2 * dt_s);
         given_mps2
+    }
+
+    /// Rolls freely, with the grip of the wheels to the side.
+    fn coast(&mut self, world: &mut RapierWorld, dt_s: f64) {
+        for wheel in self.controller.wheels_mut() {
+            (wheel.engine_force, wheel.steering) = (0.0, 0.0);
+        }
+        world.roll(&mut self.controller, dt_s);
     }
 
     fn aim(&mut self, speed_mps: f64) {
@@ -174,14 +188,30 @@ impl Motor for Car {
         true
     }
 
+    fn join(&mut self, world: &mut RapierWorld, origin_m: (f64, f64)) -> Option<RigidBodyHandle> {
+        world.move_origin(self.handle, self.origin_m, origin_m);
+        self.origin_m = origin_m;
+        self.is_joined = true;
+        Some(self.handle)
+    }
+
+    fn release(&mut self, _: &mut RapierWorld) {
+        self.is_released = true;
+    }
+
     fn leave(&mut self, world: &mut RapierWorld) {
         world.remove(self.handle);
     }
 
     /// Sets the wheels and lets them act for one step.
     fn act(&mut self, world: &mut RapierWorld, rect: &Rect, dt_s: f64) {
+        if self.is_released {
+            return self.coast(world, dt_s);
+        }
         // Before the motion is saved: `rewind` mixes two poses of one origin.
-        world.recentre(self.handle, &mut self.origin_m);
+        if !self.is_joined {
+            world.recentre(self.handle, &mut self.origin_m);
+        }
         self.before = world.motion(self.handle);
         self.origin_before_m = self.origin_m;
         let speed_mps = rect.along_mps();
@@ -221,7 +251,12 @@ impl Motor for Car {
     ///
     /// rapier moves a body by the velocity at the end of a step, which is ½·dt·Δv
     /// too far. The mean velocity makes constant acceleration exact.
+    ///
+    /// Bodies that may collide keep rapier's positions, which are consistent.
     fn settle(&mut self, world: &RapierWorld, dt_s: f64) {
+        if self.is_joined {
+            return;
+        }
         let (gain_x_mps, gain_y_mps) = world.motion(self.handle).gain_mps(&self.before);
         self.origin_m.0 -= 0.5 * dt_s * gain_x_mps;
         self.origin_m.1 -= 0.5 * dt_s * gain_y_mps;

@@ -5,35 +5,47 @@
 //! but cannot roll over. Walkers do not justify a rigid body and follow the same
 //! closed form as on the kinematic plant.
 //!
-//! Architecture Invariant: rapier never resolves a collision. [`Rigid::advance`]
-//! ends at the first contact, found between the upright boxes of the bodies, and
-//! leaves every body at its pose of that instant.
+//! Architecture Invariant: up to the first contact rapier resolves no collision.
+//! [`Rigid::advance`] ends at that contact, found by parry between the shapes of
+//! the bodies, and leaves every body at its pose of that instant. Only after
+//! [`Rigid::collide`] do the bodies collide, and rapier moves them.
 
 mod car;
+mod collisions;
 mod foot;
 mod kinematic_playback;
+mod loose;
 mod motor;
 mod shape;
 mod touch;
 mod world;
 
+use std::sync::Arc;
+
 use self::car::Car;
+use self::collisions::Collisions;
 use self::foot::Foot;
 use self::kinematic_playback::PlaybackBody;
+use self::loose::LooseBody;
 use self::motor::Motor;
 use self::shape::CollisionShape;
 use self::touch::{SweptBody, touch};
-use self::world::RapierWorld;
+use self::world::{RapierWorld, origin_near};
 use super::planar::{ContactGeometry, Extent, Rect};
 use super::{
-    Body, BodyCommand, BodyId, BodyKind, BodyState, Contact, Ground, Placement, Plant, PlantKind,
-    Pose,
+    Body, BodyCommand, BodyId, BodyKind, BodyState, Collision, Contact, Ground, Placement, Plant,
+    PlantKind, Pose,
 };
 
 /// Distance from the origin beyond which the plant is unsound.
 const BOUND_M: f64 = 1e6;
 /// Speed bound. rapier caps speeds at 400 m/s, far above road traffic.
 const BOUND_MPS: f64 = 200.0;
+
+/// Steps of rapier per substep once bodies collide.
+const FINER_STEPS: u32 = 4;
+/// Height at which the collision shape of a vehicle begins.
+const CLEARANCE_M: f64 = 0.15;
 
 /// Rigid plant.
 #[derive(Clone)]
@@ -44,12 +56,14 @@ pub struct Rigid {
     sweeps: Vec<SweptBody>,
     faulty: bool,
     passing: bool,
+    /// Record of the collisions, once bodies collide.
+    collisions: Option<Collisions>,
 }
 
 #[derive(Clone)]
 struct RigidMover {
     motor: Box<dyn Motor>,
-    height_m: f64,
+    body: Arc<Body>,
     accel_mps2: f64,
     /// Speed at the beginning of the current `advance`.
     before_mps: f64,
@@ -73,6 +87,7 @@ impl Rigid {
             sweeps: Vec::new(),
             faulty: false,
             passing: false,
+            collisions: None,
         }
     }
 
@@ -84,6 +99,24 @@ impl Rigid {
         self.world.step(dt_s);
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
             mover.motor.settle(&self.world, dt_s);
+            sweep.move_on(mover.motor.rect(&self.world));
+        }
+    }
+
+    /// Runs one step in which bodies collide.
+    fn step_colliding(&mut self, dt_s: f64) {
+        let Some(collisions) = &mut self.collisions else {
+            return;
+        };
+        for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
+            mover.motor.act(&mut self.world, &sweep.after, dt_s);
+        }
+        let before = collisions.velocities(&self.world);
+        self.world.step(dt_s);
+        for body in collisions.record(&self.world, &before, dt_s) {
+            self.movers[body].motor.release(&mut self.world);
+        }
+        for (mover, sweep) in self.movers.iter().zip(&mut self.sweeps) {
             sweep.move_on(mover.motor.rect(&self.world));
         }
     }
@@ -133,6 +166,7 @@ impl Plant for Rigid {
         self.sweeps.clear();
         // `passing` survives, as `Plant::pass_through` documents.
         self.faulty = false;
+        self.collisions = None;
     }
 
     fn pass_through(&mut self) {
@@ -153,7 +187,7 @@ impl Plant for Rigid {
         };
         let mover = RigidMover {
             motor: motor(&mut self.world, body, self.ground, &rect),
-            height_m: body.height_m,
+            body: Arc::new(body.clone()),
             accel_mps2: 0.0,
             before_mps: speed_mps,
         };
@@ -164,6 +198,44 @@ impl Plant for Rigid {
         ));
         self.movers.push(mover);
         BodyId(self.movers.len() - 1)
+    }
+
+    fn collide(&mut self, touching: (BodyId, BodyId)) -> bool {
+        if self.passing {
+            return false;
+        }
+        self.world.solid(self.ground.friction);
+        let at = &self.sweeps[touching.0.0].after;
+        let origin_m = origin_near((at.x_m, at.y_m));
+        let mut handles = Vec::with_capacity(self.movers.len());
+        for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
+            let body = &*mover.body;
+            let handle = match mover.motor.join(&mut self.world, origin_m) {
+                Some(handle) => handle,
+                None => {
+                    let loose = LooseBody::new(&mut self.world, body, &sweep.after, origin_m);
+                    let handle = loose.handle();
+                    mover.motor = Box::new(loose);
+                    handle
+                }
+            };
+            // Wheels carry a vehicle, whose collision shape begins above the road.
+            let clearance_m = body.vehicle().map_or(0.0, |_| CLEARANCE_M);
+            let parts = sweep.shape.colliders(clearance_m);
+            self.world.add_colliders(handle, body, parts);
+            handles.push(handle);
+        }
+        for body in [touching.0, touching.1] {
+            self.movers[body.0].motor.release(&mut self.world);
+        }
+        self.collisions = Some(Collisions::new(handles));
+        true
+    }
+
+    fn collisions(&mut self) -> Vec<Collision> {
+        self.collisions
+            .as_mut()
+            .map_or(Vec::new(), Collisions::take)
     }
 
     fn command(&mut self, id: BodyId, command: BodyCommand) {
@@ -186,11 +258,17 @@ impl Plant for Rigid {
             mover.before_mps = sweep.after.along_mps();
             mover.motor.begin(dt_s);
         }
-        let steps = substeps.max(1);
+        let is_colliding = self.collisions.is_some();
+        let finer = if is_colliding { FINER_STEPS } else { 1 };
+        let steps = substeps.max(1) * finer;
         let step_s = dt_s / f64::from(steps);
         let mut contact = None;
         let mut elapsed_s = dt_s;
         for index in 0..steps {
+            if is_colliding {
+                self.step_colliding(step_s);
+                continue;
+            }
             // A step of 0 s is not simulated, but a contact is still reported.
             if 0.0 < step_s {
                 self.step(step_s);
@@ -243,7 +321,7 @@ impl Plant for Rigid {
 
     fn placement(&self, id: BodyId) -> Placement {
         let mover = &self.movers[id.0];
-        mover.motor.placement(&self.world, mover.height_m)
+        mover.motor.placement(&self.world, mover.body.height_m)
     }
 
     fn gap_m(&self, a: BodyId, b: BodyId) -> f64 {

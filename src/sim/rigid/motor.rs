@@ -1,5 +1,7 @@
 //! Motion model of a body on this plant, one file per kind of body.
 
+use rapier3d::prelude::RigidBodyHandle;
+
 use super::world::RapierWorld;
 use crate::sim::planar::Rect;
 use crate::sim::{BodyCommand, Placement};
@@ -14,6 +16,14 @@ pub(super) trait Motor: Send {
     fn is_carried(&self) -> bool {
         false
     }
+    /// Moves the body's part of the world to a common origin and returns it.
+    ///
+    /// `None` if the world holds nothing of this body.
+    fn join(&mut self, _world: &mut RapierWorld, _origin_m: (f64, f64)) -> Option<RigidBodyHandle> {
+        None
+    }
+    /// Lets go of the controls, after a collision.
+    fn release(&mut self, _world: &mut RapierWorld) {}
     /// Removes the body's parts from the world.
     fn leave(&mut self, _world: &mut RapierWorld) {}
     /// Acts for one step, before the world's step.

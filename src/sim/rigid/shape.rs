@@ -12,6 +12,8 @@ use parry3d_f64::query::{
     QueryDispatcher,
 };
 use parry3d_f64::shape::{Segment, SharedShape};
+use rapier3d::math as rapier;
+use rapier3d::prelude::SharedShape as RapierShape;
 
 use crate::sim::planar::{ContactGeometry, Rect, SizedRect, TOUCH_M};
 use crate::sim::{Body, BodyPart, BodyShape};
@@ -80,6 +82,14 @@ impl CollisionShape {
             parts: parts.into(),
             is_box: body.shape.is_box(),
         }
+    }
+
+    /// Returns the parts for rapier, with their middles in the frame of the shape.
+    ///
+    /// They begin at a height above the ground, so that wheels carry a vehicle.
+    pub(super) fn colliders(&self, clearance_m: f64) -> Vec<(rapier::Vector, RapierShape)> {
+        let parts = self.parts.iter();
+        parts.map(|part| part.collider(clearance_m)).collect()
     }
 
     /// Returns true for the bounding box itself.
@@ -218,6 +228,40 @@ impl ConvexPart {
             radius_m,
             up_m: (from.z.min(to.z) - radius_m, from.z.max(to.z) + radius_m),
         }
+    }
+
+    /// Returns the part for rapier, above a clearance.
+    fn collider(&self, clearance_m: f64) -> (rapier::Vector, RapierShape) {
+        let vector = |at: Vector| rapier::Vector::new(at.x as f32, at.y as f32, at.z as f32);
+        let radius = self.radius_m as f32;
+        if let Some(segment) = self.core.as_segment() {
+            let (a, b) = (vector(segment.a), vector(segment.b));
+            return (vector(self.middle), RapierShape::capsule(a, b, radius));
+        }
+        // A part that lies below the clearance as a whole keeps a thin slice.
+        let (low_m, high_m) = self.up_m;
+        let low_m = low_m.max(clearance_m).min(high_m - 0.01);
+        let middle = Vector::new(self.middle.x, self.middle.y, 0.5 * (low_m + high_m));
+        let half_m = (0.5 * (high_m - low_m) - self.radius_m).max(0.005);
+        if let Some(hull) = self.core.as_convex_polyhedron() {
+            let raised = hull
+                .points()
+                .iter()
+                .map(|at| vector(Vector::new(at.x, at.y, half_m.copysign(at.z))));
+            let corners: Vec<rapier::Vector> = raised.collect();
+            if let Some(hull) = RapierShape::convex_hull(&corners) {
+                return (vector(middle), hull);
+            }
+        }
+        let half = self.core.as_cuboid().map(|cuboid| cuboid.half_extents);
+        let half = half.unwrap_or(Vector::new(half_m, half_m, half_m));
+        let (l, w, h) = (half.x as f32, half.y as f32, half_m as f32);
+        let shape = if radius > 0.0 {
+            RapierShape::round_cuboid(l, w, h, radius)
+        } else {
+            RapierShape::cuboid(l, w, h)
+        };
+        (vector(middle), shape)
     }
 
     /// Returns the pose of another part relative to this one.

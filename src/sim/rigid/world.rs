@@ -1,10 +1,10 @@
 //! rapier world below the rigid plant, the only place that computes in f32.
 //!
-//! The world holds the chassis and the ground, and nothing in it collides. A
-//! contact ends the plant's motion before rapier would have to resolve it.
-//! Chassis therefore carry no colliders, and the wheels' rays see only the
-//! ground, through a bounding volume hierarchy of one leaf. The ground is the
-//! same everywhere, so each car has an origin of its own, which follows it. f32
+//! The world holds the chassis and the ground. Up to the first contact nothing in
+//! it collides, and chassis carry no colliders. From [`RapierWorld::solid`] on they
+//! do, and rapier resolves collisions. The wheels' rays see only the ground,
+//! through a bounding volume hierarchy of one leaf. The ground is the same
+//! everywhere, so each car has an origin of its own, which follows it. f32
 //! positions stay as fine as 1 µm wherever the car drives.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
@@ -12,17 +12,22 @@ use parry3d::query::DefaultQueryDispatcher;
 use rapier3d::control::DynamicRayCastVehicleController;
 use rapier3d::math::{Pose, Rotation, Vector};
 use rapier3d::prelude::{
-    CCDSolver, ColliderBuilder, ColliderSet, DefaultBroadPhase, ImpulseJointSet,
-    IntegrationParameters, IslandManager, MassProperties, MultibodyJointSet, NarrowPhase,
-    PhysicsPipeline, QueryFilter, QueryPipelineMut, RigidBodyBuilder, RigidBodyHandle,
-    RigidBodySet, SharedShape, SoftBodySet,
+    CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderSet, DefaultBroadPhase,
+    ImpulseJointSet, IntegrationParameters, IslandManager, LockedAxes, MassProperties,
+    MultibodyJointSet, NarrowPhase, PhysicsPipeline, QueryFilter, QueryPipelineMut,
+    RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet,
 };
 
 use crate::sim::planar::Rect;
 use crate::sim::{Body, GRAVITY_MPS2, Placement};
 
+/// Iterations of rapier's solver over all contacts, once bodies collide.
+const CONTACT_ITERATIONS: usize = 16;
 /// Grid of the cars' origins. Shifts by it are exact in f32.
 const GRID_M: f64 = 8.0;
+
+/// Squared horizontal part of a heading below which a body stands on its nose.
+const UPENDED: f64 = 1e-4;
 
 /// Sets of rapier, without its events and hooks.
 pub(super) struct RapierWorld {
@@ -80,6 +85,17 @@ impl RapierWorld {
     ///
     /// The frame of the chassis lies on the ground, below the middle of the box.
     pub(super) fn insert(&mut self, body: &Body, rect: &Rect) -> (RigidBodyHandle, (f64, f64)) {
+        let origin_m = origin_near((rect.x_m, rect.y_m));
+        (self.insert_at(body, rect, origin_m), origin_m)
+    }
+
+    /// Puts a body on the ground, relative to a given origin.
+    pub(super) fn insert_at(
+        &mut self,
+        body: &Body,
+        rect: &Rect,
+        origin_m: (f64, f64),
+    ) -> RigidBodyHandle {
         let (l, w, h) = (body.length_m, body.width_m, body.height_m);
         // Moments of inertia of a uniform box.
         let twelfth = body.mass_kg / 12.0;
@@ -93,7 +109,6 @@ impl RapierWorld {
         let half_cos = (0.5 * (1.0 + rect.cos)).max(0.0).sqrt();
         let half_sin = (0.5 * (1.0 - rect.cos)).max(0.0).sqrt().copysign(rect.sin);
         let rotation = Rotation::from_xyzw(0.0, 0.0, half_sin as f32, half_cos as f32).normalize();
-        let origin_m = (on_grid(rect.x_m), on_grid(rect.y_m));
         let translation = vector(rect.x_m - origin_m.0, rect.y_m - origin_m.1, 0.0);
         let chassis = RigidBodyBuilder::dynamic()
             .pose(Pose::from_parts(translation, rotation))
@@ -103,7 +118,89 @@ impl RapierWorld {
         let handle = self.bodies.insert(chassis);
         // Otherwise the first step would find a body without mass.
         self.bodies[handle].recompute_mass_properties_from_colliders(&self.colliders);
-        (handle, origin_m)
+        handle
+    }
+
+    /// Lets rapier resolve contacts from now on.
+    ///
+    /// Bodies that slide on the ground have its friction or theirs, whichever is less.
+    pub(super) fn solid(&mut self, friction: f64) {
+        // More substeps of the solver would apply the restitution more than once.
+        self.parameters.num_internal_pgs_iterations = CONTACT_ITERATIONS;
+        for (_, ground) in self.colliders.iter_mut() {
+            ground.set_friction(friction as f32);
+            ground.set_friction_combine_rule(CoefficientCombineRule::Min);
+        }
+    }
+
+    /// Gives a body its collision shape, without changing its mass.
+    pub(super) fn add_colliders(
+        &mut self,
+        handle: RigidBodyHandle,
+        body: &Body,
+        parts: Vec<(Vector, SharedShape)>,
+    ) {
+        for (middle, shape) in parts {
+            let collider = ColliderBuilder::new(shape)
+                .translation(middle)
+                .density(0.0)
+                .restitution(body.restitution as f32)
+                .friction(body.body_friction as f32);
+            self.colliders
+                .insert_with_parent(collider, handle, &mut self.bodies);
+        }
+        // Otherwise a body could pass through a thin one within one step.
+        self.bodies[handle].enable_ccd(true);
+    }
+
+    /// Returns the pairs of bodies between which rapier's last step exerted a force.
+    pub(super) fn colliding(&self) -> Vec<(RigidBodyHandle, RigidBodyHandle)> {
+        let parent = |collider| self.colliders.get(collider)?.parent();
+        let pairs = self.narrow_phase.contact_pairs().filter(|pair| {
+            let manifolds = pair.solver_manifolds().iter();
+            let mut points = manifolds.flat_map(|manifold| manifold.points.iter());
+            points.any(|point| point.data.impulse > 0.0)
+        });
+        pairs
+            .filter_map(|pair| Some((parent(pair.collider1)?, parent(pair.collider2)?)))
+            .collect()
+    }
+
+    /// Holds a body upright, or lets it fall.
+    pub(super) fn hold_upright(&mut self, handle: RigidBodyHandle, held: bool) {
+        let locked = if held {
+            LockedAxes::ROTATION_LOCKED_X | LockedAxes::ROTATION_LOCKED_Y
+        } else {
+            LockedAxes::empty()
+        };
+        self.bodies[handle].set_locked_axes(locked, true);
+    }
+
+    /// Sets the velocity of a body on the ground.
+    pub(super) fn move_at(&mut self, handle: RigidBodyHandle, rect: &Rect) {
+        let body = &mut self.bodies[handle];
+        let up_mps = body.linvel().z;
+        let along = vector(rect.vx_mps, rect.vy_mps, 0.0);
+        body.set_linvel(Vector::new(along.x, along.y, up_mps), true);
+        body.set_angvel(vector(0.0, 0.0, rect.yaw_rate_rad_per_s), true);
+    }
+
+    /// Returns the velocity of a body's centre of mass on the ground.
+    pub(super) fn velocity_mps(&self, handle: RigidBodyHandle) -> [f64; 2] {
+        let velocity = self.bodies[handle].linvel();
+        [f64::from(velocity.x), f64::from(velocity.y)]
+    }
+
+    /// Moves a body to another origin without moving it in the world.
+    pub(super) fn move_origin(
+        &mut self,
+        handle: RigidBodyHandle,
+        from_m: (f64, f64),
+        to_m: (f64, f64),
+    ) {
+        let mut motion = self.motion(handle);
+        motion.pose.translation += vector(from_m.0 - to_m.0, from_m.1 - to_m.1, 0.0);
+        self.place(handle, &motion);
     }
 
     /// Removes a chassis.
@@ -210,7 +307,12 @@ impl ChassisMotion {
     /// It is placed by the centre of mass, about which the chassis pitches and rolls.
     pub(super) fn rect(&self, (origin_x_m, origin_y_m): (f64, f64), body: &ComOffset) -> Rect {
         let ahead = self.pose.rotation * Vector::X;
-        let (ahead_x, ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
+        let (mut ahead_x, mut ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
+        // A body that a collision stood on its nose has the heading of its sides.
+        if ahead_x * ahead_x + ahead_y * ahead_y < UPENDED {
+            let left = self.pose.rotation * Vector::Y;
+            (ahead_x, ahead_y) = (f64::from(left.y), -f64::from(left.x));
+        }
         // Pitch shortens the horizontal part of the heading, so normalise it.
         let scale = 1.0 / (ahead_x * ahead_x + ahead_y * ahead_y).sqrt();
         let (cos, sin) = (ahead_x * scale, ahead_y * scale);
@@ -274,6 +376,11 @@ impl ComOffset {
             ahead_m: body.com_ahead_m,
         }
     }
+}
+
+/// Returns the grid point next to a position.
+pub(super) fn origin_near((x_m, y_m): (f64, f64)) -> (f64, f64) {
+    (on_grid(x_m), on_grid(y_m))
 }
 
 fn on_grid(value_m: f64) -> f64 {

@@ -1,0 +1,86 @@
+//! Walkers and carried bodies once bodies collide: rigid bodies of rapier.
+
+use rapier3d::prelude::RigidBodyHandle;
+
+use super::motor::Motor;
+use super::world::{ComOffset, RapierWorld};
+use crate::sim::planar::Rect;
+use crate::sim::{Body, BodyCommand, Placement};
+
+/// Rigid body without wheels.
+///
+/// Until it collides it keeps its velocity and stays upright. Then it is free.
+#[derive(Clone)]
+pub(super) struct LooseBody {
+    handle: RigidBodyHandle,
+    origin_m: (f64, f64),
+    com: ComOffset,
+    /// Velocity to keep, `None` once it collided.
+    held: Option<Rect>,
+}
+
+impl LooseBody {
+    /// Puts a body into the world with its motion.
+    pub(super) fn new(
+        world: &mut RapierWorld,
+        body: &Body,
+        rect: &Rect,
+        origin_m: (f64, f64),
+    ) -> LooseBody {
+        let handle = world.insert_at(body, rect, origin_m);
+        world.hold_upright(handle, true);
+        LooseBody {
+            handle,
+            origin_m,
+            com: ComOffset::of(body),
+            held: Some(*rect),
+        }
+    }
+
+    /// Returns the body in the world.
+    pub(super) fn handle(&self) -> RigidBodyHandle {
+        self.handle
+    }
+}
+
+impl Motor for LooseBody {
+    /// Accepts every command and follows none.
+    fn command(&mut self, _: BodyCommand) -> bool {
+        true
+    }
+
+    fn is_carried(&self) -> bool {
+        true
+    }
+
+    fn join(&mut self, _: &mut RapierWorld, _: (f64, f64)) -> Option<RigidBodyHandle> {
+        Some(self.handle)
+    }
+
+    fn release(&mut self, world: &mut RapierWorld) {
+        if self.held.take().is_some() {
+            world.hold_upright(self.handle, false);
+        }
+    }
+
+    fn act(&mut self, world: &mut RapierWorld, _: &Rect, _: f64) {
+        if let Some(held) = &self.held {
+            world.move_at(self.handle, held);
+        }
+    }
+
+    /// Never called: a plant whose bodies collide does not move back.
+    fn rewind(&mut self, _: &mut RapierWorld, _: f64) {}
+
+    fn rect(&self, world: &RapierWorld) -> Rect {
+        world.motion(self.handle).rect(self.origin_m, &self.com)
+    }
+
+    fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {
+        world.motion(self.handle).placement(self.origin_m, height_m)
+    }
+
+    fn fork(&self) -> Box<dyn Motor> {
+        Box::new(self.clone())
+    }
+}
