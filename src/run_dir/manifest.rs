@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::append_log::Grown;
 use super::calibration::{Calibration, TrainingEnd};
 use super::disk::read_text;
 use super::training_counterexamples::StoredCount;
@@ -180,21 +181,6 @@ pub struct Done {
     pub ended: Option<TrainingEnd>,
     /// Episodes that no line of `progress.jsonl` covers yet.
     pub window: Window,
-}
-
-/// Valid part of a growing file, as of the last checkpoint.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Grown {
-    /// Number of valid bytes. Later bytes were written after the checkpoint.
-    pub bytes: u64,
-    /// SHA-256 of these bytes.
-    pub sha256: String,
-}
-
-impl Grown {
-    fn is_nothing(&self) -> bool {
-        self.bytes == 0
-    }
 }
 
 /// Episodes since the last line of `progress.jsonl`.
