@@ -49,7 +49,7 @@ pub enum TrainingEgos {
     /// The world's own ego.
     #[default]
     Nominal,
-    /// All egos of the family; the ado does not observe their parameters.
+    /// All egos of the family, another member in every episode.
     #[serde(rename = "wide")]
     #[strum(serialize = "wide")]
     Randomized,

@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 37] = [
+const FLOORS: [(&str, u32); 36] = [
     ("seed", 0),
     ("content_hash", 0),
     ("visible", 0),
@@ -43,15 +43,15 @@ const FLOORS: [(&str, u32); 37] = [
     ("search", 10),
     ("crashes", 11),
     ("training", 12),
-    ("surrogate", 14),
-    ("theorems", 14),
-    ("serving", 14),
-    ("evaluation", 15),
-    ("campaign", 16),
-    ("cli", 17),
-    ("lib", 18),
-    ("repro", 18),
-    ("main", 19),
+    ("surrogate", 13),
+    ("theorems", 13),
+    ("serving", 13),
+    ("evaluation", 14),
+    ("campaign", 15),
+    ("cli", 16),
+    ("lib", 17),
+    ("repro", 17),
+    ("main", 18),
 ];
 
 /// Floors below this one know no files, no clock and no terminal.
