@@ -53,11 +53,16 @@ fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
     Ok(read.cpu_s)
 }
 
-/// Version of the layout alone.
+/// Fields that decide whether this version can use a run.
 #[derive(Deserialize)]
 struct Layout {
     format: u32,
+    #[serde(default)]
+    against: Option<String>,
 }
+
+/// Retired word of [`TrainingEgos`].
+const CONDITIONAL: &str = "conditional";
 
 /// Properties of a run, and the hashes of its files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -133,9 +138,6 @@ pub struct Manifest {
     pub settings_fingerprint: Option<String>,
     /// Settings of the learner, including defaults.
     pub settings: serde_json::Value,
-    /// Inputs of a conditional ado besides its observation, in order.
-    #[serde(rename = "told", default, skip_serializing_if = "Vec::is_empty")]
-    pub parameters: Vec<String>,
     /// Changed ego of the training. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ego: Option<ChangedEgo>,
@@ -236,9 +238,12 @@ impl Manifest {
         let text = read_text(&file)?;
         let invalid = |error: serde_json::Error| damaged(&file, error.to_string());
         // The version comes first, because another layout may lack any field.
-        let Layout { format } = serde_json::from_str(&text).map_err(invalid)?;
+        let Layout { format, against } = serde_json::from_str(&text).map_err(invalid)?;
         if format != FORMAT {
             return Err(damaged(&file, format!("format {format} is not {FORMAT}")));
+        }
+        if against.as_deref() == Some(CONDITIONAL) {
+            return Err(RunError::Conditional { path: run.into() });
         }
         let mut manifest: Manifest = serde_json::from_str(&text).map_err(invalid)?;
         content_hash::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;

@@ -70,7 +70,6 @@ use crate::rl::{BundleError, TensorFile};
 use crate::world::{Scenario, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
-use trained_policy::parameter_names;
 
 /// Version of the layout. Other versions are refused.
 const FORMAT: u32 = 3;
@@ -157,7 +156,6 @@ impl RunDir {
                 left_out: scenario.left_out.clone(),
                 settings_fingerprint: Some(settings_of(scenario)),
                 settings: serde_json::to_value(&scenario.learner).unwrap_or_default(),
-                parameters: parameter_names(scenario),
                 ego: with.ego,
                 from_sha256: None,
                 checkpoint: None,
