@@ -203,7 +203,8 @@ impl Checker {
         // Without the reference drivers no failure counts as preventable.
         if on == GateOn::Preventable && !preventability {
             let what = "a gate on preventable failures judges none without `preventability: true`";
-            let help = "write `preventability: true` at the top of the file, or `on: Any` in the gate";
+            let help =
+                "write `preventability: true` at the top of the file, or `on: Any` in the gate";
             let at = ValuePath::top().to("gate");
             return Err(self.source.wrong(&at, what.into(), Some(help.into())));
         }
