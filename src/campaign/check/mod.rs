@@ -206,7 +206,7 @@ impl Checker {
             let help =
                 "write `preventability: true` at the top of the file, or `on: Any` in the gate";
             let at = ValuePath::top().to("gate");
-            return Err(self.source.wrong(&at, what.into(), Some(help.into())));
+            return Err(self.source.wrong(&at, what, Some(help.into())));
         }
         let mut known: Vec<&str> = units.iter().map(|it| it.ego.name.as_str()).collect();
         known.sort_unstable();
