@@ -560,7 +560,7 @@ fn mistakes_in_a_campaign_file_are_named_with_place_and_cure() {
         ),
         ("baseline: \"nominal\"", "baseline: \"nomnal\""),
         (
-            "preventability: true",
+            "gate: (baseline: \"nominal\")",
             "boundary: (name: \"b\", stl: \"hedway > 3\")",
         ),
         ("Held", "Training(seeds: 0)"),
