@@ -61,10 +61,6 @@ pub mod goals {}
 #[doc = include_str!("../docs/guide/reuse.md")]
 pub mod reuse {}
 
-/// Identification of an ego from its runs.
-#[doc = include_str!("../docs/background/identification.md")]
-pub mod identification {}
-
 /// Adapting an ado to an ego of another structure from its runs.
 #[doc = include_str!("../docs/guide/adapting.md")]
 pub mod adapting {}

@@ -59,7 +59,6 @@ pub mod severity;
 pub mod sim;
 pub mod stats;
 pub mod surrogate;
-pub mod sysid;
 pub mod testbench;
 pub mod theorems;
 pub mod training;

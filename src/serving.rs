@@ -11,10 +11,9 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use crate::rl::Policy;
-use crate::run_dir::RunDir;
+use crate::run_dir::{RunDir, RunError};
 use crate::scene::World;
 use crate::scene::drive::{Actions, PhaseAction};
-use crate::sysid::ConditioningError;
 use crate::world::Scenario;
 
 /// Version of the protocol.
@@ -78,50 +77,14 @@ struct ClientHello {
     protocol: u32,
 }
 
-/// Returns the policy of a run, conditioned on named parameters of the ego.
-///
-/// Without parameters a conditional policy receives the nominal values.
-///
-/// # Errors
-/// Returns an error if the run has no policy, if its policy is not conditional, or if the
-/// family does not vary a named parameter.
-pub fn policy_for_parameters(
-    run: &RunDir,
-    parameters: &IndexMap<String, f64>,
-) -> Result<Box<dyn Policy>, ConditioningError> {
-    let world = run.scenario()?;
-    let manifest = run.manifest();
-    match (world.family(), world.plant().plant()) {
-        (Some(family), Some(plant)) if !manifest.parameters.is_empty() => {
-            let member = if parameters.is_empty() {
-                Ok(family.nominal(plant))
-            } else {
-                family.member_named(parameters, plant)
-            };
-            let member = member.map_err(|error| ConditioningError::Misfit {
-                error,
-                known: manifest.parameters.clone(),
-            })?;
-            Ok(run.conditioned_policy(&member)?)
-        }
-        _ if !parameters.is_empty() => Err(ConditioningError::NotConditional {
-            run: run.path().into(),
-        }),
-        _ => Ok(run.policy()?),
-    }
-}
-
 impl ServedAdo {
-    /// Returns the ado of a run, conditioned on named parameters of the ego.
+    /// Returns the ado of a run.
     ///
     /// # Errors
-    /// Returns the errors of [`policy_for_parameters`].
-    pub fn of(
-        run: &RunDir,
-        parameters: &IndexMap<String, f64>,
-    ) -> Result<ServedAdo, ConditioningError> {
+    /// Returns an error if the run has no policy, or its files are damaged.
+    pub fn of(run: &RunDir) -> Result<ServedAdo, RunError> {
         Ok(ServedAdo {
-            policy: policy_for_parameters(run, parameters)?,
+            policy: run.policy()?,
             world: run.scenario()?,
             decisions: 0,
         })

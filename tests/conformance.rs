@@ -83,14 +83,14 @@ fn the_policy_of_every_learner_conforms_trained_and_loaded() {
     for settings in LearnerSettings::all() {
         let name = settings.name();
         let config = LearnerConfig::new(settings).and_then(|config| config.with_decisions(1500));
-        let mut learner = config.expect("in range").build(&spaces, 2);
+        let mut learner = config.expect("in range").build(spaces, 2);
         let mut gym = Gym::new(world.bench(), Purpose::Train, 2);
         while !learner.finished() {
             learner.episode(&mut gym);
         }
-        let loaded = load_policy_for(&spaces, &learner.policy_bundle()).expect("a policy");
+        let loaded = load_policy_for(spaces, &learner.policy_bundle()).expect("a policy");
         for policy in [learner.policy(), loaded] {
-            if let Err(broken) = check_policy(&*policy, &spaces) {
+            if let Err(broken) = check_policy(&*policy, spaces) {
                 panic!("{name}: {broken}");
             }
         }

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from brakecheck import errors, stl
 from brakecheck._brakecheck import Command, Own, Percept, Seen, SeenLight
-from brakecheck.campaigns import eval, export, identify, replay, report, search, train, view
+from brakecheck.campaigns import eval, export, replay, report, search, train, view
 from brakecheck.errors import (
     BrakecheckError,
     FaultError,
@@ -66,7 +66,6 @@ __all__ = [
     "errors",
     "eval",
     "export",
-    "identify",
     "replay",
     "report",
     "search",

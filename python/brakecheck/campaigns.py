@@ -1,4 +1,4 @@
-"""Train, evaluate, search, identify, replay: what the command line does, as functions.
+"""Train, evaluate, search, replay: what the command line does, as functions.
 
 All of them run in Rust on every core, without the interpreter's lock; Ctrl-C
 stops them. Whatever is an ego may be Python: a function of a percept, or a class
@@ -18,7 +18,7 @@ from brakecheck.errors import InputError
 from brakecheck.results import Ado, Replayed, Rows, Run
 from brakecheck.worlds import World
 
-__all__ = ["eval", "export", "identify", "replay", "report", "search", "train", "view"]
+__all__ = ["eval", "export", "replay", "report", "search", "train", "view"]
 
 Path = str | os.PathLike[str]
 Worldly = World | str | os.PathLike[str]
@@ -56,7 +56,7 @@ def train(
         decisions: how long to train, instead of the world's number.
         learner: one of the world's `learners`.
         goals: `"severe"` and `"distinct"` failures to look for, instead of the world's.
-        against: `"nominal"`, or the world's family: `"wide"`, `"conditional"`.
+        against: `"nominal"`, or `"wide"`: the world's family.
         leave_out: a structure of the family that a wide ado never meets.
         plant: the physics to train in.
         from_run: a run whose policy is fine-tuned.
@@ -128,8 +128,8 @@ def eval(
         plant: the physics to test in.
         search: also search with this many switches of action, which gives `recall`.
         tries: runs of the trained ado per start.
-        runs: runs of the ego that the ado may learn it from: 100 are enough, and a
-            conditional one identifies it from 10.
+        runs: runs of the ego that the ado may learn it from: at least 10, 100 for
+            most egos.
         keep: a directory for counterexamples.
         keep_most: how many of each ego; None keeps all.
         as_found: keep them as they were found, not as small as they get.
@@ -219,26 +219,6 @@ def search(
         "keep": keeping,
     }
     return Rows(raw.search_world(of._nominal, asked, _running(jobs, progress, allow_invalid, ego)))
-
-
-def identify(
-    world: Worldly,
-    ego: Any,
-    *,
-    runs: int = 10,
-    seed: int = 0,
-    plant: str | None = None,
-    jobs: int | None = None,
-    progress: Progress | bool | None = None,
-) -> dict[str, Any]:
-    """The member of the world's family of egos that drives most like an ego.
-
-    The result has `parameters` with their `spread`, `residual_m` (how far it stays
-    from the ego) and `explains` (whether that is about as close as noise allows).
-    """
-    of = World.of(world, plant=plant)
-    asked = {"ego": ego, "runs": runs, "seed": seed}
-    return raw.identify_ego(of._nominal, asked, _running(jobs, progress, 0.0, ego))
 
 
 def replay(

@@ -141,15 +141,11 @@ class Ado:
 
     Args:
         run: the run, or its path.
-        told: what a conditional ado is told of the ego; the nominal values
-            without it.
     """
 
-    def __init__(
-        self, run: Run | str | os.PathLike[str], *, told: Mapping[str, float] | None = None
-    ) -> None:
+    def __init__(self, run: Run | str | os.PathLike[str]) -> None:
         self.run = run if isinstance(run, Run) else Run(run)
-        self._raw = self.run._raw.policy(list((told or {}).items()))
+        self._raw = self.run._raw.policy()
         self.world = self.run.world()
         #: What it observes: name, unit, and the range that is scaled to −1 .. 1.
         self.observation = self.world.observation
@@ -206,7 +202,6 @@ class Ado:
             "world": manifest["world"],
             "scaled": "(value - (low + high) / 2) / ((high - low) / 2)",
             "observation": self.observation,
-            "told": manifest.get("told", []),
             "actions": self.actions,
             "decision_s": self.world.about["decision_s"],
             "policy_sha256": manifest["policy_sha256"],

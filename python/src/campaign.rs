@@ -11,7 +11,6 @@ use brakecheck::experiment::{consent, on_plant, test_starts};
 use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{Row, RunDir};
 use brakecheck::search::{Adversary, BUDGET, Experiment, Method, MethodSettings};
-use brakecheck::sysid::{ContextSource, IdentifyRequest, identify};
 use brakecheck::training::{TrainRequest, TrainSession};
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
@@ -93,7 +92,7 @@ pub(crate) fn train_ado<'py>(
     let plant = options.plant.as_deref().map(plant_of).transpose()?;
     let against = options.against.parse().map_err(|_| {
         let what = format!("`against={:?}` is not known", options.against);
-        wrong(what, "known: nominal, wide, conditional")
+        wrong(what, "known: nominal, wide")
     })?;
     let goals = options.goals.as_ref().map(|goals| {
         let goal = |word: &String| {
@@ -177,13 +176,11 @@ pub(crate) fn eval_run<'py>(
     });
     let ados = ados.collect::<PyResult<Vec<_>>>()?;
     let rows = running.watched(py, move |watch| {
-        let context = ContextSource::of(&run, NonZeroU64::new(options.runs))?;
         let evaluation = Evaluation {
             run: &run,
             nominal: &nominal,
             egos: &egos,
             ados: &ados,
-            context: context.as_ref(),
             starts: (options.starts, options.seed),
             search: options.search,
             tries: options.tries,
@@ -331,61 +328,6 @@ pub(crate) fn search_world<'py>(
         Ok(Some(table.rows))
     })?;
     objects(py, &something(rows)?)
-}
-
-/// What `identify` takes.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct IdentifyOptions {
-    ego: Option<Py<PyAny>>,
-    runs: usize,
-    seed: u64,
-}
-
-/// The member of the world's family that is nearest to an ego.
-#[pyfunction]
-pub(crate) fn identify_ego<'py>(
-    py: Python<'py>,
-    world: &RawWorld,
-    options: IdentifyOptions,
-    running: Running,
-) -> PyResult<Bound<'py, PyAny>> {
-    let egos = egos(&world.0, options.ego.as_ref().map(|ego| ego.bind(py)))?;
-    let [ego] = &egos[..] else {
-        return Err(wrong("`all` is more than one ego", "name one of them"));
-    };
-    let (world, ego) = (world.0.clone(), ego.clone());
-    let (family, name) = (world.family().cloned(), ego.name().to_owned());
-    let found = running.watched(py, move |watch| {
-        consent(&world, &egos)?;
-        let request = IdentifyRequest::new(&world, ego.scenario(), options.runs)
-            .at_most(options.runs as u64)
-            .seed(options.seed);
-        Ok(identify(&request, watch)?)
-    })?;
-    let found = something(found)?;
-    let quantities = family.iter().flat_map(|family| &family.quantities);
-    let names: Vec<&str> = quantities.map(|q| q.varied.name()).collect();
-    let named = |values: &[f64]| -> serde_json::Map<String, serde_json::Value> {
-        let pairs = names.iter().zip(values);
-        pairs
-            .map(|(name, value)| ((*name).to_owned(), json!(value)))
-            .collect()
-    };
-    let hidden = names
-        .iter()
-        .zip(&found.hidden)
-        .filter(|(_, hidden)| **hidden);
-    objects(
-        py,
-        &json!({
-            "ego": name, "parameters": named(&found.member.values),
-            "spread": named(&found.spread), "explains": found.explains(),
-            "hidden": hidden.map(|(name, _)| *name).collect::<Vec<_>>(),
-            "residual_m": found.residual_m, "nominal_residual_m": found.nominal_residual_m,
-            "recorded": found.recorded, "simulations": found.simulations,
-        }),
-    )
 }
 
 /// Writes one page about a run, and JUnit XML beside it; the two files.

@@ -29,9 +29,7 @@ mod _brakecheck {
     #[pymodule_export]
     use super::bench::RawBench;
     #[pymodule_export]
-    use super::campaign::{
-        eval_run, eval_world, identify_ego, report_run, search_world, train_ado,
-    };
+    use super::campaign::{eval_run, eval_world, report_run, search_world, train_ado};
     #[pymodule_export]
     use super::cli::run_program;
     #[pymodule_export]

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use brakecheck::run_dir::RunDir;
-use brakecheck::serving::policy_for_parameters;
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 
@@ -46,12 +45,10 @@ impl RawRun {
         Ok(RawWorld(world))
     }
 
-    /// The trained ado; a conditional one is told of the ego what is given.
-    fn policy(&self, parameters: Vec<(String, f64)>) -> PyResult<RawPolicy> {
-        let (run, world) = (self.open()?, self.scenario()?);
-        let policy =
-            policy_for_parameters(&run, &parameters.into_iter().collect()).map_err(failed)?;
-        let observation = world.world().spaces().observation;
+    /// The trained ado.
+    fn policy(&self) -> PyResult<RawPolicy> {
+        let policy = self.open()?.policy().map_err(failed)?;
+        let observation = self.scenario()?.spaces().observation;
         Ok(RawPolicy {
             policy,
             observation,

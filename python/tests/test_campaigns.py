@@ -171,12 +171,6 @@ def test_recordings_pages_and_scenarios_are_written(kept, run, tmp_path):
     assert len(files) == 3
 
 
-def test_a_family_is_fitted_to_python(tmp_path):
-    world = brakecheck.World("acc")
-    found = brakecheck.identify(world, "firm gains", runs=2)
-    assert found["ego"] == "firm gains" and set(found["parameters"]) == set(found["spread"])
-
-
 def test_rows_are_shown_and_become_frames(run):
     rows = run.rows
     assert repr(rows).splitlines()[0].split()[:3] == ["ego", "ado", "method"]

@@ -213,7 +213,6 @@ PLAYS = {
     "eval on two threads": lambda ego: brakecheck.eval("acc", ego=ego, starts=5, jobs=2),
     "eval of an ado": lambda ado: brakecheck.eval("acc", ado=ado, starts=5),
     "search": lambda ego: brakecheck.search("acc", ego=ego, starts=5),
-    "identify": lambda ego: brakecheck.identify("acc", ego, runs=2),
     "replay": lambda ego: brakecheck.replay(ROOT / "tests" / "regressions" / "acc-nominal-0001.ron", ego=ego),
     "Env": lambda ego: stepped(Env("acc", ego=ego)),
     "VectorEnv": lambda ego: stepped(VectorEnv("acc", 3, ego=ego)),

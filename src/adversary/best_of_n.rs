@@ -1,8 +1,7 @@
 //! Several attempts of a trained ado per start.
 //!
 //! The first attempt is greedy. The following attempts explore: at random decisions a
-//! random action is held for some decisions, or a conditional ado plays with the
-//! parameters of another member of the family. Every attempt is a simulation that the row
+//! random action is held for some decisions. Every attempt is a simulation that the row
 //! counts. A start that the greedy attempt solves remains solved.
 
 use rand::RngExt;
@@ -11,44 +10,14 @@ use rand_chacha::ChaCha8Rng;
 use super::rollout::{EpisodeResult, EvalRequest, Evaluated, Outcome, RepeatedEpisode};
 use crate::experiment::{Watch, WorkItem};
 use crate::rl::Policy;
-use crate::run_dir::{RunDir, RunError};
 use crate::scene::Start;
 use crate::seed;
-use crate::seed::{Purpose, StartKey};
-use crate::sim::PlantKind;
 use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
-use crate::world::{EgoSample, Family};
 
 /// Probabilities at which exploration begins at a decision, in turn.
 const RATES: [f64; 3] = [0.1, 0.2, 0.4];
 /// Largest number of decisions for which a random action is held.
 const HOLD: usize = 6;
-
-/// Number of other members as which a conditional ado plays.
-const OTHERS: usize = 15;
-
-/// Returns a conditional ado with the parameters of other members, for [`BestOfN`].
-///
-/// # Errors
-/// The run has no policy, or its file is damaged.
-pub fn other_members(
-    run: &RunDir,
-    family: &Family,
-    plant: PlantKind,
-) -> Result<Vec<Box<dyn Policy>>, RunError> {
-    let others = (0..OTHERS as u64).map(|index| {
-        let key = StartKey {
-            purpose: Purpose::Calibration,
-            seed: 0,
-            index,
-        };
-        EgoSample {
-            plant,
-            ..family.draw(&run.manifest().world, key)
-        }
-    });
-    run.conditioned_policies(&others.collect::<Vec<_>>())
-}
 
 /// Ado with several attempts per start.
 #[derive(Clone, Copy)]
@@ -57,8 +26,6 @@ pub struct BestOfN<'a> {
     pub request: EvalRequest<'a>,
     /// Policy of the greedy attempt.
     pub policy: &'a dyn Policy,
-    /// Ado with the parameters of other egos, which plays every other attempt.
-    pub others: &'a [Box<dyn Policy>],
     /// Attempts per start, including the greedy one.
     pub tries: u64,
 }
@@ -145,16 +112,9 @@ impl BestOfN<'_> {
         if number == 0 {
             return self.request.play(bench, index);
         }
-        let other = number.is_multiple_of(2) && !self.others.is_empty();
-        let (policy, rate) = if other {
-            let other = (number / 2 - 1) as usize % self.others.len();
-            (&*self.others[other], 0.0)
-        } else {
-            (self.policy, RATES[(number / 2) as usize % RATES.len()])
-        };
         let mut actor = Exploring {
-            policy,
-            rate,
+            policy: self.policy,
+            rate: RATES[(number / 2) as usize % RATES.len()],
             number,
             actions: bench.spaces().actions,
             held: 0,

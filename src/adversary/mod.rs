@@ -11,7 +11,7 @@ mod threshold_rule;
 
 pub use baselines::AdoKind;
 pub(crate) use baselines::Baselines;
-pub use best_of_n::{BestOfN, BestOfNResult, other_members};
+pub use best_of_n::{BestOfN, BestOfNResult};
 pub use error::AdversaryError;
 pub(crate) use grid_policies::GridPolicy;
 pub(crate) use open_loop_baselines::{best_constant, best_then_brake, in_words};

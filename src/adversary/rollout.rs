@@ -424,7 +424,6 @@ pub(crate) fn blank_row(
         ado,
         method: String::new(),
         train_seed: None,
-        context: None,
         warning: None,
         start_seed: starts.seed,
         starts: 0,

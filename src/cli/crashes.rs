@@ -233,8 +233,6 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
     fs::write(&acc, quick).expect("written");
     let short = "--plant kinematic --decisions 1200 --seed 3";
     let nominal = finished(&scratch.path().join("nominal"), &acc, short);
-    let told = "--against conditional --decisions 1100 --seed 4";
-    let told = finished(&scratch.path().join("told"), &acc, told);
     for file in ["counterexamples.jsonl", "progress.jsonl"] {
         // An empty file would hide differences.
         let length = fs::metadata(nominal.join(file)).expect("a file").len();
@@ -256,14 +254,6 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         let keep = keep.display();
         words(&format!(
             "eval {run} --starts 10 --keep {keep},most=4 --jobs 1"
-        ))
-    };
-    let identified = |dir: &Path| {
-        let run = dir.join("run");
-        copied(&told, &run);
-        let run = run.display();
-        words(&format!(
-            "eval {run} --ego softer~brakes --runs 1 --starts 4 --jobs 1"
         ))
     };
     let campaign = scratch.path().join("campaign.ron");
@@ -289,12 +279,11 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         copied(&whole.join("plan"), &dir.join("plan"));
         words(&format!("campaign merge {}", dir.join("plan").display()))
     };
-    let cases: [(&str, CommandBuilder<'_>); 8] = [
+    let cases: [(&str, CommandBuilder<'_>); 7] = [
         ("train, grid", &on_a_grid),
         ("train, acc", &on_a_road),
         ("train --from", &fine_tuned),
         ("eval --keep", &kept),
-        ("eval --runs", &identified),
         ("campaign plan", &planned),
         ("campaign run", &pieces),
         ("campaign merge", &merged),

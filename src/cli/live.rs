@@ -60,7 +60,7 @@ impl RerunArgs {
             return Ok(());
         };
         if !cfg!(feature = "rerun") {
-            return Err(super::view::without_viewer());
+            return Err(without_viewer());
         }
         match place {
             STDOUT if json => Err(Failure::input(
@@ -200,4 +200,14 @@ pub(super) fn failure(error: ViewError) -> Failure {
         }
         _ => Failure::fault(error.to_string(), Some(help.to_owned())),
     }
+}
+
+/// Returns the failure of a build without the viewer, with the alternative.
+pub(super) fn without_viewer() -> Failure {
+    Failure::input(
+        "this brakecheck was built without the viewer's recordings",
+        "install it with its default features (`--features rerun`); `-o crash.svg` writes a \
+         picture that any browser plays, and `brakecheck replay` and `brakecheck report RUN` say \
+         in words and pictures what happened",
+    )
 }

@@ -7,16 +7,12 @@ use serde_json::{Value, json};
 
 use super::live::{Live, Streamed};
 use super::test_args::{TestArgs, note_program_costs};
-use super::{Failure, open_run, print_json, progress, table, terminal};
+use super::{Failure, open_run, print_json, progress, table};
 use crate::adversary::AdoKind;
 use crate::evaluation::{Evaluation, EvaluationTable, summarise};
 use crate::experiment::{EgoUnderTest, Watch, on_plant};
 use crate::run_dir::{AdversaryId, Row, RunDir};
-use crate::sysid::ContextSource;
 use crate::world::Scenario;
-
-/// Remark on a conditional ado without any run of an ego.
-const UNTOLD: &str = "the ado observes the parameters of the world's own ego: `--runs 10` identifies every ego from ten recorded runs, and `--runs 100` also learns its behaviour";
 
 /// Returns whether the path is a world file or a shipped world, and not a run.
 pub(super) fn is_world(path: &Path) -> bool {
@@ -50,7 +46,6 @@ pub(super) struct RunUnderTest<'a> {
     pub(super) nominal: Scenario,
     run: RunDir,
     ados: Vec<AdoKind>,
-    context: Option<ContextSource>,
     test: &'a TestArgs,
 }
 
@@ -59,7 +54,8 @@ impl<'a> RunUnderTest<'a> {
     pub(super) fn open(path: &Path, test: &'a TestArgs) -> Result<RunUnderTest<'a>, Failure> {
         test.live.check(test.common.json)?;
         let run = open_run(path, &test.common)?;
-        let context = context(test, &run)?;
+        // A run without a trained ado is refused before anything is played.
+        run.policy_bundle()?;
         let world = run.scenario()?;
         let nominal = match test.plant {
             Some(plant) => on_plant(&world, plant)?,
@@ -70,7 +66,6 @@ impl<'a> RunUnderTest<'a> {
         Ok(RunUnderTest {
             ados: ados(test, &run),
             nominal,
-            context,
             run,
             test,
         })
@@ -107,7 +102,6 @@ impl<'a> RunUnderTest<'a> {
             nominal: &self.nominal,
             egos,
             ados: &self.ados,
-            context: self.context.as_ref(),
             starts: (test.starts, test.seed),
             search: test.search,
             tries: test.tries,
@@ -134,10 +128,7 @@ impl<'a> RunUnderTest<'a> {
                 "summary": summary,
                 "explain": evaluated.reasons,
             });
-            // Keys appear only if requested, so scripts of other requests see no change.
-            if !evaluated.identified.is_empty() {
-                object["identified"] = json!(evaluated.identified);
-            }
+            // A key appears only if requested, so scripts of other requests see no change.
             if !evaluated.adapted_to.is_empty() {
                 object["adapted"] = json!(evaluated.adapted_to);
             }
@@ -149,11 +140,6 @@ impl<'a> RunUnderTest<'a> {
         self.test
             .live
             .data(&table::reuse(&evaluated.egos, &summary))?;
-        for found in &evaluated.identified {
-            self.test
-                .live
-                .data(&format!("\n{}", table::identified(found)))?;
-        }
         for adapted in &evaluated.adapted_to {
             self.test.live.data(&format!("\n{adapted}"))?;
         }
@@ -183,15 +169,6 @@ pub(super) fn rows_of(evaluated: EvaluationTable<'_>) -> Result<Vec<Row>, Failur
         Some(failure) => Err(failure.into()),
         None => Ok(rows),
     }
-}
-
-/// Returns the context of a conditional ado, with a remark if it has none.
-fn context(test: &TestArgs, run: &RunDir) -> Result<Option<ContextSource>, Failure> {
-    let context = ContextSource::of(run, NonZeroU64::new(test.runs))?;
-    if context == Some(ContextSource::Nominal) {
-        terminal::note(UNTOLD);
-    }
-    Ok(context)
 }
 
 /// Returns the ados to play.

@@ -4,7 +4,6 @@ use std::io;
 use std::path::PathBuf;
 
 use clap::Args;
-use indexmap::IndexMap;
 
 use super::{Common, Exit, Failure, open_run, terminal};
 use crate::serving::{ServeError, ServedAdo};
@@ -16,10 +15,6 @@ const DOCUMENT: &str = "docs/reference/ado-protocol.md";
 pub(super) struct ServeArgs {
     /// The run directory of a trained ado.
     run: PathBuf,
-    /// Parameter of the ego, for a conditional ado; repeat for every quantity of
-    /// its family [default: the nominal values].
-    #[arg(long, value_name = "NAME=VALUE", value_parser = quantity)]
-    tell: Vec<(String, f64)>,
 }
 
 impl ServeArgs {
@@ -28,18 +23,9 @@ impl ServeArgs {
     }
 }
 
-fn quantity(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = text.split_once('=').unwrap_or((text, ""));
-    match value.trim().parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok((name.trim().to_owned(), value)),
-        _ => Err("write a name and a number, such as lag_s=0.4".to_owned()),
-    }
-}
-
 pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common())?;
-    let parameters: IndexMap<String, f64> = args.tell.iter().cloned().collect();
-    let mut ado = ServedAdo::of(&run, &parameters)?;
+    let mut ado = ServedAdo::of(&run)?;
     terminal::note(&format!(
         "the ado of world `{}` answers on standard output, line by line ({DOCUMENT})",
         ado.world().name()

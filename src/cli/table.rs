@@ -1,10 +1,8 @@
 //! Rows as tables for people.
 
-use super::table_of;
 use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
 use crate::report::TextTable;
 use crate::run_dir::Row;
-use crate::sysid::IdentifiedAs;
 
 /// Legend of the columns of rows.
 const ROWS_EXPLAINED: &str = "
@@ -334,57 +332,6 @@ fn by_itself(rows: &[Row], all: usize) -> String {
 
 fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
-}
-
-/// Formats the identified parameters of an ego, with their reliability.
-pub(super) fn identified(found: &IdentifiedAs) -> String {
-    let verdict = if found.explains {
-        format!(
-            "explained: the member stays within {:.2} m of it, {:.2} m allowed",
-            found.residual_m, found.bound_m
-        )
-    } else {
-        format!(
-            "not explained: the nearest member strays by {:.2} m, {:.2} m allowed, so this ego \
-             is none of the family",
-            found.residual_m, found.bound_m
-        )
-    };
-    let refits: Vec<String> = found.refits_m.iter().map(|r| format!("{r:.3}")).collect();
-    let lines = found.parameters.iter().map(|parameter| {
-        let [least, most] = parameter.range;
-        let remark = if parameter.hidden {
-            "does not show in these runs: nominal"
-        } else {
-            ""
-        };
-        [
-            parameter.name.clone(),
-            format!("{:.3}", parameter.fitted),
-            format!("{:.3}", parameter.spread),
-            format!("{:.3}", parameter.nominal),
-            format!("{least} … {most}"),
-            remark.to_owned(),
-        ]
-    });
-    let header = [
-        "quantity", "fitted", "spread", "nominal", "family", "remark",
-    ];
-    format!(
-        "{}: {verdict}\n\
-         (root mean square over {} recorded runs, a speed error of 1 m/s counted like 1 m; the \
-         nominal ego strays by {:.2} m, noise alone makes {:.2} m;\nindependent fits {} m; {} runs of \
-         members simulated)\n{}\n\
-         fitted: the value of the nearest member; spread: how far the independent fits are apart\n\
-         nominal: the value the ado was trained on; family: the range it was looked for in\n",
-        found.ego,
-        found.recorded,
-        found.nominal_residual_m,
-        found.noise_m,
-        refits.join(", "),
-        found.simulations,
-        table_of(header, lines)
-    )
 }
 
 #[cfg(test)]

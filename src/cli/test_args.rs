@@ -81,8 +81,7 @@ pub(super) struct TestArgs {
     /// Tries of the trained ado per start: the first greedy, the others exploring.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
     pub(super) tries: u64,
-    /// Runs of each ego to record and learn from: 100 to adapt, 10 to identify it for a
-    /// conditional ado.
+    /// Runs of each ego to record and adapt the ado to: at least 10, 100 for most egos.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
     pub(super) runs: u64,
     #[command(flatten)]

@@ -78,7 +78,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     }
     // Refused before any replay, which could start a program.
     if !is_picture && !cfg!(feature = "rerun") {
-        return Err(without_viewer());
+        return Err(live::without_viewer());
     }
     args.live.check(args.json)?;
     let (replayed, ego) = replayed(args)?;
@@ -183,7 +183,7 @@ fn stream(args: &ViewArgs, replayed: &[Replayed]) -> Result<(), Failure> {
 
 #[cfg(not(feature = "rerun"))]
 fn stream(_: &ViewArgs, _: &[Replayed]) -> Result<(), Failure> {
-    Err(without_viewer())
+    Err(live::without_viewer())
 }
 
 /// Returns the name of the ego: the requested ego, or that of the file.
@@ -261,15 +261,5 @@ fn record(replayed: &Replayed, output: &Path) -> Result<(String, u64, usize), Fa
 
 #[cfg(not(feature = "rerun"))]
 fn record(_: &Replayed, _: &Path) -> Result<(String, u64, usize), Failure> {
-    Err(without_viewer())
-}
-
-/// Returns the failure of a build without the viewer, with the alternative.
-pub(super) fn without_viewer() -> Failure {
-    Failure::input(
-        "this brakecheck was built without the viewer's recordings",
-        "install it with its default features (`--features rerun`); `-o crash.svg` writes a \
-         picture that any browser plays, and `brakecheck replay` and `brakecheck report RUN` say \
-         in words and pictures what happened",
-    )
+    Err(live::without_viewer())
 }

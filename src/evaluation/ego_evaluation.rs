@@ -4,17 +4,17 @@ use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
 use crate::adversary::{Ado, AdoKind, Baselines, BestOfN, EvalRequest, GridPolicy, eval};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::rl::Policy;
 use crate::run_dir::{AdversaryId, Row};
 use crate::search::{Adversary, ExperimentCell, Hold};
 use crate::surrogate::{AdaptedTo, LearnEgoRequest, learned};
-use crate::sysid::ConditionedAdo;
 use crate::training::retrained;
 
 /// Evaluation of all ados against an ego, row by row.
 pub(super) struct EgoEvaluation<'a> {
     pub evaluation: Evaluation<'a>,
     pub ego: &'a EgoUnderTest,
-    pub ado: &'a ConditionedAdo,
+    pub policy: &'a dyn Policy,
     pub starts: &'a TestStarts,
     pub baselines: &'a Baselines,
     pub watch: &'a Watch<'a>,
@@ -33,10 +33,7 @@ impl<'a> EgoEvaluation<'a> {
                 self.add(Adversary::Ado(ado));
             }
             match kind {
-                AdoKind::Trained | AdoKind::All => {
-                    self.trained();
-                    self.zero_shot();
-                }
+                AdoKind::Trained | AdoKind::All => self.trained(),
                 AdoKind::Constant => self.add(Adversary::BestConstant),
                 AdoKind::Switch => self.add(Adversary::BestSwitch),
                 AdoKind::Retrained => self.retrained()?,
@@ -54,14 +51,18 @@ impl<'a> EgoEvaluation<'a> {
                     }
                 }
                 // A fair baseline for a learned ego gets as many runs as learning takes.
-                AdoKind::Hold if self.evaluation.runs.is_some() => self.held_for_as_much(),
-                AdoKind::Hold | AdoKind::Random | AdoKind::Heuristic | AdoKind::Replays => {}
+                AdoKind::Hold => {
+                    if let Some(runs) = self.evaluation.runs {
+                        self.held_for_as_much(runs.get());
+                    }
+                }
+                AdoKind::Random | AdoKind::Heuristic | AdoKind::Replays => {}
             }
         }
         // The adapted ado comes after the reused ado and the baselines that it must
         // exceed.
-        if self.evaluation.learns() {
-            self.adapted()?;
+        if let Some(runs) = self.evaluation.runs {
+            self.adapted(runs.get())?;
         }
         // The search comes last, because every row is compared with it.
         if let Some(switches) = self.evaluation.search {
@@ -83,11 +84,11 @@ impl<'a> EgoEvaluation<'a> {
     /// Plays held random actions with the same number of runs of the ego.
     ///
     /// It is the number that learning the ego and playing every start takes.
-    fn held_for_as_much(&mut self) {
+    fn held_for_as_much(&mut self, runs: u64) {
         // Trivial starts are not played, so they take no runs.
         let trivial = &self.starts.trivial;
         let starts = trivial.iter().filter(|trivial| !**trivial).count() as u64;
-        let spent = self.evaluation.granted() + starts * self.evaluation.tries;
+        let spent = runs + starts * self.evaluation.tries;
         // Rounded up, so the baseline never gets fewer runs.
         let budget = spent.div_ceil(starts.max(1));
         let row = self.row(Adversary::Search(Hold.into(), budget));
@@ -98,22 +99,8 @@ impl<'a> EgoEvaluation<'a> {
         }));
     }
 
-    /// Plays a conditional ado with nominal parameters, without a run of the ego.
-    fn zero_shot(&mut self) {
-        let Some(policy) = self.ado.nominal_policy.as_deref() else {
-            return;
-        };
-        let ado = Ado::Trained(policy, self.evaluation.run.manifest().seed);
-        self.rows
-            .extend(self.row(Adversary::Ado(ado)).map(|row| Row {
-                ado: AdversaryId::ZeroShot,
-                context: Some("nominal".to_owned()),
-                ..row
-            }));
-    }
-
     fn request(&self) -> EvalRequest<'a> {
-        let ado = Ado::Trained(&*self.ado.policy, self.evaluation.run.manifest().seed);
+        let ado = Ado::Trained(self.policy, self.evaluation.run.manifest().seed);
         self.ego.against(ado, self.starts)
     }
 
@@ -126,8 +113,7 @@ impl<'a> EgoEvaluation<'a> {
         } else {
             let several = BestOfN {
                 request,
-                policy: &*self.ado.policy,
-                others: &self.ado.others,
+                policy: self.policy,
                 tries: self.evaluation.tries,
             };
             several.run(self.watch).evaluated
@@ -145,7 +131,6 @@ impl<'a> EgoEvaluation<'a> {
                     });
         }
         self.rows.push(Row {
-            context: self.ado.context.map(str::to_owned),
             warning: self.evaluation.run.warning(),
             ..cell.row.clone()
         });
@@ -153,13 +138,10 @@ impl<'a> EgoEvaluation<'a> {
     }
 
     /// Plays the ado that plans in a surrogate of this ego, unless stopped.
-    fn adapted(&mut self) -> Result<(), EvaluationError> {
+    fn adapted(&mut self, runs: u64) -> Result<(), EvaluationError> {
         let evaluation = self.evaluation;
-        let policy = &*self.ado.policy;
-        // Runs that identified the ego's parameters are runs of the ego too.
-        let identified_from = evaluation.identified_from();
+        let policy = self.policy;
         let kept = evaluation.run.policy_bundle()?;
-        let runs = evaluation.granted() - identified_from;
         let Some(driving) = self.ego.scenario().drive() else {
             return Ok(());
         };
@@ -177,7 +159,7 @@ impl<'a> EgoEvaluation<'a> {
             .phase(&format!("planning against {}", self.ego.name()));
         let adapted = ego.eval(&self.request(), policy, evaluation.tries, self.watch);
         let named = (self.ego.name(), self.ego.scenario());
-        let record = AdaptedTo::of(named, &ego.from, identified_from, &adapted);
+        let record = AdaptedTo::of(named, &ego.from, &adapted);
         self.adapted_to = Some(record);
         self.rows.push(adapted.evaluated.row.clone());
         self.found = Some(ExperimentCell {

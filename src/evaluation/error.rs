@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::adversary::AdversaryError;
 use crate::experiment::EgoError;
 use crate::run_dir::{KeptError, RunError};
-use crate::sysid::{ConditioningError, LEAST_RUNS};
+use crate::surrogate::LEAST_RUNS;
 use crate::theorems::TheoremsError;
 use crate::training::TrainError;
 
@@ -63,9 +63,6 @@ pub enum EvaluationError {
     /// A baseline does not apply.
     #[error(transparent)]
     Adversary(#[from] AdversaryError),
-    /// The ado cannot be given the ego's parameters.
-    #[error(transparent)]
-    Conditioning(#[from] ConditioningError),
     /// A theorem does not apply.
     #[error(transparent)]
     Theorems(#[from] TheoremsError),
@@ -97,7 +94,6 @@ impl EvaluationError {
             }
             EvaluationError::Ego(error) => return error.help(),
             EvaluationError::Adversary(error) => return error.help().map(str::to_owned),
-            EvaluationError::Conditioning(error) => return error.help(),
             EvaluationError::Theorems(_)
             | EvaluationError::Train(_)
             | EvaluationError::Kept(_)

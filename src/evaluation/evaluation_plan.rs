@@ -7,7 +7,7 @@ use crate::evaluation::error::EvaluationError;
 use crate::experiment::EgoUnderTest;
 use crate::run_dir::RunDir;
 use crate::stl::Explanation;
-use crate::sysid::{ContextSource, LEAST_RUNS};
+use crate::surrogate::LEAST_RUNS;
 use crate::world::Scenario;
 
 /// Request of an evaluation.
@@ -21,8 +21,6 @@ pub struct Evaluation<'a> {
     pub egos: &'a [EgoUnderTest],
     /// Ados to evaluate.
     pub ados: &'a [AdoKind],
-    /// Source of the egos' parameters for a conditional ado. `None`: any other ado.
-    pub context: Option<&'a ContextSource>,
     /// Number of test starts and seed of their stream.
     pub starts: (usize, u64),
     /// Largest number of switches of a search for comparison, if any.
@@ -38,29 +36,11 @@ pub struct Evaluation<'a> {
 }
 
 impl Evaluation<'_> {
-    /// Returns the number of runs that identify an ego.
-    pub(super) fn identified_from(&self) -> u64 {
-        self.context.map_or(0, ContextSource::runs)
-    }
-
-    /// Returns the number of runs of each ego that may be spent on it.
-    pub(super) fn granted(&self) -> u64 {
-        self.runs.map_or(0, NonZeroU64::get)
-    }
-
-    /// Returns whether runs remain for learning an ego after its identification.
-    pub(super) fn learns(&self) -> bool {
-        self.identified_from() < self.granted()
-    }
-
-    /// Checks that the remaining runs are enough for learning.
+    /// Checks that the runs are enough for learning.
     pub(super) fn can_learn(&self) -> Result<(), EvaluationError> {
-        // Runs for identification are not recorded for the surrogate.
-        let runs = self.granted();
-        if self.learns() && runs < LEAST_RUNS + self.identified_from() {
-            Err(EvaluationError::TooFewRuns { runs })
-        } else {
-            Ok(())
+        match self.runs.map(NonZeroU64::get) {
+            Some(runs) if runs < LEAST_RUNS => Err(EvaluationError::TooFewRuns { runs }),
+            _ => Ok(()),
         }
     }
 }

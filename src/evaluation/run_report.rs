@@ -10,12 +10,11 @@ use crate::adversary::Ado;
 use crate::crashes::{description, highlights};
 use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, worse_first};
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
+use crate::rl::Policy;
 use crate::run_dir::{Row, RunDir, RunError};
 use crate::search::{Adversary, ExperimentCell};
-use crate::sysid::{ContextSource, conditioned};
 use crate::testbench::film;
-use crate::world::file_text;
-use crate::world::{Scenario, TrainingEgos};
+use crate::world::{Scenario, file_text};
 
 /// Default number of episodes for changed egos, and bounds on the starts of each.
 const REUSE_EPISODES: usize = 1000;
@@ -148,15 +147,17 @@ impl<'a> ReportRequest<'a> {
         let Some(starts) = TestStarts::stored(Some(dir), &world, self.starts, watch) else {
             return Ok(None);
         };
-        let (_, seed) = self.starts;
         let own = EgoUnderTest::nominal(self.scenario);
-        let ado = conditioned(self.run, self.context(), &own, seed, watch)?;
-        let ado = Ado::Trained(&*ado.policy, self.run.manifest().seed);
+        let policy = self.run.policy()?;
+        let ado = Ado::Trained(&*policy, self.run.manifest().seed);
         let cell = Adversary::Ado(ado).play(&own, &starts, watch);
         report.nominal = cell.as_ref().map(nominal);
         if self.given.rows.is_empty() {
             report.tested.extend(cell.map(tested));
-            if self.changed(report, &egos, &starts, watch)?.is_none() {
+            if self
+                .changed(report, &*policy, (&egos, &starts), watch)?
+                .is_none()
+            {
                 return Ok(None);
             }
         } else {
@@ -172,8 +173,8 @@ impl<'a> ReportRequest<'a> {
     fn changed(
         &self,
         report: &mut Report<'_>,
-        egos: &[EgoUnderTest],
-        starts: &TestStarts,
+        policy: &dyn Policy,
+        (egos, starts): (&[EgoUnderTest], &TestStarts),
         watch: &Watch<'_>,
     ) -> Result<Option<()>, EvaluationError> {
         let (_, seed) = self.starts;
@@ -193,8 +194,7 @@ impl<'a> ReportRequest<'a> {
                     None => return Ok(None),
                 }
             };
-            let ado = conditioned(self.run, self.context(), ego, seed, watch)?;
-            let trained = Ado::Trained(&*ado.policy, self.run.manifest().seed);
+            let trained = Ado::Trained(policy, self.run.manifest().seed);
             for ado in [trained, Ado::Held] {
                 // The nominal ego was played against the trained ado on all starts
                 // already.
@@ -214,12 +214,6 @@ impl<'a> ReportRequest<'a> {
             few.starts.len(),
         );
         Ok(Some(()))
-    }
-
-    /// Returns the true parameters as the context of a conditional ado.
-    fn context(&self) -> Option<&'static ContextSource> {
-        let is_conditional = self.run.manifest().against == TrainingEgos::Conditioned;
-        is_conditional.then_some(&ContextSource::True)
     }
 }
 
@@ -312,12 +306,6 @@ fn notes(run: &RunDir) -> Vec<String> {
         notes.push(format!(
             "This ado was trained against a family of egos ({}).",
             manifest.against
-        ));
-    }
-    if manifest.against == TrainingEgos::Conditioned {
-        notes.push(format!(
-            "It observes the parameters of its ego ({}), here the true values.",
-            manifest.parameters.join(", ")
         ));
     }
     if let Some(ego) = &manifest.ego {

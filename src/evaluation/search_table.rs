@@ -8,7 +8,7 @@ use crate::adversary::{Ado, eval};
 use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
 use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable};
 use crate::rl::Policy;
-use crate::run_dir::{Row, RunDir, RunError, Stored};
+use crate::run_dir::{Row, RunDir, Stored};
 use crate::search::{ExperimentCell, Method, MethodOption, SearchRequest, Searched, search};
 use crate::world::Scenario;
 
@@ -70,7 +70,7 @@ impl SearchCampaign<'_> {
     /// The run's policy is damaged.
     pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, EvaluationError> {
         consent(self.world, self.egos)?;
-        let trained = self.trained(watch)?;
+        let trained = self.trained()?;
         let (own, dir) = (
             EgoUnderTest::nominal(self.world),
             self.run.map(RunDir::path),
@@ -118,20 +118,13 @@ impl SearchCampaign<'_> {
         }))
     }
 
-    fn trained(&self, watch: &Watch<'_>) -> Result<Option<Trained<'_>>, EvaluationError> {
+    fn trained(&self) -> Result<Option<Trained<'_>>, EvaluationError> {
         let finished = self.run.filter(|run| run.manifest().is_finished());
         let Some(run) = finished else {
             return Ok(None);
         };
-        match run.policy() {
-            Ok(policy) => Ok(Some(Trained { policy, run })),
-            // A conditional ado needs the ego's parameters, which a search does not have.
-            Err(error @ RunError::Unconditioned { .. }) => {
-                watch.note(&format!("{error}; searching without it"));
-                Ok(None)
-            }
-            Err(error) => Err(error.into()),
-        }
+        let policy = run.policy()?;
+        Ok(Some(Trained { policy, run }))
     }
 }
 

@@ -9,10 +9,10 @@ use super::reuse::{ReusedOn, reused_on};
 use crate::adversary::Baselines;
 use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable};
+use crate::rl::Policy;
 use crate::run_dir::{FailsAlone, Row};
 use crate::search::ExperimentCell;
 use crate::surrogate::AdaptedTo;
-use crate::sysid::{IdentifiedAs, conditioned};
 use crate::theorems::{CarryOver, GridTheorems, TheoremsRequest, carry_over, grid_theorems};
 use crate::world::Scenario;
 
@@ -48,8 +48,6 @@ pub struct EvaluationTable<'a> {
     pub egos: Vec<ReusedOn>,
     /// First failure of each ego under the trained ado, with its explanation.
     pub reasons: Vec<ExplainedCounterexample>,
-    /// Identified parameters of each ego, if requested.
-    pub identified: Vec<IdentifiedAs>,
     /// Summary of the adaptation to each ego, if requested.
     pub adapted_to: Vec<AdaptedTo>,
     /// Error that ended the evaluation early, if any.
@@ -57,6 +55,7 @@ pub struct EvaluationTable<'a> {
     /// The nominal ego's test starts.
     pub starts: TestStarts,
     pub(crate) evaluation: Evaluation<'a>,
+    policy: Box<dyn Policy>,
     /// Cell of each ego whose counterexamples are kept.
     pub(crate) found: Vec<ExperimentCell>,
 }
@@ -73,6 +72,7 @@ impl<'a> Evaluation<'a> {
         consent(&world, self.egos)?;
         // Refused before the first simulation.
         self.can_learn()?;
+        let policy = self.run.policy()?;
         let Some(starts) = self.starts(&EgoUnderTest::nominal(&world), watch) else {
             return Ok(None);
         };
@@ -80,11 +80,11 @@ impl<'a> Evaluation<'a> {
         let mut table = EvaluationTable {
             egos: Vec::new(),
             reasons: Vec::new(),
-            identified: Vec::new(),
             adapted_to: Vec::new(),
             failure: None,
             starts,
             evaluation: self,
+            policy,
             found: Vec::new(),
         };
         for (nth, ego) in self.egos.iter().enumerate() {
@@ -121,15 +121,11 @@ impl<'a> EvaluationTable<'a> {
         let Some((own, left_out)) = self.own_starts(ego, watch) else {
             return Ok(());
         };
-        let (_, seed) = evaluation.starts;
-        // A conditional ado has another policy input for each ego.
-        let ado = conditioned(evaluation.run, evaluation.context, ego, seed, watch)?;
-        self.identified.extend(ado.identified.clone());
         let starts = own.as_ref().unwrap_or(&self.starts);
         let mut of_ego = EgoEvaluation {
             evaluation,
             ego,
-            ado: &ado,
+            policy: &*self.policy,
             starts,
             baselines,
             watch,
@@ -191,19 +187,9 @@ impl<'a> EvaluationTable<'a> {
     /// # Errors
     /// A theorem does not apply to the world.
     pub fn theorems(&self, watch: &Watch<'_>) -> Result<Option<TheoremsChecked>, EvaluationError> {
-        let Evaluation {
-            run,
-            nominal,
-            egos,
-            context,
-            starts: (_, seed),
-            ..
-        } = self.evaluation;
-        // A single policy serves all egos, so a conditional ado gets the nominal
-        // parameters.
+        let Evaluation { nominal, egos, .. } = self.evaluation;
         let own = EgoUnderTest::nominal(nominal);
-        let ado = conditioned(run, context, &own, seed, watch)?;
-        let policy = &*ado.policy;
+        let policy = &*self.policy;
         let is_nominal = |ego: &EgoUnderTest| ego.name() == own.name();
         // Theorem 3 needs a changed ego to say anything.
         let all = if egos.iter().all(is_nominal) {

@@ -16,7 +16,7 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
         div class="wide" { table class="rows" {
             thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s, median / 90 %" } th class="n" { "sims / start" } } }
             tbody { @for Tested { row, .. } in &sorted { tr {
-                td { (row.ego) } td data-l="ado" { (row.ado) } td class="m" data-l="method" { (row.method) @if let Some(context) = &row.context { ", context: " (context) } }
+                td { (row.ego) } td data-l="ado" { (row.ado) } td class="m" data-l="method" { (row.method) }
                 td class="n" data-l="success" {
                     @if row.starts == 0 { "–" } @else { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
                     @if 0 < row.invalid { ", " (row.invalid) " invalid" }

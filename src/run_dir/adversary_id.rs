@@ -13,8 +13,6 @@ use serde::{Deserialize, Serialize};
 pub enum AdversaryId {
     /// Policy of a run.
     Trained,
-    /// Conditional policy with nominal parameters.
-    ZeroShot,
     /// Planner in a surrogate of the ego.
     Adapted,
     /// Policy trained for the changed ego.
@@ -60,7 +58,6 @@ impl AdversaryId {
     pub fn caption(&self) -> &str {
         match self {
             AdversaryId::Trained => "trained",
-            AdversaryId::ZeroShot => "zero-shot",
             AdversaryId::Adapted => "adapted",
             AdversaryId::Retrained => "retrained",
             AdversaryId::Random => "random",
@@ -89,7 +86,6 @@ impl From<&str> for AdversaryId {
     fn from(name: &str) -> AdversaryId {
         match name {
             "trained" => AdversaryId::Trained,
-            "zero-shot" => AdversaryId::ZeroShot,
             "adapted" => AdversaryId::Adapted,
             "retrained" => AdversaryId::Retrained,
             "random" => AdversaryId::Random,
@@ -172,7 +168,6 @@ mod tests {
         );
         for name in [
             "trained",
-            "zero-shot",
             "adapted",
             "retrained",
             "random",

@@ -8,13 +8,28 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::RunError;
 use super::disk::{append, cut, io_error};
-use super::manifest::Grown;
 use crate::content_hash::in_digits;
 use crate::world::file_bytes;
+
+/// Valid part of a growing file, as of the last checkpoint.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Grown {
+    /// Number of valid bytes. Later bytes were written after the checkpoint.
+    pub bytes: u64,
+    /// SHA-256 of these bytes.
+    pub sha256: String,
+}
+
+impl Grown {
+    pub(super) fn is_nothing(&self) -> bool {
+        self.bytes == 0
+    }
+}
 
 /// Growing file, hashed as it grows.
 #[derive(Clone, Debug)]

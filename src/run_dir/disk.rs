@@ -257,8 +257,12 @@ pub(super) fn sweep(dir: &Path) {
     for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
         if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
             let path = entry.path();
-            let file = OpenOptions::new().write(true).open(&path);
-            if file.is_ok_and(|file| fs4::FileExt::try_lock(&file).is_ok()) {
+            let Ok(file) = OpenOptions::new().write(true).open(&path) else {
+                continue;
+            };
+            // The lock is held until the file is gone. Otherwise its writer could lock it
+            // in between and lose it.
+            if fs4::FileExt::try_lock(&file).is_ok() {
                 // The next sweep tries again.
                 let _ = remove(&path);
             }
@@ -364,4 +368,27 @@ pub(super) fn settings_of(scenario: &Scenario) -> String {
 pub fn file_name(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     name.chars().map(plain).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every writer sweeps the directory, in which others are writing.
+    #[test]
+    fn no_writer_loses_its_file_to_the_sweep_of_another() {
+        let dir = tempfile::tempdir().expect("a directory");
+        std::thread::scope(|scope| {
+            for writer in 0..8 {
+                let dir = dir.path();
+                scope.spawn(move || {
+                    for number in 0..60 {
+                        let path = dir.join(format!("{writer}-{number}"));
+                        write_file(&path, b"text").expect("written");
+                    }
+                });
+            }
+        });
+        assert_eq!(fs::read_dir(dir.path()).expect("listed").count(), 8 * 60);
+    }
 }

@@ -78,13 +78,11 @@ pub enum RunError {
         /// Description of the difference.
         why: String,
     },
-    /// The ado is conditional, and the parameters of the ego are missing.
-    #[error("the conditional ado in `{path}` requires values of {}", names.join(", "))]
-    Unconditioned {
+    /// The run was trained with `--against conditional`, which is retired.
+    #[error("the run `{path}` has a conditional ado, and conditional ados were retired")]
+    Conditional {
         /// Directory.
         path: PathBuf,
-        /// Parameters on which the ado is conditioned.
-        names: Vec<String>,
     },
     /// The world of the run is not usable.
     #[error("the world of this run: {0}")]
@@ -120,8 +118,9 @@ impl RunError {
             RunError::Damaged { .. } => {
                 Some("restore the file from a backup, or make it again".to_owned())
             }
-            RunError::Unconditioned { .. } => Some(
-                "`brakecheck eval RUN --ego E --runs 10` identifies them from ten runs of the ego"
+            RunError::Conditional { .. } => Some(
+                "train again with `--against wide`, or adapt another run to your ego with \
+                 `brakecheck eval RUN --runs N`"
                     .to_owned(),
             ),
             RunError::World(_) => None,

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::append_log::Grown;
 use super::calibration::{Calibration, TrainingEnd};
 use super::disk::read_text;
 use super::training_counterexamples::StoredCount;
@@ -52,11 +53,16 @@ fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
     Ok(read.cpu_s)
 }
 
-/// Version of the layout alone.
+/// Fields that decide whether this version can use a run.
 #[derive(Deserialize)]
 struct Layout {
     format: u32,
+    #[serde(default)]
+    against: Option<String>,
 }
+
+/// Retired word of [`TrainingEgos`].
+const CONDITIONAL: &str = "conditional";
 
 /// Properties of a run, and the hashes of its files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -132,9 +138,6 @@ pub struct Manifest {
     pub settings_fingerprint: Option<String>,
     /// Settings of the learner, including defaults.
     pub settings: serde_json::Value,
-    /// Inputs of a conditional ado besides its observation, in order.
-    #[serde(rename = "told", default, skip_serializing_if = "Vec::is_empty")]
-    pub parameters: Vec<String>,
     /// Changed ego of the training. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ego: Option<ChangedEgo>,
@@ -180,21 +183,6 @@ pub struct Done {
     pub ended: Option<TrainingEnd>,
     /// Episodes that no line of `progress.jsonl` covers yet.
     pub window: Window,
-}
-
-/// Valid part of a growing file, as of the last checkpoint.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Grown {
-    /// Number of valid bytes. Later bytes were written after the checkpoint.
-    pub bytes: u64,
-    /// SHA-256 of these bytes.
-    pub sha256: String,
-}
-
-impl Grown {
-    fn is_nothing(&self) -> bool {
-        self.bytes == 0
-    }
 }
 
 /// Episodes since the last line of `progress.jsonl`.
@@ -250,9 +238,12 @@ impl Manifest {
         let text = read_text(&file)?;
         let invalid = |error: serde_json::Error| damaged(&file, error.to_string());
         // The version comes first, because another layout may lack any field.
-        let Layout { format } = serde_json::from_str(&text).map_err(invalid)?;
+        let Layout { format, against } = serde_json::from_str(&text).map_err(invalid)?;
         if format != FORMAT {
             return Err(damaged(&file, format!("format {format} is not {FORMAT}")));
+        }
+        if against.as_deref() == Some(CONDITIONAL) {
+            return Err(RunError::Conditional { path: run.into() });
         }
         let mut manifest: Manifest = serde_json::from_str(&text).map_err(invalid)?;
         content_hash::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;

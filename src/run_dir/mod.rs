@@ -48,6 +48,7 @@ pub use about::{
 };
 pub use adversary_id::AdversaryId;
 pub(crate) use adversary_id::keys as adversary_keys;
+pub use append_log::Grown;
 pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
 pub use contact_severity::{ClosingSpeed, ContactSeverity};
@@ -56,7 +57,7 @@ pub use differences::{RequestedTraining, RunDifference};
 pub(crate) use disk::WholeFile;
 pub use disk::{file_name, make_dir, write_file};
 pub use error::RunError;
-pub use manifest::{ChangedEgo, Done, Grown, Manifest, Sought, Window};
+pub use manifest::{ChangedEgo, Done, Manifest, Sought, Window};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
 pub use row::{Anytime, FailsAlone, FailureKind, Row, Unconfirmed};
@@ -69,7 +70,6 @@ use crate::rl::{BundleError, TensorFile};
 use crate::world::{Scenario, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
-use trained_policy::parameter_names;
 
 /// Version of the layout. Other versions are refused.
 const FORMAT: u32 = 3;
@@ -156,7 +156,6 @@ impl RunDir {
                 left_out: scenario.left_out.clone(),
                 settings_fingerprint: Some(settings_of(scenario)),
                 settings: serde_json::to_value(&scenario.learner).unwrap_or_default(),
-                parameters: parameter_names(scenario),
                 ego: with.ego,
                 from_sha256: None,
                 checkpoint: None,

@@ -33,11 +33,6 @@ pub struct Row {
     /// Seed of the training, for trained ados.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub train_seed: Option<u64>,
-    /// Parameters on which a conditional ado was conditioned.
-    ///
-    /// They are the `true`, `identified` or `nominal` parameters of the ego.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub context: Option<String>,
     /// Reason why the ado's training is not reliable, if so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warning: Option<CalibrationWarning>,
@@ -262,7 +257,6 @@ mod tests {
             ado: AdversaryId::Trained,
             method: String::new(),
             train_seed: Some(0),
-            context: Some(String::new()),
             warning: Some(CalibrationWarning {
                 what: String::new(),
                 help: String::new(),

@@ -1,6 +1,4 @@
 //! World and trained ado of a run, and copies of both.
-//!
-//! A conditional ado receives the parameters of the ego beside its observation.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -8,7 +6,7 @@ use std::sync::OnceLock;
 use super::disk::{io_error, make_dir, write_file};
 use super::{RunDir, RunError, manifest};
 use crate::rl::{Policy, TensorFile, load_policy_for};
-use crate::world::{EgoSample, LoadError, Scenario, TrainingEgos};
+use crate::world::{LoadError, Scenario};
 
 impl RunDir {
     /// Returns the world of the training, on its plant.
@@ -74,13 +72,9 @@ impl RunDir {
                 None => Some(world),
             };
             let world = world.and_then(|world| world.training_against(against));
-            // A policy has one input per parameter of the family, so the family
-            // must be the same.
-            let names = world.as_ref().map(parameter_names);
-            let fits = names.is_some_and(|names| names == self.manifest.parameters);
-            return world.filter(|_| fits).ok_or_else(|| RunError::Damaged {
+            return world.ok_or_else(|| RunError::Damaged {
                 path: self.path.join("manifest.json"),
-                why: format!("its world has another family than the {against} ado was trained on"),
+                why: format!("its world lacks the family that the {against} ado was trained on"),
             });
         }
         let Some(name) = &self.manifest.learner else {
@@ -96,24 +90,10 @@ impl RunDir {
     ///
     /// # Errors
     ///
-    /// Returns an error if training has not finished or the file is damaged. A
-    /// conditional ado requires [`RunDir::conditioned_policy`].
+    /// Returns an error if training has not finished or the file is damaged.
     pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
-        if self.manifest.against == TrainingEgos::Conditioned {
-            return Err(RunError::Unconditioned {
-                path: self.path.clone(),
-                names: self.manifest.parameters.clone(),
-            });
-        }
-        self.shaped_policy(&self.scenario()?, &self.policy_bundle()?)
-    }
-
-    fn shaped_policy(
-        &self,
-        scenario: &Scenario,
-        bundle: &TensorFile,
-    ) -> Result<Box<dyn Policy>, RunError> {
-        load_policy_for(&scenario.spaces(), bundle).map_err(self.damaged("policy.safetensors"))
+        let (scenario, bundle) = (self.scenario()?, self.policy_bundle()?);
+        load_policy_for(scenario.spaces(), &bundle).map_err(self.damaged("policy.safetensors"))
     }
 
     /// Returns the trained ado as stored.
@@ -130,48 +110,6 @@ impl RunDir {
             return Err(self.unfinished());
         };
         self.read_verified("policy.safetensors", Some(expected))
-    }
-
-    /// Returns the trained ado. A conditional ado is conditioned on `member`.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if training has not finished, or the file is damaged.
-    pub fn conditioned_policy(&self, member: &EgoSample) -> Result<Box<dyn Policy>, RunError> {
-        let scenario = self.scenario()?;
-        self.conditioned(&scenario, &self.policy_bundle()?, member)
-    }
-
-    /// Returns the trained ado once per member, conditioned on that member.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if training has not finished, or the file is damaged.
-    pub fn conditioned_policies(
-        &self,
-        members: &[EgoSample],
-    ) -> Result<Vec<Box<dyn Policy>>, RunError> {
-        let (scenario, bundle) = (self.scenario()?, self.policy_bundle()?);
-        members
-            .iter()
-            .map(|member| self.conditioned(&scenario, &bundle, member))
-            .collect()
-    }
-
-    fn conditioned(
-        &self,
-        scenario: &Scenario,
-        bundle: &TensorFile,
-        member: &EgoSample,
-    ) -> Result<Box<dyn Policy>, RunError> {
-        let policy = self.shaped_policy(scenario, bundle)?;
-        Ok(match (scenario.against, scenario.family()) {
-            (TrainingEgos::Conditioned, Some(family)) => Box::new(ConditionedPolicy {
-                policy,
-                context: family.context_of(member),
-            }),
-            _ => policy,
-        })
     }
 
     /// Copies the files that playing the trained ado requires.
@@ -195,35 +133,5 @@ impl RunDir {
             }
         }
         Ok(())
-    }
-}
-
-/// Policy with the ego's parameters appended to every observation.
-struct ConditionedPolicy {
-    policy: Box<dyn Policy>,
-    context: Vec<f32>,
-}
-
-impl ConditionedPolicy {
-    fn with<T>(&self, obs: &[f32], ask: impl FnOnce(&dyn Policy, &[f32]) -> T) -> T {
-        ask(&*self.policy, &[obs, &self.context].concat())
-    }
-}
-
-impl Policy for ConditionedPolicy {
-    fn act(&self, obs: &[f32]) -> usize {
-        self.with(obs, |policy, whole| policy.act(whole))
-    }
-
-    fn value(&self, obs: &[f32]) -> f32 {
-        self.with(obs, |policy, whole| policy.value(whole))
-    }
-}
-
-/// Returns the inputs of a conditional ado besides its observation.
-pub(super) fn parameter_names(scenario: &Scenario) -> Vec<String> {
-    match (scenario.against, scenario.family()) {
-        (TrainingEgos::Conditioned, Some(family)) => family.context_names(),
-        _ => Vec::new(),
     }
 }

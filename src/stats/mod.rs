@@ -10,6 +10,6 @@ pub use interval::{
     at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
 pub(crate) use optimization::{
-    CrossEntropySearch, Fit, SMALL_WEIGHTS, add_equation, cost, descend, logistic, pick,
+    CrossEntropySearch, SMALL_WEIGHTS, add_equation, descend, logistic, pick,
 };
 pub use outcomes::{Flips, Outcomes, StartOutcome, UnknownMark};

@@ -1,11 +1,10 @@
 //! Ado adapted to an ego: learned once, stored with the run, and planned start by start.
 
 use std::fmt::{self, Display, Formatter};
-use std::num::NonZeroU64;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use super::learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, learn_ego};
 use super::model::{OUTPUTS, Surrogate};
@@ -15,13 +14,12 @@ use super::strategy::{Earlier, Policies, Strategy};
 use super::surrogate_error::SurrogateError;
 use super::surrogate_fit::MEMBERS;
 use crate::adversary::{EpisodeResult, EvalRequest, Evaluated, RepeatedEpisode, in_words};
-use crate::content_hash::sha256;
+use crate::content_hash::{fingerprint, sha256};
 use crate::experiment::{EgoUnderTest, Watch, WorkItem};
 use crate::rl::nn::Mlp;
 use crate::rl::{BundleError, Policy, TensorFile, load_policy, load_policy_for};
 use crate::run_dir::{AdversaryId, RunDir, RunError, make_dir, write_file};
 use crate::scene::Start;
-use crate::sysid::{DIR, place_of};
 use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::{DriveScenario, Scenario, file_bytes};
 
@@ -47,11 +45,6 @@ pub struct AdaptedTo {
     /// Facts recorded while the ego was learned.
     #[serde(flatten)]
     pub learned: LearnedFrom,
-    /// Runs from which a conditional ado identified the ego's parameters.
-    ///
-    /// `None`: it did not. JSON has 0 then.
-    #[serde(serialize_with = "or_zero")]
-    pub identified_from: Option<NonZeroU64>,
     /// Way in which the ado acts.
     pub acts: Acts,
     /// The same in words, with the reason.
@@ -72,14 +65,12 @@ impl AdaptedTo {
     pub fn of(
         (ego, world): (&str, &Scenario),
         learned: &LearnedFrom,
-        identified_from: u64,
         row: &AdaptedRow,
     ) -> AdaptedTo {
         let (expected, expected_ci95) = learned.expected(row.evaluated.row.starts);
         AdaptedTo {
             ego: ego.to_owned(),
             learned: learned.clone(),
-            identified_from: NonZeroU64::new(identified_from),
             acts: learned.acts(),
             how: how(world, learned),
             expected,
@@ -94,9 +85,6 @@ impl Display for AdaptedTo {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let LearnedFrom { runs, error, .. } = self.learned;
         write!(f, "`{}`: learned from {runs} runs of it", self.ego)?;
-        if let Some(runs) = self.identified_from {
-            write!(f, ", and identified from {runs}")?;
-        }
         if let Some(nearest) = self.learned.nearest.first() {
             write!(f, "; most like {nearest}")?;
         }
@@ -132,11 +120,6 @@ impl Display for AdaptedTo {
             None => Ok(()),
         }
     }
-}
-
-/// Writes 0 for an absent number of runs.
-fn or_zero<S: Serializer>(runs: &Option<NonZeroU64>, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_u64(runs.map_or(0, NonZeroU64::get))
 }
 
 /// Describes how the ado acts and why.
@@ -316,6 +299,9 @@ impl LearnedEgo {
     }
 }
 
+/// Directory of learned egos in a run.
+const DIR: &str = "learned";
+
 /// Tensor with a whole bundle: the policy trained in the surrogate.
 const FINE_TUNED: &str = "trained_on";
 /// Tensor with the SHA-256 of the bundle without it, as digits.
@@ -360,16 +346,35 @@ pub(crate) fn learned(
     Ok(found)
 }
 
-/// Returns the file of a request. Its name depends on the ado as well.
+/// Returns the file of a request.
+///
+/// Its name is a hash of everything that the result depends on: the version, the world, the
+/// ado, the ego, its plant and, for a program, the files that its command names.
+/// `None`: the controller is in no file, and the next controller may differ.
 fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> Option<PathBuf> {
-    let key = serde_json::json!({
-        "learned_for_policy_sha256": run.manifest().policy_sha256,
-        "runs": request.runs,
-        "seed": request.seed,
-        "unknown": request.unknown,
-        "learns_on": request.bundle.is_some(),
-    });
-    place_of(run, ego, &key).map(|place| place.with_extension("safetensors"))
+    if ego.is_own() {
+        return None;
+    }
+    let program = ego.scenario().program();
+    let files = program.iter().flat_map(|program| &program.command);
+    let files = files.filter_map(|path| file_bytes(Path::new(path)).ok());
+    let files: Vec<String> = files.map(|bytes| sha256(&bytes)).collect();
+    let name = fingerprint(&serde_json::json!({
+        "brakecheck": env!("CARGO_PKG_VERSION"),
+        "world_sha256": run.manifest().world_sha256,
+        "change": ego.change(),
+        "plant": ego.scenario().plant(),
+        "files_sha256": files,
+        "asked": {
+            "learned_for_policy_sha256": run.manifest().policy_sha256,
+            "runs": request.runs,
+            "seed": request.seed,
+            "unknown": request.unknown,
+            "learns_on": request.bundle.is_some(),
+        },
+    }));
+    let path = run.path().join(DIR).join(&name[..16]);
+    Some(path.with_extension("safetensors"))
 }
 
 fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
@@ -448,7 +453,7 @@ fn read(bytes: &[u8], world: DriveScenario<'_>) -> Result<LearnedEgo, BundleErro
     };
     if let Some(policy) = &fine_tuned {
         // Loading once here reports a damaged policy before any start is planned.
-        load_policy_for(&world.spaces(), policy)?;
+        load_policy_for(world.spaces(), policy)?;
     }
     Ok(LearnedEgo {
         surrogate: Arc::new(surrogate),

@@ -46,8 +46,8 @@ impl Env for Inside {
 
 /// Trains the ado inside the surrogate in the place of the ego of `world`.
 ///
-/// Returns `None` if stopped, or if the policy cannot be trained further because it is
-/// conditional or not from deep Q-learning. Equal requests give equal policies.
+/// Returns `None` if stopped, or if the policy cannot be trained further because it is not
+/// from deep Q-learning. Equal requests give equal policies.
 pub(super) fn fine_tuned(
     world: DriveScenario<'_>,
     policy: Option<&TensorFile>,
@@ -119,7 +119,7 @@ mod tests {
     }
 
     fn unlearned(world: &Scenario, learner: LearnerConfig) -> TensorFile {
-        learner.build(&world.spaces(), 3).policy_bundle()
+        learner.build(world.spaces(), 3).policy_bundle()
     }
 
     #[test]

@@ -30,6 +30,8 @@ use crate::sim::PlantKind;
 use crate::stats::{predicted, wilson};
 use crate::world::{DriveScenario, Scenario};
 
+/// Smallest number of runs of an ego that learning requires.
+pub(crate) const LEAST_RUNS: u64 = 10;
 /// Number of runs from which three rounds are recorded instead of two.
 const THREE_ROUNDS: u64 = 90;
 /// Updates of each network after every round except the last round.
@@ -49,7 +51,7 @@ pub struct LearnEgoRequest<'a> {
     pub policy: &'a dyn Policy,
     /// Bundle to continue training from inside the surrogate, if any.
     pub bundle: Option<&'a TensorFile>,
-    /// Runs of the ego that may be recorded, at least 10.
+    /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`].
     pub runs: u64,
     /// Kinds of stock controllers that are not compared with the ego.
     ///

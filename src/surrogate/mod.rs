@@ -45,6 +45,7 @@ pub(crate) use adapted_policy::learned;
 pub use adapted_policy::{AdaptedRow, AdaptedTo};
 pub use emergency_brake::{BrakedFor, EmergencyBrake};
 pub use fitted_model::FittedModel;
+pub(crate) use learn::LEAST_RUNS;
 pub use learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, learn_ego};
 pub use open_loop_actions::TriedActions;
 pub use surrogate_error::SurrogateError;

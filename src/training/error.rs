@@ -1,12 +1,10 @@
 //! Error of a training that cannot begin, continue or end.
 
-use std::path::PathBuf;
-
 use super::train_loop::TrainError;
 use crate::experiment::EgoError;
 use crate::rl::ConfigError;
 use crate::run_dir::{KeptError, RunError};
-use crate::world::{ChangeError, TrainingEgos, guessed};
+use crate::world::{ChangeError, guessed};
 
 /// Error of a training that cannot begin, continue or end.
 ///
@@ -56,16 +54,6 @@ pub enum SessionError {
         /// Name of the controller.
         ego: String,
     },
-    /// Fine-tuning of a conditional ado to an unconditional one, or the reverse.
-    #[error("the ado in `{}` is {was}, this training {requested}", run.display())]
-    OtherKind {
-        /// Run that is fine-tuned.
-        run: PathBuf,
-        /// Kind of its ado.
-        was: TrainingEgos,
-        /// Requested kind.
-        requested: TrainingEgos,
-    },
     /// Goals that the world cannot have.
     #[error("{}", .0.what)]
     Goals(ChangeError),
@@ -113,9 +101,7 @@ impl OptionClash {
         match self {
             OptionClash::LeaveOut => "add `--against wide`, or leave out `--leave-out`",
             OptionClash::FamilyAndEgo => "leave out one of the two",
-            OptionClash::FamilyAndLearner => {
-                "leave it out: a family names its own learners, `wide` and `conditional`"
-            }
+            OptionClash::FamilyAndLearner => "leave it out: a family names its own learner, `wide`",
             OptionClash::FamilyAndPlant => {
                 "leave it out: a family names its plants under `train_against`"
             }
@@ -155,11 +141,6 @@ impl SessionError {
             SessionError::Options(clash) => clash.help().to_owned(),
             SessionError::EgoInNoFile { .. } => {
                 "go on with it from where it was begun, with that controller as the ego".to_owned()
-            }
-            SessionError::OtherKind { .. } => {
-                "a conditional ado is told the ego's parameters, others are not: fine-tune a \
-                 conditional ado with `--against conditional`, any other without"
-                    .to_owned()
             }
             SessionError::Goals(error) => return error.help.clone(),
             SessionError::Ego(error) => return error.help(),

@@ -8,7 +8,7 @@ use super::error::{OptionClash, SessionError};
 use super::train_loop::{TrainError, TrainingOutcome, steps, train};
 use crate::adversary::Ado;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant};
-use crate::rl::{LearnerConfig, Policy};
+use crate::rl::LearnerConfig;
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Beginning, ChangedEgo, RequestedTraining, Row, RunDir, RunError};
 use crate::search::{Adversary, Experiment, ExperimentCell};
@@ -82,9 +82,8 @@ impl TrainSession {
         let ego = request.ego(&world)?;
         let seed = request.seed.unwrap_or(0);
         let from = request.from.map(|from| from.policy_bundle()).transpose()?;
-        if let (Some(source), Some(bundle)) = (request.from, &from) {
-            fits_kind(source, &world)?;
-            let fits = world.learner.build_from(&world.spaces(), seed, bundle);
+        if let Some(bundle) = &from {
+            let fits = world.learner.build_from(world.spaces(), seed, bundle);
             fits.map_err(TrainError::from)?;
         }
         let begin = |ego| {
@@ -169,7 +168,7 @@ impl TrainSession {
         starts: usize,
         watch: &Watch<'_>,
     ) -> Result<Option<Closing>, SessionError> {
-        let policy = self.policy()?;
+        let policy = self.run.policy()?;
         let steps = steps(self.ego.scenario());
         let watch = &watch.first_of(steps).later(steps - 1);
         let nominal = EgoUnderTest::nominal(&self.run.world()?);
@@ -185,10 +184,7 @@ impl TrainSession {
         };
         // Invariant: every adversary here has a cell, and the first is the trained ado's.
         let mut cells = experiment.run(watch);
-        let mut rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
-        if self.world.against == TrainingEgos::Conditioned {
-            rows[0].context = Some("nominal".to_owned());
-        }
+        let rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
         let trained = cells.swap_remove(0);
         Ok(Some(Closing { rows, trained }))
     }
@@ -212,15 +208,6 @@ impl TrainSession {
     /// Returns the world with the learner, the plant and the egos of the training.
     pub fn world(&self) -> &Scenario {
         &self.world
-    }
-
-    /// Returns the trained ado. A conditional ado gets the nominal parameters.
-    fn policy(&self) -> Result<Box<dyn Policy>, SessionError> {
-        let scenario = self.ego.scenario();
-        Ok(match (scenario.family(), scenario.plant().plant()) {
-            (Some(family), Some(plant)) => self.run.conditioned_policy(&family.nominal(plant))?,
-            _ => self.run.policy()?,
-        })
     }
 }
 
@@ -335,19 +322,4 @@ impl TrainRequest<'_> {
             (None, Err(_)) => world.training_for(begun.decisions)?,
         })
     }
-}
-
-/// Requires that a fine-tuned ado stays conditional or unconditional.
-///
-/// The two kinds have different observations.
-fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), SessionError> {
-    let was = from.manifest().against;
-    if (was == TrainingEgos::Conditioned) == (world.against == TrainingEgos::Conditioned) {
-        return Ok(());
-    }
-    Err(SessionError::OtherKind {
-        run: from.path().into(),
-        was,
-        requested: world.against,
-    })
 }

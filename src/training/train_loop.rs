@@ -80,7 +80,7 @@ pub fn train(
     run.refuse(run.differences_in_learning(scenario)?)?;
     let seed = run.manifest().seed;
     let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
-    let spaces = &scenario.spaces();
+    let spaces = scenario.spaces();
     let checkpoint = run.checkpoint()?;
     if let Some(goals) = GoalTracker::of(scenario, checkpoint.as_ref())? {
         gym.reward_by(goals);

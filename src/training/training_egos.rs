@@ -6,7 +6,7 @@ use crate::rl::{End, Env, Spaces, Step};
 use crate::scene::drive::EgoVariant;
 use crate::seed::Purpose;
 use crate::testbench::Gym;
-use crate::world::{Scenario, TrainingEgos};
+use crate::world::Scenario;
 
 /// Decision problem of a training: its starts and, in a family, its egos.
 ///
@@ -15,11 +15,6 @@ use crate::world::{Scenario, TrainingEgos};
 pub struct TrainingGym<'a> {
     scenario: &'a Scenario,
     gym: Gym,
-    /// Parameters of the ego, which follow the world's own observation.
-    context: Vec<f32>,
-    /// Length of the world's own observation.
-    seen: usize,
-    spaces: Spaces,
     /// Goals that add to the reward of successes by Definition 4.
     goals: Option<GoalTracker>,
     /// Index of the running episode.
@@ -33,9 +28,6 @@ impl<'a> TrainingGym<'a> {
         TrainingGym {
             scenario,
             gym: Gym::new(scenario.bench(), purpose, seed),
-            context: Vec::new(),
-            seen: scenario.world().spaces().observation,
-            spaces: scenario.spaces(),
             goals: None,
             index: 0,
             audience: None,
@@ -54,7 +46,7 @@ impl<'a> TrainingGym<'a> {
             return;
         };
         let member = self.scenario.drive().zip(self.member(self.index));
-        let member = member.map(|(driving, (_, variant))| driving.with_member(&variant));
+        let member = member.map(|(driving, variant)| driving.with_member(&variant));
         let last = self.gym.spent().decisions;
         let first = last.saturating_sub(episode.actions.len() as u64) + 1;
         audience.episode(&ShownEpisode {
@@ -84,48 +76,41 @@ impl<'a> TrainingGym<'a> {
         &mut self.gym
     }
 
-    /// Draws the member of an episode, if there is a family, with its context.
-    fn member(&self, index: u64) -> Option<(Vec<f32>, EgoVariant)> {
+    /// Draws the member of an episode, if there is a family.
+    fn member(&self, index: u64) -> Option<EgoVariant> {
         let nominal = self.scenario.against.is_nominal();
         let family = self.scenario.family().filter(|_| !nominal)?;
         let member = family.draw(&self.scenario.name, self.gym.key(index));
-        Some((family.context_of(&member), family.variant(&member)))
+        Some(family.variant(&member))
     }
 
     /// Puts the member of an episode on the bench, if there is a family.
     fn place_member(&mut self, index: u64) {
-        if let Some((context, variant)) = self.member(index) {
+        if let Some(variant) = self.member(index) {
             self.scenario.place_member(&variant, self.gym.bench());
-            if self.scenario.against == TrainingEgos::Conditioned {
-                self.context = context;
-            }
         }
     }
 }
 
 impl Env for TrainingGym<'_> {
     fn spaces(&self) -> &Spaces {
-        &self.spaces
+        self.gym.spaces()
     }
 
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
         self.index = index;
         self.place_member(index);
-        let (seen, context) = obs.split_at_mut(self.seen);
-        self.gym.reset(index, seen);
-        context.copy_from_slice(&self.context);
+        self.gym.reset(index, obs);
     }
 
     fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
-        let (seen, context) = obs.split_at_mut(self.seen);
-        let mut step = self.gym.step(action, seen);
+        let mut step = self.gym.step(action, obs);
         if step.end == Some(End::Terminated)
             && let Some(goals) = &mut self.goals
             && let Some(episode) = self.gym.success()
         {
             step.reward = self.gym.reward_for(goals.share(self.scenario, &episode));
         }
-        context.copy_from_slice(&self.context);
         if step.end == Some(End::Terminated)
             && let Some(audience) = self.audience.filter(|audience| audience.is_ready())
         {

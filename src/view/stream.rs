@@ -23,16 +23,15 @@ const REPORT_S: f64 = 0.05;
 
 /// Entities of an episode, which the next episode replaces.
 ///
-/// Curves break there, and the log of events goes on.
-const REPLACED: [&str; 8] = [
+/// The plots are not among them: a cleared plot would lose its zero line between two
+/// episodes. The log of events goes on, too.
+const REPLACED: [&str; 6] = [
     "world",
     "trails",
     "contact",
     "verdict/mark",
     "map",
     "follow",
-    "robustness",
-    "signals",
 ];
 
 /// Stream of episodes for the viewer, one after another on common timelines.

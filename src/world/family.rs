@@ -3,15 +3,13 @@
 //! `train_against` of a world file names ranges over the parameters of its ego,
 //! over the ego's sensors and the road, and the plants to train on. A
 //! [`EgoSample`] is one point of the family. An ado trained against the complete
-//! family is *wide* or *conditional*. A conditional ado has the member's
-//! quantities appended to its observation, and a wide ado has not.
+//! family is *wide*.
 //!
 //! Members are drawn per episode from the episode's own key. They depend on no
 //! thread and no earlier episode.
 
 use std::fmt;
 
-use indexmap::IndexMap;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
@@ -22,7 +20,7 @@ use super::quantity::{Quantity, Varied, parameter};
 use super::structure::Structure;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::LearnerConfig;
-use crate::scene::drive::{DriveSpec, EgoVariant};
+use crate::scene::drive::EgoVariant;
 use crate::seed::StartKey;
 use crate::sim::PlantKind;
 
@@ -51,14 +49,10 @@ pub enum TrainingEgos {
     /// The world's own ego.
     #[default]
     Nominal,
-    /// All egos of the family; the ado does not observe their parameters.
+    /// All egos of the family, another member in every episode.
     #[serde(rename = "wide")]
     #[strum(serialize = "wide")]
     Randomized,
-    /// All egos of the family; the ado observes the parameters of each.
-    #[serde(rename = "conditional")]
-    #[strum(serialize = "conditional")]
-    Conditioned,
 }
 
 impl TrainingEgos {
@@ -94,60 +88,14 @@ pub struct Family {
     /// Plants with their weights.
     pub plants: Vec<(PlantKind, u32)>,
     /// Controllers of other structures, each drawn as often as the world's own.
-    ///
-    /// A conditional ado is trained without them, because its inputs cannot
-    /// express them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub structures: Vec<Structure>,
     /// Probability with which a quantity of a member is nominal.
     pub nominal_share: f64,
     /// Learner of a wide ado.
     pub wide: LearnerConfig,
-    /// Learner of a conditional ado.
-    pub conditional: LearnerConfig,
     /// World's own ego.
     pub(super) base: EgoVariant,
-}
-
-/// Ego without a value for a quantity of the family.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("this ego has no `{name}`, so the family cannot say which member it is")]
-pub struct NoMember {
-    /// Name of the quantity.
-    pub name: String,
-}
-
-/// Named quantities that do not describe a member of the family.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SampleError {
-    /// A quantity is missing.
-    #[error("`{name}` is missing; the family varies {known}")]
-    Missing {
-        /// Name of the quantity.
-        name: String,
-        /// Names of all quantities.
-        known: String,
-    },
-    /// A quantity is given that the family does not vary.
-    #[error("`{name}` is none of the family's quantities: {known}")]
-    Unknown {
-        /// Name of the quantity.
-        name: String,
-        /// Names of all quantities.
-        known: String,
-    },
-    /// A value is outside of its range.
-    #[error("`{name}` is {value}, outside of {lo} ..= {hi}")]
-    Outside {
-        /// Name of the quantity.
-        name: String,
-        /// Given value.
-        value: f64,
-        /// Least value.
-        lo: f64,
-        /// Greatest value.
-        hi: f64,
-    },
 }
 
 impl Family {
@@ -215,43 +163,6 @@ impl Family {
         self.base.plant
     }
 
-    /// Returns the number of additional inputs of a conditional ado.
-    pub fn context_width(&self) -> usize {
-        self.quantities.len()
-    }
-
-    /// Returns the additional inputs of a conditional ado.
-    ///
-    /// They are the member's quantities, scaled to −1 ..= 1.
-    ///
-    /// The plant is no input. An ado with that input would learn each plant
-    /// from its own episodes only.
-    pub fn context_of(&self, member: &EgoSample) -> Vec<f32> {
-        self.unit(member).iter().map(|&u| u as f32).collect()
-    }
-
-    /// Returns a member as a point: every quantity scaled to −1 ..= 1 over its range.
-    pub fn unit(&self, member: &EgoSample) -> Vec<f64> {
-        let pairs = self.quantities.iter().zip(&member.values);
-        pairs.map(|(q, value)| q.scaled(*value)).collect()
-    }
-
-    /// Returns the member at a point, or the nearest member.
-    pub fn at(&self, point: &[f64], plant: PlantKind) -> EgoSample {
-        let pairs = self.quantities.iter().zip(point);
-        EgoSample {
-            values: pairs.map(|(q, unit)| q.at(*unit)).collect(),
-            plant,
-            controller: None,
-        }
-    }
-
-    /// Returns the names of the additional inputs of a conditional ado, in order.
-    pub fn context_names(&self) -> Vec<String> {
-        let quantities = self.quantities.iter();
-        quantities.map(|q| q.varied.name().to_owned()).collect()
-    }
-
     /// Returns the ego of a member.
     pub fn variant(&self, member: &EgoSample) -> EgoVariant {
         let mut variant = EgoVariant {
@@ -289,71 +200,6 @@ impl Family {
             sensors: (variant.sensors != self.base.sensors).then_some(variant.sensors),
             ..Change::default()
         }
-    }
-
-    /// Returns the member that a driving scene is.
-    ///
-    /// Values outside of a range are moved to its end.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if the controller lacks a parameter that the family
-    /// varies.
-    pub fn member_of(&self, spec: &DriveSpec) -> Result<EgoSample, NoMember> {
-        let values = self.quantities.iter().map(|quantity| {
-            let value = quantity.varied.read(spec).ok_or_else(|| NoMember {
-                name: quantity.varied.name().to_owned(),
-            })?;
-            Ok(quantity.fit(value))
-        });
-        Ok(EgoSample {
-            values: values.collect::<Result<_, _>>()?,
-            plant: spec.plant,
-            controller: None,
-        })
-    }
-
-    /// Returns the member with named values, on a plant.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error for a missing or unknown quantity, or a value out of
-    /// its range.
-    pub fn member_named(
-        &self,
-        values: &IndexMap<String, f64>,
-        plant: PlantKind,
-    ) -> Result<EgoSample, SampleError> {
-        let names: Vec<&str> = self.quantities.iter().map(|q| q.varied.name()).collect();
-        let known = || names.join(", ");
-        if let Some(name) = values.keys().find(|name| !names.contains(&name.as_str())) {
-            return Err(SampleError::Unknown {
-                name: name.clone(),
-                known: known(),
-            });
-        }
-        let found = self.quantities.iter().map(|quantity| {
-            let name = quantity.varied.name();
-            let value = *values.get(name).ok_or_else(|| SampleError::Missing {
-                name: name.to_owned(),
-                known: known(),
-            })?;
-            if quantity.contains(value) {
-                Ok(value)
-            } else {
-                Err(SampleError::Outside {
-                    name: name.to_owned(),
-                    value,
-                    lo: quantity.lo,
-                    hi: quantity.hi,
-                })
-            }
-        });
-        Ok(EgoSample {
-            values: found.collect::<Result<_, _>>()?,
-            plant,
-            controller: None,
-        })
     }
 
     /// Returns true if a changed ego is a member.
@@ -422,15 +268,6 @@ impl Family {
             let program = structure.controller.controller.program()?;
             Some((structure.name.as_str(), program))
         })
-    }
-
-    /// Returns a member in words.
-    pub fn in_words(&self, member: &EgoSample) -> String {
-        let pairs = self.quantities.iter().zip(&member.values);
-        let list: Vec<String> = pairs
-            .map(|(q, value)| format!("{} {value:.3}", q.varied.name()))
-            .collect();
-        list.join(", ")
     }
 }
 

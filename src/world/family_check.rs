@@ -36,7 +36,6 @@ pub(super) fn family(
         problems.add(path, what, "here", None);
         return None;
     };
-    // The order of the quantities is that of a conditional ado's inputs.
     let mut quantities = of_controller(problems, &path.to("ego"), &file.ego, &controller);
     let structures = file.structures.0.iter().filter_map(|(name, ranges)| {
         let place = path.to("structures").to(name);
@@ -81,7 +80,6 @@ pub(super) fn family(
     let plants = plants(problems, path, &file, spec.plant);
     check::within(problems, &path.to("nominal"), file.nominal, 0.0, 1.0);
     let wide = check::learner(problems, &path.to("wide"), &file.wide);
-    let conditional = check::learner(problems, &path.to("conditional"), &file.conditional);
     // Without other mistakes only: invalid quantities are missing here, and
     // were reported.
     if quantities.is_empty() && structures.is_empty() && problems.is_empty() {
@@ -95,7 +93,6 @@ pub(super) fn family(
         plants,
         nominal_share: file.nominal,
         wide,
-        conditional,
         base: EgoVariant {
             controller,
             sensors: spec.sensors,

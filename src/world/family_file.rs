@@ -39,8 +39,6 @@ pub(super) struct FamilyFile {
     pub(super) nominal: f64,
     #[serde(default = "patient")]
     pub(super) wide: LearnerSettings,
-    #[serde(default = "patient")]
-    pub(super) conditional: LearnerSettings,
 }
 
 /// Plant as a key of a map.

@@ -57,7 +57,7 @@ use serde::de::DeserializeOwned;
 
 pub(crate) use error::guessed;
 pub use error::{LoadError, Problem, ScenarioError};
-pub use family::{EgoSample, Family, NoMember, SampleError, TrainingEgos};
+pub use family::{EgoSample, Family, TrainingEgos};
 pub use file::{Change, GridChange};
 pub(crate) use locate::ValuePath;
 pub(crate) use named_file::{file_bytes, file_text};

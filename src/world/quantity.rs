@@ -58,11 +58,6 @@ impl Varied {
             Varied::Friction => variant.friction = value,
         }
     }
-
-    /// Returns true for noise, which does not show in an ego's mean behaviour.
-    pub fn is_noise(&self) -> bool {
-        matches!(self, Varied::PositionNoise | Varied::SpeedNoise)
-    }
 }
 
 /// Varied quantity with its range.
@@ -87,39 +82,13 @@ impl Quantity {
     }
 
     /// Returns the nearest value that a member can have.
-    pub fn fit(&self, value: f64) -> f64 {
+    pub(super) fn fit(&self, value: f64) -> f64 {
         let value = value.clamp(self.lo, self.hi);
         if self.step == 0.0 {
             value
         } else {
             // Clamped again: 6 · 0.05 exceeds 0.3 by rounding.
             ((value / self.step).round() * self.step).clamp(self.lo, self.hi)
-        }
-    }
-
-    /// Scales a value to −1 (least) ..= 1 (greatest).
-    pub(super) fn scaled(&self, value: f64) -> f64 {
-        (2.0 * value - self.lo - self.hi) / (self.hi - self.lo)
-    }
-
-    /// Returns the nominal value on that scale.
-    pub fn unit(&self) -> f64 {
-        self.scaled(self.nominal)
-    }
-
-    /// Returns the value at a position on that scale.
-    pub fn at(&self, unit: f64) -> f64 {
-        self.fit(0.5 * (self.lo + self.hi + unit * (self.hi - self.lo)))
-    }
-
-    /// Returns all values on that scale, if there are finitely many.
-    pub fn steps(&self) -> Vec<f64> {
-        if self.step == 0.0 {
-            Vec::new()
-        } else {
-            let count = ((self.hi - self.lo) / self.step).round() as u64;
-            let values = (0..=count).map(|i| self.lo + self.step * i as f64);
-            values.map(|value| self.scaled(value)).collect()
         }
     }
 

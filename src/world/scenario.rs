@@ -204,13 +204,9 @@ impl Scenario {
         self.family.as_deref()
     }
 
-    /// Returns the spaces of an ado, including the inputs of conditional ados.
-    pub fn spaces(&self) -> Spaces {
-        let mut spaces = self.world.spaces().clone();
-        if let (TrainingEgos::Conditioned, Some(family)) = (self.against, self.family()) {
-            spaces.observation += family.context_width();
-        }
-        spaces
+    /// Returns the spaces of an ado.
+    pub fn spaces(&self) -> &Spaces {
+        self.world.spaces()
     }
 
     /// Returns the drive of the ego. `None` on a grid.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
 use super::{
-    ChangeError, DriveScenario, Family, LoadError, Repeats, Scenario, ScenarioError, ScenarioKind,
+    ChangeError, DriveScenario, LoadError, Repeats, Scenario, ScenarioError, ScenarioKind,
     TrainingEgos, ValuePath,
 };
 use super::{changed, check, counting, read};
@@ -107,24 +107,13 @@ impl Scenario {
     ///
     /// `None` if it has no family.
     pub fn training_against(&self, against: TrainingEgos) -> Option<Scenario> {
-        let learner = match (against, self.family()) {
-            (TrainingEgos::Nominal, _) => self.learner.clone(),
-            (TrainingEgos::Randomized, family) => family?.wide.clone(),
-            (TrainingEgos::Conditioned, family) => family?.conditional.clone(),
+        let learner = match against {
+            TrainingEgos::Nominal => self.learner.clone(),
+            TrainingEgos::Randomized => self.family()?.wide.clone(),
         };
-        // The inputs of a conditional ado cannot express a structure.
-        let sees_parameters = against == TrainingEgos::Conditioned;
-        let family = self.family().filter(|_| sees_parameters).map(|family| {
-            let structures = Vec::new();
-            Arc::new(Family {
-                structures,
-                ..family.clone()
-            })
-        });
         Some(Scenario {
             learner,
             against,
-            family: family.or_else(|| self.family.clone()),
             ..self.clone()
         })
     }

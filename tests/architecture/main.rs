@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 37] = [
+const FLOORS: [(&str, u32); 36] = [
     ("seed", 0),
     ("content_hash", 0),
     ("visible", 0),
@@ -43,16 +43,15 @@ const FLOORS: [(&str, u32); 37] = [
     ("search", 10),
     ("crashes", 11),
     ("training", 12),
-    ("sysid", 13),
-    ("surrogate", 14),
-    ("theorems", 14),
-    ("serving", 14),
-    ("evaluation", 15),
-    ("campaign", 16),
-    ("cli", 17),
-    ("lib", 18),
-    ("repro", 18),
-    ("main", 19),
+    ("surrogate", 13),
+    ("theorems", 13),
+    ("serving", 13),
+    ("evaluation", 14),
+    ("campaign", 15),
+    ("cli", 16),
+    ("lib", 17),
+    ("repro", 17),
+    ("main", 18),
 ];
 
 /// Floors below this one know no files, no clock and no terminal.
@@ -62,7 +61,7 @@ const FIRST_WITH_IO: u32 = 5;
 const MAY_TALK: &str = "src/ego/process";
 
 /// No file below these uses another one that leads back to it.
-const WITHOUT_CIRCLES: [&str; 16] = [
+const WITHOUT_CIRCLES: [&str; 15] = [
     "crates/stl/src/",
     "src/rl/",
     "src/scene/drive/",
@@ -74,7 +73,6 @@ const WITHOUT_CIRCLES: [&str; 16] = [
     "src/search/",
     "src/crashes/",
     "src/training/",
-    "src/sysid/",
     "src/surrogate/",
     "src/theorems/",
     "src/evaluation/",
@@ -233,7 +231,7 @@ fn below_the_scenario_there_is_no_file_no_clock_and_no_hidden_randomness() {
 }
 
 /// Where test starts are drawn, or told from others: where rates are reported.
-/// Whatever tunes, identifies or trains draws from another purpose's stream.
+/// Whatever tunes, adapts or trains draws from another purpose's stream.
 const MAY_TEST: [&str; 7] = [
     "src/seed.rs",
     "src/testbench/gym.rs",

@@ -343,6 +343,30 @@ fn sealed(text: &str) -> String {
 }
 
 #[test]
+fn a_gate_that_could_never_close_is_refused() {
+    let dir = scratch();
+    let text = SMALL.replace("    preventability: true,\n", "");
+    let file = path(&dir, "open.ron");
+    fs::write(&file, &text).expect("written");
+    let plan = |planned: &str| brakecheck(&["campaign", "plan", &file, "-o", planned]);
+    let output = plan(&path(&dir, "open"));
+    assert_eq!(code(&output), 2);
+    let message = stderr(&output);
+    assert!(
+        message.contains("judges none without `preventability: true`"),
+        "{message}"
+    );
+    // Its place is the gate's line.
+    assert!(message.contains("gate: (baseline"), "{message}");
+    // A gate on any failure needs no drivers.
+    let any = text.replace("\"nominal\"),\n)", "\"nominal\", on: Any),\n)");
+    assert_ne!(any, text);
+    fs::write(&file, any).expect("written");
+    let output = plan(&path(&dir, "any"));
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+}
+
+#[test]
 fn a_gate_decides_the_exit_code_of_the_merge() {
     let dir = scratch();
     let played = plan(&dir, "played", SMALL, "1000");
@@ -536,7 +560,7 @@ fn mistakes_in_a_campaign_file_are_named_with_place_and_cure() {
         ),
         ("baseline: \"nominal\"", "baseline: \"nomnal\""),
         (
-            "preventability: true",
+            "gate: (baseline: \"nominal\")",
             "boundary: (name: \"b\", stl: \"hedway > 3\")",
         ),
         ("Held", "Training(seeds: 0)"),

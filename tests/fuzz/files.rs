@@ -21,7 +21,7 @@ fn world(name: &str) -> Scenario {
 fn run_of(world: &Scenario, dir: &Path) {
     let mut run = RunDir::create(dir, world, 1).expect("a new run");
     let learner = LearnerConfig::default();
-    let policy = learner.build(&world.spaces(), 1).policy_bundle();
+    let policy = learner.build(world.spaces(), 1).policy_bundle();
     run.save_policy(&policy, Done::default()).expect("written");
 }
 

@@ -216,7 +216,7 @@ fn a_learner_is_one_file_and_one_line() {
     );
     let learner = world
         .learner
-        .build_from(&world.spaces(), 1, &run.policy_bundle().expect("kept"));
+        .build_from(world.spaces(), 1, &run.policy_bundle().expect("kept"));
     assert_eq!(
         learner.expect("fine-tuned").policy().value(&[]),
         policy.value(&[])

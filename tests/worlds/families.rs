@@ -1,4 +1,4 @@
-//! Families of egos: what is drawn, covered, tuned, learned and identified.
+//! Families of egos: what is drawn, covered, tuned and learned.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -8,13 +8,13 @@ use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::rl::{Control, Policy};
 use brakecheck::run_dir::RunDir;
 use brakecheck::scene::Dynamics;
+use brakecheck::scene::drive::DriveSpec;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::stats::StartOutcome::{Solved, Trivial};
-use brakecheck::sysid::{Identified, IdentifyRequest, identify};
 use brakecheck::testbench::{Aftermath, Gym, HeldRandom, play};
 use brakecheck::training::train;
-use brakecheck::world::{Change, Family, Scenario, TrainingEgos};
+use brakecheck::world::{Change, EgoSample, Family, Scenario, TrainingEgos};
 
 use super::acc;
 
@@ -22,11 +22,6 @@ static GO: AtomicBool = AtomicBool::new(false);
 
 pub fn quiet() -> Watch<'static> {
     Watch::new(&|_, _| {}, &GO)
-}
-
-fn identified(request: &IdentifyRequest<'_>) -> Identified {
-    let found = identify(request, &quiet()).expect("sound");
-    found.expect("not stopped")
 }
 
 pub fn key(index: u64) -> StartKey {
@@ -87,20 +82,6 @@ fn members_are_drawn_as_documented_and_depend_on_their_key_alone() {
 }
 
 #[test]
-fn what_is_told_is_scaled_to_the_ranges_whatever_the_plant() {
-    let world = acc();
-    let family = family(&world);
-    let mut member = family.nominal(PlantKind::Rigid);
-    member.values = family.quantities.iter().map(|q| q.lo).collect();
-    assert_eq!(family.context_of(&member), [-1.0; 6]);
-    member.values = family.quantities.iter().map(|q| q.hi).collect();
-    assert_eq!(family.context_of(&member), [1.0; 6]);
-    member.plant = PlantKind::Kinematic;
-    assert_eq!(family.context_of(&member), [1.0; 6]);
-    assert_eq!(family.context_width(), family.context_names().len());
-}
-
-#[test]
 fn inside_and_outside_are_computed_from_the_change() {
     let world = acc();
     let family = family(&world);
@@ -145,6 +126,23 @@ fn inside_and_outside_are_computed_from_the_change() {
     assert!(family.covers(&standstill));
 }
 
+/// The member with the parameters and the delay of a spec.
+fn member_of(family: &Family, spec: &DriveSpec) -> EgoSample {
+    let parameters = spec.ego.stock().expect("a stock ego").parameters();
+    let values = family.quantities.iter().map(|quantity| {
+        let mut named = parameters.iter();
+        match named.find(|parameter| parameter.name == quantity.varied.name()) {
+            Some(parameter) => parameter.value,
+            None => spec.sensors.delay_s,
+        }
+    });
+    EgoSample {
+        values: values.collect(),
+        plant: spec.plant,
+        controller: None,
+    }
+}
+
 #[test]
 fn a_tuned_scene_drives_like_the_changed_world() {
     let world = acc();
@@ -153,7 +151,7 @@ fn a_tuned_scene_drives_like_the_changed_world() {
     for name in ["sporty", "tired", "2D plant", "late sensors"] {
         let changed = world.with(&world.reuse()[name]).expect("it fits");
         let spec = changed.drive().expect("a driving world").spec();
-        let member = family.member_of(spec).expect("a member");
+        let member = member_of(family, spec);
         let mut tuned = world.bench();
         tuned.replace_scene(driving.scene_of(&family.variant(&member)));
         let mut bench = changed.bench();
@@ -197,196 +195,37 @@ fn nominal_training_is_what_it_was_without_a_family() {
     assert!(!manifest.contains("against") && !manifest.contains("told"));
 }
 
-/// The ACC world against its family, briefly.
-fn brief(against: TrainingEgos, decisions: u64) -> Scenario {
-    let mut world = acc().training_against(against).expect("a family");
-    world = world.training_for(decisions).expect("in range");
-    world
-}
-
 #[test]
 fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
     let dir = tempfile::tempdir().expect("scratch");
-    for against in [TrainingEgos::Randomized, TrainingEgos::Conditioned] {
-        let world = brief(against, 5000);
-        let path = |name: &str| dir.path().join(format!("{against}-{name}"));
-        let mut whole = RunDir::create(&path("whole"), &world, 7).expect("a run");
-        train(&world, &mut whole, &quiet()).expect("trained");
-        let mut cut = RunDir::create(&path("cut"), &world, 7).expect("a run");
-        let stop = AtomicBool::new(false);
-        let until = |done, _| stop.store(2500 <= done, Ordering::Relaxed);
-        let halfway = Watch::new(&until, &stop);
-        assert!(
-            train(&world, &mut cut, &halfway)
-                .expect("begun")
-                .interrupted
-        );
-        drop(cut);
-        let mut cut = RunDir::resume(&path("cut")).expect("a run");
-        assert_eq!(cut.manifest().against, against);
-        let kept = cut.scenario().expect("its world");
-        let kept = kept.training_for(5000).expect("in range");
-        assert_eq!(
-            (kept.against(), &kept.learner()),
-            (against, &world.learner())
-        );
-        train(&kept, &mut cut, &quiet()).expect("trained");
-        let bytes = |run: &RunDir| std::fs::read(run.path().join("policy.safetensors")).expect("p");
-        assert_eq!(bytes(&whole), bytes(&cut), "{against}");
-        assert_eq!(
-            whole.policy().is_err(),
-            against == TrainingEgos::Conditioned
-        );
-    }
-}
-
-#[test]
-fn every_episode_of_a_family_meets_the_ego_of_its_key() {
-    // A start that is tried again meets the same ego, whatever came between.
-    let dir = tempfile::tempdir().expect("scratch");
-    let world = brief(TrainingEgos::Conditioned, 300);
-    let mut run = RunDir::create(&dir.path().join("run"), &world, 1).expect("a run");
-    train(&world, &mut run, &quiet()).expect("trained");
-    let family = family(&world);
-    let spec = world.drive().expect("driven").spec();
-    let told =
-        |member: brakecheck::world::EgoSample| run.conditioned_policy(&member).expect("a policy");
-    let nominal = told(family.nominal(spec.plant));
-    let sporty = world.with(&world.reuse()["sporty"]).expect("it fits");
-    let sporty = told(
-        family
-            .member_of(sporty.drive().expect("driven").spec())
-            .expect("a member"),
-    );
-    let obs = vec![0.1; world.world().spaces().observation];
-    assert_ne!(nominal.value(&obs), sporty.value(&obs));
-    assert_eq!(nominal.value(&obs), nominal.value(&obs));
-}
-
-#[test]
-fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
-    let world = acc().on(PlantKind::Kinematic);
-    let family = family(&world);
-    let mut change = Change::default();
-    let truth = [
-        ("kp_per_s2", 0.45),
-        ("kd_per_s", 1.5),
-        ("time_gap_s", 0.7),
-        ("max_brake_mps2", 5.0),
-        ("lag_s", 0.6),
-    ];
-    for (name, value) in truth {
-        change.ego.0.insert(name.to_owned(), value);
-    }
-    change.sensors = Some(brakecheck::scene::drive::Sensors {
-        delay_s: 0.1,
-        ..Default::default()
-    });
-    let ego = world.with(&change).expect("it fits");
-    let request = IdentifyRequest::new(&world, &ego, 5).seed(4);
-    let found = identified(&request);
-    assert!(found.explains(), "{found:?}");
+    let against = TrainingEgos::Randomized;
+    let world = acc().training_against(against).expect("a family");
+    let world = world.training_for(5000).expect("in range");
+    let path = |name: &str| dir.path().join(name);
+    let mut whole = RunDir::create(&path("whole"), &world, 7).expect("a run");
+    train(&world, &mut whole, &quiet()).expect("trained");
+    let mut cut = RunDir::create(&path("cut"), &world, 7).expect("a run");
+    let stop = AtomicBool::new(false);
+    let until = |done, _| stop.store(2500 <= done, Ordering::Relaxed);
+    let halfway = Watch::new(&until, &stop);
     assert!(
-        10.0 * found.residual_m < found.nominal_residual_m,
-        "{found:?}"
+        train(&world, &mut cut, &halfway)
+            .expect("begun")
+            .interrupted
     );
-    assert_eq!(found.noise_m, 0.0);
-    for (q, quantity) in family.quantities.iter().enumerate() {
-        let name = quantity.varied.name();
-        let mut known = truth.iter();
-        let value = known
-            .find(|(n, _)| *n == name)
-            .map_or(0.1, |(_, value)| *value);
-        let off = (found.member.values[q] - value).abs() / (quantity.hi - quantity.lo);
-        assert!(off < 0.1 && !found.hidden[q], "{name}: {found:?}");
-    }
-    // Equal requests, equal answers; one run is enough to see that.
-    let brief = IdentifyRequest::new(&world, &ego, 1).seed(4);
-    assert_eq!(identified(&brief), identified(&brief));
-    // Without one of its quantities the family explains this ego less well.
-    let fixed = ["time_gap_s".to_owned()];
-    let poorer = identified(&request.fixed(&fixed));
-    assert!(2.0 * found.residual_m < poorer.residual_m, "{poorer:?}");
-    assert_eq!(poorer.member.values[2], 0.5, "left out: nominal");
-}
-
-#[test]
-fn whoever_is_stopped_identifies_nothing() {
-    let world = acc().on(PlantKind::Kinematic);
-    let request = IdentifyRequest::new(&world, &world, 2);
-    for after in 1..=3 {
-        let stop = AtomicBool::new(false);
-        let progress = |done, _| stop.store(after <= done, Ordering::Relaxed);
-        let watch = Watch::new(&progress, &stop);
-        let found = identify(&request, &watch).expect("sound");
-        assert_eq!(found, None, "after {after} fits");
-    }
-}
-
-#[test]
-fn an_ego_is_never_run_more_often_than_granted() {
-    let world = acc().on(PlantKind::Kinematic);
-    let noisy = world.with(&brakecheck::world::Change {
-        sensors: Some(brakecheck::scene::drive::Sensors {
-            position_sd_m: 0.5,
-            ..Default::default()
-        }),
-        ..Change::default()
-    });
-    let noisy = noisy.expect("it fits");
-    let recorded = |ego, at_most: Option<u64>| {
-        let request = IdentifyRequest::new(&world, ego, 3);
-        let found = identified(&at_most.map_or(request, |runs| request.at_most(runs)));
-        (found.recorded, 0.0 < found.noise_m)
-    };
-    // The first start is run twice; with noise every one is.
-    assert_eq!(recorded(&world, None), (4, false));
-    assert_eq!(recorded(&world, Some(3)), (3, false));
-    assert_eq!(recorded(&noisy, None), (6, true));
-    assert_eq!(recorded(&noisy, Some(5)), (4, true));
-    assert_eq!(recorded(&noisy, Some(1)), (1, false));
-}
-
-#[test]
-fn an_ego_that_switches_is_found_where_no_slope_leads() {
-    // Its threshold shows in when it brakes: in whole samples.
-    let text = include_str!("../../worlds/merge.ron");
-    let world = Scenario::parse("merge.ron", text).expect("sound");
-    let request = IdentifyRequest::new(&world, &world, 2);
-    let found = identified(&request);
-    assert!(found.explains(), "{found:?}");
-    let nominal = family(&world).nominal(PlantKind::Rigid);
-    assert_eq!(found.member, nominal, "{found:?}");
-}
-
-#[test]
-fn an_ego_of_another_kind_is_not_explained() {
-    let world = acc().on(PlantKind::Kinematic);
-    let ego = world.with(&world.reuse()["aeb"]).expect("it fits");
-    let ego = ego.on(PlantKind::Kinematic);
-    let request = IdentifyRequest::new(&world, &ego, 4).seed(4);
-    let found = identified(&request);
-    assert!(!found.explains(), "{found:?}");
-    // Its nearest member says nothing of it: an ado takes it for the nominal ego.
-    let family = family(&world);
-    assert!(
-        0.5 * found.nominal_residual_m < found.residual_m,
-        "{found:?}"
+    drop(cut);
+    let mut cut = RunDir::resume(&path("cut")).expect("a run");
+    assert_eq!(cut.manifest().against, against);
+    let kept = cut.scenario().expect("its world");
+    let kept = kept.training_for(5000).expect("in range");
+    assert_eq!(
+        (kept.against(), &kept.learner()),
+        (against, &world.learner())
     );
-    let nominal = family.nominal(PlantKind::Kinematic);
-    assert_eq!(found.context(family), (nominal.clone(), "nominal"));
-    // One that halves the residual says something, explained or not.
-    let mut nearer = found.clone();
-    nearer.nominal_residual_m = 2.5 * found.residual_m;
-    assert!(!nearer.explains() && nearer.member != nominal);
-    assert_eq!(nearer.context(family), (found.member.clone(), "identified"));
-    let fixed = ["kp".to_owned()];
-    let error = identify(&request.fixed(&fixed), &quiet());
-    let error = error.expect_err("no such quantity").to_string();
-    assert!(
-        error.contains("`kp`") && error.contains("kp_per_s2"),
-        "{error}"
-    );
+    train(&kept, &mut cut, &quiet()).expect("trained");
+    let bytes = |run: &RunDir| std::fs::read(run.path().join("policy.safetensors")).expect("p");
+    assert_eq!(bytes(&whole), bytes(&cut));
+    assert!(whole.policy().is_ok());
 }
 
 /// Brakes whenever the ego is nearer than 30 m: solves some starts.
@@ -417,7 +256,6 @@ fn more_tries_never_solve_less_and_are_counted() {
         let tries = BestOfN {
             request,
             policy: &Near,
-            others: &[],
             tries,
         };
         tries.run(&quiet())
@@ -452,7 +290,6 @@ fn more_tries_never_solve_less_and_are_counted() {
     let all = BestOfN {
         request,
         policy: &Near,
-        others: &[],
         tries: 30,
     };
     let later = before
@@ -534,22 +371,11 @@ fn every_member_of_a_shipped_family_is_within_it() {
     for (name, text) in [("acc", acc), ("merge", merge), ("yellow_light", yellow)] {
         let world = Scenario::parse(name, text).expect("a world");
         let family = family(&world);
-        for quantity in &family.quantities {
-            for (unit, end) in [(-1.0, quantity.lo), (1.0, quantity.hi)] {
-                let value = quantity.at(unit);
-                assert!((value - end).abs() < 1e-12, "{name}: {quantity:?}");
-                assert!(quantity.contains(value), "{name}: {quantity:?}");
-            }
-            for unit in quantity.steps() {
-                assert!(quantity.contains(quantity.at(unit)), "{name}: {quantity:?}");
-            }
-        }
         for index in 0..2_000 {
             let member = family.draw(name, key(index));
-            let pairs = family.quantities.iter().zip(&member.values);
-            let named = pairs.map(|(q, value)| (q.varied.name().to_owned(), *value));
-            let again = family.member_named(&named.collect(), member.plant);
-            assert_eq!(again.as_ref(), Ok(&member), "{name}");
+            for (quantity, value) in family.quantities.iter().zip(&member.values) {
+                assert!(quantity.contains(*value), "{name}: {quantity:?}: {value}");
+            }
         }
     }
 }

@@ -162,7 +162,7 @@ fn demonstrations_are_paid_by_the_goals() {
         .collect();
     assert!(5 < shown.len());
     for world in [&plain, &both] {
-        let mut learner = world.learner().build(&world.spaces(), 3);
+        let mut learner = world.learner().build(world.spaces(), 3);
         let kept = learner.demonstrate(&mut gym(world), &shown);
         assert_eq!(kept, shown.len());
     }

@@ -229,7 +229,6 @@ impl StructureStudy<'_> {
             nominal: self.nominal,
             egos,
             ados,
-            context: None,
             starts: self.starts,
             search,
             tries,

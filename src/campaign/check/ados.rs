@@ -211,7 +211,7 @@ impl Checker {
         let played = &self.worlds[world].0;
         let path = self.dir.join(dir);
         let run = RunDir::open(&path)?;
-        // A conditional ado needs the ego's parameters, and this call refuses it.
+        // An unfinished training and a damaged policy are refused here.
         run.policy()?;
         let own = run.scenario()?;
         // Equal axes and spaces mean equal observations and actions.

@@ -131,7 +131,7 @@ impl Checker {
             trainings: std::mem::take(&mut self.trainings),
             starts,
             preventability: file.preventability,
-            gate: self.gate(file.gate, &units)?,
+            gate: self.gate(file.gate, file.preventability, &units)?,
             boundary: self.boundary(file.boundary)?,
             units,
         };
@@ -194,11 +194,20 @@ impl Checker {
     fn gate(
         &self,
         gate: Option<GateEntry>,
+        preventability: bool,
         units: &[Unit],
     ) -> Result<Option<(String, GateOn)>, CampaignError> {
         let Some(GateEntry { baseline, on }) = gate else {
             return Ok(None);
         };
+        // Without the reference drivers no failure counts as preventable.
+        if on == GateOn::Preventable && !preventability {
+            let what = "a gate on preventable failures judges none without `preventability: true`";
+            let help =
+                "write `preventability: true` at the top of the file, or `on: Any` in the gate";
+            let at = ValuePath::top().to("gate");
+            return Err(self.source.wrong(&at, what, Some(help.into())));
+        }
         let mut known: Vec<&str> = units.iter().map(|it| it.ego.name.as_str()).collect();
         known.sort_unstable();
         known.dedup();

@@ -16,7 +16,6 @@ use crate::openx::OpenXError;
 use crate::rl::ConfigError;
 use crate::run_dir::{KeptError, RunError};
 use crate::search::SearchError;
-use crate::sysid::{ConditioningError, IdentifyError};
 use crate::testbench::Complaint;
 use crate::theorems::TheoremsError;
 use crate::training::{SessionError, TrainError};
@@ -71,7 +70,7 @@ impl From<&RunError> for Failure {
             RunError::NotARun { .. }
             | RunError::Exists { .. }
             | RunError::Differs { .. }
-            | RunError::Unconditioned { .. }
+            | RunError::Conditional { .. }
             | RunError::Unfinished { .. }
             | RunError::NothingStored { .. } => {
                 Failure::plain(Exit::Input, error.to_string(), help)
@@ -156,25 +155,11 @@ impl From<&SessionError> for Failure {
     }
 }
 
-impl From<&ConditioningError> for Failure {
-    fn from(error: &ConditioningError) -> Failure {
-        match error {
-            ConditioningError::Identify(error) => error.into(),
-            ConditioningError::Run(error) => error.into(),
-            ConditioningError::NoFamily | ConditioningError::NoMember(_) => {
-                Failure::fault(error.to_string(), None)
-            }
-            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
-        }
-    }
-}
-
 impl From<&EvaluationError> for Failure {
     fn from(error: &EvaluationError) -> Failure {
         match error {
             EvaluationError::Ego(error) => error.into(),
             EvaluationError::Adversary(error) => error.into(),
-            EvaluationError::Conditioning(error) => error.into(),
             EvaluationError::Theorems(error) => error.into(),
             EvaluationError::Train(error) => error.into(),
             EvaluationError::Kept(error) => error.into(),
@@ -219,25 +204,6 @@ impl From<&TheoremsError> for Failure {
             }
         };
         Failure::input(error.to_string(), help)
-    }
-}
-
-impl From<&IdentifyError> for Failure {
-    fn from(error: &IdentifyError) -> Failure {
-        match error {
-            IdentifyError::NoRuns { .. } => Failure::fault(
-                error.to_string(),
-                Some("look at the ego: its controller errs or its commands are not finite".into()),
-            ),
-            IdentifyError::NotVaried { .. } | IdentifyError::NothingToFit => Failure::input(
-                error.to_string(),
-                "leave out fewer quantities, and only those",
-            ),
-            IdentifyError::NoFamily { .. } => Failure::input(
-                error.to_string(),
-                "families stand under `train_against` in a world file: docs/guide/reuse.md",
-            ),
-        }
     }
 }
 
@@ -402,12 +368,10 @@ from_owned!(
     AdversaryError,
     CampaignError,
     Complaint,
-    ConditioningError,
     ConfigError,
     EgoError,
     EvaluationError,
     FindError,
-    IdentifyError,
     Inapplicable,
     KeptError,
     LoadError,

@@ -13,7 +13,7 @@ const WORLDS: [&str; 3] = ["acc", "merge", "yellow_light"];
 
 /// Runs per start of the ado that may explore.
 const TRIES: u64 = 30;
-/// Training seeds, at most: nine trainings per world.
+/// Training seeds, at most: six trainings per world.
 const SEEDS: u64 = 3;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
@@ -70,7 +70,6 @@ impl From<ReuseError> for Failure {
         match error {
             ReuseError::Train(error) => error.into(),
             ReuseError::Run(error) => error.into(),
-            ReuseError::Identify { source, .. } => source.into(),
             ReuseError::NoFamily { .. } => Failure::input(
                 error.to_string(),
                 "add `train_against: Family(…)` to the world: docs/guide/reuse.md",

@@ -1,12 +1,11 @@
 //! Ados that play against an ego of the reuse study.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SeedPolicies, held_word};
-use brakecheck::adversary::{Ado, BestOfN, Heuristic, eval, other_members};
+use super::{HELD_BUDGETS, SeedPolicies, WIDE, WIDE_TRIES, held_word};
+use brakecheck::adversary::{Ado, BestOfN, Heuristic, eval};
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::{Row, RunDir, RunError, Stored};
 use brakecheck::search::{Adversary, Experiment, Hold, Mutate, SWITCHES, SearchRequest, search};
-use brakecheck::world::{EgoSample, Family};
 
 /// Ego with the starts on which all ados play.
 pub(super) struct EgoOnStarts<'a> {
@@ -17,50 +16,22 @@ pub(super) struct EgoOnStarts<'a> {
 
 impl EgoOnStarts<'_> {
     /// Returns the rows of a training seed.
-    pub(super) fn ados(
-        &self,
-        policies: &SeedPolicies,
-        family: &Family,
-        (member, context): (&EgoSample, &str),
-        tries: u64,
-    ) -> Result<Vec<Row>, RunError> {
-        let seed = policies.conditional.manifest().seed;
-        let policy = policies.conditional.conditioned_policy(member)?;
-        let others = other_members(&policies.conditional, family, member.plant)?;
-        // Later tries may use other members, in case the identified member is wrong.
+    pub(super) fn ados(&self, policies: &SeedPolicies, tries: u64) -> Result<Vec<Row>, RunError> {
+        let seed = policies.wide.manifest().seed;
+        let policy = policies.wide.policy()?;
         let tried = BestOfN {
             request: self.ego.against(Ado::Trained(&*policy, seed), self.starts),
             policy: &*policy,
-            others: &others,
             tries,
         };
         let mut rows = vec![
             self.trained("nominal ado", &*policies.nominal.policy()?, seed),
-            self.trained("wide", &*policies.wide.policy()?, seed),
-            self.conditional(CONDITIONAL, policies, (member, context))?,
-            Row {
-                context: Some(context.to_owned()),
-                ..called(CONDITIONAL_TRIES, tried.run(self.watch).evaluated.row)
-            },
+            self.trained(WIDE, &*policy, seed),
+            called(WIDE_TRIES, tried.run(self.watch).evaluated.row),
         ];
         // The wide ado has the same learner as the nominal ado and would look the same.
         rows[1].method = "dqn, wide".to_owned();
         Ok(rows)
-    }
-
-    /// Returns the row of a conditional ado with the parameters of a member.
-    pub(super) fn conditional(
-        &self,
-        word: &str,
-        policies: &SeedPolicies,
-        (member, context): (&EgoSample, &str),
-    ) -> Result<Row, RunError> {
-        let seed = policies.conditional.manifest().seed;
-        let policy = policies.conditional.conditioned_policy(member)?;
-        Ok(Row {
-            context: Some(context.to_owned()),
-            ..self.trained(word, &*policy, seed)
-        })
     }
 
     /// Returns the rows of all untrained ados and searches.
@@ -118,7 +89,7 @@ impl EgoOnStarts<'_> {
 }
 
 /// Returns the row under another name of the ado.
-pub(super) fn called(word: &str, row: Row) -> Row {
+fn called(word: &str, row: Row) -> Row {
     Row {
         ado: word.into(),
         ..row

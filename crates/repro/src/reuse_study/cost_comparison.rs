@@ -2,19 +2,18 @@
 
 use serde::Serialize;
 
-use super::{CONDITIONAL, EgoIdentification, HELD_BUDGETS};
+use super::{HELD_BUDGETS, WIDE};
 use brakecheck::evaluation::ReusedOn;
 
-/// Cost of a conditional ado and of held random search at equal success.
+/// Cost of a wide ado and of held random search at equal success.
 ///
-/// Costs are counted in simulations. The ado needs a training, the identification of every
-/// ego, and one simulation per start.
+/// Costs are counted in simulations. The ado needs a training and one simulation per start.
 /// The search needs its simulations until the first success, or its whole budget.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CostComparison {
     /// Name of the ego. `None`: all egos together, which share a training.
     pub ego: Option<String>,
-    /// Simulations before the first start: training and identification.
+    /// Simulations before the first start: those of the training.
     pub once: f64,
     /// Simulations of the search per start, summed over the egos.
     pub search: f64,
@@ -29,26 +28,20 @@ pub struct CostComparison {
 /// Compares the costs per ego on which the ado succeeds, and over all these egos.
 ///
 /// `training` is the number of simulations of a training.
-pub(super) fn compare_costs(
-    training: f64,
-    egos: &[ReusedOn],
-    known: &[EgoIdentification],
-) -> Vec<CostComparison> {
+pub(super) fn compare_costs(training: f64, egos: &[ReusedOn]) -> Vec<CostComparison> {
     let mut lines: Vec<CostComparison> = egos
         .iter()
-        .zip(known)
-        .filter_map(|(ego, known)| of_ego(training, ego, known))
+        .filter_map(|ego| of_ego(training, ego))
         .collect();
     // A single ego would repeat its own line.
     if 1 < lines.len() {
-        // All egos share one training, which each line contains.
-        let once = training + lines.iter().map(|line| line.once - training).sum::<f64>();
         let search = lines.iter().map(|line| line.search).sum();
         let all = CostComparison {
             ego: None,
             matched: lines.iter().all(|line| line.matched),
-            starts: cheaper_from(once, search, lines.len()),
-            once,
+            // All egos share one training.
+            starts: cheaper_from(training, search, lines.len()),
+            once: training,
             search,
         };
         lines.push(all);
@@ -56,11 +49,11 @@ pub(super) fn compare_costs(
     lines
 }
 
-fn of_ego(training: f64, ego: &ReusedOn, known: &EgoIdentification) -> Option<CostComparison> {
+fn of_ego(training: f64, ego: &ReusedOn) -> Option<CostComparison> {
     // Several seeds have a row each, and their mean success must be reached.
-    let conditional = ego.rows.iter().filter(|row| row.ado == CONDITIONAL.into());
-    let conditional: Vec<f64> = conditional.map(|row| row.success_rate).collect();
-    let success = conditional.iter().sum::<f64>() / conditional.len().max(1) as f64;
+    let wide = ego.rows.iter().filter(|row| row.ado == WIDE.into());
+    let wide: Vec<f64> = wide.map(|row| row.success_rate).collect();
+    let success = wide.iter().sum::<f64>() / wide.len().max(1) as f64;
     let searched: Vec<_> = HELD_BUDGETS
         .iter()
         .filter_map(|budget| {
@@ -72,14 +65,12 @@ fn of_ego(training: f64, ego: &ReusedOn, known: &EgoIdentification) -> Option<Co
     let enough = searched.iter().find(|row| success <= row.success_rate);
     // Without a sufficient budget the largest budget counts as a lower bound of the cost.
     let row = enough.or(searched.last())?;
-    // Simulated runs of the identification cost as much as runs of the ado.
-    let once = training + known.simulations as f64;
     (0.0 < success).then(|| CostComparison {
         ego: Some(ego.ego.clone()),
-        once,
+        once: training,
         search: row.sims_per_start,
         matched: enough.is_some(),
-        starts: cheaper_from(once, row.sims_per_start, 1),
+        starts: cheaper_from(training, row.sims_per_start, 1),
     })
 }
 
@@ -108,48 +99,38 @@ mod tests {
         serde_json::from_value(row).expect("a row")
     }
 
-    fn ego(name: &str, conditional: f64) -> (ReusedOn, EgoIdentification) {
+    fn ego(name: &str, wide: f64) -> ReusedOn {
         let rows = vec![
-            row(CONDITIONAL, conditional, 1.0),
+            row(WIDE, wide, 1.0),
             row("search, held, 10", 0.2, 9.0),
             row("search, held, 30", 0.5, 21.0),
             row("search, held, 100", 0.7, 41.0),
         ];
-        let reused = ReusedOn {
+        ReusedOn {
             ego: name.to_owned(),
             relation: Relation::Inside,
             fails_without_adversary: 0.0,
             reachable: None,
             union: 0.0,
             rows,
-        };
-        let known = EgoIdentification {
-            ego: name.to_owned(),
-            taken_for: String::new(),
-            explained: true,
-            residual_m: 0.0,
-            nominal_residual_m: 0.0,
-            simulations: 100,
-        };
-        (reused, known)
+        }
     }
 
     #[test]
     fn each_ego_alone_bears_the_training_and_all_egos_share_it() {
-        let all = [ego("matched", 0.4), ego("beyond", 0.9), ego("never", 0.0)];
-        let (egos, known): (Vec<_>, Vec<_>) = all.into_iter().unzip();
-        let lines = compare_costs(1_900.0, &egos, &known);
+        let egos = [ego("matched", 0.4), ego("beyond", 0.9), ego("never", 0.0)];
+        let lines = compare_costs(2_000.0, &egos);
         let seen: Vec<_> = lines
             .iter()
             .map(|l| (l.ego.as_deref(), l.once, l.search, l.matched, l.starts))
             .collect();
-        // (1900 + 100) / (21 − 1), 2000 / (41 − 1), (1900 + 200) / (62 − 2).
+        // 2000 / (21 − 1), 2000 / (41 − 1), 2000 / (62 − 2).
         assert_eq!(
             seen,
             [
                 (Some("matched"), 2_000.0, 21.0, true, Some(100.0)),
                 (Some("beyond"), 2_000.0, 41.0, false, Some(50.0)),
-                (None, 2_100.0, 62.0, false, Some(35.0)),
+                (None, 2_000.0, 62.0, false, Some(2_000.0 / 60.0)),
             ]
         );
     }

@@ -1,10 +1,9 @@
 //! Markdown of the reuse study.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, CostComparison, ReuseReport};
+use super::{CostComparison, ReuseReport, WIDE, WIDE_TRIES};
 use brakecheck::evaluation::{ReusedOn, Summary};
 use brakecheck::report::TextTable;
 use brakecheck::run_dir::Row;
-use brakecheck::sysid::describes;
 
 /// Formats the study: every ego, then the means of every block.
 pub fn reuse_markdown(studies: &[ReuseReport]) -> String {
@@ -16,7 +15,7 @@ const EGOS_EXPLAINED: &str = "
 - relation: the ego that was trained against, inside the family it is of, or outside
 - fails without an adversary: share of starts, left out; reachable: share that search solves
 - nominal ado, wide, …: share from which each ado makes the ego fail, mean over trainings
-- recall of conditional: of the starts that search solves, the share it solves too
+- recall of wide: of the starts that search solves, the share it solves too
 ";
 
 /// Explanation of the columns of the summaries.
@@ -26,20 +25,17 @@ const BLOCKS_EXPLAINED: &str = "
 ";
 
 /// Explanation of the columns of the last table.
-const KNOWN_EXPLAINED: &str = "
-- taken for: the member of the family that the recorded runs are nearest to
-- explained: whether it is as near as noise allows; residual: how far it is, (the nominal ego)
-- simulations: of the ego, to identify it
+const COSTS_EXPLAINED: &str = "
+- training: simulations of one training
 - held search: simulations per start of a search that solves as many starts
 - cheaper from: starts from which on the ado costs less than it, its training included
 ";
 
 /// Ados in the table of egos, with their headings.
-const SHOWN: [(&str, &str); 8] = [
+const SHOWN: [(&str, &str); 7] = [
     ("nominal ado", "nominal ado"),
-    ("wide", "wide"),
-    (CONDITIONAL, "conditional"),
-    (CONDITIONAL_TRIES, "conditional, tries"),
+    (WIDE, "wide"),
+    (WIDE_TRIES, "wide, tries"),
     ("replays", "10 replays"),
     ("heuristic", "heuristic"),
     ("search, held, 100", "held search, 100"),
@@ -63,13 +59,10 @@ fn one_markdown(study: &ReuseReport) -> String {
     );
     let before = ["ego", "relation", "fails without an adversary", "reachable"];
     let ados = SHOWN.map(|(_, heading)| heading);
-    let columns = before
-        .into_iter()
-        .chain(ados)
-        .chain(["recall of conditional"]);
+    let columns = before.into_iter().chain(ados).chain(["recall of wide"]);
     let lines = study.egos.iter().map(|ego| {
         let rates = SHOWN.map(|(word, _)| mean_of(ego, word, |row| Some(row.success_rate)));
-        let recall = mean_of(ego, CONDITIONAL, |row| row.recall);
+        let recall = mean_of(ego, WIDE, |row| row.recall);
         let shown = [
             ego.ego.clone(),
             ego.relation.heading().to_owned(),
@@ -83,8 +76,8 @@ fn one_markdown(study: &ReuseReport) -> String {
     text.push_str(&TextTable::new(columns, lines).to_markdown());
     text.push_str(EGOS_EXPLAINED);
     for (reference, summaries) in [
-        (CONDITIONAL, &study.summary),
-        (CONDITIONAL_TRIES, &study.summary_of_tries),
+        (WIDE, &study.summary),
+        (WIDE_TRIES, &study.summary_of_tries),
     ] {
         let columns = [
             "block",
@@ -100,58 +93,31 @@ fn one_markdown(study: &ReuseReport) -> String {
         text.push_str(&TextTable::new(columns, summaries.iter().map(summary_line)).to_markdown());
     }
     text.push_str(BLOCKS_EXPLAINED);
-    text.push_str(&known_markdown(study));
-    text.push_str(KNOWN_EXPLAINED);
+    text.push_str(&costs_markdown(study));
+    text.push_str(COSTS_EXPLAINED);
     text.push('\n');
     text
 }
 
-/// Formats the identification of every ego and its costs.
-fn known_markdown(study: &ReuseReport) -> String {
+/// Formats the starts from which the wide ado is cheaper than search, ego by ego.
+fn costs_markdown(study: &ReuseReport) -> String {
     let columns = [
         "ego",
-        "taken for",
-        "explained",
-        "residual m (nominal)",
-        "identification: simulations",
+        "training: simulations",
         "held search: simulations per start",
-        "conditional ado cheaper from",
+        "wide ado cheaper from",
     ];
-    let dashes = || ["–", "–"].map(str::to_owned);
-    let mut lines: Vec<[String; 7]> = Vec::new();
-    for known in &study.known {
-        let mut costs = study.costs.iter();
-        let line = costs.find(|line| line.ego.as_deref() == Some(&known.ego));
-        let [search, starts] = line.map_or_else(dashes, cost_words);
-        let is_used = describes(known.explained, known.residual_m, known.nominal_residual_m);
-        lines.push([
-            known.ego.clone(),
-            // A member that does not describe the ego is not used, so it is not shown.
-            if is_used {
-                &known.taken_for
-            } else {
-                "the nominal ego"
+    let lines = study.costs.iter().map(|line| {
+        let [search, starts] = cost_words(line);
+        let training = format!("{:.0}", line.once);
+        match &line.ego {
+            Some(ego) => [ego.clone(), training, search, starts],
+            None => {
+                let starts = format!("{starts} on each");
+                ["all of them".to_owned(), training, search, starts]
             }
-            .to_owned(),
-            if known.explained { "yes" } else { "no" }.to_owned(),
-            format!("{:.2} ({:.2})", known.residual_m, known.nominal_residual_m),
-            known.simulations.to_string(),
-            search,
-            starts,
-        ]);
-    }
-    if let Some(all) = study.costs.iter().find(|line| line.ego.is_none()) {
-        let [search, starts] = cost_words(all);
-        lines.push([
-            "all of them".to_owned(),
-            String::new(),
-            String::new(),
-            String::new(),
-            format!("{:.0}, training included", all.once),
-            search,
-            format!("{starts} on each"),
-        ]);
-    }
+        }
+    });
     format!("\n{}", TextTable::new(columns, lines).to_markdown())
 }
 

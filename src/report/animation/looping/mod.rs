@@ -29,8 +29,9 @@ use keyframes::{Keyframes, Period};
 use panel::LoopPanel;
 use words::{ending_of, facts, outcome_of, wrapped};
 
-/// Seconds shown before a contact or violation, and after it.
+/// Seconds shown, up to the end of the recorded drive.
 pub(super) const BEFORE_S: f64 = 5.0;
+/// Seconds shown after a violation or a closest approach. A contact ends the drive.
 const AFTER_S: f64 = 1.0;
 /// Width of the picture, gap, height of a line, height of a half.
 const WIDTH_PX: f64 = 900.0;
