@@ -196,6 +196,7 @@ fn fails(episode: &Episode) -> bool {
 fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     About {
         severity: Severity::of(episode),
+        after_contact: episode.after_contact.clone(),
         preventability: episode
             .contact
             .is_some()

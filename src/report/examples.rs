@@ -65,8 +65,10 @@ pub(super) fn example(
 /// Known facts of a counterexample.
 fn known(scenario: &Scenario, example: &Example) -> Markup {
     let (about, episode) = (&example.about, &example.episode);
-    let facts: [(&str, Option<String>); 6] = [
+    let after = about.after_contact.as_ref();
+    let facts: [(&str, Option<String>); 7] = [
         ("How bad", about.severity.as_ref().map(ToString::to_string)),
+        ("After it", after.map(|after| after.sentences().join("; "))),
         ("Why", about.why.as_ref().map(ToString::to_string)),
         (
             "Who avoids it",

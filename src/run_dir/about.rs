@@ -5,6 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use serde::{Deserialize, Serialize};
 
 use crate::preventability::Preventability;
+use crate::scene::AfterContact;
 use crate::severity::{Impact, InjuryRisk};
 use crate::testbench::Episode;
 
@@ -18,6 +19,9 @@ pub struct About {
     /// Effect of the contact on the ego. `None` without a contact of the ego.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub severity: Option<Severity>,
+    /// Motion after the contact. `None` in worlds that end there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub after_contact: Option<AfterContact>,
     /// Result of shrinking. `None` if the counterexample is as it was found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shrunk: Option<Shrunk>,
@@ -355,6 +359,7 @@ impl Display for About {
             Some(severity) => severity.to_string(),
             None => "no contact of the ego".to_owned(),
         }];
+        lines.extend(self.after_contact.iter().flat_map(AfterContact::sentences));
         lines.extend(self.why.as_ref().map(ToString::to_string));
         lines.extend(self.preventability.as_ref().map(ToString::to_string));
         lines.extend(self.shrunk.as_ref().map(ToString::to_string));

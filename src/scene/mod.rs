@@ -124,6 +124,78 @@ impl ContactEvent {
     }
 }
 
+/// Motion of the agents after the first contact, as the physics resolves it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AfterContact {
+    /// Time that is played after the contact.
+    pub duration_s: f64,
+    /// Collisions in the order of time. The first is that of the contact.
+    pub collisions: Vec<CollisionEvent>,
+    /// Colliding vehicles that came into another lane or off the road, in the order of
+    /// time.
+    pub pushed: Vec<PushedEvent>,
+}
+
+/// Collision of two agents after the first contact.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CollisionEvent {
+    /// Names of the two agents.
+    pub between: (String, String),
+    /// Time since the start of the episode.
+    pub time_s: f64,
+    /// Change of the velocity of each agent's centre of mass.
+    pub delta_v_mps: (f64, f64),
+}
+
+/// Vehicle in another lane after a collision.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PushedEvent {
+    /// Name of the agent.
+    pub agent: String,
+    /// Time since the start of the episode.
+    pub time_s: f64,
+    /// Lane before, counted from 0 at the right. `None` off the road.
+    pub from: Option<usize>,
+    /// Lane after.
+    pub to: Option<usize>,
+}
+
+impl AfterContact {
+    /// Returns one sentence per event after the first collision, in the order of time.
+    pub fn sentences(&self) -> Vec<String> {
+        let lane = |lane: Option<usize>| match lane {
+            Some(lane) => format!("into lane {lane}"),
+            None => "off the road".to_owned(),
+        };
+        let mut events: Vec<(f64, String)> = Vec::new();
+        for (index, collision) in self.collisions.iter().enumerate() {
+            let CollisionEvent {
+                between: (a, b),
+                time_s,
+                delta_v_mps: (of_a, of_b),
+            } = collision;
+            let then = if index == 0 {
+                "collide"
+            } else {
+                "then collide"
+            };
+            let text = format!(
+                "{a} and {b} {then} at {time_s:.2} s: Δv {of_a:.1} and {of_b:.1} m/s by the physics"
+            );
+            events.push((*time_s, text));
+        }
+        for push in &self.pushed {
+            let (agent, time_s) = (&push.agent, push.time_s);
+            events.push((
+                time_s,
+                format!("{agent} is pushed {} at {time_s:.2} s", lane(push.to)),
+            ));
+        }
+        events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        events.into_iter().map(|(_, text)| text).collect()
+    }
+}
+
 /// Role of an agent, for viewers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
@@ -217,6 +289,14 @@ pub trait Scene: Send {
     fn bodies(&self, _into: &mut Vec<BodySample>) {}
     /// Returns the driving world of this scene, or `None` for a grid.
     fn driven(&self) -> Option<drive::DriveWorld> {
+        None
+    }
+    /// Plays on after a contact and returns the events with a frame per sample.
+    ///
+    /// The scene itself stays at the contact. `None` if nothing is played: without a
+    /// contact, in worlds with `after_contact_s: 0`, and on plants that resolve no
+    /// collisions.
+    fn after_contact(&self) -> Option<(AfterContact, Vec<Frame>)> {
         None
     }
     /// Ends the episode, so that an external ego stops waiting for a sample.

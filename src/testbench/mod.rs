@@ -25,7 +25,9 @@ use crate::ego::{Command, Fault, FaultKind};
 use crate::preventability::Replayer;
 use crate::rl::Spaces;
 use crate::rulebook::{Counts, Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdict};
-use crate::scene::{Axis, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start, StepOutcome};
+use crate::scene::{
+    AfterContact, Axis, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start, StepOutcome,
+};
 use crate::seed::StartKey;
 use crate::trace::{Schema, Trace};
 use recording::MotionRecorder;
@@ -49,6 +51,8 @@ pub struct Episode {
     pub robustness: f64,
     /// The first contact, if the agents touched.
     pub contact: Option<ContactEvent>,
+    /// Motion after the contact, in worlds with `after_contact_s`.
+    pub after_contact: Option<AfterContact>,
     /// After a success that ended in contact: rules kept or broken up to the contact.
     pub rules_until_contact: Option<RulesUntilContact>,
     /// Fault that made the verdict invalid.
@@ -445,6 +449,11 @@ pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
 }
 
 impl Testbench {
+    fn after_contact(&self) -> Option<AfterContact> {
+        self.contact.as_ref()?;
+        self.scene.after_contact().map(|(after, _)| after)
+    }
+
     /// Returns the record of the episode played from `start` under `actions`.
     pub(crate) fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
         let verdict = self.verdict.unwrap_or(Verdict::Invalid);
@@ -462,6 +471,7 @@ impl Testbench {
             judged: self.judged,
             verdict,
             contact: self.contact.clone(),
+            after_contact: self.after_contact(),
             rules_until_contact: self.rules_until_contact(),
             fault: self.fault.clone(),
             commands: self.scene.commands().to_vec(),

@@ -89,6 +89,7 @@ fn assemble(
     let mut problems = Problems::new(text);
     let top = ValuePath::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);
+    check::after_contact(&mut problems, &top.to("after_contact_s"), &file);
     check::road(&mut problems, &top.to("road"), &file.road);
     let roads = roads::placed(&mut problems, &top.to("roads"), &file.road, &file.roads);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
@@ -139,6 +140,7 @@ fn assemble(
         world: file.name.clone(),
         clock: file.clock,
         plant: file.plant,
+        after_contact_s: file.after_contact_s,
         road: file.road.clone(),
         roads,
         bodies: file.bodies.0.clone(),

@@ -2,6 +2,7 @@
 
 use indexmap::IndexMap;
 
+use super::file::ScenarioFile;
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
@@ -12,12 +13,15 @@ use crate::rl::{LearnerConfig, LearnerSettings};
 use crate::rulebook::Reward;
 use crate::scene::Clock;
 use crate::scene::drive::{DriveSpec, Range, Road, Script, Sensors};
+use crate::sim::PlantKind;
 use crate::stl::Expr;
 
 /// Greatest number of samples of an episode.
 const MAX_SAMPLES: f64 = 1e5;
 /// Greatest number of lanes of a road.
 const MAX_LANES: usize = 100;
+/// Longest time after the first contact.
+const MOST_AFTER_CONTACT_S: f64 = 20.0;
 
 /// Reports a number outside of `lo ..= hi`.
 pub(super) fn within(problems: &mut Problems, path: &ValuePath, value: f64, lo: f64, hi: f64) {
@@ -291,6 +295,20 @@ pub(super) fn script(problems: &mut Problems, path: &ValuePath, script: &Script)
     if !times.is_sorted_by(|a, b| a < b) || times.iter().any(|at_s| *at_s < 0.0) {
         let what = "the times of a script rise from 0 on".to_owned();
         problems.add(path, what, "out of order", None);
+    }
+}
+
+/// Checks the time after the first contact, which only the rigid plant can play.
+pub(super) fn after_contact(problems: &mut Problems, path: &ValuePath, file: &ScenarioFile) {
+    let after_s = file.after_contact_s;
+    if !(0.0..=MOST_AFTER_CONTACT_S).contains(&after_s) {
+        let what = format!("{after_s} s is outside of 0 ..= {MOST_AFTER_CONTACT_S}");
+        let help = "0 ends the motion at the first contact";
+        problems.add(path, what, "here", Some(help.to_owned()));
+    } else if after_s > 0.0 && file.plant == PlantKind::Kinematic {
+        let what = "the kinematic plant resolves no collision".to_owned();
+        let help = "write `plant: Rigid`, or leave `after_contact_s` out";
+        problems.add(path, what, "here", Some(help.to_owned()));
     }
 }
 

@@ -31,6 +31,8 @@ pub(super) struct ScenarioFile {
     #[serde(default = "rigid")]
     pub(super) plant: PlantKind,
     #[serde(default)]
+    pub(super) after_contact_s: f64,
+    #[serde(default)]
     pub(super) judge: JudgeKind,
     #[serde(default)]
     pub(super) counts: Counts,

@@ -4,6 +4,7 @@
 //! and [`DriveScene`] simulates it on either plant.
 
 mod actions;
+mod after_contact;
 mod bounds;
 mod course;
 mod default_observation;

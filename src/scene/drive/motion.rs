@@ -23,11 +23,12 @@ use super::{ego_percept, scene_geometry};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{
-    Axis, BodySample, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start, StepOutcome,
+    AfterContact, Axis, BodySample, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start,
+    StepOutcome,
 };
 use crate::seed::StartKey;
 use crate::severity::{Impact, Party};
-use crate::sim::{BodyCommand, BodyId, Contact, Pose, rotation_by};
+use crate::sim::{BodyCommand, BodyId, Contact, Plant, Pose, rotation_by};
 use crate::trace::Schema;
 
 /// A driving scene in motion.
@@ -279,16 +280,31 @@ impl DriveScene {
         }
     }
 
+    /// Returns the poses of all agents on a plant with this scene's bodies.
+    pub(super) fn frame_of(&self, plant: &dyn Plant) -> Frame {
+        let state = &self.state;
+        let placements = state.bodies.iter();
+        Frame {
+            placements: placements.map(|&body| plant.placement(body)).collect(),
+            phases: state.lights.iter().map(|shown| shown.phase).collect(),
+        }
+    }
+
     fn touch_of(&self, contact: &Contact) -> ContactEvent {
         let name = |body: BodyId| self.layout.spec.agents[body.0].name.clone();
         ContactEvent {
             between: (name(contact.pair.0), name(contact.pair.1)),
-            // The state's time is already that of the sample's end.
-            time_s: self.state.time_s() - self.layout.spec.clock.sample_s + contact.after_s,
+            time_s: self.contact_s(contact),
             closing_speed_mps: contact.closing_speed_mps,
             point_m: contact.point_m,
             impact: self.impact_of(contact),
         }
+    }
+
+    /// Returns the time of a contact of the last sample.
+    pub(super) fn contact_s(&self, contact: &Contact) -> f64 {
+        // The state's time is already that of the sample's end.
+        self.state.time_s() - self.layout.spec.clock.sample_s + contact.after_s
     }
 
     /// Returns the effect of a contact on the ego, or `None` if it is not involved.
@@ -440,14 +456,11 @@ impl Scene for DriveScene {
     }
 
     fn frame(&self) -> Frame {
-        let state = &self.state;
-        let placements = state.bodies.iter();
-        Frame {
-            placements: placements
-                .map(|&body| state.plant.placement(body))
-                .collect(),
-            phases: state.lights.iter().map(|shown| shown.phase).collect(),
-        }
+        self.frame_of(&*self.state.plant)
+    }
+
+    fn after_contact(&self) -> Option<(AfterContact, Vec<Frame>)> {
+        self.collide_on()
     }
 
     fn bodies(&self, into: &mut Vec<BodySample>) {

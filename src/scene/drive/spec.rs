@@ -185,6 +185,8 @@ pub struct DriveSpec {
     pub clock: Clock,
     /// Physics engine.
     pub plant: PlantKind,
+    /// Time to play after the first contact. 0 ends the motion there.
+    pub after_contact_s: f64,
     /// The world's own road, on which the ego drives.
     pub road: Road,
     /// Further roads, by name.
