@@ -157,6 +157,7 @@ fn assemble(
     let list = top.to("agents");
     starts::check(&mut problems, &list, &spec, &entries);
     starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
+    roads::beside_themselves(&mut problems, &top, &spec);
     trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
     let family = file.train_against.and_then(|family| {
         family_check::family(
