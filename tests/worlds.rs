@@ -12,6 +12,8 @@ mod conformance;
 mod counting;
 #[path = "worlds/driving.rs"]
 mod driving;
+#[path = "worlds/environment.rs"]
+mod environment;
 #[path = "worlds/errors.rs"]
 mod errors;
 #[path = "worlds/families.rs"]

@@ -47,7 +47,10 @@ fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<StyledFault
     match world.goes_before(ego, opponent) {
         Some(true) => Some((format!("{opponent} had to give way"), "b-not")),
         Some(false) => Some((format!("{ego} had to give way"), "b-ego")),
-        None => by_lane(world, example, (ego, opponent)),
+        None => {
+            let begun = world.at_start(&example.episode.start);
+            by_lane(&begun, example, (ego, opponent))
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::fmt;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::environment::{OwnRoad, SensorsFile};
 use super::family_file::FamilyFile;
 use super::ordered::{Ordered, Patch};
 use super::repeats::Repeats;
@@ -14,7 +15,7 @@ use crate::rl::LearnerSettings;
 use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 use crate::scene::Clock;
 use crate::scene::drive::{
-    Actions, Direction, LaneKeeping, MeetEgo, MotionPlan, Piece, Priority, Range, Road, RoadPlace,
+    Actions, Direction, LaneKeeping, MeetEgo, MotionPlan, Piece, Priority, Range, RoadPlace,
     Schedule, Script, ScriptStep, Sensors,
 };
 use crate::scene::grid::{AtWall, Horizon, Starts};
@@ -36,7 +37,7 @@ pub(super) struct ScenarioFile {
     pub(super) counts: Counts,
     #[serde(default)]
     pub(super) goals: Vec<TrainingGoal>,
-    pub(super) road: Road,
+    pub(super) road: OwnRoad,
     #[serde(default)]
     pub(super) roads: Ordered<RoadFile>,
     #[serde(default)]
@@ -49,7 +50,7 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) points: Option<PointsFile>,
     #[serde(default)]
-    pub(super) sensors: Sensors,
+    pub(super) sensors: SensorsFile,
     #[serde(default)]
     pub(super) signals: Ordered<SignalFile>,
     #[serde(default)]

@@ -20,6 +20,7 @@ mod changed;
 mod check;
 mod counting;
 mod dry_run;
+mod environment;
 mod error;
 mod family;
 mod family_check;

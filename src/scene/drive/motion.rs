@@ -38,7 +38,7 @@ pub struct DriveScene {
     /// Commands of an external ego so far. Other egos are deterministic and
     /// leave it empty.
     commands: Vec<ego::Command>,
-    sensing: Sensing,
+    pub(super) sensing: Sensing,
     /// Lag of each agent's acceleration.
     actuators: Vec<Actuator>,
     pub(super) keepers: Vec<LaneKeeper>,
@@ -337,16 +337,22 @@ impl Scene for DriveScene {
             let number = (rng.random::<f64>() * points.len() as f64) as usize;
             return points[number.min(points.len() - 1)].clone();
         }
-        Start(
-            self.layout
-                .axes
-                .iter()
-                .map(|axis| axis.lo + (axis.hi - axis.lo) * rng.random::<f64>())
-                .collect(),
-        )
+        let spec = &self.layout.spec;
+        let axes = self.layout.axes.iter();
+        // The environment has the last axes and is drawn last, so that it changes
+        // no other value.
+        let others = self.layout.axes.len() - spec.environment.len();
+        let mut values: Vec<f64> = axes
+            .take(others)
+            .map(|axis| axis.lo + (axis.hi - axis.lo) * rng.random::<f64>())
+            .collect();
+        let environment = spec.environment.iter();
+        values.extend(environment.map(|it| it.at(rng.random::<f64>(), spec.clock.sample_s)));
+        Start(values)
     }
 
     fn reset(&mut self, start: &Start, noise: u64) {
+        self.set_environment(start);
         let layout = Arc::clone(&self.layout);
         self.clear();
         let drawn = layout.spec.drawn(start);

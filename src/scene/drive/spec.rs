@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::actions::Actions;
+use super::environment::EnvironmentRange;
 use super::light::{Light, LightDrive};
 use super::names::AgentNames;
 use super::plan::MotionPlan;
@@ -211,6 +212,8 @@ pub struct DriveSpec {
     pub parameters: IndexMap<String, Range>,
     /// Named formulas that triggers of plans may use.
     pub formulas: Names,
+    /// Quantities of the environment that starts draw, after the parameters.
+    pub environment: Vec<EnvironmentRange>,
     /// The starts, if they form a table: values in the order of the axes.
     pub points: Vec<Start>,
 }
@@ -342,7 +345,7 @@ impl DriveSpec {
         if ados == 0.0 { 0.0 } else { sum / ados }
     }
 
-    /// Returns X_init: an axis per range in the agents' places.
+    /// Returns X_init: an axis per range of places, parameters and environment.
     pub fn axes(&self) -> Vec<Axis> {
         // `drawn` reads starts in the same order.
         let mut axes = Vec::new();
@@ -375,6 +378,7 @@ impl DriveSpec {
             lo: range.lo,
             hi: range.hi,
         }));
+        axes.extend(self.environment.iter().map(EnvironmentRange::axis));
         axes
     }
 }

@@ -25,10 +25,9 @@ impl DriveSpec {
     pub(super) fn parameters_of(&self, start: &Start) -> Vec<f64> {
         let ranges = self.parameters.values();
         let drawn = ranges.clone().filter(|range| !range.is_fixed()).count();
-        // Parameters are the last values of a start.
-        let mut drawn = start.0[start.0.len().saturating_sub(drawn)..]
-            .iter()
-            .copied();
+        // Parameters are the last values of a start before its environment.
+        let from = start.0.len().saturating_sub(drawn + self.environment.len());
+        let mut drawn = start.0[from..].iter().copied();
         let value = |range: &Range| {
             if range.is_fixed() {
                 range.lo
