@@ -228,6 +228,7 @@ impl Agents<'_> {
             road: number,
             direction,
             lane_keeping: entry.lane_keeping(),
+            lane: entry.lane(),
             lateral_m,
             facing_rad,
             place: place?,
@@ -466,6 +467,7 @@ fn obstacle(
         road: number,
         direction: Direction::With,
         lane_keeping: entry.lane_keeping(),
+        lane: entry.lane(),
         lateral_m: lateral_m.0,
         facing_rad: *heading_rad,
         place: StartPlace::At {

@@ -154,6 +154,7 @@ fn assemble(
     starts::check(&mut problems, &list, &spec, &entries);
     starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
     roads::beside_themselves(&mut problems, &top, &spec);
+    environment::check_geometry(&mut problems, &spec, &entries);
     trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
     let family = file.train_against.and_then(|family| {
         family_check::family(

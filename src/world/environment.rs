@@ -6,6 +6,8 @@ use super::check;
 use super::file::{NumberOrRange, ScenarioFile};
 use super::locate::ValuePath;
 use super::problems::Problems;
+use super::roads;
+use super::starts;
 use crate::scene::Clock;
 use crate::scene::drive::{
     DriveSpec, EnvironmentQuantity, EnvironmentRange, Piece, Range, Road, Sensors,
@@ -17,28 +19,53 @@ use crate::scene::drive::{
 pub(super) enum OwnRoad {
     Straight {
         lanes: usize,
-        lane_width_m: f64,
+        lane_width_m: NumberOrRange,
         friction: NumberOrRange,
         #[serde(default)]
         speed_limit_mps: Option<f64>,
     },
     Curved {
         lanes: usize,
-        lane_width_m: f64,
+        lane_width_m: NumberOrRange,
         friction: NumberOrRange,
         #[serde(default)]
         speed_limit_mps: Option<f64>,
-        pieces: Vec<Piece>,
+        pieces: Vec<OwnPiece>,
     },
     Polyline {
         lanes: usize,
-        lane_width_m: f64,
+        lane_width_m: NumberOrRange,
         friction: NumberOrRange,
         #[serde(default)]
         speed_limit_mps: Option<f64>,
         points_m: Vec<(f64, f64)>,
         corner_radius_m: f64,
     },
+}
+
+/// A piece of the world's own road.
+#[derive(Deserialize)]
+#[serde(rename = "Piece", deny_unknown_fields)]
+pub(super) enum OwnPiece {
+    Line {
+        length_m: f64,
+    },
+    Arc {
+        length_m: f64,
+        radius_m: NumberOrRange,
+    },
+}
+
+impl OwnPiece {
+    fn at(&self, point: RangePoint) -> Piece {
+        match *self {
+            OwnPiece::Line { length_m } => Piece::Line { length_m },
+            OwnPiece::Arc { length_m, radius_m } => Piece::Arc {
+                length_m,
+                radius_m: point.of(radius_m),
+            },
+        }
+    }
 }
 
 /// Sensors of the ego.
@@ -95,6 +122,28 @@ impl OwnRoad {
         }
     }
 
+    /// Returns the width of a lane, a number or a range.
+    fn lane_width_m(&self) -> NumberOrRange {
+        match self {
+            OwnRoad::Straight { lane_width_m, .. }
+            | OwnRoad::Curved { lane_width_m, .. }
+            | OwnRoad::Polyline { lane_width_m, .. } => *lane_width_m,
+        }
+    }
+
+    /// Returns the radii of its arcs with their positions among the pieces.
+    fn radii_m(&self) -> impl Iterator<Item = (usize, NumberOrRange)> {
+        let pieces = match self {
+            OwnRoad::Curved { pieces, .. } => pieces.as_slice(),
+            OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } => &[],
+        };
+        let pieces = pieces.iter().enumerate();
+        pieces.filter_map(|(i, piece)| match piece {
+            OwnPiece::Line { .. } => None,
+            OwnPiece::Arc { radius_m, .. } => Some((i, *radius_m)),
+        })
+    }
+
     /// Returns the road with the middle of each range.
     pub(super) fn nominal(&self) -> Road {
         self.at(RangePoint::Middle)
@@ -102,41 +151,39 @@ impl OwnRoad {
 
     fn at(&self, point: RangePoint) -> Road {
         let friction = point.of(self.friction());
+        let lane_width_m = point.of(self.lane_width_m());
         match self {
             OwnRoad::Straight {
                 lanes,
-                lane_width_m,
                 speed_limit_mps,
                 ..
             } => Road::Straight {
                 lanes: *lanes,
-                lane_width_m: *lane_width_m,
+                lane_width_m,
                 friction,
                 speed_limit_mps: *speed_limit_mps,
             },
             OwnRoad::Curved {
                 lanes,
-                lane_width_m,
                 speed_limit_mps,
                 pieces,
                 ..
             } => Road::Curved {
                 lanes: *lanes,
-                lane_width_m: *lane_width_m,
+                lane_width_m,
                 friction,
                 speed_limit_mps: *speed_limit_mps,
-                pieces: pieces.clone(),
+                pieces: pieces.iter().map(|piece| piece.at(point)).collect(),
             },
             OwnRoad::Polyline {
                 lanes,
-                lane_width_m,
                 speed_limit_mps,
                 points_m,
                 corner_radius_m,
                 ..
             } => Road::Polyline {
                 lanes: *lanes,
-                lane_width_m: *lane_width_m,
+                lane_width_m,
                 friction,
                 speed_limit_mps: *speed_limit_mps,
                 points_m: points_m.clone(),
@@ -161,7 +208,7 @@ impl SensorsFile {
 fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
     let (road, sensors) = (ValuePath::top().to("road"), ValuePath::top().to("sensors"));
     let of_sensors = &file.sensors;
-    let all = [
+    let numbers = [
         (
             EnvironmentQuantity::Friction,
             road.to("friction"),
@@ -182,8 +229,18 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
             sensors.to("speed_sd_mps"),
             of_sensors.speed_sd_mps,
         ),
+        (
+            EnvironmentQuantity::LaneWidth,
+            road.to("lane_width_m"),
+            file.road.lane_width_m(),
+        ),
     ];
-    let ranges = all.into_iter().filter(|(_, _, it)| !it.0.is_fixed());
+    let radii = file.road.radii_m().map(|(piece, radius_m)| {
+        let place = road.to("pieces").at(piece).to("radius_m");
+        (EnvironmentQuantity::ArcRadius { piece }, place, radius_m)
+    });
+    let all = numbers.into_iter().chain(radii);
+    let ranges = all.filter(|(_, _, it)| !it.0.is_fixed());
     ranges
         .map(|(quantity, place, NumberOrRange(range))| (quantity, place, range))
         .collect()
@@ -193,8 +250,15 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
 ///
 /// Returns the road and the sensors in the middle of them.
 pub(super) fn read(problems: &mut Problems, file: &ScenarioFile) -> (Road, Sensors) {
-    for (_, place, range) in ranges(file) {
+    for (quantity, place, range) in ranges(file) {
         check::range(problems, &place, range);
+        let turns = matches!(quantity, EnvironmentQuantity::ArcRadius { .. });
+        if turns && range.lo <= 0.0 && 0.0 <= range.hi {
+            let what = format!("radii from {} to {} m turn both ways", range.lo, range.hi);
+            let help = "a positive radius turns left and a negative radius right: \
+                        keep both ends on one side of 0";
+            problems.add(&place, what, "contains 0", Some(help.to_owned()));
+        }
     }
     let (road, sensors) = (ValuePath::top().to("road"), ValuePath::top().to("sensors"));
     // Without ranges all points are the same.
@@ -228,6 +292,21 @@ fn with_whole_delay(sensors: Sensors, clock: &Clock) -> Sensors {
     Sensors {
         delay_s: samples * clock.sample_s,
         ..sensors
+    }
+}
+
+/// Checks the road's geometry at the ends of its ranges.
+///
+/// Lanes of different widths may overlap differently, and arcs of different
+/// radii lead elsewhere.
+pub(super) fn check_geometry(problems: &mut Problems, spec: &DriveSpec, entries: &[usize]) {
+    let top = ValuePath::top();
+    for spec in spec.extreme_roads() {
+        if !problems.is_empty() {
+            return;
+        }
+        roads::lay(problems, &top, &spec);
+        starts::check(problems, &top.to("agents"), &spec, entries);
     }
 }
 

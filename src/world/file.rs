@@ -189,6 +189,14 @@ impl AgentFile {
         }
     }
 
+    /// Returns the lane in which it starts, 0 for agents without lanes.
+    pub(super) fn lane(&self) -> usize {
+        match self {
+            AgentFile::Vehicle { lane, .. } => *lane,
+            _ => 0,
+        }
+    }
+
     /// Returns the name of its road, if stated.
     pub(super) fn road(&self) -> Option<&str> {
         match self {

@@ -51,18 +51,33 @@ pub(super) fn placed(
                 // need no limit.
                 speed_limit_mps: None,
             },
+            shares_lane_width: road.lane_width_m.is_none(),
             pieces: road.pieces.clone(),
             priority: road.priority,
         };
         check::lanes(problems, &path, &placed.road);
-        if let Err(error) = placed.course() {
-            let list = path.to("pieces");
-            let place = error.index.map_or(list.clone(), |index| list.at(index));
-            problems.add(&place, error.what, "here", Some(error.help));
-        }
+        refuse_course(problems, &path, &placed);
         all.insert(name.clone(), placed);
     }
     all
+}
+
+/// Refuses roads that cannot be laid, or that come back onto themselves.
+pub(super) fn lay(problems: &mut Problems, path: &ValuePath, spec: &DriveSpec) {
+    check::road(problems, &path.to("road"), &spec.road);
+    for (name, placed) in &spec.roads {
+        refuse_course(problems, &path.to("roads").to(name), placed);
+    }
+    beside_themselves(problems, path, spec);
+}
+
+/// Refuses a named road that cannot be laid.
+fn refuse_course(problems: &mut Problems, path: &ValuePath, placed: &PlacedRoad) {
+    if let Err(error) = placed.course() {
+        let list = path.to("pieces");
+        let place = error.index.map_or(list.clone(), |index| list.at(index));
+        problems.add(&place, error.what, "here", Some(error.help));
+    }
 }
 
 /// Refuses roads on which a position has two arc lengths.

@@ -1,12 +1,17 @@
 //! Quantities of the environment that starts draw: the road and the sensors.
+//!
+//! A world has the middle of every range. [`DriveWorld::at_start`] is the one
+//! place that replaces them by the values of a start.
 
 use std::sync::Arc;
 
+use super::course::CourseError;
 use super::layout::DriveLayout;
 use super::motion::DriveScene;
+use super::network::RoadNetwork;
 use super::range::Range;
 use super::sensors::Sensing;
-use super::spec::DriveSpec;
+use super::spec::{Agent, DriveSpec};
 use super::world::DriveWorld;
 use crate::scene::{Axis, Start};
 
@@ -21,6 +26,13 @@ pub enum EnvironmentQuantity {
     PositionNoise,
     /// Standard deviation of perceived speeds.
     SpeedNoise,
+    /// Width of the lanes of the world's own road, and of roads that share it.
+    LaneWidth,
+    /// Radius of an arc of the world's own road. Its length stays.
+    ArcRadius {
+        /// Position of the arc among the pieces of the road, from 0.
+        piece: usize,
+    },
 }
 
 /// Quantity of the environment with its range.
@@ -39,17 +51,35 @@ pub struct EnvironmentRange {
 impl EnvironmentQuantity {
     /// Returns whether it belongs to the ego's sensors.
     pub fn is_of_sensors(self) -> bool {
-        self != EnvironmentQuantity::Friction
+        matches!(
+            self,
+            EnvironmentQuantity::SensorDelay
+                | EnvironmentQuantity::PositionNoise
+                | EnvironmentQuantity::SpeedNoise
+        )
+    }
+
+    /// Returns whether it belongs to the geometry of the road.
+    pub fn is_of_geometry(self) -> bool {
+        matches!(
+            self,
+            EnvironmentQuantity::LaneWidth | EnvironmentQuantity::ArcRadius { .. }
+        )
     }
 
     /// Returns the name and the unit of its axis.
-    fn axis(self) -> (&'static str, &'static str) {
-        match self {
+    fn axis(self) -> (String, &'static str) {
+        let (name, unit) = match self {
             EnvironmentQuantity::Friction => ("road.friction", ""),
             EnvironmentQuantity::SensorDelay => ("sensors.delay", "s"),
             EnvironmentQuantity::PositionNoise => ("sensors.position_sd", "m"),
             EnvironmentQuantity::SpeedNoise => ("sensors.speed_sd", "m/s"),
-        }
+            EnvironmentQuantity::LaneWidth => ("road.lane_width", "m"),
+            EnvironmentQuantity::ArcRadius { piece } => {
+                return (format!("road.piece{}.radius", piece + 1), "m");
+            }
+        };
+        (name.to_owned(), unit)
     }
 
     /// Returns the value in a spec.
@@ -59,6 +89,9 @@ impl EnvironmentQuantity {
             EnvironmentQuantity::SensorDelay => spec.sensors.delay_s,
             EnvironmentQuantity::PositionNoise => spec.sensors.position_sd_m,
             EnvironmentQuantity::SpeedNoise => spec.sensors.speed_sd_mps,
+            EnvironmentQuantity::LaneWidth => spec.road.lane_width_m(),
+            // Invariant: a range of a radius belongs to an arc of the road.
+            EnvironmentQuantity::ArcRadius { piece } => spec.road.radius_m(piece).unwrap_or(0.0),
         }
     }
 
@@ -74,6 +107,14 @@ impl EnvironmentQuantity {
             // negative.
             EnvironmentQuantity::PositionNoise => spec.sensors.position_sd_m = value.max(0.0),
             EnvironmentQuantity::SpeedNoise => spec.sensors.speed_sd_mps = value.max(0.0),
+            EnvironmentQuantity::LaneWidth => {
+                spec.road.set_lane_width_m(value);
+                let roads = spec.roads.values_mut();
+                for placed in roads.filter(|placed| placed.shares_lane_width) {
+                    placed.road.set_lane_width_m(value);
+                }
+            }
+            EnvironmentQuantity::ArcRadius { piece } => spec.road.set_radius_m(piece, value),
         }
     }
 }
@@ -103,7 +144,7 @@ impl EnvironmentRange {
     pub(super) fn axis(&self) -> Axis {
         let (name, unit) = self.quantity.axis();
         Axis {
-            name: name.to_owned(),
+            name,
             unit,
             lo: self.range.lo,
             hi: self.range.hi,
@@ -128,6 +169,63 @@ impl DriveSpec {
         }
     }
 
+    /// Returns by how much a start moves an agent's lane to the left.
+    ///
+    /// The places of agents are those at the nominal lane width.
+    pub(super) fn lane_shift_m(&self, agent: usize) -> f64 {
+        let Agent { road, lane, .. } = self.agents[agent];
+        let mut environment = self.environment.iter();
+        let width = environment.find(|it| it.quantity == EnvironmentQuantity::LaneWidth);
+        let shares = match road {
+            0 => true,
+            road => self.roads[road - 1].shares_lane_width,
+        };
+        match width {
+            Some(it) if shares => lane as f64 * (self.road.lane_width_m() - it.nominal),
+            _ => 0.0,
+        }
+    }
+
+    /// Returns the spec at the ends of the ranges of the road's geometry.
+    ///
+    /// Agents are beside the middle of their lanes there. Without such ranges,
+    /// there are none.
+    pub(crate) fn extreme_roads(&self) -> Vec<DriveSpec> {
+        let of_geometry = self.environment.iter();
+        let drawn: Vec<EnvironmentRange> = of_geometry
+            .copied()
+            .filter(|it| it.quantity.is_of_geometry())
+            .collect();
+        if drawn.is_empty() {
+            return Vec::new();
+        }
+        // Arcs bend independently of the lanes' width, so both ends of one are
+        // combined with both ends of the other.
+        let ends = [(false, false), (false, true), (true, false), (true, true)];
+        let specs = ends.map(|(is_wide, is_long)| {
+            let mut spec = self.clone();
+            for it in &drawn {
+                let is_greatest = match it.quantity {
+                    EnvironmentQuantity::LaneWidth => is_wide,
+                    _ => is_long,
+                };
+                let end = if is_greatest {
+                    it.range.hi
+                } else {
+                    it.range.lo
+                };
+                it.quantity.set(&mut spec, end);
+            }
+            for agent in 0..spec.agents.len() {
+                let by_m = spec.lane_shift_m(agent);
+                spec.agents[agent].lateral_m.lo += by_m;
+                spec.agents[agent].lateral_m.hi += by_m;
+            }
+            spec
+        });
+        specs.into()
+    }
+
     /// Keeps the present values of some quantities, whatever a start draws.
     pub(crate) fn fix_environment(&mut self, fixes: impl Fn(EnvironmentRange) -> bool) {
         for it in &mut self.environment {
@@ -138,27 +236,46 @@ impl DriveSpec {
 
 impl DriveLayout {
     /// Returns the layout in the environment of a start.
-    pub(super) fn at_start(self: &Arc<DriveLayout>, start: &Start) -> Arc<DriveLayout> {
+    ///
+    /// # Errors
+    /// The road cannot be laid, which happens to perturbed starts only.
+    pub(super) fn at_start(
+        self: &Arc<DriveLayout>,
+        start: &Start,
+    ) -> Result<Arc<DriveLayout>, CourseError> {
         if self.spec.environment.is_empty() {
-            return Arc::clone(self);
+            return Ok(Arc::clone(self));
         }
-        // Signals, formulas and courses depend on none of these quantities.
+        // Signals and formulas depend on none of these quantities.
         let mut layout = DriveLayout::clone(self);
-        Arc::make_mut(&mut layout.spec).set_environment(start);
-        Arc::new(layout)
+        let spec = Arc::make_mut(&mut layout.spec);
+        spec.set_environment(start);
+        let mut environment = spec.environment.iter();
+        if environment.any(|it| it.quantity.is_of_geometry()) {
+            layout.network = Arc::new(RoadNetwork::new(spec)?);
+        }
+        Ok(Arc::new(layout))
     }
 }
 
 impl DriveScene {
     /// Begins the environment that a start draws.
-    pub(super) fn set_environment(&mut self, start: &Start) {
-        let layout = self.layout.at_start(start);
+    ///
+    /// # Errors
+    /// The road cannot be laid. The scene then keeps its present one.
+    pub(super) fn set_environment(&mut self, start: &Start) -> Result<(), CourseError> {
+        let layout = self.layout.at_start(start)?;
         if Arc::ptr_eq(&layout, &self.layout) {
-            return;
+            return Ok(());
         }
         self.state.spec = Arc::clone(&layout.spec);
         self.sensing = Sensing::new(layout.spec.sensors, layout.spec.clock.sample_s);
+        if !Arc::ptr_eq(&layout.network, &self.layout.network) {
+            self.state.network = Arc::clone(&layout.network);
+            self.controller.brief(&layout.briefing());
+        }
         self.layout = layout;
+        Ok(())
     }
 }
 
@@ -166,8 +283,11 @@ impl DriveWorld {
     /// Returns the same world in the environment that a start draws.
     ///
     /// Its axes are those of this world. Without ranges in the environment, it is
-    /// this world.
+    /// this world. It also is if the road of a perturbed start cannot be laid,
+    /// because no episode begins there.
     pub fn at_start(&self, start: &Start) -> DriveWorld {
-        DriveWorld(self.0.at_start(start))
+        self.0
+            .at_start(start)
+            .map_or_else(|_| self.clone(), DriveWorld)
     }
 }

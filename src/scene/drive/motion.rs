@@ -34,7 +34,7 @@ use crate::trace::Schema;
 pub struct DriveScene {
     pub(super) layout: Arc<DriveLayout>,
     pub(super) state: SceneState,
-    controller: Box<dyn Controller>,
+    pub(super) controller: Box<dyn Controller>,
     /// Commands of an external ego so far. Other egos are deterministic and
     /// leave it empty.
     commands: Vec<ego::Command>,
@@ -352,13 +352,13 @@ impl Scene for DriveScene {
     }
 
     fn reset(&mut self, start: &Start, noise: u64) {
-        self.set_environment(start);
+        let laid = self.set_environment(start);
         let layout = Arc::clone(&self.layout);
         self.clear();
         let drawn = layout.spec.drawn(start);
         let has_plans = drawn.iter().any(|at| at.plan.is_some());
         self.plans.clear();
-        self.unmet = None;
+        self.unmet = laid.err().map(|error| error.what);
         for (i, (agent, at)) in layout.spec.agents.iter().zip(&drawn).enumerate() {
             let Drawn {
                 front_m,

@@ -167,7 +167,9 @@ pub struct Agent {
     pub direction: Direction,
     /// Point of the vehicle that keeps the lane.
     pub lane_keeping: LaneKeeping,
-    /// Initial offset to the left of lane 0's middle.
+    /// Lane in which it starts, 0 if its place does not depend on a lane.
+    pub lane: usize,
+    /// Initial offset to the left of lane 0's middle, at the nominal lane width.
     pub lateral_m: Range,
     /// Initial heading, counter-clockwise from the road's.
     pub facing_rad: f64,

@@ -51,14 +51,14 @@ impl DriveSpec {
             }
         };
         let mut all: Vec<Drawn> = Vec::with_capacity(self.agents.len());
-        for agent in &self.agents {
+        for (i, agent) in self.agents.iter().enumerate() {
             let front_m = match agent.place {
                 StartPlace::At { x_m, .. } => value(x_m),
                 // The agent ahead precedes in file order, which loading
                 // ensures.
                 StartPlace::Ahead { of, headway_m, .. } => all[of].front_m + value(headway_m),
             };
-            let lateral_m = value(agent.lateral_m);
+            let lateral_m = value(agent.lateral_m) + self.lane_shift_m(i);
             let speed_mps = value(agent.place.speed_mps());
             let plan = agent.plan();
             let plan = plan.map(|plan| plan.map(|_, _, range| value(range)));
