@@ -4,7 +4,7 @@
 //! physics step would take minutes, without a hint at the cause.
 //! `docs/reference/files.md` lists them.
 
-use super::environment::OwnRoad;
+use super::environment_file::OwnRoad;
 use super::file::{
     AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile, SignalFile,
 };

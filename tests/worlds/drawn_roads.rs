@@ -85,6 +85,8 @@ fn an_episode_is_that_of_a_world_with_the_drawn_road() {
             );
             // The bench shows the road on which it plays.
             assert_eq!(bench.stage(), expected.stage());
+            let begun = ranged.at_start(&start);
+            assert_eq!(begun.bench().stage(), expected.stage());
             let lateral = played.trace.signal("ado.lateral").expect("published");
             assert!((lateral[0] - start.0[OTHERS]).abs() < 1e-3, "{start:?}");
             widths.push(start.0[OTHERS]);

@@ -32,6 +32,7 @@ mod self_overlap;
 mod sensors;
 mod signals;
 mod spec;
+mod start_environment;
 mod start_sampling;
 mod state;
 mod steering;
