@@ -10,8 +10,12 @@ mod carrying;
 mod conformance;
 #[path = "worlds/counting.rs"]
 mod counting;
+#[path = "worlds/drawn_roads.rs"]
+mod drawn_roads;
 #[path = "worlds/driving.rs"]
 mod driving;
+#[path = "worlds/environment.rs"]
+mod environment;
 #[path = "worlds/errors.rs"]
 mod errors;
 #[path = "worlds/families.rs"]

@@ -9,6 +9,7 @@ use crate::adversary::Ado;
 use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, TrivialStarts, Watch, leaf};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
+use crate::scene::AfterContact;
 use crate::search::{Adversary, ExperimentCell, Method, MethodSettings, StartResult};
 use crate::severity::Impact;
 use crate::stats::StartOutcome;
@@ -111,6 +112,7 @@ impl UnitContext<'_> {
                     robustness: episode.robustness,
                     leaf: leaf(scenario, &episode),
                     impact: episode.contact.as_ref().and_then(|touch| touch.impact),
+                    after_contact: episode.after_contact,
                     preventable: known.and_then(|known| known.human_model_avoids()),
                     actions: episode.actions,
                 })
@@ -163,6 +165,7 @@ impl UnitContext<'_> {
             kind: None,
             ego_delta_v_mps: None,
             injury_risk: None,
+            after_contact: None,
             preventable: None,
             simulations: 0,
             physics_steps: 0,
@@ -209,6 +212,7 @@ impl UnitContext<'_> {
         row.ego_delta_v_mps = impact.map(|impact| impact.ego_delta_v_mps);
         let risk = impact.and_then(|impact| impact.injury_risk());
         row.injury_risk = risk.map(|risk| risk.probability);
+        row.after_contact = success.after_contact;
         row.preventable = success.preventable;
         row.actions = success.actions;
         row
@@ -220,6 +224,7 @@ struct SuccessDetails {
     robustness: f64,
     leaf: String,
     impact: Option<Impact>,
+    after_contact: Option<AfterContact>,
     preventable: Option<bool>,
     actions: Vec<usize>,
 }

@@ -124,7 +124,8 @@ pub fn openx(
     name: &str,
     ego: &str,
 ) -> Result<OpenX, ExportRefusal> {
-    let scenario = repeatable(scenario, episode);
+    // The files state the road of this start.
+    let scenario = repeatable(scenario, episode).at_start(&episode.start);
     let Some(driving) = scenario.drive() else {
         let world = scenario.name().to_owned();
         return Err(ExportRefusal::Grid { world });

@@ -76,7 +76,8 @@ fn varied(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>>
 
 /// Returns the perturbed worlds, each with the same start.
 fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart> {
-    let spec = scenario.spec();
+    let begun = scenario.world().at_start(&episode.start);
+    let spec = begun.spec();
     let (plant, sample_s, friction) = (spec.plant, spec.clock.sample_s, spec.road.friction());
     let other = match plant {
         PlantKind::Rigid => PlantKind::Kinematic,

@@ -27,8 +27,14 @@ pub struct SubstituteDriver {
 
 impl SubstituteDriver {
     /// Returns the ideal driver: no delay, all the deceleration of the road.
+    ///
+    /// If starts draw the friction, pass the scenario [at a start](Scenario::at_start).
     pub fn full_brake(scenario: DriveScenario<'_>) -> SubstituteDriver {
-        let brake_mps2 = scenario.spec().road.friction() * GRAVITY_MPS2;
+        SubstituteDriver::braking_by(scenario.spec().road.friction())
+    }
+
+    fn braking_by(friction: f64) -> SubstituteDriver {
+        let brake_mps2 = friction * GRAVITY_MPS2;
         SubstituteDriver {
             name: "full braking".to_owned(),
             factory: Arc::new(move || Box::new(FullBrake { brake_mps2 })),
@@ -69,7 +75,11 @@ pub(super) fn why_within(
         not_asked,
         last_chance: scenario.drive().map(|scenario| match driver {
             Some(driver) => last_chance(scenario, episode, driver),
-            None => last_chance(scenario, episode, &SubstituteDriver::full_brake(scenario)),
+            None => {
+                let begun = scenario.world().at_start(&episode.start);
+                let driver = SubstituteDriver::braking_by(begun.spec().road.friction());
+                last_chance(scenario, episode, &driver)
+            }
         }),
     }
 }

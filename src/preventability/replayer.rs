@@ -55,10 +55,9 @@ pub struct Replayer {
     rulebook: Arc<Rulebook>,
     /// Other vehicles, by position among the agents.
     vehicles: Vec<usize>,
-    lane_width_m: f64,
     sample_s: f64,
-    /// Greatest acceleration that the ego's tyres transmit.
-    grip_mps2: f64,
+    /// Factor of the ego's tyres on the road's friction.
+    grip: f64,
     lag_s: f64,
     /// Other vehicles at the current sample, kept to avoid an allocation.
     others: Vec<LaneBody>,
@@ -94,9 +93,8 @@ impl Replayer {
             world: world.clone(),
             rulebook,
             vehicles: vehicles.map(|(i, _)| i).collect(),
-            lane_width_m: spec.road.lane_width_m(),
             sample_s: spec.clock.sample_s,
-            grip_mps2: spec.road.friction() * vehicle.grip * GRAVITY_MPS2,
+            grip: vehicle.grip,
             lag_s: spec.ego.lag_s,
             others: Vec::new(),
         })
@@ -111,7 +109,8 @@ impl Replayer {
         // The last sample of a contact shows the instant of contact, not a full sample.
         let partial = usize::from(motion.contact.is_some());
         let recorded = motion.len().saturating_sub(partial).max(1);
-        let body = |sample: usize, i: usize| self.world.lane_body(i, &motion.at(sample)[i].state);
+        let world = self.world.at_start(&motion.start);
+        let body = |sample: usize, i: usize| world.lane_body(i, &motion.at(sample)[i].state);
         // An oncoming vehicle is on no parallel axis.
         let comes = |i: usize| (0..recorded).any(|at| body(at, i).speed_mps < -STANDING_MPS);
         let vehicles = self.vehicles.iter().copied();
@@ -119,13 +118,13 @@ impl Replayer {
         let agents = [&[self.world.ego()], &*traffic].concat();
         let samples_of = |at: usize| agents.iter().map(move |&i| body(at, i));
         let seen_at = |at: usize| {
-            let seen = self.world.seen(motion.at(at));
+            let seen = world.seen(motion.at(at));
             agents.iter().map(move |&i| seen[i]).collect::<Vec<bool>>()
         };
         let lanes = LaneRecord {
             seen: (0..recorded).flat_map(seen_at).collect(),
             sample_s: self.sample_s,
-            lane_width_m: self.lane_width_m,
+            lane_width_m: world.spec().road.lane_width_m(),
             width: agents.len(),
             bodies: (0..recorded).flat_map(samples_of).collect(),
         };
@@ -133,7 +132,7 @@ impl Replayer {
             traffic,
             handover: lanes.handover(),
             danger: lanes.danger(),
-            whole: self.world.continued(motion, samples),
+            whole: world.continued(motion, samples),
             recorded,
             lanes,
         }
@@ -141,7 +140,7 @@ impl Replayer {
 
     /// Returns whether any of `drivers` avoids the contact from the handover on.
     pub fn preventable_by(&mut self, motion: &Motion, drivers: &[ReferenceDriver]) -> bool {
-        if reason_against(&self.world, motion).is_some() {
+        if reason_against(&self.world.at_start(&motion.start), motion).is_some() {
             return false;
         }
         let case = self.case(motion);
@@ -160,8 +159,9 @@ impl Replayer {
     /// With the `trace` of the episode, the rulebook is evaluated on each replay. Worlds
     /// with traffic lights are excluded from that, because a motion has no phases.
     pub fn assess(&mut self, motion: &Motion, trace: Option<&Trace>) -> Preventability {
-        let exonerated = exoneration(&self.world, motion);
-        if let Some(why) = reason_against(&self.world, motion) {
+        let world = self.world.at_start(&motion.start);
+        let exonerated = exoneration(&world, motion);
+        if let Some(why) = reason_against(&world, motion) {
             return Preventability {
                 exonerated,
                 ..Preventability::not_applicable(why)
@@ -223,7 +223,7 @@ impl Replayer {
     /// `None` if the drivers do not apply, as in [`Replayer::assess`], or if no agent was
     /// ahead.
     pub fn film(&mut self, motion: &Motion, driver: ReferenceDriver) -> Option<FilmedDriver> {
-        if reason_against(&self.world, motion).is_some() {
+        if reason_against(&self.world.at_start(&motion.start), motion).is_some() {
             return None;
         }
         let case = self.case(motion);
@@ -272,9 +272,9 @@ impl Replayer {
         // The actuator continues from the acceleration of the recorded ego.
         let arriving_mps2 = case.whole.at(from)[self.world.ego()].state.accel_mps2;
         let actuator = Actuator::new(self.lag_of(seat), self.sample_s).from(arriving_mps2);
-        let mut at_wheel =
-            ReferenceDriverRun::new(seat, actuator, self.sample_s, self.lane_width_m);
         self.scene.take_up(&case.whole, from);
+        let lane_width_m = self.scene.road().lane_width_m();
+        let mut at_wheel = ReferenceDriverRun::new(seat, actuator, self.sample_s, lane_width_m);
         notes.begin(&self.scene);
         let mut least_m: Option<f64> = None;
         let mut contact = None;
@@ -375,7 +375,9 @@ impl Replayer {
         };
         // In a curve, tyre forces that keep the lane are not available for braking.
         let across_mps2 = ego.speed_mps * ego.speed_mps * self.scene.curvature_per_m();
-        let cap_mps2 = self.grip_mps2 * self.grip_mps2 - across_mps2 * across_mps2;
+        // The friction is that of the start at which the scene was taken up.
+        let grip_mps2 = self.scene.road().friction() * self.grip * GRAVITY_MPS2;
+        let cap_mps2 = grip_mps2 * grip_mps2 - across_mps2 * across_mps2;
         let cap_mps2 = cap_mps2.max(0.0).sqrt();
         let wish_mps2 = match (seat, &mut at_wheel.driver) {
             // Full brakes have no reaction time and no build-up.

@@ -66,15 +66,17 @@ fn by_lane(
     }
     // The last frame is that of the contact.
     let place = example.frames.last()?.placements.get(own)?;
-    let at = world.course().locate(&Pose {
+    let begun = world.at_start(&example.episode.start);
+    let at = begun.course().locate(&Pose {
         // The lane of a position does not depend on the heading.
         x_m: place.centre_m[0],
         y_m: place.centre_m[1],
         heading_rad: 0.0,
     });
-    let road = &world.spec().road;
-    // The ego's own lane is that of its start.
-    let lane = road.lane_at(agents[own].lateral_m.lo);
+    // The ego's own lane is that of its start, whose place is that at the width of
+    // the world.
+    let lane = world.spec().road.lane_at(agents[own].lateral_m.lo);
+    let road = &begun.spec().road;
     let off_m = (at.lateral_m - road.lane_middle_m(lane)).abs();
     Some(if off_m < 0.5 * road.lane_width_m() {
         (format!("{opponent} was in {ego}'s lane"), "b-not")

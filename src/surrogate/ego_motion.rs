@@ -1,8 +1,5 @@
 //! Motion of an ego along its road, read from traces.
 
-use std::sync::Arc;
-
-use crate::scene::drive::Course;
 use crate::sim::Pose;
 use crate::testbench::Testbench;
 use crate::world::DriveScenario;
@@ -36,7 +33,6 @@ impl MotionSample {
 #[derive(Clone, Debug)]
 pub(super) struct MotionReader {
     columns: [usize; 3],
-    course: Arc<Course>,
 }
 
 impl MotionReader {
@@ -44,7 +40,6 @@ impl MotionReader {
     pub(super) fn of(world: DriveScenario<'_>) -> MotionReader {
         MotionReader {
             columns: world.ego_columns(),
-            course: Arc::new(world.world().course().clone()),
         }
     }
 
@@ -53,8 +48,12 @@ impl MotionReader {
         let [x, y, speed] = self.columns.map(|column| bench.trace().column(column));
         // After a held contact the trace continues to the horizon, but the motion ends.
         let moved = bench.physics_steps() / u64::from(bench.clock().substeps);
+        // The road is that of the start that the bench plays.
+        let Some(world) = bench.driven() else {
+            return;
+        };
         for sample in motion.len()..=moved as usize {
-            let at = self.course.locate(&Pose {
+            let at = world.course().locate(&Pose {
                 x_m: x[sample],
                 y_m: y[sample],
                 // The heading has no influence on the position along the road.

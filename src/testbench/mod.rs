@@ -25,6 +25,7 @@ use crate::ego::{Command, Fault, FaultKind};
 use crate::preventability::Replayer;
 use crate::rl::Spaces;
 use crate::rulebook::{Counts, Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdict};
+use crate::scene::drive::DriveWorld;
 use crate::scene::{
     AfterContact, Axis, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start, StepOutcome,
 };
@@ -181,6 +182,11 @@ impl Testbench {
     /// Returns the static content, for viewers.
     pub fn stage(&self) -> SceneGeometry {
         self.scene.stage()
+    }
+
+    /// Returns the driving world with the road of the current start, if any.
+    pub(crate) fn driven(&self) -> Option<DriveWorld> {
+        self.scene.driven()
     }
 
     /// Returns the poses of all agents now, for viewers.

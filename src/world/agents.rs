@@ -19,7 +19,7 @@ use super::trained;
 use super::trained::run::TrainedFile;
 use crate::scene::drive::{
     Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, PlacedRoads,
-    Range, Script, StartPlace, TrainedAdo,
+    Range, Road, Script, StartPlace, TrainedAdo,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
@@ -46,7 +46,8 @@ pub(super) struct Agents<'a> {
     pub(super) written_out: Vec<(ValuePath, String)>,
     /// Names of the road users so far, including invalid agents.
     declared: Vec<String>,
-    roads: &'a PlacedRoads,
+    /// The world's own road, and the named roads.
+    roads: (&'a Road, &'a PlacedRoads),
     origin: WorldOrigin<'a>,
 }
 
@@ -56,7 +57,7 @@ impl Agents<'_> {
         problems: &mut Problems,
         origin: WorldOrigin<'a>,
         file: &ScenarioFile,
-        roads: &'a PlacedRoads,
+        roads: (&'a Road, &'a PlacedRoads),
     ) -> Agents<'a> {
         let list = ValuePath::top().to("agents");
         let mut read = Agents {
@@ -141,9 +142,10 @@ impl Agents<'_> {
             return obstacle(problems, path, file, (entry, number));
         }
         // Number 0 is the world's own road, and named roads follow from 1.
-        let road = match number.checked_sub(1).and_then(|i| self.roads.get_index(i)) {
+        let (own, named) = self.roads;
+        let road = match number.checked_sub(1).and_then(|i| named.get_index(i)) {
             Some((_, placed)) => &placed.road,
-            None => &file.road,
+            None => own,
         };
         let (name, body, lateral_m, (direction, facing_rad), start, drive) = match entry {
             AgentFile::Vehicle {
@@ -226,6 +228,7 @@ impl Agents<'_> {
             road: number,
             direction,
             lane_keeping: entry.lane_keeping(),
+            lane: entry.lane(),
             lateral_m,
             facing_rad,
             place: place?,
@@ -464,6 +467,7 @@ fn obstacle(
         road: number,
         direction: Direction::With,
         lane_keeping: entry.lane_keeping(),
+        lane: entry.lane(),
         lateral_m: lateral_m.0,
         facing_rad: *heading_rad,
         place: StartPlace::At {

@@ -13,8 +13,8 @@ use super::runs::{Assembled, RunSource, WorldOrigin};
 use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
-    Scenario, check, counting, dry_run, family_check, limits, plans, points, read, roads, starts,
-    trained, vacuous,
+    Scenario, check, counting, dry_run, environment, family_check, limits, plans, points, read,
+    roads, starts, trained, vacuous,
 };
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
@@ -90,8 +90,8 @@ fn assemble(
     let top = ValuePath::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);
     check::after_contact(&mut problems, &top.to("after_contact_s"), &file);
-    check::road(&mut problems, &top.to("road"), &file.road);
-    let roads = roads::placed(&mut problems, &top.to("roads"), &file.road, &file.roads);
+    let (road, sensors) = environment::read(&mut problems, &file);
+    let roads = roads::placed(&mut problems, &top.to("roads"), &road, &file.roads);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     counting::check(&mut problems, &top, &file);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
@@ -103,13 +103,7 @@ fn assemble(
         (file.clock.horizon_s, "clock"),
         &file.constants,
     );
-    check::sensors(
-        &mut problems,
-        &top.to("sensors"),
-        &file.sensors,
-        &file.clock,
-    );
-    let agents = Agents::read(&mut problems, origin, &file, &roads);
+    let agents = Agents::read(&mut problems, origin, &file, (&road, &roads));
     // Reported together, so that users see all mistakes of the agents at once.
     problems.done()?;
     let Agents {
@@ -141,24 +135,28 @@ fn assemble(
         clock: file.clock,
         plant: file.plant,
         after_contact_s: file.after_contact_s,
-        road: file.road.clone(),
+        road: road.clone(),
         roads,
         bodies: file.bodies.0.clone(),
         agents,
         ego,
         lights,
-        sensors: file.sensors,
+        sensors,
         extra: Vec::new(),
         derived: Vec::new(),
         constants: constants.clone(),
         observe: Vec::new(),
         parameters,
         formulas: Names::default(),
+        environment: Vec::new(),
         points: Vec::new(),
     };
+    spec.environment = environment::drawn(&file, &spec);
     let list = top.to("agents");
     starts::check(&mut problems, &list, &spec, &entries);
     starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
+    roads::beside_themselves(&mut problems, &top, &spec);
+    environment::check_geometry(&mut problems, &spec, &entries);
     trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
     let family = file.train_against.and_then(|family| {
         family_check::family(

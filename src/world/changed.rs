@@ -5,7 +5,7 @@ use super::check::sensor_flaw;
 use super::error::{did_you_mean, known_names};
 use super::file::Change;
 use crate::ego::Process;
-use crate::scene::drive::{Drive, DriveSpec, EgoController};
+use crate::scene::drive::{Drive, DriveSpec, EgoController, EnvironmentQuantity};
 use crate::sim::Body;
 
 /// Applies a change to a spec.
@@ -32,6 +32,8 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
             return Err(fail(what, None, &["friction"]));
         }
         spec.road.set_friction(friction);
+        // A changed quantity replaces that of the starts.
+        spec.fix_environment(|it| it.quantity == EnvironmentQuantity::Friction);
     }
     if let Some(plant) = change.plant {
         spec.plant = plant;
@@ -41,6 +43,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
             return Err(fail(what, Some(help), &["sensors", field]));
         }
         spec.sensors = sensors;
+        spec.fix_environment(|it| it.quantity.is_of_sensors());
     }
     // The body may come from the world or be a shipped body. Only the ego gets
     // it.

@@ -60,6 +60,12 @@ pub(super) fn family(
             continue;
         };
         let place = path.to(varied.name());
+        if spec.environment.iter().any(|it| varied.is(it.quantity)) {
+            let what = format!("the starts of this world draw `{}` already", varied.name());
+            let help = "give it one number in the world, or leave it out of the family".to_owned();
+            problems.add(&place, what, "drawn twice", Some(help));
+            continue;
+        }
         if range.0 < bounds.0 || bounds.1 < range.1 {
             let what = format!(
                 "{} ..= {} reaches outside of {} ..= {}",

@@ -2,10 +2,12 @@
 
 use std::fmt;
 
-use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::environment_file::{OwnRoad, SensorsFile};
 use super::family_file::FamilyFile;
+pub(super) use super::number_or_range::NumberOrRange;
 use super::ordered::{Ordered, Patch};
 use super::repeats::Repeats;
 use super::trained::run::TrainedFile;
@@ -14,7 +16,7 @@ use crate::rl::LearnerSettings;
 use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 use crate::scene::Clock;
 use crate::scene::drive::{
-    Actions, Direction, LaneKeeping, MeetEgo, MotionPlan, Piece, Priority, Range, Road, RoadPlace,
+    Actions, Direction, LaneKeeping, MeetEgo, MotionPlan, Piece, Priority, Range, RoadPlace,
     Schedule, Script, ScriptStep, Sensors,
 };
 use crate::scene::grid::{AtWall, Horizon, Starts};
@@ -38,7 +40,7 @@ pub(super) struct ScenarioFile {
     pub(super) counts: Counts,
     #[serde(default)]
     pub(super) goals: Vec<TrainingGoal>,
-    pub(super) road: Road,
+    pub(super) road: OwnRoad,
     #[serde(default)]
     pub(super) roads: Ordered<RoadFile>,
     #[serde(default)]
@@ -51,7 +53,7 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) points: Option<PointsFile>,
     #[serde(default)]
-    pub(super) sensors: Sensors,
+    pub(super) sensors: SensorsFile,
     #[serde(default)]
     pub(super) signals: Ordered<SignalFile>,
     #[serde(default)]
@@ -187,6 +189,14 @@ impl AgentFile {
         match self {
             AgentFile::Vehicle { lane_keeping, .. } => *lane_keeping,
             _ => LaneKeeping::default(),
+        }
+    }
+
+    /// Returns the lane in which it starts, 0 for agents without lanes.
+    pub(super) fn lane(&self) -> usize {
+        match self {
+            AgentFile::Vehicle { lane, .. } => *lane,
+            _ => 0,
         }
     }
 
@@ -326,55 +336,6 @@ pub struct GridChange {
     pub horizon: Option<Horizon>,
     /// X_init.
     pub starts: Option<Starts>,
-}
-
-/// Number or range: `5.0` or `(5.0, 25.0)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct NumberOrRange(pub(super) Range);
-
-impl From<f64> for NumberOrRange {
-    fn from(value: f64) -> NumberOrRange {
-        NumberOrRange(Range::fixed(value))
-    }
-}
-
-impl<'de> Deserialize<'de> for NumberOrRange {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<NumberOrRange, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
-            type Value = NumberOrRange;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, "a number such as 5.0 or a range such as (5.0, 25.0)")
-            }
-
-            fn visit_f64<E: de::Error>(self, v: f64) -> Result<NumberOrRange, E> {
-                Ok(NumberOrRange(Range { lo: v, hi: v }))
-            }
-
-            // RON reads `5` as an integer, and files may omit the point.
-            fn visit_i64<E: de::Error>(self, v: i64) -> Result<NumberOrRange, E> {
-                self.visit_f64(v as f64)
-            }
-
-            fn visit_u64<E: de::Error>(self, v: u64) -> Result<NumberOrRange, E> {
-                self.visit_f64(v as f64)
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<NumberOrRange, A::Error> {
-                let missing = || de::Error::custom("a range has two numbers, such as (5.0, 25.0)");
-                let lo: f64 = seq.next_element()?.ok_or_else(missing)?;
-                let hi: f64 = seq.next_element()?.ok_or_else(missing)?;
-                // A third number is refused, since two of three would be a
-                // guess.
-                if seq.next_element::<f64>()?.is_some() {
-                    return Err(missing());
-                }
-                Ok(NumberOrRange(Range { lo, hi }))
-            }
-        }
-        deserializer.deserialize_any(Either)
-    }
 }
 
 /// Signal: an expression, or `Signal(expr: "…", unit: "m", about: "…", …)`.

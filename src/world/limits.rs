@@ -4,13 +4,14 @@
 //! physics step would take minutes, without a hint at the cause.
 //! `docs/reference/files.md` lists them.
 
+use super::environment_file::OwnRoad;
 use super::file::{
     AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile, SignalFile,
 };
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
-use crate::scene::drive::{Actions, MotionPlan, Road, Script};
+use crate::scene::drive::{Actions, MotionPlan, Script};
 
 /// Greatest count of something, with the words for messages.
 #[derive(Clone, Copy)]
@@ -124,11 +125,13 @@ pub(super) fn texts(
     }
 }
 
-fn road(problems: &mut Problems, path: &ValuePath, road: &Road) {
+fn road(problems: &mut Problems, path: &ValuePath, road: &OwnRoad) {
     match road {
-        Road::Straight { .. } => {}
-        Road::Curved { pieces, .. } => within(problems, &path.to("pieces"), pieces.len(), PIECES),
-        Road::Polyline { points_m, .. } => {
+        OwnRoad::Straight { .. } => {}
+        OwnRoad::Curved { pieces, .. } => {
+            within(problems, &path.to("pieces"), pieces.len(), PIECES)
+        }
+        OwnRoad::Polyline { points_m, .. } => {
             within(problems, &path.to("points_m"), points_m.len(), POINTS);
         }
     }

@@ -104,11 +104,15 @@ fn read_law(
     let walks = acts_as == ActsAs::Walker;
     let (numbers, on_wheels): (Vec<(&str, NumberOrRange, f64)>, bool) = match law {
         MotionLaw::Speed {
-            to_mps, rate_mps2, ..
+            to_mps,
+            relative_to,
+            rate_mps2,
         } => {
             let rate = rate_mps2.map(|rate| ("rate_mps2", rate, 1e-3));
-            // Negative targets are valid: they may be relative to another
-            // agent's speed.
+            if relative_to.is_none() && to_mps.0.lo.min(to_mps.0.hi) < 0.0 {
+                refuse_reversing(problems, &path.to("to_mps"), *to_mps);
+            }
+            // Relative to another agent's speed, a target may be below 0.
             let to = ("to_mps", *to_mps, -100.0);
             (std::iter::once(to).chain(rate).collect(), true)
         }
@@ -146,6 +150,14 @@ fn read_law(
     for (field, number, least) in numbers {
         number_in(problems, &path.to(field), number, least);
     }
+}
+
+/// Refuses a target speed below 0, because no agent moves backwards.
+fn refuse_reversing(problems: &mut Problems, path: &ValuePath, NumberOrRange(to): NumberOrRange) {
+    let least_mps = to.lo.min(to.hi);
+    let what = format!("a target speed of {least_mps} m/s, but no agent moves backwards");
+    let help = "write 0.0 to stop, or add `relative_to` if it is relative to an agent's speed";
+    problems.add(path, what, "below 0", Some(help.to_owned()));
 }
 
 fn number_in(problems: &mut Problems, path: &ValuePath, number: NumberOrRange, least: f64) {

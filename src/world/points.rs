@@ -9,7 +9,7 @@ use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use crate::scene::Start;
-use crate::scene::drive::{DriveSpec, Range};
+use crate::scene::drive::{DriveSpec, EnvironmentQuantity, Range, Sensors};
 
 /// Greatest number of rows: a table contains points, and not a density.
 const MAX_ROWS: usize = 100_000;
@@ -104,7 +104,24 @@ pub(super) fn read(
             problems.add(&rows.at(i).at(column), what, "out of range", Some(help));
             return Vec::new();
         }
+        if let Some((column, flaw)) = delay_flaw(spec, &values) {
+            let place = rows.at(i).at(columns[column]);
+            problems.add(&place, flaw, "no multiple", None);
+            return Vec::new();
+        }
         starts.push(Start(values));
     }
     starts
+}
+
+/// Position and problem of a delay that is no multiple of the sample.
+fn delay_flaw(spec: &DriveSpec, values: &[f64]) -> Option<(usize, String)> {
+    let from = values.len().checked_sub(spec.environment.len())?;
+    let mut delays = spec.environment.iter().zip(from..);
+    let (_, column) = delays.find(|(it, _)| it.quantity == EnvironmentQuantity::SensorDelay)?;
+    let sensors = Sensors {
+        delay_s: values[column],
+        ..Sensors::default()
+    };
+    check::sensor_flaw(&sensors, &spec.clock).map(|(_, what, _)| (column, what))
 }

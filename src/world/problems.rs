@@ -93,6 +93,10 @@ impl<'a> Problems<'a> {
     }
 
     /// Returns true if no mistake was found so far.
+    pub(super) fn len(&self) -> usize {
+        self.list.len()
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.list.is_empty()
     }

@@ -4,7 +4,7 @@ use rand::{Rng, RngExt};
 use serde::Serialize;
 
 use crate::ego::{Actuated, ControllerSpec};
-use crate::scene::drive::{DriveSpec, EgoVariant};
+use crate::scene::drive::{DriveSpec, EgoVariant, EnvironmentQuantity};
 
 /// Quantity that a family varies.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -57,6 +57,17 @@ impl Varied {
             Varied::SpeedNoise => variant.sensors.speed_sd_mps = value,
             Varied::Friction => variant.friction = value,
         }
+    }
+
+    /// Returns true if it is a quantity of the environment.
+    pub(super) fn is(&self, quantity: EnvironmentQuantity) -> bool {
+        matches!(
+            (self, quantity),
+            (Varied::Delay, EnvironmentQuantity::SensorDelay)
+                | (Varied::PositionNoise, EnvironmentQuantity::PositionNoise)
+                | (Varied::SpeedNoise, EnvironmentQuantity::SpeedNoise)
+                | (Varied::Friction, EnvironmentQuantity::Friction)
+        )
     }
 }
 

@@ -117,6 +117,10 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
     let mut span = match error.code {
         // If a comma or an end is missing, the value before it is marked.
         Error::ExpectedComma | Error::ExpectedMapColon | Error::Eof => token(text, start, start),
+        // The reader's span of a wrong text begins behind its first quote.
+        Error::InvalidValueForType { .. } if text[..start].ends_with('"') => {
+            next_token(text, start - 1)
+        }
         _ if shape(&error.code).is_some() => next_token(text, start),
         _ => token(text, start, end),
     };
@@ -168,6 +172,11 @@ fn shape(code: &Error) -> Option<(String, String)> {
             "there are several kinds of this, so its name comes first: `At(x_m: 0.0, …)`",
         ),
         Error::ExpectedStructLike => ("`(…)`", "fields stand in brackets: `(name: value, …)`"),
+        // The text is that of `NumberOrRange`.
+        Error::InvalidValueForType { expected, .. } if expected.starts_with("a number such") => (
+            "a number or a range",
+            "numbers are written `3.0`, and ranges `(3.0, 5.0)`",
+        ),
         Error::ExpectedNamedStructLike(name) if !name.is_empty() => {
             let how = format!("write `{name}(name: value, …)`");
             return Some((format!("`{name}(…)`"), how));

@@ -5,7 +5,10 @@ use super::file::{AgentFile, RoadFile, ScenarioFile};
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
-use crate::scene::drive::{Direction, PlacedRoad, PlacedRoads, Road};
+use super::starts;
+use crate::scene::drive::{
+    Course, Direction, DriveSpec, PlacedRoad, PlacedRoads, Road, SelfOverlap,
+};
 
 /// Greatest distance in metres of a road's start from the origin.
 const MAX_AWAY_M: f64 = 5_000.0;
@@ -48,18 +51,101 @@ pub(super) fn placed(
                 // need no limit.
                 speed_limit_mps: None,
             },
+            shares_lane_width: road.lane_width_m.is_none(),
             pieces: road.pieces.clone(),
             priority: road.priority,
         };
         check::lanes(problems, &path, &placed.road);
-        if let Err(error) = placed.course() {
-            let list = path.to("pieces");
-            let place = error.index.map_or(list.clone(), |index| list.at(index));
-            problems.add(&place, error.what, "here", Some(error.help));
-        }
+        refuse_course(problems, &path, &placed);
         all.insert(name.clone(), placed);
     }
     all
+}
+
+/// Refuses roads that cannot be laid, or that come back onto themselves.
+pub(super) fn lay(problems: &mut Problems, path: &ValuePath, spec: &DriveSpec) {
+    check::road(problems, &path.to("road"), &spec.road);
+    for (name, placed) in &spec.roads {
+        refuse_course(problems, &path.to("roads").to(name), placed);
+    }
+    beside_themselves(problems, path, spec);
+}
+
+/// Refuses a named road that cannot be laid.
+fn refuse_course(problems: &mut Problems, path: &ValuePath, placed: &PlacedRoad) {
+    if let Err(error) = placed.course() {
+        let list = path.to("pieces");
+        let place = error.index.map_or(list.clone(), |index| list.at(index));
+        problems.add(&place, error.what, "here", Some(error.help));
+    }
+}
+
+/// Refuses roads on which a position has two arc lengths.
+///
+/// `path` is the world. Each road is examined over its pieces, and as far as its
+/// agents drive at their least start speeds.
+pub(super) fn beside_themselves(problems: &mut Problems, path: &ValuePath, spec: &DriveSpec) {
+    let own = match spec.road {
+        Road::Polyline { .. } => path.to("road").to("points_m"),
+        _ => path.to("road").to("pieces"),
+    };
+    let mut check = |number: usize, road: &Road, course: Course, place: &ValuePath| {
+        let (mut right_m, mut left_m) = (0.0_f64, 0.0_f64);
+        for border_m in road.borders_m() {
+            right_m = right_m.min(border_m);
+            left_m = left_m.max(border_m);
+        }
+        let driven_m = driven_m(spec, number, &course);
+        if let Some(overlap) = course.self_overlap(driven_m, (right_m, left_m)) {
+            refuse_overlap(problems, place, overlap);
+        }
+    };
+    // Courses that cannot be laid are refused elsewhere.
+    if let Ok(course) = spec.road.course() {
+        check(0, &spec.road, course, &own);
+    }
+    for (number, (name, placed)) in spec.roads.iter().enumerate() {
+        if let Ok(course) = placed.course() {
+            let place = path.to("roads").to(name).to("pieces");
+            check(number + 1, &placed.road, course, &place);
+        }
+    }
+}
+
+/// Stations between which a road is driven: its pieces, and the reach of its agents.
+fn driven_m(spec: &DriveSpec, road: usize, course: &Course) -> (f64, f64) {
+    let mut driven_m = (0.0_f64, course.end_s_m());
+    let agents = spec.agents.iter().enumerate();
+    for (i, agent) in agents.filter(|(_, agent)| agent.road == road) {
+        let front = starts::front(spec, i);
+        // Faster starts drive farther, but their episodes may end before that.
+        let way_m = agent.place.speed_mps().lo * spec.clock.horizon_s;
+        let (behind_m, ahead_m) = match agent.direction {
+            Direction::With => (agent.body.length_m, way_m),
+            Direction::Against => (way_m, agent.body.length_m),
+        };
+        driven_m.0 = driven_m.0.min(front.lo - behind_m);
+        driven_m.1 = driven_m.1.max(front.hi + ahead_m);
+    }
+    driven_m
+}
+
+fn refuse_overlap(problems: &mut Problems, place: &ValuePath, overlap: SelfOverlap) {
+    let stretch = |(from_m, to_m): (f64, f64)| format!("s = {from_m:.0} to {to_m:.0} m");
+    let what = format!(
+        "the road comes back onto itself: at {} it lies on {}",
+        stretch(overlap.here_m),
+        stretch(overlap.there_m)
+    );
+    let help = "a position has one `s`: let the turns lead past each other, or end the road \
+                before it comes back; it goes straight on before the first and after the last \
+                piece";
+    problems.add(
+        place,
+        what,
+        "two stretches on one place",
+        Some(help.to_owned()),
+    );
 }
 
 /// Number of the road that an agent names. 0 is the world's own.

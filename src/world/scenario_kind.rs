@@ -5,7 +5,7 @@ use std::ops::Deref;
 use super::Scenario;
 use crate::scene::drive::{DriveSpec, DriveWorld, EgoVariant};
 use crate::scene::grid::GridWorld;
-use crate::scene::{Scene, World};
+use crate::scene::{Scene, Start, World};
 use crate::testbench::Testbench;
 
 /// Scenario by the kind of its world.
@@ -74,6 +74,20 @@ impl Scenario {
         self.grid().ok_or_else(|| NotAGrid {
             world: self.name.clone(),
         })
+    }
+
+    /// Returns the scenario in the environment that a start draws.
+    ///
+    /// Its spec then has the friction and the sensors of that start. A grid, and
+    /// a world without ranges in its environment, stays as it is.
+    pub fn at_start(&self, start: &Start) -> Scenario {
+        match &self.world {
+            World::Drive(world) => Scenario {
+                world: World::Drive(world.at_start(start)),
+                ..self.clone()
+            },
+            World::Grid(_) => self.clone(),
+        }
     }
 
     /// Puts a member of the family on a bench. Only driving worlds have a family.

@@ -145,7 +145,7 @@ fn own_offset(agent: &Agent) -> Range {
 }
 
 /// Range of the start of an agent's front bumper.
-fn front(spec: &DriveSpec, agent: usize) -> Range {
+pub(super) fn front(spec: &DriveSpec, agent: usize) -> Range {
     sum(spec, chain(spec, agent).into_iter())
 }
 

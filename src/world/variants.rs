@@ -195,6 +195,7 @@ impl Scenario {
             // The model replaces the complete ego, so perception and actuation
             // must add nothing.
             spec.sensors = Sensors::default();
+            spec.fix_environment(|it| it.quantity.is_of_sensors());
             spec.ego.lag_s = 0.0;
             spec.ego.controller = EgoController::Own {
                 name: "model".to_owned(),

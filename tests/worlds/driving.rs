@@ -64,6 +64,32 @@ fn cars_keep_their_lanes_around_curves() {
 }
 
 #[test]
+fn a_road_may_turn_back_beside_itself() {
+    // A hairpin of half a circle, and a spiral that turns farther.
+    let turns = [
+        "[Line(length_m: 60.0), Arc(length_m: 62.8, radius_m: 20.0)]",
+        "[Arc(length_m: 31.4, radius_m: 20.0), Arc(length_m: 54.9, radius_m: 35.0), \
+         Arc(length_m: 40.0, radius_m: 50.0), \
+         Arc(length_m: 90.0, radius_m: -50.0)]",
+    ];
+    for pieces in turns {
+        let road = format!("Curved(lanes: 2, lane_width_m: 3.5, friction: 0.9, pieces: {pieces})");
+        let text = with(
+            MERGE,
+            "Straight(lanes: 2, lane_width_m: 3.5, friction: 0.9)",
+            &road,
+        );
+        let world = world(&text.replace("(8.0, 25.0)", "(6.0, 8.0)"));
+        let played = episode(&world.on(PlantKind::Kinematic), 1, 0);
+        let s_m = played.trace.signal("ego.s").expect("published");
+        let is_smooth = s_m
+            .windows(2)
+            .all(|two| (-0.01..3.0).contains(&(two[1] - two[0])));
+        assert!(is_smooth, "{pieces}");
+    }
+}
+
+#[test]
 fn the_ego_may_be_put_into_a_body_of_the_world_s_own() {
     let limousine = "bodies: { \"limousine\": (name: \"limousine\", \
         kind: Vehicle(wheelbase_m: 4.2, track_m: 1.6, front_overhang_m: 0.9, wheel_radius_m: 0.35, power_w: 200000.0), \
@@ -216,6 +242,22 @@ fn mistakes() -> Vec<(&'static str, String)> {
                 MERGE,
                 "Straight(lanes: 2, lane_width_m: 3.5, friction: 0.9)",
                 "Curved(lanes: 2, lane_width_m: 3.5, friction: 0.9, pieces: [Arc(length_m: 9.0, radius_m: 6.0)])",
+            ),
+        ),
+        (
+            "a road that is a full circle",
+            with(
+                MERGE,
+                "Straight(lanes: 2, lane_width_m: 3.5, friction: 0.9)",
+                "Curved(lanes: 2, lane_width_m: 3.5, friction: 0.9, pieces: [Arc(length_m: 54.5, radius_m: 17.4), Arc(length_m: 54.5, radius_m: 17.4)])",
+            ),
+        ),
+        (
+            "a polyline that crosses itself",
+            with(
+                MERGE,
+                "Straight(lanes: 2, lane_width_m: 3.5, friction: 0.9)",
+                "Polyline(lanes: 2, lane_width_m: 3.5, friction: 0.9, corner_radius_m: 20.0, points_m: [(0.0, 0.0), (200.0, 0.0), (200.0, 100.0), (60.0, 100.0), (60.0, -100.0)])",
             ),
         ),
         (

@@ -70,6 +70,17 @@ fn second(condition: &str, action: &str) -> Edit {
     edit("<!--events-->", text)
 }
 
+/// A story of its own that changes nothing but the friction.
+fn rain(scale: &str) -> Edit {
+    let text = format!(
+        r#"</Actions></Init>
+<Story name="weather"><Act name="rain"><ManeuverGroup name="rain" maximumExecutionCount="1"><Actors selectTriggeringEntities="false"/><Maneuver name="rain"><Event name="rain" priority="override"><Action name="rain"><GlobalAction>
+<EnvironmentAction><Environment name="rain"><RoadCondition frictionScaleFactor="{scale}"/></Environment></EnvironmentAction>
+</GlobalAction></Action><StartTrigger><ConditionGroup>{FIRST}</ConditionGroup></StartTrigger></Event></Maneuver></ManeuverGroup><StartTrigger><ConditionGroup>{ACT}</ConditionGroup></StartTrigger></Act></Story>"#
+    );
+    edit("</Actions></Init>", text)
+}
+
 /// A third car, on the ego's lane.
 fn third() -> Vec<Edit> {
     let lead = |from: &str, to: &str| {
@@ -480,6 +491,11 @@ fn refused_of_storyboards() -> Vec<Refusal> {
             "RelativeLanePosition",
         ),
         (
+            vec![rain("0.3")],
+            "friction that changes on the way",
+            "EnvironmentAction",
+        ),
+        (
             vec![edit(
                 "<!--global-->",
                 r#"<GlobalAction><EntityAction entityRef="Lead"><DeleteEntityAction/></EntityAction></GlobalAction>"#,
@@ -629,6 +645,9 @@ fn friction_and_speed_limits_are_carried_over() {
     let cases: Vec<(Vec<Edit>, f64, Option<f64>)> = vec![
         (vec![], 1.0, None),
         (vec![wet(0.6)], 0.6, None),
+        // Rain that changes nothing: the friction is that of the Init.
+        (vec![wet(0.3), rain("0.3")], 0.3, None),
+        (vec![rain("1.0")], 1.0, None),
         (
             vec![wet(0.5), lanes(r#"<material sOffset="0" friction="0.8"/>"#)],
             0.4,

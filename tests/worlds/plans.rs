@@ -354,6 +354,18 @@ fn what_a_plan_may_not_say_is_refused_where_it_stands() {
             "Script([(does: [Speed(to_mps: 1.0, relative_to: \"nobody\")])])",
             "no agent `nobody`",
         ),
+        (
+            "Script([(does: [Speed(to_mps: -2.0)])])",
+            "a target speed of -2 m/s, but no agent moves backwards",
+        ),
+        (
+            "Script([(does: [Speed(to_mps: (-1.0, 3.0), rate_mps2: 1.0)])])",
+            "a target speed of -1 m/s, but no agent moves backwards",
+        ),
+        (
+            "Ado(base: Script([(does: [Speed(to_mps: -2.0)])]), actions: Deviate(accelerations: [0.0]), neutral: 0, rulebook: [])",
+            "a target speed of -2 m/s, but no agent moves backwards",
+        ),
         ("Script([(after_s: -1.0)])", "-1 is outside of"),
         (
             "Meet(ego_at_m: 50.0, here_at_m: 90.0, speed_mps: 8.0, steady: Metres(5.0))",

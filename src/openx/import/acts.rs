@@ -24,14 +24,17 @@ const SOON_S: f64 = 1.0;
 const SAME_M: f64 = 0.01;
 
 /// Reads the acts into the steps of the entities, and removes deleted entities.
+///
+/// `friction_scale` is that of the Init, which no act may change.
 pub(super) fn acts(
     board: &XmlNode,
     scope: &ParameterScope,
-    ground: PositionContext<'_>,
+    (ground, friction_scale): (PositionContext<'_>, f64),
     entities: &mut Vec<ImportedEntity>,
 ) -> Result<(), ImportError> {
     let mut reader = Reader {
         ground,
+        friction_scale,
         scripts: entities.iter().map(EntityScript::of).collect(),
         gone: Vec::new(),
         relative: Vec::new(),
@@ -107,6 +110,8 @@ struct EventContext<'a> {
 
 struct Reader<'a> {
     ground: PositionContext<'a>,
+    /// Factor by which the Init scales the friction of all roads.
+    friction_scale: f64,
     scripts: Vec<EntityScript>,
     gone: Vec<String>,
     /// Entities to whose lane a target is relative, with the error if they leave it.
@@ -132,6 +137,15 @@ impl Reader<'_> {
                 context.push((group, names.clone(), maneuver, own));
             }
         }
+        // Weather moves no entity, so it is checked in every act that begins.
+        let begins = starts(act, scope, 0.0);
+        if !matches!(begins, Ok(StartTrigger::Never)) {
+            for (_, _, maneuver, scope) in &context {
+                for event in maneuver.all("Event") {
+                    self.weather(event, scope)?;
+                }
+            }
+        }
         // Only moving events matter: an act of lights or sounds is no part of
         // the script.
         let mut moves = false;
@@ -145,7 +159,7 @@ impl Reader<'_> {
         if !moves {
             return Ok(());
         }
-        let begins_s = match starts(act, scope, 0.0)? {
+        let begins_s = match begins? {
             StartTrigger::Never => return Ok(()),
             StartTrigger::At(at_s) => at_s,
             StartTrigger::After { .. } | StartTrigger::When { .. } => {
@@ -179,11 +193,6 @@ impl Reader<'_> {
 
     fn event(&mut self, context: &EventContext<'_>) -> Result<(), ImportError> {
         let actions = moving(context.event, context.actors)?;
-        // Checked before the early return: weather does not move an entity, and
-        // its change is refused all the same.
-        for action in context.event.all("Action") {
-            self.weather(action, context)?;
-        }
         if actions.is_empty() {
             return Ok(());
         }
@@ -219,19 +228,19 @@ impl Reader<'_> {
     }
 
     /// Refuses weather that changes the friction after the Init.
-    fn weather(&self, action: &XmlNode, context: &EventContext<'_>) -> Result<(), ImportError> {
-        let global = action.child("GlobalAction");
-        let changed = global.and_then(|it| it.child("EnvironmentAction"));
-        let Some(changed) = changed else {
-            return Ok(());
-        };
-        match friction_of(changed, context.scope, self.ground)? {
-            None => Ok(()),
-            Some(_) => {
+    fn weather(&self, event: &XmlNode, scope: &ParameterScope) -> Result<(), ImportError> {
+        let global = event
+            .all("Action")
+            .filter_map(|it| it.child("GlobalAction"));
+        for changed in global.filter_map(|it| it.child("EnvironmentAction")) {
+            let scale = friction_of(changed, scope, self.ground)?;
+            // The same factor as in the Init changes nothing.
+            if scale.is_some_and(|scale| scale != self.friction_scale) {
                 let help = "set the friction in Init";
-                Err(changed.refused("friction that changes on the way is not read", help))
+                return Err(changed.refused("friction that changes on the way is not read", help));
             }
         }
+        Ok(())
     }
 
     fn global(&mut self, context: &EventContext<'_>, it: &XmlNode) -> Result<(), ImportError> {

@@ -209,7 +209,8 @@ impl Protocol {
             placed: &placed,
         };
         let board = self.root.inner("Storyboard")?;
-        acts(board, scope, ground, &mut entities)?;
+        let scale = motion::friction_scale(init, scope, ground)?;
+        acts(board, scope, (ground, scale), &mut entities)?;
         let ego = entities.iter().find(|it| it.is_ego);
         let asks = privates
             .iter()
@@ -221,7 +222,6 @@ impl Protocol {
         // limit.
         let (frame, zero_m, lanes, lane_width_m) = frame(asks, &roads, ego)?;
         let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
-        let scale = motion::friction_scale(init, scope, ground)?;
         let friction = roads.friction(road)? * scale;
         if !FRICTIONS.contains(&friction) {
             let what = format!("a friction of {friction} is outside of 0.01 ..= 2");

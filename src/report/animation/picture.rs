@@ -41,7 +41,8 @@ pub(super) struct Picture<'a> {
 impl<'a> Picture<'a> {
     /// Returns the picture of an example with frames.
     pub(super) fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
-        let stage = scenario.bench().stage();
+        // The road is that of the episode's start.
+        let stage = scenario.at_start(&example.episode.start).bench().stage();
         let film = EpisodeFrames::of(&stage, &example.frames, &FrameContext::of(&example.episode));
         let why = example.about.why.as_ref();
         let moves = moves(scenario, &example.episode, film.end_s());

@@ -88,7 +88,7 @@ pub struct Course {
 }
 
 /// Length of straight road before the first and behind the last piece.
-const RUN_OUT_M: f64 = 10_000.0;
+pub(super) const RUN_OUT_M: f64 = 10_000.0;
 /// Distance between the points with which borders are drawn on arcs.
 const DRAWN_M: f64 = 2.0;
 /// Up to this number of legs, all are searched: skipping costs more than it saves.

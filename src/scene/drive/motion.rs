@@ -35,11 +35,11 @@ use crate::trace::Schema;
 pub struct DriveScene {
     pub(super) layout: Arc<DriveLayout>,
     pub(super) state: SceneState,
-    controller: Box<dyn Controller>,
+    pub(super) controller: Box<dyn Controller>,
     /// Commands of an external ego so far. Other egos are deterministic and
     /// leave it empty.
     commands: Vec<ego::Command>,
-    sensing: Sensing,
+    pub(super) sensing: Sensing,
     /// Lag of each agent's acceleration.
     actuators: Vec<Actuator>,
     pub(super) keepers: Vec<LaneKeeper>,
@@ -353,22 +353,28 @@ impl Scene for DriveScene {
             let number = (rng.random::<f64>() * points.len() as f64) as usize;
             return points[number.min(points.len() - 1)].clone();
         }
-        Start(
-            self.layout
-                .axes
-                .iter()
-                .map(|axis| axis.lo + (axis.hi - axis.lo) * rng.random::<f64>())
-                .collect(),
-        )
+        let spec = &self.layout.spec;
+        let axes = self.layout.axes.iter();
+        // The environment has the last axes and is drawn last, so that it changes
+        // no other value.
+        let others = self.layout.axes.len() - spec.environment.len();
+        let mut values: Vec<f64> = axes
+            .take(others)
+            .map(|axis| axis.lo + (axis.hi - axis.lo) * rng.random::<f64>())
+            .collect();
+        let environment = spec.environment.iter();
+        values.extend(environment.map(|it| it.at(rng.random::<f64>(), spec.clock.sample_s)));
+        Start(values)
     }
 
     fn reset(&mut self, start: &Start, noise: u64) {
+        let laid = self.set_environment(start);
         let layout = Arc::clone(&self.layout);
         self.clear();
         let drawn = layout.spec.drawn(start);
         let has_plans = drawn.iter().any(|at| at.plan.is_some());
         self.plans.clear();
-        self.unmet = None;
+        self.unmet = laid.err().map(|error| error.what);
         for (i, (agent, at)) in layout.spec.agents.iter().zip(&drawn).enumerate() {
             let Drawn {
                 front_m,

@@ -2,7 +2,7 @@
 
 use super::course::{Course, CourseError, OnRoad, wrapped};
 use super::road_placement::{Direction, Priority};
-use super::spec::{Agent, DriveSpec};
+use super::spec::DriveSpec;
 use crate::sim::Pose;
 
 /// Length beyond the pieces of a road that is searched for crossings.
@@ -40,17 +40,19 @@ impl RoadNetwork {
         let own = std::iter::once(spec.road.course());
         let placed = spec.roads.values().map(|placed| placed.course());
         let courses = own.chain(placed).collect::<Result<Vec<_>, _>>()?;
-        let way = |agent: &Agent| TravelLine {
-            course: courses[agent.road].clone(),
+        let agents = &spec.agents;
+        let way = |i: usize| TravelLine {
+            course: courses[agents[i].road].clone(),
             // Agents are taken to drive in the middle of their range of starts:
-            // crossings are fixed once per world and do not depend on the
-            // start.
-            lateral_m: 0.5 * (agent.lateral_m.lo + agent.lateral_m.hi),
-            direction: agent.direction,
+            // crossings are fixed once per road and do not depend on the places
+            // of a start.
+            lateral_m: 0.5 * (agents[i].lateral_m.lo + agents[i].lateral_m.hi)
+                + spec.lane_shift_m(i),
+            direction: agents[i].direction,
         };
-        let crossings = |a: &Agent| {
-            let others = spec.agents.iter().map(|b| {
-                if a.road == b.road {
+        let crossings = |a: usize| {
+            let others = (0..agents.len()).map(|b| {
+                if agents[a].road == agents[b].road {
                     Vec::new()
                 } else {
                     way(a).crossed_by(&way(b))
@@ -62,7 +64,7 @@ impl RoadNetwork {
             crossings: if spec.roads.is_empty() {
                 Vec::new()
             } else {
-                spec.agents.iter().map(crossings).collect()
+                (0..agents.len()).map(crossings).collect()
             },
             road_of: spec.agents.iter().map(|agent| agent.road).collect(),
             courses,

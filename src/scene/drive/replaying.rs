@@ -296,6 +296,11 @@ impl DriveScene {
         }
     }
 
+    /// Returns the world's own road, as the start has it.
+    pub fn road(&self) -> &Road {
+        &self.layout.spec.road
+    }
+
     /// Returns the curvature of the road beside the ego, positive to the left.
     pub fn curvature_per_m(&self) -> f64 {
         self.state.on_road[self.layout.ego].curvature_per_m

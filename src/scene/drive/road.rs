@@ -123,6 +123,35 @@ impl Road {
         }
     }
 
+    /// Replaces the width of the lanes.
+    pub(super) fn set_lane_width_m(&mut self, to_m: f64) {
+        match self {
+            Road::Straight { lane_width_m, .. }
+            | Road::Curved { lane_width_m, .. }
+            | Road::Polyline { lane_width_m, .. } => *lane_width_m = to_m,
+        }
+    }
+
+    /// Returns the radius of a piece, positive to the left, if it is an arc.
+    pub(super) fn radius_m(&self, piece: usize) -> Option<f64> {
+        match self {
+            Road::Curved { pieces, .. } => match pieces.get(piece)? {
+                Piece::Arc { radius_m, .. } => Some(*radius_m),
+                Piece::Line { .. } => None,
+            },
+            Road::Straight { .. } | Road::Polyline { .. } => None,
+        }
+    }
+
+    /// Replaces the radius of a piece, if it is an arc.
+    pub(super) fn set_radius_m(&mut self, piece: usize, to_m: f64) {
+        if let Road::Curved { pieces, .. } = self
+            && let Some(Piece::Arc { radius_m, .. }) = pieces.get_mut(piece)
+        {
+            *radius_m = to_m;
+        }
+    }
+
     /// Returns the lateral position of a lane's middle.
     pub fn lane_middle_m(&self, lane: usize) -> f64 {
         lane as f64 * self.lane_width_m()

@@ -53,6 +53,8 @@ pub struct PlacedRoad {
     pub at: RoadPlace,
     /// Its lanes, on the surface of the world's own road.
     pub road: Road,
+    /// True if its lanes are as wide as those of the world's own road.
+    pub shares_lane_width: bool,
     /// Course of its lane 0. Around the pieces, or without any, it is straight.
     pub pieces: Vec<Piece>,
     /// Right of way where it crosses the world's own road.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::actions::Actions;
+use super::environment::EnvironmentRange;
 use super::light::{Light, LightDrive};
 use super::names::AgentNames;
 use super::plan::MotionPlan;
@@ -166,7 +167,9 @@ pub struct Agent {
     pub direction: Direction,
     /// Point of the vehicle that keeps the lane.
     pub lane_keeping: LaneKeeping,
-    /// Initial offset to the left of lane 0's middle.
+    /// Lane in which it starts, 0 if its place does not depend on a lane.
+    pub lane: usize,
+    /// Initial offset to the left of lane 0's middle, at the nominal lane width.
     pub lateral_m: Range,
     /// Initial heading, counter-clockwise from the road's.
     pub facing_rad: f64,
@@ -213,6 +216,8 @@ pub struct DriveSpec {
     pub parameters: IndexMap<String, Range>,
     /// Named formulas that triggers of plans may use.
     pub formulas: Names,
+    /// Quantities of the environment that starts draw, after the parameters.
+    pub environment: Vec<EnvironmentRange>,
     /// The starts, if they form a table: values in the order of the axes.
     pub points: Vec<Start>,
 }
@@ -344,7 +349,7 @@ impl DriveSpec {
         if ados == 0.0 { 0.0 } else { sum / ados }
     }
 
-    /// Returns X_init: an axis per range in the agents' places.
+    /// Returns X_init: an axis per range of places, parameters and environment.
     pub fn axes(&self) -> Vec<Axis> {
         // `drawn` reads starts in the same order.
         let mut axes = Vec::new();
@@ -377,6 +382,7 @@ impl DriveSpec {
             lo: range.lo,
             hi: range.hi,
         }));
+        axes.extend(self.environment.iter().map(EnvironmentRange::axis));
         axes
     }
 }

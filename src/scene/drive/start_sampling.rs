@@ -25,10 +25,9 @@ impl DriveSpec {
     pub(super) fn parameters_of(&self, start: &Start) -> Vec<f64> {
         let ranges = self.parameters.values();
         let drawn = ranges.clone().filter(|range| !range.is_fixed()).count();
-        // Parameters are the last values of a start.
-        let mut drawn = start.0[start.0.len().saturating_sub(drawn)..]
-            .iter()
-            .copied();
+        // Parameters are the last values of a start before its environment.
+        let from = start.0.len().saturating_sub(drawn + self.environment.len());
+        let mut drawn = start.0[from..].iter().copied();
         let value = |range: &Range| {
             if range.is_fixed() {
                 range.lo
@@ -52,14 +51,14 @@ impl DriveSpec {
             }
         };
         let mut all: Vec<Drawn> = Vec::with_capacity(self.agents.len());
-        for agent in &self.agents {
+        for (i, agent) in self.agents.iter().enumerate() {
             let front_m = match agent.place {
                 StartPlace::At { x_m, .. } => value(x_m),
                 // The agent ahead precedes in file order, which loading
                 // ensures.
                 StartPlace::Ahead { of, headway_m, .. } => all[of].front_m + value(headway_m),
             };
-            let lateral_m = value(agent.lateral_m);
+            let lateral_m = value(agent.lateral_m) + self.lane_shift_m(i);
             let speed_mps = value(agent.place.speed_mps());
             let plan = agent.plan();
             let plan = plan.map(|plan| plan.map(|_, _, range| value(range)));

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::environment::EnvironmentQuantity;
 use super::layout::DriveLayout;
 use super::sensors::Sensors;
 use super::spec::EgoController;
@@ -34,6 +35,26 @@ impl DriveWorld {
         // Neither the network nor any bound expression depends on these fields,
         // so the rest of the layout stays valid.
         let spec = Arc::make_mut(&mut layout.spec);
+        // Values that differ from the world's own replace those of the starts.
+        spec.fix_environment(|it| {
+            let Sensors {
+                delay_s,
+                position_sd_m,
+                speed_sd_mps,
+                line_of_sight: _,
+            } = variant.sensors;
+            let value = match it.quantity {
+                EnvironmentQuantity::Friction => variant.friction,
+                EnvironmentQuantity::SensorDelay => delay_s,
+                EnvironmentQuantity::PositionNoise => position_sd_m,
+                EnvironmentQuantity::SpeedNoise => speed_sd_mps,
+                // No variant has another road.
+                EnvironmentQuantity::LaneWidth | EnvironmentQuantity::ArcRadius { .. } => {
+                    return false;
+                }
+            };
+            value != it.nominal
+        });
         spec.ego = variant.controller.clone().map(EgoController::Stock);
         spec.sensors = variant.sensors;
         spec.road.set_friction(variant.friction);

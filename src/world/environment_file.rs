@@ -1,0 +1,198 @@
+//! Road and sensors of a world file, whose numbers may be ranges.
+
+use serde::Deserialize;
+
+use super::number_or_range::NumberOrRange;
+use crate::scene::drive::{Piece, Range, Road, Sensors};
+
+/// The world's own road.
+#[derive(Deserialize)]
+#[serde(rename = "Road", deny_unknown_fields)]
+pub(super) enum OwnRoad {
+    Straight {
+        lanes: usize,
+        lane_width_m: NumberOrRange,
+        friction: NumberOrRange,
+        #[serde(default)]
+        speed_limit_mps: Option<f64>,
+    },
+    Curved {
+        lanes: usize,
+        lane_width_m: NumberOrRange,
+        friction: NumberOrRange,
+        #[serde(default)]
+        speed_limit_mps: Option<f64>,
+        pieces: Vec<OwnPiece>,
+    },
+    Polyline {
+        lanes: usize,
+        lane_width_m: NumberOrRange,
+        friction: NumberOrRange,
+        #[serde(default)]
+        speed_limit_mps: Option<f64>,
+        points_m: Vec<(f64, f64)>,
+        corner_radius_m: f64,
+    },
+}
+
+/// A piece of the world's own road.
+#[derive(Deserialize)]
+#[serde(rename = "Piece", deny_unknown_fields)]
+pub(super) enum OwnPiece {
+    Line {
+        length_m: f64,
+    },
+    Arc {
+        length_m: f64,
+        radius_m: NumberOrRange,
+    },
+}
+
+impl OwnPiece {
+    pub(super) fn at(&self, point: RangePoint) -> Piece {
+        match *self {
+            OwnPiece::Line { length_m } => Piece::Line { length_m },
+            OwnPiece::Arc { length_m, radius_m } => Piece::Arc {
+                length_m,
+                radius_m: point.of(radius_m),
+            },
+        }
+    }
+}
+
+/// Sensors of the ego.
+#[derive(Deserialize)]
+#[serde(rename = "Sensors", deny_unknown_fields, default)]
+pub(super) struct SensorsFile {
+    pub(super) delay_s: NumberOrRange,
+    pub(super) position_sd_m: NumberOrRange,
+    pub(super) speed_sd_mps: NumberOrRange,
+    line_of_sight: bool,
+}
+
+impl Default for SensorsFile {
+    fn default() -> SensorsFile {
+        let none = NumberOrRange::from(0.0);
+        SensorsFile {
+            delay_s: none,
+            position_sd_m: none,
+            speed_sd_mps: none,
+            line_of_sight: false,
+        }
+    }
+}
+
+/// Point of a range at which a road or sensors are evaluated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum RangePoint {
+    Least,
+    Middle,
+    Greatest,
+}
+
+impl RangePoint {
+    pub(super) const ALL: [RangePoint; 3] =
+        [RangePoint::Middle, RangePoint::Least, RangePoint::Greatest];
+
+    fn of(self, NumberOrRange(Range { lo, hi }): NumberOrRange) -> f64 {
+        match self {
+            RangePoint::Least => lo,
+            // Exact for a fixed number.
+            RangePoint::Middle if lo == hi => lo,
+            RangePoint::Middle => 0.5 * (lo + hi),
+            RangePoint::Greatest => hi,
+        }
+    }
+}
+
+impl OwnRoad {
+    /// Returns the friction, a number or a range.
+    pub(super) fn friction(&self) -> NumberOrRange {
+        match self {
+            OwnRoad::Straight { friction, .. }
+            | OwnRoad::Curved { friction, .. }
+            | OwnRoad::Polyline { friction, .. } => *friction,
+        }
+    }
+
+    /// Returns the width of a lane, a number or a range.
+    pub(super) fn lane_width_m(&self) -> NumberOrRange {
+        match self {
+            OwnRoad::Straight { lane_width_m, .. }
+            | OwnRoad::Curved { lane_width_m, .. }
+            | OwnRoad::Polyline { lane_width_m, .. } => *lane_width_m,
+        }
+    }
+
+    /// Returns the radii of its arcs with their positions among the pieces.
+    pub(super) fn radii_m(&self) -> impl Iterator<Item = (usize, NumberOrRange)> {
+        let pieces = match self {
+            OwnRoad::Curved { pieces, .. } => pieces.as_slice(),
+            OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } => &[],
+        };
+        let pieces = pieces.iter().enumerate();
+        pieces.filter_map(|(i, piece)| match piece {
+            OwnPiece::Line { .. } => None,
+            OwnPiece::Arc { radius_m, .. } => Some((i, *radius_m)),
+        })
+    }
+
+    /// Returns the road with the middle of each range.
+    pub(super) fn nominal(&self) -> Road {
+        self.at(RangePoint::Middle)
+    }
+
+    pub(super) fn at(&self, point: RangePoint) -> Road {
+        let friction = point.of(self.friction());
+        let lane_width_m = point.of(self.lane_width_m());
+        match self {
+            OwnRoad::Straight {
+                lanes,
+                speed_limit_mps,
+                ..
+            } => Road::Straight {
+                lanes: *lanes,
+                lane_width_m,
+                friction,
+                speed_limit_mps: *speed_limit_mps,
+            },
+            OwnRoad::Curved {
+                lanes,
+                speed_limit_mps,
+                pieces,
+                ..
+            } => Road::Curved {
+                lanes: *lanes,
+                lane_width_m,
+                friction,
+                speed_limit_mps: *speed_limit_mps,
+                pieces: pieces.iter().map(|piece| piece.at(point)).collect(),
+            },
+            OwnRoad::Polyline {
+                lanes,
+                speed_limit_mps,
+                points_m,
+                corner_radius_m,
+                ..
+            } => Road::Polyline {
+                lanes: *lanes,
+                lane_width_m,
+                friction,
+                speed_limit_mps: *speed_limit_mps,
+                points_m: points_m.clone(),
+                corner_radius_m: *corner_radius_m,
+            },
+        }
+    }
+}
+
+impl SensorsFile {
+    pub(super) fn at(&self, point: RangePoint) -> Sensors {
+        Sensors {
+            delay_s: point.of(self.delay_s),
+            position_sd_m: point.of(self.position_sd_m),
+            speed_sd_mps: point.of(self.speed_sd_mps),
+            line_of_sight: self.line_of_sight,
+        }
+    }
+}
