@@ -1,5 +1,7 @@
 //! Worlds, rulebook and test bench: what holds for every world and every run.
 
+#[path = "worlds/after_contact.rs"]
+mod after_contact;
 #[path = "worlds/aftermath.rs"]
 mod aftermath;
 #[path = "worlds/authoring.rs"]
