@@ -135,16 +135,25 @@ fn central_plastic_collisions_have_the_closed_forms_velocity_changes() {
 
 #[test]
 fn restitution_returns_its_share_of_the_closing_speed() {
-    for restitution in [0.2, 0.5] {
+    let parting_mps = |restitution: f64| {
         let mut crash = central(restitution, (1500.0, 1500.0), (20.0, 0.0));
         crash.go_on(4);
         let [behind, ahead] = crash.now();
-        let parting_mps = ahead.x_mps - behind.x_mps;
-        close(
-            parting_mps,
-            restitution * 20.0,
-            0.05 * 20.0,
-            "parting speed",
+        ahead.x_mps - behind.x_mps
+    };
+    close(
+        parting_mps(0.0),
+        0.0,
+        0.5,
+        "parting speed of a plastic collision",
+    );
+    for restitution in [0.1, 0.2, 0.5] {
+        // The chassis pitch, which returns a little more.
+        let share = parting_mps(restitution) / 20.0;
+        let most = 1.3 * restitution + 0.02;
+        assert!(
+            (restitution..=most).contains(&share),
+            "{restitution}: {share}"
         );
     }
 }
@@ -158,7 +167,7 @@ fn five_hundred_collisions_conserve_momentum_and_gain_no_energy() {
         (3.0..25.0_f64, 0.0..25.0_f64),
         (-3.1..3.1_f64, -1.5..1.5_f64),
     );
-    let (mut seen, mut worst) = (0, 0.0_f64);
+    let mut seen = 0;
     while seen < 500 {
         let tree = proptest::strategy::Strategy::new_tree(&strategy, &mut runner).expect("a value");
         let ((a, b), (speed_a, speed_b), (heading_rad, offset_m)) =
@@ -192,16 +201,7 @@ fn five_hundred_collisions_conserve_momentum_and_gain_no_energy() {
             "{} {}, {speed_a} {speed_b} {heading_rad} {offset_m}",
             names[a], names[b]
         );
-        worst = worst.max(error);
-        if error > 0.01 {
-            println!("{error}: {case} {:?} now {now:?}", before);
-            for c in crash.plant.collisions() {
-                println!(
-                    "   {c:?} {:?}",
-                    [0, 1].map(|i: usize| crash.bodies[i].1.mass_kg)
-                );
-            }
-        }
+        assert!(error <= 0.01, "{error}: {case}");
         let (energy_before, energy_after) = (crash.energy_j(&before), crash.energy_j(&now));
         assert!(
             energy_after <= energy_before * (1.0 + 1e-3),
@@ -209,7 +209,6 @@ fn five_hundred_collisions_conserve_momentum_and_gain_no_energy() {
         );
         assert!(crash.plant.sound(), "{case}");
     }
-    println!("worst {worst}");
 }
 
 #[test]
