@@ -8,7 +8,7 @@ use crate::run_dir::{About, Severity};
 use crate::scene::{AgentDescription, Role};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::Body;
-use crate::testbench::{Aftermath, Constant, Episode, film, play};
+use crate::testbench::{Aftermath, Constant, Episode, Film, film_beyond, play};
 
 pub(in crate::report) fn world(text: &str) -> Scenario {
     Scenario::parse("world.ron", text).expect("a world")
@@ -44,10 +44,12 @@ pub(in crate::report) fn crash(scenario: &Scenario) -> Example {
 
 /// Episode as an example of a report.
 fn shown(scenario: &Scenario, episode: Episode) -> Example {
+    let Film { frames, after } = film_beyond(&mut scenario.bench(), &episode);
     Example {
         chosen_for: "being one".to_owned(),
         start: 0,
-        frames: film(&mut scenario.bench(), &episode),
+        frames,
+        after,
         about: About {
             severity: Severity::of(&episode),
             ..About::default()
