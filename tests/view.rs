@@ -289,6 +289,62 @@ fn times(bytes: &[u8], entity: &str, timeline: &str) -> Vec<i64> {
     columns.collect()
 }
 
+/// Texts of the log and their times, in seconds.
+fn log_lines(bytes: &[u8]) -> Vec<(f64, String)> {
+    let messages = DecoderApp::decode_lazy(Cursor::new(bytes));
+    let mut lines = Vec::new();
+    for message in messages {
+        let LogMsg::ArrowMsg(_, arrow) = message.unwrap() else {
+            continue;
+        };
+        let chunk = Chunk::from_arrow_msg(&arrow).unwrap();
+        if chunk.entity_path().to_string() != "/verdict/events" {
+            continue;
+        }
+        let mut clocks = chunk.timelines().iter();
+        let (_, clock) = clocks
+            .find(|(name, _)| name.as_str() == "sim_time")
+            .unwrap();
+        let texts = chunk.iter_slices::<String>("TextLog:text".into());
+        for (time, text) in clock.times_raw().iter().zip(texts) {
+            lines.push((1e-9 * *time as f64, text[0].to_string()));
+        }
+    }
+    lines
+}
+
+#[test]
+fn bodies_move_on_after_the_contact_and_its_events_are_lines_of_the_log() {
+    let text = include_str!("../worlds/acc.ron");
+    let text = text.replace("plant: Rigid,", "plant: Rigid, after_contact_s: 1.5,");
+    let world = Scenario::parse("acc.ron", &text).unwrap();
+    let episode = crash(&world);
+    let contact_s = episode.contact.as_ref().expect("a crash").time_s;
+    let bytes = Recording::new(&world, &episode, "").encode().unwrap();
+    let seconds = |entity: &str| -> Vec<f64> {
+        let all = times(&bytes, entity, "sim_time").into_iter();
+        all.map(|time| 1e-9 * time as f64).collect()
+    };
+    for entity in ["/world/ego", "/world/ado", "/follow"] {
+        let poses_s = seconds(entity);
+        assert!(poses_s.is_sorted(), "{entity}");
+        // 1.5 s at 20 samples a second, beyond those of the episode.
+        assert_eq!(poses_s.len(), episode.trace.len() + 30, "{entity}");
+        assert!((poses_s.last().unwrap() - contact_s - 1.5).abs() < 1e-6);
+    }
+    // Curves end as before.
+    assert_eq!(seconds("/signals/speed").len(), episode.trace.len());
+    let lines = log_lines(&bytes);
+    let after = episode.after_contact.expect("played on");
+    assert!(!after.collisions.is_empty());
+    for (time_s, event) in after.events() {
+        let line = format!("after the contact: {event}");
+        let found = lines.iter().find(|(_, text)| *text == line);
+        let (shown_s, _) = found.unwrap_or_else(|| panic!("no {line} in {lines:?}"));
+        assert!((shown_s - time_s).abs() < 1e-6, "{line} at {shown_s}");
+    }
+}
+
 fn progress(decisions: u64) -> Progress {
     Progress {
         decisions,

@@ -130,7 +130,8 @@ pub fn openx(
         let world = scenario.name().to_owned();
         return Err(ExportRefusal::Grid { world });
     };
-    let recorded = passage_of(&mut scenario.bench(), episode);
+    let (recorded, after) =
+        passage_of(&mut scenario.bench(), episode).ok_or(OpenXError::NoMotion)?;
     // The second drive continues after the contact, because the external ego may avoid
     // it.
     let world = driving.world();
@@ -140,7 +141,8 @@ pub fn openx(
         scenario: driving,
         ego,
         episode,
-        recorded: &recorded.ok_or(OpenXError::NoMotion)?,
+        recorded: &recorded,
+        after: after.as_ref(),
         ghostly: &ghostly.map_err(ExportRefusal::Fault)?,
     };
     Ok(crash.files()?)

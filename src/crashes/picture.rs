@@ -7,7 +7,7 @@ use super::save_crashes::description;
 use crate::ego::reference::ReferenceDriver;
 use crate::preventability::FilmedDriver;
 use crate::report::{Beside, Example, looping_picture};
-use crate::testbench::film;
+use crate::testbench::{Film, film_beyond};
 
 /// A reference driver cannot take the ego's place in an episode.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -111,10 +111,12 @@ pub fn picture(
             replayed.known()
         }
     };
+    let Film { frames, after } = film_beyond(&mut scenario.repeating(episode).bench(), episode);
     let example = Example {
         chosen_for: String::new(),
         start: 0,
-        frames: film(&mut scenario.repeating(episode).bench(), episode),
+        frames,
+        after,
         about: recorded.unwrap_or_else(known),
         episode: episode.clone(),
         scenarios: Vec::new(),

@@ -19,7 +19,7 @@ use crate::rulebook::Verdict;
 use crate::run_dir::{KeptError, Row};
 use crate::search::{Adversary, ExperimentCell};
 use crate::stats::StartOutcome;
-use crate::testbench::{Episode, Testbench, film};
+use crate::testbench::{Episode, Film, Testbench, film_beyond};
 use crate::world::Scenario;
 
 /// Most changes of the ado's deviation from a plan, for egos that can be copied.
@@ -454,6 +454,8 @@ impl PointsTable {
             || scenario.bench(),
             |bench, (point, is_varied), _| {
                 let episode = cells[usize::from(*is_varied)]?.replay(bench, *point);
+                let mut bench = scenario.repeating(&episode).bench();
+                let Film { frames, after } = film_beyond(&mut bench, &episode);
                 Some(Example {
                     chosen_for: if *is_varied {
                         "A lawful variation".to_owned()
@@ -461,7 +463,8 @@ impl PointsTable {
                         "The point as it is".to_owned()
                     },
                     start: *point,
-                    frames: film(&mut scenario.repeating(&episode).bench(), &episode),
+                    frames,
+                    after,
                     about: description(scenario, &episode),
                     episode,
                     scenarios: Vec::new(),

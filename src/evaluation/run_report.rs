@@ -13,7 +13,7 @@ use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::rl::Policy;
 use crate::run_dir::{Row, RunDir, RunError};
 use crate::search::{Adversary, ExperimentCell};
-use crate::testbench::film;
+use crate::testbench::{Film, film_beyond};
 use crate::world::{Scenario, file_text};
 
 /// Default number of episodes for changed egos, and bounds on the starts of each.
@@ -238,16 +238,18 @@ fn nominal(cell: &ExperimentCell) -> Nominal {
         starts: all.zip(verdicts).collect(),
         highlights: chosen
             .into_iter()
-            .map(|chosen| Example {
-                about: description(scenario, &chosen.episode),
-                frames: film(
-                    &mut scenario.repeating(&chosen.episode).bench(),
-                    &chosen.episode,
-                ),
-                chosen_for: chosen.chosen_for,
-                start: chosen.start,
-                episode: chosen.episode,
-                scenarios: Vec::new(),
+            .map(|chosen| {
+                let mut bench = scenario.repeating(&chosen.episode).bench();
+                let Film { frames, after } = film_beyond(&mut bench, &chosen.episode);
+                Example {
+                    about: description(scenario, &chosen.episode),
+                    frames,
+                    after,
+                    chosen_for: chosen.chosen_for,
+                    start: chosen.start,
+                    episode: chosen.episode,
+                    scenarios: Vec::new(),
+                }
             })
             .collect(),
     }

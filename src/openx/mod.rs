@@ -1,7 +1,8 @@
 //! Crashes as files of other tools: OpenSCENARIO XML 1.3 and OpenDRIVE 1.7.
 //!
 //! A counterexample becomes three files. The first is the road. The second is a
-//! replay, in which all agents follow their recorded paths up to the contact.
+//! replay, in which all agents follow their recorded paths up to the contact, and on
+//! after it in worlds that play that motion.
 //! The third is a scenario for an ego of your own, in which the other agents
 //! follow their paths to the horizon. `docs/guide/export.md` describes their content,
 //! their use and their limits.
@@ -27,7 +28,7 @@ use std::io;
 
 use crate::scene::Passage;
 use crate::scene::drive::DriveSpec;
-use crate::testbench::Episode;
+use crate::testbench::{Episode, FilmAfterContact};
 use crate::world::DriveScenario;
 use entity::PerformanceLimits;
 use origin::{AUTHOR, DATE};
@@ -49,6 +50,8 @@ pub struct Crash<'a> {
     pub episode: &'a Episode,
     /// Passage up to the contact, or to the end of the episode.
     pub recorded: &'a Passage,
+    /// Motion after the contact, in worlds with `after_contact_s`.
+    pub after: Option<&'a FilmAfterContact>,
     /// Passage to the horizon, simulated without contact ([`ghostly`][ghostly]).
     ///
     /// [ghostly]: crate::scene::drive::DriveWorld::ghostly
@@ -88,7 +91,8 @@ impl Crash<'_> {
         let world = self.scenario.world();
         // Both passages fit on the written road, since both scenarios refer to
         // it.
-        let stretch = |road| Stretch::around(world, road, &[self.recorded, self.ghostly]);
+        let stretch =
+            |road| Stretch::around(world, road, &[self.recorded, self.ghostly], self.after);
         let road = road::document(self.name, world, stretch);
         Ok(OpenX {
             road: road.document()?,
@@ -100,8 +104,13 @@ impl Crash<'_> {
     fn replay(&self) -> Result<XmlElement, OpenXError> {
         let title = format!("{}: the crash as it was recorded", self.name);
         let drivers = vec![MotionSource::Trajectory; self.scenario.spec().agents.len()];
-        let header = header(&title, self.properties());
-        self.scenario_of(self.recorded, &drivers, header)
+        let mut properties = self.properties();
+        properties.extend(self.after.map(|after| {
+            let events = after.motion.sentences().join("; ");
+            ("after_contact".to_owned(), events)
+        }));
+        let header = header(&title, properties);
+        self.scenario_of((self.recorded, self.after), &drivers, header)
     }
 
     fn external(&self) -> Result<XmlElement, OpenXError> {
@@ -119,18 +128,18 @@ impl Crash<'_> {
                 .to_owned(),
         ));
         let header = header(&title, properties);
-        self.scenario_of(self.ghostly, &drivers, header)
+        self.scenario_of((self.ghostly, None), &drivers, header)
     }
 
     /// Returns the scenario of a passage, with a driver for every agent.
     fn scenario_of(
         &self,
-        passage: &Passage,
+        (passage, after): (&Passage, Option<&FilmAfterContact>),
         drivers: &[MotionSource],
         header: XmlElement,
     ) -> Result<XmlElement, OpenXError> {
         let spec = self.scenario.spec();
-        let ways = ways(spec, passage)?;
+        let ways = ways(spec, passage, after)?;
         let parts: Vec<StoryboardAgent> = (spec.agents.iter().zip(&ways).zip(drivers).enumerate())
             .map(|(number, ((agent, way), &driver))| StoryboardAgent {
                 agent,
@@ -213,12 +222,21 @@ impl Crash<'_> {
 /// # Errors
 ///
 /// Returns an error for a trajectory of fewer than two vertices.
-fn ways(spec: &DriveSpec, passage: &Passage) -> Result<Vec<Vec<Vertex>>, OpenXError> {
+fn ways(
+    spec: &DriveSpec,
+    passage: &Passage,
+    after: Option<&FilmAfterContact>,
+) -> Result<Vec<Vec<Vertex>>, OpenXError> {
     let agents = spec.agents.iter().enumerate();
     let ways = agents.map(|(number, agent)| {
         path::vertices(&passage.motion, number, &agent.body, spec.clock.sample_s)
     });
-    let ways: Vec<Vec<Vertex>> = ways.collect();
+    let mut ways: Vec<Vec<Vertex>> = ways.collect();
+    if let Some(after) = after {
+        for (number, (way, agent)) in ways.iter_mut().zip(&spec.agents).enumerate() {
+            path::go_on(way, after, number, &agent.body);
+        }
+    }
     // Agents share their samples, so one short trajectory means that all are
     // short.
     if ways.iter().all(|way| 2 <= way.len()) {

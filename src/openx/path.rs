@@ -4,7 +4,8 @@ use core::f64::consts::PI;
 
 use super::xml::XmlElement;
 use crate::scene::Motion;
-use crate::sim::{Body, BodyState};
+use crate::sim::{Body, BodyState, Placement, Pose};
+use crate::testbench::FilmAfterContact;
 
 /// Smallest distance of two instants in seconds, below the step of every player.
 const ONE_INSTANT_S: f64 = 1e-6;
@@ -52,16 +53,55 @@ pub(super) fn vertices(motion: &Motion, agent: usize, body: &Body, sample_s: f64
         {
             vertices.pop();
         }
-        let mut vertex = vertex(&motion.at(sample)[agent].state, time_s, behind_m);
-        if let Some(last) = vertices.last() {
-            // The nearest equivalent heading to the previous vertex: it may
-            // exceed ±π.
-            let turns = (last.heading_rad - vertex.heading_rad) / (2.0 * PI);
-            vertex.heading_rad += 2.0 * PI * libm::round(turns);
-        }
-        vertices.push(vertex);
+        let vertex = vertex(&motion.at(sample)[agent].state, time_s, behind_m);
+        push_unwrapped(&mut vertices, vertex);
     }
     vertices
+}
+
+/// Appends the vertices of one agent after the contact, one per frame.
+pub(super) fn go_on(
+    vertices: &mut Vec<Vertex>,
+    after: &FilmAfterContact,
+    agent: usize,
+    body: &Body,
+) {
+    // A frame has the middle of the body, and a vertex its reference point.
+    let ahead_m = body.half_length_m() - reference_behind_front_m(body);
+    for (number, frame) in after.frames.iter().enumerate() {
+        let vertex = Vertex {
+            time_s: after.time_s(number),
+            ..placed(&frame.placements[agent], ahead_m)
+        };
+        push_unwrapped(vertices, vertex);
+    }
+}
+
+/// Appends a vertex with the nearest equivalent heading to the previous vertex.
+fn push_unwrapped(vertices: &mut Vec<Vertex>, mut vertex: Vertex) {
+    if let Some(last) = vertices.last() {
+        // It may exceed ±π.
+        let turns = (last.heading_rad - vertex.heading_rad) / (2.0 * PI);
+        vertex.heading_rad += 2.0 * PI * libm::round(turns);
+    }
+    vertices.push(vertex);
+}
+
+/// Vertex at 0 s of a point on the axis of a body, ahead of its middle.
+fn placed(placement: &Placement, ahead_m: f64) -> Vertex {
+    let [x_m, y_m, _] = placement.centre_m;
+    let middle = Pose {
+        x_m,
+        y_m,
+        heading_rad: placement.heading_rad(),
+    };
+    let pose = middle.ahead(ahead_m);
+    Vertex {
+        time_s: 0.0,
+        x_m: pose.x_m,
+        y_m: pose.y_m,
+        heading_rad: pose.heading_rad,
+    }
 }
 
 fn vertex(state: &BodyState, time_s: f64, behind_m: f64) -> Vertex {
@@ -107,7 +147,6 @@ impl Vertex {
 mod tests {
     use super::*;
     use crate::scene::{BodySample, ContactEvent, Start};
-    use crate::sim::Pose;
 
     fn sample(heading_rad: f64) -> BodySample {
         let pose = Pose {

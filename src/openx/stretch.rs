@@ -2,6 +2,8 @@
 
 use crate::scene::Passage;
 use crate::scene::drive::DriveWorld;
+use crate::sim::Pose;
+use crate::testbench::FilmAfterContact;
 
 /// Least road in metres behind the rearmost and ahead of the foremost body.
 const BEHIND_M: f64 = 50.0;
@@ -18,11 +20,17 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// Returns the stretch of a road that holds its agents in the given passages.
+    /// Returns the stretch of a road that holds its agents in the given passages,
+    /// and after the contact.
     ///
     /// It includes every piece of the course. On the world's own road it also
     /// includes the stop lines and the agents of all other roads.
-    pub(super) fn around(world: &DriveWorld, road: usize, passages: &[&Passage]) -> Stretch {
+    pub(super) fn around(
+        world: &DriveWorld,
+        road: usize,
+        passages: &[&Passage],
+        after: Option<&FilmAfterContact>,
+    ) -> Stretch {
         let (spec, course) = (world.spec(), &world.courses()[road]);
         let pieces = course.pieces();
         // The course begins at s = 0, which is always part of the road.
@@ -45,6 +53,18 @@ impl Stretch {
                     // A full length covers the box in both orientations.
                     hold(course.locate(&body.state.pose).s_m, agent.body.length_m);
                 }
+            }
+        }
+        for frame in after.iter().flat_map(|after| &after.frames) {
+            let placed = spec.agents.iter().zip(&frame.placements);
+            for (agent, placement) in placed.filter(|(agent, _)| road == 0 || agent.road == road) {
+                let [x_m, y_m, _] = placement.centre_m;
+                let middle = Pose {
+                    x_m,
+                    y_m,
+                    heading_rad: placement.heading_rad(),
+                };
+                hold(course.locate(&middle).s_m, agent.body.length_m);
             }
         }
         Stretch {

@@ -27,7 +27,7 @@ mod words;
 use crate::rulebook::Verdict;
 use crate::run_dir::{About, Manifest, Progress, Row};
 use crate::scene::{Frame, Start};
-use crate::testbench::{Episode, FaultCount};
+use crate::testbench::{Episode, FaultCount, FilmAfterContact};
 use crate::world::Scenario;
 
 pub use animation::Beside;
@@ -98,6 +98,8 @@ pub struct Example {
     pub episode: Episode,
     /// Places of all agents at each sample. Empty if it is not animated.
     pub frames: Vec<Frame>,
+    /// Motion after the contact, in worlds that play it.
+    pub after: Option<FilmAfterContact>,
     /// Severity, cause and persistence.
     pub about: About,
     /// Links to its road, its replay and its scenario for an external ego.

@@ -9,9 +9,9 @@ pub type GroundPoint = [f64; 3];
 ///
 /// Returns (least, greatest) of x and of y. Without any frame, the box is empty
 /// (infinite bounds reversed).
-pub fn reach(frames: &[Frame], margin_m: f64) -> [(f64, f64); 2] {
+pub fn reach<'a>(frames: impl IntoIterator<Item = &'a Frame>, margin_m: f64) -> [(f64, f64); 2] {
     let mut reach = [(f64::INFINITY, f64::NEG_INFINITY); 2];
-    for placement in frames.iter().flat_map(|frame| &frame.placements) {
+    for placement in frames.into_iter().flat_map(|frame| &frame.placements) {
         for (axis, at) in reach.iter_mut().zip(placement.centre_m) {
             *axis = (axis.0.min(at), axis.1.max(at));
         }

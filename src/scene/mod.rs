@@ -163,11 +163,31 @@ pub struct PushedEvent {
 impl AfterContact {
     /// Returns one sentence per event after the first collision, in the order of time.
     pub fn sentences(&self) -> Vec<String> {
+        let events = self.described().into_iter();
+        let sentences = events.map(|(time_s, what, speeds)| match speeds {
+            Some(speeds) => format!("{what} at {time_s:.2} s: {speeds} by the physics"),
+            None => format!("{what} at {time_s:.2} s"),
+        });
+        sentences.collect()
+    }
+
+    /// Returns the time and a clause of every collision and push, in the order of time.
+    pub fn events(&self) -> Vec<(f64, String)> {
+        let events = self.described().into_iter();
+        let events = events.map(|(time_s, what, speeds)| match speeds {
+            Some(speeds) => (time_s, format!("{what}, {speeds}")),
+            None => (time_s, what),
+        });
+        events.collect()
+    }
+
+    /// Returns time, clause and changes of velocity of every event, in the order of time.
+    fn described(&self) -> Vec<(f64, String, Option<String>)> {
         let lane = |lane: Option<usize>| match lane {
             Some(lane) => format!("into lane {lane}"),
             None => "off the road".to_owned(),
         };
-        let mut events: Vec<(f64, String)> = Vec::new();
+        let mut events = Vec::new();
         for (index, collision) in self.collisions.iter().enumerate() {
             let CollisionEvent {
                 between: (a, b),
@@ -179,20 +199,15 @@ impl AfterContact {
             } else {
                 "then collide"
             };
-            let text = format!(
-                "{a} and {b} {then} at {time_s:.2} s: Δv {of_a:.1} and {of_b:.1} m/s by the physics"
-            );
-            events.push((*time_s, text));
+            let speeds = format!("Δv {of_a:.1} and {of_b:.1} m/s");
+            events.push((*time_s, format!("{a} and {b} {then}"), Some(speeds)));
         }
         for push in &self.pushed {
-            let (agent, time_s) = (&push.agent, push.time_s);
-            events.push((
-                time_s,
-                format!("{agent} is pushed {} at {time_s:.2} s", lane(push.to)),
-            ));
+            let text = format!("{} is pushed {}", push.agent, lane(push.to));
+            events.push((push.time_s, text, None));
         }
         events.sort_by(|a, b| a.0.total_cmp(&b.0));
-        events.into_iter().map(|(_, text)| text).collect()
+        events
     }
 }
 

@@ -7,6 +7,7 @@
 mod actors;
 mod counting;
 mod faults;
+mod film;
 mod gym;
 mod recording;
 
@@ -17,6 +18,8 @@ use rand::Rng;
 pub use actors::{Actor, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay};
 pub(crate) use faults::count_faults;
 pub use faults::{Complaint, FaultCount, FaultLog};
+pub(crate) use film::joined;
+pub use film::{Film, FilmAfterContact, film, film_beyond};
 pub use gym::{Gym, Spent, Success};
 pub use recording::motion_of;
 pub(crate) use recording::passage_of;
@@ -442,16 +445,6 @@ pub fn play(
         bench.decide(action);
     }
     bench.episode(start, noise, actions)
-}
-
-/// Plays a recorded episode again and returns the poses per sample.
-pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
-    bench.begin(&episode.start, episode.noise, Aftermath::Play);
-    let mut frames = vec![bench.frame()];
-    for &action in &episode.actions {
-        bench.decide_watched(action, &mut |scene| frames.push(scene.frame()));
-    }
-    frames
 }
 
 impl Testbench {

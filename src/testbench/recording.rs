@@ -1,6 +1,6 @@
 //! Recording of all agents' motion while an episode is played.
 
-use super::{Aftermath, Episode, Testbench, film};
+use super::{Aftermath, Episode, Film, FilmAfterContact, Testbench, film_beyond};
 use crate::scene::{BodySample, Motion, Passage, Start};
 
 /// Recording of the running episode.
@@ -79,12 +79,18 @@ pub fn motion_of(bench: &mut Testbench, episode: &Episode) -> Option<Motion> {
 }
 
 /// Plays a recorded episode again and returns motion and traffic lights.
-pub(crate) fn passage_of(bench: &mut Testbench, episode: &Episode) -> Option<Passage> {
+///
+/// In worlds with `after_contact_s`, the frames after the contact are the second value.
+pub(crate) fn passage_of(
+    bench: &mut Testbench,
+    episode: &Episode,
+) -> Option<(Passage, Option<FilmAfterContact>)> {
     bench.record_motion();
-    let frames = film(bench, episode);
+    let Film { frames, after } = film_beyond(bench, episode);
     let phases = frames.into_iter().map(|frame| frame.phases);
-    Some(Passage {
+    let passage = Passage {
         motion: bench.motion().cloned()?,
         phases: phases.collect(),
-    })
+    };
+    Some((passage, after))
 }

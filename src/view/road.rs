@@ -21,7 +21,7 @@ const POST_M: f64 = 0.6;
 
 /// Logs the part of the road with agents on it.
 pub(super) fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
-    let reach = reach(&story.frames, MARGIN_M);
+    let reach = reach(story.poses(), MARGIN_M);
     for (number, side) in story.stage.side_roads_m.iter().enumerate() {
         // Each side road lies slightly lower, so that crossing surfaces do not
         // flicker. The world's own road is on top.

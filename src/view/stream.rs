@@ -127,7 +127,7 @@ impl EpisodeStream {
         let headline = format!("episode {}: {}", self.episodes, shown.caption);
         let headline = TextLog::new(headline);
         self.recording.always("verdict/events", &[&headline])?;
-        self.shown_ns += nanos(story.end_s() + PAUSE_S);
+        self.shown_ns += nanos(story.motion_end_s() + PAUSE_S);
         self.send()?;
         let is_grid = shown.scenario.grid().is_some();
         let kinds = (self.laid_out.0 || !is_grid, self.laid_out.1 || is_grid);

@@ -5,7 +5,7 @@ use super::palette::Rgb;
 use crate::rulebook::Verdict;
 use crate::scene::{Frame, Role, SceneGeometry};
 use crate::stl::{Interval, Monitor};
-use crate::testbench::{Episode, film};
+use crate::testbench::{Episode, Film, FilmAfterContact, film_beyond};
 use crate::world::Scenario;
 
 /// Least aftermath in seconds for which a recording opens at the verdict.
@@ -21,6 +21,10 @@ pub(super) struct ViewedEpisode<'a> {
     pub stage: SceneGeometry,
     /// Frames, one per sample of the trace.
     pub frames: Vec<Frame>,
+    /// Motion after the contact, in worlds that play it.
+    pub after: Option<FilmAfterContact>,
+    /// Number of frames before those after the contact, if any: no held samples.
+    moving: usize,
     /// Running robustness of ψ_ego.
     pub spec: Running,
     /// Running robustness of every rule, in the rulebook's order.
@@ -52,7 +56,8 @@ impl<'a> ViewedEpisode<'a> {
     ) -> ViewedEpisode<'a> {
         // A program is not started again: its commands are in the episode.
         let mut bench = scenario.repeating(episode).bench();
-        let mut frames = film(&mut bench, episode);
+        let Film { mut frames, after } = film_beyond(&mut bench, episode);
+        let moving = frames.len();
         let departs = departure(episode, bench.trace());
         // A run that was judged to the horizon holds its last sample.
         if let Some(last) = frames.last().cloned() {
@@ -85,7 +90,13 @@ impl<'a> ViewedEpisode<'a> {
             episode,
             caption,
             stage: bench.stage(),
+            moving: if after.is_some() {
+                moving.min(frames.len())
+            } else {
+                frames.len()
+            },
             frames,
+            after,
             spec,
             rules,
             decided: decided.filter(|&sample| sample < episode.trace.len()),
@@ -111,10 +122,34 @@ impl<'a> ViewedEpisode<'a> {
         self.time_s(self.samples().saturating_sub(1))
     }
 
+    /// Poses of all agents: at every sample, then after the contact.
+    pub(super) fn poses(&self) -> impl Iterator<Item = &Frame> + Clone {
+        let after = self.after.iter().flat_map(|after| &after.frames);
+        self.frames[..self.moving].iter().chain(after)
+    }
+
+    /// Sample and time in seconds of every pose.
+    pub(super) fn pose_instants(&self) -> impl Iterator<Item = (usize, f64)> {
+        let time_s = |pose: usize| match &self.after {
+            Some(after) if self.moving <= pose => after.time_s(pose - self.moving),
+            // The motion goes on from the contact, not from the end of its sample.
+            Some(after) if pose + 1 == self.moving => after.contact_s,
+            _ => self.time_s(pose),
+        };
+        let poses = self.moving + self.after.as_ref().map_or(0, |after| after.frames.len());
+        (0..poses).map(move |pose| (pose, time_s(pose)))
+    }
+
+    /// Time of the last pose or sample in seconds.
+    pub(super) fn motion_end_s(&self) -> f64 {
+        let last = self.pose_instants().last();
+        last.map_or(0.0, |(_, time_s)| time_s).max(self.end_s())
+    }
+
     /// Opening time of the viewer, if the episode continues long after the verdict.
     pub(super) fn opens_s(&self) -> Option<f64> {
         let decided_s = self.time_s(self.decided?);
-        (decided_s + GOES_ON_S < self.end_s()).then_some(decided_s)
+        (decided_s + GOES_ON_S < self.motion_end_s()).then_some(decided_s)
     }
 
     /// Index of the ego in the cast.

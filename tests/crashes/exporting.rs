@@ -6,7 +6,7 @@ use brakecheck::crashes::{ExportRefusal, Regressions, export, openx};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
-use brakecheck::testbench::{Aftermath, Constant, play};
+use brakecheck::testbench::{Aftermath, Constant, Film, Replay, film_beyond, play};
 use brakecheck::world::{Change, Scenario};
 
 use super::openx::{all, regressions, way};
@@ -103,4 +103,53 @@ fn an_ego_that_nobody_here_wrote_coasts_beyond_its_last_command() {
     assert!((replay.last().unwrap()[0] - contact_s).abs() < 1e-9);
     let external = way(&Node::read(&texts.external), "ado");
     assert!((external.last().unwrap()[0] - 15.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_replay_goes_on_after_the_contact_in_worlds_that_play_it() {
+    let text = include_str!("../../worlds/acc.ron");
+    let longer = text.replace("plant: Rigid,", "plant: Rigid, after_contact_s: 1.5,");
+    let actions: Vec<usize> = [vec![0; 8], vec![2; 3], vec![0; 10]].concat();
+    let start = Start(vec![12.21, 9.57, 17.9]);
+    let exported = [text, &longer].map(|text| {
+        let world = Scenario::parse("acc.ron", text).unwrap();
+        let mut ado = Replay::holding(&actions);
+        let episode = play(&mut world.bench(), &start, 0, &mut ado, Aftermath::Play);
+        let texts = openx(&world, &episode, "pile_up", "nominal").unwrap();
+        let film = film_beyond(&mut world.bench(), &episode);
+        (texts, episode, film)
+    });
+    let [(before, ..), (texts, episode, Film { after, .. })] = exported;
+    let contact_s = episode.contact.as_ref().expect("a crash").time_s;
+    let after = after.expect("played on");
+    let (short, replay) = (Node::read(&before.replay), Node::read(&texts.replay));
+    for (number, agent) in ["ego", "ado"].into_iter().enumerate() {
+        let (recorded, whole) = (way(&short, agent), way(&replay, agent));
+        assert_eq!(whole[..recorded.len()], recorded[..], "{agent}");
+        assert_eq!(whole.len(), recorded.len() + 30, "{agent}");
+        assert!((whole.last().unwrap()[0] - contact_s - 1.5).abs() < 1e-6);
+        let ahead_m = replay.named("ScenarioObject", "name", agent);
+        let ahead_m = ahead_m.one("Center").number("x");
+        for ([_, x_m, y_m, heading_rad], frame) in whole[recorded.len()..].iter().zip(&after.frames)
+        {
+            // The middle of the box is the middle of the body.
+            let [middle_x_m, middle_y_m, _] = frame.placements[number].centre_m;
+            let off_x_m = x_m + ahead_m * heading_rad.cos() - middle_x_m;
+            let off_y_m = y_m + ahead_m * heading_rad.sin() - middle_y_m;
+            assert!(off_x_m.hypot(off_y_m) < 1e-9, "{agent}");
+        }
+        // No jump at the contact, and no standstill after it.
+        let [.., [_, end_m, ..]] = whole[..] else {
+            panic!("no vertices");
+        };
+        let contact_m = recorded.last().unwrap()[1];
+        assert!((whole[recorded.len()][1] - contact_m).abs() < 2.0);
+        assert!(1.0 < (end_m - contact_m).abs(), "{agent}");
+    }
+    let stop = replay.one("StopTrigger").one("SimulationTimeCondition");
+    assert!((stop.number("value") - contact_s - 1.5).abs() < 1e-6);
+    let told = replay.named("Property", "name", "brakecheck.after_contact");
+    assert!(told.text("value").starts_with("ego and ado collide at "));
+    // The scenario for an ego of your own has no collisions.
+    assert_eq!(before.external, texts.external);
 }

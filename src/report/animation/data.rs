@@ -10,6 +10,7 @@ use super::ground::phase_word;
 use super::picture::Picture;
 use super::write::{list, n};
 use crate::ego::Phase;
+use crate::report::verdict::capital;
 use crate::visible::visible_json;
 
 /// Data of all moving elements of a picture.
@@ -28,8 +29,19 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
     let lights: Vec<String> = film.phases.iter().map(|it| turns(film, it)).collect();
     let contact = picture.contact_m();
     let contact = contact.map_or("null".to_owned(), |at| list(&at, 3));
+    // Only pictures that go on after the contact have the list.
+    let after: Vec<String> = picture
+        .after
+        .iter()
+        .map(|(time_s, words)| format!("[{},{}]", n(*time_s, 3), quoted(&capital(words))))
+        .collect();
+    let after = if after.is_empty() {
+        String::new()
+    } else {
+        format!(",\"after\":[{}]", after.join(","))
+    };
     format!(
-        "{{\"t\":{},\"ego\":{ego},\"turn\":{},\"cells\":{},\"bodies\":[{}],\"focus\":[{}],\"lights\":[{}],\"contact\":{contact},\"broken\":{},\"still\":{},\"leaf\":{}}}",
+        "{{\"t\":{},\"ego\":{ego},\"turn\":{},\"cells\":{},\"bodies\":[{}],\"focus\":[{}],\"lights\":[{}],\"contact\":{contact},\"broken\":{},\"still\":{},\"leaf\":{}{after}}}",
         list(&film.times_s, 4),
         n(film.turn_rad, 4),
         picture.on_cells,

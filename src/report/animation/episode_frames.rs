@@ -1,11 +1,13 @@
 //! Episode as numbers to show: the track of every body, and the camera's focus.
 
+use std::ops::Range;
+
 use nalgebra::Vector2;
 
 use crate::ego::Phase;
 use crate::scene::{ContactEvent, Frame, Role, SceneGeometry};
 use crate::sim::rotation_by;
-use crate::testbench::Episode;
+use crate::testbench::{Episode, FilmAfterContact, joined};
 use crate::trace::Trace;
 
 /// Least time in seconds between two shown samples.
@@ -32,22 +34,30 @@ pub(super) struct FrameContext<'a> {
     pub contact: Option<&'a ContactEvent>,
     /// Trace with the speeds. Without a trace, speeds follow from the places.
     pub trace: Option<&'a Trace>,
+    /// Motion after the contact, in worlds that play it.
+    pub after: Option<&'a FilmAfterContact>,
 }
 
 impl<'a> FrameContext<'a> {
     /// Returns the properties of an episode.
-    pub(super) fn of(episode: &'a Episode) -> FrameContext<'a> {
+    pub(super) fn of(
+        episode: &'a Episode,
+        after: Option<&'a FilmAfterContact>,
+    ) -> FrameContext<'a> {
         FrameContext {
             dt_s: episode.trace.dt_s(),
             judged: episode.judged,
             contact: episode.contact.as_ref(),
             trace: Some(&episode.trace),
+            after,
         }
     }
 
     /// Time of the verdict in seconds.
     fn judged_s(&self) -> f64 {
-        self.judged.saturating_sub(1) as f64 * self.dt_s
+        let judged_s = self.judged.saturating_sub(1) as f64 * self.dt_s;
+        // A run that is judged to the horizon ends with its contact.
+        judged_s.min(self.contact.map_or(f64::INFINITY, |touch| touch.time_s))
     }
 }
 
@@ -55,6 +65,8 @@ impl<'a> FrameContext<'a> {
 pub(super) struct EpisodeFrames {
     /// Times of the samples. The last time is the end.
     pub times_s: Vec<f64>,
+    /// Number of samples before those after the contact.
+    pub recorded: usize,
     /// Tracks of all agents.
     pub tracks: Vec<BodyTrack>,
     /// Phases of every light, per sample.
@@ -89,8 +101,8 @@ pub(super) struct Focus {
 impl EpisodeFrames {
     /// Returns the film of an episode. `frames` has one per sample, the first at 0 s.
     ///
-    /// A contact ends the motion between two samples. The last frame is then
-    /// that of the contact.
+    /// A contact ends the recorded motion between two samples. The last frame is
+    /// then that of the contact. Frames after it follow in worlds that play them.
     pub(super) fn of(
         stage: &SceneGeometry,
         frames: &[Frame],
@@ -98,27 +110,48 @@ impl EpisodeFrames {
     ) -> EpisodeFrames {
         let dt_s = course.dt_s;
         let end_s = course.contact.map(|touch| touch.time_s);
-        let time_s = |i: usize| (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY));
+        let whole = joined(frames, course.after);
+        let time_s = |i: usize| match course.after {
+            Some(after) if frames.len() <= i => after.time_s(i - frames.len()),
+            _ => (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY)),
+        };
         let every = ((APART_S / dt_s).round() as usize).max(1);
         let last = frames.len().saturating_sub(1);
         // The verdict and the end are always shown, even between regular
         // samples.
-        let special = [course.judged.saturating_sub(1), last];
+        let special = [
+            course.judged.saturating_sub(1),
+            last,
+            whole.len().saturating_sub(1),
+        ];
         let shown = |i: &usize| i.is_multiple_of(every) || special.contains(i);
-        let kept: Vec<usize> = (0..frames.len()).filter(shown).collect();
+        let kept: Vec<usize> = (0..whole.len()).filter(shown).collect();
+        let recorded = kept.partition_point(|i| *i < frames.len());
         let times_s: Vec<f64> = kept.iter().map(|i| time_s(*i)).collect();
         let column = |who: usize| {
             let name = format!("{}.speed", stage.agents[who].name);
             course.trace?.signal(&name).map(<[f64]>::to_vec)
         };
-        let track = |who| BodyTrack::of(who, frames, (&kept, &times_s), column(who));
+        let hit_s = |who: usize| course.after?.hit_s(&stage.agents[who].name);
+        let track = |who| {
+            let shown = (&kept[..], &times_s[..]);
+            let mut track = BodyTrack::of(who, &whole, shown, (recorded, column(who)));
+            // A body that rolls freely does not brake.
+            for i in recorded..times_s.len() {
+                if hit_s(who).is_some_and(|hit_s| hit_s <= times_s[i]) {
+                    track.accel_mps2[i] = 0.0;
+                }
+            }
+            track
+        };
         let tracks: Vec<BodyTrack> = (0..stage.agents.len()).map(track).collect();
         let lights = 0..stage.lights.len();
-        let phases = lights.map(|light| kept.iter().map(|i| frames[*i].phases[light]).collect());
+        let phases = lights.map(|light| kept.iter().map(|i| whole[*i].phases[light]).collect());
         let mut film = EpisodeFrames {
             phases: phases.collect(),
             focus: Vec::new(),
             times_s,
+            recorded,
             tracks,
             turn_rad: 0.0,
             opponent: None,
@@ -145,6 +178,12 @@ impl EpisodeFrames {
     /// End in seconds.
     pub(super) fn end_s(&self) -> f64 {
         self.times_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// End of the recorded motion in seconds: without that after the contact.
+    pub(super) fn recorded_end_s(&self) -> f64 {
+        let last = self.times_s[..self.recorded].last();
+        last.copied().unwrap_or(0.0)
     }
 
     /// Place of the world in the picture's directions.
@@ -253,7 +292,7 @@ impl BodyTrack {
         who: usize,
         frames: &[Frame],
         (kept, times_s): (&[usize], &[f64]),
-        speeds: Option<Vec<f64>>,
+        (recorded, speeds): (usize, Option<Vec<f64>>),
     ) -> BodyTrack {
         let places = kept.iter().map(|i| frames[*i].placements[who]);
         let (x_m, y_m): (Vec<f64>, Vec<f64>) = places
@@ -261,19 +300,28 @@ impl BodyTrack {
             .map(|place| (place.centre_m[0], place.centre_m[1]))
             .unzip();
         let heading_rad = unwound(places.map(|place| place.heading_rad()));
-        let speed_mps: Vec<f64> = match speeds {
-            // The trace may end before the last frame.
-            Some(speeds) => kept.iter().map(|i| at_or_last(&speeds, *i)).collect(),
-            None => {
-                let slope = |values: &[f64]| slopes(times_s, values);
-                let parts = slope(&x_m).into_iter().zip(slope(&y_m));
-                parts.map(|(x, y)| libm::hypot(x, y)).collect()
-            }
+        // A collision changes speeds at once, so no difference spans the contact.
+        let of_places = |part: Range<usize>| -> Vec<f64> {
+            let slope = |values: &[f64]| slopes(&times_s[part.clone()], &values[part.clone()]);
+            let parts = slope(&x_m).into_iter().zip(slope(&y_m));
+            parts.map(|(x, y)| libm::hypot(x, y)).collect()
         };
+        let mut speed_mps: Vec<f64> = match speeds {
+            // The trace may end before the last frame.
+            Some(speeds) => kept[..recorded]
+                .iter()
+                .map(|i| at_or_last(&speeds, *i))
+                .collect(),
+            None => of_places(0..recorded),
+        };
+        let mut accel_mps2 = slopes(&times_s[..recorded], &speed_mps);
+        let after_mps = of_places(recorded..times_s.len());
+        accel_mps2.extend(slopes(&times_s[recorded..], &after_mps));
+        speed_mps.extend(after_mps);
         // Accelerations are slopes of speeds, because not every film has a
         // trace.
         BodyTrack {
-            accel_mps2: slopes(times_s, &speed_mps),
+            accel_mps2,
             x_m,
             y_m,
             heading_rad,

@@ -17,7 +17,10 @@ const POSTS_APART_M: f64 = 10.0;
 const LAMP_M: f64 = 0.42;
 
 /// Roads with bodies on them, the world's own road on top.
-pub(super) fn road(stage: &SceneGeometry, frames: &[Frame]) -> Markup {
+pub(super) fn road<'a>(
+    stage: &SceneGeometry,
+    frames: impl IntoIterator<Item = &'a Frame>,
+) -> Markup {
     let reach = reach(frames, MARGIN_M);
     html! {
         @for side in &stage.side_roads_m { (one_road(&near(side, &reach))) }

@@ -7,10 +7,11 @@ use super::super::Example;
 use super::super::verdict::ego_failed;
 use super::moves::{Move, MoveKind};
 use crate::stl::Interval;
+use crate::testbench::FilmAfterContact;
 use crate::world::{Scenario, ScenarioKind};
 
 /// Greatest time in seconds between two moments that share a still.
-const TOGETHER_S: f64 = 0.02;
+pub(super) const TOGETHER_S: f64 = 0.02;
 
 /// Instant with a still.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,6 +83,22 @@ pub(super) fn violated_s(scenario: &Scenario, example: &Example) -> f64 {
     let contact_s = episode.contact.as_ref().map(|touch| touch.time_s);
     // The last row of a run that ends by contact is of that instant.
     (sample as f64 * trace.dt_s()).min(contact_s.unwrap_or(f64::INFINITY))
+}
+
+/// Captions of the events after the contact, by the time in seconds of the first event.
+///
+/// Events at about one time share a caption.
+pub(super) fn captions(after: &FilmAfterContact) -> Vec<(f64, String)> {
+    let mut captions: Vec<(f64, String)> = Vec::new();
+    for (time_s, words) in after.motion.events() {
+        match captions.last_mut() {
+            Some((begun_s, said)) if time_s - *begun_s <= TOGETHER_S => {
+                *said = format!("{said}; {words}");
+            }
+            _ => captions.push((time_s, format!("after the contact: {words}"))),
+        }
+    }
+    captions
 }
 
 /// Actions of the ados from a time on. Neutral actions are omitted.

@@ -1,7 +1,7 @@
 //! Chosen actions of the ados in words, with their start and end.
 
 use crate::scene::drive::{Actions, Direction, Lateral};
-use crate::testbench::Episode;
+use crate::testbench::{Episode, FilmAfterContact};
 use crate::world::{Scenario, ScenarioKind};
 
 /// Speed in m/s from which a pedestrian runs.
@@ -113,6 +113,24 @@ pub(super) fn moves(
         (agent.to_owned(), stretched(&own, &described))
     });
     sets.collect()
+}
+
+/// Adds the motion after the contact, up to `end_s`.
+///
+/// A hit vehicle rolls freely, and all others keep their last command.
+pub(super) fn go_on(moves: &mut [(String, Vec<Move>)], after: &FilmAfterContact, end_s: f64) {
+    for (ado, moves) in moves {
+        let hit_s = after.hit_s(ado);
+        if let Some(last) = moves.last_mut() {
+            last.until_s = hit_s.unwrap_or(end_s);
+        }
+        moves.extend(hit_s.map(|from_s| Move {
+            from_s,
+            until_s: end_s,
+            words: "rolls freely".to_owned(),
+            kind: MoveKind::Neutral,
+        }));
+    }
 }
 
 /// Action in words, with its appearance.

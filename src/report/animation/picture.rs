@@ -7,12 +7,12 @@ use super::camera::{Camera, Canvas, SCREEN, THUMB};
 use super::episode_frames::{EpisodeFrames, FrameContext, ego_of, is_on_cells};
 use super::ground::{cells, lights, road, trails};
 use super::labels::{drawn, labels};
-use super::moments::{KeyMoment, moments, violated_s};
-use super::moves::{Move, moves};
+use super::moments::{KeyMoment, captions, moments, violated_s};
+use super::moves::{Move, go_on, moves};
 use super::write::n;
 use crate::ego::Phase;
 use crate::report::Example;
-use crate::scene::SceneGeometry;
+use crate::scene::{Frame, SceneGeometry};
 use crate::world::Scenario;
 
 /// Deceleration in m/s² above which brake lamps are lit.
@@ -28,6 +28,8 @@ pub(super) struct Picture<'a> {
     /// Moves of each ado by name.
     pub moves: Vec<(String, Vec<Move>)>,
     pub moments: Vec<KeyMoment>,
+    /// Captions of the collisions and pushes after the contact, by time in seconds.
+    pub after: Vec<(f64, String)>,
     /// Time of the violation of ψ_ego in seconds.
     pub violated_s: f64,
     /// Violated leaf of ψ_ego.
@@ -43,15 +45,29 @@ impl<'a> Picture<'a> {
     pub(super) fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
         // The road is that of the episode's start.
         let stage = scenario.at_start(&example.episode.start).bench().stage();
-        let film = EpisodeFrames::of(&stage, &example.frames, &FrameContext::of(&example.episode));
+        let film = EpisodeFrames::of(
+            &stage,
+            &example.frames,
+            &FrameContext::of(&example.episode, example.after.as_ref()),
+        );
         let why = example.about.why.as_ref();
-        let moves = moves(scenario, &example.episode, film.end_s());
+        let mut moves = moves(scenario, &example.episode, film.recorded_end_s());
+        let mut moments = moments(scenario, example, &moves);
+        if let Some(after) = &example.after {
+            go_on(&mut moves, after, film.end_s());
+            moments.push(KeyMoment {
+                time_s: film.end_s(),
+                words: "after the contact".to_owned(),
+                class: "k-contact",
+            });
+        }
         Picture {
             example,
             classes: (0..stage.agents.len())
                 .map(|who| colour_class(&stage.agents, who))
                 .collect(),
-            moments: moments(scenario, example, &moves),
+            after: example.after.as_ref().map(captions).unwrap_or_default(),
+            moments,
             moves,
             violated_s: violated_s(scenario, example),
             broken: why.map(|why| why.leaf.clone()).unwrap_or_default(),
@@ -66,6 +82,12 @@ impl<'a> Picture<'a> {
     pub(super) fn still_s(&self) -> f64 {
         let contact = self.example.episode.contact.as_ref();
         contact.map_or(self.violated_s, |touch| touch.time_s)
+    }
+
+    /// Frames of the example, with those after the contact.
+    pub(super) fn frames(&self) -> impl Iterator<Item = &Frame> {
+        let after = self.example.after.iter().flat_map(|after| &after.frames);
+        self.example.frames.iter().chain(after)
     }
 
     /// Index of the ego in the cast, and its length.
@@ -89,7 +111,7 @@ impl<'a> Picture<'a> {
         html! {
             svg class="stage" viewBox=(format!("0 0 {width_px} {height_px}")) role="img" aria-label=(label) {
                 defs {
-                    g id=(self.part("ground")) { @if self.on_cells { (cells(&self.stage)) } @else { (road(&self.stage, &self.example.frames)) } }
+                    g id=(self.part("ground")) { @if self.on_cells { (cells(&self.stage)) } @else { (road(&self.stage, self.frames())) } }
                     @for (who, agent) in self.stage.agents.iter().enumerate() {
                         g id=(self.body(who)) class=(self.classes[who]) { (body(agent)) }
                     }
@@ -112,8 +134,8 @@ impl<'a> Picture<'a> {
         let i = self.film.at(moment.time_s);
         let camera = self.camera(i, &THUMB);
         let [width_px, height_px] = THUMB.size_px;
-        let end_s = self.film.end_s();
-        // The contact is only drawn on stills at the end of the film.
+        let end_s = self.film.recorded_end_s();
+        // The contact is only drawn on stills from the end of the record on.
         let touched = self.contact_m().filter(|_| end_s <= moment.time_s + 1e-9);
         html! {
             button type="button" class={ "thumb " (moment.class) } data-t=(n(moment.time_s, 3)) {

@@ -136,7 +136,8 @@ for (const figure of document.querySelectorAll(".film")) {
     clock.textContent = `${time.toFixed(2)} s`;
     const touching = over && film.contact;
     event.className = `event ${touching ? "k-contact" : "k-broken"}`;
-    event.textContent = touching ? contact : `Requirement broken: ${film.leaf}`;
+    const later = film.after?.findLast((it) => it[0] <= time + 1e-3);
+    event.textContent = later ? later[1] : touching ? contact : `Requirement broken: ${film.leaf}`;
     event.style.visibility = touching || broken ? "visible" : "hidden";
     ending.classList.toggle("shown", over);
     slider.value = 1000 * time / end;

@@ -8,7 +8,7 @@ use crate::run_dir::{About, Severity};
 use crate::scene::{AgentDescription, Role};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::Body;
-use crate::testbench::{Aftermath, Constant, Episode, film, play};
+use crate::testbench::{Aftermath, Constant, Episode, Film, film_beyond, play};
 
 pub(in crate::report) fn world(text: &str) -> Scenario {
     Scenario::parse("world.ron", text).expect("a world")
@@ -44,10 +44,12 @@ pub(in crate::report) fn crash(scenario: &Scenario) -> Example {
 
 /// Episode as an example of a report.
 fn shown(scenario: &Scenario, episode: Episode) -> Example {
+    let Film { frames, after } = film_beyond(&mut scenario.bench(), &episode);
     Example {
         chosen_for: "being one".to_owned(),
         start: 0,
-        frames: film(&mut scenario.bench(), &episode),
+        frames,
+        after,
         about: About {
             severity: Severity::of(&episode),
             ..About::default()
@@ -401,4 +403,74 @@ fn the_script_moves_shapes_as_the_stills_were_drawn() {
     for words in same {
         assert!(SCRIPT.contains(&words), "{words}");
     }
+}
+
+/// The world of `acc`, which plays on after a contact.
+fn acc_with_aftermath() -> Scenario {
+    let text = include_str!("../../../worlds/acc.ron");
+    world(&text.replace("plant: Rigid,", "plant: Rigid, after_contact_s: 1.5,"))
+}
+
+#[test]
+fn a_page_goes_on_after_the_contact_and_names_the_collision() {
+    let scenario = acc_with_aftermath();
+    let example = crash(&scenario);
+    let contact_s = example.episode.contact.as_ref().expect("a contact").time_s;
+    let after = example.after.as_ref().expect("played on");
+    let picture = Picture::of(&scenario, &example, 0);
+    let data: Value = serde_json::from_str(&json(&picture)).expect("JSON");
+    let times = numbers(&data["t"]);
+    let last_s = times.last().copied().expect("samples");
+    assert!((last_s - contact_s - 1.5).abs() < 1e-3, "{last_s}");
+    // The large still and its star stay those of the contact.
+    let still_s = data["still"].as_f64().expect("a time");
+    assert!((still_s - contact_s).abs() < 1e-3, "{still_s}");
+    let ends = &after.frames[after.frames.len() - 1].placements;
+    for (who, end) in ends.iter().enumerate() {
+        let track = &picture.film.tracks[who];
+        let shown_m = at(&times, &data["bodies"][who]["x"], last_s);
+        assert!((shown_m - end.centre_m[0]).abs() < 0.01, "{shown_m}");
+        let touched = picture.film.recorded - 1;
+        assert!(1.0 < (shown_m - track.x_m[touched]).abs(), "it moves on");
+        // Speeds after the contact are those of the places.
+        let (from, to) = (track.x_m.len() - 3, track.x_m.len() - 1);
+        let mean_mps = (track.x_m[to] - track.x_m[from]) / (times[to] - times[from]);
+        assert!((track.speed_mps[to - 1] - mean_mps.abs()).abs() < 0.2);
+    }
+    let [of_ego, of_ado] = after.motion.collisions[0].delta_v_mps.into();
+    let caption =
+        format!("After the contact: ego and ado collide, Δv {of_ego:.1} and {of_ado:.1} m/s");
+    assert_eq!(data["after"][0][1], caption);
+    let said_s = data["after"][0][0].as_f64().expect("a time");
+    assert!((said_s - after.motion.collisions[0].time_s).abs() < 1e-3);
+    assert!(SCRIPT.contains("film.after"));
+    // Without the field, a page is as it was.
+    assert!(!json(&Picture::of(&acc(), &crash(&acc()), 0)).contains("\"after\""));
+}
+
+#[test]
+fn a_looping_picture_goes_on_after_the_contact_and_names_the_collision() {
+    let scenario = acc_with_aftermath();
+    let example = crash(&scenario);
+    let picture = Picture::of(&scenario, &example, 0);
+    let svg = looping_picture(&scenario, &example, ("mine", None), None);
+    let film = &picture.film;
+    for track in &film.tracks {
+        let last = film.times_s.len() - 1;
+        let turn_deg = write::n(track.heading_rad[last].to_degrees(), 1);
+        let [x, y] = [track.x_m[last], track.y_m[last]].map(|it| write::n(it, 2));
+        let pose = format!("transform:translate({x}px,{y}px) rotate({turn_deg}deg)");
+        let ends = keyframes(&svg);
+        assert!(
+            ends.iter().any(|frames| frames[frames.len() - 1].1 == pose),
+            "{pose}"
+        );
+    }
+    assert!(1.0 < film.end_s() - film.recorded_end_s());
+    let touch = example.episode.contact.as_ref().expect("a contact");
+    let caption = format!(
+        "Contact at {:.1} m/s; after the contact: ego and ado collide, Δv ",
+        touch.closing_speed_mps
+    );
+    assert!(svg.contains(&caption), "no {caption}");
 }

@@ -18,7 +18,7 @@ pub(super) static PANEL: Panel = Panel {
     shown: PanelWorlds::Everywhere,
     entities: &[(
         "/verdict/events",
-        "the log: actions, phases, violations, contact",
+        "the log: actions, phases, violations, contact, collisions after it",
     )],
     log,
     views,
@@ -117,6 +117,15 @@ fn events(story: &ViewedEpisode<'_>) -> Vec<Event> {
         // The instant of the contact lies between two samples.
         let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
         push(sample.min(last), touch.time_s, text, true);
+    }
+    if let Some(after) = &story.after {
+        for (time_s, text) in after.motion.events() {
+            // The pose at or after the event.
+            let mut poses = story.pose_instants();
+            let pose = poses.find(|(_, pose_s)| time_s <= pose_s + 1e-9);
+            let sample = pose.map_or(last, |(sample, _)| sample);
+            push(sample, time_s, format!("after the contact: {text}"), true);
+        }
     }
     // The sort is stable: events of one instant keep the order of their causes
     // above.

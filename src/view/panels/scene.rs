@@ -80,7 +80,7 @@ fn log_motion(
     who: usize,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let placements = story.frames.iter().map(|frame| frame.placements[who]);
+    let placements = story.poses().map(|frame| frame.placements[who]);
     let entity = agent_path(&story.stage.agents[who].name);
     log_transforms(story, entity, placements, journal)
 }
@@ -88,7 +88,7 @@ fn log_motion(
 /// Logs the cameras' frame, which follows the ego without pitch and roll.
 fn log_follow(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let ego = story.ego();
-    let upright = story.frames.iter().map(|frame| {
+    let upright = story.poses().map(|frame| {
         let placement = &frame.placements[ego];
         let [x, y, _] = placement.centre_m;
         Placement::upright([x, y, 0.0], placement.heading_rad())
@@ -106,21 +106,16 @@ fn log_transforms(
         .with_many_translation(placements.clone().map(|place| lifted(place.centre_m, 0.0)))
         .with_many_quaternion(placements.map(|place| quaternion(&place)));
     let columns = motion.columns_of_unit_batches();
-    let instants = (0..story.frames.len()).map(|sample| (sample, story.time_s(sample)));
-    journal.columns(entity, clock(instants), columns)
+    journal.columns(entity, clock(story.pose_instants()), columns)
 }
 
 /// Logs the complete paths on the ground, narrow lines on top of broad lines.
 fn log_trails(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     // A hundred points suffice for a path, whatever the length of the episode.
-    let every = story.frames.len().div_ceil(100).max(1);
+    let every = story.poses().count().div_ceil(100).max(1);
     let agents = 0..story.stage.agents.len();
     let strip = |who: usize| -> Vec<[f32; 3]> {
-        let sparse = story
-            .frames
-            .iter()
-            .step_by(every)
-            .chain(story.frames.last());
+        let sparse = story.poses().step_by(every).chain(story.poses().last());
         let ground = |frame: &Frame| {
             let [x, y, _] = frame.placements[who].centre_m;
             lifted([x, y, 0.0], 0.03 + 0.01 * who as f64)

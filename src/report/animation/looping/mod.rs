@@ -3,7 +3,7 @@
 //! It shows the ego and, beside it, another driver in the ego's place.
 //!
 //! It serves pages that run no script, such as a README. CSS keyframes move the
-//! shapes of the reports up to the contact, in a loop. Both halves have one
+//! shapes of the reports up to the contact, or beyond it, in a loop. Both halves have one
 //! clock and one scale, so the difference is the driver. With reduced motion
 //! only the end is shown.
 
@@ -27,7 +27,7 @@ use crate::visible::visible_markup;
 use crate::world::Scenario;
 use keyframes::{Keyframes, Period};
 use panel::LoopPanel;
-use words::{ending_of, facts, outcome_of, wrapped};
+use words::{captions_of, ending_of, facts, outcome_of, wrapped};
 
 /// Seconds shown, up to the end of the recorded drive.
 pub(super) const BEFORE_S: f64 = 5.0;
@@ -73,18 +73,26 @@ pub(crate) fn looping_picture(
             judged: example.episode.judged,
             contact: it.filmed.contact.as_ref(),
             trace: None,
+            after: None,
         };
         (
             it,
             EpisodeFrames::of(&picture.stage, &it.filmed.frames, &course),
         )
     });
+    let ending = ending_of(scenario, &picture, AFTER_S);
     let mut panels = vec![LoopPanel {
         nth: 0,
         film: &picture.film,
         moves: picture.moves.clone(),
         contact_m: picture.contact_m(),
-        ending: ending_of(scenario, &picture, AFTER_S),
+        // The motion after the contact is shown to its end.
+        until_s: match &example.after {
+            Some(_) => picture.film.end_s(),
+            None => ending.0,
+        },
+        captions: captions_of(&picture, &ending),
+        ending,
         title: format!("The ego: {ego}"),
         picture: &picture,
     }];
@@ -93,7 +101,7 @@ pub(crate) fn looping_picture(
             .as_ref()
             .map(|(it, film)| beside_it(&picture, it, film)),
     );
-    let ends = panels.iter().map(|panel| panel.ending.0);
+    let ends = panels.iter().map(|panel| panel.until_s);
     let from_s = (panels[0].ending.0 - BEFORE_S).max(0.0);
     let period = Period {
         // The start is a sample that both films have.
@@ -101,14 +109,16 @@ pub(crate) fn looping_picture(
         until_s: ends.fold(0.0, f64::max),
     };
     let said = facts(scenario, &picture, (note, beside));
-    whole(&panels, period, &said, example)
+    whole(&panels, period, &said)
 }
 
 /// Half of the other driver.
 fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a EpisodeFrames) -> LoopPanel<'a> {
-    let recorded_s = picture.film.end_s();
+    let recorded_s = picture.film.recorded_end_s();
     let mut moves = picture.moves.clone();
     for (_, moves) in &mut moves {
+        // Only the recorded drive collides.
+        moves.retain(|it| it.from_s < recorded_s);
         // After the end of the record no ado chooses an action.
         moves.push(Move {
             from_s: recorded_s,
@@ -118,19 +128,22 @@ fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a EpisodeFrames)
         });
     }
     let contact = it.filmed.contact.as_ref();
+    let ending = outcome_of(picture, film, (&it.filmed, AFTER_S));
     LoopPanel {
         nth: 1,
         film,
         moves,
         contact_m: contact.map(|touch| film.turned(touch.point_m[0], touch.point_m[1])),
-        ending: outcome_of(picture, film, (&it.filmed, AFTER_S)),
+        until_s: ending.0,
+        captions: vec![(ending.0, ending.1.clone())],
+        ending,
         title: format!("In its place: {}", it.who),
         picture,
     }
 }
 
 /// Halves, clock and text as one picture.
-fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String], example: &Example) -> String {
+fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
     let mut keyframes = Keyframes::new(period);
     let count = panels.len() as f64;
     let canvas = Canvas {
@@ -172,7 +185,7 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String], example: &Ex
             style { (PreEscaped(STYLE)) (PreEscaped(super::STYLE)) (PreEscaped(OWN_STYLE)) (PreEscaped(format!("svg.loop{{width:{WIDTH_PX}px;height:{height_px}px}}"))) (PreEscaped(keyframes.into_css())) }
             defs {
                 clipPath id="half" { rect width=(n(width_px, 1)) height=(HEIGHT_PX) rx="8" {} }
-                g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.stage)) } @else { (road(&picture.stage, &example.frames)) } }
+                g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.stage)) } @else { (road(&picture.stage, picture.frames())) } }
                 @for (who, agent) in picture.stage.agents.iter().enumerate() {
                     g id=(picture.body(who)) class=(picture.classes[who]) { (body(agent)) }
                 }

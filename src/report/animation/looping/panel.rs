@@ -25,6 +25,10 @@ pub(super) struct LoopPanel<'a> {
     pub moves: Vec<(String, Vec<Move>)>,
     /// Place of the contact in the picture's directions.
     pub contact_m: Option<[f64; 2]>,
+    /// End of the motion in seconds.
+    pub until_s: f64,
+    /// Captions by time in seconds, that of the outcome first.
+    pub captions: Vec<(f64, String)>,
     /// End in seconds, outcome in words, and true for a good outcome.
     pub ending: (f64, String, bool),
     /// Name of the driver.
@@ -49,7 +53,7 @@ fn shown(film: &EpisodeFrames, (from_s, until_s): (f64, f64)) -> Vec<usize> {
 impl LoopPanel<'_> {
     /// Pixels per metre at which all agents fit at all times.
     pub(super) fn scale(&self, canvas: &Canvas, from_s: f64) -> f64 {
-        let shown = shown(self.film, (from_s, self.ending.0));
+        let shown = shown(self.film, (from_s, self.until_s));
         let scales = shown
             .iter()
             .map(|i| Camera::fitting(self.film, *i, self.ego(), canvas));
@@ -66,7 +70,7 @@ impl LoopPanel<'_> {
         keyframes: &mut Keyframes,
         (canvas, scale): (&Canvas, f64),
     ) -> Markup {
-        let shown = shown(self.film, (keyframes.period.from_s, self.ending.0));
+        let shown = shown(self.film, (keyframes.period.from_s, self.until_s));
         let camera = |i: usize| Camera::at_scale(self.film, i, (self.ego(), scale), canvas);
         let cameras: Vec<Camera<'_>> = shown.iter().map(|i| camera(*i)).collect();
         let times = || shown.iter().map(|i| self.film.times_s[*i]);
@@ -90,7 +94,7 @@ impl LoopPanel<'_> {
                     }
                 }
             }
-            (self.star(keyframes, last))
+            (self.star(keyframes, (&shown, &cameras)))
             @for who in everybody { (self.label(keyframes, who, (&shown, &cameras))) }
             (self.result(keyframes, canvas))
         }
@@ -136,7 +140,7 @@ impl LoopPanel<'_> {
     fn lights(&self, keyframes: &mut Keyframes) -> Markup {
         let (from, until) = (
             self.film.at(keyframes.period.from_s),
-            self.film.at(self.ending.0),
+            self.film.at(self.until_s),
         );
         let showing = |i: usize| -> Vec<_> { self.film.phases.iter().map(|it| it[i]).collect() };
         let mut turns = vec![from];
@@ -152,12 +156,29 @@ impl LoopPanel<'_> {
     }
 
     /// Star of a contact.
-    fn star(&self, keyframes: &mut Keyframes, camera: &Camera<'_>) -> Markup {
-        let Some([x, y]) = self.contact_m.map(|at| camera.at(at)) else {
+    fn star(
+        &self,
+        keyframes: &mut Keyframes,
+        (shown, cameras): (&[usize], &[Camera<'_>]),
+    ) -> Markup {
+        let places = self
+            .contact_m
+            .map(|at| cameras.iter().map(move |it| it.at(at)));
+        let places: Vec<[f64; 2]> = places.into_iter().flatten().collect();
+        let Some([x, y]) = places.last().copied() else {
             return html! {};
         };
         let turns = [(keyframes.period.from_s, false), (self.ending.0, true)];
-        html! { g class=(keyframes.seen(&turns)) { (burst(x, y)) } }
+        let star = html! { g class=(keyframes.seen(&turns)) { (burst(x, y)) } };
+        if self.until_s <= self.ending.0 {
+            return star;
+        }
+        // The camera moves on after the contact, and the place of the contact does not.
+        let moves = shown.iter().zip(&places).map(|(&i, [then_x, then_y])| {
+            let moved = format!("translate({}px,{}px)", n(then_x - x, 1), n(then_y - y, 1));
+            (self.film.times_s[i], moved)
+        });
+        html! { g class=(keyframes.moving(&moves.collect::<Vec<_>>())) { (star) } }
     }
 
     /// Name, speed and action of a body.
@@ -214,15 +235,19 @@ impl LoopPanel<'_> {
 
     /// Name of the driver, and the outcome at the end.
     fn result(&self, keyframes: &mut Keyframes, canvas: &Canvas) -> Markup {
-        let (at_s, words, good) = &self.ending;
+        let (_, _, good) = &self.ending;
         let [width_px, height_px] = canvas.size_px;
-        let turns = [(keyframes.period.from_s, false), (*at_s, true)];
         html! {
             rect class="plate" width=(width_px) height="25" {}
             text class="title" x="10" y="17.5" { (self.title) }
-            g class=(keyframes.seen(&turns)) {
-                rect class=(if *good { "fine" } else { "poor" }) y=(n(height_px - 28.0, 1)) width=(width_px) height="28" {}
-                text class="result" x="10" y=(n(height_px - 9.0, 1)) { (words) }
+            @for (nth, (at_s, words)) in self.captions.iter().enumerate() {
+                @let next = self.captions.get(nth + 1).map(|(next_s, _)| (*next_s, false));
+                @let turns: Vec<(f64, bool)> = [(keyframes.period.from_s, false), (*at_s, true)].into_iter().chain(next).collect();
+                // With reduced motion, only the last caption is seen.
+                g class=(keyframes.seen(&turns)) visibility=[next.map(|_| "hidden")] {
+                    rect class=(if *good { "fine" } else { "poor" }) y=(n(height_px - 28.0, 1)) width=(width_px) height="28" {}
+                    text class="result" x="10" y=(n(height_px - 9.0, 1)) { (words) }
+                }
             }
         }
     }

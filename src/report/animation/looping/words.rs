@@ -3,6 +3,7 @@
 use super::Beside;
 use crate::preventability::FilmedDriver;
 use crate::report::animation::episode_frames::EpisodeFrames;
+use crate::report::animation::moments::TOGETHER_S;
 use crate::report::animation::picture::Picture;
 use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words};
 use crate::report::words;
@@ -41,6 +42,24 @@ pub(super) fn ending_of(
     }
 }
 
+/// Captions of the recorded drive: its outcome, then the events after the contact.
+pub(super) fn captions_of(
+    picture: &Picture<'_>,
+    (end_s, outcome, _): &(f64, String, bool),
+) -> Vec<(f64, String)> {
+    let mut captions = vec![(*end_s, outcome.clone())];
+    for (time_s, words) in &picture.after {
+        match &mut captions[..] {
+            // The first collision is that of the contact.
+            [(begun_s, said)] if time_s - *begun_s <= TOGETHER_S => {
+                *said = format!("{said}; {words}");
+            }
+            _ => captions.push((*time_s, capital(words))),
+        }
+    }
+    captions
+}
+
 /// End and outcome of the other driver's drive.
 ///
 /// It ends with a contact, or `after_s` after the closest approach.
@@ -55,7 +74,7 @@ pub(super) fn outcome_of(
     }
     // Before the end of the recorded drive, the other driver is not yet past the
     // crash.
-    let nearest_s = nearest_s(picture, film, picture.film.end_s());
+    let nearest_s = nearest_s(picture, film, picture.film.recorded_end_s());
     let words = match filmed.outcome.margin {
         Some(gap_m) => format!("No contact: misses by {gap_m:.1} m"),
         None => "No contact: no road user was in its way".to_owned(),
