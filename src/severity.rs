@@ -237,7 +237,7 @@ pub struct Impact {
 }
 
 /// Speed up to which the ego counts as stationary and not at fault.
-pub const STANDING_MPS: f64 = 0.5;
+pub(crate) const STANDING_MPS: f64 = 0.5;
 
 impl Impact {
     /// Returns true if the contact can be attributed to the ego.

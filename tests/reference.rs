@@ -333,10 +333,9 @@ fn of_panel(case: &Value, name: &str, side: f64) -> Outcome {
         return run(case, &others, |_, _, _| (Response::Brake(full_mps2), true));
     }
     if name == "IDEAL_TD" {
-        let ideal = IdealDriver {
-            max_brake_mps2: full_mps2,
-            ..IdealDriver::default()
-        };
+        let mut ideal = IdealDriver::default();
+        let set = ideal.set("max_brake_mps2", full_mps2);
+        set.expect("a parameter");
         let mut driver = Reflexes::new(ideal, dt, lane_width_m);
         return run(case, &others, |_, ego, other| {
             (driver.step(ego, &[*other]), driver.has_reacted())

@@ -15,7 +15,7 @@ pub use best_of_n::{BestOfN, BestOfNResult};
 pub use error::AdversaryError;
 pub(crate) use grid_policies::GridPolicy;
 pub(crate) use open_loop_baselines::{best_constant, best_then_brake, in_words};
-pub use rollout::{Ado, EvalRequest, Evaluated, Outcome, RecordedFailure, eval};
+pub use rollout::{Ado, EvalRequest, Evaluated, RecordedFailure, eval};
 pub(crate) use rollout::{
     EpisodeResult, RecordedSuccess, RepeatedEpisode, blank_row, count_solved, groups, note_row,
     success_caption,

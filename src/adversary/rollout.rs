@@ -114,21 +114,21 @@ impl EgoUnderTest {
 
 /// Outcome of one episode of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// Verdict.
-    pub verdict: Verdict,
+    pub(crate) verdict: Verdict,
     /// Closing speed, if the agents touched.
-    pub closing_speed_mps: Option<f64>,
+    pub(crate) closing_speed_mps: Option<f64>,
     /// Effect of the contact on the ego, if the ego takes part in it.
-    pub impact: Option<Impact>,
+    pub(crate) impact: Option<Impact>,
     /// True if a rule was broken between a success and the contact.
-    pub violation_before_contact: bool,
+    pub(crate) violation_before_contact: bool,
     /// Episodes run; only `Ado::Replays` may take more than one.
-    pub simulations: u64,
+    pub(crate) simulations: u64,
     /// Physics steps spent.
-    pub physics_steps: u64,
+    pub(crate) physics_steps: u64,
     /// Processor time spent.
-    pub cpu_s: f64,
+    pub(crate) cpu_s: f64,
 }
 
 /// Outcome of a start, with the facts for its row and the record of a success.
@@ -199,7 +199,7 @@ pub struct Evaluated {
     /// Rates and costs over all starts.
     pub row: Row,
     /// Outcome per start. `None`: trivial or not reached.
-    pub outcomes: Vec<Option<Outcome>>,
+    pub(crate) outcomes: Vec<Option<Outcome>>,
     /// Record of each success, per start.
     pub(crate) successes: Vec<Option<RecordedSuccess>>,
 }

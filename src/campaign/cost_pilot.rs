@@ -32,15 +32,15 @@ pub struct PlanCost {
     /// Number of pieces.
     pub pieces: usize,
     /// Number of trainings among them.
-    pub trainings: usize,
+    pub(crate) trainings: usize,
     /// Number of starts.
-    pub starts: u64,
+    pub(crate) starts: u64,
     /// Total processor time, s.
-    pub cpu_s: f64,
+    pub(crate) cpu_s: f64,
     /// Bytes on disk for the pieces and the merged file.
-    pub bytes: f64,
+    pub(crate) bytes: f64,
     /// Whether the cost was measured instead of estimated from the worlds.
-    pub measured: bool,
+    pub(crate) measured: bool,
 }
 
 /// Kind of units with similar cost, of which a single unit is measured.

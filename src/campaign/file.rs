@@ -146,7 +146,7 @@ pub(super) struct GateEntry {
 /// Starts of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub enum RequestedStarts {
+pub(crate) enum RequestedStarts {
     /// Test starts of a stream.
     Drawn {
         /// Number of starts.
@@ -165,7 +165,7 @@ pub enum RequestedStarts {
 
 impl RequestedStarts {
     /// Returns the seed of the stream of starts, or of their noise.
-    pub fn seed(&self) -> u64 {
+    pub(crate) fn seed(&self) -> u64 {
         match self {
             RequestedStarts::Drawn { seed, .. } | RequestedStarts::Grid { seed, .. } => *seed,
         }

@@ -33,10 +33,7 @@ pub(crate) use cost_pilot::PIECE_S;
 pub use cost_pilot::{Cut, PlanCost};
 pub use dir::{PieceDone, PlanDir, Ran};
 pub use error::CampaignError;
-pub use file::RequestedStarts;
 pub use merge::Merged;
 pub(crate) use page::COLUMNS;
-pub use plan::{
-    CampaignPiece, Plan, PlannedAdo, PlannedRun, PlannedTraining, PlannedWorld, Unit, Work,
-};
-pub use summary::{CampaignSummary, CellMap, GateVerdict, SummaryRow};
+pub use plan::Plan;
+pub(crate) use summary::{GateVerdict, SummaryRow};

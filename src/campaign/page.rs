@@ -153,7 +153,7 @@ fn state(map: &CellMap, nth: usize) -> CellState {
 
 impl SummaryRow {
     /// Returns the cells of the row, in the order of the columns.
-    pub fn cells(&self) -> [String; 10] {
+    pub(crate) fn cells(&self) -> [String; 10] {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),
             (None, 2..) => format!("{}, mean of {}", self.ado, self.trainings),

@@ -29,87 +29,87 @@ pub struct Plan {
     /// Name of the campaign.
     pub name: String,
     /// Worlds, stored beside the plan.
-    pub worlds: Vec<PlannedWorld>,
+    pub(crate) worlds: Vec<PlannedWorld>,
     /// Run directories of trained ados, copied beside the plan.
-    pub ados: Vec<PlannedRun>,
+    pub(crate) ados: Vec<PlannedRun>,
     /// Ados that the campaign trains.
-    pub trainings: Vec<PlannedTraining>,
+    pub(crate) trainings: Vec<PlannedTraining>,
     /// Starts that are played in each world.
-    pub starts: RequestedStarts,
+    pub(crate) starts: RequestedStarts,
     /// Whether counterexamples are judged by the reference drivers.
     pub preventability: bool,
     /// Ego that every other ego is compared with, and the rule that decides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gate: Option<(String, GateOn)>,
+    pub(crate) gate: Option<(String, GateOn)>,
     /// Region in which a regulation requires the ego to hold.
     ///
     /// It has a name and a formula on the first sample of a start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boundary: Option<(String, String)>,
     /// Pairs of an ego and an ado that are played.
-    pub units: Vec<Unit>,
+    pub(crate) units: Vec<Unit>,
 }
 
 /// World of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PlannedWorld {
+pub(crate) struct PlannedWorld {
     /// Name of the world.
-    pub name: String,
+    pub(crate) name: String,
     /// File in the directory of the plan.
-    pub file: String,
+    pub(crate) file: String,
     /// SHA-256 of that file.
-    pub sha256: String,
+    pub(crate) sha256: String,
     /// Plant to test on. `None`: the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub plant: Option<PlantKind>,
+    pub(crate) plant: Option<PlantKind>,
 }
 
 /// Run directory of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PlannedRun {
+pub(crate) struct PlannedRun {
     /// Path in the directory of the plan.
-    pub dir: String,
+    pub(crate) dir: String,
     /// SHA-256 of its policy.
-    pub policy_sha256: String,
+    pub(crate) policy_sha256: String,
     /// Seed of its training.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 /// Training that is a piece of the campaign.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PlannedTraining {
+pub(crate) struct PlannedTraining {
     /// Position of its world.
-    pub world: usize,
+    pub(crate) world: usize,
     /// Seed of the training.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Number of decisions. `None`: the world's own number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub decisions: Option<u64>,
+    pub(crate) decisions: Option<u64>,
 }
 
 /// Pair of an ego and an ado in a world, on all starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Unit {
+pub(crate) struct Unit {
     /// Position of the world.
-    pub world: usize,
+    pub(crate) world: usize,
     /// Ego, with its name in rows and its difference from the world's own.
-    pub ego: ChangedEgo,
+    pub(crate) ego: ChangedEgo,
     /// Ado of the unit.
-    pub ado: PlannedAdo,
+    pub(crate) ado: PlannedAdo,
     /// Number of starts.
-    pub starts: usize,
+    pub(crate) starts: usize,
     /// Number of starts per piece. The last piece may have fewer.
-    pub each: usize,
+    pub(crate) each: usize,
 }
 
 /// Ado of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub enum PlannedAdo {
+pub(crate) enum PlannedAdo {
     /// Neutral action all the time.
     Neutral,
     /// Random actions, each held for five decisions.
@@ -153,7 +153,7 @@ pub enum PlannedAdo {
 
 impl PlannedAdo {
     /// Returns the name in rows.
-    pub fn word(&self) -> String {
+    pub(crate) fn word(&self) -> String {
         match self {
             PlannedAdo::Neutral => "neutral".to_owned(),
             PlannedAdo::Held => "hold".to_owned(),
@@ -168,16 +168,16 @@ impl PlannedAdo {
 
 /// Piece of a campaign.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CampaignPiece {
+pub(crate) struct CampaignPiece {
     /// Number of the piece.
-    pub number: usize,
+    pub(crate) number: usize,
     /// Work of the piece.
-    pub work: Work,
+    pub(crate) work: Work,
 }
 
 /// Work of a piece.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Work {
+pub(crate) enum Work {
     /// Training of the plan.
     Training(usize),
     /// Starts of a unit of the plan.
@@ -191,7 +191,7 @@ pub enum Work {
 
 impl CampaignPiece {
     /// Returns the number of rows.
-    pub fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         match &self.work {
             Work::Training(_) => 0,
             Work::Starts { starts, .. } => starts.len(),
@@ -201,14 +201,14 @@ impl CampaignPiece {
 
 impl Unit {
     /// Returns the number of pieces of the unit.
-    pub fn pieces(&self) -> usize {
+    pub(crate) fn pieces(&self) -> usize {
         self.starts.div_ceil(self.each.max(1))
     }
 }
 
 impl Plan {
     /// Returns every piece in order.
-    pub fn pieces(&self) -> impl Iterator<Item = CampaignPiece> + '_ {
+    pub(crate) fn pieces(&self) -> impl Iterator<Item = CampaignPiece> + '_ {
         let trainings = (0..self.trainings.len()).map(Work::Training);
         let units = self.units.iter().enumerate();
         let starts = units.flat_map(|(unit, planned)| {
@@ -237,7 +237,7 @@ impl Plan {
     }
 
     /// Returns the piece of a number.
-    pub fn piece(&self, number: usize) -> Option<CampaignPiece> {
+    pub(crate) fn piece(&self, number: usize) -> Option<CampaignPiece> {
         // Trainings have the first numbers.
         let Some(mut nth) = number.checked_sub(self.trainings.len()) else {
             let work = Work::Training(number);

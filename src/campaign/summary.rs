@@ -76,121 +76,121 @@ impl UnitCounts {
 
 /// Pair of an ego and an ado in a world, or the mean over its trainings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SummaryRow {
+pub(crate) struct SummaryRow {
     /// Name of the world.
-    pub world: String,
+    pub(crate) world: String,
     /// The plant.
-    pub plant: Dynamics,
+    pub(crate) plant: Dynamics,
     /// Name of the ego.
-    pub ego: String,
+    pub(crate) ego: String,
     /// Name of the ado.
-    pub ado: String,
+    pub(crate) ado: String,
     /// Seed of the training.
     ///
     /// `None`: no training, or several ([`SummaryRow::trainings`]).
-    pub train_seed: Option<u64>,
+    pub(crate) train_seed: Option<u64>,
     /// Number of trainings that the row averages.
-    pub trainings: usize,
+    pub(crate) trainings: usize,
     /// Valid starts that are not trivial.
-    pub starts: usize,
+    pub(crate) starts: usize,
     /// Starts left out, because the nominal ego fails there by itself.
-    pub trivial: usize,
+    pub(crate) trivial: usize,
     /// Starts from which the ego fails.
-    pub fails: usize,
+    pub(crate) fails: usize,
     /// fails / starts.
-    pub success_rate: f64,
+    pub(crate) success_rate: f64,
     /// 95 % interval of the rate.
-    pub ci95: [f64; 2],
+    pub(crate) ci95: [f64; 2],
     /// Exact 95 % upper bound of the rate, if no start fails.
-    pub at_most: Option<f64>,
+    pub(crate) at_most: Option<f64>,
     /// Share of the starts solved by the unit's search that fail here too.
     ///
     /// `None`: no search played this ego, or it solves no start.
-    pub recall: Option<f64>,
+    pub(crate) recall: Option<f64>,
     /// Starts on which the ado broke a rule.
-    pub fouls: usize,
+    pub(crate) fouls: usize,
     /// Starts on which a violation does not count.
-    pub uncounted: usize,
+    pub(crate) uncounted: usize,
     /// Starts that ended in contact.
-    pub contacts: usize,
+    pub(crate) contacts: usize,
     /// Successes that CC_LATCHED or FSM would have avoided. `None`: not judged.
-    pub preventable: Option<usize>,
+    pub(crate) preventable: Option<usize>,
     /// Closing speed of the successes that end in contact.
-    pub closing_mps: Option<ClosingSpeed>,
+    pub(crate) closing_mps: Option<ClosingSpeed>,
     /// Starts with a fault of the ego or the physics.
-    pub invalid: usize,
+    pub(crate) invalid: usize,
     /// Number of episodes.
-    pub simulations: u64,
+    pub(crate) simulations: u64,
     /// Number of physics steps.
-    pub physics_steps: u64,
+    pub(crate) physics_steps: u64,
 }
 
 /// Comparison of a changed ego with the baseline, start by start.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GateVerdict {
+pub(crate) struct GateVerdict {
     /// Name of the world.
-    pub world: String,
+    pub(crate) world: String,
     /// The plant.
-    pub plant: Dynamics,
+    pub(crate) plant: Dynamics,
     /// Name of the ado.
-    pub ado: String,
+    pub(crate) ado: String,
     /// Seed of its training.
-    pub train_seed: Option<u64>,
+    pub(crate) train_seed: Option<u64>,
     /// Name of the changed ego.
-    pub ego: String,
+    pub(crate) ego: String,
     /// Name of the baseline ego.
-    pub baseline: String,
+    pub(crate) baseline: String,
     /// Starts that are valid and not trivial for both.
-    pub compared: usize,
+    pub(crate) compared: usize,
     /// Starts from which the ego fails and the baseline does not.
-    pub newly_failing: usize,
+    pub(crate) newly_failing: usize,
     /// Such starts that CC_LATCHED or FSM would have survived.
-    pub newly_preventable: usize,
+    pub(crate) newly_preventable: usize,
     /// First newly failing starts.
-    pub first: Vec<usize>,
+    pub(crate) first: Vec<usize>,
     /// Starts from which the baseline fails and the ego does not.
-    pub newly_fixed: usize,
+    pub(crate) newly_fixed: usize,
     /// Exact two-sided p-value of McNemar's test.
-    pub p_value: f64,
+    pub(crate) p_value: f64,
     /// Whether the gate blocks the change.
-    pub held_up: bool,
+    pub(crate) held_up: bool,
 }
 
 /// Grid of starts, cell by cell, over its last two axes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CellMap {
+pub(crate) struct CellMap {
     /// Name of the world.
-    pub world: String,
+    pub(crate) world: String,
     /// The plant.
-    pub plant: Dynamics,
+    pub(crate) plant: Dynamics,
     /// Name of the ego.
-    pub ego: String,
+    pub(crate) ego: String,
     /// Axis x: name, unit, values.
-    pub x: (String, String, Vec<f64>),
+    pub(crate) x: (String, String, Vec<f64>),
     /// Axis y: name, unit, values.
-    pub y: (String, String, Vec<f64>),
+    pub(crate) y: (String, String, Vec<f64>),
     /// Name and value of each further axis, if the grid has more than two.
-    pub at: Vec<(String, f64)>,
+    pub(crate) at: Vec<(String, f64)>,
     /// Position of its first cell among the starts.
-    pub first: usize,
+    pub(crate) first: usize,
     /// Names of the ados, in order.
-    pub ados: Vec<String>,
+    pub(crate) ados: Vec<String>,
     /// Outcome per ado and cell, row by row from the smallest y.
-    pub outcomes: Vec<Vec<StartOutcome>>,
+    pub(crate) outcomes: Vec<Vec<StartOutcome>>,
     /// Per ado and cell, whether CC_LATCHED or FSM would have avoided the failure.
-    pub preventable: Vec<Vec<Option<bool>>>,
+    pub(crate) preventable: Vec<Vec<Option<bool>>>,
 }
 
 /// Summary of a merged campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CampaignSummary {
+pub(crate) struct CampaignSummary {
     /// Row per unit, and a row per ado with several trainings.
-    pub rows: Vec<SummaryRow>,
+    pub(crate) rows: Vec<SummaryRow>,
     /// Comparison per changed ego. Empty: the campaign has no gate.
-    pub gates: Vec<GateVerdict>,
+    pub(crate) gates: Vec<GateVerdict>,
     /// Maps of a grid of starts. They are not in the JSON, because the rows are.
     #[serde(skip)]
-    pub maps: Vec<CellMap>,
+    pub(crate) maps: Vec<CellMap>,
 }
 
 impl CampaignSummary {
@@ -229,12 +229,12 @@ impl CampaignSummary {
     }
 
     /// Returns whether a gate of the campaign blocks a change.
-    pub fn is_held_up(&self) -> bool {
+    pub(crate) fn is_held_up(&self) -> bool {
         self.gates.iter().any(|gate| gate.held_up)
     }
 
     /// Returns the largest share of invalid starts in a row.
-    pub fn invalid_share(&self) -> f64 {
+    pub(crate) fn invalid_share(&self) -> f64 {
         let share = |row: &SummaryRow| {
             let all = row.starts + row.invalid;
             row.invalid as f64 / all.max(1) as f64

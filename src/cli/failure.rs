@@ -38,14 +38,14 @@ pub struct Failure {
     /// The exit code.
     pub exit: Exit,
     /// One or more messages.
-    pub notes: Vec<Note>,
+    pub(crate) notes: Vec<Note>,
     /// Last line, which is never wrapped.
     last_line: Option<String>,
 }
 
 /// One message with its place, where it has one.
 #[derive(Debug)]
-pub struct Note {
+pub(crate) struct Note {
     what: String,
     help: Option<String>,
     place: Option<(Excerpt, LabeledSpan)>,

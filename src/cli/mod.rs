@@ -45,7 +45,7 @@ use miette::GraphicalTheme;
 use serde_json::json;
 use strum::{EnumMessage, VariantArray};
 
-pub use failure::{Exit, Failure, Note};
+pub use failure::{Exit, Failure};
 use terminal::{Common, Program};
 
 use crate::report::TextTable;

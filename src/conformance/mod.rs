@@ -110,18 +110,18 @@ pub struct Nonconformity {
     /// The broken promise.
     pub promise: Promise,
     /// Episode, step and signal, where they are known.
-    pub place: Place,
+    pub(crate) place: Place,
     /// Observation.
     pub what: String,
 }
 
 /// Place of a broken promise. Steps count from the reset, which is step 0.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub(crate) struct Place {
     /// Episode and step.
-    pub step: Option<(u64, usize)>,
+    pub(crate) step: Option<(u64, usize)>,
     /// Name of the wrong signal or number.
-    pub signal: Option<String>,
+    pub(crate) signal: Option<String>,
 }
 
 impl fmt::Display for Place {

@@ -20,11 +20,13 @@ pub use minimize::{CLOSING, effort, shrink};
 pub use perturbation_robustness::persistence;
 pub use picture::{Inapplicable, UnknownViewKind, ViewKind, picture};
 pub use regressions::{RegressionError, Regressions};
-pub use replay::{Difference, Replayed, SavedCounterexample, newest_of_training, replay};
+pub(crate) use replay::newest_of_training;
+pub use replay::{Difference, Replayed, SavedCounterexample, replay};
 pub(crate) use reruns::KEEP_RUNS;
 pub(crate) use reruns::copies;
 pub use root_cause::{SubstituteDriver, decisive, last_chance, why};
+pub(crate) use save_crashes::file_stem;
 pub(crate) use save_crashes::keep_cells;
 pub use save_crashes::{
-    CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, description, file_stem,
+    CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, description,
 };

@@ -42,7 +42,7 @@ pub enum ViewKind {
 #[error("`{}` is neither a recording nor a picture", file.display())]
 pub struct UnknownViewKind {
     /// The file.
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
 }
 
 impl UnknownViewKind {

@@ -138,7 +138,7 @@ impl Replayed {
 ///
 /// # Errors
 /// The training stored none yet, or a file is damaged.
-pub fn newest_of_training(
+pub(crate) fn newest_of_training(
     run: &RunDir,
     skipped: usize,
     most: usize,

@@ -51,11 +51,11 @@ pub enum Form {
 #[non_exhaustive]
 pub struct KeepSettings {
     /// Selection.
-    pub choice: CrashSelection,
+    pub(crate) choice: CrashSelection,
     /// Form.
-    pub form: Form,
+    pub(crate) form: Form,
     /// Most runs per counterexample of an ego without copies, such as a program.
-    pub runs: u64,
+    pub(crate) runs: u64,
 }
 
 impl KeepSettings {
@@ -465,7 +465,7 @@ pub(crate) fn keep_cells(
 }
 
 /// Returns `WORLD-EGO-PLANT-SEED-INDEX` without characters that disturb a path.
-pub fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
+pub(crate) fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
     format!("{}{seed}-{index:04}", stem_of_ego(scenario, ego))
 }
 

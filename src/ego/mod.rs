@@ -59,14 +59,16 @@ mod traffic_light_acc;
 
 use serde::{Deserialize, Serialize};
 
-pub use actuator::{Actuated, Actuator};
+pub use actuator::Actuated;
+pub(crate) use actuator::Actuator;
 pub use fault::{Fault, FaultKind};
 pub(crate) use fault::{PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
 pub(crate) use process::DOCUMENT;
-pub use process::{Exercise, Finding, Hello, PROTOCOL, ProcessController, ProgramCost, exercise};
-pub use recorded::RecordedCommands;
-pub use room::LaneOccupancy;
+pub(crate) use process::Hello;
+pub use process::{Exercise, Finding, ProcessController, exercise};
+pub(crate) use recorded::RecordedCommands;
+pub(crate) use room::LaneOccupancy;
 pub use stock::*;
 pub use takeover::{FullBrake, Takeover};
 
@@ -253,11 +255,11 @@ pub struct Briefing {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoadGeometry {
     /// Number of lanes. Lane 0 is the rightmost, and its middle is the course.
-    pub lanes: usize,
+    pub(crate) lanes: usize,
     /// Width of a lane.
-    pub lane_width_m: f64,
+    pub(crate) lane_width_m: f64,
     /// The course in pieces. Around the pieces, or without any, it is straight.
-    pub pieces: Vec<RoadPiece>,
+    pub(crate) pieces: Vec<RoadPiece>,
 }
 
 /// A part of the course with constant curvature.

@@ -10,14 +10,14 @@ use super::{Command, Controller, Fault, Percept};
 /// whatever ego gave them. An episode with a non-deterministic ego can
 /// therefore be repeated bit for bit.
 #[derive(Clone, Debug)]
-pub struct RecordedCommands {
+pub(crate) struct RecordedCommands {
     commands: Arc<[Command]>,
     next: usize,
 }
 
 impl RecordedCommands {
     /// Creates an ego that repeats `commands`.
-    pub fn new(commands: Arc<[Command]>) -> RecordedCommands {
+    pub(crate) fn new(commands: Arc<[Command]>) -> RecordedCommands {
         RecordedCommands { commands, next: 0 }
     }
 }

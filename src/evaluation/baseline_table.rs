@@ -12,7 +12,7 @@ pub struct BaselineTable {
     /// The baselines and a search, ego by ego.
     pub rows: Vec<Row>,
     /// Rules that block success, for egos for which the search finds nothing.
-    pub in_the_way: Vec<RuleAblation>,
+    pub(crate) in_the_way: Vec<RuleAblation>,
 }
 
 /// Plays the baselines and a search with limited switches, ego by ego.

@@ -16,22 +16,22 @@ const LOOKED_AT: usize = 12;
 
 /// Numbers of starts from which the ego fails without certain rules.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RuleAblation {
+pub(crate) struct RuleAblation {
     /// Name of the ego.
-    pub ego: String,
+    pub(crate) ego: String,
     /// Number of searched starts.
-    pub starts: usize,
+    pub(crate) starts: usize,
     /// Starts solved without any rule.
-    pub without_all: usize,
+    pub(crate) without_all: usize,
     /// Starts solved without a single rule, rule by rule.
-    pub without: Vec<(String, usize)>,
+    pub(crate) without: Vec<(String, usize)>,
     /// Most switches of action in the searched sequences.
-    pub switches: usize,
+    pub(crate) switches: usize,
     /// Starts with a violation of the specification within the rules that does not count.
     ///
     /// `None` if every violation counts in this world.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub uncounted: Option<usize>,
+    pub(crate) uncounted: Option<usize>,
 }
 
 /// Searches the first of some starts again, without the rules.

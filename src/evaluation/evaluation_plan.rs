@@ -47,15 +47,15 @@ impl Evaluation<'_> {
 
 /// Explanation of the first counterexample of an ego.
 #[derive(Clone, Debug, serde::Serialize)]
-pub struct ExplainedCounterexample {
+pub(crate) struct ExplainedCounterexample {
     /// Name of the failing ego in rows.
-    pub ego: String,
+    pub(crate) ego: String,
     /// Position of the start among the test starts.
-    pub start: usize,
+    pub(crate) start: usize,
     /// Requirement behind ψ_ego, if the world names it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub requirement: Option<String>,
+    pub(crate) requirement: Option<String>,
     /// Deciding leaf, with its time and value.
     #[serde(rename = "explain")]
-    pub explanation: Explanation,
+    pub(crate) explanation: Explanation,
 }

@@ -15,17 +15,17 @@ mod sweep;
 mod table;
 
 pub use baseline_table::{BaselineTable, untrained};
-pub use blocking_rules::RuleAblation;
 pub use break_even::{BreakEven, PerStart, break_even};
 pub use error::EvaluationError;
-pub use evaluation_plan::{Evaluation, ExplainedCounterexample};
-pub use points::{
-    PointFailure, PointOutcome, PointResult, PointsRequest, PointsTable, VariedPoint, points,
-};
-pub use regression_gate::{Flipped, Gate, GateOn};
+pub use evaluation_plan::Evaluation;
+pub(crate) use points::PointOutcome;
+pub use points::{PointResult, PointsRequest, PointsTable, VariedPoint, points};
+pub(crate) use regression_gate::{Gate, GateOn};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use run_report::{GivenRows, ReportRequest};
 pub(crate) use search_table::counterexamples_for;
 pub use search_table::{SearchCampaign, SearchTable};
-pub use sweep::{Sweep, SweepError, SweepPoint, Swept};
-pub use table::{EvaluationTable, TheoremsChecked};
+pub use sweep::{Sweep, SweepError};
+pub(crate) use sweep::{SweepPoint, Swept};
+pub use table::EvaluationTable;
+pub(crate) use table::TheoremsChecked;

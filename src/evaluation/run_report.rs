@@ -107,7 +107,6 @@ impl<'a> ReportRequest<'a> {
         }
         let mut report = Report {
             scenario: self.scenario,
-            run: shown(run.path()),
             manifest: run.manifest(),
             trainings,
             nominal: None,

@@ -22,7 +22,7 @@ const ALPHA: f64 = 0.1;
 /// The paper's theorems, checked on a run.
 #[derive(Clone, Debug, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum TheoremsChecked {
+pub(crate) enum TheoremsChecked {
     /// Theorems 1 to 3 on a grid.
     Grid(Box<GridTheorems>),
     /// Theorem 3 and Lemma 1, on changed egos.
@@ -31,7 +31,7 @@ pub enum TheoremsChecked {
 
 impl TheoremsChecked {
     /// Returns whether a theorem is refuted, which is a bug of this program.
-    pub fn is_refuted(&self) -> bool {
+    pub(crate) fn is_refuted(&self) -> bool {
         match self {
             TheoremsChecked::Grid(checked) => checked.is_refuted(),
             TheoremsChecked::CarryOver(carried) => carried.rows.iter().any(|row| {
@@ -45,15 +45,15 @@ impl TheoremsChecked {
 /// Results of an evaluation, as far as it ran.
 pub struct EvaluationTable<'a> {
     /// Every ego that was played.
-    pub egos: Vec<ReusedOn>,
+    pub(crate) egos: Vec<ReusedOn>,
     /// First failure of each ego under the trained ado, with its explanation.
-    pub reasons: Vec<ExplainedCounterexample>,
+    pub(crate) reasons: Vec<ExplainedCounterexample>,
     /// Summary of the adaptation to each ego, if requested.
     pub adapted_to: Vec<AdaptedTo>,
     /// Error that ended the evaluation early, if any.
     pub failure: Option<EvaluationError>,
     /// The nominal ego's test starts.
-    pub starts: TestStarts,
+    pub(crate) starts: TestStarts,
     pub(crate) evaluation: Evaluation<'a>,
     policy: Box<dyn Policy>,
     /// Cell of each ego whose counterexamples are kept.
@@ -186,7 +186,10 @@ impl<'a> EvaluationTable<'a> {
     ///
     /// # Errors
     /// A theorem does not apply to the world.
-    pub fn theorems(&self, watch: &Watch<'_>) -> Result<Option<TheoremsChecked>, EvaluationError> {
+    pub(crate) fn theorems(
+        &self,
+        watch: &Watch<'_>,
+    ) -> Result<Option<TheoremsChecked>, EvaluationError> {
         let Evaluation { nominal, egos, .. } = self.evaluation;
         let own = EgoUnderTest::nominal(nominal);
         let policy = &*self.policy;

@@ -39,23 +39,23 @@ use xml::{XmlElement, number};
 
 /// Recorded counterexample to export.
 #[derive(Clone, Copy)]
-pub struct Crash<'a> {
+pub(crate) struct Crash<'a> {
     /// Name of the files, without an extension.
-    pub name: &'a str,
+    pub(crate) name: &'a str,
     /// World of the crash, with the ego that crashed.
-    pub scenario: DriveScenario<'a>,
+    pub(crate) scenario: DriveScenario<'a>,
     /// Name of the ego: `nominal`, or the name of a change.
-    pub ego: &'a str,
+    pub(crate) ego: &'a str,
     /// Episode of the crash.
-    pub episode: &'a Episode,
+    pub(crate) episode: &'a Episode,
     /// Passage up to the contact, or to the end of the episode.
-    pub recorded: &'a Passage,
+    pub(crate) recorded: &'a Passage,
     /// Motion after the contact, in worlds with `after_contact_s`.
-    pub after: Option<&'a FilmAfterContact>,
+    pub(crate) after: Option<&'a FilmAfterContact>,
     /// Passage to the horizon, simulated without contact ([`ghostly`][ghostly]).
     ///
     /// [ghostly]: crate::scene::drive::DriveWorld::ghostly
-    pub ghostly: &'a Passage,
+    pub(crate) ghostly: &'a Passage,
 }
 
 /// Texts of the three files of a crash.
@@ -87,7 +87,7 @@ impl Crash<'_> {
     /// # Errors
     ///
     /// Returns an error for a contact before any agent moved.
-    pub fn files(&self) -> Result<OpenX, OpenXError> {
+    pub(crate) fn files(&self) -> Result<OpenX, OpenXError> {
         let world = self.scenario.world();
         // Both passages fit on the written road, since both scenarios refer to
         // it.

@@ -29,10 +29,7 @@ mod outcome;
 mod reference_drive;
 mod replayer;
 
-pub use moments::CutIn;
-pub use outcome::{
-    DriverOutcome, Exoneration, Label, NotApplicable, Preventability, ReplayContact, Struck,
-};
+pub use outcome::{DriverOutcome, Label, NotApplicable, Preventability, ReplayContact, Struck};
 pub use reference_drive::Seat;
 pub use replayer::{FilmedDriver, RecordedEpisode, Replayer};
 

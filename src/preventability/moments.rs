@@ -19,19 +19,19 @@ const VISIBLE_MPS: f64 = 0.1;
 
 /// Cut-in as judged by UN R157 ¶5.2.5.2, when the other is 0.3 m inside.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CutIn {
+pub(crate) struct CutIn {
     /// Time of that instant.
-    pub time_s: f64,
+    pub(crate) time_s: f64,
     /// Time to collision at that instant, `None` if the gap did not close.
-    pub ttc_s: Option<f64>,
+    pub(crate) ttc_s: Option<f64>,
     /// Time to collision above which the contact must be avoided.
-    pub bound_s: f64,
+    pub(crate) bound_s: f64,
     /// True if the regulation demands avoidance. Otherwise it demands nothing.
-    pub demands_avoidance: bool,
+    pub(crate) demands_avoidance: bool,
     /// True if the other kept its speed within 1 m/s² until then.
-    pub constant_speed: bool,
+    pub(crate) constant_speed: bool,
     /// True if its lateral motion had been visible for 0.72 s.
-    pub visible: bool,
+    pub(crate) visible: bool,
 }
 
 /// Recorded bodies in lane coordinates: the ego and its traffic per sample.

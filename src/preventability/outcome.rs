@@ -69,7 +69,7 @@ pub enum NotApplicable {
 
 /// Reason why the ego is not at fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Exoneration {
+pub(crate) enum Exoneration {
     /// The ego was standing, at 0.5 m/s or less.
     Standing,
     /// The ego was struck from behind in its lane.
@@ -137,7 +137,7 @@ pub struct Preventability {
     pub not_applicable: Option<NotApplicable>,
     /// Reason why the ego is not at fault, `None` if it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub exonerated: Option<Exoneration>,
+    pub(crate) exonerated: Option<Exoneration>,
     /// True if a driver avoids it from the start, but not from the handover.
     ///
     /// The ego then caused the situation itself.
@@ -163,12 +163,12 @@ pub struct Preventability {
     pub foresight: Option<DriverOutcome>,
     /// Result of UN R157's formula for the cut-in, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cut_in: Option<CutIn>,
+    pub(crate) cut_in: Option<CutIn>,
 }
 
 impl Exoneration {
     /// Returns the reason as a clause, for tables and pages.
-    pub fn words(self) -> &'static str {
+    pub(crate) fn words(self) -> &'static str {
         match self {
             Exoneration::Standing => "the ego stands",
             Exoneration::StruckFromBehind => "the ego is struck from behind in its lane",

@@ -30,22 +30,22 @@ pub struct RecordedEpisode {
     traffic: Vec<usize>,
     lanes: LaneRecord,
     /// First sample at which a driver may have to react.
-    pub handover: Option<usize>,
+    pub(crate) handover: Option<usize>,
     /// The first sample at which the ideal driver brakes.
-    pub danger: Option<usize>,
+    pub(crate) danger: Option<usize>,
 }
 
 /// Replay for display.
 #[derive(Clone, Debug)]
 pub struct FilmedDriver {
     /// Sample of the episode at which the driver takes over.
-    pub from: usize,
+    pub(crate) from: usize,
     /// Positions of all agents at each sample from there on.
-    pub frames: Vec<Frame>,
+    pub(crate) frames: Vec<Frame>,
     /// Contact that the driver does not avoid, if any.
-    pub contact: Option<ContactEvent>,
+    pub(crate) contact: Option<ContactEvent>,
     /// Outcome of the driver.
-    pub outcome: DriverOutcome,
+    pub(crate) outcome: DriverOutcome,
 }
 
 /// Replayer of episodes in a world, with the data that they share.

@@ -30,12 +30,12 @@ use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount, FilmAfterContact};
 use crate::world::Scenario;
 
-pub use animation::Beside;
+pub(crate) use animation::Beside;
 pub(crate) use animation::looping_picture;
 pub(crate) use campaign::CampaignPage;
 pub(crate) use figures::sweep_curve;
 pub use figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
-pub use points::{PointCase, PointsPage};
+pub(crate) use points::{PointCase, PointsPage};
 pub(crate) use start_map::{CellState, MapCell, StartMap};
 pub use table::{TextTable, WIDTH, terminal_table};
 pub(crate) use verdict::outcome_in_words;
@@ -43,95 +43,93 @@ pub(crate) use verdict::outcome_in_words;
 /// Content of a report.
 pub struct Report<'a> {
     /// World with the nominal ego, on the plant of the run.
-    pub scenario: &'a Scenario,
-    /// Run directory as the reader should write it.
-    pub run: String,
+    pub(crate) scenario: &'a Scenario,
     /// Manifest of the run.
-    pub manifest: &'a Manifest,
+    pub(crate) manifest: &'a Manifest,
     /// Trainings of this run and of other runs on the same world.
-    pub trainings: Vec<Training>,
+    pub(crate) trainings: Vec<Training>,
     /// Nominal ego on test starts. `None` until a policy exists.
-    pub nominal: Option<Nominal>,
+    pub(crate) nominal: Option<Nominal>,
     /// Evaluated egos and ados.
-    pub tested: Vec<Tested>,
+    pub(crate) tested: Vec<Tested>,
     /// Origin of `tested`, and its number of starts.
-    pub about_tested: String,
+    pub(crate) about_tested: String,
     /// Simulations that methods of failure search cost.
-    pub costs: Vec<TestingCost>,
+    pub(crate) costs: Vec<TestingCost>,
     /// Notes to show first, such as unfinished training.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
     /// Faults of ego or physics above the allowed number. Empty if all is well.
-    pub faults: Vec<FaultCount>,
+    pub(crate) faults: Vec<FaultCount>,
     /// Commands that reproduce the report.
-    pub commands: Vec<String>,
+    pub(crate) commands: Vec<String>,
 }
 
 /// Course of one training.
-pub struct Training {
+pub(crate) struct Training {
     /// Run directory as the reader should write it.
-    pub run: String,
+    pub(crate) run: String,
     /// Manifest of the run.
-    pub manifest: Manifest,
+    pub(crate) manifest: Manifest,
     /// Progress, one point per report of the learner.
-    pub progress: Vec<Progress>,
+    pub(crate) progress: Vec<Progress>,
     /// Closing evaluation. Empty during training.
-    pub closing: Vec<Row>,
+    pub(crate) closing: Vec<Row>,
 }
 
 /// Nominal ego and trained ado on every test start.
-pub struct Nominal {
+pub(crate) struct Nominal {
     /// Rates and costs over all starts.
-    pub row: Row,
+    pub(crate) row: Row,
     /// Starts with their verdicts. `None` is trivial or not reached.
-    pub starts: Vec<(Start, Option<Verdict>)>,
+    pub(crate) starts: Vec<(Start, Option<Verdict>)>,
     /// Most informative counterexamples, the worst first.
-    pub highlights: Vec<Example>,
+    pub(crate) highlights: Vec<Example>,
 }
 
 /// Counterexample to show.
-pub struct Example {
+pub(crate) struct Example {
     /// Criterion of its selection, with the number.
-    pub chosen_for: String,
+    pub(crate) chosen_for: String,
     /// Position among the test starts.
-    pub start: usize,
+    pub(crate) start: usize,
     /// Episode up to the contact or the horizon.
-    pub episode: Episode,
+    pub(crate) episode: Episode,
     /// Places of all agents at each sample. Empty if it is not animated.
-    pub frames: Vec<Frame>,
+    pub(crate) frames: Vec<Frame>,
     /// Motion after the contact, in worlds that play it.
-    pub after: Option<FilmAfterContact>,
+    pub(crate) after: Option<FilmAfterContact>,
     /// Severity, cause and persistence.
-    pub about: About,
+    pub(crate) about: About,
     /// Links to its road, its replay and its scenario for an external ego.
     ///
     /// Empty if these files were not written.
-    pub scenarios: Vec<String>,
+    pub(crate) scenarios: Vec<String>,
 }
 
 /// Row, with the explanation of the ego's failure.
-pub struct Tested {
+pub(crate) struct Tested {
     /// Rates and costs over all starts.
-    pub row: Row,
+    pub(crate) row: Row,
     /// Explanation of the first counterexample.
-    pub why: Option<String>,
+    pub(crate) why: Option<String>,
 }
 
 /// Cost of testing n new starts: `fixed` + n · `per_start` simulations.
-pub struct TestingCost {
+pub(crate) struct TestingCost {
     /// Name of the method.
-    pub name: String,
+    pub(crate) name: String,
     /// Simulations before the first start.
-    pub fixed: f64,
+    pub(crate) fixed: f64,
     /// Simulations per start.
-    pub per_start: f64,
+    pub(crate) per_start: f64,
     /// Share of the starts that the method solves at this cost.
-    pub solves: f64,
+    pub(crate) solves: f64,
     /// True if the method solves as many starts as the trained ado.
     ///
     /// Otherwise equal success would cost more, and the break-even is a bound.
-    pub matched: bool,
+    pub(crate) matched: bool,
     /// Share solved with the given simulations per start. May be empty.
-    pub anytime: Vec<(f64, f64)>,
+    pub(crate) anytime: Vec<(f64, f64)>,
 }
 
 impl Report<'_> {

@@ -9,48 +9,48 @@ use crate::visible::visible_markup;
 use crate::world::Scenario;
 
 /// Page of one ego at the points of a world.
-pub struct PointsPage<'a> {
+pub(crate) struct PointsPage<'a> {
     /// World with the ego.
-    pub scenario: &'a Scenario,
+    pub(crate) scenario: &'a Scenario,
     /// Name of the ego.
-    pub ego: String,
+    pub(crate) ego: String,
     /// Number of passed points, in one sentence.
-    pub summary: String,
+    pub(crate) summary: String,
     /// Names of the start's axes.
-    pub axes: Vec<String>,
+    pub(crate) axes: Vec<String>,
     /// Points of the world.
-    pub points: Vec<PointCase>,
+    pub(crate) points: Vec<PointCase>,
     /// Failures, the worst first.
-    pub examples: Vec<Example>,
+    pub(crate) examples: Vec<Example>,
     /// Commands that reproduce the page.
-    pub commands: Vec<String>,
+    pub(crate) commands: Vec<String>,
 }
 
 /// Point on the page and in the JUnit file.
 #[derive(Clone, Debug)]
-pub struct PointCase {
+pub(crate) struct PointCase {
     /// Number of the point.
-    pub point: usize,
+    pub(crate) point: usize,
     /// Start, axis by axis.
-    pub start: Vec<String>,
+    pub(crate) start: Vec<String>,
     /// Outcome in words.
-    pub outcome: String,
+    pub(crate) outcome: String,
     /// Failure of the ego, if any.
-    pub failure: Option<String>,
+    pub(crate) failure: Option<String>,
     /// True if the ego or the physics failed to run.
-    pub invalid: bool,
+    pub(crate) invalid: bool,
     /// True if the point was not reached.
-    pub skipped: bool,
+    pub(crate) skipped: bool,
     /// Failure under a lawful variation.
     ///
     /// `Some("")` means that no variation fails, and `None` that none was
     /// searched.
-    pub varied: Option<String>,
+    pub(crate) varied: Option<String>,
 }
 
 impl PointsPage<'_> {
     /// Returns the page as HTML, without network access.
-    pub fn html(&self) -> String {
+    pub(crate) fn html(&self) -> String {
         let scenario = self.scenario;
         let all = self.examples.len();
         let page = html! {
@@ -98,7 +98,7 @@ impl PointsPage<'_> {
     }
 
     /// Returns the points as JUnit XML: a case each, and one per searched variation.
-    pub fn junit(&self) -> String {
+    pub(crate) fn junit(&self) -> String {
         let count = |which: &dyn Fn(&&PointCase) -> bool| self.points.iter().filter(which).count();
         // A variation is a case of its own, since the point itself may pass.
         let varied = count(&|it| it.varied.is_some());

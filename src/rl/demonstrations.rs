@@ -20,19 +20,19 @@ use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, check};
 #[serde(deny_unknown_fields, default)]
 pub struct Imitation {
     /// Share of every batch drawn from successes alone (0.25).
-    pub share: f64,
+    pub(crate) share: f64,
     /// Margin by which the action of a success should exceed the others (0.1).
-    pub margin: f64,
+    pub(crate) margin: f64,
     /// Weight of the margin loss beside the temporal-difference error (0.02).
     ///
     /// A larger weight only imitates.
-    pub weight: f64,
+    pub(crate) weight: f64,
     /// Share of the episodes that begin along a success (0.2).
     ///
     /// Half of them begin from the success's own start, half from another start.
-    pub guided: f64,
+    pub(crate) guided: f64,
     /// Number of recent successes kept for guidance (5000).
-    pub remembered: usize,
+    pub(crate) remembered: usize,
 }
 
 impl Default for Imitation {

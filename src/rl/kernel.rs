@@ -8,13 +8,13 @@
 use pulp::{Arch, Simd, WithSimd};
 
 /// Multiple of stored columns. The padding contains zeros.
-pub const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Rows of a result that are computed together.
 const ROWS: usize = 4;
 
 /// Rounds a number of columns up to a multiple of [`LANES`].
-pub const fn padded(columns: usize) -> usize {
+pub(crate) const fn padded(columns: usize) -> usize {
     columns.next_multiple_of(LANES)
 }
 
@@ -24,17 +24,17 @@ pub const fn padded(columns: usize) -> usize {
 /// the two strides for its transpose. `right` is `[depth, width]`, dense.
 /// `start` is `[width]`. `width` is a multiple of [`LANES`].
 #[derive(Clone, Copy, Debug)]
-pub struct Product<'a> {
+pub(crate) struct Product<'a> {
     /// Numbers of the left factor.
-    pub left: &'a [f32],
+    pub(crate) left: &'a [f32],
     /// Distance between rows of the left factor.
-    pub row: usize,
+    pub(crate) row: usize,
     /// Distance between columns of the left factor.
-    pub column: usize,
+    pub(crate) column: usize,
     /// Numbers of the right factor.
-    pub right: &'a [f32],
+    pub(crate) right: &'a [f32],
     /// Start of every row of the sum: the bias, or zeros.
-    pub start: &'a [f32],
+    pub(crate) start: &'a [f32],
 }
 
 impl Product<'_> {
@@ -42,7 +42,7 @@ impl Product<'_> {
     ///
     /// The code is compiled for several instruction sets and chosen at run time. All
     /// of them give the same bits.
-    pub fn write(&self, out: &mut [f32]) {
+    pub(crate) fn write(&self, out: &mut [f32]) {
         Arch::new().dispatch(Write {
             product: *self,
             out,

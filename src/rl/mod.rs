@@ -29,7 +29,7 @@ mod dqn;
 #[cfg(test)]
 #[path = "../../tests/support/example_learner.rs"]
 mod example_learner;
-pub mod kernel;
+pub(crate) mod kernel;
 mod learner;
 mod list;
 pub mod nn;

@@ -383,11 +383,11 @@ impl Mlp {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     /// Running mean of the gradient.
-    pub mean: Vec<f32>,
+    pub(crate) mean: Vec<f32>,
     /// Running mean of the gradient's square.
-    pub square: Vec<f32>,
+    pub(crate) square: Vec<f32>,
     /// Number of steps taken.
-    pub steps: u64,
+    pub(crate) steps: u64,
 }
 
 impl Adam {

@@ -18,11 +18,11 @@ use crate::world::file_bytes;
 
 /// Valid part of a growing file, as of the last checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Grown {
+pub(crate) struct Grown {
     /// Number of valid bytes. Later bytes were written after the checkpoint.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// SHA-256 of these bytes.
-    pub sha256: String,
+    pub(crate) sha256: String,
 }
 
 impl Grown {

@@ -365,7 +365,7 @@ pub(super) fn settings_of(scenario: &Scenario) -> String {
 }
 
 /// Returns a name as a file name, with `-` for all special characters.
-pub fn file_name(name: &str) -> String {
+pub(crate) fn file_name(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     name.chars().map(plain).collect()
 }

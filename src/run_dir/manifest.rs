@@ -68,23 +68,23 @@ const CONDITIONAL: &str = "conditional";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the layout.
-    pub format: u32,
+    pub(crate) format: u32,
     /// SHA-256 of the file with zeros in its place.
-    pub sha256: String,
+    pub(crate) sha256: String,
     /// Version of the program that trained.
-    pub brakecheck: String,
+    pub(crate) brakecheck: String,
     /// Operating system and processor of the training.
-    pub target: String,
+    pub(crate) target: String,
     /// Name of the world.
-    pub world: String,
+    pub(crate) world: String,
     /// SHA-256 of `world.ron`.
-    pub world_sha256: String,
+    pub(crate) world_sha256: String,
     /// Plant of the training.
     pub plant: Dynamics,
     /// Training seed.
     pub seed: u64,
     /// Decisions requested.
-    pub decisions: u64,
+    pub(crate) decisions: u64,
     /// Decisions taken so far.
     pub decisions_done: u64,
     /// Episodes finished so far.
@@ -111,16 +111,16 @@ pub struct Manifest {
     pub cpu_s: f64,
     /// Valid part of `progress.jsonl`.
     #[serde(default, skip_serializing_if = "Grown::is_nothing")]
-    pub progress: Grown,
+    pub(crate) progress: Grown,
     /// Report of the learner that is not yet a line of that file.
     #[serde(default, skip_serializing_if = "Window::is_empty")]
-    pub window: Window,
+    pub(crate) window: Window,
     /// Number of counterexamples. `None` for a training that stores none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub counterexamples: Option<StoredCount>,
+    pub(crate) counterexamples: Option<StoredCount>,
     /// Name of the learner among the world's `learners`. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub learner: Option<String>,
+    pub(crate) learner: Option<String>,
     /// Failures that the training looks for. Empty for any.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub goals: Vec<TrainingGoal>,
@@ -135,20 +135,20 @@ pub struct Manifest {
     /// The settings are JSON with sorted keys. `None` for a training by an earlier
     /// version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub settings_fingerprint: Option<String>,
+    pub(crate) settings_fingerprint: Option<String>,
     /// Settings of the learner, including defaults.
-    pub settings: serde_json::Value,
+    pub(crate) settings: serde_json::Value,
     /// Changed ego of the training. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ego: Option<ChangedEgo>,
+    pub(crate) ego: Option<ChangedEgo>,
     /// SHA-256 of `from.safetensors`, when fine-tuning.
     #[serde(default)]
-    pub from_sha256: Option<String>,
+    pub(crate) from_sha256: Option<String>,
     /// File of the checkpoint and its SHA-256, during training.
     #[serde(default)]
     pub checkpoint: Option<(String, String)>,
     /// SHA-256 of `policy.safetensors`, once it exists.
-    pub policy_sha256: Option<String>,
+    pub(crate) policy_sha256: Option<String>,
 }
 
 /// Search of training starts for demonstrations of a learner.
@@ -182,24 +182,24 @@ pub struct Done {
     /// Reason for the end, after training.
     pub ended: Option<TrainingEnd>,
     /// Episodes that no line of `progress.jsonl` covers yet.
-    pub window: Window,
+    pub(crate) window: Window,
 }
 
 /// Episodes since the last line of `progress.jsonl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Window {
+pub(crate) struct Window {
     /// Number of episodes.
-    pub episodes: u64,
+    pub(crate) episodes: u64,
     /// Episodes that the ado solved.
-    pub solved: u64,
+    pub(crate) solved: u64,
     /// Sum of their returns.
-    pub returns: f64,
+    pub(crate) returns: f64,
     /// Sum of the learner's mean losses.
     #[serde(default)]
-    pub losses: f64,
+    pub(crate) losses: f64,
     /// Number of updates with a loss.
     #[serde(default)]
-    pub updates: u64,
+    pub(crate) updates: u64,
 }
 
 impl Window {
@@ -284,9 +284,9 @@ impl Manifest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChangedEgo {
     /// Name in rows.
-    pub name: String,
+    pub(crate) name: String,
     /// Difference from the world's own ego.
-    pub change: Change,
+    pub(crate) change: Change,
 }
 
 impl ChangedEgo {

@@ -48,22 +48,25 @@ pub use about::{
 };
 pub use adversary_id::AdversaryId;
 pub(crate) use adversary_id::keys as adversary_keys;
-pub use append_log::Grown;
+pub(crate) use append_log::Grown;
 pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
 pub use contact_severity::{ClosingSpeed, ContactSeverity};
 pub use counterexample::{Counterexample, KeptError, csv_of, digests_of};
 pub use differences::{RequestedTraining, RunDifference};
 pub(crate) use disk::WholeFile;
-pub use disk::{file_name, make_dir, write_file};
+pub(crate) use disk::file_name;
+pub use disk::{make_dir, write_file};
 pub use error::RunError;
-pub use manifest::{ChangedEgo, Done, Manifest, Sought, Window};
+pub(crate) use manifest::Window;
+pub use manifest::{ChangedEgo, Done, Manifest, Sought};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
 pub use row::{Anytime, FailsAlone, FailureKind, Row, Unconfirmed};
 pub use run_lookup::RunsOnDisk;
 pub use samples::{SamplesError, trace_of_csv};
-pub use training_counterexamples::{Stored, StoredCount};
+pub use training_counterexamples::Stored;
+pub(crate) use training_counterexamples::StoredCount;
 
 use crate::content_hash::sha256;
 use crate::rl::{BundleError, TensorFile};
@@ -76,11 +79,11 @@ const FORMAT: u32 = 3;
 
 /// Optional start conditions of a training.
 #[derive(Clone, Debug, Default)]
-pub struct Beginning<'a> {
+pub(crate) struct Beginning<'a> {
     /// Policy to fine-tune.
-    pub from: Option<&'a TensorFile>,
+    pub(crate) from: Option<&'a TensorFile>,
     /// Changed ego to train against.
-    pub ego: Option<ChangedEgo>,
+    pub(crate) ego: Option<ChangedEgo>,
 }
 
 /// Open run directory.
@@ -115,7 +118,7 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if it exists with content, or cannot be written.
-    pub fn begin(
+    pub(crate) fn begin(
         path: &Path,
         scenario: &Scenario,
         seed: u64,

@@ -22,16 +22,16 @@ pub(crate) const MAX_STORED: u64 = 50_000;
 
 /// Number of counterexamples of a training, in the manifest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StoredCount {
+pub(crate) struct StoredCount {
     /// Lines of `counterexamples.jsonl`.
-    pub kept: u64,
+    pub(crate) kept: u64,
     /// Counterexamples found after the file was full.
-    pub dropped: u64,
+    pub(crate) dropped: u64,
     /// Valid bytes of `counterexamples.jsonl`.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// SHA-256 of these bytes. `None` until the first checkpoint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sha256: Option<String>,
+    pub(crate) sha256: Option<String>,
 }
 
 impl StoredCount {

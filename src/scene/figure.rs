@@ -8,7 +8,7 @@ const PERSON_M: f64 = 1.2;
 
 /// Shape in which a body is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BodyFigure {
+pub(crate) enum BodyFigure {
     /// A pedestrian.
     Person,
     /// A bicycle or a motorcycle, with its rider.
@@ -38,7 +38,7 @@ impl AgentDescription {
     ///
     /// A walking body that is as large as a car is a moving target dummy. It is
     /// drawn by its size and not as a stretched person.
-    pub fn figure(&self) -> BodyFigure {
+    pub(crate) fn figure(&self) -> BodyFigure {
         let [length_m, width_m, height_m] = self.size_m;
         if self.on_foot && length_m <= PERSON_M && width_m <= PERSON_M {
             BodyFigure::Person

@@ -3,13 +3,13 @@
 use super::Frame;
 
 /// A point on the ground in the world frame, in metres.
-pub type GroundPoint = [f64; 3];
+pub(crate) type GroundPoint = [f64; 3];
 
 /// Bounding box of all bodies, enlarged by a margin.
 ///
 /// Returns (least, greatest) of x and of y. Without any frame, the box is empty
 /// (infinite bounds reversed).
-pub fn reach<'a>(frames: impl IntoIterator<Item = &'a Frame>, margin_m: f64) -> [(f64, f64); 2] {
+pub(crate) fn reach<'a>(frames: impl IntoIterator<Item = &'a Frame>, margin_m: f64) -> [(f64, f64); 2] {
     let mut reach = [(f64::INFINITY, f64::NEG_INFINITY); 2];
     for placement in frames.into_iter().flat_map(|frame| &frame.placements) {
         for (axis, at) in reach.iter_mut().zip(placement.centre_m) {
@@ -24,7 +24,7 @@ pub fn reach<'a>(frames: impl IntoIterator<Item = &'a Frame>, margin_m: f64) -> 
 /// All borders must have equally many points, and points of equal index lie
 /// across the road from each other. The result has the same property. It is
 /// empty if the road does not enter the box.
-pub fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<GroundPoint>> {
+pub(crate) fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<GroundPoint>> {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return Vec::new();
     };
@@ -50,7 +50,7 @@ pub fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<Gr
 }
 
 /// Returns a line beside `line`, moved by `by_m` towards `across`.
-pub fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) -> Vec<GroundPoint> {
+pub(crate) fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) -> Vec<GroundPoint> {
     // The lower bound avoids 0/0 where the two lines touch.
     let moved =
         |(a, b): (&GroundPoint, &GroundPoint)| between(*a, *b, by_m / distance(*a, *b).max(1e-9));
@@ -60,7 +60,7 @@ pub fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) -> Vec<Gr
 /// Returns points every `every_m` along a line.
 ///
 /// On straight roads the points lie at whole multiples of the world's x.
-pub fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
+pub(crate) fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
     let mut points = Vec::new();
     // Starting at x and not at 0 keeps posts in place when a view is cut
     // elsewhere.
@@ -79,7 +79,7 @@ pub fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
 }
 
 /// Returns the straight-line distance in metres.
-pub fn distance(a: GroundPoint, b: GroundPoint) -> f64 {
+pub(crate) fn distance(a: GroundPoint, b: GroundPoint) -> f64 {
     let squares = (0..3).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
     squares.sum::<f64>().sqrt()
 }

@@ -9,13 +9,13 @@
 pub mod drive;
 mod figure;
 pub mod grid;
-pub mod ground;
+pub(crate) mod ground;
 mod record;
 mod world;
 
 use std::sync::Arc;
 
-pub use figure::BodyFigure;
+pub(crate) use figure::BodyFigure;
 pub use record::{BodySample, Motion, Passage};
 pub use world::{Availability, Derived, Dynamics, Observed, World};
 
@@ -213,7 +213,7 @@ impl AfterContact {
 
 /// Role of an agent, for viewers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub(crate) enum Role {
     /// The system under test.
     Ego,
     /// A learning adversary.
@@ -228,7 +228,7 @@ pub struct AgentDescription {
     /// Name in the world file.
     pub name: String,
     /// Role in the world.
-    pub role: Role,
+    pub(crate) role: Role,
     /// Name of its kind of body.
     pub body: String,
     /// Length, width and height of its body.

@@ -31,9 +31,9 @@ pub struct Motion {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
     /// Motion of all agents.
-    pub motion: Motion,
+    pub(crate) motion: Motion,
     /// Per sample, the phase of each light in the order of the world file.
-    pub phases: Vec<Vec<Phase>>,
+    pub(crate) phases: Vec<Vec<Phase>>,
 }
 
 impl Motion {

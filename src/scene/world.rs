@@ -104,9 +104,9 @@ impl Observed {
 #[derive(Clone, Debug)]
 pub struct Derived {
     /// Declaration of the signal.
-    pub signal: Signal,
+    pub(crate) signal: Signal,
     /// Expression of its value.
-    pub expr: crate::stl::Expr,
+    pub(crate) expr: crate::stl::Expr,
 }
 
 impl World {

@@ -46,30 +46,30 @@ pub struct Experiment<'a> {
 #[derive(Clone, Debug)]
 pub struct ExperimentCell {
     /// Ego under test, in the world that was played.
-    pub ego: EgoUnderTest,
+    pub(crate) ego: EgoUnderTest,
     /// Adversary, as kept counterexamples name it.
     pub adversary: AdversaryId,
     /// Test starts.
-    pub starts: TestStarts,
+    pub(crate) starts: TestStarts,
     /// Rates and costs over all starts.
     pub row: Row,
     /// Result per start. `None`: trivial or not reached.
-    pub results: Vec<Option<StartResult>>,
+    pub(crate) results: Vec<Option<StartResult>>,
 }
 
 /// Result of an adversary on one start.
 #[derive(Clone, Debug)]
-pub struct StartResult {
+pub(crate) struct StartResult {
     /// Outcome. A search that finds nothing gives `Held`.
-    pub outcome: StartOutcome,
+    pub(crate) outcome: StartOutcome,
     /// Verdict of the episode. `None`: a search has no verdict of its own.
-    pub verdict: Option<Verdict>,
+    pub(crate) verdict: Option<Verdict>,
     /// Closing speed, if the agents touched.
-    pub closing_speed_mps: Option<f64>,
+    pub(crate) closing_speed_mps: Option<f64>,
     /// Number of episodes.
-    pub simulations: u64,
+    pub(crate) simulations: u64,
     /// Physics steps spent.
-    pub physics_steps: u64,
+    pub(crate) physics_steps: u64,
     pub(crate) success: Option<RecordedSuccess>,
 }
 

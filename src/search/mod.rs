@@ -22,7 +22,8 @@ mod trials;
 mod uniform;
 
 pub(crate) use confirm::{Confirmed, Confirmer};
-pub use experiment::{Adversary, Experiment, ExperimentCell, StartResult};
+pub(crate) use experiment::StartResult;
+pub use experiment::{Adversary, Experiment, ExperimentCell};
 pub use found::SearchResult;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError};

@@ -5,11 +5,12 @@ mod optimization;
 mod outcomes;
 
 pub use interval::mcnemar;
-pub use interval::predicted;
+pub(crate) use interval::predicted;
 pub use interval::{
     at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
 pub(crate) use optimization::{
     CrossEntropySearch, SMALL_WEIGHTS, add_equation, descend, logistic, pick,
 };
-pub use outcomes::{Flips, Outcomes, StartOutcome, UnknownMark};
+pub(crate) use outcomes::Flips;
+pub use outcomes::{Outcomes, StartOutcome, UnknownMark};

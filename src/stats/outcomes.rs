@@ -131,20 +131,20 @@ impl From<Outcomes> for String {
 
 /// Comparison of the outcomes of two egos over the same starts.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Flips {
+pub(crate) struct Flips {
     /// Number of starts that are valid and not trivial for both.
-    pub compared: usize,
+    pub(crate) compared: usize,
     /// Starts from which the new ego fails and the old one does not.
-    pub newly_failing: Vec<usize>,
+    pub(crate) newly_failing: Vec<usize>,
     /// Starts from which the old ego fails and the new one does not.
-    pub newly_fixed: Vec<usize>,
+    pub(crate) newly_fixed: Vec<usize>,
     /// Starts from which both fail.
-    pub both_fail: Vec<usize>,
+    pub(crate) both_fail: Vec<usize>,
 }
 
 impl Flips {
     /// Compares two egos, start by start.
-    pub fn of(new: &[StartOutcome], old: &[StartOutcome]) -> Flips {
+    pub(crate) fn of(new: &[StartOutcome], old: &[StartOutcome]) -> Flips {
         use StartOutcome::{Solved, Unsolved};
         let mut flips = Flips::default();
         for (start, (new, old)) in new.iter().zip(old).enumerate() {
@@ -162,7 +162,7 @@ impl Flips {
     }
 
     /// Returns the exact p-value of McNemar's test on the flipped starts.
-    pub fn p_value(&self) -> f64 {
+    pub(crate) fn p_value(&self) -> f64 {
         mcnemar(self.newly_failing.len(), self.newly_fixed.len())
     }
 }

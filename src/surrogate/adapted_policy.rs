@@ -26,14 +26,14 @@ use crate::world::{DriveScenario, Scenario, file_bytes};
 /// Row of planned runs, with the strategies that the ado followed.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct AdaptedRow {
+pub(crate) struct AdaptedRow {
     /// The row.
-    pub evaluated: Evaluated,
+    pub(crate) evaluated: Evaluated,
     /// Starts on which the ado followed its trained policy throughout.
-    pub as_trained: usize,
+    pub(crate) as_trained: usize,
     /// Starts on which it followed the policy trained inside the surrogate throughout.
     /// `None`: no such policy was trained.
-    pub trained_on: Option<usize>,
+    pub(crate) trained_on: Option<usize>,
 }
 
 /// Record of a learned ego and of the ado's behaviour against it.
@@ -41,28 +41,28 @@ pub struct AdaptedRow {
 #[non_exhaustive]
 pub struct AdaptedTo {
     /// Name of the ego, as in the rows.
-    pub ego: String,
+    pub(crate) ego: String,
     /// Facts recorded while the ego was learned.
     #[serde(flatten)]
     pub learned: LearnedFrom,
     /// Way in which the ado acts.
-    pub acts: Acts,
+    pub(crate) acts: Acts,
     /// The same in words, with the reason.
-    pub how: String,
+    pub(crate) how: String,
     /// Expected share of solved starts.
     pub expected: f64,
     /// 95 % interval of `expected`.
     pub expected_ci95: [f64; 2],
     /// Test starts on which the ado followed its trained policy throughout.
-    pub starts_as_trained: usize,
+    pub(crate) starts_as_trained: usize,
     /// Test starts on which it followed the policy trained inside the surrogate.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub starts_trained_on: Option<usize>,
+    pub(crate) starts_trained_on: Option<usize>,
 }
 
 impl AdaptedTo {
     /// Builds the record from the learned facts and the row of test starts.
-    pub fn of(
+    pub(crate) fn of(
         (ego, world): (&str, &Scenario),
         learned: &LearnedFrom,
         row: &AdaptedRow,
@@ -169,7 +169,7 @@ impl LearnedEgo {
     /// Plans every start of `request` and plays it until its first success.
     ///
     /// A start gets at most `tries` runs. The ado of `request` must be `policy`.
-    pub fn eval(
+    pub(crate) fn eval(
         &self,
         request: &EvalRequest<'_>,
         policy: &dyn Policy,

@@ -23,38 +23,38 @@ pub(super) const MARGIN: usize = TERMS - 1;
 
 /// Brake that acts while the clear distance is less than a weighted sum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EmergencyBrake {
+pub(crate) struct EmergencyBrake {
     /// Deceleration, m/s².
-    pub brake_mps2: f64,
+    pub(crate) brake_mps2: f64,
     /// Time constant of the build-up, s.
-    pub lag_s: f64,
+    pub(crate) lag_s: f64,
     /// Stopping distance per own speed squared, s²/m.
-    pub own_s2_per_m: f64,
+    pub(crate) own_s2_per_m: f64,
     /// Stopping distance per other speed squared, which is subtracted, s²/m.
-    pub others_s2_per_m: f64,
+    pub(crate) others_s2_per_m: f64,
     /// Distance until the brakes act per own speed, s.
-    pub reaction_s: f64,
+    pub(crate) reaction_s: f64,
     /// Distance per closing speed, a time to collision, s.
-    pub closing_s: f64,
+    pub(crate) closing_s: f64,
     /// Distance per closing speed squared, s²/m.
-    pub closing_s2_per_m: f64,
+    pub(crate) closing_s2_per_m: f64,
     /// Distance to be left, m.
-    pub margin_m: f64,
+    pub(crate) margin_m: f64,
     /// Whether the brake acts only while the clear distance shrinks.
-    pub only_closing: bool,
+    pub(crate) only_closing: bool,
     /// Vehicles that count as being ahead.
-    pub counts: BrakedFor,
+    pub(crate) counts: BrakedFor,
 }
 
 /// Criterion by which a vehicle counts as being ahead.
 ///
 /// Its body must come nearer to the ego's path than `side_m` within `look_ahead_s`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct BrakedFor {
+pub(crate) struct BrakedFor {
     /// Free width at either side, m.
-    pub side_m: f64,
+    pub(crate) side_m: f64,
     /// Time for which lateral motion is extrapolated, s.
-    pub look_ahead_s: f64,
+    pub(crate) look_ahead_s: f64,
 }
 
 /// Criteria for vehicles ahead that are tried.

@@ -42,28 +42,28 @@ const LAST_UPDATES: u64 = 120_000;
 /// Request to learn an ego.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
-pub struct LearnEgoRequest<'a> {
+pub(crate) struct LearnEgoRequest<'a> {
     /// World with its own ego, which determines the trivial starts.
-    pub nominal: &'a Scenario,
+    pub(crate) nominal: &'a Scenario,
     /// World with the ego under test, which is only run.
-    pub ego: DriveScenario<'a>,
+    pub(crate) ego: DriveScenario<'a>,
     /// Policy of the trained ado.
-    pub policy: &'a dyn Policy,
+    pub(crate) policy: &'a dyn Policy,
     /// Bundle to continue training from inside the surrogate, if any.
-    pub bundle: Option<&'a TensorFile>,
+    pub(crate) bundle: Option<&'a TensorFile>,
     /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`].
-    pub runs: u64,
+    pub(crate) runs: u64,
     /// Kinds of stock controllers that are not compared with the ego.
     ///
     /// They are treated as unpublished.
-    pub unknown: &'a [&'a str],
+    pub(crate) unknown: &'a [&'a str],
     /// Seed of the starts and of the fit.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 impl<'a> LearnEgoRequest<'a> {
     /// Returns a request with seed 0 that compares the ego with every stock controller.
-    pub fn new(
+    pub(crate) fn new(
         nominal: &'a Scenario,
         ego: DriveScenario<'a>,
         policy: &'a dyn Policy,
@@ -81,7 +81,7 @@ impl<'a> LearnEgoRequest<'a> {
     }
 
     /// Sets the bundle to continue training from inside the surrogate.
-    pub fn bundle(self, bundle: &'a TensorFile) -> LearnEgoRequest<'a> {
+    pub(crate) fn bundle(self, bundle: &'a TensorFile) -> LearnEgoRequest<'a> {
         LearnEgoRequest {
             bundle: Some(bundle),
             ..self
@@ -89,12 +89,12 @@ impl<'a> LearnEgoRequest<'a> {
     }
 
     /// Sets the kinds of stock controllers that are not compared with the ego.
-    pub fn unknown(self, unknown: &'a [&'a str]) -> LearnEgoRequest<'a> {
+    pub(crate) fn unknown(self, unknown: &'a [&'a str]) -> LearnEgoRequest<'a> {
         LearnEgoRequest { unknown, ..self }
     }
 
     /// Sets the seed of the starts and of the fit.
-    pub fn seed(self, seed: u64) -> LearnEgoRequest<'a> {
+    pub(crate) fn seed(self, seed: u64) -> LearnEgoRequest<'a> {
         LearnEgoRequest { seed, ..self }
     }
 }
@@ -102,7 +102,7 @@ impl<'a> LearnEgoRequest<'a> {
 /// Way in which an ado acts against a learned ego.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Acts {
+pub(crate) enum Acts {
     /// Every start is planned in the surrogate.
     Planned,
     /// Every start is played by the trained policy.
@@ -118,31 +118,31 @@ pub enum Acts {
 #[non_exhaustive]
 pub struct LearnedFrom {
     /// Runs of the ego that were recorded.
-    pub runs: u64,
+    pub(crate) runs: u64,
     /// Prediction error of the surrogate. `None`: no run was long enough.
     pub error: Option<SurrogateError>,
     /// Runs of the last round, planned like the test starts.
-    pub planned: u64,
+    pub(crate) planned: u64,
     /// Planned runs in which the ego failed and the ado kept every rule.
-    pub planned_successes: u64,
+    pub(crate) planned_successes: u64,
     /// Runs of the first round in which the ado followed its trained policy.
-    pub as_trained: u64,
+    pub(crate) as_trained: u64,
     /// Such runs in which the ego failed and the ado kept every rule.
-    pub as_trained_successes: u64,
+    pub(crate) as_trained_successes: u64,
     /// Actions that are the same from every start, with their results.
     ///
     /// They are tried in the last round, in turn with the plans, if the surrogate does not
     /// predict the ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fixed: Option<TriedActions>,
+    pub(crate) fixed: Option<TriedActions>,
     /// Plant on which plans are judged.
     ///
     /// It is the kinematic plant where all vehicles move on it as on the world's own plant,
     /// which is slower.
-    pub judged_on: PlantKind,
+    pub(crate) judged_on: PlantKind,
     /// Emergency brake fitted to the ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub brake: Option<EmergencyBrake>,
+    pub(crate) brake: Option<EmergencyBrake>,
     /// Most similar stock controllers, the nearest first.
     #[serde(rename = "alike")]
     pub nearest: Vec<FittedModel>,
@@ -169,7 +169,7 @@ impl LearnedFrom {
     /// therefore exceed the upper bound of the plans' interval.
     /// The trained policy has few runs, so the lower bound of its interval must exceed the
     /// upper bound of the best alternative.
-    pub fn acts(&self) -> Acts {
+    pub(crate) fn acts(&self) -> Acts {
         let rate = |(successes, runs): (u64, u64)| successes as f64 / runs.max(1) as f64;
         let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
         let (planned, open_loop) = (self.by_plans(), self.by_open_loop());
@@ -202,12 +202,12 @@ impl LearnedFrom {
 
 /// Learned ego: its surrogate, and the expected success of plans in it.
 #[derive(Clone, Debug)]
-pub struct LearnedEgo {
+pub(crate) struct LearnedEgo {
     pub(super) surrogate: Arc<Surrogate>,
     /// Policy that the ado learned inside the surrogate.
     pub(super) fine_tuned: Option<Arc<TensorFile>>,
     /// Facts recorded while the ego was learned.
-    pub from: LearnedFrom,
+    pub(crate) from: LearnedFrom,
 }
 
 /// Records an ego and fits a surrogate to it.
@@ -216,7 +216,7 @@ pub struct LearnedEgo {
 ///
 /// Equal requests give equal results on any number of threads, if the ego is
 /// deterministic.
-pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
+pub(crate) fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
     let LearnEgoRequest {
         nominal,
         ego,

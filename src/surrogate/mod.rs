@@ -41,11 +41,10 @@ mod surrogate_error;
 mod surrogate_fit;
 mod surrogate_sim;
 
+pub use adapted_policy::AdaptedTo;
 pub(crate) use adapted_policy::learned;
-pub use adapted_policy::{AdaptedRow, AdaptedTo};
-pub use emergency_brake::{BrakedFor, EmergencyBrake};
 pub use fitted_model::FittedModel;
 pub(crate) use learn::LEAST_RUNS;
-pub use learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, learn_ego};
-pub use open_loop_actions::TriedActions;
+pub(crate) use learn::LearnEgoRequest;
+pub use learn::LearnedFrom;
 pub use surrogate_error::SurrogateError;

@@ -21,13 +21,13 @@ const STARTS: usize = 40;
 
 /// Actions tried on an ego, the same from every start.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TriedActions {
+pub(crate) struct TriedActions {
     /// Actions in order, the last action held.
-    pub actions: Vec<usize>,
+    pub(crate) actions: Vec<usize>,
     /// Runs of the ego under them.
-    pub runs: u64,
+    pub(crate) runs: u64,
     /// Runs in which the ego failed and the ado kept every rule.
-    pub successes: u64,
+    pub(crate) successes: u64,
 }
 
 /// Result of actions on the surrogate.

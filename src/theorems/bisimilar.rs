@@ -27,35 +27,35 @@ const CHOICE: u64 = 5;
 #[derive(Clone, Debug, Serialize)]
 pub struct Theorem3 {
     /// Name of the change.
-    pub changed: String,
+    pub(crate) changed: String,
     /// ε of the relation.
-    pub epsilon: f64,
+    pub(crate) epsilon: f64,
     /// Pairs of states within ε.
-    pub candidates: usize,
+    pub(crate) candidates: usize,
     /// Pairs of states in the relation.
-    pub related: usize,
+    pub(crate) related: usize,
     /// Sweeps of the fixpoint iteration.
-    pub sweeps: usize,
+    pub(crate) sweeps: usize,
     /// Smallest ε that relates a start pair. `None`: none, or not computed.
-    pub least_epsilon: Option<f64>,
+    pub(crate) least_epsilon: Option<f64>,
     /// Start pairs: a start of the changed grid and the coarse start that contains it.
-    pub starts: usize,
+    pub(crate) starts: usize,
     /// Related start pairs.
     pub related_starts: usize,
     /// Starts of the unchanged grid from which the optimal ado captures.
-    pub capturable: usize,
+    pub(crate) capturable: usize,
     /// Such starts from which the trained ado found a counterexample.
     ///
     /// The ado has converged if both numbers are equal.
-    pub found: usize,
+    pub(crate) found: usize,
     /// Smallest τ of the trained ado's counterexamples on the unchanged grid.
-    pub tau: Option<f64>,
+    pub(crate) tau: Option<f64>,
     /// Related start pairs with a counterexample from the unchanged start and ε < τ.
     pub inside: ReplayedOnGrid,
     /// Unrelated start pairs with a counterexample from the unchanged start.
     pub outside: ReplayedOnGrid,
     /// Broken promises of the theorem, each of which is a bug.
-    pub misses: usize,
+    pub(crate) misses: usize,
     /// Overall result of the check.
     pub outcome: TheoremOutcome,
 }

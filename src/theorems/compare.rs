@@ -39,13 +39,13 @@ pub struct Distance {
     /// ε: the largest distance of a secondary signal of ψ_ego or of a rule.
     ///
     /// Infinite if the other run ended earlier and cannot be compared.
-    pub epsilon: f64,
+    pub(crate) epsilon: f64,
     /// Signed increase of ψ_ego's margin at the deepest sample.
     ///
     /// `None` unless ψ_ego is an invariant.
-    pub rise: Option<f64>,
+    pub(crate) rise: Option<f64>,
     /// Distance of each rule's own secondary signals.
-    pub rules: Vec<f64>,
+    pub(crate) rules: Vec<f64>,
 }
 
 impl Witness {

@@ -18,10 +18,10 @@ pub use compare::{Distance, Witness};
 pub use forecast::Forecast;
 pub use grid::{GridTheorems, grid_theorems, optimal_values};
 pub use nearby::{
-    Approximation, DELTAS, Nearby, Theorem1, Theorem1Row, Theorem2, Theorem2Row, TheoremOutcome,
-    theorem_1, theorem_2,
+    Approximation, Nearby, Theorem1, Theorem1Row, Theorem2, Theorem2Row, TheoremOutcome, theorem_1,
+    theorem_2,
 };
-pub use transfer::{CarriedOver, CarryOver, Refused, Sharper, Spread, carry_over};
+pub use transfer::{CarriedOver, CarryOver, Refused, Sharper, carry_over};
 
 use crate::experiment::TestStarts;
 use crate::rl::Policy;

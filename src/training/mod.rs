@@ -14,7 +14,7 @@ mod training_search;
 
 pub use error::{OptionClash, SessionError};
 pub use goals::GoalTracker;
-pub use retrain_baseline::retrained;
+pub(crate) use retrain_baseline::retrained;
 pub use session::{Closing, TrainRequest, TrainSession};
 pub use train_loop::{TrainError, TrainingOutcome, train};
 pub use training_egos::TrainingGym;

@@ -226,9 +226,9 @@ impl<'a> Recording<'a> {
 /// Content of a recording, as messages for the viewer.
 pub struct Messages {
     /// Messages of the episode.
-    pub recording: Vec<LogMsg>,
+    pub(crate) recording: Vec<LogMsg>,
     /// Messages of the views and their arrangement.
-    pub layout: Vec<LogMsg>,
+    pub(crate) layout: Vec<LogMsg>,
 }
 
 /// Presence of an index of the chunks at the end of a stream.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use brakecheck::crashes::{SubstituteDriver, decisive, last_chance, shrink, why};
-use brakecheck::ego::{Acc, Controller, ControllerSpec, FullBrake, Takeover};
+use brakecheck::ego::{Controller, FullBrake, Takeover};
 use brakecheck::experiment::Watch;
 use brakecheck::rulebook::Verdict;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
@@ -111,17 +111,10 @@ fn the_last_chance_is_the_last_sample_from_which_braking_helps() {
 #[test]
 fn another_driver_may_be_asked() {
     let (world, episodes) = (acc(), acc_found());
-    let idle = ControllerSpec::Acc(Acc {
-        kp_per_s2: 0.0,
-        kd_per_s: 0.0,
-        standstill_headway_m: 0.0,
-        time_gap_s: 0.0,
-        max_brake_mps2: 0.0,
-        max_accel_mps2: 0.0,
-    });
+    let idle = || -> Box<dyn Controller> { Box::new(FullBrake { brake_mps2: 0.0 }) };
     let driver = SubstituteDriver {
         name: "nobody".to_owned(),
-        factory: Arc::new(move || idle.build()),
+        factory: Arc::new(idle),
     };
     let it = why(world, &episodes[0], Some(&driver));
     let chance = it.last_chance.clone().expect("driven");

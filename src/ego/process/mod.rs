@@ -26,13 +26,13 @@ use serde::{Deserialize, Serialize};
 
 pub use exercise::{Exercise, Finding, exercise};
 pub(crate) use protocol::DOCUMENT;
-pub use protocol::{Hello, PROTOCOL};
+pub(crate) use protocol::{Hello, PROTOCOL};
 
 use super::actuator::written_as;
 use super::{
     Actuated, Briefing, Command, Controller, Fault, FaultKind, Parameter, Percept, UnknownParameter,
 };
-pub use pool::ProgramCost;
+pub(crate) use pool::ProgramCost;
 use pool::{Pool, Talk};
 
 /// Longest timeout that a world may set.
@@ -177,7 +177,7 @@ impl Process {
     }
 
     /// Returns the cost of the program so far, in all episodes of all its clones.
-    pub fn cost(&self) -> ProgramCost {
+    pub(crate) fn cost(&self) -> ProgramCost {
         self.pool.cost()
     }
 

@@ -239,15 +239,15 @@ impl Talk {
 
 /// Cost of a program so far, in all episodes of a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ProgramCost {
+pub(crate) struct ProgramCost {
     /// Number of times that it was started.
-    pub starts: u64,
+    pub(crate) starts: u64,
     /// Episodes.
-    pub episodes: u64,
+    pub(crate) episodes: u64,
     /// Commands that it gave, one per sample.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Time of waiting for these commands, in seconds, added up over all workers.
-    pub waited_s: f64,
+    pub(crate) waited_s: f64,
 }
 
 /// Programs that wait for an episode, and their cost so far.

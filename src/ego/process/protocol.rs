@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::super::{Briefing, Percept};
 
 /// Version of the protocol.
-pub const PROTOCOL: u32 = 1;
+pub(crate) const PROTOCOL: u32 = 1;
 /// Document that defines the protocol.
 pub(crate) const DOCUMENT: &str = "docs/reference/ego-protocol.md";
 
@@ -61,15 +61,15 @@ pub(super) struct AskStep<'a> {
 
 /// Self-description of a program.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-pub struct Hello {
+pub(crate) struct Hello {
     /// Version of the protocol that it uses.
-    pub protocol: u32,
+    pub(crate) protocol: u32,
     /// Name of the program.
     #[serde(default)]
-    pub name: String,
+    pub(crate) name: String,
     /// Optional capabilities. `snapshot` is reserved.
     #[serde(default)]
-    pub capabilities: Vec<String>,
+    pub(crate) capabilities: Vec<String>,
     /// Key that only brakecheck sends. An echo reveals a program that repeats.
     #[serde(default, skip_serializing)]
     pub(super) program: Option<serde_json::Value>,

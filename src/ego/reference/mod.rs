@@ -155,13 +155,13 @@ impl Encounter {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pedal {
     /// Reaction time τ: time with danger that passes before it brakes.
-    pub reaction_s: f64,
+    pub(crate) reaction_s: f64,
     /// Deceleration during the reaction time.
-    pub waiting_mps2: f64,
+    pub(crate) waiting_mps2: f64,
     /// Rate at which braking builds up, infinite for at once.
-    pub jerk_mps3: f64,
+    pub(crate) jerk_mps3: f64,
     /// Hardest braking.
-    pub max_brake_mps2: f64,
+    pub(crate) max_brake_mps2: f64,
 }
 
 /// Duration of a driver's response to danger.

@@ -26,7 +26,7 @@ pub(super) mod tests;
 mod write;
 
 pub(super) use bodies::colour_class;
-pub use looping::Beside;
+pub(crate) use looping::Beside;
 pub(crate) use looping::looping_picture;
 use maud::{Markup, html};
 

@@ -16,8 +16,8 @@ use std::sync::Arc;
 use rand::RngExt;
 
 pub use arena::{Arena, AtWall, Cell, Position};
-pub use signals::GridSignalSource;
-pub use spec::{GridSpec, Horizon, Starts, position, position_of, start_of};
+pub(crate) use spec::position;
+pub use spec::{GridSpec, Horizon, Starts, position_of, start_of};
 
 use super::drive::SceneError;
 use super::{
@@ -48,7 +48,7 @@ struct GridLayout {
 
 /// A grid scene in motion.
 #[derive(Clone)]
-pub struct GridScene {
+pub(crate) struct GridScene {
     layout: Arc<GridLayout>,
     moment: PositionHistory,
     action: usize,
@@ -58,7 +58,7 @@ pub struct GridScene {
 ///
 /// # Errors
 /// Two signals have the same name.
-pub fn schema_of(spec: &GridSpec) -> Result<Schema, SchemaError> {
+pub(crate) fn schema_of(spec: &GridSpec) -> Result<Schema, SchemaError> {
     let published = spec.published().into_iter().map(|offer| offer.signal);
     let derived = spec.derived.iter().map(|derived| derived.signal.clone());
     Schema::new(spec.clock().sample_s, published.chain(derived))
@@ -123,7 +123,7 @@ impl GridWorld {
     }
 
     /// Returns a scene at rest. Call `reset` before use.
-    pub fn scene(&self) -> GridScene {
+    pub(crate) fn scene(&self) -> GridScene {
         let corner = Cell { x: 0, y: 0 };
         let both = Position {
             ego: corner,
@@ -173,15 +173,10 @@ impl GridWorld {
 }
 
 impl GridScene {
-    /// Returns the current position of both agents.
-    pub fn position(&self) -> Position {
-        self.moment.now
-    }
-
     /// Writes the ado's observation at a position after `step` steps.
     ///
     /// Both agents count as having stood still in the step before.
-    pub fn observe_at(&mut self, both: Position, step: u32, obs: &mut [f32]) {
+    pub(crate) fn observe_at(&mut self, both: Position, step: u32, obs: &mut [f32]) {
         let mut row = vec![0.0; self.layout.schema.len()];
         self.place(both);
         self.moment.step = step;

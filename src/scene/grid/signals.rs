@@ -48,13 +48,13 @@ impl Source {
 
 /// A signal that can be published, with the range by which it is observed.
 #[derive(Clone, Debug)]
-pub struct GridSignalSource {
+pub(crate) struct GridSignalSource {
     /// Declaration of the signal.
-    pub signal: Signal,
+    pub(crate) signal: Signal,
     /// Usual range, by which observations are scaled.
-    pub range: (f64, f64),
+    pub(crate) range: (f64, f64),
     /// True if every trace holds it. Otherwise it is published when mentioned.
-    pub always: bool,
+    pub(crate) always: bool,
     pub(super) source: Source,
 }
 
@@ -63,7 +63,7 @@ const USUAL_CELLS: f64 = 4.0;
 
 impl GridSpec {
     /// Returns every signal this scene can publish, except derived ones.
-    pub fn catalogue(&self) -> Vec<GridSignalSource> {
+    pub(crate) fn catalogue(&self) -> Vec<GridSignalSource> {
         let steps = f64::from(self.steps());
         // Constant instead of the map's size: a policy of one map then sees the
         // same numbers on a larger one.

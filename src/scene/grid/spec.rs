@@ -41,25 +41,25 @@ pub enum Starts {
 #[derive(Clone, Debug)]
 pub struct GridSpec {
     /// Name of the world, which is part of the key of every start.
-    pub world: String,
+    pub(crate) world: String,
     /// The map and the ego.
     pub arena: Arena,
     /// Horizon K.
-    pub horizon: Horizon,
+    pub(crate) horizon: Horizon,
     /// The ado's actions: cells to the right and up.
-    pub moves: Vec<(i32, i32)>,
+    pub(crate) moves: Vec<(i32, i32)>,
     /// The action that stays.
-    pub neutral: usize,
+    pub(crate) neutral: usize,
     /// Set of starts X_init.
-    pub starts: Starts,
+    pub(crate) starts: Starts,
     /// Signals published besides the basic ones, by name.
-    pub extra: Vec<String>,
+    pub(crate) extra: Vec<String>,
     /// Signals derived from the others, in order.
-    pub derived: Vec<Derived>,
+    pub(crate) derived: Vec<Derived>,
     /// Constants that derived signals may use.
-    pub constants: Constants,
+    pub(crate) constants: Constants,
     /// The ado's observation.
-    pub observe: Vec<Observed>,
+    pub(crate) observe: Vec<Observed>,
 }
 
 impl GridSpec {
@@ -118,7 +118,7 @@ impl GridSpec {
 }
 
 /// Converts a pair as a world file writes it.
-pub fn position((ego, ado): ((i32, i32), (i32, i32))) -> Position {
+pub(crate) fn position((ego, ado): ((i32, i32), (i32, i32))) -> Position {
     let cell = |(x, y)| Cell { x, y };
     Position {
         ego: cell(ego),

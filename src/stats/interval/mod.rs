@@ -23,7 +23,7 @@ mod tests;
 mod trainings;
 
 pub use mcnemar::mcnemar;
-pub use predicted::predicted;
+pub(crate) use predicted::predicted;
 
 use super::outcomes::{Outcomes, StartOutcome};
 use scores::{ScoreSide, Scores};

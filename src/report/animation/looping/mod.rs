@@ -48,11 +48,11 @@ svg .said{font-size:13px;fill:var(--ink)}svg .told{font-weight:700}.instant{fill
 .k-start{--key:var(--dim)}.k-decisive{--key:var(--ado)}.k-chance{--key:var(--good)}.k-broken{--key:#b26a00}.k-contact{--key:#c2273d}";
 
 /// Other driver in the ego's place.
-pub struct Beside {
+pub(crate) struct Beside {
     /// Description of the driver in a few words.
-    pub who: String,
+    pub(crate) who: String,
     /// Drive of that driver.
-    pub filmed: FilmedDriver,
+    pub(crate) filmed: FilmedDriver,
 }
 
 /// Returns a crash as one SVG that plays in a loop.
