@@ -257,9 +257,9 @@ pub struct RoadGeometry {
     /// Number of lanes. Lane 0 is the rightmost, and its middle is the course.
     pub(crate) lanes: usize,
     /// Width of a lane.
-    pub(crate) lane_width_m: f64,
+    pub lane_width_m: f64,
     /// The course in pieces. Around the pieces, or without any, it is straight.
-    pub(crate) pieces: Vec<RoadPiece>,
+    pub pieces: Vec<RoadPiece>,
 }
 
 /// A part of the course with constant curvature.

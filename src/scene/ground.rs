@@ -9,7 +9,10 @@ pub(crate) type GroundPoint = [f64; 3];
 ///
 /// Returns (least, greatest) of x and of y. Without any frame, the box is empty
 /// (infinite bounds reversed).
-pub(crate) fn reach<'a>(frames: impl IntoIterator<Item = &'a Frame>, margin_m: f64) -> [(f64, f64); 2] {
+pub(crate) fn reach<'a>(
+    frames: impl IntoIterator<Item = &'a Frame>,
+    margin_m: f64,
+) -> [(f64, f64); 2] {
     let mut reach = [(f64::INFINITY, f64::NEG_INFINITY); 2];
     for placement in frames.into_iter().flat_map(|frame| &frame.placements) {
         for (axis, at) in reach.iter_mut().zip(placement.centre_m) {
