@@ -137,9 +137,10 @@ impl EpisodeFrames {
             let shown = (&kept[..], &times_s[..]);
             let mut track = BodyTrack::of(who, &whole, shown, (recorded, column(who)));
             // A body that rolls freely does not brake.
-            for i in recorded..times_s.len() {
-                if hit_s(who).is_some_and(|hit_s| hit_s <= times_s[i]) {
-                    track.accel_mps2[i] = 0.0;
+            let accels = track.accel_mps2.iter_mut().zip(&times_s).skip(recorded);
+            for (accel_mps2, time_s) in accels {
+                if hit_s(who).is_some_and(|hit_s| hit_s <= *time_s) {
+                    *accel_mps2 = 0.0;
                 }
             }
             track
