@@ -138,7 +138,7 @@ fn a_kept_crash_has_the_motion_after_the_contact() {
 fn a_time_that_cannot_be_played_is_refused_at_its_place() {
     let refused = |after: &str| {
         let text = ROW.replace("AFTER", after).replace("OFFSET", "0.0");
-        let error = Scenario::parse("row.ron", &text).err().expect("refused");
+        let error = Scenario::parse("row.ron", &text).expect_err("refused");
         error.to_string()
     };
     let negative = refused("after_contact_s: -1.0,");
