@@ -22,7 +22,7 @@
 //! | scene | roads | `/verdict/mark` | where the ego was when the verdict became certain |
 //! | actions | all | `/actions/<ado>` | what the ado chose, decision by decision |
 //! | actions | all | `/lights/<light>` | the phases of a light, as coloured lanes |
-//! | events | all | `/verdict/events` | the log: actions, phases, violations, contact |
+//! | events | all | `/verdict/events` | the log: actions, phases, violations, contact, collisions after it |
 //! | running robustness | all | `/robustness/ego_spec` | running robustness of ψ_ego |
 //! | running robustness | all | `/robustness/rule/<name>` | and of each rule |
 //! | running robustness | all | `/robustness/zero` | the line that it crosses when a formula is lost |
