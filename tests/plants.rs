@@ -532,3 +532,36 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_changed_ground_brakes_from_the_next_advance_on() {
+    for kind in KINDS {
+        // Dry for a second, then wet, and the other way round.
+        for (first, second) in [(DRY, WET), (WET, DRY)] {
+            let mut car = Alone::new(kind, first, "sedan", 20.0);
+            car.run(drive(-30.0, 0.0), 1.0);
+            car.plant.set_ground(second);
+            let states = car.run(drive(-30.0, 0.0), 6.0);
+            let [before_mps2, after_mps2] = [first, second].map(|it| it.friction * GRAVITY_MPS2);
+            let speed_mps = 20.0 - before_mps2;
+            let way_m = 20.0 - 0.5 * before_mps2 + 0.5 * speed_mps * speed_mps / after_mps2;
+            let end = states.last().expect("sampled");
+            assert!(end.speed_mps.abs() < 1e-3, "{kind:?}");
+            let off_m = (end.pose.x_m - way_m).abs();
+            assert!(off_m < 0.01 * way_m, "{kind:?}: {off_m} of {way_m}");
+        }
+    }
+}
+
+#[test]
+fn a_changed_ground_limits_the_next_corner() {
+    for kind in KINDS {
+        let mut car = Alone::new(kind, DRY, "sedan", 20.0);
+        car.run(drive(0.0, 0.0), 0.5);
+        car.plant.set_ground(WET);
+        // 0.9 g is asked of tyres that have 0.4 g left.
+        car.run(drive(0.0, 0.9 * GRAVITY_MPS2 / 400.0), 2.0);
+        let lateral_g = car.lateral_g();
+        assert!((lateral_g - 0.4).abs() < 0.03, "{kind:?}: {lateral_g}");
+    }
+}

@@ -56,6 +56,8 @@ mod structures;
 mod trained;
 #[path = "worlds/warnings.rs"]
 mod warnings;
+#[path = "worlds/weather.rs"]
+mod weather;
 
 use std::path::PathBuf;
 

@@ -11,7 +11,7 @@ use crate::ego::{Controller, FullBrake, RecordedCommands, Takeover};
 use crate::experiment::{Watch, violated};
 use crate::rulebook::Verdict;
 use crate::run_dir::{Decisive, LastChance, NotAsked, Why};
-use crate::scene::drive::ControllerFactory;
+use crate::scene::drive::{ControllerFactory, DriveSpec};
 use crate::sim::GRAVITY_MPS2;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::{DriveScenario, Scenario};
@@ -30,7 +30,7 @@ impl SubstituteDriver {
     ///
     /// If starts draw the friction, pass the scenario [at a start](Scenario::at_start).
     pub fn full_brake(scenario: DriveScenario<'_>) -> SubstituteDriver {
-        SubstituteDriver::braking_by(scenario.spec().road.friction())
+        SubstituteDriver::braking_by(greatest_friction(scenario.spec()))
     }
 
     fn braking_by(friction: f64) -> SubstituteDriver {
@@ -40,6 +40,13 @@ impl SubstituteDriver {
             factory: Arc::new(move || Box::new(FullBrake { brake_mps2 })),
         }
     }
+}
+
+/// Returns the greatest friction of an episode. The plant caps braking at the present one.
+fn greatest_friction(spec: &DriveSpec) -> f64 {
+    let bounds = spec.weather.as_ref().and_then(|weather| weather.friction);
+    let road = spec.road.friction();
+    bounds.map_or(road, |bounds| bounds.hi.max(road))
 }
 
 /// Returns the cause of the failure in an episode of `scenario`.
@@ -77,7 +84,7 @@ pub(super) fn why_within(
             Some(driver) => last_chance(scenario, episode, driver),
             None => {
                 let begun = scenario.world().at_start(&episode.start);
-                let driver = SubstituteDriver::braking_by(begun.spec().road.friction());
+                let driver = SubstituteDriver::braking_by(greatest_friction(begun.spec()));
                 last_chance(scenario, episode, &driver)
             }
         }),

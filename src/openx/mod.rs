@@ -76,6 +76,12 @@ pub enum OpenXError {
     /// The passage has a single instant, and a trajectory takes two.
     #[error("it begins in contact, so nothing moves in it")]
     NoMotion,
+    /// The weather changes, which the files cannot state.
+    #[error("the weather `{name}` changes during the episode")]
+    ChangingWeather {
+        /// Name of the weather.
+        name: String,
+    },
     /// The XML writer failed, which is not expected in memory.
     #[error("writing XML failed: {0}")]
     Xml(#[from] io::Error),
@@ -86,8 +92,13 @@ impl Crash<'_> {
     ///
     /// # Errors
     ///
-    /// Returns an error for a contact before any agent moved.
+    /// Returns an error for a contact before any agent moved, and for weather that an
+    /// ado changes.
     pub(crate) fn files(&self) -> Result<OpenX, OpenXError> {
+        if let Some(weather) = &self.scenario.spec().weather {
+            let name = weather.name.clone();
+            return Err(OpenXError::ChangingWeather { name });
+        }
         let world = self.scenario.world();
         // Both passages fit on the written road, since both scenarios refer to
         // it.

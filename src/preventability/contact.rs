@@ -40,6 +40,10 @@ pub(super) fn reason_against(world: &DriveWorld, motion: &Motion) -> Option<NotA
     if motion.contact.is_none() {
         return Some(NotApplicable::NoContact);
     }
+    // A motion holds no friction, so a replay could not repeat it.
+    if world.spec().weather.is_some() {
+        return Some(NotApplicable::ChangingWeather);
+    }
     let (Some(with), Some((ego, other))) = (partner(world, motion), at_contact(world, motion))
     // The touch joins two other agents.
     else {

@@ -65,6 +65,8 @@ pub enum NotApplicable {
     FromBehind,
     /// Before the contact, no agent was ahead to react to.
     NobodyAhead,
+    /// The weather changes during the episode, and replays have that of the start.
+    ChangingWeather,
 }
 
 /// Reason why the ego is not at fault.
@@ -188,6 +190,7 @@ impl NotApplicable {
             NotApplicable::Oncoming => "the other was oncoming",
             NotApplicable::FromBehind => "the other came from behind",
             NotApplicable::NobodyAhead => "no road user was ahead",
+            NotApplicable::ChangingWeather => "the weather changed on the way",
         }
     }
 }

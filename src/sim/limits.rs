@@ -20,6 +20,8 @@ pub(super) struct VehicleLimits {
     drag_per_m: f64,
     /// Rolling resistance per mass.
     rolling_mps2: f64,
+    /// Factor of the tyres on the ground's friction.
+    grip: f64,
 }
 
 /// Motion of a vehicle along its path for one step.
@@ -51,7 +53,18 @@ impl VehicleLimits {
             lock_per_m: libm::tan(vehicle.max_steer_rad) / vehicle.wheelbase_m,
             drag_per_m: 0.5 * AIR_KG_PER_M3 * vehicle.drag_area_m2 / body.mass_kg,
             rolling_mps2: vehicle.rolling_resistance * GRAVITY_MPS2,
+            grip: vehicle.grip,
         }
+    }
+
+    /// Changes the ground.
+    pub(super) fn set_ground(&mut self, ground: Ground) {
+        self.grip_mps2 = self.slip_friction(ground) * GRAVITY_MPS2;
+    }
+
+    /// Returns the coefficient of friction of the tyres on a ground.
+    pub(super) fn slip_friction(&self, ground: Ground) -> f64 {
+        ground.friction * self.grip
     }
 
     /// Returns the motion under a commanded acceleration during `dt_s`.

@@ -218,6 +218,8 @@ pub trait Plant: Send {
     fn kind(&self) -> PlantKind;
     /// Removes all bodies and lays new ground. Time restarts at 0.
     fn clear(&mut self, ground: Ground);
+    /// Changes the ground under the bodies, from the next `advance` on.
+    fn set_ground(&mut self, ground: Ground);
     /// Puts a body on the ground, moving along its heading.
     ///
     /// The body coasts (a walker keeps walking) until its first command. It must be

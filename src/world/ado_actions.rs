@@ -41,7 +41,8 @@ pub(super) fn check(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, bo
                 })
                 .collect()
         }
-        Actions::Phases(_) => Vec::new(),
+        // Each rate has a range of its own, which `weather` checks.
+        Actions::Phases(_) | Actions::Rates(_) => Vec::new(),
         Actions::Deviate(added) => {
             let parts = [
                 ("accelerations", &added.accelerations),
@@ -86,6 +87,7 @@ pub(super) fn fits(actions: &Actions, body: ActsAs) -> bool {
         Actions::Accelerations(_) | Actions::Grid(_) => body == ActsAs::Vehicle,
         Actions::Walks(_) => body == ActsAs::Walker,
         Actions::Phases(_) => body == ActsAs::Light,
+        Actions::Rates(_) => body == ActsAs::Weather,
         // Deviations require a plan, and a plan belongs to one world.
         Actions::Deviate(_) => false,
     }
@@ -98,6 +100,9 @@ fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str
             "a traffic light has no way to plan",
             "leave `base` out; a light on a schedule has `drive: Schedule([…])`",
         )),
+        (Some(_), _) if body == ActsAs::Weather => {
+            Some(("weather has no way to plan", "leave `base` out"))
+        }
         (None, Actions::Deviate(_)) => Some((
             "there is no plan from which to deviate",
             "give the ado a `base: Script([…])` or `base: Meet(…)`",
@@ -116,6 +121,7 @@ pub(super) enum ActsAs {
     Vehicle,
     Walker,
     Light,
+    Weather,
 }
 
 impl From<BodyControl> for ActsAs {
@@ -133,6 +139,7 @@ impl ActsAs {
             ActsAs::Vehicle => "a vehicle",
             ActsAs::Walker => "a pedestrian",
             ActsAs::Light => "a traffic light",
+            ActsAs::Weather => "weather",
         }
     }
 
@@ -145,6 +152,7 @@ impl ActsAs {
                 "write `Walks([(0.0, 0.0), (0.0, 1.4)])`: along the road, to the left"
             }
             ActsAs::Light => "write `Phases([Hold, Advance])`",
+            ActsAs::Weather => "write `Rates([(friction_per_s: -0.1), (), (friction_per_s: 0.1)])`",
         }
     }
 }

@@ -17,9 +17,10 @@ use super::roads;
 use super::runs::WorldOrigin;
 use super::trained;
 use super::trained::run::TrainedFile;
+use super::weather;
 use crate::scene::drive::{
     Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, PlacedRoads,
-    Range, Road, Script, StartPlace, TrainedAdo,
+    Range, Road, Script, StartPlace, TrainedAdo, Weather,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
@@ -35,12 +36,13 @@ pub(super) struct Agents<'a> {
     pub(super) lights: Vec<Light>,
     /// Position of each light in the file's list.
     pub(super) light_entries: Vec<usize>,
+    pub(super) weather: Option<Weather>,
     pub(super) observed: Vec<(String, ValuePath)>,
     /// Place of the first ado's observations in the file.
     pub(super) observe: Option<ValuePath>,
     /// True if an ado has no `observe` and gets the default observation.
     pub(super) sees_usual: bool,
-    /// Rules of lights and road users, in the order of the file.
+    /// Rules of all ados, in the order of the file.
     pub(super) rules: Vec<RuleSpec>,
     /// Values to replace in the text.
     pub(super) written_out: Vec<(ValuePath, String)>,
@@ -66,6 +68,7 @@ impl Agents<'_> {
             entries: Vec::new(),
             lights: Vec::new(),
             light_entries: Vec::new(),
+            weather: None,
             observed: Vec::new(),
             observe: None,
             sees_usual: false,
@@ -79,7 +82,7 @@ impl Agents<'_> {
         for (i, entry) in file.agents.iter().enumerate() {
             let path = list.at(i);
             check::agent_name(problems, &path.to("name"), entry.name());
-            // Lights and road users share one name space, that of signals.
+            // All agents share one name space, that of signals.
             let mut before = file.agents[..i].iter();
             if before.any(|other| other.name() == entry.name()) {
                 let what = format!("two agents are called `{}`", entry.name());
@@ -101,6 +104,15 @@ impl Agents<'_> {
                             phase: *phase,
                             drive,
                         });
+                    }
+                }
+                AgentFile::Weather(entry) => {
+                    let drive = path.to("drive");
+                    ado_actions::check(problems, &drive, entry.drive.ado(), ActsAs::Weather);
+                    read.rules_of(problems, &drive, &entry.name, entry.drive.ado());
+                    let weather = weather::read(problems, &path, file, entry);
+                    if read.weather.replace(weather).is_some() {
+                        weather::second(problems, &path);
                     }
                 }
                 _ => {
@@ -201,8 +213,10 @@ impl Agents<'_> {
                 (name, body, lateral_m.0, facing, start, drive)
             }
             // Invariant: obstacles returned above, and the caller handles
-            // lights.
-            AgentFile::Obstacle { .. } | AgentFile::Light { .. } => return None,
+            // lights and weather.
+            AgentFile::Obstacle { .. } | AgentFile::Light { .. } | AgentFile::Weather(_) => {
+                return None;
+            }
         };
         if let DriveFile::Ego(_) = drive {
             roads::ego_on_its_own(problems, path, entry);

@@ -35,6 +35,12 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
         let help = Some("name drivers, of whom any is enough: by: [RSS]".to_owned());
         problems.add(&place.to("by"), what, "empty", help);
     }
+    let is_weather = |agent: &AgentFile| matches!(agent, AgentFile::Weather(_));
+    if matches!(file.counts, Counts::Preventable { .. }) && file.agents.iter().any(is_weather) {
+        let what = "reference drivers do not apply to weather that an ado changes".to_owned();
+        let help = Some("write counts: Contact(closing_mps: 3.0)".to_owned());
+        problems.add(&place, what, "nothing would count", help);
+    }
     if file.judge != JudgeKind::UntilContact {
         let what = format!(
             "judge {:?} ends an episode before the contact on which `counts` rests",
@@ -92,7 +98,7 @@ fn is_other_with_a_body(agent: &AgentFile) -> bool {
             !matches!(drive, DriveFile::Ego(_))
         }
         AgentFile::Obstacle { .. } => true,
-        AgentFile::Light { .. } => false,
+        AgentFile::Light { .. } | AgentFile::Weather(_) => false,
     }
 }
 

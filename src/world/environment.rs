@@ -2,7 +2,7 @@
 
 use super::check;
 use super::environment_file::RangePoint;
-use super::file::{NumberOrRange, ScenarioFile};
+use super::file::{AgentFile, NumberOrRange, ScenarioFile};
 use super::locate::ValuePath;
 use super::problems::Problems;
 use super::roads;
@@ -45,7 +45,21 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
         let place = road.to("pieces").at(piece).to("radius_m");
         (EnvironmentQuantity::ArcRadius { piece }, place, radius_m)
     });
-    let all = numbers.into_iter().chain(radii);
+    let agents = file.agents.iter().enumerate();
+    let visibility = agents.filter_map(|(i, agent)| {
+        let AgentFile::Weather(weather) = agent else {
+            return None;
+        };
+        let place = ValuePath::top().to("agents").at(i).to("start");
+        let place = place.to("visibility_m");
+        Some((
+            EnvironmentQuantity::Visibility,
+            place,
+            weather.start.visibility_m?,
+        ))
+    });
+    // A second weather is a mistake, and no second axis.
+    let all = numbers.into_iter().chain(radii).chain(visibility.take(1));
     let ranges = all.filter(|(_, _, it)| !it.0.is_fixed());
     ranges
         .map(|(quantity, place, NumberOrRange(range))| (quantity, place, range))
@@ -57,7 +71,10 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
 /// Returns the road and the sensors in the middle of them.
 pub(super) fn read(problems: &mut Problems, file: &ScenarioFile) -> (Road, Sensors) {
     for (quantity, place, range) in ranges(file) {
-        check::range(problems, &place, range);
+        // `weather` checks the range of its visibility.
+        if quantity != EnvironmentQuantity::Visibility {
+            check::range(problems, &place, range);
+        }
         let turns = matches!(quantity, EnvironmentQuantity::ArcRadius { .. });
         if turns && range.lo <= 0.0 && 0.0 <= range.hi {
             let what = format!("radii from {} to {} m turn both ways", range.lo, range.hi);

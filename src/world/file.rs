@@ -162,6 +162,7 @@ pub(super) enum AgentFile {
         phase: Phase,
         drive: LightFile,
     },
+    Weather(WeatherFile),
 }
 
 fn nothing() -> NumberOrRange {
@@ -178,7 +179,8 @@ impl AgentFile {
             AgentFile::Vehicle { name, .. }
             | AgentFile::Pedestrian { name, .. }
             | AgentFile::Obstacle { name, .. }
-            | AgentFile::Light { name, .. } => name,
+            | AgentFile::Light { name, .. }
+            | AgentFile::Weather(WeatherFile { name, .. }) => name,
         }
     }
 }
@@ -206,7 +208,7 @@ impl AgentFile {
             AgentFile::Vehicle { road, .. }
             | AgentFile::Pedestrian { road, .. }
             | AgentFile::Obstacle { road, .. } => road.as_deref(),
-            AgentFile::Light { .. } => None,
+            AgentFile::Light { .. } | AgentFile::Weather(_) => None,
         }
     }
 }
@@ -256,6 +258,46 @@ pub(super) enum LightFile {
     Schedule(Schedule),
     Trained(TrainedFile),
     Ado(AdoFile),
+}
+
+/// Weather: bounds of what it changes, its start and its ado.
+#[derive(Deserialize)]
+#[serde(rename = "Weather", deny_unknown_fields)]
+pub(super) struct WeatherFile {
+    pub(super) name: String,
+    pub(super) bounds: WeatherBoundsFile,
+    #[serde(default)]
+    pub(super) start: WeatherStartFile,
+    pub(super) drive: WeatherDriveFile,
+}
+
+/// Bounds of the weather. A quantity without bounds never changes.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct WeatherBoundsFile {
+    pub(super) friction: Option<NumberOrRange>,
+    pub(super) visibility_m: Option<NumberOrRange>,
+    pub(super) noise_scale: Option<NumberOrRange>,
+}
+
+/// Weather at the start. The friction is that of the road, and the factor on the noise 1.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct WeatherStartFile {
+    pub(super) visibility_m: Option<NumberOrRange>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) enum WeatherDriveFile {
+    Ado(AdoFile),
+}
+
+impl WeatherDriveFile {
+    pub(super) fn ado(&self) -> &AdoFile {
+        let WeatherDriveFile::Ado(ado) = self;
+        ado
+    }
 }
 
 #[derive(Deserialize)]

@@ -161,6 +161,7 @@ fn drive(problems: &mut Problems, path: &ValuePath, agent: &AgentFile) {
             }
             LightFile::Trained(_) => {}
         },
+        AgentFile::Weather(weather) => ado(problems, &path.at(0), weather.drive.ado()),
         AgentFile::Obstacle { .. } => {}
     }
 }
@@ -197,6 +198,7 @@ fn actions(actions: &Actions) -> usize {
         Actions::Grid(grid) => grid.accelerations.len().saturating_mul(grid.lateral.len()),
         Actions::Walks(all) => all.len(),
         Actions::Phases(all) => all.len(),
+        Actions::Rates(all) => all.len(),
         Actions::Deviate(added) => {
             let lateral = added.lateral_mps.len();
             added.accelerations.len().saturating_mul(lateral)

@@ -53,6 +53,7 @@ mod trained;
 mod vacuous;
 mod variants;
 mod warnings;
+mod weather;
 
 use std::path::Path as FilePath;
 

@@ -11,7 +11,7 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 28] = [
+const WORLDS: [(&str, &str); 30] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_letter"),
@@ -22,6 +22,7 @@ const WORLDS: [(&str, &str); 28] = [
     world!("crossroads"),
     world!("cut_in"),
     world!("cut_in_clear"),
+    world!("fog_queue"),
     world!("grid"),
     world!("grid_hard"),
     world!("light_ado"),
@@ -36,6 +37,7 @@ const WORLDS: [(&str, &str); 28] = [
     world!("pedestrian_hit"),
     world!("sandwich"),
     world!("turn_across"),
+    world!("wet_bend"),
     world!("yellow_light"),
     world!("yellow_light_fixed"),
     world!("yellow_light_letter"),

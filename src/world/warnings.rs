@@ -201,6 +201,9 @@ impl Warnings {
                     self.drive(&path.to("drive"), drive);
                 }
                 AgentFile::Obstacle { .. } => {}
+                AgentFile::Weather(weather) => {
+                    self.driven_ado(&path.to("drive"), weather.drive.ado());
+                }
                 AgentFile::Light { drive, .. } => {
                     if let LightFile::Ado(ado) = drive {
                         self.driven_ado(&path.to("drive"), ado);

@@ -293,6 +293,10 @@ fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
             Exit::Input,
             "such a start fails by itself: begin with more room between the two",
         ),
+        ExportRefusal::OpenX(OpenXError::ChangingWeather { .. }) => (
+            Exit::Input,
+            "name counterexamples of worlds without `Weather`; `brakecheck view` shows this one",
+        ),
         ExportRefusal::OpenX(OpenXError::Xml(_)) => (Exit::Fault, "please report it"),
         ExportRefusal::Differs { .. } => (
             Exit::NotIdentical,

@@ -152,7 +152,9 @@ fn described(set: &Actions, action: usize) -> (String, MoveKind) {
             }
         }
         Actions::Walks(list) => on_foot(list[action]),
-        Actions::Phases(_) | Actions::Deviate(_) => (set.label(action), MoveKind::Goes),
+        Actions::Phases(_) | Actions::Deviate(_) | Actions::Rates(_) => {
+            (set.label(action), MoveKind::Goes)
+        }
     }
 }
 

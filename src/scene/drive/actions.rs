@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::weather::WeatherRates;
+
 /// Action set of an ado.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Actions {
@@ -15,6 +17,8 @@ pub enum Actions {
     Phases(Vec<PhaseAction>),
     /// Deviations from the plan of an agent.
     Deviate(Deviation),
+    /// Rates of change of the weather.
+    Rates(Vec<WeatherRates>),
 }
 
 /// All pairs of an acceleration and a lateral speed, added to a plan.
@@ -93,6 +97,7 @@ pub(super) enum Maneuver {
     Drive { accel_mps2: f64, lateral_mps: f64 },
     Walk { along_mps: f64, left_mps: f64 },
     Turn(PhaseAction),
+    Change(WeatherRates),
 }
 
 impl Maneuver {
@@ -111,6 +116,7 @@ impl Actions {
             Actions::Grid(grid) => grid.accelerations.len() * grid.lateral.len(),
             Actions::Walks(list) => list.len(),
             Actions::Phases(list) => list.len(),
+            Actions::Rates(list) => list.len(),
             Actions::Deviate(added) => added.accelerations.len() * added.lateral_mps.len(),
         }
     }
@@ -146,6 +152,7 @@ impl Actions {
                 PhaseAction::Hold => "hold".to_owned(),
                 PhaseAction::Advance => "advance".to_owned(),
             },
+            Actions::Rates(list) => list[action].label(),
             Actions::Deviate(added) => match added.at(action) {
                 (0.0, 0.0) => "as planned".to_owned(),
                 (accel_mps2, 0.0) => format!("{accel_mps2:+} m/s² on the plan"),
@@ -161,7 +168,8 @@ impl Actions {
     ///
     /// The difference of the commanded physical values, as a share of the
     /// largest difference in this set. In a grid both parts weigh one half.
-    /// Actions of a light are equal (0) or different (1).
+    /// The three rates of the weather weigh one third each. Actions of a light
+    /// are equal (0) or different (1).
     pub fn distance(&self, a: usize, b: usize) -> f64 {
         let among = |list: &[f64], a: f64, b: f64| {
             let least = list.iter().copied().fold(f64::INFINITY, f64::min);
@@ -186,6 +194,16 @@ impl Actions {
                 share(apart(list[a], list[b]), most)
             }
             Actions::Phases(list) => f64::from(u8::from(list[a] != list[b])),
+            Actions::Rates(list) => {
+                let of = |part: usize| -> Vec<f64> {
+                    list.iter().map(|rates| rates.parts()[part].0).collect()
+                };
+                let apart = |part: usize| {
+                    let values = of(part);
+                    among(&values, values[a], values[b])
+                };
+                (apart(0) + apart(1) + apart(2)) / 3.0
+            }
             Actions::Deviate(added) => {
                 let ((a, a_left), (b, b_left)) = (added.at(a), added.at(b));
                 0.5 * (among(&added.accelerations, a, b)
@@ -197,8 +215,8 @@ impl Actions {
     /// Returns the hardest braking and the hardest acceleration, both without
     /// lateral motion.
     ///
-    /// On foot these are the velocities against and along the road. For a light
-    /// both are to hold.
+    /// On foot these are the velocities against and along the road. For the weather
+    /// they are its worst and its best change. For a light both are to hold.
     pub(super) fn hardest(&self) -> [usize; 2] {
         let ends = |list: &mut dyn Iterator<Item = (usize, f64)>| {
             let all: Vec<(usize, f64)> = list.collect();
@@ -223,6 +241,7 @@ impl Actions {
                 ends(&mut added.accelerations.iter().copied().enumerate()).map(|end| from + end)
             }
             Actions::Walks(list) => ends(&mut list.iter().map(|walk| walk.0).enumerate()),
+            Actions::Rates(list) => ends(&mut list.iter().map(WeatherRates::mildness).enumerate()),
             Actions::Phases(list) => {
                 let hold = list.iter().position(|turn| *turn == PhaseAction::Hold);
                 [hold.unwrap_or(0); 2]
@@ -249,6 +268,7 @@ impl Actions {
                 left_mps: list[action].1,
             },
             Actions::Phases(list) => Maneuver::Turn(list[action]),
+            Actions::Rates(list) => Maneuver::Change(list[action]),
             Actions::Deviate(added) => {
                 let (accel_mps2, lateral_mps) = added.at(action);
                 Maneuver::Drive {

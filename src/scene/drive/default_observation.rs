@@ -9,7 +9,7 @@ impl DriveSpec {
     ///
     /// It holds the headway of every agent from the ego, obstacles included,
     /// all speeds and the ego's acceleration. It also holds the lights with
-    /// their time, and the time left. Lateral signals are added where agents
+    /// their time, the changing weather and the time left. Lateral signals are added where agents
     /// can move sideways.
     pub fn usual_observation(&self) -> Vec<String> {
         let Some(ego) = self.egos().next() else {
@@ -49,6 +49,15 @@ impl DriveSpec {
             seen.push(format!("{}.phase", light.name));
             seen.push(format!("{}.phase_time", light.name));
             seen.push(format!("{}.{}.line", name(ego), light.name));
+        }
+        if let Some(weather) = &self.weather {
+            let parts = [
+                ("friction", weather.friction),
+                ("visibility", weather.visibility_m),
+                ("noise", weather.noise_scale),
+            ];
+            let changing = parts.iter().filter(|(_, bounds)| bounds.is_some());
+            seen.extend(changing.map(|(part, _)| format!("{}.{part}", weather.name)));
         }
         seen.push("time_left".to_owned());
         seen
@@ -116,6 +125,12 @@ impl DriveSpec {
             Of::Light => seen
                 .iter()
                 .any(|s| s.quantity.of == Of::Light && s.whose[0] == a),
+            // The ado chooses the rates, so a value covers its rate.
+            Of::Weather => {
+                let value = wanted.quantity.name.trim_end_matches("_rate");
+                seen.iter()
+                    .any(|s| s.quantity.of == Of::Weather && s.quantity.name == value)
+            }
             Of::AgentAndLight => {
                 let line =
                     |s: &SignalReading| s.quantity.of == Of::AgentAndLight && s.whose == [a, b];

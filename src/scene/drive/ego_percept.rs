@@ -57,7 +57,8 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
         width_m: body.width_m,
     };
     let others = (0..spec.agents.len()).filter(|&i| i != ego);
-    if spec.sensors.line_of_sight {
+    let visible = line_of_sight::perceived(scene, ego);
+    if visible.is_some() {
         // An agent that was hidden in the last sample may be visible again.
         percept.others = blank(spec, ego).others;
     }
@@ -73,10 +74,9 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
         seen.yaw_rate_rad_per_s = scene.states[i].yaw_rate_rad_per_s;
         in_ego_frame(seen, state, &scene.states[i]);
     }
-    if spec.sensors.line_of_sight {
+    if let Some(visible) = visible {
         // Filtered last: the agents above are matched by position, which gaps
         // would shift.
-        let visible = line_of_sight::visible(spec, &scene.states, ego);
         let mut sees = others.map(|i| visible[i]);
         percept.others.retain(|_| sees.next().unwrap_or(true));
     }

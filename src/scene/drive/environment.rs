@@ -1,6 +1,7 @@
-//! Quantities of the environment that starts draw: the road and the sensors.
+//! Quantities of the environment that starts draw: road, sensors and weather.
 
 use super::range::Range;
+use super::spec::DriveSpec;
 use crate::scene::Axis;
 
 /// Quantity of the environment.
@@ -21,6 +22,8 @@ pub enum EnvironmentQuantity {
         /// Position of the arc among the pieces of the road, from 0.
         piece: usize,
     },
+    /// Visibility at the start, in weather that an ado changes.
+    Visibility,
 }
 
 /// Quantity of the environment with its range.
@@ -56,7 +59,7 @@ impl EnvironmentQuantity {
     }
 
     /// Returns the name and the unit of its axis.
-    fn axis(self) -> (String, &'static str) {
+    fn axis(self, spec: &DriveSpec) -> (String, &'static str) {
         let (name, unit) = match self {
             EnvironmentQuantity::Friction => ("road.friction", ""),
             EnvironmentQuantity::SensorDelay => ("sensors.delay", "s"),
@@ -65,6 +68,11 @@ impl EnvironmentQuantity {
             EnvironmentQuantity::LaneWidth => ("road.lane_width", "m"),
             EnvironmentQuantity::ArcRadius { piece } => {
                 return (format!("road.piece{}.radius", piece + 1), "m");
+            }
+            EnvironmentQuantity::Visibility => {
+                let weather = spec.weather.as_ref();
+                let name = weather.map_or("weather", |weather| weather.name.as_str());
+                return (format!("{name}.visibility"), "m");
             }
         };
         (name.to_owned(), unit)
@@ -93,8 +101,8 @@ impl EnvironmentRange {
     }
 
     /// Returns the axis of X_init.
-    pub(super) fn axis(&self) -> Axis {
-        let (name, unit) = self.quantity.axis();
+    pub(super) fn axis(&self, spec: &DriveSpec) -> Axis {
+        let (name, unit) = self.quantity.axis(spec);
         Axis {
             name,
             unit,

@@ -263,6 +263,11 @@ fn input(
         Of::Pair => [agent(a)?, agent(b)?],
         Of::Light => [light(a)?, 0],
         Of::AgentAndLight => [agent(a)?, light(b)?],
+        // Weather of another world would have other bounds.
+        Of::Weather => {
+            let name = home.names.weather.as_deref().unwrap_or_default();
+            return Err(no_agent(&needed.signal.name, name));
+        }
     };
     let source = SignalReading { quantity, whose };
     // A quantity can exist in the training world and be meaningless here,

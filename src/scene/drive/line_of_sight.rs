@@ -1,13 +1,15 @@
-//! Line of sight of the ego: agents hidden behind vehicles.
+//! Sight of the ego: agents hidden behind vehicles or by the weather.
 //!
 //! The ego looks from the middle of its front bumper. An agent is seen if at
 //! least one of five points of its box is visible: a corner or the middle. A
 //! point is hidden if the straight line to it crosses the box of a third body
 //! on wheels, parked or moving, whatever its height. Pedestrians hide nothing.
+//! Weather hides every agent whose box is farther away than the visibility.
 
 use nalgebra::Point2;
 
 use super::spec::DriveSpec;
+use super::state::SceneState;
 use crate::sim::{Body, BodyState, GroundFrame, Pose};
 
 /// Outline of a body from above.
@@ -45,6 +47,14 @@ impl Footprint {
         ]
     }
 
+    /// Returns the distance from a point to the box, 0 inside.
+    fn distance_m(&self, from: Point2<f64>) -> f64 {
+        let at = self.frame.to_local(from);
+        let ahead_m = (at[0].abs() - self.half_length_m).max(0.0);
+        let left_m = (at[1].abs() - self.half_width_m).max(0.0);
+        (ahead_m * ahead_m + left_m * left_m).sqrt()
+    }
+
     /// Returns whether the line between two points crosses this box.
     ///
     /// In its own frame the box is |ahead| ≤ a and |left| ≤ b. The shares of
@@ -75,7 +85,29 @@ impl Footprint {
     }
 }
 
-/// Returns whether the ego sees each of the agents in the given states.
+/// Returns whether the ego sees each agent, or `None` if nothing could hide one.
+pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
+    let (spec, states) = (&scene.spec, &scene.states);
+    let mut seen = if spec.sensors.line_of_sight {
+        Some(visible(spec, states, ego))
+    } else {
+        None
+    };
+    let reach_m = scene
+        .weather
+        .map_or(f64::INFINITY, |weather| weather.visibility_m);
+    if reach_m < f64::INFINITY {
+        let eye = states[ego].pose.point_m();
+        let seen = seen.get_or_insert_with(|| vec![true; states.len()]);
+        for (i, (sees, state)) in seen.iter_mut().zip(states).enumerate() {
+            let footprint = Footprint::of(&spec.agents[i].body, &state.pose);
+            *sees &= i == ego || footprint.distance_m(eye) <= reach_m;
+        }
+    }
+    seen
+}
+
+/// Returns whether the ego has a line of sight to each agent in the given states.
 pub(super) fn visible<'a>(
     spec: &DriveSpec,
     states: impl IntoIterator<Item = &'a BodyState>,

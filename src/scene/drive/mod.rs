@@ -39,6 +39,7 @@ mod state;
 mod steering;
 mod trained;
 mod variant;
+mod weather;
 mod world;
 
 pub use actions::{Actions, Deviation, Grid, Lateral, PhaseAction};
@@ -64,4 +65,5 @@ pub(crate) use spec::{EgoDrive, PlanSpec};
 pub use steering::LaneKeeping;
 pub use trained::{TrainedAdo, TrainingWorld};
 pub use variant::EgoVariant;
+pub use weather::{Weather, WeatherRates};
 pub use world::DriveWorld;

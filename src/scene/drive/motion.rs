@@ -162,7 +162,11 @@ impl DriveScene {
         // All commands derive from the state before the sample. The plant moves
         // only after every agent has decided, so the file order has no effect.
         ego_percept::fill(&mut self.percept, &self.state, self.layout.ego);
-        self.sensing.look(&mut self.percept);
+        let noise_scale = self
+            .state
+            .weather
+            .map_or(1.0, |weather| weather.noise_scale);
+        self.sensing.look(&mut self.percept, noise_scale);
         let command = self.controller.control(&self.percept)?;
         // A NaN command would otherwise reach the physics and be reported as
         // its fault.
@@ -246,8 +250,8 @@ impl DriveScene {
                     y_mps: velocity_mps.y,
                 }
             }
-            // Invariant: only lights turn, and they have no body.
-            Maneuver::Turn(_) => return,
+            // Invariant: lights turn and weather changes, and they have no body.
+            Maneuver::Turn(_) | Maneuver::Change(_) => return,
         };
         self.commanded[agent] = Some(command);
         let body = self.state.bodies[agent];
@@ -413,7 +417,7 @@ impl Scene for DriveScene {
     fn decide(&mut self, mut action: usize) {
         let layout = Arc::clone(&self.layout);
         // Decodes the joint action in the mixed radix of `Layout::new`, lowest
-        // digit first: road users in file order, then lights.
+        // digit first: road users in file order, then lights, then the weather.
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             if let Drive::Ado { actions, .. } = &agent.drive {
                 self.chosen[i] = actions.choice(action % actions.len());
@@ -427,6 +431,11 @@ impl Scene for DriveScene {
                 }
                 action /= actions.len();
             }
+        }
+        if let Some(weather) = &layout.spec.weather
+            && let Maneuver::Change(rates) = weather.actions.choice(action % weather.actions.len())
+        {
+            self.state.change_weather(rates);
         }
     }
 

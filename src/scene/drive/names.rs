@@ -1,12 +1,14 @@
 //! Names of the agents in a driving world.
 
-/// The names of road users and lights, each in file order.
+/// The names of road users, lights and weather, each in file order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AgentNames {
     /// The road users.
     pub agents: Vec<String>,
     /// The traffic lights.
     pub lights: Vec<String>,
+    /// The weather, if an ado changes it.
+    pub weather: Option<String>,
     /// Names of the drawn parameters, which belong to no agent.
     pub parameters: Vec<String>,
 }

@@ -288,12 +288,8 @@ impl DriveScene {
 
     /// Returns which agents the ego sees now. See [`DriveWorld::seen`].
     pub fn seen(&self) -> Vec<bool> {
-        let spec = &self.layout.spec;
-        if spec.sensors.line_of_sight {
-            line_of_sight::visible(spec, &self.state.states, self.layout.ego)
-        } else {
-            vec![true; spec.agents.len()]
-        }
+        let seen = line_of_sight::perceived(&self.state, self.layout.ego);
+        seen.unwrap_or_else(|| vec![true; self.layout.spec.agents.len()])
     }
 
     /// Returns the world's own road, as the start has it.

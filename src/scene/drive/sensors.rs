@@ -62,8 +62,8 @@ impl Sensing {
     /// Converts an ideal percept to the ego's percept.
     ///
     /// Its own state stays exact. Until the delay has passed, it sees the first
-    /// sample.
-    pub(super) fn look(&mut self, percept: &mut Percept) {
+    /// sample. `noise_scale` is a factor on all standard deviations.
+    pub(super) fn look(&mut self, percept: &mut Percept, noise_scale: f64) {
         if 0 < self.delay {
             self.seen.push_back(percept.clone());
             let old = if self.delay < self.seen.len() {
@@ -79,19 +79,21 @@ impl Sensing {
         if !self.spec.is_noisy() {
             return;
         }
+        let position_sd_m = noise_scale * self.spec.position_sd_m;
+        let speed_sd_mps = noise_scale * self.spec.speed_sd_mps;
         for seen in &mut percept.others {
             // The same error in both frames: road and ego coordinates describe
             // a single measurement.
             let (along, across) = seed::normal_pair(&mut self.dice);
-            seen.headway_m += self.spec.position_sd_m * along;
-            seen.lateral_m += self.spec.position_sd_m * across;
-            seen.x_m += self.spec.position_sd_m * along;
-            seen.y_m += self.spec.position_sd_m * across;
+            seen.headway_m += position_sd_m * along;
+            seen.lateral_m += position_sd_m * across;
+            seen.x_m += position_sd_m * along;
+            seen.y_m += position_sd_m * across;
             let (along, across) = seed::normal_pair(&mut self.dice);
-            seen.speed_mps += self.spec.speed_sd_mps * along;
-            seen.lateral_mps += self.spec.speed_sd_mps * across;
-            seen.vx_mps += self.spec.speed_sd_mps * along;
-            seen.vy_mps += self.spec.speed_sd_mps * across;
+            seen.speed_mps += speed_sd_mps * along;
+            seen.lateral_mps += speed_sd_mps * across;
+            seen.vx_mps += speed_sd_mps * along;
+            seen.vy_mps += speed_sd_mps * across;
         }
     }
 }

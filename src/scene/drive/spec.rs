@@ -14,6 +14,7 @@ use super::script::Script;
 use super::sensors::Sensors;
 use super::steering::LaneKeeping;
 use super::trained::{TrainedAdo, TrainingWorld};
+use super::weather::Weather;
 use indexmap::IndexMap;
 
 use crate::ego::{Actuated, Command, Controller, ControllerSpec, RecordedCommands};
@@ -202,6 +203,8 @@ pub struct DriveSpec {
     pub ego: EgoDrive,
     /// The traffic lights, in file order.
     pub lights: Vec<Light>,
+    /// Weather that an ado changes, if any.
+    pub weather: Option<Weather>,
     /// Sensors of the ego.
     pub sensors: Sensors,
     /// Signals published besides the basic ones, by name.
@@ -262,7 +265,7 @@ impl DriveSpec {
 
     /// Returns the ados' names, action sets and neutral actions.
     ///
-    /// Road users come first, then lights, each in file order.
+    /// Road users come first, then lights, each in file order, then the weather.
     pub fn action_sets(&self) -> impl Iterator<Item = (&str, &Actions, usize)> {
         let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
             Drive::Ado {
@@ -274,7 +277,9 @@ impl DriveSpec {
             LightDrive::Ado { actions, neutral } => Some((light.name.as_str(), actions, *neutral)),
             LightDrive::Trained(_) | LightDrive::Schedule(_) => None,
         });
-        agents.chain(lights)
+        let weather = self.weather.iter();
+        let weather = weather.map(|it| (it.name.as_str(), &it.actions, it.neutral));
+        agents.chain(lights).chain(weather)
     }
 
     /// Returns the trained ados by their names here, road users first.
@@ -290,13 +295,14 @@ impl DriveSpec {
         agents.chain(lights)
     }
 
-    /// Returns the names of its agents, lights and parameters.
+    /// Returns the names of its agents, lights, weather and parameters.
     pub fn names(&self) -> AgentNames {
         let agents = self.agents.iter().map(|agent| agent.name.clone());
         let lights = self.lights.iter().map(|light| light.name.clone());
         AgentNames {
             agents: agents.collect(),
             lights: lights.collect(),
+            weather: self.weather.as_ref().map(|weather| weather.name.clone()),
             parameters: self.parameters.keys().cloned().collect(),
         }
     }
@@ -382,7 +388,7 @@ impl DriveSpec {
             lo: range.lo,
             hi: range.hi,
         }));
-        axes.extend(self.environment.iter().map(EnvironmentRange::axis));
+        axes.extend(self.environment.iter().map(|it| it.axis(self)));
         axes
     }
 }

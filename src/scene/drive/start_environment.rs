@@ -26,6 +26,10 @@ impl EnvironmentQuantity {
             EnvironmentQuantity::LaneWidth => spec.road.lane_width_m(),
             // Invariant: a range of a radius belongs to an arc of the road.
             EnvironmentQuantity::ArcRadius { piece } => spec.road.radius_m(piece).unwrap_or(0.0),
+            EnvironmentQuantity::Visibility => {
+                let weather = spec.weather.as_ref();
+                weather.map_or(f64::INFINITY, |weather| weather.first_visibility_m)
+            }
         }
     }
 
@@ -49,6 +53,11 @@ impl EnvironmentQuantity {
                 }
             }
             EnvironmentQuantity::ArcRadius { piece } => spec.road.set_radius_m(piece, value),
+            EnvironmentQuantity::Visibility => {
+                if let Some(weather) = &mut spec.weather {
+                    weather.first_visibility_m = value.max(0.0);
+                }
+            }
         }
     }
 }

@@ -14,6 +14,7 @@ use super::network::RoadNetwork;
 use super::plan_execution::PlannedAt;
 use super::road_placement::Direction;
 use super::spec::{Agent, DriveSpec};
+use super::weather::{WeatherRates, WeatherState};
 use crate::ego::LaneOccupancy;
 use crate::sim::{self, Body, BodyId, BodyState, Contact, Ground, Plant, Pose};
 
@@ -29,6 +30,8 @@ pub(super) struct SceneState {
     /// Road coordinates of each agent.
     pub on_road: Vec<OnRoad>,
     pub lights: Vec<LightState>,
+    /// Weather of this sample, if an ado changes it.
+    pub weather: Option<WeatherState>,
     /// Planned state of each agent. Empty if no agent has a plan.
     pub planned: Vec<PlannedAt>,
     /// Parameters of the start, in file order.
@@ -49,6 +52,7 @@ impl SceneState {
             states: Vec::with_capacity(agents),
             on_road: Vec::with_capacity(agents),
             lights: Vec::with_capacity(spec.lights.len()),
+            weather: None,
             planned: Vec::new(),
             parameters: Vec::new(),
             touch: None,
@@ -58,13 +62,15 @@ impl SceneState {
         }
     }
 
-    /// Returns to t = 0 without agents, with the lights in their first phase.
+    /// Returns to t = 0 without agents, with the first phases and the first weather.
     pub(super) fn clear(&mut self) {
         self.plant.clear(ground(&self.spec));
         self.bodies.clear();
         self.lights.clear();
         self.lights
             .extend(self.spec.lights.iter().map(LightState::first));
+        let weather = self.spec.weather.as_ref();
+        self.weather = weather.map(|it| WeatherState::first(it, self.spec.road.friction()));
         self.touch = None;
         self.sample = 0;
     }
@@ -86,11 +92,24 @@ impl SceneState {
         for (shown, light) in self.lights.iter_mut().zip(&self.spec.lights) {
             shown.keep_time(light, time_s, self.sample);
         }
+        // The weather of a row acts until the next row.
+        if let (Some(state), Some(weather)) = (&mut self.weather, &self.spec.weather) {
+            state.change(weather, clock.sample_s);
+            let friction = state.friction;
+            self.plant.set_ground(Ground { friction });
+        }
     }
 
     /// Applies an ado's action to a light.
     pub(super) fn turn(&mut self, light: usize, turn: PhaseAction) {
         self.lights[light].turn(turn, self.sample);
+    }
+
+    /// Sets the rates at which the weather changes from now on.
+    pub(super) fn change_weather(&mut self, rates: WeatherRates) {
+        if let Some(state) = &mut self.weather {
+            state.rates = rates;
+        }
     }
 
     /// Reads the states of all agents from the plant.
@@ -114,6 +133,7 @@ impl SceneState {
             states: self.states.clone(),
             on_road: self.on_road.clone(),
             lights: self.lights.clone(),
+            weather: self.weather,
             planned: self.planned.clone(),
             parameters: self.parameters.clone(),
             touch: self.touch,

@@ -48,8 +48,10 @@ impl DriveWorld {
                 EnvironmentQuantity::SensorDelay => delay_s,
                 EnvironmentQuantity::PositionNoise => position_sd_m,
                 EnvironmentQuantity::SpeedNoise => speed_sd_mps,
-                // No variant has another road.
-                EnvironmentQuantity::LaneWidth | EnvironmentQuantity::ArcRadius { .. } => {
+                // No variant has another road or other weather.
+                EnvironmentQuantity::LaneWidth
+                | EnvironmentQuantity::ArcRadius { .. }
+                | EnvironmentQuantity::Visibility => {
                     return false;
                 }
             };

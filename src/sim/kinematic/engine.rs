@@ -47,6 +47,13 @@ impl Engine {
         }
     }
 
+    /// Changes the ground under the body.
+    pub(super) fn set_ground(&mut self, ground: Ground) {
+        if let Engine::Wheels(wheels) = self {
+            wheels.set_ground(ground);
+        }
+    }
+
     /// Returns the path from `start` for the next `dt_s`.
     ///
     /// No point of the body is farther than `arm_m` from the fixed point.

@@ -89,6 +89,13 @@ impl Plant for Kinematic {
         self.faulty = false;
     }
 
+    fn set_ground(&mut self, ground: Ground) {
+        self.ground = ground;
+        for mover in &mut self.movers {
+            mover.engine.set_ground(ground);
+        }
+    }
+
     fn pass_through(&mut self) {
         self.passing = true;
     }

@@ -41,6 +41,10 @@ impl Wheels {
         true
     }
 
+    pub(super) fn set_ground(&mut self, ground: Ground) {
+        self.limits.set_ground(ground);
+    }
+
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         let drive = self.limits.drive(self.accel_mps2, start.speed_mps, dt_s);
         let end_mps = drive.speed_mps(start.speed_mps, dt_s);

@@ -188,6 +188,13 @@ impl Motor for Car {
         true
     }
 
+    fn set_ground(&mut self, ground: Ground) {
+        self.limits.set_ground(ground);
+        for wheel in self.controller.wheels_mut() {
+            wheel.friction_slip = self.limits.slip_friction(ground) as f32;
+        }
+    }
+
     fn join(&mut self, world: &mut RapierWorld, origin_m: (f64, f64)) -> Option<RigidBodyHandle> {
         world.move_origin(self.handle, self.origin_m, origin_m);
         self.origin_m = origin_m;

@@ -169,6 +169,13 @@ impl Plant for Rigid {
         self.collisions = None;
     }
 
+    fn set_ground(&mut self, ground: Ground) {
+        self.ground = ground;
+        for mover in &mut self.movers {
+            mover.motor.set_ground(ground);
+        }
+    }
+
     fn pass_through(&mut self) {
         self.passing = true;
     }

@@ -4,7 +4,7 @@ use rapier3d::prelude::RigidBodyHandle;
 
 use super::world::RapierWorld;
 use crate::sim::planar::Rect;
-use crate::sim::{BodyCommand, Placement};
+use crate::sim::{BodyCommand, Ground, Placement};
 
 /// Motion model of a body, with its current command.
 pub(super) trait Motor: Send {
@@ -12,6 +12,8 @@ pub(super) trait Motor: Send {
     fn command(&mut self, command: BodyCommand) -> bool;
     /// Begins an `advance` of `dt_s` seconds.
     fn begin(&mut self, _dt_s: f64) {}
+    /// Changes the ground under the body.
+    fn set_ground(&mut self, _ground: Ground) {}
     /// Returns true if the body is already carried.
     fn is_carried(&self) -> bool {
         false

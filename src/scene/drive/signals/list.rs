@@ -11,12 +11,14 @@
 //! versions keep their columns.
 
 use super::super::network::goes_first;
+use super::super::range::Range;
 use super::super::spec::DriveSpec;
 use super::super::state::SceneState;
+use super::super::weather::{Weather as DrivenWeather, WeatherState};
 use super::quantity::{Of, SignalQuantity, between, zero_to};
 use crate::ego::Phase;
 use crate::stl::Interval;
-use Of::{Agent, AgentAndLight, Clock, Light, Pair, Parameter, Scene};
+use Of::{Agent, AgentAndLight, Clock, Light, Pair, Parameter, Scene, Weather};
 
 /// Upper bound on times to collision, returned when the gap is not closing.
 pub(crate) const TTC_CAP_S: f64 = 100.0;
@@ -215,6 +217,45 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .is(|state, [a, l]| state.line_m(a, l))
         .about("distance along the road from {a} to the stop line of {b}, positive before it")
         .seen_in(-50.0, 50.0),
+    Weather
+        .signal("friction", "")
+        .is(|state, _| weather(state, |it| it.friction))
+        .about("coefficient of friction μ of the road")
+        .only_if(|spec, _| changes(spec, |it| it.friction))
+        .within(friction_bounds)
+        .always(),
+    Weather
+        .signal("visibility", "m")
+        .is(|state, _| weather(state, |it| it.visibility_m))
+        .about("distance from the ego's front beyond which it sees no road user")
+        .only_if(|spec, _| changes(spec, |it| it.visibility_m))
+        .within(|spec, _| bounds_of(spec, |it| it.visibility_m))
+        .always(),
+    Weather
+        .signal("noise", "")
+        .is(|state, _| weather(state, |it| it.noise_scale))
+        .about("factor on the noise of the ego's sensors")
+        .only_if(|spec, _| changes(spec, |it| it.noise_scale))
+        .within(|spec, _| bounds_of(spec, |it| it.noise_scale))
+        .always(),
+    Weather
+        .signal("friction_rate", "1/s")
+        .is(|state, _| weather(state, |it| it.changes.friction_per_s))
+        .about("change of the friction over the last sample")
+        .only_if(|spec, _| changes(spec, |it| it.friction))
+        .seen_in(-0.5, 0.5),
+    Weather
+        .signal("visibility_rate", "m/s")
+        .is(|state, _| weather(state, |it| it.changes.visibility_mps))
+        .about("change of the visibility over the last sample")
+        .only_if(|spec, _| changes(spec, |it| it.visibility_m))
+        .seen_in(-50.0, 50.0),
+    Weather
+        .signal("noise_rate", "1/s")
+        .is(|state, _| weather(state, |it| it.changes.noise_per_s))
+        .about("change of the noise over the last sample")
+        .only_if(|spec, _| changes(spec, |it| it.noise_scale))
+        .seen_in(-2.0, 2.0),
     Parameter
         .signal("parameter", "")
         .is(|state, [p, _]| state.parameters.get(p).copied().unwrap_or_default())
@@ -261,6 +302,27 @@ fn time_to_conflict_s(state: &SceneState, pair: [usize; 2]) -> f64 {
         }
         _ => TTC_CAP_S,
     }
+}
+
+fn weather(state: &SceneState, read: fn(&WeatherState) -> f64) -> f64 {
+    // Invariant: the signals exist in worlds with weather only.
+    state.weather.as_ref().map_or(0.0, read)
+}
+
+fn changes(spec: &DriveSpec, bounds: fn(&DrivenWeather) -> Option<Range>) -> bool {
+    spec.weather.as_ref().and_then(bounds).is_some()
+}
+
+fn bounds_of(spec: &DriveSpec, bounds: fn(&DrivenWeather) -> Option<Range>) -> Interval {
+    let bounds = spec.weather.as_ref().and_then(bounds);
+    bounds.map_or(Interval::ANY, |range| between(range.lo, range.hi))
+}
+
+fn friction_bounds(spec: &DriveSpec, _: [usize; 2]) -> Interval {
+    let Interval { lo, hi } = bounds_of(spec, |it| it.friction);
+    // A changed road may begin beyond a bound.
+    let road = spec.road.friction();
+    between(lo.min(road), hi.max(road))
 }
 
 fn keeps_to_a_plan(spec: &DriveSpec, [a, _]: [usize; 2]) -> bool {

@@ -43,7 +43,9 @@ impl SignalReading {
             // Traffic that follows a leader reacts to ados, and so do the ego
             // and trained ados.
             Drive::Scripted(Script::Idm(_)) => false,
-            Drive::Scripted(_) => true,
+            Drive::Scripted(Script::Stand | Script::Walk(_)) => true,
+            // Its tyres may lose their grip.
+            Drive::Scripted(_) => spec.weather.is_none(),
             Drive::Planned(plan) => plan.is_blind(),
             Drive::Ego | Drive::Ado { .. } | Drive::Trained(_) => false,
         };
@@ -55,6 +57,7 @@ impl SignalReading {
             Of::Agent | Of::AgentAndLight => agent(a),
             Of::Pair => agent(a) && agent(b),
             Of::Light => matches!(spec.lights[a].drive, LightDrive::Schedule(_)),
+            Of::Weather => false,
         }
     }
 
@@ -75,6 +78,7 @@ impl SignalReading {
             Of::Pair => vec![agent(a), agent(b)],
             Of::Light => vec![light(a)],
             Of::AgentAndLight => vec![agent(a), light(b)],
+            Of::Weather => names.weather.iter().map(String::as_str).collect(),
         }
     }
 
@@ -150,6 +154,7 @@ fn declared_of(
         owners.push((Of::Light, [l, 0]));
         owners.extend(agents.clone().map(|a| (Of::AgentAndLight, [a, l])));
     }
+    owners.extend(names.weather.iter().map(|_| (Of::Weather, [0, 0])));
     let parameters = 0..names.parameters.len();
     owners.extend(parameters.map(|p| (Of::Parameter, [p, 0])));
     let sources = owners.into_iter().flat_map(|(of, whose)| {

@@ -21,6 +21,8 @@ pub(crate) enum Of {
     Light,
     /// An agent in front of a light.
     AgentAndLight,
+    /// The weather.
+    Weather,
 }
 
 /// A row of the list of signals.

@@ -51,6 +51,7 @@ fn the_table_of_the_guide_is_the_list() {
             Of::Pair => &["A", "B"],
             Of::Light => &["L"],
             Of::AgentAndLight => &["A", "L"],
+            Of::Weather => &["W"],
         };
         let name = match row.of {
             Of::Parameter => "P".to_owned(),
