@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::weather::WeatherRates;
+use super::weather_rates::WeatherRates;
 
 /// Action set of an ado.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

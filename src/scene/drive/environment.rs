@@ -1,7 +1,7 @@
 //! Quantities of the environment that starts draw: road, sensors and weather.
 
 use super::range::Range;
-use super::spec::DriveSpec;
+use super::weather::Weather;
 use crate::scene::Axis;
 
 /// Quantity of the environment.
@@ -59,7 +59,7 @@ impl EnvironmentQuantity {
     }
 
     /// Returns the name and the unit of its axis.
-    fn axis(self, spec: &DriveSpec) -> (String, &'static str) {
+    fn axis(self, weather: Option<&Weather>) -> (String, &'static str) {
         let (name, unit) = match self {
             EnvironmentQuantity::Friction => ("road.friction", ""),
             EnvironmentQuantity::SensorDelay => ("sensors.delay", "s"),
@@ -70,7 +70,6 @@ impl EnvironmentQuantity {
                 return (format!("road.piece{}.radius", piece + 1), "m");
             }
             EnvironmentQuantity::Visibility => {
-                let weather = spec.weather.as_ref();
                 let name = weather.map_or("weather", |weather| weather.name.as_str());
                 return (format!("{name}.visibility"), "m");
             }
@@ -101,8 +100,8 @@ impl EnvironmentRange {
     }
 
     /// Returns the axis of X_init.
-    pub(super) fn axis(&self, spec: &DriveSpec) -> Axis {
-        let (name, unit) = self.quantity.axis(spec);
+    pub(super) fn axis(&self, weather: Option<&Weather>) -> Axis {
+        let (name, unit) = self.quantity.axis(weather);
         Axis {
             name,
             unit,

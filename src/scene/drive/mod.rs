@@ -40,6 +40,7 @@ mod steering;
 mod trained;
 mod variant;
 mod weather;
+mod weather_rates;
 mod world;
 
 pub use actions::{Actions, Deviation, Grid, Lateral, PhaseAction};
@@ -65,5 +66,6 @@ pub(crate) use spec::{EgoDrive, PlanSpec};
 pub use steering::LaneKeeping;
 pub use trained::{TrainedAdo, TrainingWorld};
 pub use variant::EgoVariant;
-pub use weather::{Weather, WeatherRates};
+pub use weather::Weather;
+pub use weather_rates::WeatherRates;
 pub use world::DriveWorld;

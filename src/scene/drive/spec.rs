@@ -388,7 +388,8 @@ impl DriveSpec {
             lo: range.lo,
             hi: range.hi,
         }));
-        axes.extend(self.environment.iter().map(|it| it.axis(self)));
+        let weather = self.weather.as_ref();
+        axes.extend(self.environment.iter().map(|it| it.axis(weather)));
         axes
     }
 }

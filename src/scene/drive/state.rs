@@ -14,7 +14,8 @@ use super::network::RoadNetwork;
 use super::plan_execution::PlannedAt;
 use super::road_placement::Direction;
 use super::spec::{Agent, DriveSpec};
-use super::weather::{WeatherRates, WeatherState};
+use super::weather::WeatherState;
+use super::weather_rates::WeatherRates;
 use crate::ego::LaneOccupancy;
 use crate::sim::{self, Body, BodyId, BodyState, Contact, Ground, Plant, Pose};
 
