@@ -53,6 +53,11 @@ impl Cyclist {
         0.5 * size.length_m - self.front_overhang_m - self.wheelbase_m
     }
 
+    /// Returns the greatest steering angle, that of the least radius.
+    pub fn max_steer_rad(&self) -> f64 {
+        libm::atan(LOCK_PER_M * self.wheelbase_m)
+    }
+
     /// Returns the speed at which a cyclist can start: never backwards.
     pub(super) fn within_limit(&self, speed_mps: f64) -> f64 {
         speed_mps.clamp(0.0, self.max_speed_mps)
