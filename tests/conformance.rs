@@ -63,6 +63,7 @@ fn every_shipped_world_and_its_egos_conform() {
         "Krauss",
         "Merge",
         "PoliteAcc",
+        "PurePursuit",
         "RssDriver",
         "YellowLight",
         "YellowLightFixed",

@@ -9,6 +9,8 @@ mod bits;
 mod collisions;
 #[path = "plants/contacts.rs"]
 mod contacts;
+#[path = "plants/cyclists.rs"]
+mod cyclists;
 #[path = "plants/faults.rs"]
 mod faults;
 #[path = "plants/shapes.rs"]

@@ -12,6 +12,8 @@ mod carrying;
 mod conformance;
 #[path = "worlds/counting.rs"]
 mod counting;
+#[path = "worlds/cyclists.rs"]
+mod cyclists;
 #[path = "worlds/drawn_roads.rs"]
 mod drawn_roads;
 #[path = "worlds/driving.rs"]

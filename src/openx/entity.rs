@@ -3,7 +3,7 @@
 use super::path::reference_behind_front_m;
 use super::xml::XmlElement;
 use crate::scene::drive::{Agent, Drive};
-use crate::sim::{Body, GRAVITY_MPS2, Vehicle};
+use crate::sim::{Body, BodyKind, Cyclist, GRAVITY_MPS2, Vehicle};
 
 /// Lower bound of the `maxSpeed` that files state, in m/s.
 const TOP_MPS: f64 = 70.0;
@@ -13,6 +13,8 @@ const LORRY_KG: f64 = 3500.0;
 const TWO_WHEELED_M: f64 = 1.1;
 /// Power in watts up to which a two-wheeler is a bicycle.
 const PEDALLED_W: f64 = 1000.0;
+/// Category of bicycles.
+const BICYCLE: &str = "bicycle";
 /// Height in metres above which a car is a van.
 const VAN_M: f64 = 1.8;
 
@@ -27,9 +29,10 @@ pub(super) struct PerformanceLimits {
 /// Returns the `ScenarioObject` of an agent, under the agent's name.
 pub(super) fn entity(agent: &Agent, limits: PerformanceLimits) -> XmlElement {
     let entity = XmlElement::new("ScenarioObject").text("name", &agent.name);
-    entity.child(match agent.body.vehicle() {
-        Some(vehicle) => car(&agent.body, vehicle, limits),
-        None => pedestrian(&agent.body),
+    entity.child(match &agent.body.kind {
+        BodyKind::Vehicle(vehicle) => car(&agent.body, vehicle, limits),
+        BodyKind::Cyclist(cyclist) => bicycle(&agent.body, cyclist),
+        BodyKind::Walker(_) => pedestrian(&agent.body),
     })
 }
 
@@ -46,13 +49,38 @@ fn car(body: &Body, vehicle: &Vehicle, limits: PerformanceLimits) -> XmlElement 
         .number("maxSpeed", limits.fastest_mps.max(TOP_MPS).ceil())
         .number("maxAcceleration", grip_mps2)
         .number("maxDeceleration", grip_mps2);
+    let axles = Axles {
+        wheelbase_m: vehicle.wheelbase_m,
+        wheel_radius_m: vehicle.wheel_radius_m,
+        track_m: vehicle.track_m,
+        max_steer_rad: vehicle.max_steer_rad,
+    };
+    on_wheels(body, category(body, vehicle), performance, &axles)
+}
+
+fn bicycle(body: &Body, cyclist: &Cyclist) -> XmlElement {
+    let performance = XmlElement::new("Performance")
+        .number("maxSpeed", cyclist.max_speed_mps)
+        .number("maxAcceleration", cyclist.accel_mps2)
+        .number("maxDeceleration", cyclist.brake_mps2);
+    let axles = Axles {
+        wheelbase_m: cyclist.wheelbase_m,
+        wheel_radius_m: cyclist.wheel_radius_m,
+        // Both wheels roll on one line.
+        track_m: 0.0,
+        max_steer_rad: cyclist.max_steer_rad(),
+    };
+    on_wheels(body, BICYCLE, performance, &axles)
+}
+
+fn on_wheels(body: &Body, category: &str, performance: XmlElement, axles: &Axles) -> XmlElement {
     XmlElement::new("Vehicle")
         .text("name", &body.name)
-        .text("vehicleCategory", category(body, vehicle))
+        .text("vehicleCategory", category)
         .number("mass", body.mass_kg)
         .child(bounding_box(body))
         .child(performance)
-        .child(axles(vehicle))
+        .child(axles.element())
 }
 
 fn pedestrian(body: &Body) -> XmlElement {
@@ -78,23 +106,28 @@ fn bounding_box(body: &Body) -> XmlElement {
     bounds.child(centre).child(dimensions)
 }
 
-fn axles(vehicle: &Vehicle) -> XmlElement {
-    // Positions of axles are relative to the rear axle.
-    let axle = |name, max_steer_rad, ahead_m| {
-        XmlElement::new(name)
-            .number("maxSteering", max_steer_rad)
-            .number("wheelDiameter", 2.0 * vehicle.wheel_radius_m)
-            .number("trackWidth", vehicle.track_m)
-            .number("positionX", ahead_m)
-            .number("positionZ", vehicle.wheel_radius_m)
-    };
-    XmlElement::new("Axles")
-        .child(axle(
-            "FrontAxle",
-            vehicle.max_steer_rad,
-            vehicle.wheelbase_m,
-        ))
-        .child(axle("RearAxle", 0.0, 0.0))
+struct Axles {
+    wheelbase_m: f64,
+    wheel_radius_m: f64,
+    track_m: f64,
+    max_steer_rad: f64,
+}
+
+impl Axles {
+    fn element(&self) -> XmlElement {
+        // Positions of axles are relative to the rear axle.
+        let axle = |name, max_steer_rad, ahead_m| {
+            XmlElement::new(name)
+                .number("maxSteering", max_steer_rad)
+                .number("wheelDiameter", 2.0 * self.wheel_radius_m)
+                .number("trackWidth", self.track_m)
+                .number("positionX", ahead_m)
+                .number("positionZ", self.wheel_radius_m)
+        };
+        XmlElement::new("Axles")
+            .child(axle("FrontAxle", self.max_steer_rad, self.wheelbase_m))
+            .child(axle("RearAxle", 0.0, 0.0))
+    }
 }
 
 /// Vehicle category that players know, derived from size, mass and power.
@@ -104,7 +137,7 @@ fn category(body: &Body, vehicle: &Vehicle) -> &'static str {
     // Width decides first: a heavy motorcycle is still no car.
     if body.width_m <= TWO_WHEELED_M {
         return if vehicle.power_w <= PEDALLED_W {
-            "bicycle"
+            BICYCLE
         } else {
             "motorbike"
         };
@@ -129,5 +162,23 @@ mod tests {
         };
         let kinds = ["sedan", "van", "truck", "motorcycle"].map(named);
         assert_eq!(kinds, ["car", "van", "truck", "motorbike"]);
+    }
+
+    #[test]
+    fn a_bicyclist_is_a_vehicle_with_two_wheels_on_one_line() {
+        let body = Body::shipped("bicyclist")
+            .expect("shipped")
+            .expect("a body");
+        let text = bicycle(&body, body.cyclist().expect("a cyclist"));
+        let text = text.document().expect("written");
+        for part in [
+            "vehicleCategory=\"bicycle\"",
+            "maxSpeed=\"10\"",
+            "maxDeceleration=\"4\"",
+            "trackWidth=\"0\"",
+            "positionX=\"1.05\"",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
     }
 }

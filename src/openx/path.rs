@@ -21,12 +21,13 @@ pub(super) struct Vertex {
 
 /// Distance in metres from the front bumper back to the reference point.
 ///
-/// OpenSCENARIO moves the rear axle of a vehicle and the middle of a
+/// OpenSCENARIO moves the rear axle of a vehicle or bicycle and the middle of a
 /// pedestrian.
 pub(super) fn reference_behind_front_m(body: &Body) -> f64 {
-    match body.vehicle() {
-        Some(vehicle) => vehicle.wheelbase_m + vehicle.front_overhang_m,
-        None => body.half_length_m(),
+    if body.is_on_foot() {
+        body.half_length_m()
+    } else {
+        body.lever_m()
     }
 }
 

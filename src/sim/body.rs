@@ -11,6 +11,7 @@ use thiserror::Error;
 use super::BodyControl;
 use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
 use super::body_shape::BodyShape;
+use super::cyclist::Cyclist;
 use super::vehicle::Vehicle;
 use super::walker::Walker;
 
@@ -62,6 +63,8 @@ pub struct Body {
 pub enum BodyKind {
     /// Wheeled body, commanded by [`super::BodyCommand::Drive`].
     Vehicle(Vehicle),
+    /// Bicycle with its rider, commanded by [`super::BodyCommand::Drive`].
+    Cyclist(Cyclist),
     /// Body on foot, commanded by [`super::BodyCommand::Walk`].
     Walker(Walker),
 }
@@ -144,10 +147,18 @@ impl Body {
         0.5 * self.length_m
     }
 
-    /// Returns the vehicle's data, or `None` for a walker.
+    /// Returns the vehicle's data, or `None` for cyclists and walkers.
     pub fn vehicle(&self) -> Option<&Vehicle> {
         match &self.kind {
             BodyKind::Vehicle(vehicle) => Some(vehicle),
+            _ => None,
+        }
+    }
+
+    /// Returns the cyclist's data, or `None` for other kinds.
+    pub fn cyclist(&self) -> Option<&Cyclist> {
+        match &self.kind {
+            BodyKind::Cyclist(cyclist) => Some(cyclist),
             _ => None,
         }
     }
@@ -157,7 +168,7 @@ impl Body {
         self.kind.answers().control()
     }
 
-    /// Returns true for a walker, false for a vehicle.
+    /// Returns true for a walker, false for a vehicle or a cyclist.
     pub fn is_on_foot(&self) -> bool {
         self.control() == BodyControl::Walk
     }
@@ -178,6 +189,7 @@ impl BodyKind {
     fn answers(&self) -> &dyn BodyModel {
         match self {
             BodyKind::Vehicle(vehicle) => vehicle,
+            BodyKind::Cyclist(cyclist) => cyclist,
             BodyKind::Walker(walker) => walker,
         }
     }
@@ -199,6 +211,7 @@ shipped![
     "truck",
     "semitrailer",
     "motorcycle",
+    "bicyclist",
     "pedestrian",
     "adult"
 ];

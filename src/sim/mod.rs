@@ -1,4 +1,4 @@
-//! Plants: the motion of vehicles and walkers under commands, and their contacts.
+//! Plants: the motion of road users under commands, and their contacts.
 //!
 //! One trait has two implementations: [`kinematic`] (2D, closed form) and
 //! [`rigid`] (3D, rapier ray-cast cars with parry contacts). The ground is flat
@@ -27,6 +27,7 @@
 mod body;
 mod body_model;
 mod body_shape;
+mod cyclist;
 pub mod kinematic;
 mod limits;
 mod planar;
@@ -41,6 +42,7 @@ use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 pub use body::{Body, BodyError, BodyKind};
 pub use body_model::{BodyDimensions, InvalidBody};
 pub use body_shape::{BodyPart, BodyShape};
+pub use cyclist::Cyclist;
 pub use kinematic::Kinematic;
 pub(crate) use pose::{GroundFrame, rotation_by};
 pub use pose::{Placement, Pose};
@@ -126,7 +128,7 @@ pub struct BodyState {
 /// Command to a body, in force until the next command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BodyCommand {
-    /// Command to a vehicle: net acceleration along the heading, path curvature.
+    /// Command to a vehicle or cyclist: net acceleration and path curvature.
     ///
     /// The plant caps the acceleration at ±μg and by engine power. A braking vehicle
     /// stops at speed 0 unless it was already rolling backwards.
@@ -223,7 +225,8 @@ pub trait Plant: Send {
     /// Puts a body on the ground, moving along its heading.
     ///
     /// The body coasts (a walker keeps walking) until its first command. It must be
-    /// valid (see [`Body::validate`]). A walker starts at most at its top speed.
+    /// valid (see [`Body::validate`]). A walker or cyclist starts at most at its top
+    /// speed, and a cyclist never backwards.
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId;
     /// Lets bodies pass through each other from now on.
     ///

@@ -235,6 +235,7 @@ impl Agents<'_> {
             let help = "vehicles are `Vehicle(…)`, those on foot `Pedestrian(…)`".to_owned();
             problems.add(&path.to("body"), what, "here", Some(help));
         }
+        bodies::check_cyclist(problems, path, &body, (drive, place.as_ref()));
         let drive = self.drive(problems, &path.to("drive"), name, drive, acts_as)?;
         Some(Agent {
             name: name.clone(),

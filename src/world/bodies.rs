@@ -1,8 +1,11 @@
 //! Bodies of a driving world: its own and the shipped ones.
 
+use super::check::within;
+use super::file::DriveFile;
 use super::locate::ValuePath;
 use super::ordered::Ordered;
 use super::problems::Problems;
+use crate::scene::drive::StartPlace;
 use crate::sim::Body;
 
 /// Reports the mistakes of a world's own bodies.
@@ -54,5 +57,33 @@ pub(super) fn find(
             problems.unknown(path, "body", name, &known);
             None
         }
+    }
+}
+
+/// Checks that a cyclist is no ego and starts within its speeds.
+pub(super) fn check_cyclist(
+    problems: &mut Problems,
+    path: &ValuePath,
+    body: &Body,
+    (drive, place): (&DriveFile, Option<&StartPlace>),
+) {
+    let Some(cyclist) = body.cyclist() else {
+        return;
+    };
+    if let DriveFile::Ego(_) = drive {
+        let what = format!(
+            "controllers drive vehicles, and `{}` is a cyclist",
+            body.name
+        );
+        let help = "give the ego a body such as `sedan`".to_owned();
+        problems.add(&path.to("body"), what, "here", Some(help));
+    }
+    let Some(StartPlace::At { speed_mps, .. } | StartPlace::Ahead { speed_mps, .. }) = place else {
+        return;
+    };
+    let most_mps = cyclist.max_speed_mps;
+    let place = path.to("start").to("speed_mps");
+    for value in [speed_mps.lo, speed_mps.hi] {
+        within(problems, &place, value, 0.0, most_mps);
     }
 }

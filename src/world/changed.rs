@@ -108,7 +108,7 @@ fn ego_body(spec: &DriveSpec, name: &str) -> Result<Body, ChangeError> {
         };
         return Err(fail(format!("no body `{name}`"), help));
     };
-    if body.is_on_foot() {
+    if body.vehicle().is_none() {
         Err(fail(
             format!("`{name}` is no vehicle"),
             "controllers drive vehicles".to_owned(),

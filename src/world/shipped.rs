@@ -11,7 +11,7 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 30] = [
+const WORLDS: [(&str, &str); 31] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_letter"),
@@ -22,6 +22,7 @@ const WORLDS: [(&str, &str); 30] = [
     world!("crossroads"),
     world!("cut_in"),
     world!("cut_in_clear"),
+    world!("cyclist"),
     world!("fog_queue"),
     world!("grid"),
     world!("grid_hard"),

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use brakecheck::openx::import::{DroppedElements, Import, ImportError, Imported};
 use brakecheck::scene::Start;
+use brakecheck::sim::Body;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
 
@@ -285,6 +286,44 @@ fn small_scenarios_move_as_their_files_say() {
         wrong.extend(off.map(|what| format!("{name}: {what}")));
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_bicycle_becomes_a_bicyclist_of_the_files_size() {
+    let object = "<ScenarioObject name=\"Lead\">\n      <Vehicle name=\"sedan\" vehicleCategory=";
+    let car =
+        "<ScenarioObject name=\"Lead\">\n      <Vehicle name=\"sedan\" vehicleCategory=\"car\"";
+    let bicycle = format!("{}\"bicycle\"", object.replace("sedan", "bike"));
+    let imported = import(&files(&[edit(car, bicycle)])).expect("imported");
+    let world = world(&imported);
+    let agents = &world
+        .drive()
+        .expect("a driving world")
+        .world()
+        .spec()
+        .agents;
+    let body = |name: &str| {
+        let agent = agents.iter().find(|agent| agent.name == name);
+        &agent.expect("an agent").body
+    };
+    assert!(body("ego").vehicle().is_some() && body("ego").cyclist().is_none());
+    let stock = Body::shipped("bicyclist").expect("shipped").expect("valid");
+    let (bike, stock) = (body("lead"), stock.cyclist().expect("a cyclist"));
+    let cyclist = bike.cyclist().expect("a cyclist");
+    assert_eq!(
+        (bike.length_m, bike.width_m, bike.lever_m()),
+        (4.4, 1.8, LEVER_M)
+    );
+    assert_eq!(cyclist.wheelbase_m, 2.8);
+    assert_eq!(
+        (cyclist.brake_mps2, cyclist.power_w, cyclist.lean_rate_mps3),
+        (stock.brake_mps2, stock.power_w, stock.lean_rate_mps3)
+    );
+    // A plan carries it, whatever its limits are.
+    let episode = run(&world);
+    for place in [(2.0, 170.0, 0.0), (12.0, 228.0, 0.0)] {
+        assert_eq!(off(&episode, "lead", place), None);
+    }
 }
 
 /// A file with a change, what is said of it, and what stands on the line that is

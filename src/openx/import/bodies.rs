@@ -6,6 +6,7 @@
 use super::error::ImportError;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
+use crate::sim::Body;
 
 /// Body in the form of a world file.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,6 +64,9 @@ impl ImportedBody {
                     0.5 * height_m
                 )
             }
+            "Vehicle" if entity.raw("vehicleCategory") == Some("bicycle") => {
+                bicycle(entity, scope, &sizes, (height_m, mass_kg), front_m)?
+            }
             "Vehicle" => {
                 let axles = entity.inner("Axles")?;
                 let front = axles.inner("FrontAxle")?;
@@ -92,6 +96,51 @@ impl ImportedBody {
             on_foot,
         })
     }
+}
+
+/// Bicyclist of the file's size, with the limits of the stock body.
+fn bicycle(
+    entity: &XmlNode,
+    scope: &ParameterScope,
+    sizes: &str,
+    (height_m, mass_kg): (f64, f64),
+    front_m: f64,
+) -> Result<String, ImportError> {
+    let stock = Body::shipped("bicyclist").and_then(Result::ok);
+    let Some((body, limits)) = stock.as_ref().and_then(|it| Some((it, it.cyclist()?))) else {
+        return Err(entity.error("a bicycle is not read"));
+    };
+    let front = entity.inner("Axles")?.inner("FrontAxle")?;
+    let wheelbase_m = scope.number(front, "positionX")?;
+    let wheel_m = 0.5 * scope.number(front, "wheelDiameter")?;
+    let max_mps = match entity.child("Performance") {
+        Some(limit) if limit.raw("maxSpeed").is_some() => scope.number(limit, "maxSpeed")?,
+        _ => limits.max_speed_mps,
+    };
+    let mass_kg = if 0.0 < mass_kg { mass_kg } else { body.mass_kg };
+    Ok(format!(
+        "(name: {:?}, kind: Cyclist(wheelbase_m: {wheelbase_m}, front_overhang_m: {}, \
+         wheel_radius_m: {}, max_speed_mps: {}, accel_mps2: {}, power_w: {}, brake_mps2: {}, \
+         max_lateral_mps2: {}, lean_rate_mps3: {}, balance_mps: {}), {sizes}, \
+         mass_kg: {mass_kg}, com_height_m: {})",
+        scope.text(entity, "name")?,
+        tidy(front_m - wheelbase_m),
+        wheel_m.max(0.06),
+        // Files of cars often state a speed that no bicycle reaches.
+        max_mps.clamp(0.1, 40.0),
+        limits.accel_mps2,
+        limits.power_w,
+        limits.brake_mps2,
+        limits.max_lateral_mps2,
+        limits.lean_rate_mps3,
+        limits.balance_mps,
+        tidy(body.com_height_m / body.height_m * height_m),
+    ))
+}
+
+/// Rounds to 1 nm: binary fractions add digits that the file did not state.
+fn tidy(value: f64) -> f64 {
+    (value * 1e9).round() / 1e9
 }
 
 struct ImportedVehicle<'a> {
@@ -131,8 +180,6 @@ fn vehicle(it: ImportedVehicle<'_>) -> String {
     let com_height_m = if narrow { 0.3 } else { 0.4 } * it.height_m;
     // A body requires a wheel radius of at least 0.05 m.
     let wheel_m = it.wheel_m.max(0.06);
-    // Rounded to 1 nm: binary fractions add digits that the file did not state.
-    let tidy = |value: f64| (value * 1e9).round() / 1e9;
     format!(
         "(name: {:?}, kind: Vehicle(wheelbase_m: {}, track_m: {track_m}, front_overhang_m: {}, \
          wheel_radius_m: {wheel_m}, power_w: {}, suspension_hz: {suspension_hz}), {}, \

@@ -1,5 +1,6 @@
 //! Motion models of this plant: one file per kind of body, listed here.
 
+use super::bicycle::Bicycle;
 use super::kinematic_playback::PlaybackPose;
 use super::legs::Legs;
 use super::path::{Anchor, BodyPath, PathKind};
@@ -10,6 +11,7 @@ use crate::sim::{Body, BodyCommand, BodyKind, Ground};
 #[derive(Clone, Debug)]
 pub(super) enum Engine {
     Wheels(Wheels),
+    Bicycle(Bicycle),
     Legs(Legs),
     /// Motion along a recording or a plan.
     Rails(PlaybackPose),
@@ -20,6 +22,7 @@ impl Engine {
     pub(super) fn new(body: &Body, ground: Ground, velocity_mps: (f64, f64)) -> Engine {
         match &body.kind {
             BodyKind::Vehicle(vehicle) => Engine::Wheels(Wheels::new(body, vehicle, ground)),
+            BodyKind::Cyclist(cyclist) => Engine::Bicycle(Bicycle::new(body, cyclist, ground)),
             BodyKind::Walker(walker) => Engine::Legs(Legs::new(walker, velocity_mps)),
         }
     }
@@ -30,9 +33,19 @@ impl Engine {
     pub(super) fn anchor(&self) -> (f64, (f64, f64)) {
         match self {
             Engine::Wheels(wheels) => (wheels.rear_axle_ahead_m(), (0.0, 0.0)),
+            Engine::Bicycle(bicycle) => (bicycle.rear_axle_ahead_m(), (0.0, 0.0)),
             Engine::Legs(legs) => (0.0, legs.target_mps()),
             // Invariant: no body is spawned on rails.
             Engine::Rails(_) => (0.0, (0.0, 0.0)),
+        }
+    }
+
+    /// Returns the speed at which the body starts when it is spawned at a speed.
+    pub(super) fn starting_mps(&self, speed_mps: f64) -> f64 {
+        match self {
+            Engine::Bicycle(bicycle) => bicycle.within_limit(speed_mps),
+            // Legs keep a velocity of their own, within their limit.
+            _ => speed_mps,
         }
     }
 
@@ -40,6 +53,7 @@ impl Engine {
     pub(super) fn command(&mut self, command: BodyCommand) -> bool {
         match self {
             Engine::Wheels(wheels) => wheels.command(command),
+            Engine::Bicycle(bicycle) => bicycle.command(command),
             Engine::Legs(legs) => legs.command(command),
             // A carried body accepts no drive or walk command, which makes the plant
             // unsound.
@@ -60,6 +74,7 @@ impl Engine {
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         match self {
             Engine::Wheels(wheels) => wheels.path(start, arm_m, dt_s),
+            Engine::Bicycle(bicycle) => bicycle.path(start, arm_m, dt_s),
             Engine::Legs(legs) => legs.path(start),
             Engine::Rails(rails) => rails.path(start, arm_m, dt_s),
         }
@@ -68,7 +83,7 @@ impl Engine {
     /// Returns the speed along the heading, the speed to the left, the yaw rate.
     pub(super) fn motion(&self, at: &Anchor) -> (f64, f64, f64) {
         match self {
-            Engine::Wheels(_) => Wheels::motion(at),
+            Engine::Wheels(_) | Engine::Bicycle(_) => Wheels::motion(at),
             Engine::Legs(_) => Legs::motion(at),
             Engine::Rails(_) => PlaybackPose::motion(at),
         }
@@ -80,6 +95,7 @@ impl BodyPath {
     pub(super) fn at(&self, after_s: f64) -> Anchor {
         match self.kind {
             PathKind::Arc(drive) => Wheels::after(self.start, drive, after_s),
+            PathKind::Ride(step) => Bicycle::after(self.start, &step, after_s),
             PathKind::Ramp(ramp) => Legs::after(self.start, ramp, after_s),
             PathKind::Even => PlaybackPose::after(self.start, after_s),
         }

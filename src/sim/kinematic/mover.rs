@@ -39,7 +39,7 @@ impl Mover {
         let back_m = self.extent.half_length_m - self.anchor_ahead_m;
         // Rails read the world-frame velocity, which wheels do not maintain. It is set
         // once, so that the next acceleration is measured from the true speed.
-        if let Engine::Wheels(_) = self.engine {
+        if let Engine::Wheels(_) | Engine::Bicycle(_) = self.engine {
             let Anchor {
                 speed_mps,
                 cos,

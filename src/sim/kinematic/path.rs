@@ -1,5 +1,6 @@
 //! State of a body and its motion during one `advance`.
 
+use crate::sim::cyclist::RideStep;
 use crate::sim::limits::DriveStep;
 use crate::sim::walker::Ramp;
 
@@ -11,7 +12,7 @@ pub(super) struct Anchor {
     pub heading_rad: f64,
     pub cos: f64,
     pub sin: f64,
-    /// Speed of a vehicle along its heading.
+    /// Speed of a vehicle or cyclist along its heading.
     pub speed_mps: f64,
     pub curvature_per_m: f64,
     /// World-frame velocity of a walker or of a carried body.
@@ -34,6 +35,7 @@ pub(super) struct BodyPath {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PathKind {
     Arc(DriveStep),
+    Ride(RideStep),
     Ramp(Ramp),
     /// Constant velocity and yaw rate of the start.
     Even,

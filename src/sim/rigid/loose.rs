@@ -1,4 +1,4 @@
-//! Walkers and carried bodies once bodies collide: rigid bodies of rapier.
+//! Walkers, cyclists and carried bodies once bodies collide, as rigid bodies.
 
 use rapier3d::prelude::RigidBodyHandle;
 
@@ -9,7 +9,8 @@ use crate::sim::{Body, BodyCommand, Placement};
 
 /// Rigid body without wheels.
 ///
-/// Until it collides it keeps its velocity and stays upright. Then it is free.
+/// Until it collides it keeps its velocity and heading and stays upright. Then it
+/// is free.
 #[derive(Clone)]
 pub(super) struct LooseBody {
     handle: RigidBodyHandle,
@@ -33,7 +34,11 @@ impl LooseBody {
             handle,
             origin_m,
             com: ComOffset::of(body),
-            held: Some(*rect),
+            held: Some(Rect {
+                // A turn would leave the direction of a constant velocity.
+                yaw_rate_rad_per_s: 0.0,
+                ..*rect
+            }),
         }
     }
 

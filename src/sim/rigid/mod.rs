@@ -2,14 +2,15 @@
 //!
 //! Every vehicle is one rigid body on four wheels. A wheel is a ray with a
 //! spring, a damper and a friction circle. The body pitches, rolls and slips,
-//! but cannot roll over. Walkers do not justify a rigid body and follow the same
-//! closed form as on the kinematic plant.
+//! but cannot roll over. Walkers and cyclists do not justify a rigid body and move
+//! as on the kinematic plant.
 //!
 //! Architecture Invariant: up to the first contact rapier resolves no collision.
 //! [`Rigid::advance`] ends at that contact, found by parry between the shapes of
 //! the bodies, and leaves every body at its pose of that instant. Only after
 //! [`Rigid::collide`] do the bodies collide, and rapier moves them.
 
+mod bicycle;
 mod car;
 mod collisions;
 mod foot;
@@ -22,6 +23,7 @@ mod world;
 
 use std::sync::Arc;
 
+use self::bicycle::Bicycle;
 use self::car::Car;
 use self::collisions::Collisions;
 use self::foot::Foot;
@@ -364,6 +366,7 @@ impl Plant for Rigid {
 fn motor(world: &mut RapierWorld, body: &Body, ground: Ground, rect: &Rect) -> Box<dyn Motor> {
     match &body.kind {
         BodyKind::Vehicle(vehicle) => Box::new(Car::new(world, body, vehicle, ground, rect)),
+        BodyKind::Cyclist(cyclist) => Box::new(Bicycle::new(body, cyclist, ground, rect)),
         BodyKind::Walker(walker) => Box::new(Foot::new(walker, rect)),
     }
 }
