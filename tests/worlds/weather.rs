@@ -15,7 +15,9 @@ const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];
 const SAMPLE_S: f64 = 0.05;
 /// Samples between two decisions.
 const DECISION: usize = 10;
-const BRAKES: &str = "Coast(accel_mps2: -20.0, lag_s: 0.0)";
+/// An ego that wants to be slow, and therefore brakes as hard as the road allows.
+const BRAKES: &str = "Idm(desired_speed_mps: 0.5, time_gap_s: 1.0, min_gap_m: 2.0, \
+    max_accel_mps2: 1.5, comfort_brake_mps2: 2.0, max_brake_mps2: 20.0, lag_s: 0.0)";
 const FOLLOWS: &str = "Idm(desired_speed_mps: 20.0, time_gap_s: 1.0, min_gap_m: 2.0, \
     max_accel_mps2: 1.5, comfort_brake_mps2: 2.0, max_brake_mps2: 6.0, lag_s: 0.0)";
 const SHOWER: &str = "Weather(name: \"rain\", \
