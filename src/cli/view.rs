@@ -7,9 +7,9 @@ use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use strum::VariantArray;
 
-use super::live::RerunArgs;
 #[cfg(feature = "rerun")]
-use super::live::{self, Streamed};
+use super::live::Streamed;
+use super::live::{self, RerunArgs};
 use super::{Common, Exit, Failure, open_run, print_json, refuse_program, terminal};
 use crate::crashes::{Regressions, Replayed, ViewKind, newest_of_training, picture};
 use crate::ego::reference::ReferenceDriver;

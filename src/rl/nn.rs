@@ -2,11 +2,11 @@
 //!
 //! Parameters lie in a flat vector, layer after layer. A layer is a bias
 //! `[width]` followed by weights `[inputs, width]`, where `width` is the number
-//! of outputs padded by [`padded`]. Padding is zero and stays zero, because its
+//! of outputs padded by `padded`. Padding is zero and stays zero, because its
 //! gradient vanishes.
 //!
 //! Architecture Invariant: nothing is allocated after construction, and no
-//! result depends on the batch in which it was computed (see [`super::kernel`]).
+//! result depends on the batch in which it was computed (see `rl::kernel`).
 
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;

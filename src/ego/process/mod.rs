@@ -25,8 +25,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 pub use exercise::{Exercise, Finding, exercise};
-pub(crate) use protocol::DOCUMENT;
-pub(crate) use protocol::{Hello, PROTOCOL};
+pub(crate) use protocol::{DOCUMENT, Hello};
 
 use super::actuator::written_as;
 use super::{
