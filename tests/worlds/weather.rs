@@ -82,7 +82,7 @@ fn brakes_lose_the_friction_that_the_rain_takes_sample_by_sample() {
             friction = f64::clamp(friction + per_s * SAMPLE_S, 0.3, 0.9);
         }
         assert_eq!(frictions.len(), 6 * DECISION + 1);
-        assert!(5.0 < speed_mps, "it still brakes at the end");
+        assert!(4.0 < speed_mps, "it still brakes at the end: {speed_mps}");
     }
 }
 
