@@ -8,7 +8,7 @@
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-/// Placeholder for the hash. The first occurrence in a text is used.
+/// Placeholder for the hash.
 pub(crate) const BLANK: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
 /// Returns the SHA-256 of bytes in hexadecimal digits.
@@ -35,6 +35,16 @@ pub(crate) fn in_digits(digest: &[u8]) -> String {
 /// Returns the text with its hash in place of the first [`BLANK`].
 pub(crate) fn seal(text: &str) -> String {
     text.replacen(BLANK, &sha256(text.as_bytes()), 1)
+}
+
+/// Returns the text with its hash in place of the last [`BLANK`].
+///
+/// For texts whose contents come before the hash and may have as many zeros.
+pub(crate) fn seal_last(text: &str) -> String {
+    let Some((before, after)) = text.rsplit_once(BLANK) else {
+        return text.to_owned();
+    };
+    format!("{before}{}{after}", sha256(text.as_bytes()))
 }
 
 /// Checks that a sealed text is unchanged. `hash` is the hash it contains.

@@ -101,7 +101,9 @@ impl CachedResult {
             "seal": content_hash::BLANK,
             "sha256": hash,
         });
-        write_file(&self.path, content_hash::seal(&kept.to_string()).as_bytes())
+        // The seal comes after the result, which may be a row of zeros.
+        let sealed = content_hash::seal_last(&kept.to_string());
+        write_file(&self.path, sealed.as_bytes())
     }
 
     /// Hash of question and result, without processor times.
@@ -157,6 +159,17 @@ mod tests {
         let changed = WORLD.replace("kp_per_s2: 0.3,", "kp_per_s2: 0.31,");
         let other = of(dir.path(), &changed, 3).read::<Vec<f64>>();
         assert_eq!(other.expect("readable"), None);
+    }
+
+    #[test]
+    fn a_result_of_many_zeros_is_found_again() {
+        let dir = tempfile::tempdir().expect("scratch");
+        let work = of(dir.path(), WORLD, 3);
+        for zeros in [64, 200] {
+            let made = "0".repeat(zeros);
+            work.write(&made).expect("written");
+            assert_eq!(work.read::<String>().expect("readable"), Some(made));
+        }
     }
 
     #[test]
