@@ -205,7 +205,12 @@ impl Judge {
     fn broken_at(&mut self, rulebook: &Rulebook, row: &[f64]) -> Result<Option<usize>, RowError> {
         let mut broken: Option<usize> = None;
         for (i, rule) in self.rules.iter_mut().enumerate() {
-            let now = rule.push(row)?;
+            // All monitors read the same row, so the first checks it for all.
+            let now = if i == 0 {
+                rule.push(row)?
+            } else {
+                rule.push_checked(row)
+            };
             // An upper bound of 0 is enough, since "kept" is strict.
             let lost = now.hi <= 0.0;
             let outranks = |b: usize| rulebook.rules[i].priority < rulebook.rules[b].priority;

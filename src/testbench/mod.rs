@@ -92,6 +92,8 @@ pub struct Testbench {
     rulebook: Arc<Rulebook>,
     judge: Judge,
     trace: Trace,
+    /// Samples of a full episode, and of a decision.
+    samples: (usize, usize),
     row: Vec<f64>,
     verdict: Option<Verdict>,
     judged: usize,
@@ -113,6 +115,10 @@ impl Testbench {
         let schema = Arc::clone(scene.schema());
         Testbench {
             judge: Judge::new(&rulebook, scene.clock().samples()),
+            samples: (
+                scene.clock().samples(),
+                scene.clock().samples_per_decision(),
+            ),
             row: vec![0.0; schema.len()],
             trace: Trace::new(schema),
             verdict: None,
@@ -223,7 +229,7 @@ impl Testbench {
     fn decide_watched(&mut self, action: usize, watch: &mut dyn FnMut(&dyn Scene)) {
         self.scene.decide(action);
         self.decisions += 1;
-        for _ in 0..self.clock().samples_per_decision() {
+        for _ in 0..self.samples.1 {
             if self.is_done() {
                 break;
             }
@@ -340,6 +346,7 @@ impl Testbench {
             rulebook: Arc::clone(&self.rulebook),
             judge: self.judge.clone(),
             trace,
+            samples: self.samples,
             row: self.row.clone(),
             verdict: self.verdict,
             judged: self.judged,
@@ -355,7 +362,7 @@ impl Testbench {
     }
 
     fn samples_left(&self) -> usize {
-        self.clock().samples() - self.trace.len()
+        self.samples.0 - self.trace.len()
     }
 
     fn sample(&mut self) {

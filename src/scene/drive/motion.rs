@@ -144,6 +144,10 @@ impl DriveScene {
 
     /// Sets the actions that the trained ados decide at this sample.
     fn decide_trained(&mut self) {
+        // Most worlds have none, and this runs at every sample.
+        if self.layout.frozen.is_empty() {
+            return;
+        }
         let layout = Arc::clone(&self.layout);
         for frozen in &layout.frozen {
             let Some(action) = frozen.act(&self.state) else {
@@ -181,9 +185,9 @@ impl DriveScene {
             accel_mps2: command.accel_mps2,
             lateral_mps: command.lateral_mps,
         };
-        let layout = Arc::clone(&self.layout);
         self.carry_all();
-        for (i, agent) in layout.spec.agents.iter().enumerate() {
+        for i in 0..self.layout.spec.agents.len() {
+            let agent = &self.layout.spec.agents[i];
             let wish = match &agent.drive {
                 // `carry_all` has already commanded the planned bodies.
                 Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => continue,

@@ -160,8 +160,10 @@ impl Road {
     /// Returns the lane of a lateral position, clamped to the road.
     pub fn lane_at(&self, lateral_m: f64) -> usize {
         // A border between two lanes belongs to the left one.
-        let lane = (lateral_m / self.lane_width_m()).round();
-        (lane.max(0.0) as usize).min(self.lanes() - 1)
+        // The cast cuts, to 0 for a negative number. With the float below one half this
+        // rounds like `f64::round`, which is a call on x86-64 and runs at every percept.
+        let lane = lateral_m / self.lane_width_m() + 0.5_f64.next_down();
+        (lane as usize).min(self.lanes() - 1)
     }
 
     /// Returns the lateral positions of the lanes' borders, from the right.
