@@ -269,7 +269,7 @@ impl PlanDir {
         let began = Instant::now();
         // Faults are counted per piece, so an ego that does not run spoils only its own pieces.
         let own = Watch {
-            faults: FaultLog::allowing(self.allowed),
+            faults: FaultLog::allowing_in_part(self.allowed),
             ..watch.quiet()
         };
         let question = self.plan.question(&piece.work);

@@ -272,7 +272,8 @@ fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
 fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
     let invalid = merged.summary.invalid_share();
     // Pieces may have run in other processes, so the log of this process has no faults.
-    if args.common.allow_invalid < invalid {
+    // A row without a valid start is no result, whatever share is allowed.
+    if args.common.allow_invalid < invalid || 1.0 <= invalid {
         return Err(Failure::fault(
             format!(
                 "in a row {:.1} % of the starts are invalid: the ego or the physics failed to run",

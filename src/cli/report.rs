@@ -206,7 +206,9 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
 /// More invalid episodes in a row than are allowed.
 fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
     let mut rows = report.tested.iter().map(|tested| &tested.row);
-    let row = rows.find(|row| args.common.allow_invalid < row.invalid_share())?;
+    // A row without a valid start is no result, whatever share is allowed.
+    let is_unheeded = |share: f64| args.common.allow_invalid < share || 1.0 <= share;
+    let row = rows.find(|row| is_unheeded(row.invalid_share()))?;
     Some(Failure::fault(
         format!(
             "{} of {} starts of `{}`, {} are invalid: its ego failed to run",

@@ -227,8 +227,10 @@ impl Regressions {
             .collect();
         // A replay that was cut short proves nothing, whatever share is allowed.
         let cut = replayed.len() < self.kept.len();
+        // Nor does an ego that never ran.
+        let ran = invalid.len() < replayed.len() || replayed.is_empty();
         let allowed = self.allow_invalid * replayed.len() as f64;
-        if !cut && invalid.len() as f64 <= allowed {
+        if !cut && ran && invalid.len() as f64 <= allowed {
             Ok(())
         } else {
             Err(RegressionError::Invalid {

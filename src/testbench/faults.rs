@@ -84,6 +84,8 @@ pub struct FaultLog(Arc<FaultBudget>);
 struct FaultBudget {
     /// Largest allowed share of invalid episodes in a row.
     allowed: f64,
+    /// True if rows are parts of rows, so that a whole one may be invalid.
+    has_parts: bool,
     given_up: AtomicBool,
     state: Mutex<State>,
 }
@@ -103,6 +105,17 @@ impl FaultLog {
     pub fn allowing(share: f64) -> FaultLog {
         FaultLog(Arc::new(FaultBudget {
             allowed: share,
+            ..FaultBudget::default()
+        }))
+    }
+
+    /// Creates a log like [`FaultLog::allowing`] for a part of each row.
+    ///
+    /// A part without a valid episode is then judged with the rest of its row.
+    pub fn allowing_in_part(share: f64) -> FaultLog {
+        FaultLog(Arc::new(FaultBudget {
+            allowed: share,
+            has_parts: true,
             ..FaultBudget::default()
         }))
     }
@@ -155,7 +168,10 @@ impl FaultLog {
         // Rows decide if there are any: a bad row must not vanish in the
         // average.
         let worst = state.worst.as_ref().map_or(overall, |(worst, _)| *worst);
-        let tolerated = worst <= self.0.allowed && !self.has_given_up();
+        // An ego without a single valid episode in a row never ran there, whatever share
+        // is allowed. Other egos of the campaign do not excuse it.
+        let never_ran = 1.0 <= worst && !self.0.has_parts;
+        let tolerated = worst <= self.0.allowed && !never_ran && !self.has_given_up();
         if invalid == 0 || tolerated {
             return None;
         }
@@ -266,6 +282,18 @@ mod tests {
         (0..3).for_each(|start| log.note(start, Some(&fault(FaultKind::Ended))));
         let complaint = log.complaint().expect("it never ran");
         assert!(complaint.given_up && complaint.invalid == 3);
+    }
+
+    #[test]
+    fn a_row_without_a_valid_episode_is_a_fault_beside_others_that_ran() {
+        let log = FaultLog::allowing(1.0);
+        (0..20).for_each(|start| log.note(start, None));
+        log.note_row(|| "half".to_owned(), 0.5);
+        (0..20).for_each(|start| log.note(start, Some(&fault(FaultKind::Ended))));
+        assert!(log.complaint().is_none(), "half of the row ran");
+        log.note_row(|| "mine, trained".to_owned(), 1.0);
+        let complaint = log.complaint().expect("it never ran");
+        assert_eq!(complaint.row.as_deref(), Some("mine, trained"));
     }
 
     #[test]

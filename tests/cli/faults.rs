@@ -426,6 +426,33 @@ fn an_ego_that_fails_now_and_then_is_in_no_rate_and_may_be_allowed() {
 }
 
 #[test]
+fn an_ego_that_ends_at_once_never_passes_whatever_is_allowed() {
+    let dir = scratch();
+    let (run, _) = small_run(&dir, "run", &[]);
+    let kept = path(&dir, "kept");
+    let keep = format!("{kept},most=1");
+    brakecheck(&["eval", &run, "--starts", "12", "--keep", &keep]);
+    // The nominal ego ran in the same commands, and must not excuse this one.
+    for verb in [
+        &["eval", &run, "--starts", "6"][..],
+        &["search", &run, "--starts", "3", "--budget", "20"],
+        &[
+            "gate",
+            &run,
+            "--starts",
+            "6",
+            "--baseline-ego",
+            "longer gap",
+        ],
+        &["replay", &kept],
+    ] {
+        let rest = ["--allow-invalid", "1", "--", "sh", "-c", "exit 0"];
+        let output = brakecheck(&[verb, &rest].concat());
+        assert_eq!(code(&output), 3, "{verb:?}: {}", stderr(&output));
+    }
+}
+
+#[test]
 fn nothing_that_a_file_names_is_started_without_consent() {
     let dir = scratch();
     let (run, _) = small_run(&dir, "run", &["--seed", "1"]);
