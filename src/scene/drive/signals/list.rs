@@ -138,7 +138,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .seen_in(0.0, 60.0),
     Pair.signal("headway", "m")
         .is(|state, [a, b]| state.on_road_of(a, b).s_m - state.on_road[a].s_m)
-        .about("distance along the road from {a} to {b}, front to front")
+        .about("distance along the road from {a} to {b}, front to front; negative if {b} is behind {a}")
         .seen_in(-100.0, 100.0),
     Pair.signal("lateral", "m")
         .is(|state, [a, b]| state.on_road_of(a, b).lateral_m - state.on_road[a].lateral_m)
@@ -171,12 +171,12 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .about("whether {a} and {b} touched"),
     Pair.signal("conflict", "m")
         .is(|state, pair| state.conflict_m(pair).unwrap_or(NEVER_M))
-        .about("distance along its road from {a} to where the way of {b} crosses, positive before it")
+        .about("distance along its road from {a} to where the way of {b} crosses, positive before it; 1000 m if they never cross")
         .only_if(on_two_roads)
         .seen_in(-20.0, 80.0),
     Pair.signal("conflict_time", "s")
         .is(time_to_conflict_s)
-        .about("time until {a} is there at its present speed, 0 to 100 s; 100 once its rear has passed")
+        .about("time until {a} is there at its present speed, 0 to 100 s; 100 once its rear has passed, while it stands, and if the ways never cross")
         .only_if(on_two_roads)
         .within(|_, _| zero_to(TTC_CAP_S))
         .seen_in(0.0, 20.0),
