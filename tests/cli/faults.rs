@@ -435,7 +435,7 @@ fn an_ego_that_ends_at_once_never_passes_whatever_is_allowed() {
     // The nominal ego ran in the same commands, and must not excuse this one.
     for verb in [
         &["eval", &run, "--starts", "6"][..],
-        &["search", &run, "--starts", "3", "--budget", "20"],
+        &["search", &run, "--starts", "3"],
         &[
             "gate",
             &run,
