@@ -41,6 +41,6 @@ pub use formula::{Expr, Formula};
 pub use interval::Interval;
 pub use monitor::Monitor;
 pub use offline::Scratch;
-pub use online::OnlineMonitor;
+pub use online::{OnlineMonitor, StreamMonitor};
 pub use samples::{ColumnsError, Samples};
 pub use settings::{Constants, Limits, Names, Settings, TraceEnd, Until};

@@ -12,20 +12,25 @@
 
 use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, apply};
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min, WindowTail, opposite};
+use crate::kernel::{Max, WindowTail, opposite};
 use crate::leaf::Semantics;
 use crate::monitor::Monitor;
 use crate::offline::Scratch;
-use crate::program::{BoundProgram, Edge, Id, MinMax, Op};
-use crate::settings::{TraceEnd, Until};
+use crate::program::{BoundProgram, Id, Op};
+use crate::settings::TraceEnd;
 use crate::trace::RowError;
 
+mod open;
 mod plan;
 mod point;
+mod step;
+mod stream;
 mod track;
 
 use plan::Need;
 use point::Point;
+use step::{Decided, step_edge, step_since};
+pub use stream::StreamMonitor;
 use track::Track;
 
 /// State of a monitor's run, created by [`Monitor::online`].
@@ -75,7 +80,7 @@ impl Monitor {
 impl OnlineMonitor {
     fn new(monitor: &Monitor, len: Option<usize>) -> OnlineMonitor {
         let program = &monitor.program;
-        let (point, needs) = plan::plan(program);
+        let (point, needs) = plan::plan(program, len);
         let held = (monitor.settings.end == TraceEnd::Hold)
             .then(|| vec![Vec::new(); program.schema.len()]);
         OnlineMonitor {
@@ -195,6 +200,22 @@ impl OnlineMonitor {
         self.interval = interval.map(|value| self.monitor.clamp(value));
     }
 
+    fn settle(&mut self, reading: &EvalWindow, row: Option<&[f64]>) {
+        // At the end, samples that were undecided so far become known.
+        let end = self.ended || self.len.is_some_and(|len| len <= self.known);
+        let work = &mut self.scratch.work;
+        let program = &self.monitor.program;
+        settle(
+            program,
+            &self.needs,
+            &mut self.tracks,
+            reading,
+            row,
+            end,
+            work,
+        );
+    }
+
     fn reading(&self) -> EvalWindow {
         let settings = &self.monitor.settings;
         let len = if self.ended {
@@ -221,50 +242,61 @@ impl OnlineMonitor {
             tail: WindowTail::Cut,
         }
     }
+}
 
-    /// Updates every operator in use.
-    ///
-    /// Without a row, it updates only those that the end of the trace changes.
-    fn settle(&mut self, reading: &EvalWindow, row: Option<&[f64]>) {
-        let program = &self.monitor.program;
-        let now = reading.known - 1;
-        for (id, need) in &self.needs {
-            let horizon = program.get(*id).horizon;
-            // No reader needs it any more.
-            if need.stop.is_some_and(|stop| stop < now) {
-                continue;
-            }
-            let instant = horizon == Some(0);
-            // Invariant: operands have lower numbers than their operators. They are
-            // therefore up to date, and the split keeps them readable.
-            let (before, rest) = self.tracks.split_at_mut(*id);
-            let Some(track) = rest.first_mut() else {
-                continue;
-            };
-            match row {
-                Some(row) if instant => {
-                    track.now = present(
-                        program,
-                        *id,
-                        track,
-                        before,
-                        reading,
-                        row,
-                        &mut self.scratch.work,
-                    );
-                    if need.stored {
-                        if track.lower.is_empty() {
-                            track.first = now;
-                        }
-                        track.lower.push(track.now);
-                    }
+/// Updates every operator in use.
+///
+/// Without a row, it updates only those that the end of the trace changes. With
+/// `everything`, undecided samples are computed for every operator. Otherwise only
+/// for those whose undecided samples are read.
+fn settle(
+    program: &BoundProgram,
+    needs: &[(Id, Need)],
+    tracks: &mut [Track],
+    reading: &EvalWindow,
+    row: Option<&[f64]>,
+    everything: bool,
+    work: &mut KernelBuffers,
+) {
+    let now = reading.known - 1;
+    for (id, need) in needs {
+        let horizon = program.get(*id).horizon;
+        // No reader needs it any more.
+        if need.stop.is_some_and(|stop| stop < now) {
+            continue;
+        }
+        let instant = horizon == Some(0);
+        // Invariant: operands have lower numbers than their operators. They are
+        // therefore up to date, and the split keeps them readable.
+        let (before, rest) = tracks.split_at_mut(*id);
+        let Some(track) = rest.first_mut() else {
+            continue;
+        };
+        let decided = Decided {
+            program,
+            tracks: before,
+            until: reading.until,
+            now,
+        };
+        match row {
+            Some(row) if instant => {
+                track.now = present(*id, track, decided, row);
+                if need.stored {
+                    track.store(now, track.now);
                 }
-                _ if instant => {}
-                _ => redo(program, *id, track, before, reading, &mut self.scratch.work),
             }
-            if let Some(keep) = need.keep {
-                track.trim(keep);
+            _ if instant => {}
+            _ if everything || need.opens.is_some_and(|at| at <= reading.known) => {
+                redo(program, *id, track, before, reading, work)
             }
+            _ => {
+                if let Some((sample, value)) = decided.next(*id, track) {
+                    track.store(sample, value);
+                }
+            }
+        }
+        if let Some(keep) = need.keep {
+            track.trim(keep);
         }
     }
 }
@@ -278,70 +310,27 @@ fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(OperandBounds<'a>, Oper
 }
 
 /// Returns the latest value of an operator that needs no later sample.
-fn present(
-    program: &BoundProgram,
-    id: Id,
-    track: &mut Track,
-    tracks: &[Track],
-    reading: &EvalWindow,
-    row: &[f64],
-    work: &mut KernelBuffers,
-) -> f64 {
-    let now = reading.known - 1;
-    let op = &program.get(id).op;
-    match *op {
+fn present(id: Id, track: &mut Track, operands: Decided<'_>, row: &[f64]) -> f64 {
+    let tracks = operands.tracks;
+    match operands.program.get(id).op {
         Op::Constant(true) => f64::INFINITY,
         Op::Constant(false) => f64::NEG_INFINITY,
         Op::Leaf(ref leaf) => leaf.at(row),
+        // The operands of these need not be stored.
         Op::Not(a) => opposite(tracks[a].now),
         Op::Gate(gate, a, b) => {
             let (a, b) = (tracks[a].now, tracks[b].now);
             gate.at(a, a, b, b)
         }
-        Op::Behind(side, window, a) => {
-            // The sample that enters the window now lies `from` samples back.
-            let sample = now.checked_sub(window.from);
-            let new = sample.and_then(|t| Some((t, tracks[a].operand().lower.at(t)?)));
-            let first = window.to.map(|to| now.saturating_sub(to));
-            match side {
-                MinMax::Min => track.slide::<Min>(first, new),
-                MinMax::Max => track.slide::<Max>(first, new),
-            }
-        }
-        // φ S ψ at t = max(ψ(t), min(φ(t), φ S ψ at t − 1)): a single number carries the
-        // whole past (Havelund, Roşu 2002, for truth values).
         Op::Since(window, a, b) if window.to.is_none() && window.from == 0 => {
             let (guard, goal) = (tracks[a].now, tracks[b].now);
-            let goal = if reading.until == Until::Closed {
-                Min::pick(guard, goal)
-            } else {
-                goal
-            };
-            let before = track.carried.unwrap_or(f64::NEG_INFINITY);
-            let value = Max::pick(goal, Min::pick(guard, before));
-            track.carried = Some(value);
-            value
+            step_since(guard, operands.goal::<Max>(guard, goal), track)
         }
-        Op::Edge(edge, a) => {
-            let current = match edge {
-                Edge::Rise => tracks[a].now,
-                Edge::Fall => opposite(tracks[a].now),
-            };
-            // `prev` of any operand is +inf at the first sample.
-            let before = track
-                .carried
-                .replace(current)
-                .map_or(f64::INFINITY, opposite);
-            Min::pick(before, current)
-        }
-        // Instant values are exact, so either bound would do.
-        _ => {
-            let mut value = [f64::NEG_INFINITY];
-            if let Some(pair) = operands(op, tracks) {
-                apply(op, reading, pair, Bound::Lower, now, &mut value, work);
-            }
-            value[0]
-        }
+        Op::Edge(edge, a) => step_edge(edge, tracks[a].now, track),
+        // Invariant: operands that are not read as the latest value are stored.
+        _ => operands
+            .next(id, track)
+            .map_or(f64::NEG_INFINITY, |(_, value)| value),
     }
 }
 
@@ -363,9 +352,7 @@ fn redo(
         .horizon
         .map_or(0, |horizon| reading.known.saturating_sub(horizon + 1))
         .max(track.first);
-    let len = reading.known - track.first;
-    track.lower.resize(len, 0.0);
-    track.upper.resize(len, 0.0);
+    track.open(from, reading.known);
     let Some(pair) = operands(&instruction.op, tracks) else {
         return;
     };

@@ -7,6 +7,7 @@ mod language;
 mod laws;
 mod naive;
 mod online;
+mod stream;
 mod undefined;
 mod vectors;
 
