@@ -20,9 +20,11 @@ use crate::program::{BoundProgram, Id, Op};
 use crate::settings::TraceEnd;
 use crate::trace::RowError;
 
+mod nested;
 mod open;
 mod plan;
 mod point;
+mod sliding;
 mod step;
 mod stream;
 mod track;

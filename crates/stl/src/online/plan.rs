@@ -7,6 +7,7 @@
 //! demanding reader decides. `None` means "without an end" throughout, so a
 //! missing bound makes any sum or maximum `None`.
 
+use super::nested::{NestedForm, NestedProgress};
 use super::open::OpenBounds;
 use super::point::{Point, WindowProgress};
 use crate::apply::Bound;
@@ -149,13 +150,33 @@ impl Planner<'_> {
         }
         // The operand is needed for the whole window, and its own horizon longer.
         let horizon = program.get(a).horizon;
-        let need = Need {
+        let mut need = Need {
             stop: plus(window.to, horizon),
             opens: self.opens(side, window, a),
             ..self.unsettled(a)
         };
+        let watch = WindowProgress::new(window, horizon);
+        // Decided values alone are cheaper, but without an end there are none.
+        if horizon != Some(0)
+            && (need.opens.is_some() || horizon.is_none())
+            && let Some(form) = NestedForm::new(program, a)
+        {
+            for id in form.reads() {
+                let latest = Need {
+                    keep: Some(1),
+                    stored: false,
+                    ..need
+                };
+                require(&mut self.needs, id, latest);
+            }
+            if horizon.is_some() {
+                need.opens = None;
+                require(&mut self.needs, a, need);
+            }
+            return Point::Nested(NestedProgress::new(watch, a, form), side);
+        }
         require(&mut self.needs, a, need);
-        Point::Window(WindowProgress::new(window, horizon), side, a)
+        Point::Window(watch, side, a)
     }
 
     /// Returns the number of samples from which on a window reads undecided values.

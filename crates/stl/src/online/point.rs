@@ -1,9 +1,10 @@
 //! Formula at sample 0, while samples arrive.
 
+use super::nested::NestedProgress;
 use super::track::Track;
 use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min, SampleWindow, fold};
+use crate::kernel::{Extremum, Max, Min, SampleWindow, View, fold};
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Strength};
 use crate::settings::Until;
 
@@ -22,15 +23,16 @@ pub(super) enum Point {
     Not(Box<Point>),
     Gate(BooleanOp, Box<Point>, Box<Point>),
     Window(WindowProgress, MinMax, Id),
+    Nested(NestedProgress, MinMax),
     Until(WindowProgress, MinMax, Strength, Id, Id),
 }
 
 /// Part of a window that an operator has read so far.
 #[derive(Clone, Debug)]
 pub(super) struct WindowProgress {
-    window: SampleWindow,
+    pub(super) window: SampleWindow,
     /// Horizon of the operands.
-    horizon: Option<usize>,
+    pub(super) horizon: Option<usize>,
     /// First sample that is not folded in.
     next: usize,
     /// Extremum of the folded samples, or the best value of an until so far.
@@ -63,8 +65,21 @@ impl WindowProgress {
         (last, settled.min(last + 1))
     }
 
+    /// Folds the decided samples before `settled`, and returns the extremum so far.
+    pub(super) fn settle<E: Extremum>(&mut self, settled: usize, decided: View<'_>) -> f64 {
+        let next = self.next.max(self.window.from);
+        let mut folded = self.folded.unwrap_or(E::NEUTRAL);
+        if next < settled {
+            let new = &decided.from(next)[..settled - next];
+            folded = E::pick(folded, fold::<E>(new));
+            self.next = settled;
+        }
+        self.folded = Some(folded);
+        folded
+    }
+
     /// Returns true if samples of the window are still to come.
-    fn is_open(&self, reading: &EvalWindow) -> bool {
+    pub(super) fn is_open(&self, reading: &EvalWindow) -> bool {
         let len = reading.len(self.window);
         reading.known < len
             && self.window.from < len
@@ -85,6 +100,7 @@ impl Point {
             Point::Window(watch, ..) | Point::Until(watch, ..) => {
                 *watch = WindowProgress::new(watch.window, watch.horizon)
             }
+            Point::Nested(nested, _) => nested.reset(),
         }
     }
 
@@ -124,6 +140,8 @@ impl Point {
             Point::Window(watch, MinMax::Max, id) => {
                 window::<Max>(watch, program, *id, reading, tracks)
             }
+            Point::Nested(nested, MinMax::Min) => nested.update::<Min>(reading, tracks),
+            Point::Nested(nested, MinMax::Max) => nested.update::<Max>(reading, tracks),
             Point::Until(watch, MinMax::Max, strength, a, b) => {
                 until::<Max>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
             }
@@ -137,7 +155,7 @@ impl Point {
 /// Opens the end of the interval that samples to come can move.
 ///
 /// That is the lower end of a minimum and the upper end of a maximum.
-fn opened<E: Extremum>(interval: Interval) -> Interval {
+pub(super) fn opened<E: Extremum>(interval: Interval) -> Interval {
     if E::NEUTRAL == f64::INFINITY {
         Interval {
             lo: f64::NEG_INFINITY,
@@ -169,15 +187,7 @@ fn window<E: Extremum>(
     } else {
         let (last, settled) = watch.last(reading);
         let operand = tracks[id].operand();
-        let next = watch.next.max(watch.window.from);
-        // Settled bounds coincide, so the lower bounds serve both.
-        if next < settled {
-            folded = E::pick(
-                folded,
-                fold::<E>(&operand.lower.from(next)[..settled - next]),
-            );
-            watch.next = settled;
-        }
+        folded = watch.settle::<E>(settled, operand.lower);
         let next = watch.next.max(watch.window.from);
         // Pending samples are read again each time and never folded in.
         let pending = (last + 1).saturating_sub(next);

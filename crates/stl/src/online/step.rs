@@ -4,6 +4,7 @@
 //! each new sample, every operator therefore decides one value, `horizon` samples
 //! back. Its operands have decided at least as much.
 
+use super::sliding::UntilPart;
 use super::track::Track;
 use crate::kernel::{Extremum, Max, Min, SampleWindow, opposite};
 use crate::program::{BoundProgram, Edge, Id, MinMax, Op, Strength};
@@ -108,7 +109,9 @@ impl Decided<'_> {
         let (to, width) = (window.to?, window.width()?);
         let guard = self.at(a, last)?;
         let goal = self.goal::<E>(guard, self.at(b, last)?);
-        let mut value = track.pairs.slide::<E>(width, guard, goal);
+        let new = UntilPart { best: goal, guard };
+        track.pairs.push::<E>(Some(width), new);
+        let mut value = track.pairs.join::<E>()?.best;
         // The left side must hold before the window as well.
         if window.from != 0
             && let Some(end) = (last + window.from).checked_sub(to + 1)

@@ -1,9 +1,8 @@
 //! Memory of an online monitor for one operator.
 
-use std::collections::VecDeque;
-
+use super::sliding::{SlidingExtremum, SlidingJoin, UntilPart};
 use crate::apply::OperandBounds;
-use crate::kernel::{Extremum, View};
+use crate::kernel::View;
 
 /// Bounds of an operator at the known samples `first ..`.
 ///
@@ -26,7 +25,7 @@ pub(super) struct Track {
     /// Left side from the sample to the end of the window of an unless.
     pub(super) throughout: SlidingExtremum,
     /// Both sides in the window of an until.
-    pub(super) pairs: SlidingUntil,
+    pub(super) pairs: SlidingJoin<UntilPart>,
 }
 
 impl Track {
@@ -98,125 +97,5 @@ impl Track {
             }
             self.first += surplus;
         }
-    }
-}
-
-/// Extremum of a window that only moves forwards.
-#[derive(Clone, Debug, Default)]
-pub(super) struct SlidingExtremum {
-    /// Samples that can still be the extremum.
-    queue: VecDeque<(usize, f64)>,
-}
-
-impl SlidingExtremum {
-    fn clear(&mut self) {
-        self.queue.clear();
-    }
-
-    /// Returns the extremum from sample `first` (`None`: of all) to the new value.
-    ///
-    /// A value beaten by a newer value never matters again, so each sample enters and
-    /// leaves the queue once. Without an end only the best value stays.
-    pub(super) fn slide<E: Extremum>(
-        &mut self,
-        first: Option<usize>,
-        new: Option<(usize, f64)>,
-    ) -> f64 {
-        if let Some((sample, value)) = new {
-            // Equal values go as well: the newer value stays in the window longer.
-            while self
-                .queue
-                .back()
-                .is_some_and(|old| E::pick(old.1, value) == value)
-            {
-                self.queue.pop_back();
-            }
-            // In an endless window a worse value can never become the extremum.
-            if first.is_some() || self.queue.is_empty() {
-                self.queue.push_back((sample, value));
-            }
-        }
-        while self
-            .queue
-            .front()
-            .is_some_and(|old| first.is_some_and(|first| old.0 < first))
-        {
-            self.queue.pop_front();
-        }
-        self.queue.front().map_or(E::NEUTRAL, |extremum| extremum.1)
-    }
-}
-
-/// Until over the last samples: the best goal, and the guard of all samples.
-#[derive(Clone, Copy, Debug)]
-struct UntilPart {
-    best: f64,
-    guard: f64,
-}
-
-impl UntilPart {
-    fn neutral<E: Extremum>() -> UntilPart {
-        UntilPart {
-            best: E::NEUTRAL,
-            guard: <E::Dual as Extremum>::NEUTRAL,
-        }
-    }
-
-    /// Joins the samples after `self`: their goals need its guard.
-    fn then<E: Extremum>(self, later: UntilPart) -> UntilPart {
-        UntilPart {
-            best: E::pick(self.best, E::Dual::pick(self.guard, later.best)),
-            guard: E::Dual::pick(self.guard, later.guard),
-        }
-    }
-}
-
-/// Until over a window of fixed width that moves by one sample at a time.
-///
-/// Joining is associative but cannot be undone. The older samples therefore carry
-/// the join of themselves with all later older samples, and the newer samples a
-/// single join. Each sample changes from newer to older once.
-#[derive(Clone, Debug, Default)]
-pub(super) struct SlidingUntil {
-    older: Vec<UntilPart>,
-    newer: Vec<UntilPart>,
-    joined: Option<UntilPart>,
-}
-
-impl SlidingUntil {
-    fn clear(&mut self) {
-        self.older.clear();
-        self.newer.clear();
-        self.joined = None;
-    }
-
-    /// Adds a sample, and returns the until over the last `width` samples.
-    pub(super) fn slide<E: Extremum>(&mut self, width: usize, guard: f64, goal: f64) -> f64 {
-        if self.older.len() + self.newer.len() == width {
-            self.drop_oldest::<E>();
-        }
-        let new = UntilPart { best: goal, guard };
-        self.newer.push(new);
-        let newer = match self.joined {
-            Some(joined) => joined.then::<E>(new),
-            None => new,
-        };
-        self.joined = Some(newer);
-        match self.older.last() {
-            Some(older) => older.then::<E>(newer).best,
-            None => newer.best,
-        }
-    }
-
-    fn drop_oldest<E: Extremum>(&mut self) {
-        if self.older.is_empty() {
-            let mut joined = UntilPart::neutral::<E>();
-            for part in self.newer.drain(..).rev() {
-                joined = part.then::<E>(joined);
-                self.older.push(joined);
-            }
-            self.joined = None;
-        }
-        self.older.pop();
     }
 }
