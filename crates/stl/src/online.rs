@@ -5,10 +5,14 @@
 //! −inf in its lower end and as +inf in its upper end.
 //!
 //! Operators at the top of the formula are watched at sample 0 only, and settled
-//! values are folded into a single number. Always and eventually over operators
-//! of the present and the past therefore cost O(1) per sample. Operators further
-//! down keep the stretch that has not settled and recompute it at each sample,
-//! with the kernels of the offline monitor: O(their horizon) per sample.
+//! values are folded into a single number. Each operator below them decides one value
+//! per sample, in amortised O(1). Its undecided values are computed only if they are
+//! read, by three ways:
+//!
+//! - They are not read where they are certain to have no effect ([`open`]).
+//! - Their extremum is kept, if a single future operator is in them ([`nested`]).
+//! - Otherwise they are recomputed at each sample, with the kernels of the offline
+//!   monitor: O(their horizon) per sample.
 
 use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, apply};
 use crate::interval::Interval;
@@ -29,7 +33,7 @@ mod step;
 mod stream;
 mod track;
 
-use plan::Need;
+use plan::PlannedOperator;
 use point::Point;
 use step::{Decided, step_edge, step_since};
 pub use stream::StreamMonitor;
@@ -56,7 +60,7 @@ pub struct OnlineMonitor {
     /// State per operator, of which only some are in use.
     tracks: Vec<Track>,
     /// Operators in use, operands first.
-    needs: Vec<(Id, Need)>,
+    needs: Vec<PlannedOperator>,
     point: Point,
     interval: Interval,
     /// Samples so far, if the end of the trace needs them.
@@ -251,9 +255,10 @@ impl OnlineMonitor {
 /// Without a row, it updates only those that the end of the trace changes. With
 /// `everything`, undecided samples are computed for every operator. Otherwise only
 /// for those whose undecided samples are read.
+#[inline]
 fn settle(
     program: &BoundProgram,
-    needs: &[(Id, Need)],
+    needs: &[PlannedOperator],
     tracks: &mut [Track],
     reading: &EvalWindow,
     row: Option<&[f64]>,
@@ -261,45 +266,53 @@ fn settle(
     work: &mut KernelBuffers,
 ) {
     let now = reading.known - 1;
-    for (id, need) in needs {
-        let horizon = program.get(*id).horizon;
+    for PlannedOperator { id, instant, need } in needs {
         // No reader needs it any more.
         if need.stop.is_some_and(|stop| stop < now) {
             continue;
         }
-        let instant = horizon == Some(0);
         // Invariant: operands have lower numbers than their operators. They are
         // therefore up to date, and the split keeps them readable.
         let (before, rest) = tracks.split_at_mut(*id);
         let Some(track) = rest.first_mut() else {
             continue;
         };
-        let decided = Decided {
+        let operands = Decided {
             program,
             tracks: before,
             until: reading.until,
             now,
         };
-        match row {
-            Some(row) if instant => {
-                track.now = present(*id, track, decided, row);
-                if need.stored {
-                    track.store(now, track.now);
-                }
-            }
-            _ if instant => {}
-            _ if everything || need.opens.is_some_and(|at| at <= reading.known) => {
-                redo(program, *id, track, before, reading, work)
-            }
-            _ => {
-                if let Some((sample, value)) = decided.next(*id, track) {
-                    track.store(sample, value);
-                }
+        if !instant {
+            let open = everything || need.opens.is_some_and(|at| at <= reading.known);
+            delayed(*id, track, operands, open.then_some(reading), work);
+        } else if let Some(row) = row {
+            track.now = present(*id, track, operands, row);
+            if need.stored {
+                track.store(now, track.now);
             }
         }
         if let Some(keep) = need.keep {
             track.trim(keep);
         }
+    }
+}
+
+/// Updates an operator that needs later samples, with an open reading also undecided samples.
+///
+/// Not inlined, so that formulas of the present and the past stay fast.
+#[inline(never)]
+fn delayed(
+    id: Id,
+    track: &mut Track,
+    operands: Decided<'_>,
+    open: Option<&EvalWindow>,
+    work: &mut KernelBuffers,
+) {
+    if let Some(reading) = open {
+        redo(operands.program, id, track, operands.tracks, reading, work);
+    } else if let Some((sample, value)) = operands.next(id, track) {
+        track.store(sample, value);
     }
 }
 
@@ -312,6 +325,7 @@ fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(OperandBounds<'a>, Oper
 }
 
 /// Returns the latest value of an operator that needs no later sample.
+#[inline(always)]
 fn present(id: Id, track: &mut Track, operands: Decided<'_>, row: &[f64]) -> f64 {
     let tracks = operands.tracks;
     match operands.program.get(id).op {
@@ -329,6 +343,7 @@ fn present(id: Id, track: &mut Track, operands: Decided<'_>, row: &[f64]) -> f64
             step_since(guard, operands.goal::<Max>(guard, goal), track)
         }
         Op::Edge(edge, a) => step_edge(edge, tracks[a].now, track),
+        Op::Behind(side, window, a) => operands.behind(side, window, a, operands.now, track),
         // Invariant: operands that are not read as the latest value are stored.
         _ => operands
             .next(id, track)

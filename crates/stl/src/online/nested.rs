@@ -202,6 +202,8 @@ impl NestedProgress {
         self.seen = 0;
     }
 
+    /// Not inlined, so that windows over the present and the past stay fast.
+    #[inline(never)]
     pub(super) fn update<E: Extremum>(
         &mut self,
         reading: &EvalWindow,

@@ -27,8 +27,17 @@ pub(super) struct Need {
     pub(super) opens: Option<usize>,
 }
 
+/// Operator in use.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlannedOperator {
+    pub(super) id: Id,
+    /// True if the value at a sample is known as soon as the sample is.
+    pub(super) instant: bool,
+    pub(super) need: Need,
+}
+
 /// Plans the evaluation of the formula at sample 0 of a trace of `len` samples.
-pub(super) fn plan(program: &BoundProgram, len: Option<usize>) -> (Point, Vec<(Id, Need)>) {
+pub(super) fn plan(program: &BoundProgram, len: Option<usize>) -> (Point, Vec<PlannedOperator>) {
     let mut planner = Planner {
         program,
         open: OpenBounds::new(program),
@@ -40,7 +49,7 @@ pub(super) fn plan(program: &BoundProgram, len: Option<usize>) -> (Point, Vec<(I
 }
 
 /// Plans the evaluation of every operator at every sample, as soon as it is decided.
-pub(super) fn plan_all(program: &BoundProgram) -> Vec<(Id, Need)> {
+pub(super) fn plan_all(program: &BoundProgram) -> Vec<PlannedOperator> {
     let mut needs = vec![None; program.instructions.len()];
     let root = program.root();
     let need = Need {
@@ -55,7 +64,7 @@ pub(super) fn plan_all(program: &BoundProgram) -> Vec<(Id, Need)> {
 }
 
 /// Passes the requirements on to all operands.
-fn finished(program: &BoundProgram, mut needs: Vec<Option<Need>>) -> Vec<(Id, Need)> {
+fn finished(program: &BoundProgram, mut needs: Vec<Option<Need>>) -> Vec<PlannedOperator> {
     // Invariant: operands have lower numbers. All readers of an operator have
     // therefore been visited before it passes its own need on.
     for id in (0..needs.len()).rev() {
@@ -64,7 +73,14 @@ fn finished(program: &BoundProgram, mut needs: Vec<Option<Need>>) -> Vec<(Id, Ne
         }
     }
     let all = needs.into_iter().enumerate();
-    all.filter_map(|(id, need)| Some((id, need?))).collect()
+    let used = all.filter_map(|(id, need)| {
+        Some(PlannedOperator {
+            id,
+            instant: program.is_instant(id),
+            need: need?,
+        })
+    });
+    used.collect()
 }
 
 struct Planner<'a> {

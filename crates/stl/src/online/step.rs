@@ -42,6 +42,9 @@ impl Decided<'_> {
     }
 
     /// Returns the next decided value of operator `id` and its sample.
+    ///
+    /// Not inlined, so that formulas of the present and the past stay fast.
+    #[inline(never)]
     pub(super) fn next(&self, id: Id, track: &mut Track) -> Option<(usize, f64)> {
         let instruction = self.program.get(id);
         // Operators see every decided value of their operands, also before their first own.
@@ -62,8 +65,10 @@ impl Decided<'_> {
             }
             Op::Ahead(MinMax::Min, window, a) => self.ahead::<Min>(window, a, track),
             Op::Ahead(MinMax::Max, window, a) => self.ahead::<Max>(window, a, track),
-            Op::Behind(MinMax::Min, window, a) => self.behind::<Min>(window, a, track),
-            Op::Behind(MinMax::Max, window, a) => self.behind::<Max>(window, a, track),
+            Op::Behind(side, window, a) => {
+                let sample = self.last(&[a])?;
+                Some(self.behind(side, window, a, sample, track))
+            }
             Op::Until(MinMax::Min, strength, window, a, b) => {
                 self.until::<Min>((strength, window), (a, b), track)
             }
@@ -86,13 +91,24 @@ impl Decided<'_> {
         Some(track.window.slide::<E>(Some(first), Some(new)))
     }
 
-    fn behind<E: Extremum>(&self, window: SampleWindow, a: Id, track: &mut Track) -> Option<f64> {
-        let sample = self.last(&[a])?;
+    /// Historically or once at `sample`, the next one.
+    #[inline]
+    pub(super) fn behind(
+        &self,
+        side: MinMax,
+        window: SampleWindow,
+        a: Id,
+        sample: usize,
+        track: &mut Track,
+    ) -> f64 {
         // The sample that enters the window now lies `from` samples back.
         let enters = sample.checked_sub(window.from);
         let new = enters.and_then(|t| Some((t, self.at(a, t)?)));
         let first = window.to.map(|to| sample.saturating_sub(to));
-        Some(track.window.slide::<E>(first, new))
+        match side {
+            MinMax::Min => track.window.slide::<Min>(first, new),
+            MinMax::Max => track.window.slide::<Max>(first, new),
+        }
     }
 
     /// Until of the window that ends with the last sample of both sides.

@@ -1,13 +1,12 @@
 //! Robustness at every sample of a run that goes on, with a delay.
 
-use super::plan::{self, Need};
+use super::plan::{self, PlannedOperator};
 use super::settle;
 use super::track::Track;
 use crate::apply::EvalWindow;
 use crate::kernel::WindowTail;
 use crate::monitor::Monitor;
 use crate::offline::Scratch;
-use crate::program::Id;
 use crate::settings::TraceEnd;
 use crate::trace::RowError;
 
@@ -56,7 +55,7 @@ pub struct StreamMonitor {
     ended: bool,
     tracks: Vec<Track>,
     /// Operators in use, operands first.
-    needs: Vec<(Id, Need)>,
+    needs: Vec<PlannedOperator>,
     /// Latest row, if the end of the trace holds it.
     last: Option<Vec<f64>>,
     scratch: Scratch,
