@@ -13,6 +13,7 @@
 
 mod apply;
 mod bind;
+mod dense;
 mod error;
 mod explain;
 mod formula;
@@ -35,6 +36,7 @@ pub mod trace;
 mod undefined;
 
 pub use bind::BoundExpr;
+pub use dense::{DenseError, DenseRowError, DenseTrace, Interpolation};
 pub use error::StlError;
 pub use explain::{Explanation, ExplanationStep, Reason};
 pub use formula::{Expr, Formula};

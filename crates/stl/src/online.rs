@@ -28,7 +28,7 @@ mod nested;
 mod open;
 mod plan;
 mod point;
-mod sliding;
+pub(crate) mod sliding;
 mod step;
 mod stream;
 mod track;

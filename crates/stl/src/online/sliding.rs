@@ -7,7 +7,7 @@ use crate::kernel::{Extremum, Max, Min};
 
 /// Extremum of a window that only moves forwards.
 #[derive(Clone, Debug, Default)]
-pub(super) struct SlidingExtremum {
+pub(crate) struct SlidingExtremum {
     /// Samples that can still be the extremum.
     queue: VecDeque<(usize, f64)>,
 }
@@ -21,7 +21,7 @@ impl SlidingExtremum {
     ///
     /// A value beaten by a newer value never matters again, so each sample enters and
     /// leaves the queue once. Without an end only the best value stays.
-    pub(super) fn slide<E: Extremum>(
+    pub(crate) fn slide<E: Extremum>(
         &mut self,
         first: Option<usize>,
         new: Option<(usize, f64)>,

@@ -1,5 +1,6 @@
 //! The monitors against vectors, laws, a naive reference and hostile texts.
 
+mod dense;
 mod errors;
 mod explain;
 mod hostile;

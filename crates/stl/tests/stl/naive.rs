@@ -32,8 +32,8 @@ pub enum Wff {
 /// Bounds in samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Range {
-    from: usize,
-    to: Option<usize>,
+    pub from: usize,
+    pub to: Option<usize>,
 }
 
 fn op() -> impl Strategy<Value = &'static str> {
@@ -188,7 +188,7 @@ impl Wff {
         }
     }
 
-    fn operands(&self) -> impl Iterator<Item = &Wff> {
+    pub fn operands(&self) -> impl Iterator<Item = &Wff> {
         let (a, b) = match self {
             Wff::True | Wff::On | Wff::X(..) | Wff::Both(..) => (None, None),
             Wff::Signals(..) | Wff::Ratio(..) => (None, None),
