@@ -30,6 +30,7 @@ mod range;
 mod samples;
 mod secondary;
 mod settings;
+mod sliding;
 mod syntax;
 mod token;
 pub mod trace;

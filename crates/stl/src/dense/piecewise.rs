@@ -6,7 +6,7 @@
 use std::cmp::Ordering;
 
 use crate::kernel::{Extremum, Max, Min, opposite};
-use crate::online::sliding::SlidingExtremum;
+use crate::sliding::SlidingExtremum;
 
 /// Linear function on an open interval, by its limits at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,14 +4,14 @@
 //! new sample can change every undecided value of the operand. All of them change
 //! in the same way, so their extremum is kept as a function of the samples to come.
 
-use super::point::{WindowProgress, opened};
-use super::sliding::{OpenPart, SlidingJoin, at};
+use super::progress::{WindowProgress, opened};
 use super::track::Track;
 use crate::apply::EvalWindow;
 use crate::interval::Interval;
 use crate::kernel::{Extremum, Max, Min, SampleWindow};
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Op, Strength};
 use crate::settings::Until;
+use crate::sliding::{OpenPart, SlidingJoin, at};
 
 /// Window over an operand that contains a single future operator.
 #[derive(Clone, Debug)]

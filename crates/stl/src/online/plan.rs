@@ -9,7 +9,8 @@
 
 use super::nested::{NestedForm, NestedProgress};
 use super::open::OpenBounds;
-use super::point::{Point, WindowProgress};
+use super::point::Point;
+use super::progress::WindowProgress;
 use crate::apply::Bound;
 use crate::kernel::SampleWindow;
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Op};

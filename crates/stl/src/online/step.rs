@@ -4,11 +4,11 @@
 //! each new sample, every operator therefore decides one value, `horizon` samples
 //! back. Its operands have decided at least as much.
 
-use super::sliding::UntilPart;
 use super::track::Track;
 use crate::kernel::{Extremum, Max, Min, SampleWindow, opposite};
 use crate::program::{BoundProgram, Edge, Id, MinMax, Op, Strength};
 use crate::settings::Until;
+use crate::sliding::UntilPart;
 
 /// Decided values of the operands of an operator, when sample `now` is the latest.
 #[derive(Clone, Copy)]

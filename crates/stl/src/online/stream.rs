@@ -1,7 +1,7 @@
 //! Robustness at every sample of a run that goes on, with a delay.
 
 use super::plan::{self, PlannedOperator};
-use super::settle;
+use super::settle::settle;
 use super::track::Track;
 use crate::apply::EvalWindow;
 use crate::kernel::WindowTail;

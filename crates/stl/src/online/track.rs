@@ -1,8 +1,8 @@
 //! Memory of an online monitor for one operator.
 
-use super::sliding::{SlidingExtremum, SlidingJoin, UntilPart};
 use crate::apply::OperandBounds;
 use crate::kernel::View;
+use crate::sliding::{SlidingExtremum, SlidingJoin, UntilPart};
 
 /// Bounds of an operator at the known samples `first ..`.
 ///

@@ -13,7 +13,7 @@ pub(crate) struct SlidingExtremum {
 }
 
 impl SlidingExtremum {
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.queue.clear();
     }
 
@@ -52,7 +52,7 @@ impl SlidingExtremum {
 }
 
 /// Associative join of consecutive samples.
-pub(super) trait Join: Copy {
+pub(crate) trait Join: Copy {
     /// Joins the samples after `self`.
     fn then<E: Extremum>(self, later: Self) -> Self;
 }
@@ -63,7 +63,7 @@ pub(super) trait Join: Copy {
 /// with all later older samples, and the newer samples a single join. Each sample
 /// changes from newer to older once.
 #[derive(Clone, Debug)]
-pub(super) struct SlidingJoin<T> {
+pub(crate) struct SlidingJoin<T> {
     older: Vec<T>,
     newer: Vec<T>,
     joined: Option<T>,
@@ -80,14 +80,14 @@ impl<T> Default for SlidingJoin<T> {
 }
 
 impl<T: Join> SlidingJoin<T> {
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.older.clear();
         self.newer.clear();
         self.joined = None;
     }
 
     /// Adds a sample and keeps the last `width`, without a width all.
-    pub(super) fn push<E: Extremum>(&mut self, width: Option<usize>, new: T) {
+    pub(crate) fn push<E: Extremum>(&mut self, width: Option<usize>, new: T) {
         self.joined = Some(match self.joined {
             Some(joined) => joined.then::<E>(new),
             None => new,
@@ -102,7 +102,7 @@ impl<T: Join> SlidingJoin<T> {
     }
 
     /// Returns the join of all samples in the window, `None` for no sample.
-    pub(super) fn join<E: Extremum>(&self) -> Option<T> {
+    pub(crate) fn join<E: Extremum>(&self) -> Option<T> {
         match (self.older.last(), self.joined) {
             (Some(older), Some(newer)) => Some(older.then::<E>(newer)),
             (older, newer) => newer.or(older.copied()),
@@ -125,9 +125,9 @@ impl<T: Join> SlidingJoin<T> {
 
 /// Until over consecutive samples: its best goal, and the guard of all samples.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct UntilPart {
-    pub(super) best: f64,
-    pub(super) guard: f64,
+pub(crate) struct UntilPart {
+    pub(crate) best: f64,
+    pub(crate) guard: f64,
 }
 
 impl Join for UntilPart {
@@ -147,11 +147,11 @@ impl Join for UntilPart {
 /// bounds determine the function. The extremum of such functions and their
 /// composition have this form again.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct OpenPart {
+pub(crate) struct OpenPart {
     /// Extremum of the operands at these samples.
-    pub(super) value: Interval,
+    pub(crate) value: Interval,
     /// Future operator at the first of these samples.
-    pub(super) future: Interval,
+    pub(crate) future: Interval,
 }
 
 impl Join for OpenPart {
@@ -173,6 +173,6 @@ fn after(function: Interval, later: Interval) -> Interval {
 }
 
 /// Returns max(lo, min(hi, z)).
-pub(super) fn at(function: Interval, z: f64) -> f64 {
+pub(crate) fn at(function: Interval, z: f64) -> f64 {
     Max::pick(function.lo, Min::pick(function.hi, z))
 }
