@@ -173,9 +173,11 @@ impl Planner<'_> {
             ..self.unsettled(a)
         };
         let watch = WindowProgress::new(window, horizon);
-        // Decided values alone are cheaper, but without an end there are none.
+        // Decided values alone are cheaper, but without an end there are none. At the end of
+        // the trace, one look at the undecided values is cheap.
+        let early = |at: usize| self.len.is_none_or(|len| at < len);
         if horizon != Some(0)
-            && (need.opens.is_some() || horizon.is_none())
+            && (need.opens.is_some_and(early) || horizon.is_none())
             && let Some(form) = NestedForm::new(program, a)
         {
             for id in form.reads() {
