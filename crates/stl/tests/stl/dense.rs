@@ -78,7 +78,7 @@ impl Grid<'_> {
         start..(place + 1).saturating_sub(range.from * self.scale)
     }
 
-    /// Whether the left side of an until must hold at the place of its goal.
+    /// Returns true if the left side of an until must hold at the place of its goal.
     fn holds_at(&self, goal: usize, start: usize) -> bool {
         self.closed || (goal % 2 == 1 && goal != start)
     }
