@@ -285,6 +285,32 @@ fn extrema_between_samples_are_found() {
     }
 }
 
+/// x rises to 4 while `on` is true, and falls from there when it no longer is.
+#[test]
+fn limits_at_jumps_count() {
+    let samples = [
+        (0, [0.0, 0.0, 1.0]),
+        (2, [4.0, 0.0, 0.0]),
+        (4, [0.0, 0.0, 0.0]),
+    ];
+    let trace = dense(&samples, Interpolation::Linear);
+    for (text, want) in [
+        ("eventually (x > 0 and on)", 4.0),
+        ("eventually[0, 1] (x > 0 and on)", 2.0),
+        ("eventually[4, 4] once (x > 0 and on)", 4.0),
+        ("always (x < 0 or not on)", -4.0),
+        ("eventually[3, 4] once[1, 2] (x > 0 and on)", 4.0),
+        ("on until (x > 3.5)", 0.5),
+        ("(x > -1) until (x > 3 and on)", 1.0),
+        ("(x < 9) until (not on)", 5.0),
+        ("eventually[4, 4] ((x < 9) since on)", 5.0),
+    ] {
+        let formula: Formula = text.parse().unwrap();
+        let monitor = formula.bind(&schema(), &Constants::new()).unwrap();
+        assert_eq!(monitor.robustness_dense(&trace), Ok(want), "{text}");
+    }
+}
+
 #[test]
 fn what_has_no_dense_meaning_is_refused() {
     let linear = line(Interpolation::Linear, &[(0.0, 1.0), (0.1, 2.0)]);
