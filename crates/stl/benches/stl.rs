@@ -8,6 +8,7 @@ use std::hint::black_box;
 use brakecheck_stl::trace::{Schema, Signal, Trace};
 use brakecheck_stl::{Constants, Formula, Monitor, Scratch};
 use divan::Bencher;
+use divan::counter::ItemsCount;
 
 const SAMPLES: usize = 100_000;
 
@@ -234,11 +235,16 @@ mod online {
     use super::*;
 
     fn push_all(bencher: Bencher, text: &str) {
-        let trace = trace();
+        push_all_of(bencher, text, SAMPLES);
+    }
+
+    /// Runs of other lengths: compare their samples per second.
+    pub fn push_all_of(bencher: Bencher, text: &str, samples: usize) {
+        let trace = trace_of(samples);
         let monitor = monitor(text, &trace);
-        let mut online = monitor.online_for(SAMPLES);
+        let mut online = monitor.online_for(samples);
         let (x, y) = (trace.column(0), trace.column(1));
-        bencher.bench_local(|| {
+        bencher.counter(ItemsCount::new(samples)).bench_local(|| {
             online.reset();
             for (x, y) in x.iter().zip(y) {
                 black_box(online.push(&[*x, *y]).unwrap());
@@ -267,11 +273,12 @@ mod online {
         );
     }
 
-    #[divan::bench(args = [10, 100, 1000])]
-    fn nested(bencher: Bencher, width: usize) {
+    #[divan::bench(args = [10, 100, 1000, 10_000])]
+    fn since(bencher: Bencher, width: usize) {
+        let width = width as f64 / 10.0;
         push_all(
             bencher,
-            &format!("always eventually[0, {}] (x >= 0.5)", width as f64 / 10.0),
+            &format!("always ((x > 0.1) since[0, {width}] (y > 0.5))"),
         );
     }
 
@@ -279,6 +286,77 @@ mod online {
     fn unless(bencher: Bencher) {
         push_all(bencher, "(x > -1) unless (y > 1)");
     }
+}
+
+/// Future operators below another: the cost per sample depends neither on the window nor on
+/// the run.
+mod nested {
+    use super::online::push_all_of;
+    use super::*;
+
+    /// Replaces W by the window in seconds.
+    fn windows(bencher: Bencher, text: &str, width: usize) {
+        let text = text.replace('W', &(width as f64 / 10.0).to_string());
+        // The window moves for three quarters of the run.
+        push_all_of(bencher, &text, SAMPLES.max(4 * width));
+    }
+
+    #[divan::bench(args = [10, 100, 1000, 10_000, 100_000])]
+    fn eventually(bencher: Bencher, width: usize) {
+        windows(bencher, "always eventually[0, W] (x >= 0.5)", width);
+    }
+
+    #[divan::bench(args = [10, 100, 1000, 10_000, 100_000])]
+    fn response(bencher: Bencher, width: usize) {
+        let text = "always (x > 0.9 implies eventually[0, W] (y > 0.5))";
+        windows(bencher, text, width);
+    }
+
+    #[divan::bench(args = [10, 100, 1000, 10_000, 100_000])]
+    fn always(bencher: Bencher, width: usize) {
+        let text = "always (x > 0.9 implies always[0, W] (y > 0.5))";
+        windows(bencher, text, width);
+    }
+
+    #[divan::bench(args = [10, 100, 1000, 10_000, 100_000])]
+    fn until(bencher: Bencher, width: usize) {
+        let text = "always (x > 0.9 implies ((y > 0.1) until[0, W] (x > 0.5)))";
+        windows(bencher, text, width);
+    }
+
+    #[divan::bench(args = [10_000, 100_000, 1_000_000])]
+    fn endless_response(bencher: Bencher, samples: usize) {
+        let text = "always (x > 0.9 implies eventually (y > 0.5))";
+        push_all_of(bencher, text, samples);
+    }
+
+    #[divan::bench(args = [10_000, 100_000, 1_000_000])]
+    fn bounded_response(bencher: Bencher, samples: usize) {
+        let text = "always (x > 0.9 implies eventually[0, 2] (y > 0.5))";
+        push_all_of(bencher, text, samples);
+    }
+}
+
+/// The robustness at every sample, with a delay.
+#[divan::bench(args = [
+    "always[0, 1000] (x > 0.5)",
+    "always[0, 100] eventually[0, 1000] (x > 0.5)",
+    "always[0, 10] (x > 0.9 implies eventually[0, 2] (y > 0.5))",
+    "(x > 0.1) until[1, 1000] (y > 0.9)",
+    "always (x > 0.9 implies eventually[0, 2] (y > 0.5))",
+])]
+fn stream(bencher: Bencher, text: &str) {
+    let trace = trace();
+    let monitor = monitor(text, &trace);
+    let mut stream = monitor.stream();
+    let (x, y) = (trace.column(0), trace.column(1));
+    bencher.bench_local(|| {
+        stream.reset();
+        for (x, y) in x.iter().zip(y) {
+            black_box(stream.push(&[*x, *y]).unwrap());
+        }
+        stream.finish()
+    });
 }
 
 /// From text to a monitor.

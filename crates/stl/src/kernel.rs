@@ -334,15 +334,15 @@ pub(crate) fn since(
     let empty = window.from.saturating_sub(from).min(len);
     let start = (from + empty).saturating_sub(window.from);
     out[..empty].fill(f64::NEG_INFINITY);
-    let pairs = || left.from(first).iter().zip(right.from(first));
-    for (i, (guard, goal)) in pairs()
-        .take((start + len - empty).saturating_sub(first))
-        .enumerate()
-    {
-        running = Max::pick(*goal, Min::pick(*guard, running));
-        if start <= first + i {
-            out[empty + first + i - start] = running;
-        }
+    let mut pairs = left.from(first).iter().zip(right.from(first));
+    let step = |running: f64, guard: f64, goal: f64| Max::pick(goal, Min::pick(guard, running));
+    // Samples before `start` only advance the recursion.
+    for (guard, goal) in pairs.by_ref().take(start.saturating_sub(first)) {
+        running = step(running, *guard, *goal);
+    }
+    for (out, (guard, goal)) in out[empty..].iter_mut().zip(pairs) {
+        running = step(running, *guard, *goal);
+        *out = running;
     }
     // As in `until`, mirrored: the bounded goal first, then the guard.
     if let Some(width) = window.width() {

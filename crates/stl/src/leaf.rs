@@ -241,7 +241,7 @@ pub(crate) struct Leaf {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum ComparisonKind {
+pub(crate) enum ComparisonKind {
     AtLeast,
     MoreThan,
     Equal,
@@ -336,6 +336,10 @@ impl Leaf {
             can_be_nan: false,
             undefined: Undefined::Fails,
         }
+    }
+
+    pub(crate) fn shape(&self) -> ComparisonKind {
+        self.shape
     }
 
     /// Returns the expression behind the robustness.

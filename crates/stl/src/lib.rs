@@ -13,6 +13,7 @@
 
 mod apply;
 mod bind;
+mod dense;
 mod error;
 mod explain;
 mod formula;
@@ -29,18 +30,20 @@ mod range;
 mod samples;
 mod secondary;
 mod settings;
+mod sliding;
 mod syntax;
 mod token;
 pub mod trace;
 mod undefined;
 
 pub use bind::BoundExpr;
+pub use dense::{DenseError, DenseRowError, DenseTrace, Interpolation};
 pub use error::StlError;
 pub use explain::{Explanation, ExplanationStep, Reason};
 pub use formula::{Expr, Formula};
 pub use interval::Interval;
 pub use monitor::Monitor;
 pub use offline::Scratch;
-pub use online::OnlineMonitor;
+pub use online::{OnlineMonitor, StreamMonitor};
 pub use samples::{ColumnsError, Samples};
 pub use settings::{Constants, Limits, Names, Settings, TraceEnd, Until};

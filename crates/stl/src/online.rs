@@ -5,27 +5,38 @@
 //! −inf in its lower end and as +inf in its upper end.
 //!
 //! Operators at the top of the formula are watched at sample 0 only, and settled
-//! values are folded into a single number. Always and eventually over operators
-//! of the present and the past therefore cost O(1) per sample. Operators further
-//! down keep the stretch that has not settled and recompute it at each sample,
-//! with the kernels of the offline monitor: O(their horizon) per sample.
+//! values are folded into a single number. Each operator below them decides one value
+//! per sample, in amortised O(1). Its undecided values are computed only if they are
+//! read, by three ways:
+//!
+//! - They are not read where they are certain to have no effect ([`open`]).
+//! - Their extremum is kept, if a single future operator is in them ([`nested`]).
+//! - Otherwise they are recomputed at each sample, with the kernels of the offline
+//!   monitor: O(their horizon) per sample.
 
-use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, apply};
+use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min, WindowTail, opposite};
+use crate::kernel::WindowTail;
 use crate::leaf::Semantics;
 use crate::monitor::Monitor;
 use crate::offline::Scratch;
-use crate::program::{BoundProgram, Edge, Id, MinMax, Op};
-use crate::settings::{TraceEnd, Until};
+use crate::settings::TraceEnd;
 use crate::trace::RowError;
 
+mod nested;
+mod open;
 mod plan;
 mod point;
+mod progress;
+mod settle;
+mod step;
+mod stream;
 mod track;
 
-use plan::Need;
+use plan::PlannedOperator;
 use point::Point;
+use settle::settle;
+pub use stream::StreamMonitor;
 use track::Track;
 
 /// State of a monitor's run, created by [`Monitor::online`].
@@ -49,7 +60,7 @@ pub struct OnlineMonitor {
     /// State per operator, of which only some are in use.
     tracks: Vec<Track>,
     /// Operators in use, operands first.
-    needs: Vec<(Id, Need)>,
+    needs: Vec<PlannedOperator>,
     point: Point,
     interval: Interval,
     /// Samples so far, if the end of the trace needs them.
@@ -75,7 +86,7 @@ impl Monitor {
 impl OnlineMonitor {
     fn new(monitor: &Monitor, len: Option<usize>) -> OnlineMonitor {
         let program = &monitor.program;
-        let (point, needs) = plan::plan(program);
+        let (point, needs) = plan::plan(program, len);
         let held = (monitor.settings.end == TraceEnd::Hold)
             .then(|| vec![Vec::new(); program.schema.len()]);
         OnlineMonitor {
@@ -203,6 +214,22 @@ impl OnlineMonitor {
         self.interval = interval.map(|value| self.monitor.clamp(value));
     }
 
+    fn settle(&mut self, reading: &EvalWindow, row: Option<&[f64]>) {
+        // At the end, samples that were undecided so far become known.
+        let end = self.ended || self.len.is_some_and(|len| len <= self.known);
+        let work = &mut self.scratch.work;
+        let program = &self.monitor.program;
+        settle(
+            program,
+            &self.needs,
+            &mut self.tracks,
+            reading,
+            row,
+            end,
+            work,
+        );
+    }
+
     fn reading(&self) -> EvalWindow {
         let settings = &self.monitor.settings;
         let len = if self.ended {
@@ -229,171 +256,4 @@ impl OnlineMonitor {
             tail: WindowTail::Cut,
         }
     }
-
-    /// Updates every operator in use.
-    ///
-    /// Without a row, it updates only those that the end of the trace changes.
-    fn settle(&mut self, reading: &EvalWindow, row: Option<&[f64]>) {
-        let program = &self.monitor.program;
-        let now = reading.known - 1;
-        for (id, need) in &self.needs {
-            let horizon = program.get(*id).horizon;
-            // No reader needs it any more.
-            if need.stop.is_some_and(|stop| stop < now) {
-                continue;
-            }
-            let instant = horizon == Some(0);
-            // Invariant: operands have lower numbers than their operators. They are
-            // therefore up to date, and the split keeps them readable.
-            let (before, rest) = self.tracks.split_at_mut(*id);
-            let Some(track) = rest.first_mut() else {
-                continue;
-            };
-            match row {
-                Some(row) if instant => {
-                    track.now = present(
-                        program,
-                        *id,
-                        track,
-                        before,
-                        reading,
-                        row,
-                        &mut self.scratch.work,
-                    );
-                    if need.stored {
-                        if track.lower.is_empty() {
-                            track.first = now;
-                        }
-                        track.lower.push(track.now);
-                    }
-                }
-                _ if instant => {}
-                _ => redo(program, *id, track, before, reading, &mut self.scratch.work),
-            }
-            if let Some(keep) = need.keep {
-                track.trim(keep);
-            }
-        }
-    }
-}
-
-/// Returns the operands of an operator, equal for a unary operator.
-fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(OperandBounds<'a>, OperandBounds<'a>)> {
-    let mut ids = op.operands();
-    let a = ids.next()?;
-    let b = ids.next().unwrap_or(a);
-    Some((tracks[a].operand(), tracks[b].operand()))
-}
-
-/// Returns the latest value of an operator that needs no later sample.
-fn present(
-    program: &BoundProgram,
-    id: Id,
-    track: &mut Track,
-    tracks: &[Track],
-    reading: &EvalWindow,
-    row: &[f64],
-    work: &mut KernelBuffers,
-) -> f64 {
-    let now = reading.known - 1;
-    let op = &program.get(id).op;
-    match *op {
-        Op::Constant(true) => f64::INFINITY,
-        Op::Constant(false) => f64::NEG_INFINITY,
-        Op::Leaf(ref leaf) => leaf.at(row),
-        Op::Not(a) => opposite(tracks[a].now),
-        Op::Gate(gate, a, b) => {
-            let (a, b) = (tracks[a].now, tracks[b].now);
-            gate.at(a, a, b, b)
-        }
-        Op::Behind(side, window, a) => {
-            // The sample that enters the window now lies `from` samples back.
-            let sample = now.checked_sub(window.from);
-            let new = sample.and_then(|t| Some((t, tracks[a].operand().lower.at(t)?)));
-            let first = window.to.map(|to| now.saturating_sub(to));
-            match side {
-                MinMax::Min => track.slide::<Min>(first, new),
-                MinMax::Max => track.slide::<Max>(first, new),
-            }
-        }
-        // φ S ψ at t = max(ψ(t), min(φ(t), φ S ψ at t − 1)): a single number carries the
-        // whole past (Havelund, Roşu 2002, for truth values).
-        Op::Since(window, a, b) if window.to.is_none() && window.from == 0 => {
-            let (guard, goal) = (tracks[a].now, tracks[b].now);
-            let goal = if reading.until == Until::Closed {
-                Min::pick(guard, goal)
-            } else {
-                goal
-            };
-            let before = track.carried.unwrap_or(f64::NEG_INFINITY);
-            let value = Max::pick(goal, Min::pick(guard, before));
-            track.carried = Some(value);
-            value
-        }
-        Op::Edge(edge, a) => {
-            let current = match edge {
-                Edge::Rise => tracks[a].now,
-                Edge::Fall => opposite(tracks[a].now),
-            };
-            // `prev` of any operand is +inf at the first sample.
-            let before = track
-                .carried
-                .replace(current)
-                .map_or(f64::INFINITY, opposite);
-            Min::pick(before, current)
-        }
-        // Instant values are exact, so either bound would do.
-        _ => {
-            let mut value = [f64::NEG_INFINITY];
-            if let Some(pair) = operands(op, tracks) {
-                apply(op, reading, pair, Bound::Lower, now, &mut value, work);
-            }
-            value[0]
-        }
-    }
-}
-
-/// Recomputes the samples that have not settled.
-///
-/// A value at sample t is final once `horizon` later samples are known. One sample
-/// ago that was true up to t = known − 2 − horizon, so the recomputation begins at
-/// the next sample. Earlier values are never changed again.
-fn redo(
-    program: &BoundProgram,
-    id: Id,
-    track: &mut Track,
-    tracks: &[Track],
-    reading: &EvalWindow,
-    work: &mut KernelBuffers,
-) {
-    let instruction = program.get(id);
-    let from = instruction
-        .horizon
-        .map_or(0, |horizon| reading.known.saturating_sub(horizon + 1))
-        .max(track.first);
-    let len = reading.known - track.first;
-    track.lower.resize(len, 0.0);
-    track.upper.resize(len, 0.0);
-    let Some(pair) = operands(&instruction.op, tracks) else {
-        return;
-    };
-    let skip = from - track.first;
-    apply(
-        &instruction.op,
-        reading,
-        pair,
-        Bound::Lower,
-        from,
-        &mut track.lower[skip..],
-        work,
-    );
-    apply(
-        &instruction.op,
-        reading,
-        pair,
-        Bound::Upper,
-        from,
-        &mut track.upper[skip..],
-        work,
-    );
 }

@@ -1,5 +1,7 @@
 //! Formula at sample 0, while samples arrive.
 
+use super::nested::NestedProgress;
+use super::progress::{WindowProgress, opened};
 use super::track::Track;
 use crate::apply::EvalWindow;
 use crate::interval::Interval;
@@ -22,54 +24,8 @@ pub(super) enum Point {
     Not(Box<Point>),
     Gate(BooleanOp, Box<Point>, Box<Point>),
     Window(WindowProgress, MinMax, Id),
+    Nested(NestedProgress, MinMax),
     Until(WindowProgress, MinMax, Strength, Id, Id),
-}
-
-/// Part of a window that an operator has read so far.
-#[derive(Clone, Debug)]
-pub(super) struct WindowProgress {
-    window: SampleWindow,
-    /// Horizon of the operands.
-    horizon: Option<usize>,
-    /// First sample that is not folded in.
-    next: usize,
-    /// Extremum of the folded samples, or the best value of an until so far.
-    folded: Option<f64>,
-    /// Extremum of the left side of an until.
-    guard: Option<f64>,
-}
-
-impl WindowProgress {
-    pub(super) fn new(window: SampleWindow, horizon: Option<usize>) -> WindowProgress {
-        WindowProgress {
-            window,
-            horizon,
-            next: 0,
-            folded: None,
-            guard: None,
-        }
-    }
-
-    /// Returns the last known sample of the window and the settled count.
-    fn last(&self, reading: &EvalWindow) -> (usize, usize) {
-        let now = reading.known - 1;
-        let last = self.window.to.map_or(now, |to| to.min(now));
-        let settled = match self.horizon {
-            // An exact reading knows every sample, so nothing is pending.
-            _ if reading.is_exact() => reading.known,
-            Some(horizon) => reading.known.saturating_sub(horizon),
-            None => 0,
-        };
-        (last, settled.min(last + 1))
-    }
-
-    /// Returns true if samples of the window are still to come.
-    fn is_open(&self, reading: &EvalWindow) -> bool {
-        let len = reading.len(self.window);
-        reading.known < len
-            && self.window.from < len
-            && self.window.to.is_none_or(|to| reading.known <= to)
-    }
 }
 
 impl Point {
@@ -85,6 +41,7 @@ impl Point {
             Point::Window(watch, ..) | Point::Until(watch, ..) => {
                 *watch = WindowProgress::new(watch.window, watch.horizon)
             }
+            Point::Nested(nested, _) => nested.reset(),
         }
     }
 
@@ -124,29 +81,14 @@ impl Point {
             Point::Window(watch, MinMax::Max, id) => {
                 window::<Max>(watch, program, *id, reading, tracks)
             }
+            Point::Nested(nested, MinMax::Min) => nested.update::<Min>(reading, tracks),
+            Point::Nested(nested, MinMax::Max) => nested.update::<Max>(reading, tracks),
             Point::Until(watch, MinMax::Max, strength, a, b) => {
                 until::<Max>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
             }
             Point::Until(watch, MinMax::Min, strength, a, b) => {
                 until::<Min>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
             }
-        }
-    }
-}
-
-/// Opens the end of the interval that samples to come can move.
-///
-/// That is the lower end of a minimum and the upper end of a maximum.
-fn opened<E: Extremum>(interval: Interval) -> Interval {
-    if E::NEUTRAL == f64::INFINITY {
-        Interval {
-            lo: f64::NEG_INFINITY,
-            ..interval
-        }
-    } else {
-        Interval {
-            hi: f64::INFINITY,
-            ..interval
         }
     }
 }
@@ -169,15 +111,7 @@ fn window<E: Extremum>(
     } else {
         let (last, settled) = watch.last(reading);
         let operand = tracks[id].operand();
-        let next = watch.next.max(watch.window.from);
-        // Settled bounds coincide, so the lower bounds serve both.
-        if next < settled {
-            folded = E::pick(
-                folded,
-                fold::<E>(&operand.lower.from(next)[..settled - next]),
-            );
-            watch.next = settled;
-        }
+        folded = watch.settle::<E>(settled, operand.lower);
         let next = watch.next.max(watch.window.from);
         // Pending samples are read again each time and never folded in.
         let pending = (last + 1).saturating_sub(next);

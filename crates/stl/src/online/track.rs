@@ -1,28 +1,36 @@
 //! Memory of an online monitor for one operator.
 
-use std::collections::VecDeque;
-
 use crate::apply::OperandBounds;
-use crate::kernel::{Extremum, View};
+use crate::kernel::View;
+use crate::sliding::{SlidingExtremum, SlidingJoin, UntilPart};
 
 /// Bounds of an operator at the known samples `first ..`.
+///
+/// The part without an upper bound is decided. An operator whose undecided samples
+/// nobody reads has only decided samples.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Track {
     pub(super) first: usize,
     pub(super) lower: Vec<f64>,
-    /// Upper bounds, empty for operators of the present and the past.
+    /// Upper bounds, empty while all samples in `lower` are decided.
     pub(super) upper: Vec<f64>,
     /// Latest value of an operator of the present and the past.
     pub(super) now: f64,
-    /// Value that such an operator carries from sample to sample.
+    /// Value that an operator of the past carries from sample to sample.
     pub(super) carried: Option<f64>,
-    /// Samples that can still be the extremum of a historically or a once.
-    queue: VecDeque<(usize, f64)>,
+    /// Operand of a window, right side of a since.
+    pub(super) window: SlidingExtremum,
+    /// Left side between the sample and the window of an until or a since.
+    pub(super) guard: SlidingExtremum,
+    /// Left side from the sample to the end of the window of an unless.
+    pub(super) throughout: SlidingExtremum,
+    /// Both sides in the window of an until.
+    pub(super) pairs: SlidingJoin<UntilPart>,
 }
 
 impl Track {
     pub(super) fn operand(&self) -> OperandBounds<'_> {
-        // Operators of the present and the past are exact, so one vector serves both.
+        // Decided samples are exact, so one vector serves both bounds.
         let upper = if self.upper.is_empty() {
             &self.lower
         } else {
@@ -38,44 +46,44 @@ impl Track {
         }
     }
 
+    /// Returns a decided value, `None` if it is not stored.
+    pub(super) fn at(&self, sample: usize) -> Option<f64> {
+        let values = &self.lower;
+        View {
+            first: self.first,
+            values,
+        }
+        .at(sample)
+    }
+
     pub(super) fn clear(&mut self) {
         self.lower.clear();
         self.upper.clear();
-        self.queue.clear();
+        self.window.clear();
+        self.guard.clear();
+        self.throughout.clear();
+        self.pairs.clear();
         (self.first, self.now, self.carried) = (0, 0.0, None);
     }
 
-    /// Returns the extremum from sample `first` (`None`: of all) to the new value.
-    ///
-    /// A value beaten by a newer value never matters again, so each sample enters and
-    /// leaves the queue once. Without an end only the best value stays.
-    pub(super) fn slide<E: Extremum>(
-        &mut self,
-        first: Option<usize>,
-        new: Option<(usize, f64)>,
-    ) -> f64 {
-        if let Some((sample, value)) = new {
-            // Equal values go as well: the newer value stays in the window longer.
-            while self
-                .queue
-                .back()
-                .is_some_and(|old| E::pick(old.1, value) == value)
-            {
-                self.queue.pop_back();
-            }
-            // In an endless window a worse value can never become the extremum.
-            if first.is_some() || self.queue.is_empty() {
-                self.queue.push_back((sample, value));
-            }
+    /// Appends the value of sample `sample`, the first one or the next one.
+    pub(super) fn store(&mut self, sample: usize, value: f64) {
+        if self.lower.is_empty() {
+            self.first = sample;
         }
-        while self
-            .queue
-            .front()
-            .is_some_and(|old| first.is_some_and(|first| old.0 < first))
-        {
-            self.queue.pop_front();
+        self.lower.push(value);
+    }
+
+    /// Makes room for bounds up to sample `known`, of which those before `from` are decided.
+    pub(super) fn open(&mut self, from: usize, known: usize) {
+        let decided = from - self.first;
+        if self.upper.len() < decided {
+            // Only decided samples were stored until now, so both bounds agree.
+            self.upper.clear();
+            self.upper.extend_from_slice(&self.lower[..decided]);
         }
-        self.queue.front().map_or(E::NEUTRAL, |extremum| extremum.1)
+        self.lower.resize(known - self.first, 0.0);
+        self.upper.resize(known - self.first, 0.0);
     }
 
     /// Keeps the last `keep` samples, in amortised constant time.

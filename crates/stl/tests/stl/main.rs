@@ -1,5 +1,6 @@
 //! The monitors against vectors, laws, a naive reference and hostile texts.
 
+mod dense;
 mod errors;
 mod explain;
 mod hostile;
@@ -7,6 +8,7 @@ mod language;
 mod laws;
 mod naive;
 mod online;
+mod stream;
 mod undefined;
 mod vectors;
 

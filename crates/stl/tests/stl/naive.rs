@@ -32,8 +32,8 @@ pub enum Wff {
 /// Bounds in samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Range {
-    from: usize,
-    to: Option<usize>,
+    pub from: usize,
+    pub to: Option<usize>,
 }
 
 fn op() -> impl Strategy<Value = &'static str> {
@@ -58,6 +58,46 @@ pub fn doubtful() -> impl Strategy<Value = Wff> {
         2 => (op(), -3..4i32).prop_map(|(op, c)| Wff::X(op, c)),
         3 => (op(), -3..4i32).prop_map(|(op, c)| Wff::Ratio(op, c)),
     ])
+}
+
+/// An `always` or an `eventually` over logic of further future operators.
+pub fn nested() -> impl Strategy<Value = Wff> {
+    let select = |names: &[&'static str]| prop::sample::select(names.to_vec());
+    let leaf = prop_oneof![
+        1 => Just(Wff::On),
+        3 => (op(), -3..4i32).prop_map(|(op, c)| Wff::X(op, c)),
+        1 => (0..4usize, 0..4usize, op(), -3..4i32).prop_map(|(from, w, op, c)| {
+            let range = Range { from, to: Some(from + w) };
+            Wff::Window("once", range, Wff::X(op, c).into())
+        }),
+    ];
+    let range = || {
+        prop_oneof![
+            1 => Just(Range { from: 0, to: None }),
+            4 => (0..20usize).prop_map(|to| Range { from: 0, to: Some(to) }),
+            2 => (0..4usize, 0..9usize).prop_map(|(from, w)| Range { from, to: Some(from + w) }),
+        ]
+    };
+    let future = move |inner: BoxedStrategy<Wff>| {
+        let boxed = inner.prop_map(Box::new).boxed();
+        prop_oneof![
+            3 => (select(&["always", "eventually"]), range(), boxed.clone())
+                .prop_map(|(op, range, a)| Wff::Window(op, range, a)),
+            1 => (select(&["until", "unless", "release"]), range(), boxed.clone(), boxed)
+                .prop_map(|(op, range, a, b)| Wff::Pair(op, range, a, b)),
+        ]
+    };
+    let inner = leaf.prop_recursive(4, 12, 2, move |inner| {
+        let boxed = inner.clone().prop_map(Box::new);
+        prop_oneof![
+            3 => future(inner.boxed()),
+            1 => boxed.clone().prop_map(Wff::Not),
+            2 => (select(&["and", "or", "implies", "iff", "xor"]), boxed.clone(), boxed)
+                .prop_map(|(op, a, b)| Wff::Gate(op, a, b)),
+        ]
+    });
+    (select(&["always", "eventually"]), range(), inner)
+        .prop_map(|(op, range, a)| Wff::Window(op, range, a.into()))
 }
 
 fn over(leaf: impl Strategy<Value = Wff> + 'static) -> impl Strategy<Value = Wff> {
@@ -148,7 +188,7 @@ impl Wff {
         }
     }
 
-    fn operands(&self) -> impl Iterator<Item = &Wff> {
+    pub fn operands(&self) -> impl Iterator<Item = &Wff> {
         let (a, b) = match self {
             Wff::True | Wff::On | Wff::X(..) | Wff::Both(..) => (None, None),
             Wff::Signals(..) | Wff::Ratio(..) => (None, None),

@@ -4,16 +4,16 @@ use brakecheck_stl::trace::{RowError, Schema, Signal, Trace};
 use brakecheck_stl::{Constants, Formula, Interval, Scratch, Settings, TraceEnd, Until};
 use proptest::prelude::*;
 
-use super::naive::{Lengths, doubtful, naive, rows, settings, trace, wff, zeros};
+use super::naive::{Lengths, doubtful, naive, nested, rows, settings, trace, wff, zeros};
 
 proptest! {
-    #![proptest_config(super::cases(2000))]
+    #![proptest_config(super::cases(4000))]
 
     /// At every prefix exactly the interval of the definition, which contains
     /// the value of every trace that begins so; at the end the value itself.
     #[test]
     fn intervals_are_exact_and_end_with_the_value(
-        wff in wff(),
+        wff in prop_oneof![wff(), nested()],
         rows in rows(),
         closed in any::<bool>(),
         end in prop_oneof![Just(TraceEnd::Truncate), Just(TraceEnd::Strict), Just(TraceEnd::Hold)],
@@ -49,7 +49,7 @@ proptest! {
     /// and offline, at the end and on the way.
     #[test]
     fn the_sign_of_zero_never_shows(
-        wff in prop_oneof![wff(), doubtful()],
+        wff in prop_oneof![wff(), doubtful(), nested()],
         rows in zeros(),
         closed in any::<bool>(),
         end in prop_oneof![Just(TraceEnd::Truncate), Just(TraceEnd::Strict), Just(TraceEnd::Hold)],
@@ -75,7 +75,7 @@ proptest! {
 
     /// A monitor that starts again knows nothing of the run before.
     #[test]
-    fn reset_forgets(wff in wff(), first in rows(), second in rows()) {
+    fn reset_forgets(wff in prop_oneof![wff(), nested()], first in rows(), second in rows()) {
         let monitor = wff.monitor(&Settings::default());
         let mut used = monitor.online();
         first.iter().for_each(|row| { used.push(row).unwrap(); });
