@@ -15,6 +15,8 @@ mod cyclists;
 mod faults;
 #[path = "plants/shapes.rs"]
 mod shapes;
+#[path = "plants/vehicle_validation.rs"]
+mod vehicle_validation;
 
 use brakecheck::sim::{
     Body, BodyCommand, BodyError, BodyId, BodyKind, BodyState, Contact, GRAVITY_MPS2, Ground,

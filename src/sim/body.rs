@@ -163,6 +163,13 @@ impl Body {
         }
     }
 
+    /// Returns the moment of inertia about the vertical, by default that of a uniform box.
+    pub(super) fn yaw_inertia_kg_m2(&self) -> f64 {
+        let stated = self.vehicle().and_then(|vehicle| vehicle.yaw_inertia_kg_m2);
+        let (l, w) = (self.length_m, self.width_m);
+        stated.unwrap_or_else(|| self.mass_kg / 12.0 * (l * l + w * w))
+    }
+
     /// Returns the kind of command that the body accepts.
     pub fn control(&self) -> BodyControl {
         self.kind.answers().control()
@@ -213,7 +220,9 @@ shipped![
     "motorcycle",
     "bicyclist",
     "pedestrian",
-    "adult"
+    "adult",
+    "bmw_320i",
+    "lorry_40t"
 ];
 
 /// Restitution of bodies that deform, at the speeds of road traffic.

@@ -110,7 +110,7 @@ impl VehicleLimits {
         tyre_mps2: f64,
         speed_mps: f64,
     ) -> f64 {
-        let locked = command_per_m.clamp(-self.lock_per_m, self.lock_per_m);
+        let locked = self.locked_per_m(command_per_m);
         let speed_squared = speed_mps * speed_mps;
         let lateral_squared = self.grip_mps2 * self.grip_mps2 - tyre_mps2 * tyre_mps2;
         // Compare squares, so that a vehicle at rest needs no division by its speed.
@@ -120,6 +120,11 @@ impl VehicleLimits {
         }
         let circle = lateral_squared.max(0.0).sqrt() / speed_squared;
         locked.clamp(-circle, circle)
+    }
+
+    /// Returns the curvature within the steering lock.
+    pub(super) fn locked_per_m(&self, command_per_m: f64) -> f64 {
+        command_per_m.clamp(-self.lock_per_m, self.lock_per_m)
     }
 
     fn tyre_mps2(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> f64 {

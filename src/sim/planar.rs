@@ -30,6 +30,11 @@ impl Rect {
         self.vx_mps * self.cos + self.vy_mps * self.sin
     }
 
+    /// Returns the speed to the left of the heading.
+    pub(super) fn across_mps(&self) -> f64 {
+        self.vy_mps * self.cos - self.vx_mps * self.sin
+    }
+
     /// Returns the turn to the heading of another rectangle, the shorter way around.
     pub(super) fn turn_rad_to(&self, other: &Rect) -> f64 {
         libm::atan2(

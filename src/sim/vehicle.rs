@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
+use super::handling::{Brakes, Tyres};
 use super::{BodyControl, GRAVITY_MPS2};
 
 /// Chassis, engine and tyres of a wheeled vehicle.
@@ -43,6 +44,20 @@ pub struct Vehicle {
     /// Rolling resistance as a share of the weight, 0 for none.
     #[serde(default)]
     pub rolling_resistance: f64,
+    /// Greatest rate of the steering angle on the rigid plant, unlimited by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steer_rate_rad_per_s: Option<f64>,
+    /// Moment of inertia about the vertical on the rigid plant.
+    ///
+    /// By default that of a uniform box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub yaw_inertia_kg_m2: Option<f64>,
+    /// Brakes that need time on the rigid plant, without lag by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub brakes: Option<Brakes>,
+    /// Tyres that slip on the rigid plant, by default those of rapier.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tyres: Option<Tyres>,
 }
 
 impl Vehicle {
@@ -95,6 +110,14 @@ impl BodyModel for Vehicle {
         )?;
         within("drag_area_m2", self.drag_area_m2, 0.0, 50.0)?;
         within("rolling_resistance", self.rolling_resistance, 0.0, 0.5)?;
+        if let Some(rate_rad_per_s) = self.steer_rate_rad_per_s {
+            within("steer_rate_rad_per_s", rate_rad_per_s, 0.01, 20.0)?;
+        }
+        if let Some(inertia_kg_m2) = self.yaw_inertia_kg_m2 {
+            within("yaw_inertia_kg_m2", inertia_kg_m2, 0.01, 1e8)?;
+        }
+        self.brakes.as_ref().map_or(Ok(()), Brakes::validate)?;
+        self.tyres.as_ref().map_or(Ok(()), Tyres::validate)?;
         // A narrow, tall body on soft springs would fall over sideways.
         let (omega_per_s, half_m) = (
             core::f64::consts::TAU * self.suspension_hz,

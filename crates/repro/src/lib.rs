@@ -12,6 +12,7 @@ mod letter;
 mod milestones;
 mod near;
 mod paper_rows;
+mod plants;
 mod protocols;
 mod reuse_study;
 mod structures;
@@ -31,6 +32,7 @@ pub use letter::{
 };
 pub use near::{NearFailing, TrainedPolicy, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
+pub use plants::{PlantOutcomes, PlantRow, plant_row, plants_markdown, with_validated_bodies};
 pub use protocols::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
 pub use reuse_study::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 pub use structures::{RUNS, StructureRow, StructureStudy, other_structures, structures_markdown};

@@ -3,11 +3,13 @@
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 use rapier3d::prelude::RigidBodyHandle;
 
+use super::lag::{BrakeLag, SteeringLag};
 use super::motor::Motor;
+use super::tyre_forces::{TyreDemand, TyreForces};
 use super::world::{ChassisMotion, ComOffset, RapierWorld, vector};
 use crate::sim::limits::{DriveStep, VehicleLimits};
 use crate::sim::planar::Rect;
-use crate::sim::{Body, BodyCommand, Ground, Placement, Vehicle};
+use crate::sim::{Body, BodyCommand, GRAVITY_MPS2, Ground, Placement, Vehicle};
 
 /// Force above any suspension's need, so that a spring always carries its car.
 const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
@@ -24,6 +26,9 @@ pub(super) struct Car {
     mass_kg: f64,
     wheelbase_m: f64,
     track_m: f64,
+    brakes: Option<BrakeLag>,
+    steering: Option<SteeringLag>,
+    tyres: Option<TyreForces>,
     /// Static share of the weight on each wheel.
     load_shares: [f64; 4],
     /// Speed that the last step should have ended with.
@@ -57,6 +62,13 @@ impl Car {
         // neither drops nor bounces.
         let hub_m = vehicle.suspension_rest_m - vehicle.sag_m() + vehicle.wheel_radius_m;
         let front_share = vehicle.front_load_share(&body.dimensions());
+        let load_shares = [
+            front_share,
+            front_share,
+            1.0 - front_share,
+            1.0 - front_share,
+        ]
+        .map(|axle| 0.5 * axle);
         let (front_m, rear_m) = (
             vehicle.front_axle_ahead_m(&body.dimensions()),
             vehicle.rear_axle_ahead_m(&body.dimensions()),
@@ -70,9 +82,7 @@ impl Car {
                 suspension_compression: damping as f32,
                 suspension_damping: damping as f32,
                 max_suspension_travel: vehicle.suspension_travel_m as f32,
-                // Side grip follows the load too, so both axles slip alike and steer
-                // neutrally.
-                side_friction_stiffness: (2.0 * share) as f32,
+                side_friction_stiffness: side_stiffness(vehicle, share) as f32,
                 friction_slip: (ground.friction * vehicle.grip) as f32,
                 max_suspension_force: MAX_SUSPENSION_FORCE_N,
             };
@@ -97,13 +107,18 @@ impl Car {
             mass_kg: body.mass_kg,
             wheelbase_m: vehicle.wheelbase_m,
             track_m: vehicle.track_m,
-            load_shares: [
-                front_share,
-                front_share,
-                1.0 - front_share,
-                1.0 - front_share,
-            ]
-            .map(|axle| 0.5 * axle),
+            brakes: vehicle
+                .brakes
+                .as_ref()
+                .map(|brakes| BrakeLag::new(brakes, vehicle)),
+            steering: vehicle
+                .steer_rate_rad_per_s
+                .map(|rate_rad_per_s| SteeringLag::new(rate_rad_per_s, vehicle.wheelbase_m)),
+            tyres: vehicle.tyres.as_ref().map(|tyres| {
+                let loads_n = load_shares.map(|share| share * body.mass_kg * GRAVITY_MPS2);
+                TyreForces::new(body, vehicle, tyres, loads_n, ground)
+            }),
+            load_shares,
             target_mps: rect.along_mps(),
             accel_mps2: 0.0,
             curvature_per_m: 0.0,
@@ -136,8 +151,69 @@ impl Car {
         given_mps2
     }
 
+    /// Returns the acceleration of a step after the lag of the brakes.
+    fn command_mps2(&mut self, dt_s: f64) -> f64 {
+        let command_mps2 = self.accel_mps2;
+        match &mut self.brakes {
+            // A car that rolls backwards does not brake by a negative command.
+            Some(brakes) if 0.0 <= self.target_mps => {
+                brakes.step(command_mps2, self.limits.grip_mps2, dt_s)
+            }
+            _ => command_mps2,
+        }
+    }
+
+    /// Returns the current loads of the wheels.
+    fn loads_n(&self) -> [f64; 4] {
+        let wheels = self.controller.wheels();
+        let load_n = |index: usize| {
+            wheels
+                .get(index)
+                .map_or(0.0, |wheel| wheel.wheel_suspension_force)
+        };
+        let loads_n: [f64; 4] = core::array::from_fn(|index| f64::from(load_n(index)));
+        if loads_n.iter().any(|load_n| 0.0 < *load_n) {
+            return loads_n;
+        }
+        // In the first step rapier has computed no suspension force yet.
+        let weight_n = self.mass_kg * GRAVITY_MPS2;
+        self.load_shares.map(|share| share * weight_n)
+    }
+
+    /// Lets slipping tyres act for one step, if the car has them.
+    fn slip(
+        &mut self,
+        world: &mut RapierWorld,
+        rect: &Rect,
+        (force_n, steering_rad): (f64, [f64; 4]),
+        dt_s: f64,
+    ) -> bool {
+        let loads_n = self.loads_n();
+        let Some(tyres) = &self.tyres else {
+            return false;
+        };
+        let demand = TyreDemand {
+            force_n,
+            steering_rad,
+            loads_n,
+        };
+        let sum = tyres.forces(rect, &demand, dt_s);
+        let impulse = (sum.along_n * dt_s, sum.across_n * dt_s);
+        let turn = sum.moments_n_m.map(|moment_n_m| moment_n_m * dt_s);
+        world.push(self.handle, (rect.cos, rect.sin), impulse, turn);
+        if sum.is_limited {
+            // The target waits for the car.
+            self.aim(rect.along_mps() + sum.along_n / self.mass_kg * dt_s);
+        }
+        world.roll(&mut self.controller, dt_s);
+        true
+    }
+
     /// Rolls freely, with the grip of the wheels to the side.
-    fn coast(&mut self, world: &mut RapierWorld, dt_s: f64) {
+    fn coast(&mut self, world: &mut RapierWorld, rect: &Rect, dt_s: f64) {
+        if self.slip(world, rect, (0.0, [0.0; 4]), dt_s) {
+            return;
+        }
         for wheel in self.controller.wheels_mut() {
             (wheel.engine_force, wheel.steering) = (0.0, 0.0);
         }
@@ -158,17 +234,25 @@ impl Car {
     /// Ackermann: each front wheel points perpendicular to the turn's centre.
     /// Parallel wheels would work against each other and lose a tenth of a tight
     /// turn.
-    fn steer(&self, drive: &DriveStep, speed_mps: f64) -> [f32; 4] {
+    fn steer(&mut self, drive: &DriveStep, speed_mps: f64, dt_s: f64) -> [f64; 4] {
         let top_mps = speed_mps.abs().max(self.target_mps.abs());
-        let curvature_per_m =
+        let curvature_per_m = if self.tyres.is_some() {
+            // These tyres limit the turn themselves.
+            self.limits.locked_per_m(self.curvature_per_m)
+        } else {
             self.limits
-                .curvature_per_m(self.curvature_per_m, drive.tyre_mps2, top_mps);
+                .curvature_per_m(self.curvature_per_m, drive.tyre_mps2, top_mps)
+        };
+        let curvature_per_m = match &mut self.steering {
+            Some(steering) => steering.step(curvature_per_m, dt_s),
+            None => curvature_per_m,
+        };
         if curvature_per_m == 0.0 {
             return [0.0; 4];
         }
         let towards_centre = |left_m: f64| {
             let tangent = self.wheelbase_m * curvature_per_m / (1.0 - curvature_per_m * left_m);
-            libm::atan(tangent) as f32
+            libm::atan(tangent)
         };
         let left_m = 0.5 * self.track_m;
         [towards_centre(left_m), towards_centre(-left_m), 0.0, 0.0]
@@ -193,6 +277,9 @@ impl Motor for Car {
         for wheel in self.controller.wheels_mut() {
             wheel.friction_slip = self.limits.slip_friction(ground) as f32;
         }
+        if let Some(tyres) = &mut self.tyres {
+            tyres.set_ground(ground);
+        }
     }
 
     fn join(&mut self, world: &mut RapierWorld, origin_m: (f64, f64)) -> Option<RigidBodyHandle> {
@@ -213,7 +300,7 @@ impl Motor for Car {
     /// Sets the wheels and lets them act for one step.
     fn act(&mut self, world: &mut RapierWorld, rect: &Rect, dt_s: f64) {
         if self.is_released {
-            return self.coast(world, dt_s);
+            return self.coast(world, rect, dt_s);
         }
         // Before the motion is saved: `rewind` mixes two poses of one origin.
         if !self.is_joined {
@@ -222,9 +309,13 @@ impl Motor for Car {
         self.before = world.motion(self.handle);
         self.origin_before_m = self.origin_m;
         let speed_mps = rect.along_mps();
-        let drive = self.limits.drive(self.accel_mps2, self.target_mps, dt_s);
+        let command_mps2 = self.command_mps2(dt_s);
+        let drive = self.limits.drive(command_mps2, self.target_mps, dt_s);
         let force_n = self.mass_kg * self.accelerate(&drive, speed_mps, dt_s);
-        let steering_rad = self.steer(&drive, speed_mps);
+        let steering_rad = self.steer(&drive, speed_mps, dt_s);
+        if self.slip(world, rect, (force_n, steering_rad), dt_s) {
+            return;
+        }
 
         // Each wheel takes its share of the load, so that no wheel slips first.
         let wheels = self.controller.wheels_mut();
@@ -240,7 +331,7 @@ impl Motor for Car {
                 self.load_shares[index]
             };
             wheel.engine_force = (force_n * share) as f32;
-            wheel.steering = steering_rad[index];
+            wheel.steering = steering_rad[index] as f32;
         }
         world.roll(&mut self.controller, dt_s);
     }
@@ -280,9 +371,26 @@ impl Motor for Car {
         let rect = motion.rect(self.origin_m, &self.com);
         // The old target belonged to the end of the undone step.
         self.aim(rect.along_mps());
+        if let Some(brakes) = &mut self.brakes {
+            brakes.rewind(share);
+        }
+        if let Some(steering) = &mut self.steering {
+            steering.rewind(share);
+        }
     }
 
     fn fork(&self) -> Box<dyn Motor> {
         Box::new(self.clone())
     }
+}
+
+/// Returns rapier's stiffness of the side grip of an axle.
+///
+/// It follows the load, so both axles slip alike and steer neutrally. Tyres that slip
+/// replace it.
+fn side_stiffness(vehicle: &Vehicle, load_share: f64) -> f64 {
+    if vehicle.tyres.is_some() {
+        return 0.0;
+    }
+    2.0 * load_share
 }

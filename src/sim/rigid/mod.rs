@@ -15,10 +15,12 @@ mod car;
 mod collisions;
 mod foot;
 mod kinematic_playback;
+mod lag;
 mod loose;
 mod motor;
 mod shape;
 mod touch;
+mod tyre_forces;
 mod world;
 
 use std::sync::Arc;

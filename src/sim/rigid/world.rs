@@ -102,7 +102,7 @@ impl RapierWorld {
         let inertia = vector(
             twelfth * (w * w + h * h),
             twelfth * (l * l + h * h),
-            twelfth * (l * l + w * w),
+            body.yaw_inertia_kg_m2(),
         );
         let com = vector(body.com_ahead_m, 0.0, body.com_height_m);
         // Half-angle formulas avoid the platform's sine.
@@ -226,6 +226,21 @@ impl RapierWorld {
             filter: QueryFilter::new(),
         };
         car.update_vehicle(dt_s as f32, queries);
+    }
+
+    /// Pushes a body on the ground with an impulse at its centre of mass and an angular
+    /// impulse about it, both in the frame of its heading.
+    pub(super) fn push(
+        &mut self,
+        handle: RigidBodyHandle,
+        (cos, sin): (f64, f64),
+        (along, across): (f64, f64),
+        [roll, pitch, yaw]: [f64; 3],
+    ) {
+        let turned = |x: f64, y: f64, z: f64| vector(x * cos - y * sin, x * sin + y * cos, z);
+        let body = &mut self.bodies[handle];
+        body.apply_impulse(turned(along, across, 0.0), true);
+        body.apply_torque_impulse(turned(roll, pitch, yaw), true);
     }
 
     /// Runs one step of rapier.

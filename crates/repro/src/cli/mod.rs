@@ -8,6 +8,7 @@ mod grids;
 mod letter;
 mod near;
 mod paper;
+mod plants;
 mod protocols;
 mod reuse;
 mod structures;
@@ -124,6 +125,9 @@ enum What {
     Ncap,
     /// The same of UN R157's scenarios for lane keeping systems.
     R157,
+    /// Starts whose outcome depends on the plant, with stock and with validated bodies (at most
+    /// 100 starts).
+    Plants,
     /// The paper's Figs. 2, 3 and 5, found by search in the shipped worlds.
     Figures,
     /// Everything, one after the other.
@@ -197,6 +201,7 @@ impl What {
             What::Structures => &[structures::run],
             What::Ncap => &[protocols::ncap],
             What::R157 => &[protocols::r157],
+            What::Plants => &[plants::run],
             What::Figures => &[figures::run],
             What::All => &[
                 grids::run,
@@ -209,6 +214,7 @@ impl What {
                 structures::run,
                 protocols::ncap,
                 protocols::r157,
+                plants::run,
                 figures::run,
             ],
         }
