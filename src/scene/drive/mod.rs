@@ -6,6 +6,7 @@
 mod actions;
 mod after_contact;
 mod bounds;
+mod commands;
 mod course;
 mod default_observation;
 mod ego_percept;
