@@ -13,6 +13,7 @@ use super::language::rule_of;
 use super::locate::ValuePath;
 use super::plans;
 use super::problems::Problems;
+use super::road_ado;
 use super::roads;
 use super::runs::WorldOrigin;
 use super::trained;
@@ -20,7 +21,7 @@ use super::trained::run::TrainedFile;
 use super::weather;
 use crate::scene::drive::{
     Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, PlacedRoads,
-    Range, Road, Script, StartPlace, TrainedAdo, Weather,
+    Range, Road, RoadAdo, Script, StartPlace, TrainedAdo, Weather,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
@@ -37,6 +38,8 @@ pub(super) struct Agents<'a> {
     /// Position of each light in the file's list.
     pub(super) light_entries: Vec<usize>,
     pub(super) weather: Option<Weather>,
+    /// Road that an ado lays, with its place in the file.
+    pub(super) road_ado: Option<(RoadAdo, ValuePath)>,
     pub(super) observed: Vec<(String, ValuePath)>,
     /// Place of the first ado's observations in the file.
     pub(super) observe: Option<ValuePath>,
@@ -69,6 +72,7 @@ impl Agents<'_> {
             lights: Vec::new(),
             light_entries: Vec::new(),
             weather: None,
+            road_ado: None,
             observed: Vec::new(),
             observe: None,
             sees_usual: false,
@@ -113,6 +117,15 @@ impl Agents<'_> {
                     let weather = weather::read(problems, &path, file, entry);
                     if read.weather.replace(weather).is_some() {
                         weather::second(problems, &path);
+                    }
+                }
+                AgentFile::Road(entry) => {
+                    let drive = path.to("drive");
+                    ado_actions::check(problems, &drive, entry.drive.ado(), ActsAs::Road);
+                    read.rules_of(problems, &drive, &entry.name, entry.drive.ado());
+                    let road = road_ado::read(problems, &path, file, entry);
+                    if read.road_ado.replace((road, path.clone())).is_some() {
+                        road_ado::second(problems, &path);
                     }
                 }
                 _ => {
@@ -213,10 +226,11 @@ impl Agents<'_> {
                 (name, body, lateral_m.0, facing, start, drive)
             }
             // Invariant: obstacles returned above, and the caller handles
-            // lights and weather.
-            AgentFile::Obstacle { .. } | AgentFile::Light { .. } | AgentFile::Weather(_) => {
-                return None;
-            }
+            // lights, weather and the road.
+            AgentFile::Obstacle { .. }
+            | AgentFile::Light { .. }
+            | AgentFile::Weather(_)
+            | AgentFile::Road(_) => return None,
         };
         if let DriveFile::Ego(_) = drive {
             roads::ego_on_its_own(problems, path, entry);

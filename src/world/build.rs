@@ -14,7 +14,7 @@ use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
     Scenario, check, counting, dry_run, environment, family_check, limits, plans, points, read,
-    roads, starts, trained, vacuous,
+    road_ado, roads, starts, trained, vacuous,
 };
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
@@ -113,6 +113,7 @@ fn assemble(
         lights,
         light_entries,
         weather,
+        road_ado,
         mut observed,
         observe,
         sees_usual,
@@ -143,6 +144,7 @@ fn assemble(
         ego,
         lights,
         weather,
+        road_ado: road_ado.as_ref().map(|(road, _)| road.clone()),
         sensors,
         extra: Vec::new(),
         derived: Vec::new(),
@@ -159,6 +161,10 @@ fn assemble(
     starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
     roads::beside_themselves(&mut problems, &top, &spec);
     environment::check_geometry(&mut problems, &spec, &entries);
+    if let Some((_, place)) = &road_ado {
+        let places = (place, &list);
+        road_ado::check(&mut problems, places, &spec, (&entries, &light_entries));
+    }
     trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
     let family = file.train_against.and_then(|family| {
         family_check::family(

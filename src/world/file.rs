@@ -163,6 +163,7 @@ pub(super) enum AgentFile {
         drive: LightFile,
     },
     Weather(WeatherFile),
+    Road(RoadAgentFile),
 }
 
 fn nothing() -> NumberOrRange {
@@ -180,7 +181,8 @@ impl AgentFile {
             | AgentFile::Pedestrian { name, .. }
             | AgentFile::Obstacle { name, .. }
             | AgentFile::Light { name, .. }
-            | AgentFile::Weather(WeatherFile { name, .. }) => name,
+            | AgentFile::Weather(WeatherFile { name, .. })
+            | AgentFile::Road(RoadAgentFile { name, .. }) => name,
         }
     }
 }
@@ -208,7 +210,7 @@ impl AgentFile {
             AgentFile::Vehicle { road, .. }
             | AgentFile::Pedestrian { road, .. }
             | AgentFile::Obstacle { road, .. } => road.as_deref(),
-            AgentFile::Light { .. } | AgentFile::Weather(_) => None,
+            AgentFile::Light { .. } | AgentFile::Weather(_) | AgentFile::Road(_) => None,
         }
     }
 }
@@ -268,7 +270,7 @@ pub(super) struct WeatherFile {
     pub(super) bounds: WeatherBoundsFile,
     #[serde(default)]
     pub(super) start: WeatherStartFile,
-    pub(super) drive: WeatherDriveFile,
+    pub(super) drive: SceneAdoFile,
 }
 
 /// Bounds of the weather. A quantity without bounds never changes.
@@ -287,15 +289,28 @@ pub(super) struct WeatherStartFile {
     pub(super) visibility_m: Option<NumberOrRange>,
 }
 
+/// World's own road, laid by an ado ahead of all road users.
+#[derive(Deserialize)]
+#[serde(rename = "Road", deny_unknown_fields)]
+pub(super) struct RoadAgentFile {
+    pub(super) name: String,
+    /// Length of laid road ahead of the foremost road user.
+    pub(super) ahead_m: f64,
+    /// Length of a piece.
+    pub(super) piece_m: f64,
+    pub(super) drive: SceneAdoFile,
+}
+
+/// Drive of an ado without a body.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) enum WeatherDriveFile {
+pub(super) enum SceneAdoFile {
     Ado(AdoFile),
 }
 
-impl WeatherDriveFile {
+impl SceneAdoFile {
     pub(super) fn ado(&self) -> &AdoFile {
-        let WeatherDriveFile::Ado(ado) = self;
+        let SceneAdoFile::Ado(ado) = self;
         ado
     }
 }

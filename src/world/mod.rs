@@ -42,6 +42,7 @@ mod problems;
 mod quantity;
 mod read;
 mod repeats;
+mod road_ado;
 mod roads;
 mod runs;
 mod scenario;

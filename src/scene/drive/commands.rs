@@ -121,8 +121,8 @@ impl DriveScene {
                     y_mps: velocity_mps.y,
                 }
             }
-            // Invariant: lights turn and weather changes, and they have no body.
-            Maneuver::Turn(_) | Maneuver::Change(_) => return,
+            // Invariant: lights, weather and road have no body.
+            Maneuver::Turn(_) | Maneuver::Change(_) | Maneuver::Bend { .. } => return,
         };
         self.commanded[agent] = Some(command);
         let body = self.state.bodies[agent];

@@ -294,6 +294,21 @@ impl Course {
         wrapped(heading_rad(s_m + way_m) - heading_rad(s_m)) / way_m
     }
 
+    /// Returns the curvatures of the last piece and of the piece before it.
+    ///
+    /// 0 where there is no such piece, because the road is straight there.
+    pub(super) fn last_curvatures_per_m(&self) -> [f64; 2] {
+        // The last leg is the straight end of the road.
+        let mut legs = self.legs.iter().rev().skip(1);
+        let mut next = || legs.next().map_or(0.0, |leg| leg.curvature_per_m);
+        [next(), next()]
+    }
+
+    /// Returns the number of pieces, without the straight ends.
+    pub(super) fn piece_count(&self) -> usize {
+        self.legs.len().saturating_sub(2)
+    }
+
     /// Returns the station at which the pieces end, 0 without pieces.
     pub fn end_s_m(&self) -> f64 {
         self.legs.last().map_or(0.0, |last| last.from_s_m)

@@ -299,7 +299,8 @@ impl Scene for DriveScene {
     fn decide(&mut self, mut action: usize) {
         let layout = Arc::clone(&self.layout);
         // Decodes the joint action in the mixed radix of `Layout::new`, lowest
-        // digit first: road users in file order, then lights, then the weather.
+        // digit first: road users in file order, then lights, then the weather, then the
+        // road.
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             if let Drive::Ado { actions, .. } = &agent.drive {
                 self.chosen[i] = actions.choice(action % actions.len());
@@ -319,6 +320,15 @@ impl Scene for DriveScene {
         {
             self.state.change_weather(rates);
         }
+        if let Some(weather) = &layout.spec.weather {
+            action /= weather.actions.len();
+        }
+        if let Some(road) = &layout.spec.road_ado
+            && let Maneuver::Bend { curvature_per_m } =
+                road.actions.choice(action % road.actions.len())
+        {
+            self.state.next_curvature_per_m = curvature_per_m;
+        }
     }
 
     fn advance(&mut self) -> StepOutcome {
@@ -326,6 +336,10 @@ impl Scene for DriveScene {
         // success.
         if let Some(why) = &self.unmet {
             return StepOutcome::Fault(Fault::new(FaultKind::Physics, why.clone()));
+        }
+        // Laid before the commands, so that the ego perceives the new piece.
+        if let Err(error) = self.lay_road() {
+            return StepOutcome::Fault(Fault::new(FaultKind::Physics, error.what));
         }
         self.decide_trained();
         if let Err(fault) = self.command_all() {

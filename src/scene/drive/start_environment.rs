@@ -153,15 +153,18 @@ impl DriveLayout {
         self: &Arc<DriveLayout>,
         start: &Start,
     ) -> Result<Arc<DriveLayout>, CourseError> {
-        if self.spec.environment.is_empty() {
+        // The road of an earlier episode may have pieces that an ado laid.
+        let has_laid_pieces = self.spec.has_laid_pieces();
+        if self.spec.environment.is_empty() && !has_laid_pieces {
             return Ok(Arc::clone(self));
         }
         // Signals and formulas depend on none of these quantities.
         let mut layout = DriveLayout::clone(self);
         let spec = Arc::make_mut(&mut layout.spec);
+        spec.remove_laid_pieces();
         spec.set_environment(start);
         let mut environment = spec.environment.iter();
-        if environment.any(|it| it.quantity.is_of_geometry()) {
+        if has_laid_pieces || environment.any(|it| it.quantity.is_of_geometry()) {
             layout.network = Arc::new(RoadNetwork::new(spec)?);
         }
         Ok(Arc::new(layout))

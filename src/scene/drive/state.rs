@@ -33,6 +33,8 @@ pub(super) struct SceneState {
     pub lights: Vec<LightState>,
     /// Weather of this sample, if an ado changes it.
     pub weather: Option<WeatherState>,
+    /// Curvature of the next piece of road, if an ado lays it.
+    pub next_curvature_per_m: f64,
     /// Planned state of each agent. Empty if no agent has a plan.
     pub planned: Vec<PlannedAt>,
     /// Parameters of the start, in file order.
@@ -54,6 +56,7 @@ impl SceneState {
             on_road: Vec::with_capacity(agents),
             lights: Vec::with_capacity(spec.lights.len()),
             weather: None,
+            next_curvature_per_m: 0.0,
             planned: Vec::new(),
             parameters: Vec::new(),
             touch: None,
@@ -72,6 +75,7 @@ impl SceneState {
             .extend(self.spec.lights.iter().map(LightState::first));
         let weather = self.spec.weather.as_ref();
         self.weather = weather.map(|it| WeatherState::first(it, self.spec.road.friction()));
+        self.next_curvature_per_m = 0.0;
         self.touch = None;
         self.sample = 0;
     }
@@ -135,6 +139,7 @@ impl SceneState {
             on_road: self.on_road.clone(),
             lights: self.lights.clone(),
             weather: self.weather,
+            next_curvature_per_m: self.next_curvature_per_m,
             planned: self.planned.clone(),
             parameters: self.parameters.clone(),
             touch: self.touch,
