@@ -46,6 +46,8 @@ mod process;
 mod protocols;
 #[path = "worlds/rivals.rs"]
 mod rivals;
+#[path = "worlds/road_ado.rs"]
+mod road_ado;
 #[path = "worlds/roads.rs"]
 mod roads;
 #[path = "worlds/sealing.rs"]
