@@ -298,6 +298,9 @@ pub(super) fn script(problems: &mut Problems, path: &ValuePath, script: &Script)
     }
 }
 
+/// Greatest range of sensors, in metres.
+const MAX_RANGE_M: f64 = 10_000.0;
+
 /// Checks the time after the first contact, which only the rigid plant can play.
 pub(super) fn after_contact(problems: &mut Problems, path: &ValuePath, file: &ScenarioFile) {
     let after_s = file.after_contact_s;
@@ -328,8 +331,16 @@ pub(super) fn sensor_flaw(
         delay_s,
         position_sd_m,
         speed_sd_mps,
+        range_m,
         line_of_sight: _,
     } = *sensors;
+    if let Some(range_m) = range_m
+        && !(1.0..=MAX_RANGE_M).contains(&range_m)
+    {
+        let what = format!("{range_m} is outside of 1 ..= {MAX_RANGE_M}");
+        let help = "leave it out for a sensor without a limit".to_owned();
+        return Some(("range_m", what, help));
+    }
     let fields = [
         ("delay_s", delay_s, 5.0),
         ("position_sd_m", position_sd_m, 10.0),

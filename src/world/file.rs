@@ -5,7 +5,7 @@ use std::fmt;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
-use super::environment_file::{OwnRoad, SensorsFile};
+use super::environment_file::{OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
 pub(super) use super::number_or_range::NumberOrRange;
 use super::ordered::{Ordered, Patch};
@@ -41,6 +41,11 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) goals: Vec<TrainingGoal>,
     pub(super) road: OwnRoad,
+    /// Grades of the world's own road: station and rise.
+    #[serde(default)]
+    pub(super) grades: Vec<(f64, NumberOrRange)>,
+    #[serde(default)]
+    pub(super) wind: Option<WindFile>,
     #[serde(default)]
     pub(super) roads: Ordered<RoadFile>,
     #[serde(default)]

@@ -48,6 +48,7 @@ mod runs;
 mod scenario;
 mod scenario_kind;
 mod shipped;
+mod slope_and_wind;
 mod starts;
 mod structure;
 mod trained;

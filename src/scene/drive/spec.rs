@@ -13,9 +13,11 @@ use super::road_ado::RoadAdo;
 use super::road_placement::{Direction, PlacedRoads};
 use super::script::Script;
 use super::sensors::Sensors;
+use super::slope::Grade;
 use super::steering::LaneKeeping;
 use super::trained::{TrainedAdo, TrainingWorld};
 use super::weather::Weather;
+use super::wind::Wind;
 use indexmap::IndexMap;
 
 use crate::ego::{Actuated, Command, Controller, ControllerSpec, RecordedCommands};
@@ -208,6 +210,10 @@ pub struct DriveSpec {
     pub weather: Option<Weather>,
     /// Ado that lays the world's own road, if any.
     pub road_ado: Option<RoadAdo>,
+    /// Grades of the world's own road, by station. Named roads are flat.
+    pub grades: Vec<Grade>,
+    /// Wind, if any.
+    pub wind: Option<Wind>,
     /// Sensors of the ego.
     pub sensors: Sensors,
     /// Signals published besides the basic ones, by name.
