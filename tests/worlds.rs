@@ -54,6 +54,8 @@ mod roads;
 mod sealing;
 #[path = "worlds/searching.rs"]
 mod searching;
+#[path = "worlds/slope_and_wind.rs"]
+mod slope_and_wind;
 #[path = "worlds/structures.rs"]
 mod structures;
 #[path = "worlds/trained.rs"]
