@@ -31,6 +31,27 @@ pub(super) fn within(problems: &mut Problems, path: &ValuePath, value: f64, lo: 
     }
 }
 
+/// Reports a range that is reversed or leaves `lo ..= hi`, as one mistake at most.
+///
+/// Returns whether there was none.
+pub(super) fn range_within(
+    problems: &mut Problems,
+    path: &ValuePath,
+    numbers: Range,
+    (lo, hi): (f64, f64),
+) -> bool {
+    if numbers.hi < numbers.lo {
+        range(problems, path, numbers);
+        return false;
+    }
+    let ends = [numbers.lo, numbers.hi];
+    let outside = ends.into_iter().find(|end| !(lo..=hi).contains(end));
+    if let Some(end) = outside {
+        within(problems, path, end, lo, hi);
+    }
+    outside.is_none()
+}
+
 pub(super) fn clock(problems: &mut Problems, path: &ValuePath, clock: &Clock) {
     let positive = [
         ("horizon_s", clock.horizon_s),

@@ -79,8 +79,16 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
 /// Returns the road and the sensors in the middle of them.
 pub(super) fn read(problems: &mut Problems, file: &ScenarioFile) -> (Road, Sensors) {
     for (quantity, place, range) in ranges(file) {
-        // `weather` checks the range of its visibility.
-        if quantity != EnvironmentQuantity::Visibility {
+        // Others check the ranges of the weather, the grades and the wind.
+        let is_checked = matches!(
+            quantity,
+            EnvironmentQuantity::Visibility
+                | EnvironmentQuantity::Rise { .. }
+                | EnvironmentQuantity::WindSpeed
+                | EnvironmentQuantity::GustPeak
+                | EnvironmentQuantity::GustBegin
+        );
+        if !is_checked {
             check::range(problems, &place, range);
         }
         let turns = matches!(quantity, EnvironmentQuantity::ArcRadius { .. });

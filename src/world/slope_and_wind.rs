@@ -1,6 +1,6 @@
 //! Checks of the grades of a road and of the wind, whose numbers may be ranges.
 
-use super::check::within;
+use super::check::{range_within, within};
 use super::file::{NumberOrRange, ScenarioFile};
 use super::locate::ValuePath;
 use super::problems::Problems;
@@ -41,7 +41,7 @@ pub(super) fn ranges(file: &ScenarioFile) -> Vec<Placed> {
     all
 }
 
-/// Checks grades and wind. The caller checks that no range is reversed.
+/// Checks grades and wind.
 pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
     for (quantity, place, NumberOrRange(numbers)) in ranges(file) {
         let (least, most) = match quantity {
@@ -49,13 +49,7 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
             EnvironmentQuantity::GustBegin => (0.0, file.clock.horizon_s),
             _ => (-MAX_WIND_MPS, MAX_WIND_MPS),
         };
-        if numbers.is_fixed() {
-            within(problems, &place, numbers.lo, least, most);
-        } else {
-            for value in [numbers.lo, numbers.hi] {
-                within(problems, &place, value, least, most);
-            }
-        }
+        range_within(problems, &place, numbers, (least, most));
     }
     let grades = ValuePath::top().to("grades");
     if MAX_GRADES < file.grades.len() {

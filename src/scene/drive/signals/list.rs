@@ -179,7 +179,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .seen_in(-20.0, 80.0),
     Pair.signal("conflict_time", "s")
         .is(time_to_conflict_s)
-        .about("time until {a} is there at its present speed, 0 to 100 s; 100 once its rear has passed")
+        .about("time until {a} is there at its present speed, 0 to 100 s; 100 once its rear has passed, while it stands, and if the ways never cross")
         .only_if(on_two_roads)
         .within(|_, _| zero_to(TTC_CAP_S))
         .seen_in(0.0, 20.0),
