@@ -28,6 +28,7 @@ mod range;
 mod replaying;
 mod road;
 mod road_ado;
+mod road_laying;
 mod road_placement;
 mod scene_geometry;
 mod script;
