@@ -27,6 +27,7 @@ fn text(road: &str) -> String {
     format!(
         "Scenario(name: \"laid\", question: \"?\", \
          clock: (horizon_s: 8.0, decision_s: 0.5, sample_s: 0.05, substeps: 4), \
+         judge: WholeRun, \
          road: Curved(lanes: 1, lane_width_m: 3.5, friction: 0.9, {PIECES}), \
          agents: [{CAR}, {road}], \
          ego_spec: \"always (abs(ego.lateral) <= 0.5)\")"
@@ -84,7 +85,10 @@ fn the_car_follows_the_road_that_is_laid() {
         let turned = headings[16 * DECISION];
         assert!((turned - 0.6).abs() < 0.05, "{plant:?} {turned}");
         let offsets = bench.trace().signal("ego.lateral").expect("recorded");
-        assert!(offsets.iter().all(|offset| offset.abs() < 0.1), "{plant:?}");
+        assert!(
+            offsets.iter().all(|offset| offset.abs() < 0.25),
+            "{plant:?}"
+        );
     }
 }
 
@@ -210,8 +214,6 @@ fn a_kept_departure_replays_and_is_drawn_and_exported_with_the_driven_road() {
     let replayed = &replayed.expect("replayed")[0];
     assert!(replayed.is_reproduced());
 
-    let mut bench = begun(&world);
-    (0..16).for_each(|_| bench.decide(1));
     let mut driven = world.bench();
     play(
         &mut driven,
@@ -238,8 +240,6 @@ fn a_kept_departure_replays_and_is_drawn_and_exported_with_the_driven_road() {
     );
     let road = texts.expect("exported").road;
     assert!(road.contains("curvature=\"0.01\""), "{road}");
-    let prevented = world.preventability(&episode);
-    assert_eq!(prevented.not_applicable, Some(NotApplicable::NoContact));
 }
 
 #[test]
@@ -307,8 +307,8 @@ fn mistakes_in_a_laid_road_are_refused_by_name() {
         ),
         (
             ROAD,
-            "agents: [",
-            "judge: UntilContact, counts: Preventable(by: [RSS]), agents: [",
+            "judge: WholeRun",
+            "judge: UntilContact, counts: Preventable(by: [RSS])",
             "reference drivers do not apply to a road that an ado lays",
         ),
     ];
@@ -336,4 +336,18 @@ fn mistakes_in_a_laid_road_are_refused_by_name() {
             .to_string()
             .contains("one ado lays the road of a world")
     );
+}
+
+#[test]
+fn no_reference_driver_replays_a_contact_on_a_laid_road() {
+    let parked = "Obstacle(name: \"parked\", body: \"sedan\", s_m: 95.0, lateral_m: 0.0), Road(";
+    let parked = text(ROAD)
+        .replace("Road(", parked)
+        .replace("judge: WholeRun", "judge: UntilContact")
+        .replace("abs(ego.lateral) <= 0.5", "ego.parked.gap >= 1");
+    let world = world(&parked);
+    let episode = departure(&world);
+    assert!(episode.verdict.is_success() && episode.contact.is_some());
+    let prevented = world.preventability(&episode);
+    assert_eq!(prevented.not_applicable, Some(NotApplicable::ChangingRoad));
 }

@@ -79,7 +79,7 @@ fn a_head_wind_brakes_by_its_air_drag_and_only_bodies_that_have_some() {
             let time_s = 0.05 * sample as f64;
             let expected_mps = 30.0 / (1.0 + 30.0 * per_m * time_s) - 10.0;
             assert!(
-                (mps - expected_mps).abs() < 0.01,
+                (mps - expected_mps).abs() < 0.02,
                 "{plant:?} {sample} {mps}"
             );
         }
@@ -96,8 +96,8 @@ fn a_gust_from_the_left_moves_a_rigid_car_to_the_right_while_it_lasts() {
     let bench = driven(&world(&icy).on(PlantKind::Rigid), &[]);
     let laterals = bench.trace().signal("ego.lateral").expect("recorded");
     assert!(laterals[..=20].iter().all(|m| m.abs() < 1e-3));
-    // The gust exceeds the grip where (1 − cos)² / 4 > 0.405, for 1.16 s, and gains
-    // 1.0 m/s by then. The rest is for the lane keeper.
+    // The gust exceeds the grip where (1 − cos)² / 4 > 0.405, for 0.82 s, by 0.8 m/s² in
+    // the mean. So the car slides by 0.3 m in it, and on until the tyres stop it.
     let least_m = laterals.iter().copied().fold(0.0, f64::min);
     assert!((-2.0..-0.2).contains(&least_m), "{least_m}");
     let bench = driven(&world(&icy).on(PlantKind::Kinematic), &[]);
