@@ -11,6 +11,7 @@ use super::file::{
 };
 use super::language::rule_of;
 use super::locate::ValuePath;
+use super::obstacles;
 use super::plans;
 use super::problems::Problems;
 use super::road_ado;
@@ -21,7 +22,7 @@ use super::trained::run::TrainedFile;
 use super::weather;
 use crate::scene::drive::{
     Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, PlacedRoads,
-    Range, Road, RoadAdo, Script, StartPlace, TrainedAdo, Weather,
+    Range, Road, RoadAdo, StartPlace, TrainedAdo, Weather,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
@@ -164,7 +165,7 @@ impl Agents<'_> {
     ) -> Option<Agent> {
         let number = roads::number(problems, path, file, entry)?;
         if let AgentFile::Obstacle { .. } = entry {
-            return obstacle(problems, path, file, (entry, number));
+            return obstacles::read(problems, path, file, (entry, number));
         }
         // Number 0 is the world's own road, and named roads follow from 1.
         let (own, named) = self.roads;
@@ -461,48 +462,4 @@ fn beside(
             hi: middle_m + offset.hi,
         }
     }
-}
-
-/// Agent that stands on a road.
-fn obstacle(
-    problems: &mut Problems,
-    path: &ValuePath,
-    file: &ScenarioFile,
-    (entry, number): (&AgentFile, usize),
-) -> Option<Agent> {
-    let AgentFile::Obstacle {
-        name,
-        body,
-        s_m,
-        lateral_m,
-        heading_rad,
-        ..
-    } = entry
-    else {
-        return None;
-    };
-    check::range(problems, &path.to("s_m"), s_m.0);
-    check::range(problems, &path.to("lateral_m"), lateral_m.0);
-    check::within(problems, &path.to("heading_rad"), *heading_rad, -PI, PI);
-    let body = bodies::find(problems, &path.to("body"), &file.bodies, body)?;
-    if body.is_on_foot() {
-        let what = format!("`{}` is no body on wheels", body.name);
-        let help = "who stands on foot is a `Pedestrian(…)` with `Scripted(Walk([]))`".to_owned();
-        problems.add(&path.to("body"), what, "here", Some(help));
-    }
-    Some(Agent {
-        name: name.clone(),
-        body,
-        road: number,
-        direction: Direction::With,
-        lane_keeping: entry.lane_keeping(),
-        lane: entry.lane(),
-        lateral_m: lateral_m.0,
-        facing_rad: *heading_rad,
-        place: StartPlace::At {
-            x_m: s_m.0,
-            speed_mps: Range::fixed(0.0),
-        },
-        drive: Drive::Scripted(Script::Stand),
-    })
 }

@@ -34,6 +34,7 @@ mod limits;
 mod locate;
 mod named_file;
 mod number_or_range;
+mod obstacles;
 mod ordered;
 mod plans;
 mod points;
