@@ -263,7 +263,7 @@ fn number(name: &str, value: &Value) -> Result<f64, String> {
 ///
 /// A vehicle has `accel_mps2` and `lateral_mps`, a pedestrian `along_mps` and `left_mps`,
 /// and a light `advance`. The weather has `friction_per_s`, `visibility_mps` and
-/// `noise_per_s`. An agent with a plan has `added_accel_mps2` and
+/// `noise_per_s`, and a road `curvature_per_m`. An agent with a plan has `added_accel_mps2` and
 /// `added_left_mps`, which are added to the plan. Actions on grids have labels only.
 pub fn actions_of(world: &World, mut action: usize) -> Value {
     let World::Drive(drive) = world else {
@@ -287,6 +287,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
         }
         Actions::Walks(list) => json!({ "along_mps": list[action].0, "left_mps": list[action].1 }),
         Actions::Rates(list) => json!(list[action]),
+        Actions::Curvatures(list) => json!({ "curvature_per_m": list[action] }),
         Actions::Phases(list) => json!({ "advance": list[action] == PhaseAction::Advance }),
         Actions::Deviate(added) => {
             let (accel_mps2, left_mps) = added.at(action);

@@ -54,6 +54,7 @@ fn every_shipped_world_and_its_egos_conform() {
         "Acc",
         "Aeb",
         "CcDriver",
+        "CurveSpeed",
         "FilteredAcc",
         "FsmDriver",
         "Fvdm",

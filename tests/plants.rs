@@ -13,6 +13,8 @@ mod contacts;
 mod cyclists;
 #[path = "plants/faults.rs"]
 mod faults;
+#[path = "plants/push.rs"]
+mod push;
 #[path = "plants/shapes.rs"]
 mod shapes;
 #[path = "plants/vehicle_validation.rs"]

@@ -46,12 +46,16 @@ mod process;
 mod protocols;
 #[path = "worlds/rivals.rs"]
 mod rivals;
+#[path = "worlds/road_ado.rs"]
+mod road_ado;
 #[path = "worlds/roads.rs"]
 mod roads;
 #[path = "worlds/sealing.rs"]
 mod sealing;
 #[path = "worlds/searching.rs"]
 mod searching;
+#[path = "worlds/slope_and_wind.rs"]
+mod slope_and_wind;
 #[path = "worlds/structures.rs"]
 mod structures;
 #[path = "worlds/trained.rs"]

@@ -124,8 +124,8 @@ pub fn openx(
     name: &str,
     ego: &str,
 ) -> Result<OpenX, ExportRefusal> {
-    // The files state the road of this start.
-    let scenario = repeatable(scenario, episode).at_start(&episode.start);
+    // The files state the road of this episode.
+    let scenario = repeatable(scenario, episode).of_episode(episode);
     let Some(driving) = scenario.drive() else {
         let world = scenario.name().to_owned();
         return Err(ExportRefusal::Grid { world });

@@ -35,6 +35,7 @@ mod actuator;
 mod aeb;
 mod coast;
 mod courteous_acc;
+mod curve_speed;
 #[cfg(test)]
 #[path = "../../tests/support/example_ego.rs"]
 mod example_ego;
@@ -324,7 +325,10 @@ impl Command {
 /// `control` is called once per sample, and its command holds until the next
 /// call.
 pub trait Controller: Send {
-    /// Receives the road data, once before the first episode on a road.
+    /// Receives the road data, before the first episode on a road.
+    ///
+    /// In worlds with an agent `Road`, also with each piece of road laid ahead, during
+    /// an episode.
     fn brief(&mut self, _briefing: &Briefing) {}
 
     /// Begins an episode. All randomness must derive from `seed`.

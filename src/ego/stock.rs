@@ -186,6 +186,8 @@ egos! {
     aeb::Aeb by build;
     /// Brakes like `Aeb`, keeps its lane and steers where braking is not enough.
     pure_pursuit::PurePursuit by build;
+    /// Slows down for the bends within its preview.
+    curve_speed::CurveSpeed by build;
     /// The switching merge controller, Sec. V-B.
     merge::Merge by build;
     /// Follows, and stops for lights by the d(t) of the paper's appendix.

@@ -82,6 +82,12 @@ pub enum OpenXError {
         /// Name of the weather.
         name: String,
     },
+    /// The road has grades, or the wind blows, which the files cannot state.
+    #[error("the world has {what}")]
+    SlopeOrWind {
+        /// `grades` or `wind`.
+        what: &'static str,
+    },
     /// The XML writer failed, which is not expected in memory.
     #[error("writing XML failed: {0}")]
     Xml(#[from] io::Error),
@@ -92,12 +98,20 @@ impl Crash<'_> {
     ///
     /// # Errors
     ///
-    /// Returns an error for a contact before any agent moved, and for weather that an
-    /// ado changes.
+    /// Returns an error for a contact before any agent moved, for weather that an
+    /// ado changes, and for grades and wind.
     pub(crate) fn files(&self) -> Result<OpenX, OpenXError> {
         if let Some(weather) = &self.scenario.spec().weather {
             let name = weather.name.clone();
             return Err(OpenXError::ChangingWeather { name });
+        }
+        let spec = self.scenario.spec();
+        let forces = [
+            ("grades", !spec.grades.is_empty()),
+            ("wind", spec.wind.is_some()),
+        ];
+        if let Some((what, _)) = forces.into_iter().find(|(_, is_there)| *is_there) {
+            return Err(OpenXError::SlopeOrWind { what });
         }
         let world = self.scenario.world();
         // Both passages fit on the written road, since both scenarios refer to

@@ -44,6 +44,10 @@ pub(super) fn reason_against(world: &DriveWorld, motion: &Motion) -> Option<NotA
     if world.spec().weather.is_some() {
         return Some(NotApplicable::ChangingWeather);
     }
+    // Replays have the listed road only.
+    if world.spec().road_ado.is_some() {
+        return Some(NotApplicable::ChangingRoad);
+    }
     let (Some(with), Some((ego, other))) = (partner(world, motion), at_contact(world, motion))
     // The touch joins two other agents.
     else {

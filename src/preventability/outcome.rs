@@ -67,6 +67,8 @@ pub enum NotApplicable {
     NobodyAhead,
     /// The weather changes during the episode, and replays have that of the start.
     ChangingWeather,
+    /// An ado laid the road during the episode.
+    ChangingRoad,
 }
 
 /// Reason why the ego is not at fault.
@@ -191,6 +193,7 @@ impl NotApplicable {
             NotApplicable::FromBehind => "the other came from behind",
             NotApplicable::NobodyAhead => "no road user was ahead",
             NotApplicable::ChangingWeather => "the weather changed on the way",
+            NotApplicable::ChangingRoad => "the road was laid on the way",
         }
     }
 }

@@ -124,7 +124,7 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
     let Some(leaf) = explanation.leaf() else {
         return "No contact, but the ego broke what is asked of it".to_owned();
     };
-    let begun = scenario.at_start(&example.episode.start);
+    let begun = scenario.of_episode(&example.episode);
     let stage = begun.bench().stage();
     // Names of agents and lights are parts of dotted signal names.
     let part_of = |signal: &str, name: &str| signal.split('.').any(|part| part == name);

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::body::Body;
 use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
 use super::limits::DriveStep;
-use super::{BodyControl, GRAVITY_MPS2, Ground};
+use super::{BodyControl, GRAVITY_MPS2, Ground, Push};
 
 /// Greatest curvature of the path below the balance speed.
 const SLOW_PER_M: f64 = 0.1;
@@ -112,6 +112,9 @@ pub(super) struct CyclistLimits {
     power_w_per_kg: f64,
     /// Greatest acceleration that the tyres transmit: μ·g.
     grip_mps2: f64,
+    friction: f64,
+    /// External acceleration along the heading.
+    push_mps2: f64,
 }
 
 /// Command within the limits for one `advance`, and the limits in force.
@@ -139,7 +142,15 @@ impl CyclistLimits {
             cyclist: cyclist.clone(),
             power_w_per_kg: cyclist.power_w / body.mass_kg,
             grip_mps2: ground.friction * GRAVITY_MPS2,
+            friction: ground.friction,
+            push_mps2: 0.0,
         }
+    }
+
+    /// Changes the external acceleration. Wind from the side is balanced by the lean.
+    pub(super) fn set_push(&mut self, push: Push) {
+        self.push_mps2 = push.along_mps2;
+        self.grip_mps2 = self.friction * GRAVITY_MPS2 * push.load_share;
     }
 
     /// Returns the speed at which a cyclist can start.
@@ -154,18 +165,19 @@ impl CyclistLimits {
         speed_mps: f64,
         dt_s: f64,
     ) -> RideStep {
-        let net_mps2 = self.net_mps2(accel_mps2, speed_mps, dt_s);
+        let tyre_mps2 = self.net_mps2(accel_mps2, speed_mps, dt_s);
+        let net_mps2 = self.pushed_mps2(tyre_mps2, speed_mps, dt_s);
         let rest_after_s = if net_mps2 < 0.0 {
             speed_mps / -net_mps2
         } else {
             f64::INFINITY
         };
-        let circle = self.grip_mps2 * self.grip_mps2 - net_mps2 * net_mps2;
+        let circle = self.grip_mps2 * self.grip_mps2 - tyre_mps2 * tyre_mps2;
         let steps = libm::ceil(dt_s / STEP_S).max(1.0);
         RideStep {
             drive: DriveStep {
                 net_mps2,
-                tyre_mps2: net_mps2,
+                tyre_mps2,
                 rest_after_s,
             },
             curvature_per_m,
@@ -174,6 +186,24 @@ impl CyclistLimits {
             balance_mps: self.cyclist.balance_mps,
             step_s: dt_s / steps,
         }
+    }
+
+    /// Returns the net acceleration with the external one.
+    ///
+    /// The rider brakes to keep the top speed, and stands on a foot at rest.
+    fn pushed_mps2(&self, tyre_mps2: f64, speed_mps: f64, dt_s: f64) -> f64 {
+        if self.push_mps2 == 0.0 || dt_s <= 0.0 {
+            return tyre_mps2;
+        }
+        let net_mps2 = tyre_mps2 + self.push_mps2;
+        if speed_mps <= 0.0 {
+            return if 0.0 < tyre_mps2 {
+                net_mps2.max(0.0)
+            } else {
+                0.0
+            };
+        }
+        net_mps2.min((self.cyclist.max_speed_mps - speed_mps) / dt_s)
     }
 
     /// Returns the acceleration within grip, brakes, legs and top speed.

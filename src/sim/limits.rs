@@ -2,10 +2,10 @@
 
 use super::body::Body;
 use super::vehicle::Vehicle;
-use super::{GRAVITY_MPS2, Ground};
+use super::{GRAVITY_MPS2, Ground, Push};
 
 /// Density of air at sea level, in kg/m³.
-const AIR_KG_PER_M3: f64 = 1.225;
+pub(crate) const AIR_KG_PER_M3: f64 = 1.225;
 
 /// Limits of one vehicle on one ground.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +22,8 @@ pub(super) struct VehicleLimits {
     rolling_mps2: f64,
     /// Factor of the tyres on the ground's friction.
     grip: f64,
+    ground: Ground,
+    push: Push,
 }
 
 /// Motion of a vehicle along its path for one step.
@@ -54,12 +56,31 @@ impl VehicleLimits {
             drag_per_m: 0.5 * AIR_KG_PER_M3 * vehicle.drag_area_m2 / body.mass_kg,
             rolling_mps2: vehicle.rolling_resistance * GRAVITY_MPS2,
             grip: vehicle.grip,
+            ground,
+            push: Push::NONE,
         }
     }
 
     /// Changes the ground.
     pub(super) fn set_ground(&mut self, ground: Ground) {
-        self.grip_mps2 = self.slip_friction(ground) * GRAVITY_MPS2;
+        self.ground = ground;
+        self.grip_mps2 = self.slip_friction(ground) * GRAVITY_MPS2 * self.push.load_share;
+    }
+
+    /// Changes the external acceleration.
+    pub(super) fn set_push(&mut self, push: Push) {
+        self.push = push;
+        self.set_ground(self.ground);
+    }
+
+    /// Returns the ground.
+    pub(super) fn ground(&self) -> Ground {
+        self.ground
+    }
+
+    /// Returns the external acceleration.
+    pub(super) fn push(&self) -> Push {
+        self.push
     }
 
     /// Returns the coefficient of friction of the tyres on a ground.
@@ -77,16 +98,19 @@ impl VehicleLimits {
         // Drag of the initial speed for the whole step keeps the motion in closed form.
         let drag_mps2 = self.drag_per_m * speed_mps * speed_mps;
         let resistance_mps2 = drag_mps2 + self.rolling_mps2;
+        let push_mps2 = self.push.along_mps2;
         let (net_mps2, stops) = if 0.0 < speed_mps {
-            let net_mps2 = tyre_mps2 - resistance_mps2;
+            let net_mps2 = tyre_mps2 - resistance_mps2 + push_mps2;
             (net_mps2, net_mps2 < 0.0)
         } else if speed_mps < 0.0 {
-            let net_mps2 = tyre_mps2 + resistance_mps2;
+            let net_mps2 = tyre_mps2 + resistance_mps2 + push_mps2;
             // Throttle may carry a vehicle that is rolling backwards through zero.
             (net_mps2, 0.0 < net_mps2 && tyre_mps2 <= 0.0)
         } else {
             // At rest the brakes hold, and the throttle must overcome the resistance.
-            ((tyre_mps2 - resistance_mps2).max(0.0), false)
+            // A push alone moves nothing.
+            let pushed_mps2 = if 0.0 < tyre_mps2 { push_mps2 } else { 0.0 };
+            ((tyre_mps2 - resistance_mps2 + pushed_mps2).max(0.0), false)
         };
         let rest_after_s = if stops {
             -speed_mps / net_mps2

@@ -33,6 +33,7 @@ pub mod kinematic;
 mod limits;
 mod planar;
 mod pose;
+mod push;
 pub mod rigid;
 mod vehicle;
 mod walker;
@@ -46,8 +47,10 @@ pub use body_shape::{BodyPart, BodyShape};
 pub use cyclist::Cyclist;
 pub use handling::{Brakes, Tyres};
 pub use kinematic::Kinematic;
+pub(crate) use limits::AIR_KG_PER_M3;
 pub(crate) use pose::{GroundFrame, rotation_by};
 pub use pose::{Placement, Pose};
+pub use push::Push;
 pub use rigid::Rigid;
 pub use vehicle::Vehicle;
 pub use walker::Walker;
@@ -255,6 +258,13 @@ pub trait Plant: Send {
     /// A command that is not finite, or not of the body's kind, is ignored and makes
     /// the plant unsound until it is cleared.
     fn command(&mut self, id: BodyId, command: BodyCommand);
+    /// Sets the external acceleration of a body, [`Push::NONE`] after its spawn.
+    ///
+    /// It adds to the net acceleration that tyres and engine give. At rest the brakes
+    /// hold, unless the command accelerates. Walkers and carried bodies ignore it. The
+    /// kinematic plant has no side motion and ignores the part to the left. A push that
+    /// is not finite makes the plant unsound until it is cleared.
+    fn push(&mut self, id: BodyId, push: Push);
     /// Advances by `dt_s` in `substeps` equal steps, up to the first contact.
     ///
     /// Returns the earliest contact within the step, if any. Every body then rests

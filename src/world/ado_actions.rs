@@ -42,7 +42,8 @@ pub(super) fn check(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, bo
                 .collect()
         }
         // Each rate has a range of its own, which `weather` checks.
-        Actions::Phases(_) | Actions::Rates(_) => Vec::new(),
+        // `road_ado` checks curvatures.
+        Actions::Phases(_) | Actions::Rates(_) | Actions::Curvatures(_) => Vec::new(),
         Actions::Deviate(added) => {
             let parts = [
                 ("accelerations", &added.accelerations),
@@ -88,6 +89,7 @@ pub(super) fn fits(actions: &Actions, body: ActsAs) -> bool {
         Actions::Walks(_) => body == ActsAs::Walker,
         Actions::Phases(_) => body == ActsAs::Light,
         Actions::Rates(_) => body == ActsAs::Weather,
+        Actions::Curvatures(_) => body == ActsAs::Road,
         // Deviations require a plan, and a plan belongs to one world.
         Actions::Deviate(_) => false,
     }
@@ -102,6 +104,9 @@ fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str
         )),
         (Some(_), _) if body == ActsAs::Weather => {
             Some(("weather has no way to plan", "leave `base` out"))
+        }
+        (Some(_), _) if body == ActsAs::Road => {
+            Some(("a road has no way to plan", "leave `base` out"))
         }
         (None, Actions::Deviate(_)) => Some((
             "there is no plan from which to deviate",
@@ -122,6 +127,7 @@ pub(super) enum ActsAs {
     Walker,
     Light,
     Weather,
+    Road,
 }
 
 impl From<BodyControl> for ActsAs {
@@ -140,6 +146,7 @@ impl ActsAs {
             ActsAs::Walker => "a pedestrian",
             ActsAs::Light => "a traffic light",
             ActsAs::Weather => "weather",
+            ActsAs::Road => "a road",
         }
     }
 
@@ -153,6 +160,9 @@ impl ActsAs {
             }
             ActsAs::Light => "write `Phases([Hold, Advance])`",
             ActsAs::Weather => "write `Rates([(friction_per_s: -0.1), (), (friction_per_s: 0.1)])`",
+            ActsAs::Road => {
+                "write `Curvatures([-0.01, 0.0, 0.01])`: 1 / radius, positive to the left"
+            }
         }
     }
 }

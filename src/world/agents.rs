@@ -11,8 +11,10 @@ use super::file::{
 };
 use super::language::rule_of;
 use super::locate::ValuePath;
+use super::obstacles;
 use super::plans;
 use super::problems::Problems;
+use super::road_ado;
 use super::roads;
 use super::runs::WorldOrigin;
 use super::trained;
@@ -20,7 +22,7 @@ use super::trained::run::TrainedFile;
 use super::weather;
 use crate::scene::drive::{
     Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, PlacedRoads,
-    Range, Road, Script, StartPlace, TrainedAdo, Weather,
+    Range, Road, RoadAdo, StartPlace, TrainedAdo, Weather,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
@@ -37,6 +39,8 @@ pub(super) struct Agents<'a> {
     /// Position of each light in the file's list.
     pub(super) light_entries: Vec<usize>,
     pub(super) weather: Option<Weather>,
+    /// Road that an ado lays, with its place in the file.
+    pub(super) road_ado: Option<(RoadAdo, ValuePath)>,
     pub(super) observed: Vec<(String, ValuePath)>,
     /// Place of the first ado's observations in the file.
     pub(super) observe: Option<ValuePath>,
@@ -69,6 +73,7 @@ impl Agents<'_> {
             lights: Vec::new(),
             light_entries: Vec::new(),
             weather: None,
+            road_ado: None,
             observed: Vec::new(),
             observe: None,
             sees_usual: false,
@@ -115,6 +120,15 @@ impl Agents<'_> {
                         weather::second(problems, &path);
                     }
                 }
+                AgentFile::Road(entry) => {
+                    let drive = path.to("drive");
+                    ado_actions::check(problems, &drive, entry.drive.ado(), ActsAs::Road);
+                    read.rules_of(problems, &drive, &entry.name, entry.drive.ado());
+                    let road = road_ado::read(problems, &path, file, entry);
+                    if read.road_ado.replace((road, path.clone())).is_some() {
+                        road_ado::second(problems, &path);
+                    }
+                }
                 _ => {
                     if let Some(agent) = read.road_user(problems, &path, file, entry) {
                         read.agents.push(agent);
@@ -151,7 +165,7 @@ impl Agents<'_> {
     ) -> Option<Agent> {
         let number = roads::number(problems, path, file, entry)?;
         if let AgentFile::Obstacle { .. } = entry {
-            return obstacle(problems, path, file, (entry, number));
+            return obstacles::read(problems, path, file, (entry, number));
         }
         // Number 0 is the world's own road, and named roads follow from 1.
         let (own, named) = self.roads;
@@ -213,10 +227,11 @@ impl Agents<'_> {
                 (name, body, lateral_m.0, facing, start, drive)
             }
             // Invariant: obstacles returned above, and the caller handles
-            // lights and weather.
-            AgentFile::Obstacle { .. } | AgentFile::Light { .. } | AgentFile::Weather(_) => {
-                return None;
-            }
+            // lights, weather and the road.
+            AgentFile::Obstacle { .. }
+            | AgentFile::Light { .. }
+            | AgentFile::Weather(_)
+            | AgentFile::Road(_) => return None,
         };
         if let DriveFile::Ego(_) = drive {
             roads::ego_on_its_own(problems, path, entry);
@@ -447,48 +462,4 @@ fn beside(
             hi: middle_m + offset.hi,
         }
     }
-}
-
-/// Agent that stands on a road.
-fn obstacle(
-    problems: &mut Problems,
-    path: &ValuePath,
-    file: &ScenarioFile,
-    (entry, number): (&AgentFile, usize),
-) -> Option<Agent> {
-    let AgentFile::Obstacle {
-        name,
-        body,
-        s_m,
-        lateral_m,
-        heading_rad,
-        ..
-    } = entry
-    else {
-        return None;
-    };
-    check::range(problems, &path.to("s_m"), s_m.0);
-    check::range(problems, &path.to("lateral_m"), lateral_m.0);
-    check::within(problems, &path.to("heading_rad"), *heading_rad, -PI, PI);
-    let body = bodies::find(problems, &path.to("body"), &file.bodies, body)?;
-    if body.is_on_foot() {
-        let what = format!("`{}` is no body on wheels", body.name);
-        let help = "who stands on foot is a `Pedestrian(…)` with `Scripted(Walk([]))`".to_owned();
-        problems.add(&path.to("body"), what, "here", Some(help));
-    }
-    Some(Agent {
-        name: name.clone(),
-        body,
-        road: number,
-        direction: Direction::With,
-        lane_keeping: entry.lane_keeping(),
-        lane: entry.lane(),
-        lateral_m: lateral_m.0,
-        facing_rad: *heading_rad,
-        place: StartPlace::At {
-            x_m: s_m.0,
-            speed_mps: Range::fixed(0.0),
-        },
-        drive: Drive::Scripted(Script::Stand),
-    })
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::agents::Agents;
+use super::environment_file::{WindFile, nominal_grades};
 use super::error::Problem;
 use super::family::TrainingEgos;
 use super::file::ScenarioFile;
@@ -14,7 +15,7 @@ use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
     Scenario, check, counting, dry_run, environment, family_check, limits, plans, points, read,
-    roads, starts, trained, vacuous,
+    road_ado, roads, slope_and_wind, starts, trained, vacuous,
 };
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
@@ -91,6 +92,7 @@ fn assemble(
     check::clock(&mut problems, &top.to("clock"), &file.clock);
     check::after_contact(&mut problems, &top.to("after_contact_s"), &file);
     let (road, sensors) = environment::read(&mut problems, &file);
+    slope_and_wind::check(&mut problems, &file);
     let roads = roads::placed(&mut problems, &top.to("roads"), &road, &file.roads);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     counting::check(&mut problems, &top, &file);
@@ -113,6 +115,7 @@ fn assemble(
         lights,
         light_entries,
         weather,
+        road_ado,
         mut observed,
         observe,
         sees_usual,
@@ -143,6 +146,9 @@ fn assemble(
         ego,
         lights,
         weather,
+        grades: nominal_grades(&file.grades),
+        wind: file.wind.as_ref().map(WindFile::nominal),
+        road_ado: road_ado.as_ref().map(|(road, _)| road.clone()),
         sensors,
         extra: Vec::new(),
         derived: Vec::new(),
@@ -159,6 +165,10 @@ fn assemble(
     starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
     roads::beside_themselves(&mut problems, &top, &spec);
     environment::check_geometry(&mut problems, &spec, &entries);
+    if let Some((_, place)) = &road_ado {
+        let places = (place, &list);
+        road_ado::check(&mut problems, places, &spec, (&entries, &light_entries));
+    }
     trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
     let family = file.train_against.and_then(|family| {
         family_check::family(

@@ -31,6 +31,27 @@ pub(super) fn within(problems: &mut Problems, path: &ValuePath, value: f64, lo: 
     }
 }
 
+/// Reports a range that is reversed or leaves `lo ..= hi`, as one mistake at most.
+///
+/// Returns whether there was none.
+pub(super) fn range_within(
+    problems: &mut Problems,
+    path: &ValuePath,
+    numbers: Range,
+    (lo, hi): (f64, f64),
+) -> bool {
+    if numbers.hi < numbers.lo {
+        range(problems, path, numbers);
+        return false;
+    }
+    let ends = [numbers.lo, numbers.hi];
+    let outside = ends.into_iter().find(|end| !(lo..=hi).contains(end));
+    if let Some(end) = outside {
+        within(problems, path, end, lo, hi);
+    }
+    outside.is_none()
+}
+
 pub(super) fn clock(problems: &mut Problems, path: &ValuePath, clock: &Clock) {
     let positive = [
         ("horizon_s", clock.horizon_s),
@@ -298,6 +319,9 @@ pub(super) fn script(problems: &mut Problems, path: &ValuePath, script: &Script)
     }
 }
 
+/// Greatest range of sensors, in metres.
+const MAX_RANGE_M: f64 = 10_000.0;
+
 /// Checks the time after the first contact, which only the rigid plant can play.
 pub(super) fn after_contact(problems: &mut Problems, path: &ValuePath, file: &ScenarioFile) {
     let after_s = file.after_contact_s;
@@ -328,8 +352,16 @@ pub(super) fn sensor_flaw(
         delay_s,
         position_sd_m,
         speed_sd_mps,
+        range_m,
         line_of_sight: _,
     } = *sensors;
+    if let Some(range_m) = range_m
+        && !(1.0..=MAX_RANGE_M).contains(&range_m)
+    {
+        let what = format!("{range_m} is outside of 1 ..= {MAX_RANGE_M}");
+        let help = "leave it out for a sensor without a limit".to_owned();
+        return Some(("range_m", what, help));
+    }
     let fields = [
         ("delay_s", delay_s, 5.0),
         ("position_sd_m", position_sd_m, 10.0),

@@ -35,9 +35,13 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
         let help = Some("name drivers, of whom any is enough: by: [RSS]".to_owned());
         problems.add(&place.to("by"), what, "empty", help);
     }
-    let is_weather = |agent: &AgentFile| matches!(agent, AgentFile::Weather(_));
-    if matches!(file.counts, Counts::Preventable { .. }) && file.agents.iter().any(is_weather) {
-        let what = "reference drivers do not apply to weather that an ado changes".to_owned();
+    let changing = file.agents.iter().find_map(|agent| match agent {
+        AgentFile::Weather(_) => Some("weather that an ado changes"),
+        AgentFile::Road(_) => Some("a road that an ado lays"),
+        _ => None,
+    });
+    if let (Counts::Preventable { .. }, Some(changing)) = (&file.counts, changing) {
+        let what = format!("reference drivers do not apply to {changing}");
         let help = Some("write counts: Contact(closing_mps: 3.0)".to_owned());
         problems.add(&place, what, "nothing would count", help);
     }
@@ -98,7 +102,7 @@ fn is_other_with_a_body(agent: &AgentFile) -> bool {
             !matches!(drive, DriveFile::Ego(_))
         }
         AgentFile::Obstacle { .. } => true,
-        AgentFile::Light { .. } | AgentFile::Weather(_) => false,
+        AgentFile::Light { .. } | AgentFile::Weather(_) | AgentFile::Road(_) => false,
     }
 }
 

@@ -6,6 +6,7 @@ use super::file::{AgentFile, NumberOrRange, ScenarioFile};
 use super::locate::ValuePath;
 use super::problems::Problems;
 use super::roads;
+use super::slope_and_wind;
 use super::starts;
 use crate::scene::Clock;
 use crate::scene::drive::{DriveSpec, EnvironmentQuantity, EnvironmentRange, Range, Road, Sensors};
@@ -41,6 +42,10 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
             file.road.lane_width_m(),
         ),
     ];
+    let range = of_sensors.range_m.map(|range_m| {
+        let place = sensors.to("range_m");
+        (EnvironmentQuantity::SensorRange, place, range_m)
+    });
     let radii = file.road.radii_m().map(|(piece, radius_m)| {
         let place = road.to("pieces").at(piece).to("radius_m");
         (EnvironmentQuantity::ArcRadius { piece }, place, radius_m)
@@ -59,7 +64,10 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
         ))
     });
     // A second weather is a mistake, and no second axis.
-    let all = numbers.into_iter().chain(radii).chain(visibility.take(1));
+    let all = numbers.into_iter().chain(range).chain(radii);
+    let all = all
+        .chain(visibility.take(1))
+        .chain(slope_and_wind::ranges(file));
     let ranges = all.filter(|(_, _, it)| !it.0.is_fixed());
     ranges
         .map(|(quantity, place, NumberOrRange(range))| (quantity, place, range))
@@ -71,8 +79,16 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
 /// Returns the road and the sensors in the middle of them.
 pub(super) fn read(problems: &mut Problems, file: &ScenarioFile) -> (Road, Sensors) {
     for (quantity, place, range) in ranges(file) {
-        // `weather` checks the range of its visibility.
-        if quantity != EnvironmentQuantity::Visibility {
+        // Others check the ranges of the weather, the grades and the wind.
+        let is_checked = matches!(
+            quantity,
+            EnvironmentQuantity::Visibility
+                | EnvironmentQuantity::Rise { .. }
+                | EnvironmentQuantity::WindSpeed
+                | EnvironmentQuantity::GustPeak
+                | EnvironmentQuantity::GustBegin
+        );
+        if !is_checked {
             check::range(problems, &place, range);
         }
         let turns = matches!(quantity, EnvironmentQuantity::ArcRadius { .. });

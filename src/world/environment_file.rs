@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::number_or_range::NumberOrRange;
-use crate::scene::drive::{Piece, Range, Road, Sensors};
+use crate::scene::drive::{Grade, Gust, Piece, Range, Road, Sensors, Wind};
 
 /// The world's own road.
 #[derive(Deserialize)]
@@ -67,6 +67,7 @@ pub(super) struct SensorsFile {
     pub(super) delay_s: NumberOrRange,
     pub(super) position_sd_m: NumberOrRange,
     pub(super) speed_sd_mps: NumberOrRange,
+    pub(super) range_m: Option<NumberOrRange>,
     line_of_sight: bool,
 }
 
@@ -77,9 +78,55 @@ impl Default for SensorsFile {
             delay_s: none,
             position_sd_m: none,
             speed_sd_mps: none,
+            range_m: None,
             line_of_sight: false,
         }
     }
+}
+
+/// Wind, whose numbers may be ranges.
+#[derive(Deserialize)]
+#[serde(rename = "Wind", deny_unknown_fields)]
+pub(super) struct WindFile {
+    pub(super) speed_mps: NumberOrRange,
+    /// Direction from which it blows, counter-clockwise from world x.
+    pub(super) from_rad: f64,
+    #[serde(default)]
+    pub(super) gust: Option<GustFile>,
+}
+
+/// Gust of the wind.
+#[derive(Deserialize)]
+#[serde(rename = "Gust", deny_unknown_fields)]
+pub(super) struct GustFile {
+    pub(super) peak_mps: NumberOrRange,
+    pub(super) begin_s: NumberOrRange,
+    pub(super) duration_s: f64,
+}
+
+impl WindFile {
+    /// Returns the wind with the middle of each range.
+    pub(super) fn nominal(&self) -> Wind {
+        let of = |number| RangePoint::Middle.of(number);
+        Wind {
+            speed_mps: of(self.speed_mps),
+            from_rad: self.from_rad,
+            gust: self.gust.as_ref().map(|gust| Gust {
+                peak_mps: of(gust.peak_mps),
+                begin_s: of(gust.begin_s),
+                duration_s: gust.duration_s,
+            }),
+        }
+    }
+}
+
+/// Returns the grades of a road with the middle of each range.
+pub(super) fn nominal_grades(grades: &[(f64, NumberOrRange)]) -> Vec<Grade> {
+    let grades = grades.iter().map(|&(from_s_m, rise)| Grade {
+        from_s_m,
+        rise: RangePoint::Middle.of(rise),
+    });
+    grades.collect()
 }
 
 /// Point of a range at which a road or sensors are evaluated.
@@ -192,6 +239,7 @@ impl SensorsFile {
             delay_s: point.of(self.delay_s),
             position_sd_m: point.of(self.position_sd_m),
             speed_sd_mps: point.of(self.speed_sd_mps),
+            range_m: self.range_m.map(|range_m| point.of(range_m)),
             line_of_sight: self.line_of_sight,
         }
     }

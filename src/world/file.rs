@@ -5,7 +5,7 @@ use std::fmt;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
-use super::environment_file::{OwnRoad, SensorsFile};
+use super::environment_file::{OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
 pub(super) use super::number_or_range::NumberOrRange;
 use super::ordered::{Ordered, Patch};
@@ -41,6 +41,11 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) goals: Vec<TrainingGoal>,
     pub(super) road: OwnRoad,
+    /// Grades of the world's own road: station and rise.
+    #[serde(default)]
+    pub(super) grades: Vec<(f64, NumberOrRange)>,
+    #[serde(default)]
+    pub(super) wind: Option<WindFile>,
     #[serde(default)]
     pub(super) roads: Ordered<RoadFile>,
     #[serde(default)]
@@ -163,6 +168,7 @@ pub(super) enum AgentFile {
         drive: LightFile,
     },
     Weather(WeatherFile),
+    Road(RoadAgentFile),
 }
 
 fn nothing() -> NumberOrRange {
@@ -180,7 +186,8 @@ impl AgentFile {
             | AgentFile::Pedestrian { name, .. }
             | AgentFile::Obstacle { name, .. }
             | AgentFile::Light { name, .. }
-            | AgentFile::Weather(WeatherFile { name, .. }) => name,
+            | AgentFile::Weather(WeatherFile { name, .. })
+            | AgentFile::Road(RoadAgentFile { name, .. }) => name,
         }
     }
 }
@@ -208,7 +215,7 @@ impl AgentFile {
             AgentFile::Vehicle { road, .. }
             | AgentFile::Pedestrian { road, .. }
             | AgentFile::Obstacle { road, .. } => road.as_deref(),
-            AgentFile::Light { .. } | AgentFile::Weather(_) => None,
+            AgentFile::Light { .. } | AgentFile::Weather(_) | AgentFile::Road(_) => None,
         }
     }
 }
@@ -268,7 +275,7 @@ pub(super) struct WeatherFile {
     pub(super) bounds: WeatherBoundsFile,
     #[serde(default)]
     pub(super) start: WeatherStartFile,
-    pub(super) drive: WeatherDriveFile,
+    pub(super) drive: SceneAdoFile,
 }
 
 /// Bounds of the weather. A quantity without bounds never changes.
@@ -287,15 +294,28 @@ pub(super) struct WeatherStartFile {
     pub(super) visibility_m: Option<NumberOrRange>,
 }
 
+/// World's own road, laid by an ado ahead of all road users.
+#[derive(Deserialize)]
+#[serde(rename = "Road", deny_unknown_fields)]
+pub(super) struct RoadAgentFile {
+    pub(super) name: String,
+    /// Length of laid road ahead of the foremost road user.
+    pub(super) ahead_m: f64,
+    /// Length of a piece.
+    pub(super) piece_m: f64,
+    pub(super) drive: SceneAdoFile,
+}
+
+/// Drive of an ado without a body.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) enum WeatherDriveFile {
+pub(super) enum SceneAdoFile {
     Ado(AdoFile),
 }
 
-impl WeatherDriveFile {
+impl SceneAdoFile {
     pub(super) fn ado(&self) -> &AdoFile {
-        let WeatherDriveFile::Ado(ado) = self;
+        let SceneAdoFile::Ado(ado) = self;
         ado
     }
 }

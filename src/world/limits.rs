@@ -162,6 +162,7 @@ fn drive(problems: &mut Problems, path: &ValuePath, agent: &AgentFile) {
             LightFile::Trained(_) => {}
         },
         AgentFile::Weather(weather) => ado(problems, &path.at(0), weather.drive.ado()),
+        AgentFile::Road(road) => ado(problems, &path.at(0), road.drive.ado()),
         AgentFile::Obstacle { .. } => {}
     }
 }
@@ -199,6 +200,7 @@ fn actions(actions: &Actions) -> usize {
         Actions::Walks(all) => all.len(),
         Actions::Phases(all) => all.len(),
         Actions::Rates(all) => all.len(),
+        Actions::Curvatures(all) => all.len(),
         Actions::Deviate(added) => {
             let lateral = added.lateral_mps.len();
             added.accelerations.len().saturating_mul(lateral)

@@ -6,7 +6,7 @@ use super::Scenario;
 use crate::scene::drive::{DriveSpec, DriveWorld, EgoVariant};
 use crate::scene::grid::GridWorld;
 use crate::scene::{Scene, Start, World};
-use crate::testbench::Testbench;
+use crate::testbench::{Episode, Testbench};
 
 /// Scenario by the kind of its world.
 #[derive(Clone, Copy)]
@@ -87,6 +87,20 @@ impl Scenario {
                 ..self.clone()
             },
             World::Grid(_) => self.clone(),
+        }
+    }
+
+    /// Returns the scenario in the environment and on the road of an episode.
+    ///
+    /// As [`Scenario::at_start`], with the pieces of road that an ado laid.
+    pub fn of_episode(&self, episode: &Episode) -> Scenario {
+        let begun = self.at_start(&episode.start);
+        match &begun.world {
+            World::Drive(world) => Scenario {
+                world: World::Drive(world.along(&episode.trace)),
+                ..begun
+            },
+            World::Grid(_) => begun,
         }
     }
 

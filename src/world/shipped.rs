@@ -11,7 +11,7 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 31] = [
+const WORLDS: [(&str, &str); 32] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_letter"),
@@ -37,6 +37,7 @@ const WORLDS: [(&str, &str); 31] = [
     world!("pedestrian"),
     world!("pedestrian_hit"),
     world!("sandwich"),
+    world!("tightening_bend"),
     world!("turn_across"),
     world!("wet_bend"),
     world!("yellow_light"),

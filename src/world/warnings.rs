@@ -204,6 +204,9 @@ impl Warnings {
                 AgentFile::Weather(weather) => {
                     self.driven_ado(&path.to("drive"), weather.drive.ado());
                 }
+                AgentFile::Road(road) => {
+                    self.driven_ado(&path.to("drive"), road.drive.ado());
+                }
                 AgentFile::Light { drive, .. } => {
                     if let LightFile::Ado(ado) = drive {
                         self.driven_ado(&path.to("drive"), ado);

@@ -1,6 +1,6 @@
 //! Reading of the weather of a world: its bounds, its start and its actions.
 
-use super::check::{range, within};
+use super::check::{range_within, within};
 use super::environment_file::SensorsFile;
 use super::file::{ScenarioFile, WeatherBoundsFile, WeatherFile};
 use super::locate::ValuePath;
@@ -64,23 +64,21 @@ pub(super) fn read(
 ) -> Weather {
     let place = path.to("bounds");
     let quantities = quantities(&weather.bounds);
-    for quantity in &quantities {
-        if let Some(bounds) = quantity.bounds {
-            let place = place.to(quantity.field);
-            range(problems, &place, bounds);
-            for value in [bounds.lo, bounds.hi] {
-                let Range { lo, hi } = quantity.limits;
-                within(problems, &place, value, lo, hi);
-            }
-        }
-    }
+    // The start is compared with sound bounds only.
+    let sound = quantities.each_ref().map(|quantity| {
+        let place = place.to(quantity.field);
+        let Range { lo, hi } = quantity.limits;
+        quantity
+            .bounds
+            .filter(|bounds| range_within(problems, &place, *bounds, (lo, hi)))
+    });
     if quantities.iter().all(|quantity| quantity.bounds.is_none()) {
         let help = "write bounds: (friction: (0.3, 0.9))".to_owned();
         let what = "this weather changes nothing";
         problems.add(&place, what, "no bounds", Some(help));
     }
     let [friction, visibility, noise] = quantities.each_ref().map(|quantity| quantity.bounds);
-    begins_within(problems, &place, file, (friction, noise));
+    begins_within(problems, &place, file, (sound[0], sound[2]));
     rates(
         problems,
         &path.to("drive").to("actions"),
@@ -91,7 +89,11 @@ pub(super) fn read(
         name: weather.name.clone(),
         friction,
         visibility_m: visibility,
-        first_visibility_m: first_visibility_m(problems, path, weather, visibility),
+        first_visibility_m: if visibility.is_some() && sound[1].is_none() {
+            f64::INFINITY
+        } else {
+            first_visibility_m(problems, path, weather, visibility)
+        },
         noise_scale: noise,
         actions: weather.drive.ado().actions.clone(),
         neutral: weather.drive.ado().neutral,
@@ -150,10 +152,7 @@ fn first_visibility_m(
     match (weather.start.visibility_m, bounds) {
         (Some(NumberOrRange(start)), Some(bounds)) => {
             let place = place.to("visibility_m");
-            range(problems, &place, start);
-            for value in [start.lo, start.hi] {
-                within(problems, &place, value, bounds.lo, bounds.hi);
-            }
+            range_within(problems, &place, start, (bounds.lo, bounds.hi));
             if start.is_fixed() {
                 start.lo
             } else {

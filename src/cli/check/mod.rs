@@ -145,7 +145,7 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
         .collect();
     let observed = scenario.world().observed().iter();
     let observed: Vec<_> = observed
-        .map(|o| json!({ "name": o.name, "lo": o.mid - o.half, "hi": o.mid + o.half }))
+        .map(|o| json!({ "name": o.name, "lo": rounded(o.mid - o.half), "hi": rounded(o.mid + o.half) }))
         .collect();
     let mut egos = vec!["nominal"];
     egos.extend(scenario.reuse.keys().map(String::as_str));
@@ -168,6 +168,11 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
         "egos": egos,
         "starts": starts,
     })
+}
+
+/// Returns a number without the last digits, in which a sum differs from the file.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
 }
 
 fn text(scenario: &Scenario) -> String {
@@ -212,7 +217,10 @@ fn text(scenario: &Scenario) -> String {
     }
     let observed = scenario.world().observed().iter();
     let observed: Vec<String> = observed
-        .map(|o| format!("{} ({} … {})", o.name, o.mid - o.half, o.mid + o.half))
+        .map(|o| {
+            let (lo, hi) = (rounded(o.mid - o.half), rounded(o.mid + o.half));
+            format!("{} ({lo} … {hi})", o.name)
+        })
         .collect();
     out.push_str(&format!("{}\n", listed("observed", &observed)));
     out.push_str(&signals::table(scenario));

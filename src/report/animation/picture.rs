@@ -43,8 +43,8 @@ pub(super) struct Picture<'a> {
 impl<'a> Picture<'a> {
     /// Returns the picture of an example with frames.
     pub(super) fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
-        // The road is that of the episode's start.
-        let stage = scenario.at_start(&example.episode.start).bench().stage();
+        // The road is that of the episode.
+        let stage = scenario.of_episode(&example.episode).bench().stage();
         let film = EpisodeFrames::of(
             &stage,
             &example.frames,

@@ -19,6 +19,8 @@ pub enum Actions {
     Deviate(Deviation),
     /// Rates of change of the weather.
     Rates(Vec<WeatherRates>),
+    /// Curvatures of the next piece of road in 1/m, positive to the left.
+    Curvatures(Vec<f64>),
 }
 
 /// All pairs of an acceleration and a lateral speed, added to a plan.
@@ -98,6 +100,7 @@ pub(super) enum Maneuver {
     Walk { along_mps: f64, left_mps: f64 },
     Turn(PhaseAction),
     Change(WeatherRates),
+    Bend { curvature_per_m: f64 },
 }
 
 impl Maneuver {
@@ -117,6 +120,7 @@ impl Actions {
             Actions::Walks(list) => list.len(),
             Actions::Phases(list) => list.len(),
             Actions::Rates(list) => list.len(),
+            Actions::Curvatures(list) => list.len(),
             Actions::Deviate(added) => added.accelerations.len() * added.lateral_mps.len(),
         }
     }
@@ -153,6 +157,7 @@ impl Actions {
                 PhaseAction::Advance => "advance".to_owned(),
             },
             Actions::Rates(list) => list[action].label(),
+            Actions::Curvatures(list) => bend_label(list[action]),
             Actions::Deviate(added) => match added.at(action) {
                 (0.0, 0.0) => "as planned".to_owned(),
                 (accel_mps2, 0.0) => format!("{accel_mps2:+} m/s² on the plan"),
@@ -177,7 +182,9 @@ impl Actions {
             share((a - b).abs(), most - least)
         };
         match self {
-            Actions::Accelerations(list) => among(list, list[a], list[b]),
+            Actions::Accelerations(list) | Actions::Curvatures(list) => {
+                among(list, list[a], list[b])
+            }
             Actions::Grid(grid) => {
                 let ((a, a_moves), (b, b_moves)) = (grid.at(a), grid.at(b));
                 let moves: Vec<f64> = grid.lateral.iter().map(|it| it.towards()).collect();
@@ -242,6 +249,10 @@ impl Actions {
             }
             Actions::Walks(list) => ends(&mut list.iter().map(|walk| walk.0).enumerate()),
             Actions::Rates(list) => ends(&mut list.iter().map(WeatherRates::mildness).enumerate()),
+            // A bend slows an ego down, and a straight lets it accelerate.
+            Actions::Curvatures(list) => {
+                ends(&mut list.iter().map(|per_m| -per_m.abs()).enumerate())
+            }
             Actions::Phases(list) => {
                 let hold = list.iter().position(|turn| *turn == PhaseAction::Hold);
                 [hold.unwrap_or(0); 2]
@@ -269,6 +280,9 @@ impl Actions {
             },
             Actions::Phases(list) => Maneuver::Turn(list[action]),
             Actions::Rates(list) => Maneuver::Change(list[action]),
+            Actions::Curvatures(list) => Maneuver::Bend {
+                curvature_per_m: list[action],
+            },
             Actions::Deviate(added) => {
                 let (accel_mps2, lateral_mps) = added.at(action);
                 Maneuver::Drive {
@@ -288,6 +302,19 @@ impl Actions {
             _ => lateral_lag_s(),
         }
     }
+}
+
+/// Returns a curvature in words: the radius and the side.
+fn bend_label(curvature_per_m: f64) -> String {
+    if curvature_per_m == 0.0 {
+        return "straight".to_owned();
+    }
+    let side = if curvature_per_m < 0.0 {
+        "right"
+    } else {
+        "left"
+    };
+    format!("{side} {:.0} m", 1.0 / curvature_per_m.abs())
 }
 
 /// Returns the ratio of a part to a whole, 0 for an empty whole.

@@ -9,8 +9,8 @@ impl DriveSpec {
     ///
     /// It holds the headway of every agent from the ego, obstacles included,
     /// all speeds and the ego's acceleration. It also holds the lights with
-    /// their time, the changing weather and the time left. Lateral signals are added where agents
-    /// can move sideways.
+    /// their time, the changing weather, the road that an ado lays and the time left.
+    /// Lateral signals are added where agents can move sideways.
     pub fn usual_observation(&self) -> Vec<String> {
         let Some(ego) = self.egos().next() else {
             return Vec::new();
@@ -58,6 +58,11 @@ impl DriveSpec {
             ];
             let changing = parts.iter().filter(|(_, bounds)| bounds.is_some());
             seen.extend(changing.map(|(part, _)| format!("{}.{part}", weather.name)));
+        }
+        if let Some(road) = &self.road_ado {
+            let parts = ["curvature", "curvature_change", "ahead", "turned"];
+            seen.extend(parts.map(|part| format!("{}.{part}", road.name)));
+            seen.push(format!("{}.lateral", name(ego)));
         }
         seen.push("time_left".to_owned());
         seen
@@ -131,6 +136,7 @@ impl DriveSpec {
                 seen.iter()
                     .any(|s| s.quantity.of == Of::Weather && s.quantity.name == value)
             }
+            Of::Road => seen.iter().any(|s| s.quantity.of == Of::Road),
             Of::AgentAndLight => {
                 let line =
                     |s: &SignalReading| s.quantity.of == Of::AgentAndLight && s.whose == [a, b];

@@ -22,6 +22,19 @@ pub enum EnvironmentQuantity {
         /// Position of the arc among the pieces of the road, from 0.
         piece: usize,
     },
+    /// Range of the ego's sensors.
+    SensorRange,
+    /// Rise of a grade of the world's own road.
+    Rise {
+        /// Position of the grade, from 0.
+        grade: usize,
+    },
+    /// Speed of the steady wind.
+    WindSpeed,
+    /// Peak of the gust.
+    GustPeak,
+    /// Time at which the gust begins.
+    GustBegin,
     /// Visibility at the start, in weather that an ado changes.
     Visibility,
 }
@@ -47,6 +60,7 @@ impl EnvironmentQuantity {
             EnvironmentQuantity::SensorDelay
                 | EnvironmentQuantity::PositionNoise
                 | EnvironmentQuantity::SpeedNoise
+                | EnvironmentQuantity::SensorRange
         )
     }
 
@@ -69,6 +83,13 @@ impl EnvironmentQuantity {
             EnvironmentQuantity::ArcRadius { piece } => {
                 return (format!("road.piece{}.radius", piece + 1), "m");
             }
+            EnvironmentQuantity::SensorRange => ("sensors.range", "m"),
+            EnvironmentQuantity::Rise { grade } => {
+                return (format!("road.grade{}", grade + 1), "");
+            }
+            EnvironmentQuantity::WindSpeed => ("wind.speed", "m/s"),
+            EnvironmentQuantity::GustPeak => ("wind.gust_peak", "m/s"),
+            EnvironmentQuantity::GustBegin => ("wind.gust_begin", "s"),
             EnvironmentQuantity::Visibility => {
                 let name = weather.map_or("weather", |weather| weather.name.as_str());
                 return (format!("{name}.visibility"), "m");

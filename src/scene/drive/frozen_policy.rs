@@ -268,6 +268,10 @@ fn input(
             let name = home.names.weather.as_deref().unwrap_or_default();
             return Err(no_agent(&needed.signal.name, name));
         }
+        Of::Road => {
+            let name = home.names.road.as_deref().unwrap_or_default();
+            return Err(no_agent(&needed.signal.name, name));
+        }
     };
     let source = SignalReading { quantity, whose };
     // A quantity can exist in the training world and be meaningless here,

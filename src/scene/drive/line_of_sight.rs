@@ -4,7 +4,8 @@
 //! least one of five points of its box is visible: a corner or the middle. A
 //! point is hidden if the straight line to it crosses the box of a third body
 //! on wheels, parked or moving, whatever its height. Pedestrians hide nothing.
-//! Weather hides every agent whose box is farther away than the visibility.
+//! Weather hides every agent whose box is farther away than the visibility, and
+//! so do sensors by their range.
 
 use nalgebra::Point2;
 
@@ -93,9 +94,9 @@ pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
     } else {
         None
     };
-    let reach_m = scene
-        .weather
-        .map_or(f64::INFINITY, |weather| weather.visibility_m);
+    let visibility_m = scene.weather.map(|weather| weather.visibility_m);
+    let reach_m = [visibility_m, spec.sensors.range_m].into_iter().flatten();
+    let reach_m = reach_m.fold(f64::INFINITY, f64::min);
     if reach_m < f64::INFINITY {
         let eye = states[ego].pose.point_m();
         let seen = seen.get_or_insert_with(|| vec![true; states.len()]);

@@ -2,14 +2,12 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector2;
 use rand::RngExt;
 
 use super::actions::Maneuver;
 use super::course::wrapped;
 use super::layout::DriveLayout;
 use super::light::LightDrive;
-use super::names::SignalOwner;
 use super::plan_execution::{Arrival, PlanRun};
 use super::road_placement::Direction;
 use super::sensors::Sensing;
@@ -28,7 +26,7 @@ use crate::scene::{
 };
 use crate::seed::StartKey;
 use crate::severity::{Impact, Party};
-use crate::sim::{BodyCommand, BodyId, Contact, Plant, Pose, rotation_by};
+use crate::sim::{BodyCommand, BodyId, Contact, Plant, Pose};
 use crate::trace::Schema;
 
 /// A driving scene in motion.
@@ -38,10 +36,10 @@ pub struct DriveScene {
     pub(super) controller: Box<dyn Controller>,
     /// Commands of an external ego so far. Other egos are deterministic and
     /// leave it empty.
-    commands: Vec<ego::Command>,
+    pub(super) commands: Vec<ego::Command>,
     pub(super) sensing: Sensing,
     /// Lag of each agent's acceleration.
-    actuators: Vec<Actuator>,
+    pub(super) actuators: Vec<Actuator>,
     pub(super) keepers: Vec<LaneKeeper>,
     pub(super) chosen: Vec<Maneuver>,
     /// Last command of each body, `None` before the first.
@@ -54,7 +52,7 @@ pub struct DriveScene {
     pub(super) arrivals: Vec<Arrival>,
     /// Signals that plans read, kept to save the allocation.
     pub(super) row: Vec<f64>,
-    percept: Percept,
+    pub(super) percept: Percept,
 }
 
 impl DriveWorld {
@@ -140,126 +138,6 @@ impl DriveScene {
         self.keepers.clear();
         self.chosen.fill(Maneuver::NONE);
         self.commanded.fill(None);
-    }
-
-    /// Sets the actions that the trained ados decide at this sample.
-    fn decide_trained(&mut self) {
-        // Most worlds have none, and this runs at every sample.
-        if self.layout.frozen.is_empty() {
-            return;
-        }
-        let layout = Arc::clone(&self.layout);
-        for frozen in &layout.frozen {
-            let Some(action) = frozen.act(&self.state) else {
-                continue;
-            };
-            match (frozen.who, frozen.actions.choice(action)) {
-                (SignalOwner::Light(i), Maneuver::Turn(turn)) => self.state.turn(i, turn),
-                (SignalOwner::Agent(i), choice) => self.chosen[i] = choice,
-                // Invariant: a light's ado has a light's actions.
-                (SignalOwner::Light(_), _) => {}
-            }
-        }
-    }
-
-    fn command_all(&mut self) -> Result<(), Fault> {
-        // All commands derive from the state before the sample. The plant moves
-        // only after every agent has decided, so the file order has no effect.
-        ego_percept::fill(&mut self.percept, &self.state, self.layout.ego);
-        let noise_scale = self
-            .state
-            .weather
-            .map_or(1.0, |weather| weather.noise_scale);
-        self.sensing.look(&mut self.percept, noise_scale);
-        let command = self.controller.control(&self.percept)?;
-        // A NaN command would otherwise reach the physics and be reported as
-        // its fault.
-        if let Some(fault) = command.flaw() {
-            let message = format!("{} at {:.3} s", fault.message, self.state.time_s());
-            return Err(Fault { message, ..fault });
-        }
-        if self.layout.spec.ego.is_foreign() {
-            self.commands.push(command);
-        }
-        let commanded = Maneuver::Drive {
-            accel_mps2: command.accel_mps2,
-            lateral_mps: command.lateral_mps,
-        };
-        self.carry_all();
-        for i in 0..self.layout.spec.agents.len() {
-            let agent = &self.layout.spec.agents[i];
-            let wish = match &agent.drive {
-                // `carry_all` has already commanded the planned bodies.
-                Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => continue,
-                Drive::Ego => commanded,
-                Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
-                Drive::Scripted(script) => {
-                    if agent.body.is_on_foot() {
-                        let (along_mps, left_mps) = script.walk_mps(self.state.time_s());
-                        Maneuver::Walk {
-                            along_mps,
-                            left_mps,
-                        }
-                    } else {
-                        let speed_mps = self.state.states[i].speed_mps;
-                        let leader = || self.state.leader_of(i);
-                        Maneuver::Drive {
-                            accel_mps2: script.accel_mps2(self.state.time_s(), speed_mps, leader),
-                            lateral_mps: 0.0,
-                        }
-                    }
-                }
-            };
-            self.command(i, wish);
-        }
-        Ok(())
-    }
-
-    fn command(&mut self, agent: usize, wish: Maneuver) {
-        let (state, at) = (&self.state.states[agent], self.state.on_road[agent]);
-        let sample_s = self.layout.spec.clock.sample_s;
-        let command = match wish {
-            Maneuver::Drive {
-                accel_mps2,
-                lateral_mps,
-            } => {
-                let own = &self.layout.spec.agents[agent];
-                let course = self.layout.network.course_of(agent);
-                let driven = own.lane_keeping.seen(
-                    &own.body,
-                    (&state.pose, at),
-                    (course, own.direction),
-                    state.speed_mps * sample_s,
-                );
-                BodyCommand::Drive {
-                    accel_mps2: self.actuators[agent].step(accel_mps2),
-                    curvature_per_m: self.keepers[agent].curvature(
-                        &driven,
-                        state.speed_mps,
-                        lateral_mps,
-                        sample_s,
-                    ),
-                }
-            }
-            Maneuver::Walk {
-                along_mps,
-                left_mps,
-            } => {
-                // Walks are given along the road: the body's heading minus its
-                // angle to the road is the road's direction.
-                let road_rad = state.pose.heading_rad - at.heading_rad;
-                let velocity_mps = rotation_by(road_rad) * Vector2::new(along_mps, left_mps);
-                BodyCommand::Walk {
-                    x_mps: velocity_mps.x,
-                    y_mps: velocity_mps.y,
-                }
-            }
-            // Invariant: lights turn and weather changes, and they have no body.
-            Maneuver::Turn(_) | Maneuver::Change(_) => return,
-        };
-        self.commanded[agent] = Some(command);
-        let body = self.state.bodies[agent];
-        self.state.plant.command(body, command);
     }
 
     /// Advances the physics by one sample under the current commands.
@@ -421,7 +299,8 @@ impl Scene for DriveScene {
     fn decide(&mut self, mut action: usize) {
         let layout = Arc::clone(&self.layout);
         // Decodes the joint action in the mixed radix of `Layout::new`, lowest
-        // digit first: road users in file order, then lights, then the weather.
+        // digit first: road users in file order, then lights, then the weather, then the
+        // road.
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             if let Drive::Ado { actions, .. } = &agent.drive {
                 self.chosen[i] = actions.choice(action % actions.len());
@@ -441,6 +320,15 @@ impl Scene for DriveScene {
         {
             self.state.change_weather(rates);
         }
+        if let Some(weather) = &layout.spec.weather {
+            action /= weather.actions.len();
+        }
+        if let Some(road) = &layout.spec.road_ado
+            && let Maneuver::Bend { curvature_per_m } =
+                road.actions.choice(action % road.actions.len())
+        {
+            self.state.next_curvature_per_m = curvature_per_m;
+        }
     }
 
     fn advance(&mut self) -> StepOutcome {
@@ -448,6 +336,10 @@ impl Scene for DriveScene {
         // success.
         if let Some(why) = &self.unmet {
             return StepOutcome::Fault(Fault::new(FaultKind::Physics, why.clone()));
+        }
+        // Laid before the commands, so that the ego perceives the new piece.
+        if let Err(error) = self.lay_road() {
+            return StepOutcome::Fault(Fault::new(FaultKind::Physics, error.what));
         }
         self.decide_trained();
         if let Err(fault) = self.command_all() {

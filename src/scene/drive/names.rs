@@ -1,6 +1,6 @@
 //! Names of the agents in a driving world.
 
-/// The names of road users, lights and weather, each in file order.
+/// The names of road users, lights, weather and road, each in file order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AgentNames {
     /// The road users.
@@ -9,6 +9,8 @@ pub struct AgentNames {
     pub lights: Vec<String>,
     /// The weather, if an ado changes it.
     pub weather: Option<String>,
+    /// The road, if an ado lays it.
+    pub road: Option<String>,
     /// Names of the drawn parameters, which belong to no agent.
     pub parameters: Vec<String>,
 }

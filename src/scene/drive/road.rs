@@ -152,6 +152,28 @@ impl Road {
         }
     }
 
+    /// Returns the number of pieces, 0 on other roads than curved ones.
+    pub(super) fn pieces(&self) -> usize {
+        match self {
+            Road::Curved { pieces, .. } => pieces.len(),
+            Road::Straight { .. } | Road::Polyline { .. } => 0,
+        }
+    }
+
+    /// Appends a piece to a curved road.
+    pub(super) fn push(&mut self, piece: Piece) {
+        if let Road::Curved { pieces, .. } = self {
+            pieces.push(piece);
+        }
+    }
+
+    /// Keeps the first pieces of a curved road only.
+    pub(super) fn truncate(&mut self, to: usize) {
+        if let Road::Curved { pieces, .. } = self {
+            pieces.truncate(to);
+        }
+    }
+
     /// Returns the lateral position of a lane's middle.
     pub fn lane_middle_m(&self, lane: usize) -> f64 {
         lane as f64 * self.lane_width_m()

@@ -18,6 +18,9 @@ pub struct Sensors {
     pub position_sd_m: f64,
     /// Standard deviation of other agents' speeds, along and across the road.
     pub speed_sd_mps: f64,
+    /// Distance from the ego's front beyond which it perceives no road user.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_m: Option<f64>,
     /// True if vehicles hide the agents behind them.
     #[serde(skip_serializing_if = "is_off")]
     pub line_of_sight: bool,

@@ -9,12 +9,15 @@ use super::names::AgentNames;
 use super::plan::MotionPlan;
 use super::range::Range;
 use super::road::Road;
+use super::road_ado::RoadAdo;
 use super::road_placement::{Direction, PlacedRoads};
 use super::script::Script;
 use super::sensors::Sensors;
+use super::slope::Grade;
 use super::steering::LaneKeeping;
 use super::trained::{TrainedAdo, TrainingWorld};
 use super::weather::Weather;
+use super::wind::Wind;
 use indexmap::IndexMap;
 
 use crate::ego::{Actuated, Command, Controller, ControllerSpec, RecordedCommands};
@@ -205,6 +208,12 @@ pub struct DriveSpec {
     pub lights: Vec<Light>,
     /// Weather that an ado changes, if any.
     pub weather: Option<Weather>,
+    /// Ado that lays the world's own road, if any.
+    pub road_ado: Option<RoadAdo>,
+    /// Grades of the world's own road, by station. Named roads are flat.
+    pub grades: Vec<Grade>,
+    /// Wind, if any.
+    pub wind: Option<Wind>,
     /// Sensors of the ego.
     pub sensors: Sensors,
     /// Signals published besides the basic ones, by name.
@@ -265,7 +274,7 @@ impl DriveSpec {
 
     /// Returns the ados' names, action sets and neutral actions.
     ///
-    /// Road users come first, then lights, each in file order, then the weather.
+    /// Road users come first, then lights, each in file order, then the weather, then the road.
     pub fn action_sets(&self) -> impl Iterator<Item = (&str, &Actions, usize)> {
         let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
             Drive::Ado {
@@ -279,7 +288,9 @@ impl DriveSpec {
         });
         let weather = self.weather.iter();
         let weather = weather.map(|it| (it.name.as_str(), &it.actions, it.neutral));
-        agents.chain(lights).chain(weather)
+        let road = self.road_ado.iter();
+        let road = road.map(|it| (it.name.as_str(), &it.actions, it.neutral));
+        agents.chain(lights).chain(weather).chain(road)
     }
 
     /// Returns the trained ados by their names here, road users first.
@@ -295,7 +306,7 @@ impl DriveSpec {
         agents.chain(lights)
     }
 
-    /// Returns the names of its agents, lights, weather and parameters.
+    /// Returns the names of its agents, lights, weather, road and parameters.
     pub fn names(&self) -> AgentNames {
         let agents = self.agents.iter().map(|agent| agent.name.clone());
         let lights = self.lights.iter().map(|light| light.name.clone());
@@ -303,6 +314,7 @@ impl DriveSpec {
             agents: agents.collect(),
             lights: lights.collect(),
             weather: self.weather.as_ref().map(|weather| weather.name.clone()),
+            road: self.road_ado.as_ref().map(|road| road.name.clone()),
             parameters: self.parameters.keys().cloned().collect(),
         }
     }

@@ -12,6 +12,7 @@ use super::motion::DriveScene;
 use super::network::RoadNetwork;
 use super::sensors::Sensing;
 use super::spec::{Agent, DriveSpec};
+use super::wind::Gust;
 use super::world::DriveWorld;
 use crate::scene::Start;
 
@@ -26,6 +27,13 @@ impl EnvironmentQuantity {
             EnvironmentQuantity::LaneWidth => spec.road.lane_width_m(),
             // Invariant: a range of a radius belongs to an arc of the road.
             EnvironmentQuantity::ArcRadius { piece } => spec.road.radius_m(piece).unwrap_or(0.0),
+            EnvironmentQuantity::SensorRange => spec.sensors.range_m.unwrap_or(f64::INFINITY),
+            EnvironmentQuantity::Rise { grade } => {
+                spec.grades.get(grade).map_or(0.0, |grade| grade.rise)
+            }
+            EnvironmentQuantity::WindSpeed => spec.wind.map_or(0.0, |wind| wind.speed_mps),
+            EnvironmentQuantity::GustPeak => gust_of(spec).map_or(0.0, |gust| gust.peak_mps),
+            EnvironmentQuantity::GustBegin => gust_of(spec).map_or(0.0, |gust| gust.begin_s),
             EnvironmentQuantity::Visibility => {
                 let weather = spec.weather.as_ref();
                 weather.map_or(f64::INFINITY, |weather| weather.first_visibility_m)
@@ -53,6 +61,25 @@ impl EnvironmentQuantity {
                 }
             }
             EnvironmentQuantity::ArcRadius { piece } => spec.road.set_radius_m(piece, value),
+            EnvironmentQuantity::SensorRange => spec.sensors.range_m = Some(value.max(0.0)),
+            EnvironmentQuantity::Rise { grade } => {
+                if let Some(grade) = spec.grades.get_mut(grade) {
+                    grade.rise = value;
+                }
+            }
+            EnvironmentQuantity::WindSpeed => {
+                if let Some(wind) = &mut spec.wind {
+                    wind.speed_mps = value;
+                }
+            }
+            EnvironmentQuantity::GustPeak | EnvironmentQuantity::GustBegin => {
+                let gust = spec.wind.as_mut().and_then(|wind| wind.gust.as_mut());
+                match (gust, self) {
+                    (Some(gust), EnvironmentQuantity::GustPeak) => gust.peak_mps = value,
+                    (Some(gust), _) => gust.begin_s = value,
+                    (None, _) => {}
+                }
+            }
             EnvironmentQuantity::Visibility => {
                 if let Some(weather) = &mut spec.weather {
                     weather.first_visibility_m = value.max(0.0);
@@ -60,6 +87,10 @@ impl EnvironmentQuantity {
             }
         }
     }
+}
+
+fn gust_of(spec: &DriveSpec) -> Option<Gust> {
+    spec.wind.and_then(|wind| wind.gust)
 }
 
 impl DriveSpec {
@@ -153,15 +184,18 @@ impl DriveLayout {
         self: &Arc<DriveLayout>,
         start: &Start,
     ) -> Result<Arc<DriveLayout>, CourseError> {
-        if self.spec.environment.is_empty() {
+        // The road of an earlier episode may have pieces that an ado laid.
+        let has_laid_pieces = self.spec.has_laid_pieces();
+        if self.spec.environment.is_empty() && !has_laid_pieces {
             return Ok(Arc::clone(self));
         }
         // Signals and formulas depend on none of these quantities.
         let mut layout = DriveLayout::clone(self);
         let spec = Arc::make_mut(&mut layout.spec);
+        spec.remove_laid_pieces();
         spec.set_environment(start);
         let mut environment = spec.environment.iter();
-        if environment.any(|it| it.quantity.is_of_geometry()) {
+        if has_laid_pieces || environment.any(|it| it.quantity.is_of_geometry()) {
             layout.network = Arc::new(RoadNetwork::new(spec)?);
         }
         Ok(Arc::new(layout))

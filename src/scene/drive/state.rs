@@ -13,11 +13,12 @@ use super::light::LightState;
 use super::network::RoadNetwork;
 use super::plan_execution::PlannedAt;
 use super::road_placement::Direction;
+use super::slope::grade_at;
 use super::spec::{Agent, DriveSpec};
 use super::weather::WeatherState;
 use super::weather_rates::WeatherRates;
 use crate::ego::LaneOccupancy;
-use crate::sim::{self, Body, BodyId, BodyState, Contact, Ground, Plant, Pose};
+use crate::sim::{self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, Plant, Pose, Push};
 
 /// State of a driving scene at a sample.
 pub(super) struct SceneState {
@@ -33,6 +34,8 @@ pub(super) struct SceneState {
     pub lights: Vec<LightState>,
     /// Weather of this sample, if an ado changes it.
     pub weather: Option<WeatherState>,
+    /// Curvature of the next piece of road, if an ado lays it.
+    pub next_curvature_per_m: f64,
     /// Planned state of each agent. Empty if no agent has a plan.
     pub planned: Vec<PlannedAt>,
     /// Parameters of the start, in file order.
@@ -54,6 +57,7 @@ impl SceneState {
             on_road: Vec::with_capacity(agents),
             lights: Vec::with_capacity(spec.lights.len()),
             weather: None,
+            next_curvature_per_m: 0.0,
             planned: Vec::new(),
             parameters: Vec::new(),
             touch: None,
@@ -72,6 +76,7 @@ impl SceneState {
             .extend(self.spec.lights.iter().map(LightState::first));
         let weather = self.spec.weather.as_ref();
         self.weather = weather.map(|it| WeatherState::first(it, self.spec.road.friction()));
+        self.next_curvature_per_m = 0.0;
         self.touch = None;
         self.sample = 0;
     }
@@ -84,6 +89,7 @@ impl SceneState {
     /// Advances the bodies and the scheduled lights by one sample.
     pub(super) fn advance(&mut self) {
         let clock = self.spec.clock;
+        self.push_all();
         self.touch = self.plant.advance(clock.sample_s, clock.substeps);
         self.sample += 1;
         self.read();
@@ -98,6 +104,34 @@ impl SceneState {
             state.change(weather, clock.sample_s);
             let friction = state.friction;
             self.plant.set_ground(Ground { friction });
+        }
+    }
+
+    /// Lets slopes and wind act on the bodies for the next sample.
+    fn push_all(&mut self) {
+        if self.spec.grades.is_empty() && self.spec.wind.is_none() {
+            return;
+        }
+        let time_s = self.time_s();
+        for (i, agent) in self.spec.agents.iter().enumerate() {
+            let (at, state) = (&self.on_road[i], &self.states[i]);
+            let grades = match agent.road {
+                0 => self.spec.grades.as_slice(),
+                _ => &[],
+            };
+            let (rise_sin, load_share) = grade_at(grades, at.s_m).sin_cos();
+            // Downhill is against the road where it rises.
+            let downhill_mps2 = GRAVITY_MPS2 * rise_sin;
+            let (sin, cos) = libm::sincos(at.heading_rad);
+            let wind = self.spec.wind.as_ref();
+            let wind = wind.map(|wind| wind.accel_mps2(time_s, &agent.body, state));
+            let (along_mps2, left_mps2) = wind.unwrap_or_default();
+            let push = Push {
+                along_mps2: along_mps2 - downhill_mps2 * cos,
+                left_mps2: left_mps2 + downhill_mps2 * sin,
+                load_share,
+            };
+            self.plant.push(self.bodies[i], push);
         }
     }
 
@@ -135,6 +169,7 @@ impl SceneState {
             on_road: self.on_road.clone(),
             lights: self.lights.clone(),
             weather: self.weather,
+            next_curvature_per_m: self.next_curvature_per_m,
             planned: self.planned.clone(),
             parameters: self.parameters.clone(),
             touch: self.touch,

@@ -41,6 +41,7 @@ impl DriveWorld {
                 delay_s,
                 position_sd_m,
                 speed_sd_mps,
+                range_m,
                 line_of_sight: _,
             } = variant.sensors;
             let value = match it.quantity {
@@ -48,9 +49,14 @@ impl DriveWorld {
                 EnvironmentQuantity::SensorDelay => delay_s,
                 EnvironmentQuantity::PositionNoise => position_sd_m,
                 EnvironmentQuantity::SpeedNoise => speed_sd_mps,
+                EnvironmentQuantity::SensorRange => range_m.unwrap_or(f64::INFINITY),
                 // No variant has another road or other weather.
                 EnvironmentQuantity::LaneWidth
                 | EnvironmentQuantity::ArcRadius { .. }
+                | EnvironmentQuantity::Rise { .. }
+                | EnvironmentQuantity::WindSpeed
+                | EnvironmentQuantity::GustPeak
+                | EnvironmentQuantity::GustBegin
                 | EnvironmentQuantity::Visibility => {
                     return false;
                 }

@@ -2,7 +2,7 @@
 
 use super::path::{Anchor, BodyPath, PathKind};
 use crate::sim::cyclist::{CyclistLimits, Ride, RideBounds, RideStep};
-use crate::sim::{Body, BodyCommand, Cyclist, Ground};
+use crate::sim::{Body, BodyCommand, Cyclist, Ground, Push};
 
 /// Limits of a cyclist and the current command.
 #[derive(Clone, Debug)]
@@ -43,6 +43,10 @@ impl Bicycle {
         };
         self.command = (accel_mps2, curvature_per_m);
         true
+    }
+
+    pub(super) fn set_push(&mut self, push: Push) {
+        self.limits.set_push(push);
     }
 
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {

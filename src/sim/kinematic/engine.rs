@@ -5,7 +5,7 @@ use super::kinematic_playback::PlaybackPose;
 use super::legs::Legs;
 use super::path::{Anchor, BodyPath, PathKind};
 use super::wheels::Wheels;
-use crate::sim::{Body, BodyCommand, BodyKind, Ground};
+use crate::sim::{Body, BodyCommand, BodyKind, Ground, Push};
 
 /// Motion model of a body, with its current command.
 #[derive(Clone, Debug)]
@@ -65,6 +65,15 @@ impl Engine {
     pub(super) fn set_ground(&mut self, ground: Ground) {
         if let Engine::Wheels(wheels) = self {
             wheels.set_ground(ground);
+        }
+    }
+
+    /// Changes the external acceleration of the body.
+    pub(super) fn set_push(&mut self, push: Push) {
+        match self {
+            Engine::Wheels(wheels) => wheels.set_push(push),
+            Engine::Bicycle(bicycle) => bicycle.set_push(push),
+            Engine::Legs(_) | Engine::Rails(_) => {}
         }
     }
 

@@ -23,7 +23,9 @@ use self::mover::Mover;
 use self::path::{Anchor, BodyPath};
 use super::body::Body;
 use super::planar::Extent;
-use super::{BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose};
+use super::{
+    BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose, Push,
+};
 
 /// Distance from the origin beyond which the plant is unsound.
 const BOUND_M: f64 = 1e6;
@@ -141,6 +143,11 @@ impl Plant for Kinematic {
             BodyCommand::Carry { to } => mover.glide(&to, Passing::Nothing),
             command => self.faulty |= !mover.engine.command(command),
         }
+    }
+
+    fn push(&mut self, id: BodyId, push: Push) {
+        self.faulty |= !push.is_finite();
+        self.movers[id.0].engine.set_push(push);
     }
 
     fn advance(&mut self, dt_s: f64, _substeps: u32) -> Option<Contact> {

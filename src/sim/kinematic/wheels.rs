@@ -2,7 +2,7 @@
 
 use super::path::{Anchor, BodyPath, PathKind};
 use crate::sim::limits::{DriveStep, VehicleLimits};
-use crate::sim::{Body, BodyCommand, Ground, Vehicle};
+use crate::sim::{Body, BodyCommand, Ground, Push, Vehicle};
 
 /// Limits of a vehicle and its current command.
 #[derive(Clone, Debug)]
@@ -43,6 +43,10 @@ impl Wheels {
 
     pub(super) fn set_ground(&mut self, ground: Ground) {
         self.limits.set_ground(ground);
+    }
+
+    pub(super) fn set_push(&mut self, push: Push) {
+        self.limits.set_push(push);
     }
 
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {

@@ -6,7 +6,7 @@ use super::motor::Motor;
 use super::world::RapierWorld;
 use crate::sim::cyclist::{CyclistLimits, Ride};
 use crate::sim::planar::Rect;
-use crate::sim::{Body, BodyCommand, Cyclist, Ground, Placement};
+use crate::sim::{Body, BodyCommand, Cyclist, Ground, Placement, Push};
 
 /// Cyclist with the current command.
 #[derive(Clone)]
@@ -75,6 +75,10 @@ impl Motor for Bicycle {
         };
         self.command = (accel_mps2, curvature_per_m);
         true
+    }
+
+    fn set_push(&mut self, push: Push) {
+        self.limits.set_push(push);
     }
 
     fn act(&mut self, _: &mut RapierWorld, _: &Rect, dt_s: f64) {

@@ -9,7 +9,7 @@ use super::tyre_forces::{TyreDemand, TyreForces};
 use super::world::{ChassisMotion, ComOffset, RapierWorld, vector};
 use crate::sim::limits::{DriveStep, VehicleLimits};
 use crate::sim::planar::Rect;
-use crate::sim::{Body, BodyCommand, GRAVITY_MPS2, Ground, Placement, Vehicle};
+use crate::sim::{Body, BodyCommand, GRAVITY_MPS2, Ground, Placement, Push, Vehicle};
 
 /// Force above any suspension's need, so that a spring always carries its car.
 const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
@@ -137,9 +137,14 @@ impl Car {
     /// used, because an engine force would override it.
     fn accelerate(&mut self, drive: &DriveStep, speed_mps: f64, dt_s: f64) -> f64 {
         let next_mps = drive.speed_mps(self.target_mps, dt_s);
-        let wanted_mps2 = (next_mps - speed_mps) / dt_s;
+        // The push acts by itself, and the wheels give the rest.
+        let push_mps2 = self.limits.push().along_mps2;
+        let wanted_mps2 = (next_mps - speed_mps) / dt_s - push_mps2;
         // Air drag may exceed the grip, so the net acceleration widens the limit.
-        let most_mps2 = self.limits.grip_mps2.max(drive.net_mps2.abs());
+        let most_mps2 = self
+            .limits
+            .grip_mps2
+            .max((drive.net_mps2 - push_mps2).abs());
         if wanted_mps2.abs() <= most_mps2 {
             self.target_mps = next_mps;
             return wanted_mps2;
@@ -147,7 +152,7 @@ impl Car {
         // The tyres cannot follow, so the target waits for the car. The target keeps
         // its sign, or a brake would become a reverse gear.
         let given_mps2 = wanted_mps2.clamp(-most_mps2, most_mps2);
-        self.aim(speed_mps + given_mps2 * dt_s);
+        self.aim(speed_mps + (given_mps2 + push_mps2) * dt_s);
         given_mps2
     }
 
@@ -203,10 +208,26 @@ impl Car {
         world.push(self.handle, (rect.cos, rect.sin), impulse, turn);
         if sum.is_limited {
             // The target waits for the car.
-            self.aim(rect.along_mps() + sum.along_n / self.mass_kg * dt_s);
+            let along_mps2 = sum.along_n / self.mass_kg + self.limits.push().along_mps2;
+            self.aim(rect.along_mps() + along_mps2 * dt_s);
         }
         world.roll(&mut self.controller, dt_s);
         true
+    }
+
+    /// Lets the push act on the chassis from now on, along its present heading.
+    fn be_pushed(&self, world: &mut RapierWorld, rect: &Rect) {
+        let Push {
+            along_mps2,
+            left_mps2,
+            ..
+        } = self.limits.push();
+        let (along_n, left_n) = (self.mass_kg * along_mps2, self.mass_kg * left_mps2);
+        let force_n = (
+            along_n * rect.cos - left_n * rect.sin,
+            along_n * rect.sin + left_n * rect.cos,
+        );
+        world.set_force(self.handle, force_n);
     }
 
     /// Rolls freely, with the grip of the wheels to the side.
@@ -218,6 +239,19 @@ impl Car {
             (wheel.engine_force, wheel.steering) = (0.0, 0.0);
         }
         world.roll(&mut self.controller, dt_s);
+    }
+
+    fn set_slip_friction(&mut self, ground: Ground) {
+        // rapier's wheels carry the whole weight, also on a slope.
+        let friction = self.limits.slip_friction(ground) * self.limits.push().load_share;
+        for wheel in self.controller.wheels_mut() {
+            wheel.friction_slip = friction as f32;
+        }
+        if let Some(tyres) = &mut self.tyres {
+            tyres.set_ground(Ground {
+                friction: ground.friction * self.limits.push().load_share,
+            });
+        }
     }
 
     fn aim(&mut self, speed_mps: f64) {
@@ -274,11 +308,14 @@ impl Motor for Car {
 
     fn set_ground(&mut self, ground: Ground) {
         self.limits.set_ground(ground);
-        for wheel in self.controller.wheels_mut() {
-            wheel.friction_slip = self.limits.slip_friction(ground) as f32;
-        }
-        if let Some(tyres) = &mut self.tyres {
-            tyres.set_ground(ground);
+        self.set_slip_friction(ground);
+    }
+
+    fn set_push(&mut self, push: Push) {
+        let is_on_slope = self.limits.push().load_share != push.load_share;
+        self.limits.set_push(push);
+        if is_on_slope {
+            self.set_slip_friction(self.limits.ground());
         }
     }
 
@@ -299,6 +336,7 @@ impl Motor for Car {
 
     /// Sets the wheels and lets them act for one step.
     fn act(&mut self, world: &mut RapierWorld, rect: &Rect, dt_s: f64) {
+        self.be_pushed(world, rect);
         if self.is_released {
             return self.coast(world, rect, dt_s);
         }

@@ -38,7 +38,7 @@ use self::world::{RapierWorld, origin_near};
 use super::planar::{ContactGeometry, Extent, Rect};
 use super::{
     Body, BodyCommand, BodyId, BodyKind, BodyState, Collision, Contact, Ground, Placement, Plant,
-    PlantKind, Pose,
+    PlantKind, Pose, Push,
 };
 
 /// Distance from the origin beyond which the plant is unsound.
@@ -262,6 +262,11 @@ impl Plant for Rigid {
             *motor = Box::new(PlaybackBody::new(sweep.after, sweep.extent));
         }
         self.faulty |= !motor.command(command);
+    }
+
+    fn push(&mut self, id: BodyId, push: Push) {
+        self.faulty |= !push.is_finite();
+        self.movers[id.0].motor.set_push(push);
     }
 
     fn advance(&mut self, dt_s: f64, substeps: u32) -> Option<Contact> {

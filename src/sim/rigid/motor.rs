@@ -4,7 +4,7 @@ use rapier3d::prelude::RigidBodyHandle;
 
 use super::world::RapierWorld;
 use crate::sim::planar::Rect;
-use crate::sim::{BodyCommand, Ground, Placement};
+use crate::sim::{BodyCommand, Ground, Placement, Push};
 
 /// Motion model of a body, with its current command.
 pub(super) trait Motor: Send {
@@ -14,6 +14,8 @@ pub(super) trait Motor: Send {
     fn begin(&mut self, _dt_s: f64) {}
     /// Changes the ground under the body.
     fn set_ground(&mut self, _ground: Ground) {}
+    /// Changes the external acceleration of the body.
+    fn set_push(&mut self, _push: Push) {}
     /// Returns true if the body is already carried.
     fn is_carried(&self) -> bool {
         false

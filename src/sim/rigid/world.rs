@@ -185,6 +185,15 @@ impl RapierWorld {
         body.set_angvel(vector(0.0, 0.0, rect.yaw_rate_rad_per_s), true);
     }
 
+    /// Sets the external force at a body's centre of mass, along world x and y.
+    pub(super) fn set_force(&mut self, handle: RigidBodyHandle, (x_n, y_n): (f64, f64)) {
+        let (force, body) = (vector(x_n, y_n, 0.0), &mut self.bodies[handle]);
+        if body.user_force() != force {
+            body.reset_forces(true);
+            body.add_force(force, true);
+        }
+    }
+
     /// Returns the velocity of a body's centre of mass on the ground.
     pub(super) fn velocity_mps(&self, handle: RigidBodyHandle) -> [f64; 2] {
         let velocity = self.bodies[handle].linvel();

@@ -10,6 +10,7 @@
 //! of its owner and is not `always` recorded, so that recordings of earlier
 //! versions keep their columns.
 
+use super::super::actions::Actions;
 use super::super::network::goes_first;
 use super::super::range::Range;
 use super::super::spec::DriveSpec;
@@ -18,10 +19,12 @@ use super::super::weather::{Weather as DrivenWeather, WeatherState};
 use super::quantity::{Of, SignalQuantity, between, zero_to};
 use crate::ego::Phase;
 use crate::stl::Interval;
-use Of::{Agent, AgentAndLight, Clock, Light, Pair, Parameter, Scene, Weather};
+use Of::{Agent, AgentAndLight, Clock, Light, Pair, Parameter, Road, Scene, Weather};
 
 /// Upper bound on times to collision, returned when the gap is not closing.
 pub(crate) const TTC_CAP_S: f64 = 100.0;
+/// Radius of a straight road.
+const STRAIGHT_M: f64 = 10_000.0;
 /// Distance to the crossing of paths that never cross.
 const NEVER_M: f64 = 1000.0;
 /// Vehicles do not reverse, but may roll back while they settle.
@@ -256,6 +259,45 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .about("change of the noise over the last sample")
         .only_if(|spec, _| changes(spec, |it| it.noise_scale))
         .seen_in(-2.0, 2.0),
+    Road.signal("curvature", "1/m")
+        .is(|state, _| state.network.main().last_curvatures_per_m()[0])
+        .about("curvature of the last laid piece, positive to the left")
+        .within(|spec, _| curvature_bounds(spec))
+        .always(),
+    Road.signal("pieces", "")
+        .is(|state, _| state.network.main().piece_count() as f64)
+        .about("number of pieces of the road")
+        .seen_in(0.0, 50.0)
+        .always(),
+    Road.signal("curvature_change", "1/m")
+        .is(|state, _| {
+            let [last, before] = state.network.main().last_curvatures_per_m();
+            last - before
+        })
+        .about("curvature of the last laid piece minus that of the piece before")
+        .seen_in(-0.03, 0.03),
+    Road.signal("radius", "m")
+        .is(|state, _| {
+            let [last, _] = state.network.main().last_curvatures_per_m();
+            (1.0 / last.abs()).min(STRAIGHT_M)
+        })
+        .about("radius of the last laid piece, 10,000 if it is straight")
+        .within(|_, _| zero_to(STRAIGHT_M))
+        .seen_in(0.0, 300.0),
+    Road.signal("ahead", "m")
+        .is(|state, _| {
+            let ego = state.spec.egos().next().unwrap_or(0);
+            state.network.main().end_s_m() - state.on_road[ego].s_m
+        })
+        .about("distance along the road from the ego's front to the end of the last laid piece")
+        .seen_in(0.0, 100.0),
+    Road.signal("turned", "rad")
+        .is(|state, _| {
+            let course = state.network.main();
+            course.pose(course.end_s_m(), 0.0).heading_rad
+        })
+        .about("heading at the end of the last laid piece, counter-clockwise from world x")
+        .seen_in(-1.5, 1.5),
     Parameter
         .signal("parameter", "")
         .is(|state, [p, _]| state.parameters.get(p).copied().unwrap_or_default())
@@ -323,6 +365,22 @@ fn friction_bounds(spec: &DriveSpec, _: [usize; 2]) -> Interval {
     // A changed road may begin beyond a bound.
     let road = spec.road.friction();
     between(lo.min(road), hi.max(road))
+}
+
+/// Bounds of the curvatures that an ado lays, with those of the listed pieces.
+fn curvature_bounds(spec: &DriveSpec) -> Interval {
+    let Some(Actions::Curvatures(list)) = spec.road_ado.as_ref().map(|road| &road.actions) else {
+        return Interval::ANY;
+    };
+    let listed = spec.road.course().map(|course| course.pieces());
+    let listed = listed.unwrap_or_default();
+    let listed = listed.iter().map(|piece| piece.curvature_per_m);
+    let all = listed.chain(list.iter().copied());
+    // A road that has turned by its limit is laid straight.
+    let (lo, hi) = all.fold((0.0, 0.0), |(lo, hi): (f64, f64), it| {
+        (lo.min(it), hi.max(it))
+    });
+    between(lo, hi)
 }
 
 fn keeps_to_a_plan(spec: &DriveSpec, [a, _]: [usize; 2]) -> bool {

@@ -43,9 +43,10 @@ impl SignalReading {
             // Traffic that follows a leader reacts to ados, and so do the ego
             // and trained ados.
             Drive::Scripted(Script::Idm(_)) => false,
-            Drive::Scripted(Script::Stand | Script::Walk(_)) => true,
-            // Its tyres may lose their grip.
-            Drive::Scripted(_) => spec.weather.is_none(),
+            Drive::Scripted(Script::Stand) => true,
+            Drive::Scripted(Script::Walk(_)) => spec.road_ado.is_none(),
+            // Its tyres may lose their grip, and its road may bend.
+            Drive::Scripted(_) => spec.weather.is_none() && spec.road_ado.is_none(),
             Drive::Planned(plan) => plan.is_blind(),
             Drive::Ego | Drive::Ado { .. } | Drive::Trained(_) => false,
         };
@@ -57,7 +58,7 @@ impl SignalReading {
             Of::Agent | Of::AgentAndLight => agent(a),
             Of::Pair => agent(a) && agent(b),
             Of::Light => matches!(spec.lights[a].drive, LightDrive::Schedule(_)),
-            Of::Weather => false,
+            Of::Weather | Of::Road => false,
         }
     }
 
@@ -79,6 +80,7 @@ impl SignalReading {
             Of::Light => vec![light(a)],
             Of::AgentAndLight => vec![agent(a), light(b)],
             Of::Weather => names.weather.iter().map(String::as_str).collect(),
+            Of::Road => names.road.iter().map(String::as_str).collect(),
         }
     }
 
@@ -155,6 +157,7 @@ fn declared_of(
         owners.extend(agents.clone().map(|a| (Of::AgentAndLight, [a, l])));
     }
     owners.extend(names.weather.iter().map(|_| (Of::Weather, [0, 0])));
+    owners.extend(names.road.iter().map(|_| (Of::Road, [0, 0])));
     let parameters = 0..names.parameters.len();
     owners.extend(parameters.map(|p| (Of::Parameter, [p, 0])));
     let sources = owners.into_iter().flat_map(|(of, whose)| {

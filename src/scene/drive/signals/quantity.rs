@@ -23,6 +23,8 @@ pub(crate) enum Of {
     AgentAndLight,
     /// The weather.
     Weather,
+    /// The road that an ado lays.
+    Road,
 }
 
 /// A row of the list of signals.

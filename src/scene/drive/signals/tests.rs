@@ -52,6 +52,7 @@ fn the_table_of_the_guide_is_the_list() {
             Of::Light => &["L"],
             Of::AgentAndLight => &["A", "L"],
             Of::Weather => &["W"],
+            Of::Road => &["R"],
         };
         let name = match row.of {
             Of::Parameter => "P".to_owned(),

@@ -1,0 +1,135 @@
+//! Commands of a sample: from every decision maker to its body.
+
+use std::sync::Arc;
+
+use nalgebra::Vector2;
+
+use super::actions::Maneuver;
+use super::ego_percept;
+use super::motion::DriveScene;
+use super::names::SignalOwner;
+use super::spec::Drive;
+use crate::ego::Fault;
+use crate::sim::{BodyCommand, rotation_by};
+
+impl DriveScene {
+    /// Sets the actions that the trained ados decide at this sample.
+    pub(super) fn decide_trained(&mut self) {
+        // Most worlds have none, and this runs at every sample.
+        if self.layout.frozen.is_empty() {
+            return;
+        }
+        let layout = Arc::clone(&self.layout);
+        for frozen in &layout.frozen {
+            let Some(action) = frozen.act(&self.state) else {
+                continue;
+            };
+            match (frozen.who, frozen.actions.choice(action)) {
+                (SignalOwner::Light(i), Maneuver::Turn(turn)) => self.state.turn(i, turn),
+                (SignalOwner::Agent(i), choice) => self.chosen[i] = choice,
+                // Invariant: a light's ado has a light's actions.
+                (SignalOwner::Light(_), _) => {}
+            }
+        }
+    }
+
+    pub(super) fn command_all(&mut self) -> Result<(), Fault> {
+        // All commands derive from the state before the sample. The plant moves
+        // only after every agent has decided, so the file order has no effect.
+        ego_percept::fill(&mut self.percept, &self.state, self.layout.ego);
+        let noise_scale = self
+            .state
+            .weather
+            .map_or(1.0, |weather| weather.noise_scale);
+        self.sensing.look(&mut self.percept, noise_scale);
+        let command = self.controller.control(&self.percept)?;
+        // A NaN command would otherwise reach the physics and be reported as
+        // its fault.
+        if let Some(fault) = command.flaw() {
+            let message = format!("{} at {:.3} s", fault.message, self.state.time_s());
+            return Err(Fault { message, ..fault });
+        }
+        if self.layout.spec.ego.is_foreign() {
+            self.commands.push(command);
+        }
+        let commanded = Maneuver::Drive {
+            accel_mps2: command.accel_mps2,
+            lateral_mps: command.lateral_mps,
+        };
+        self.carry_all();
+        for i in 0..self.layout.spec.agents.len() {
+            let agent = &self.layout.spec.agents[i];
+            let wish = match &agent.drive {
+                // `carry_all` has already commanded the planned bodies.
+                Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => continue,
+                Drive::Ego => commanded,
+                Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
+                Drive::Scripted(script) => {
+                    if agent.body.is_on_foot() {
+                        let (along_mps, left_mps) = script.walk_mps(self.state.time_s());
+                        Maneuver::Walk {
+                            along_mps,
+                            left_mps,
+                        }
+                    } else {
+                        let speed_mps = self.state.states[i].speed_mps;
+                        let leader = || self.state.leader_of(i);
+                        Maneuver::Drive {
+                            accel_mps2: script.accel_mps2(self.state.time_s(), speed_mps, leader),
+                            lateral_mps: 0.0,
+                        }
+                    }
+                }
+            };
+            self.command(i, wish);
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, agent: usize, wish: Maneuver) {
+        let (state, at) = (&self.state.states[agent], self.state.on_road[agent]);
+        let sample_s = self.layout.spec.clock.sample_s;
+        let command = match wish {
+            Maneuver::Drive {
+                accel_mps2,
+                lateral_mps,
+            } => {
+                let own = &self.layout.spec.agents[agent];
+                let course = self.layout.network.course_of(agent);
+                let driven = own.lane_keeping.seen(
+                    &own.body,
+                    (&state.pose, at),
+                    (course, own.direction),
+                    state.speed_mps * sample_s,
+                );
+                BodyCommand::Drive {
+                    accel_mps2: self.actuators[agent].step(accel_mps2),
+                    curvature_per_m: self.keepers[agent].curvature(
+                        &driven,
+                        state.speed_mps,
+                        lateral_mps,
+                        sample_s,
+                    ),
+                }
+            }
+            Maneuver::Walk {
+                along_mps,
+                left_mps,
+            } => {
+                // Walks are given along the road: the body's heading minus its
+                // angle to the road is the road's direction.
+                let road_rad = state.pose.heading_rad - at.heading_rad;
+                let velocity_mps = rotation_by(road_rad) * Vector2::new(along_mps, left_mps);
+                BodyCommand::Walk {
+                    x_mps: velocity_mps.x,
+                    y_mps: velocity_mps.y,
+                }
+            }
+            // Invariant: lights, weather and road have no body.
+            Maneuver::Turn(_) | Maneuver::Change(_) | Maneuver::Bend { .. } => return,
+        };
+        self.commanded[agent] = Some(command);
+        let body = self.state.bodies[agent];
+        self.state.plant.command(body, command);
+    }
+}

@@ -1,0 +1,81 @@
+#![cfg(test)]
+//! Tests of courses: coordinates, nearest pieces, corners and mistakes.
+
+use super::*;
+
+#[test]
+fn coordinates_there_and_back_agree_on_every_piece() {
+    let pieces = [
+        Piece::Line { length_m: 50.0 },
+        Piece::Arc {
+            length_m: 60.0,
+            radius_m: 40.0,
+        },
+        Piece::Arc {
+            length_m: 80.0,
+            radius_m: -50.0,
+        },
+        Piece::Line { length_m: 30.0 },
+    ];
+    let course = Course::of_pieces(&pieces, 7.0).expect("a course");
+    let corners = [(0.0, 0.0), (80.0, 0.0), (120.0, 60.0), (200.0, 60.0)];
+    let polyline = Course::of_points(&corners, 20.0, 7.0).expect("a course");
+    for course in [course, polyline] {
+        for s_m in (-20..240).map(f64::from) {
+            for lateral_m in [-3.0, 0.0, 5.0] {
+                let at = course.locate(&course.pose(s_m, lateral_m));
+                assert!((at.s_m - s_m).abs() < 1e-6, "{s_m} {at:?}");
+                assert!((at.lateral_m - lateral_m).abs() < 1e-6, "{s_m} {at:?}");
+                assert!(at.heading_rad.abs() < 1e-9, "{s_m} {at:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn on_many_pieces_the_nearest_one_is_found_as_if_all_were_looked_at() {
+    let pieces: Vec<Piece> = (0..60)
+        .map(|i| match i % 3 {
+            0 => Piece::Line { length_m: 7.0 },
+            _ => Piece::Arc {
+                length_m: 5.0 + f64::from(i),
+                radius_m: if i % 2 == 0 { 40.0 } else { -55.0 },
+            },
+        })
+        .collect();
+    let course = Course::of_pieces(&pieces, 7.0).expect("a course");
+    for x in (-40..40).map(|i| f64::from(i) * 13.0) {
+        for y in (-40..40).map(|i| f64::from(i) * 11.0) {
+            let pose = Pose {
+                x_m: x,
+                y_m: y,
+                heading_rad: 0.3,
+            };
+            let all = course.legs.iter().map(|leg| leg.locate(&pose));
+            let nearest = all.reduce(|best, it| if it.0 < best.0 { it } else { best });
+            assert_eq!(Some(course.locate(&pose)), nearest.map(|(_, at)| at));
+        }
+    }
+}
+
+#[test]
+fn a_polyline_passes_its_sides() {
+    let points = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0)];
+    let course = Course::of_points(&points, 20.0, 7.0).expect("a course");
+    let corner_m = 20.0 * core::f64::consts::FRAC_PI_2;
+    let end = course.pose(80.0 + corner_m + 80.0, 0.0);
+    assert!((end.x_m - 100.0).abs() < 1e-9 && (end.y_m - 100.0).abs() < 1e-9);
+}
+
+#[test]
+fn courses_that_cannot_be_laid_say_why() {
+    let tight = [Piece::Arc {
+        length_m: 10.0,
+        radius_m: -5.0,
+    }];
+    let error = Course::of_pieces(&tight, 7.0).expect_err("too tight");
+    assert_eq!((error.index, error.what.contains("-5")), (Some(0), true));
+    let near = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)];
+    assert!(Course::of_points(&near, 20.0, 7.0).is_err());
+    assert!(Course::of_points(&near[..1], 20.0, 7.0).is_err());
+}

@@ -1,0 +1,79 @@
+//! Checks of the grades of a road and of the wind, whose numbers may be ranges.
+
+use super::check::{range_within, within};
+use super::file::{NumberOrRange, ScenarioFile};
+use super::locate::ValuePath;
+use super::problems::Problems;
+use crate::scene::drive::EnvironmentQuantity;
+
+/// Greatest rise of a road per length.
+const MAX_RISE: f64 = 0.3;
+/// Greatest speed of wind, in m/s.
+const MAX_WIND_MPS: f64 = 60.0;
+/// Bounds of the duration of a gust, in seconds.
+const GUST_S: (f64, f64) = (0.1, 60.0);
+/// Greatest number of grades.
+const MAX_GRADES: usize = 1_000;
+
+/// A number of a file with its quantity and its place.
+type Placed = (EnvironmentQuantity, ValuePath, NumberOrRange);
+
+/// Returns the numbers that may be ranges, with their places.
+pub(super) fn ranges(file: &ScenarioFile) -> Vec<Placed> {
+    let (grades, wind) = (ValuePath::top().to("grades"), ValuePath::top().to("wind"));
+    let rises = file.grades.iter().enumerate();
+    let mut all: Vec<Placed> = rises
+        .map(|(i, &(_, rise))| {
+            let place = grades.at(i).at(1);
+            (EnvironmentQuantity::Rise { grade: i }, place, rise)
+        })
+        .collect();
+    if let Some(file) = &file.wind {
+        let place = wind.to("speed_mps");
+        all.push((EnvironmentQuantity::WindSpeed, place, file.speed_mps));
+        if let Some(gust) = &file.gust {
+            let place = wind.to("gust");
+            let (peak, begin) = (place.to("peak_mps"), place.to("begin_s"));
+            all.push((EnvironmentQuantity::GustPeak, peak, gust.peak_mps));
+            all.push((EnvironmentQuantity::GustBegin, begin, gust.begin_s));
+        }
+    }
+    all
+}
+
+/// Checks grades and wind.
+pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
+    for (quantity, place, NumberOrRange(numbers)) in ranges(file) {
+        let (least, most) = match quantity {
+            EnvironmentQuantity::Rise { .. } => (-MAX_RISE, MAX_RISE),
+            EnvironmentQuantity::GustBegin => (0.0, file.clock.horizon_s),
+            _ => (-MAX_WIND_MPS, MAX_WIND_MPS),
+        };
+        range_within(problems, &place, numbers, (least, most));
+    }
+    let grades = ValuePath::top().to("grades");
+    if MAX_GRADES < file.grades.len() {
+        let what = format!("{} grades", file.grades.len());
+        let help = format!("at most {MAX_GRADES}");
+        problems.add(&grades, what, "too many", Some(help));
+    }
+    for (i, pair) in file.grades.windows(2).enumerate() {
+        if !(pair[0].0 < pair[1].0) {
+            let what = format!(
+                "the grade from {:?} m on follows that from {:?} m on",
+                pair[1].0, pair[0].0
+            );
+            let help = "list grades by increasing station".to_owned();
+            problems.add(&grades.at(i + 1), what, "out of order", Some(help));
+        }
+    }
+    if let Some(wind) = &file.wind {
+        let place = ValuePath::top().to("wind");
+        let turn = core::f64::consts::TAU;
+        within(problems, &place.to("from_rad"), wind.from_rad, -turn, turn);
+        if let Some(gust) = &wind.gust {
+            let place = place.to("gust").to("duration_s");
+            within(problems, &place, gust.duration_s, GUST_S.0, GUST_S.1);
+        }
+    }
+}
