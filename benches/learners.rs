@@ -2,8 +2,8 @@
 //!
 //! Throughput is printed as items per second: updates, actions, decisions.
 
-use brakecheck::rl::nn::{Adam, Mlp, argmax};
-use brakecheck::rl::replay::{Batch, ReplayBuffer, Transition};
+use brakecheck::internals::rl::nn::{Adam, Mlp, argmax};
+use brakecheck::internals::rl::replay::{Batch, ReplayBuffer, Transition};
 use brakecheck::rl::{
     Control, DqnSettings, End, Env, LearnerConfig, LearnerRng, LearnerSettings, PpoSettings,
     QTableSettings, Spaces, Step,

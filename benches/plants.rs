@@ -5,13 +5,14 @@
 //! plant steps (wheel rays against the ground only, no chassis colliders);
 //! `bare_usual` is rapier as one would set it up first, colliders included.
 
-use brakecheck::rl::{Control, Env};
-use brakecheck::seed::Purpose;
-use brakecheck::sim::{
-    Body, BodyCommand, BodyId, GRAVITY_MPS2, Ground, Kinematic, Plant, PlantKind, Pose, Rigid,
-    plant,
+use brakecheck::internals::sim::{
+    Body, BodyId, GRAVITY_MPS2, Ground, Kinematic, Plant, Rigid, plant,
 };
+use brakecheck::rl::{Control, Env};
+use brakecheck::scene::{BodyCommand, Pose};
+use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use divan::{Bencher, black_box};
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};

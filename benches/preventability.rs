@@ -4,11 +4,12 @@
 //! on the kinematic plant. `preventable_by` is for training loops, which keep
 //! the replayer; `assess` gives everything, rulebook included.
 
-use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::ego::ReferenceDriver;
+use brakecheck::internals::testbench::HOLD_DECISIONS;
 use brakecheck::scene::Motion;
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, HeldRandom, motion_of, play};
+use brakecheck::testbench::{Aftermath, Episode, HeldRandom, motion_of, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
 use divan::{Bencher, black_box};
 

@@ -4,8 +4,8 @@
 //! what is not used can be seen to cost nothing, in one run on one machine.
 
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use divan::Bencher;
 use divan::counter::ItemsCount;

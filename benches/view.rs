@@ -5,8 +5,9 @@
 //! everything up to the bytes of a file. `streamed` is an episode of a stream.
 
 use brakecheck::experiment::ShownEpisode;
+use brakecheck::internals::testbench::film;
 use brakecheck::scene::Start;
-use brakecheck::testbench::{Aftermath, Constant, Episode, film, play};
+use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::view::{EpisodeStream, Recording};
 use brakecheck::world::Scenario;
 use divan::counter::ItemsCount;

@@ -7,8 +7,8 @@
 use brakecheck::rl::Learner;
 use brakecheck::rl::{Control, LearnerConfig};
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Gym, PolicyActor, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

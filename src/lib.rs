@@ -44,7 +44,10 @@ pub mod doc_pages;
 pub mod ego;
 pub mod evaluation;
 pub mod experiment;
-pub mod grid_solver;
+mod grid_solver;
+// Not part of the API: it has no stability promise.
+#[doc(hidden)]
+pub mod internals;
 pub mod openx;
 pub mod preventability;
 pub mod report;
@@ -55,12 +58,12 @@ pub mod scene;
 pub mod search;
 pub mod seed;
 pub mod serving;
-pub mod severity;
-pub mod sim;
+mod severity;
+mod sim;
 pub mod stats;
-pub mod surrogate;
+mod surrogate;
 pub mod testbench;
-pub mod theorems;
+mod theorems;
 pub mod training;
 #[cfg(feature = "rerun")]
 pub mod view;

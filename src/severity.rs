@@ -14,8 +14,9 @@
 //! no risk is reported. `docs/reference/crash-labels.md` explains the terms to users.
 //!
 //! ```
-//! use brakecheck::severity::{CrashKind, Impact, Party};
-//! use brakecheck::sim::{Body, BodyState, Pose};
+//! use brakecheck::internals::severity::Party;
+//! use brakecheck::scene::{CrashKind, Impact};
+//! use brakecheck::internals::sim::{Body, BodyState, Pose};
 //!
 //! let sedan = Body::shipped("sedan").unwrap().unwrap();
 //! let at = |x_m, speed_mps| BodyState {
@@ -251,6 +252,7 @@ impl Impact {
     ///
     /// `normal` is the contact normal from the ego to the other body, a unit vector
     /// in the world frame. `closing_speed_mps` is the approach speed along it.
+    #[doc(hidden)]
     pub fn of(
         ego: Party<'_>,
         other: Party<'_>,

@@ -42,7 +42,8 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
 
-use brakecheck::run_dir::{Counterexample, csv_of};
+use brakecheck::internals::run_dir::csv_of;
+use brakecheck::run_dir::Counterexample;
 use brakecheck::trace::Trace;
 use program::{code, json, path, run_in, scratch, stderr};
 use serde_json::Value;

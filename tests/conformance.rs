@@ -8,10 +8,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use brakecheck::conformance::{check_controller, check_env, check_policy, check_scene};
-use brakecheck::rl::{LearnerConfig, LearnerSettings, load_policy_for};
+use brakecheck::internals::rl::load_policy_for;
+use brakecheck::rl::{LearnerConfig, LearnerSettings};
 use brakecheck::seed::Purpose;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::Gym;
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 
 fn shipped() -> Vec<(String, Scenario)> {

@@ -11,12 +11,14 @@ mod learning;
 #[path = "grid/theorems.rs"]
 mod theorems;
 
-use brakecheck::grid_solver::exact::{Game, UNIT_MOVES};
+use brakecheck::internals::grid_solver::exact::{Game, UNIT_MOVES};
+use brakecheck::internals::scene::grid::Arena;
+use brakecheck::internals::world::GridScenario;
 use brakecheck::rl::Policy;
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::{Arena, AtWall};
 use brakecheck::testbench::{Aftermath, Episode, PolicyActor, play};
-use brakecheck::world::{GridChange, GridScenario, Scenario};
+use brakecheck::world::AtWall;
+use brakecheck::world::{GridChange, Scenario};
 
 const A: AtWall = AtWall::Stays;
 const B: AtWall = AtWall::FirstInMap;

@@ -18,11 +18,14 @@ mod shown;
 #[path = "learners/starts.rs"]
 mod starts;
 
-use brakecheck::rl::nn::{Adam, Mlp};
-use brakecheck::rl::replay::{Batch, EpisodeBuffer, ReplayBuffer, SumTree, Tail, Transition};
+use brakecheck::internals::rl::nn::{Adam, Mlp};
+use brakecheck::internals::rl::replay::{
+    Batch, EpisodeBuffer, ReplayBuffer, SumTree, Tail, Transition,
+};
+use brakecheck::internals::rl::{load_policy, load_policy_for};
 use brakecheck::rl::{
     BundleError, Control, End, Env, Learner, LearnerConfig, LearnerRng, LearnerSettings, Spaces,
-    Step, TensorFile, load_policy, load_policy_for,
+    Step, TensorFile,
 };
 use proptest::prelude::*;
 

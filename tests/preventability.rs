@@ -6,12 +6,14 @@ mod at_the_wheel;
 mod panel;
 
 use brakecheck::crashes::Regressions;
-use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability, Seat};
+use brakecheck::ego::ReferenceDriver;
+use brakecheck::internals::testbench::HOLD_DECISIONS;
+use brakecheck::preventability::Seat;
+use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability};
 use brakecheck::scene::{ContactEvent, Motion};
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, HeldRandom, motion_of, play};
+use brakecheck::testbench::{Aftermath, Episode, HeldRandom, motion_of, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
 
 const WORLDS: [&str; 6] = [

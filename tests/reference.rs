@@ -5,9 +5,10 @@
 
 use std::path::PathBuf;
 
-use brakecheck::ego::reference::{
+use brakecheck::ego::ReferenceDriver;
+use brakecheck::internals::ego::reference::{
     CcDriver, CcLaneDriver, DriverModel, Encounter, FsmDriver, IdealDriver, LaneBody, Pedal,
-    ReferenceDriver, Reflexes, RegDriver, Response, RssDriver, TtcReading,
+    Reflexes, RegDriver, Response, RssDriver, TtcReading,
 };
 use serde_json::Value;
 

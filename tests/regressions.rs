@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use brakecheck::crashes::{Regressions, SavedCounterexample};
+use brakecheck::crashes::Regressions;
+use brakecheck::crashes::SavedCounterexample;
+use brakecheck::internals::run_dir::digests_of;
 use brakecheck::rulebook::JudgeKind;
-use brakecheck::run_dir::{digests_of, trace_of_csv};
+use brakecheck::run_dir::trace_of_csv;
 use brakecheck::stl::Scratch;
 use brakecheck::trace::Trace;
 use brakecheck::world::Scenario;

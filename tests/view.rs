@@ -8,12 +8,13 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 
 use brakecheck::experiment::{Audience, ShownEpisode, Watch};
+use brakecheck::internals::view::entities;
 use brakecheck::run_dir::{Calibration, Progress};
 use brakecheck::scene::Start;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
 use brakecheck::training::{TrainRequest, TrainSession};
-use brakecheck::view::{EpisodeStream, LiveView, Recording, ViewError, entities, record};
+use brakecheck::view::{EpisodeStream, LiveView, Recording, ViewError, record};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use re_chunk::Chunk;
 use re_log_encoding::DecoderApp;

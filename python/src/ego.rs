@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use brakecheck::ego::{Controller, Process};
+use brakecheck::experiment::ControllerFactory;
 use brakecheck::experiment::EgoUnderTest;
-use brakecheck::scene::drive::ControllerFactory;
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString, PyType};

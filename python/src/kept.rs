@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use brakecheck::cli::Failure;
 use brakecheck::crashes::{Regressions, Replayed, ViewKind, export, picture};
-use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::ego::ReferenceDriver;
 use brakecheck::run_dir::write_file;
 use brakecheck::view;
 use pyo3::prelude::*;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use brakecheck::experiment::on_plant;
 use brakecheck::scene::World;
 use brakecheck::serving::actions_of;
-use brakecheck::sim::PlantKind;
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 use serde_json::json;

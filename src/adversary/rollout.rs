@@ -102,6 +102,7 @@ pub struct EvalRequest<'a> {
 
 impl EgoUnderTest {
     /// Returns the request to evaluate an ado against the ego.
+    #[doc(hidden)]
     pub fn against<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
         EvalRequest {
             scenario: self.scenario(),

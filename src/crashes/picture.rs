@@ -86,7 +86,7 @@ impl ViewKind {
 ///
 /// ```no_run
 /// use brakecheck::crashes::{Regressions, picture};
-/// use brakecheck::ego::reference::ReferenceDriver;
+/// use brakecheck::ego::ReferenceDriver;
 /// let kept = Regressions::load("tests/regressions")?;
 /// for crash in kept.replay_recorded()?.iter().take(1) {
 ///     let svg = picture(crash, "mine", Some(ReferenceDriver::Fsm))?;

@@ -40,7 +40,7 @@ pub enum CrashSelection {
 /// Form of the kept counterexamples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// Minimized ([`super::minimize::shrink`]).
+    /// Minimized: with fewer changes of action and as severe.
     Shrunk,
     /// With the actions that were found.
     AsFound,

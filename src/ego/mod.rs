@@ -51,11 +51,11 @@ mod parameters;
 mod process;
 mod pure_pursuit;
 mod recorded;
-pub mod reference;
+pub(crate) mod reference;
 mod room;
 mod safety_filter_acc;
 mod stock;
-mod takeover;
+pub(crate) mod takeover;
 mod traffic_light_acc;
 
 use serde::{Deserialize, Serialize};
@@ -65,13 +65,14 @@ pub(crate) use actuator::Actuator;
 pub use fault::{Fault, FaultKind};
 pub(crate) use fault::{PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
-pub(crate) use process::DOCUMENT;
-pub(crate) use process::Hello;
-pub use process::{Exercise, Finding, ProcessController, exercise};
+pub(crate) use process::{DOCUMENT, Hello};
+pub use process::{Exercise, Finding, Process, exercise};
 pub(crate) use recorded::RecordedCommands;
+pub use reference::ReferenceDriver;
 pub(crate) use room::LaneOccupancy;
-pub use stock::*;
-pub use takeover::{FullBrake, Takeover};
+pub use stock::ControllerSpec;
+pub(crate) use stock::*;
+pub(crate) use takeover::{FullBrake, Takeover};
 
 /// State of the ego, as known to itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

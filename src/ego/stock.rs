@@ -9,6 +9,10 @@ use super::actuator::written_as;
 use super::reference::DriverModel;
 use super::{Actuated, Controller, Parameter, UnknownParameter};
 
+/// A controller as named in a world file, with its parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControllerSpec(pub(crate) StockController);
+
 /// Declares the enum of stock controllers, which forwards every call.
 ///
 /// A line names the file, its type and the method that builds a controller.
@@ -18,16 +22,25 @@ macro_rules! egos {
         $(#[cfg($when:meta)])?
         $file:ident::$kind:ident by $make:ident;
     )*) => {
-        $( $(#[cfg($when)])? pub use super::$file::$kind; )*
+        $( $(#[cfg($when)])? pub(crate) use super::$file::$kind; )*
 
         /// Names of all kinds and of their parameters.
         pub(crate) const KINDS: &[(&str, &[&str])] = &[$( $(#[cfg($when)])? (stringify!($kind), $kind::PARAMETERS) ),*];
 
-        /// A controller as named in a world file, with its parameters.
+        /// A stock controller with its parameters, by its kind.
         #[derive(Clone, Debug, PartialEq)]
-        pub enum ControllerSpec {
+        pub(crate) enum StockController {
             $( $(#[doc = $about])+ $(#[cfg($when)])? $kind($kind), )*
         }
+
+        $(
+            $(#[cfg($when)])?
+            impl From<$kind> for ControllerSpec {
+                fn from(controller: $kind) -> ControllerSpec {
+                    ControllerSpec(StockController::$kind(controller))
+                }
+            }
+        )*
 
         #[derive(Serialize, Deserialize)]
         #[serde(rename = "ControllerSpec")]
@@ -38,15 +51,15 @@ macro_rules! egos {
         impl From<ControllerFile> for Actuated<ControllerSpec> {
             fn from(file: ControllerFile) -> Actuated<ControllerSpec> {
                 match file {
-                    $( $(#[cfg($when)])? ControllerFile::$kind(it) => it.map(ControllerSpec::$kind), )*
+                    $( $(#[cfg($when)])? ControllerFile::$kind(it) => it.map(ControllerSpec::from), )*
                 }
             }
         }
 
         impl From<Actuated<ControllerSpec>> for ControllerFile {
             fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> ControllerFile {
-                match controller {
-                    $( $(#[cfg($when)])? ControllerSpec::$kind(controller) => {
+                match controller.0 {
+                    $( $(#[cfg($when)])? StockController::$kind(controller) => {
                         ControllerFile::$kind(Actuated { controller, lag_s })
                     } )*
                 }
@@ -56,22 +69,22 @@ macro_rules! egos {
         impl ControllerSpec {
             /// Returns the controller itself, ready for `reset`.
             pub fn build(&self) -> Box<dyn Controller> {
-                match self {
-                    $( $(#[cfg($when)])? ControllerSpec::$kind(it) => Box::new(it.$make()), )*
+                match &self.0 {
+                    $( $(#[cfg($when)])? StockController::$kind(it) => Box::new(it.$make()), )*
                 }
             }
 
             /// Returns the name of the kind, as written in the world file.
             pub fn kind(&self) -> &'static str {
-                match self {
-                    $( $(#[cfg($when)])? ControllerSpec::$kind(_) => stringify!($kind), )*
+                match &self.0 {
+                    $( $(#[cfg($when)])? StockController::$kind(_) => stringify!($kind), )*
                 }
             }
 
             /// Returns its numeric parameters: name, unit, meaning and value.
             pub fn parameters(&self) -> Vec<Parameter> {
-                match self {
-                    $( $(#[cfg($when)])? ControllerSpec::$kind(it) => it.parameters(), )*
+                match &self.0 {
+                    $( $(#[cfg($when)])? StockController::$kind(it) => it.parameters(), )*
                 }
             }
 
@@ -80,8 +93,8 @@ macro_rules! egos {
             /// # Errors
             /// The controller has no such parameter.
             pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
-                match self {
-                    $( $(#[cfg($when)])? ControllerSpec::$kind(it) => it.set(name, value), )*
+                match &mut self.0 {
+                    $( $(#[cfg($when)])? StockController::$kind(it) => it.set(name, value), )*
                 }
             }
         }
@@ -142,7 +155,7 @@ impl From<Process> for Actuated<ControllerSpec> {
     /// Returns a program as the ego of a car whose actuator does not lag.
     fn from(process: Process) -> Actuated<ControllerSpec> {
         Actuated {
-            controller: ControllerSpec::Process(process),
+            controller: process.into(),
             lag_s: 0.0,
         }
     }
@@ -151,15 +164,15 @@ impl From<Process> for Actuated<ControllerSpec> {
 impl ControllerSpec {
     /// Returns the program, if it is one.
     pub fn program(&self) -> Option<&Process> {
-        match self {
-            ControllerSpec::Process(process) => Some(process),
+        match &self.0 {
+            StockController::Process(process) => Some(process),
             _ => None,
         }
     }
 
     /// Gives or withdraws the consent to start a program, if it is one.
     pub fn allow_programs(&mut self, allowed: bool) {
-        if let ControllerSpec::Process(process) = self {
+        if let StockController::Process(process) = &mut self.0 {
             process.allow(allowed);
         }
     }

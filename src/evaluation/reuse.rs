@@ -48,6 +48,7 @@ impl Relation {
 
 impl EgoUnderTest {
     /// Returns the relation of the ego to the ado of a run, whose world is `nominal`.
+    #[doc(hidden)]
     pub fn relation(&self, run: &RunDir, nominal: &Scenario) -> Relation {
         let trained = run.manifest().ego.as_ref();
         if self.is_own() || trained.is_some_and(ChangedEgo::is_own) {

@@ -4,31 +4,30 @@
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
 mod audience;
-mod clustering;
+pub(crate) mod clustering;
 mod cost;
 mod determinism_check;
 mod ego_under_test;
-mod episode_loop;
+pub(crate) mod episode_loop;
 mod error;
 mod failed_leaf;
 mod progress;
 mod test_starts;
 mod trivial_starts;
 
+pub use crate::scene::drive::ControllerFactory;
 pub use audience::{Audience, ShownEpisode};
-pub(crate) use clustering::{CrashClass, badness, descending, worse_first};
-pub use clustering::{CrashFeatures, NEAR, clusters};
+pub(crate) use clustering::{
+    CrashClass, CrashFeatures, badness, clusters, descending, worse_first,
+};
 pub use cost::Cost;
 pub(crate) use determinism_check::note_if_unrepeatable;
-pub(crate) use ego_under_test::consent_to;
-pub(crate) use ego_under_test::consent_to_family;
 pub use ego_under_test::{EgoUnderTest, consent, on_plant};
-pub use episode_loop::EpisodeLoop;
-pub(crate) use episode_loop::WorkItem;
+pub(crate) use ego_under_test::{consent_to, consent_to_family};
+pub(crate) use episode_loop::{EpisodeLoop, WorkItem};
 pub use error::EgoError;
 pub(crate) use failed_leaf::{leaf, violated};
 pub use progress::{Remark, StepPlace, Watch};
-pub(crate) use test_starts::untried_starts;
 pub use test_starts::{TestStarts, test_starts};
-pub(crate) use test_starts::{drawn_starts, test_noise};
+pub(crate) use test_starts::{drawn_starts, test_noise, untried_starts};
 pub(crate) use trivial_starts::TrivialStarts;

@@ -11,9 +11,10 @@
 //! cells. A captured position is absorbing, because a contact ends the motion.
 //!
 //! ```
-//! use brakecheck::grid_solver::bisimulation::Bisimulation;
-//! use brakecheck::grid_solver::exact::{Game, UNIT_MOVES};
-//! use brakecheck::scene::grid::{Arena, AtWall};
+//! use brakecheck::internals::grid_solver::bisimulation::Bisimulation;
+//! use brakecheck::internals::grid_solver::exact::{Game, UNIT_MOVES};
+//! use brakecheck::internals::scene::grid::Arena;
+//! use brakecheck::world::AtWall;
 //!
 //! let arena = Arena { size: 4, refine: 1, ego_step: 2, at_wall: AtWall::Stays };
 //! let coarse = Game { arena, steps: 8, moves: UNIT_MOVES.to_vec() };

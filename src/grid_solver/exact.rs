@@ -5,8 +5,9 @@
 //! >= 1)` under unit moves, as in both shipped grid worlds.
 //!
 //! ```
-//! use brakecheck::grid_solver::exact::{Game, UNIT_MOVES};
-//! use brakecheck::scene::grid::{Arena, AtWall};
+//! use brakecheck::internals::grid_solver::exact::{Game, UNIT_MOVES};
+//! use brakecheck::internals::scene::grid::Arena;
+//! use brakecheck::world::AtWall;
 //!
 //! let arena = Arena { size: 4, refine: 1, ego_step: 2, at_wall: AtWall::FirstInMap };
 //! let solution = Game { arena, steps: 8, moves: UNIT_MOVES.to_vec() }.solve();

@@ -5,9 +5,10 @@
 //! between starts. Without a capture, T = K − 1.
 //!
 //! ```
-//! use brakecheck::grid_solver::exact::{Game, UNIT_MOVES};
-//! use brakecheck::grid_solver::values::ValueTable;
-//! use brakecheck::scene::grid::{Arena, AtWall, Cell, Position};
+//! use brakecheck::internals::grid_solver::exact::{Game, UNIT_MOVES};
+//! use brakecheck::internals::grid_solver::values::ValueTable;
+//! use brakecheck::internals::scene::grid::{Arena, Cell, Position};
+//! use brakecheck::world::AtWall;
 //!
 //! let arena = Arena { size: 4, refine: 1, ego_step: 2, at_wall: AtWall::FirstInMap };
 //! let game = Game { arena, steps: 8, moves: UNIT_MOVES.to_vec() };

@@ -1,7 +1,7 @@
 //! Assessment of a contact by reference drivers in the ego's place.
 //!
 //! A developer needs a counterexample that another driver would have avoided. Each
-//! [reference driver](crate::ego::reference) takes the ego's place on the ego's body. All
+//! [reference driver](crate::ego::ReferenceDriver) takes the ego's place on the ego's body. All
 //! other agents repeat the recorded motion. [`Replayer::assess`] reports the drivers that
 //! avoid the contact and derives a [`Label`]. `docs/background/preventability.md` lists the
 //! assumptions and the limits of a label.

@@ -283,15 +283,6 @@ impl Preventability {
         applies.then(|| humans.into_iter().any(|driver| self.is_avoided_by(driver)))
     }
 
-    /// Returns whether the ego had a contact without a reason that exonerates it.
-    pub fn is_at_fault(&self) -> bool {
-        use NotApplicable::{NoContact, NotDriven, WithoutEgo};
-        let why = self.not_applicable;
-        // The other reasons concern contacts of the ego that drivers cannot judge.
-        let touched = !why.is_some_and(|it| [NoContact, NotDriven, WithoutEgo].contains(&it));
-        touched && self.exonerated.is_none()
-    }
-
     /// Returns whether a driver avoids it from the handover on.
     pub fn is_avoided_by(&self, driver: ReferenceDriver) -> bool {
         let outcome = match driver {

@@ -82,7 +82,7 @@ impl Replayer {
     /// Creates a replayer of a driving world, or `None` if the ego is no vehicle.
     ///
     /// `rulebook` is evaluated on each replay.
-    pub fn new(world: &DriveWorld, rulebook: Arc<Rulebook>) -> Option<Replayer> {
+    pub(crate) fn new(world: &DriveWorld, rulebook: Arc<Rulebook>) -> Option<Replayer> {
         let spec = world.spec();
         let ego = world.ego();
         let vehicle = spec.agents[ego].body.vehicle()?;

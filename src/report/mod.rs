@@ -12,7 +12,7 @@ mod campaign;
 mod canvas;
 mod examples;
 mod fault;
-mod figures;
+pub(crate) mod figures;
 mod junit;
 mod page;
 mod plot;
@@ -20,7 +20,7 @@ mod points;
 mod results;
 mod reuse;
 mod start_map;
-mod table;
+pub(crate) mod table;
 mod verdict;
 mod words;
 
@@ -30,14 +30,12 @@ use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount, FilmAfterContact};
 use crate::world::Scenario;
 
-pub(crate) use animation::Beside;
-pub(crate) use animation::looping_picture;
+pub(crate) use animation::{Beside, looping_picture};
 pub(crate) use campaign::CampaignPage;
 pub(crate) use figures::sweep_curve;
-pub use figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
 pub(crate) use points::{PointCase, PointsPage};
 pub(crate) use start_map::{CellState, MapCell, StartMap};
-pub use table::{TextTable, WIDTH, terminal_table};
+pub(crate) use table::TextTable;
 pub(crate) use verdict::outcome_in_words;
 
 /// Content of a report.

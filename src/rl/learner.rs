@@ -130,7 +130,7 @@ pub trait Learner: Send {
     /// Returns the greedy policy learned so far.
     fn policy(&self) -> Box<dyn Policy>;
 
-    /// Returns the same policy as a bundle, which [`super::load_policy`] reads.
+    /// Returns the same policy as a bundle, which a run directory stores.
     fn policy_bundle(&self) -> TensorFile;
 
     /// Returns the state from which training continues as if never interrupted.

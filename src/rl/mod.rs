@@ -31,11 +31,11 @@ mod dqn;
 mod example_learner;
 pub(crate) mod kernel;
 mod learner;
-mod list;
-pub mod nn;
+pub(crate) mod list;
+pub(crate) mod nn;
 mod ppo;
 mod q_table;
-pub mod replay;
+pub(crate) mod replay;
 mod starts;
 
 pub use bundle::{BundleError, Data, Element, TensorFile};
@@ -44,8 +44,8 @@ pub use dice::LearnerRng;
 pub use dqfd::DqfdSettings;
 pub use dqn::{DqnSettings, Loss};
 pub use learner::{ConfigError, Demonstration, Learner, Seeding, TrainingCounters};
-pub(crate) use list::fine_tuner;
-pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};
+pub use list::{LearnerConfig, LearnerSettings};
+pub(crate) use list::{fine_tuner, load_policy, load_policy_for};
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};
 

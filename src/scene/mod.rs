@@ -6,26 +6,28 @@
 //!
 //! Architecture Invariant: a scene computes no reward and no verdict.
 
-pub mod drive;
+pub(crate) mod drive;
 mod figure;
-pub mod grid;
+pub(crate) mod grid;
 pub(crate) mod ground;
 mod record;
 mod world;
 
 use std::sync::Arc;
 
+pub use crate::severity::{CrashKind, Impact, InjuryRisk, RiskCurve, Side};
+pub use crate::sim::{BodyCommand, BodyState, Placement, Pose};
 pub(crate) use figure::BodyFigure;
-pub use record::{BodySample, Motion, Passage};
-pub use world::{Availability, Derived, Dynamics, Observed, World};
+pub(crate) use record::Passage;
+pub use record::{BodySample, Motion};
+pub(crate) use world::Derived;
+pub use world::{Availability, Dynamics, Observed, World};
 
 use serde::{Deserialize, Serialize};
 
 use crate::ego::{Command, Fault, Phase};
 use crate::rl::Spaces;
 use crate::seed::StartKey;
-use crate::severity::Impact;
-use crate::sim::Placement;
 use crate::trace::Schema;
 
 /// The three clocks of an episode: samples, decisions and the horizon.
@@ -303,6 +305,7 @@ pub trait Scene: Send {
     /// Appends nothing if no plant moves the agents, as on a grid.
     fn bodies(&self, _into: &mut Vec<BodySample>) {}
     /// Returns the driving world of this scene, or `None` for a grid.
+    #[doc(hidden)]
     fn driven(&self) -> Option<drive::DriveWorld> {
         None
     }

@@ -16,8 +16,10 @@ use crate::trace::{Schema, Signal};
 #[derive(Clone)]
 pub enum World {
     /// Cars on a road.
+    #[doc(hidden)]
     Drive(DriveWorld),
     /// Cells on a map.
+    #[doc(hidden)]
     Grid(GridWorld),
 }
 

@@ -6,7 +6,7 @@ use super::random;
 use super::trials::Trials;
 use crate::testbench::HOLD_DECISIONS;
 
-/// Method that holds a uniformly random action for [`HOLD_DECISIONS`].
+/// Method that holds a uniformly random action for five decisions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hold;
 

@@ -18,7 +18,7 @@ use super::walker::Walker;
 /// Kind of road user: its box, its mass and its way of moving.
 ///
 /// ```
-/// use brakecheck::sim::Body;
+/// use brakecheck::internals::sim::Body;
 /// let sedan = Body::shipped("sedan").unwrap().unwrap();
 /// assert_eq!(sedan.length_m, 4.54);
 /// ```

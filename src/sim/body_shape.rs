@@ -16,7 +16,7 @@ const MOST: usize = 32;
 /// Collision shape on the rigid plant, inside the bounding box of the body.
 ///
 /// ```
-/// use brakecheck::sim::{Body, BodyShape};
+/// use brakecheck::internals::sim::{Body, BodyShape};
 /// let compact = Body::shipped("compact").unwrap().unwrap();
 /// assert_eq!(compact.shape, BodyShape::Rounded { corner_radius_m: 0.35 });
 /// ```

@@ -9,7 +9,8 @@
 //! **middle of the front bumper**, projected to the ground.
 //!
 //! ```
-//! use brakecheck::sim::{Body, BodyCommand, Ground, PlantKind, Pose, plant};
+//! use brakecheck::internals::sim::{Body, BodyCommand, Ground, Pose, plant};
+//! use brakecheck::world::PlantKind;
 //!
 //! let sedan = Body::shipped("sedan").unwrap().unwrap();
 //! let mut plant = plant(PlantKind::Rigid, Ground { friction: 0.9 });

@@ -4,13 +4,12 @@ mod interval;
 mod optimization;
 mod outcomes;
 
-pub use interval::mcnemar;
 pub(crate) use interval::predicted;
 pub use interval::{
-    at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
+    at_most, mcnemar, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
 pub(crate) use optimization::{
     CrossEntropySearch, SMALL_WEIGHTS, add_equation, descend, logistic, pick,
 };
 pub(crate) use outcomes::Flips;
-pub use outcomes::{Outcomes, StartOutcome, UnknownMark};
+pub use outcomes::{Outcomes, StartOutcome};

@@ -43,6 +43,7 @@ pub struct AdaptedTo {
     /// Name of the ego, as in the rows.
     pub(crate) ego: String,
     /// Facts recorded while the ego was learned.
+    #[doc(hidden)]
     #[serde(flatten)]
     pub learned: LearnedFrom,
     /// Way in which the ado acts.

@@ -43,8 +43,4 @@ mod surrogate_sim;
 
 pub use adapted_policy::AdaptedTo;
 pub(crate) use adapted_policy::learned;
-pub use fitted_model::FittedModel;
-pub(crate) use learn::LEAST_RUNS;
-pub(crate) use learn::LearnEgoRequest;
-pub use learn::LearnedFrom;
-pub use surrogate_error::SurrogateError;
+pub(crate) use learn::{LEAST_RUNS, LearnEgoRequest};

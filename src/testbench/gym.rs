@@ -105,7 +105,7 @@ impl Gym {
     }
 
     /// Continues the count of costs from `spent`.
-    pub fn count_from(&mut self, spent: Spent) {
+    pub(crate) fn count_from(&mut self, spent: Spent) {
         self.spent = spent;
     }
 
@@ -123,6 +123,7 @@ impl Gym {
     }
 
     /// Returns the cost so far.
+    #[doc(hidden)]
     pub fn spent(&self) -> Spent {
         self.spent
     }

@@ -4,10 +4,10 @@
 //! time. [`Gym`] presents it to learners as an `rl::Env`. [`play`] lets any
 //! [`Actor`] act in it and records the [`Episode`].
 
-mod actors;
+pub(crate) mod actors;
 mod counting;
 mod faults;
-mod film;
+pub(crate) mod film;
 mod gym;
 mod recording;
 
@@ -15,12 +15,13 @@ use std::sync::Arc;
 
 use rand::Rng;
 
-pub use actors::{Actor, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay};
+pub(crate) use actors::HOLD_DECISIONS;
+pub use actors::{Actor, Constant, HeldRandom, PolicyActor, Random, Replay};
 pub(crate) use faults::count_faults;
 pub use faults::{Complaint, FaultCount, FaultLog};
-pub(crate) use film::joined;
-pub use film::{Film, FilmAfterContact, film, film_beyond};
-pub use gym::{Gym, Spent, Success};
+pub(crate) use film::{Film, FilmAfterContact, film, film_beyond, joined};
+pub(crate) use gym::Spent;
+pub use gym::{Gym, Success};
 pub use recording::motion_of;
 pub(crate) use recording::passage_of;
 

@@ -3,18 +3,16 @@
 mod calibration;
 mod demonstrations;
 mod error;
-mod goals;
+pub(crate) mod goals;
 mod retrain_baseline;
 mod rollout;
 mod session;
 mod stopping_rule;
-mod train_loop;
-mod training_egos;
+pub(crate) mod train_loop;
+pub(crate) mod training_egos;
 mod training_search;
 
 pub use error::{OptionClash, SessionError};
-pub use goals::GoalTracker;
 pub(crate) use retrain_baseline::retrained;
 pub use session::{Closing, TrainRequest, TrainSession};
-pub use train_loop::{TrainError, TrainingOutcome, train};
-pub use training_egos::TrainingGym;
+pub use train_loop::{TrainError, TrainingOutcome};

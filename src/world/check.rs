@@ -308,7 +308,7 @@ pub(super) fn script(problems: &mut Problems, path: &ValuePath, script: &Script)
         Script::Profile(points) => points.iter().map(|point| point.0).collect(),
         Script::Walk(points) => points.iter().map(|point| point.0).collect(),
         Script::Idm(idm) => {
-            let idm = idm.clone().map(ControllerSpec::Idm);
+            let idm = idm.clone().map(ControllerSpec::from);
             parameters(problems, &path.at(0), &idm.parameters());
             Vec::new()
         }

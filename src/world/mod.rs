@@ -23,7 +23,7 @@ mod dry_run;
 mod environment;
 mod environment_file;
 mod error;
-mod family;
+pub(crate) mod family;
 mod family_check;
 mod family_file;
 mod file;
@@ -47,7 +47,7 @@ mod road_ado;
 mod roads;
 mod runs;
 mod scenario;
-mod scenario_kind;
+pub(crate) mod scenario_kind;
 mod shipped;
 mod slope_and_wind;
 mod starts;
@@ -62,20 +62,22 @@ use std::path::Path as FilePath;
 
 use serde::de::DeserializeOwned;
 
+pub use crate::scene::drive::Sensors;
+pub use crate::scene::grid::{AtWall, Horizon, Starts};
+pub use crate::sim::PlantKind;
 pub(crate) use error::guessed;
 pub use error::{LoadError, Problem, ScenarioError};
-pub use family::{EgoSample, Family, TrainingEgos};
+pub use family::TrainingEgos;
 pub use file::{Change, GridChange};
 pub(crate) use locate::ValuePath;
 pub(crate) use named_file::{file_bytes, file_text};
 pub(crate) use ordered::Ordered;
 pub use ordered::Patch;
-pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
 pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, RuleSpec, Scenario};
-pub use scenario_kind::{DriveScenario, GridScenario, NotAGrid, ScenarioKind};
-pub use structure::Structure;
+pub use scenario_kind::NotAGrid;
+pub(crate) use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
 
 /// Reads a RON file that is not a world.
 ///

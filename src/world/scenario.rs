@@ -9,7 +9,7 @@ use super::family::{Family, TrainingEgos};
 use super::file::Change;
 use super::locate::ValuePath;
 use super::repeats::Repeats;
-use crate::ego::{Actuated, ControllerSpec, Process};
+use crate::ego::{Actuated, ControllerSpec, Process, StockController};
 use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook, TrainingGoal};
 use crate::scene::drive::{Agent, Drive, EgoController, EgoDrive};
@@ -184,11 +184,6 @@ impl Scenario {
         &self.rulebook
     }
 
-    /// Returns the bound rulebook, to be stored beside the world.
-    pub fn shared_rulebook(&self) -> Arc<Rulebook> {
-        Arc::clone(&self.rulebook)
-    }
-
     /// Returns a new test bench, one per worker.
     pub fn bench(&self) -> Testbench {
         Testbench::new(self.world.scene(), Arc::clone(&self.rulebook))
@@ -200,6 +195,7 @@ impl Scenario {
     }
 
     /// Returns the family of egos under `train_against`, if any.
+    #[doc(hidden)]
     pub fn family(&self) -> Option<&Family> {
         self.family.as_deref()
     }
@@ -210,6 +206,7 @@ impl Scenario {
     }
 
     /// Returns the drive of the ego. `None` on a grid.
+    #[doc(hidden)]
     pub fn ego(&self) -> Option<&EgoDrive> {
         Some(&self.drive()?.spec().ego)
     }
@@ -256,7 +253,7 @@ impl Scenario {
             let spec = driving.spec();
             let coasts = matches!(
                 spec.ego.controller,
-                EgoController::Stock(ControllerSpec::Coast(_))
+                EgoController::Stock(ControllerSpec(StockController::Coast(_)))
             );
             coasts || !spec.points.is_empty()
         })

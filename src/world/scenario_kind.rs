@@ -41,6 +41,7 @@ pub struct NotAGrid {
 
 impl Scenario {
     /// Returns the scenario by the kind of its world.
+    #[doc(hidden)]
     pub fn kind(&self) -> ScenarioKind<'_> {
         let scenario = self;
         match &self.world {
@@ -50,6 +51,7 @@ impl Scenario {
     }
 
     /// Returns the scenario if its world drives.
+    #[doc(hidden)]
     pub fn drive(&self) -> Option<DriveScenario<'_>> {
         match self.kind() {
             ScenarioKind::Drive(scenario) => Some(scenario),
@@ -58,6 +60,7 @@ impl Scenario {
     }
 
     /// Returns the scenario if its world is a grid.
+    #[doc(hidden)]
     pub fn grid(&self) -> Option<GridScenario<'_>> {
         match self.kind() {
             ScenarioKind::Drive(_) => None,
@@ -70,6 +73,7 @@ impl Scenario {
     /// # Errors
     ///
     /// Returns an error for a driving world.
+    #[doc(hidden)]
     pub fn require_grid(&self) -> Result<GridScenario<'_>, NotAGrid> {
         self.grid().ok_or_else(|| NotAGrid {
             world: self.name.clone(),

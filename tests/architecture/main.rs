@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 36] = [
+const FLOORS: [(&str, u32); 37] = [
     ("seed", 0),
     ("content_hash", 0),
     ("visible", 0),
@@ -48,6 +48,7 @@ const FLOORS: [(&str, u32); 36] = [
     ("serving", 13),
     ("evaluation", 14),
     ("campaign", 15),
+    ("internals", 16),
     ("cli", 16),
     ("lib", 17),
     ("repro", 17),

@@ -1,6 +1,6 @@
 //! Pictures that play by themselves: as the documents show them, and honest.
 
-use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::ego::ReferenceDriver;
 use brakecheck::rulebook::RulesUntilContact;
 use brakecheck::run_dir::{About, Counterexample};
 

@@ -98,7 +98,7 @@ fn a_training_can_be_viewed_before_it_ends() {
     let dir = scratch();
     let run = path(&dir, "run");
     let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-    let world = world.on(brakecheck::sim::PlantKind::Kinematic);
+    let world = world.on(brakecheck::world::PlantKind::Kinematic);
     let request = TrainRequest {
         decisions: Some(100_000),
         ..TrainRequest::default()

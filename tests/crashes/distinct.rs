@@ -1,6 +1,6 @@
 //! Which counterexamples are the same one over and over.
 
-use brakecheck::experiment::{CrashFeatures, NEAR, clusters};
+use brakecheck::internals::experiment::{CrashFeatures, NEAR, clusters};
 use brakecheck::testbench::Episode;
 
 use super::found::{acc, acc_found, cut_in, cut_in_found, replayed};

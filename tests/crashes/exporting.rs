@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
-use brakecheck::crashes::{ExportRefusal, Regressions, export, openx};
+use brakecheck::crashes::{ExportRefusal, Regressions, export};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
+use brakecheck::internals::crashes::openx;
+use brakecheck::internals::testbench::{Film, film_beyond};
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
-use brakecheck::testbench::{Aftermath, Constant, Film, Replay, film_beyond, play};
+use brakecheck::testbench::{Aftermath, Constant, Replay, play};
 use brakecheck::world::{Change, Scenario};
 
 use super::openx::{all, regressions, way};

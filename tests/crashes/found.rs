@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 
 use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::search::{Hold, SearchRequest, search};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 
 /// The cruise control on the 2D plant.

@@ -2,11 +2,9 @@
 
 use std::path::Path;
 
-use brakecheck::crashes::{
-    CrashSelection, CrashWriter, Form, KeepSettings, KeptFiles, PERSISTENT, Regressions,
-    description,
-};
+use brakecheck::crashes::{CrashSelection, Form, KeepSettings, KeptFiles, Regressions};
 use brakecheck::experiment::Watch;
+use brakecheck::internals::crashes::{CrashWriter, PERSISTENT, description};
 use brakecheck::testbench::{Episode, Testbench};
 use brakecheck::world::Change;
 

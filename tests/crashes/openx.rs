@@ -7,10 +7,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use brakecheck::crashes::{Regressions, Replayed, SavedCounterexample, openx};
+use brakecheck::crashes::SavedCounterexample;
+use brakecheck::crashes::{Regressions, Replayed};
+use brakecheck::internals::crashes::openx;
+use brakecheck::internals::scene::drive::{DriveSpec, DriveWorld};
 use brakecheck::openx::OpenX;
 use brakecheck::scene::World;
-use brakecheck::scene::drive::{DriveSpec, DriveWorld};
 use brakecheck::trace::Trace;
 
 use super::xml::Node;
@@ -264,7 +266,7 @@ fn s_and_t_of_the_road_are_those_of_the_trace() {
             let name = agent.name.as_str();
             let x_m = exported.recorded(name, "x", sample);
             let y_m = exported.recorded(name, "y", sample);
-            let at = course.locate(&brakecheck::sim::Pose {
+            let at = course.locate(&brakecheck::scene::Pose {
                 x_m,
                 y_m,
                 heading_rad: 0.0,
@@ -318,7 +320,7 @@ fn the_road_is_long_enough_and_its_lanes_are_those_of_the_world() {
                     continue;
                 }
                 for [_, x_m, y_m, heading_rad] in way(scenario, &agent.name) {
-                    let pose = brakecheck::sim::Pose {
+                    let pose = brakecheck::scene::Pose {
                         x_m,
                         y_m,
                         heading_rad,

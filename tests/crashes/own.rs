@@ -4,11 +4,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use brakecheck::crashes::{decisive, description, persistence, shrink};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
+use brakecheck::experiment::ControllerFactory;
 use brakecheck::experiment::Watch;
+use brakecheck::internals::crashes::{decisive, description, persistence, shrink};
 use brakecheck::run_dir::NotAsked;
-use brakecheck::scene::drive::ControllerFactory;
 use brakecheck::world::{Repeats, Scenario};
 
 use super::found::{acc, acc_found, replayed};

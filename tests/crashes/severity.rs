@@ -1,8 +1,11 @@
 //! Contacts by hand: two boxes, their speeds, and what that does to the ego.
 
+use brakecheck::internals::severity::Party;
+use brakecheck::internals::sim::{Body, Ground, plant};
 use brakecheck::scene::ContactEvent;
-use brakecheck::severity::{CrashKind, Impact, Party, RiskCurve, Side};
-use brakecheck::sim::{Body, BodyState, Ground, PlantKind, Pose, plant};
+use brakecheck::scene::{BodyState, Pose};
+use brakecheck::scene::{CrashKind, Impact, RiskCurve, Side};
+use brakecheck::world::PlantKind;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::near;

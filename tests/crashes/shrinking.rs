@@ -2,8 +2,8 @@
 
 use std::cmp::Ordering;
 
-use brakecheck::crashes::{CLOSING, effort, shrink};
 use brakecheck::experiment::Watch;
+use brakecheck::internals::crashes::{CLOSING, effort, shrink};
 use brakecheck::run_dir::Effort;
 use brakecheck::testbench::Episode;
 use brakecheck::world::Scenario;

@@ -1,10 +1,10 @@
 //! What is varied, and that it is.
 
-use brakecheck::crashes::persistence;
+use brakecheck::internals::crashes::persistence;
 use brakecheck::run_dir::{Persistence, Variation};
-use brakecheck::scene::drive::Sensors;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
+use brakecheck::world::PlantKind;
+use brakecheck::world::Sensors;
 use brakecheck::world::{Change, Scenario};
 
 use super::found::{acc, acc_found};

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use brakecheck::crashes::{SubstituteDriver, decisive, last_chance, shrink, why};
-use brakecheck::ego::{Controller, FullBrake, Takeover};
+use brakecheck::ego::Controller;
 use brakecheck::experiment::Watch;
+use brakecheck::internals::crashes::{SubstituteDriver, decisive, last_chance, shrink, why};
+use brakecheck::internals::ego::{FullBrake, Takeover};
 use brakecheck::rulebook::Verdict;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
 use brakecheck::world::Scenario;

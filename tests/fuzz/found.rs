@@ -1,6 +1,7 @@
 //! What fuzzing found once, each mended, each held here for good.
 
-use brakecheck::rl::{TensorFile, load_policy};
+use brakecheck::internals::rl::load_policy;
+use brakecheck::rl::TensorFile;
 use brakecheck::stl::Formula;
 
 /// Formulas whose canonical text did not read back.

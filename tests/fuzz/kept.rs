@@ -1,8 +1,10 @@
 //! Kept counterexamples: refused, or replayed in the world that is in them.
 
-use brakecheck::crashes::{SavedCounterexample, replay};
+use brakecheck::crashes::SavedCounterexample;
+use brakecheck::internals::crashes::replay;
+use brakecheck::internals::run_dir::digests_of;
 use brakecheck::rulebook::Verdict;
-use brakecheck::run_dir::{Counterexample, KeptError, digests_of};
+use brakecheck::run_dir::{Counterexample, KeptError};
 use brakecheck::trace::Trace;
 
 use super::corpus::{self, Source};

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use brakecheck::internals::rl::{load_policy, load_policy_for};
 use brakecheck::rl::{
     Bins, DqnSettings, End, Env, LearnerConfig, LearnerSettings, Policy, PpoSettings,
-    QTableSettings, Spaces, Step, TensorFile, load_policy, load_policy_for,
+    QTableSettings, Spaces, Step, TensorFile,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};

@@ -1,6 +1,7 @@
 //! CSV: refused with its line, or the numbers that stand there.
 
-use brakecheck::run_dir::{csv_of, trace_of_csv};
+use brakecheck::internals::run_dir::csv_of;
+use brakecheck::run_dir::trace_of_csv;
 use brakecheck::trace::{Schema, Signal, SignalKind, Trace};
 use proptest::prelude::*;
 use proptest::sample::select;

@@ -1,7 +1,8 @@
 //! World files: refused with a place and a reason, or playable.
 
 use brakecheck::cli::{Failure, plain_theme};
-use brakecheck::crashes::{SavedCounterexample, replay};
+use brakecheck::crashes::SavedCounterexample;
+use brakecheck::internals::crashes::replay;
 use brakecheck::rulebook::Verdict;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;

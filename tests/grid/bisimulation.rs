@@ -2,10 +2,11 @@
 
 use std::collections::{HashSet, VecDeque};
 
-use brakecheck::grid_solver::bisimulation::{Bisimulation, coarse};
-use brakecheck::grid_solver::exact::Game;
-use brakecheck::scene::grid::{AtWall, Position};
-use brakecheck::theorems::{TheoremOutcome, bisimulations, theorem_3};
+use brakecheck::internals::grid_solver::bisimulation::{Bisimulation, coarse};
+use brakecheck::internals::grid_solver::exact::Game;
+use brakecheck::internals::scene::grid::Position;
+use brakecheck::internals::theorems::{TheoremOutcome, bisimulations, theorem_3};
+use brakecheck::world::AtWall;
 use brakecheck::world::{GridChange, Scenario};
 
 use super::theorems::{converged, trained};
@@ -132,7 +133,7 @@ fn checked(
     nominal: &Scenario,
     other: &Scenario,
     policy: &dyn brakecheck::rl::Policy,
-) -> Vec<brakecheck::theorems::Theorem3> {
+) -> Vec<brakecheck::internals::theorems::Theorem3> {
     let (nominal, other) = (cells(nominal), cells(other));
     let relations = bisimulations(nominal, other, 0.5).expect("comparable");
     let rows = relations.iter();

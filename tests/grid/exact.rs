@@ -1,8 +1,8 @@
 //! Counts that were computed independently before this solver existed.
 
-use brakecheck::grid_solver::exact::{Game, PositionPolicy, UNIT_MOVES, chase};
+use brakecheck::internals::grid_solver::exact::{Game, PositionPolicy, UNIT_MOVES, chase};
+use brakecheck::internals::scene::grid::position_of;
 use brakecheck::rl::LearnerRng;
-use brakecheck::scene::grid::position_of;
 use brakecheck::testbench::{Aftermath, Random, Replay, play};
 
 use super::{A, B, captures, cells, changed, episode, game, world};

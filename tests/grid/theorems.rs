@@ -1,15 +1,16 @@
 //! Theorems 1 and 2, played from every start, and the faults that they notice.
 
-use brakecheck::grid_solver::exact::{Game, PositionPolicy};
-use brakecheck::grid_solver::values::ValueTable;
+use brakecheck::evaluation::TheoremsError;
+use brakecheck::internals::grid_solver::exact::{Game, PositionPolicy};
+use brakecheck::internals::grid_solver::values::ValueTable;
+use brakecheck::internals::theorems::{
+    Approximation, Theorem1, Theorem2, TheoremOutcome, grid_theorems, optimal_values, theorem_1,
+    theorem_2,
+};
 use brakecheck::rl::{Control, LearnerRng, Policy};
-use brakecheck::scene::grid::{AtWall, Horizon};
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;
-use brakecheck::theorems::{
-    Approximation, Theorem1, Theorem2, TheoremOutcome, TheoremsError, grid_theorems,
-    optimal_values, theorem_1, theorem_2,
-};
+use brakecheck::world::{AtWall, Horizon};
 use brakecheck::world::{GridChange, Scenario};
 
 use super::{A, B, cells, changed, world};

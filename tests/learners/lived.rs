@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use brakecheck::rl::replay::{Batch, ReplayBuffer, Transition};
+use brakecheck::internals::rl::replay::{Batch, ReplayBuffer, Transition};
 use brakecheck::rl::{Bins, End, LearnerConfig, LearnerRng, QTableSettings, Spaces, TensorFile};
 
 use crate::config;

@@ -1,9 +1,10 @@
 //! A driver as the ego of a world, and the same one in the panel.
 
-use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::preventability::{DriverOutcome, Seat};
-use brakecheck::sim::PlantKind;
+use brakecheck::ego::ReferenceDriver;
+use brakecheck::preventability::DriverOutcome;
+use brakecheck::preventability::Seat;
 use brakecheck::testbench::{Aftermath, Episode, Replay, motion_of, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
 use ron::extensions::Extensions;
 

@@ -1,9 +1,10 @@
 //! The worked labels of `tests/data/reference`, on the plant itself.
 
-use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::preventability::{DriverOutcome, RecordedEpisode, Replayer, Seat, Struck};
+use brakecheck::ego::ReferenceDriver;
+use brakecheck::preventability::{DriverOutcome, Struck};
+use brakecheck::preventability::{RecordedEpisode, Replayer, Seat};
 use brakecheck::scene::{BodySample, ContactEvent, Motion, Start};
-use brakecheck::sim::{BodyState, Pose};
+use brakecheck::scene::{BodyState, Pose};
 use brakecheck::testbench::{Aftermath, Constant, play};
 use brakecheck::world::Scenario;
 use serde_json::Value;

@@ -1,10 +1,12 @@
 //! Rows of evaluations, number by number.
 
-use brakecheck::adversary::{Ado, BestOfN, EvalRequest, Evaluated, eval};
+use brakecheck::adversary::Ado;
 use brakecheck::ego::{Fault, FaultKind};
 use brakecheck::experiment::{EgoUnderTest, TestStarts, test_starts};
+use brakecheck::internals::adversary::{BestOfN, EvalRequest, Evaluated, eval};
 use brakecheck::rl::Policy;
-use brakecheck::run_dir::{AdversaryId, ClosingSpeed, Row, Stored};
+use brakecheck::run_dir::Stored;
+use brakecheck::run_dir::{AdversaryId, ClosingSpeed, Row};
 use brakecheck::scene::Start;
 use brakecheck::search::Adversary;
 use brakecheck::stats::{StartOutcome, at_most, wilson};

@@ -1,8 +1,11 @@
 //! One ado on many egos, summed up by hand.
 
-use brakecheck::adversary::{Ado, eval};
-use brakecheck::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
+use brakecheck::adversary::Ado;
 use brakecheck::experiment::EgoUnderTest;
+use brakecheck::internals::adversary::eval;
+use brakecheck::internals::evaluation::{
+    LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise,
+};
 use brakecheck::run_dir::{AdversaryId, Row};
 use brakecheck::stats::paired_difference;
 

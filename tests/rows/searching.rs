@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use brakecheck::ego::{Command, Controller, Fault, Percept};
+use brakecheck::experiment::ControllerFactory;
 use brakecheck::experiment::TestStarts;
-use brakecheck::run_dir::{ClosingSpeed, Stored, Unconfirmed};
+use brakecheck::run_dir::Stored;
+use brakecheck::run_dir::{ClosingSpeed, Unconfirmed};
 use brakecheck::scene::Start;
-use brakecheck::scene::drive::ControllerFactory;
 use brakecheck::search::{
     Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Searched, Switches, Uniform, anytime,
     search,

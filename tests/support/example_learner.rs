@@ -172,7 +172,7 @@ fn a_learner_is_one_file_and_one_line() {
     use crate::experiment::Watch;
     use crate::run_dir::RunDir;
     use crate::testbench::{Aftermath, PolicyActor, play};
-    use crate::training::train;
+    use crate::training::train_loop::train;
     use crate::world::Scenario;
 
     let acc = include_str!("../../worlds/acc.ron");

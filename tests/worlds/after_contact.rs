@@ -107,7 +107,7 @@ fn a_car_that_is_hit_at_its_corner_is_pushed_over_the_lanes_edge() {
 #[test]
 fn nothing_is_played_where_nothing_collides() {
     let world = row("after_contact_s: 2.0,", "0.0");
-    let on_kinematic = world.on(brakecheck::sim::PlantKind::Kinematic);
+    let on_kinematic = world.on(brakecheck::world::PlantKind::Kinematic);
     assert_eq!(crash(&on_kinematic).after_contact, None);
     // The second car is beside the ego's way.
     let beside = crash(&row("after_contact_s: 2.0,", "3.4"));
@@ -121,7 +121,9 @@ fn a_kept_crash_has_the_motion_after_the_contact() {
     let dir = tempfile::tempdir().expect("a directory");
     let mut kept =
         Counterexample::record(&world, "nominal", &Change::default(), "search", &episode);
-    kept.about = Some(brakecheck::crashes::description(&world, &episode));
+    kept.about = Some(brakecheck::internals::crashes::description(
+        &world, &episode,
+    ));
     let file = dir.path().join("row.ron");
     kept.save(&file, &episode.trace).expect("written");
     let read = Regressions::load(&file).expect("a file");

@@ -2,11 +2,13 @@
 
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::adversary::Ado;
 use brakecheck::crashes::Regressions;
 use brakecheck::experiment::{TestStarts, Watch};
+use brakecheck::internals::adversary::{EvalRequest, eval};
 use brakecheck::rulebook::RulesUntilContact;
-use brakecheck::run_dir::{Counterexample, Row, Stored};
+use brakecheck::run_dir::Stored;
+use brakecheck::run_dir::{Counterexample, Row};
 use brakecheck::scene::Start;
 use brakecheck::search::{Mutate, SearchRequest, Switches, search};
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, Success, Testbench, play};

@@ -3,11 +3,11 @@
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::internals::training::train;
 use brakecheck::run_dir::RunDir;
 use brakecheck::search::{SearchRequest, Switches, search};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Actor, Aftermath, HeldRandom, PolicyActor, play};
-use brakecheck::training::train;
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 
 const DOC: &str = include_str!("../../docs/guide/worlds.md");

@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::crashes::Regressions;
+use brakecheck::evaluation::TheoremsError;
 use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::internals::theorems::{TheoremsRequest, Witness, carry_over};
 use brakecheck::rl::Policy;
 use brakecheck::rulebook::{Rulebook, Verdict};
-use brakecheck::sim::PlantKind;
 use brakecheck::stl::Scratch;
 use brakecheck::testbench::Episode;
-use brakecheck::theorems::{TheoremsError, TheoremsRequest, Witness, carry_over};
 use brakecheck::trace::Trace;
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use proptest::prelude::*;
 

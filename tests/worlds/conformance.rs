@@ -1,8 +1,8 @@
 //! One suite over every shipped world: determinism, bounds, finiteness, forks.
 
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, HeldRandom, Testbench, play};
+use brakecheck::world::PlantKind;
 
 fn key(purpose: Purpose, index: u64) -> StartKey {
     StartKey {

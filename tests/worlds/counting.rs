@@ -1,10 +1,11 @@
 //! Worlds in which some violations are no counterexamples.
 
-use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::ego::ReferenceDriver;
+use brakecheck::internals::testbench::HOLD_DECISIONS;
 use brakecheck::rulebook::Verdict;
+use brakecheck::scene::Side;
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::severity::Side;
-use brakecheck::testbench::{Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, play};
+use brakecheck::testbench::{Aftermath, Constant, Episode, HeldRandom, play};
 use brakecheck::world::Scenario;
 
 const ISO: &str = include_str!("../../worlds/acc_iso.ron");

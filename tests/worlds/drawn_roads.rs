@@ -3,13 +3,14 @@
 
 use std::sync::{Arc, Mutex};
 
-use brakecheck::crashes::{Regressions, openx};
+use brakecheck::crashes::Regressions;
 use brakecheck::ego::{Briefing, Command, Controller, Fault, Percept};
+use brakecheck::internals::crashes::openx;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Testbench, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
 
 const MERGE: &str = include_str!("../../worlds/merge.ron");

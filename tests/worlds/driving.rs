@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::ego::Phase;
+use brakecheck::internals::testbench::film;
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Aftermath, Constant, Episode, film, play};
+use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Patch, Scenario};
 
 const ACC: &str = include_str!("../../worlds/acc.ron");

@@ -1,12 +1,13 @@
 //! Starts that draw friction and sensors: the values are those of the start, in every
 //! run, on every bench and from every file.
 
-use brakecheck::crashes::{Regressions, openx};
+use brakecheck::crashes::Regressions;
+use brakecheck::internals::crashes::openx;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Testbench, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
 
 const ACC: &str = include_str!("../../worlds/acc.ron");

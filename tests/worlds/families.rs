@@ -2,19 +2,21 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brakecheck::adversary::{Ado, BestOfN, EvalRequest, eval};
+use brakecheck::adversary::Ado;
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::internals::adversary::{BestOfN, EvalRequest, eval};
+use brakecheck::internals::scene::drive::DriveSpec;
+use brakecheck::internals::training::train;
+use brakecheck::internals::world::{EgoSample, Family};
 use brakecheck::rl::{Control, Policy};
 use brakecheck::run_dir::RunDir;
 use brakecheck::scene::Dynamics;
-use brakecheck::scene::drive::DriveSpec;
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
 use brakecheck::stats::StartOutcome::{Solved, Trivial};
 use brakecheck::testbench::{Aftermath, Gym, HeldRandom, play};
-use brakecheck::training::train;
-use brakecheck::world::{Change, EgoSample, Family, Scenario, TrainingEgos};
+use brakecheck::world::PlantKind;
+use brakecheck::world::{Change, Scenario, TrainingEgos};
 
 use super::acc;
 

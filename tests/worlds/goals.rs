@@ -4,12 +4,13 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use brakecheck::experiment::Watch;
+use brakecheck::internals::training::{GoalTracker, TrainingGym};
 use brakecheck::rl::{Demonstration, End, Env};
 use brakecheck::rulebook::TrainingGoal::{self, Distinct, Severe};
 use brakecheck::run_dir::RunDir;
 use brakecheck::seed::{Purpose, generator};
-use brakecheck::sim::PlantKind;
-use brakecheck::training::{GoalTracker, SessionError, TrainRequest, TrainSession, TrainingGym};
+use brakecheck::training::{SessionError, TrainRequest, TrainSession};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use rand::RngExt;
 

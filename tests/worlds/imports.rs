@@ -6,9 +6,9 @@
 
 use std::path::Path;
 
+use brakecheck::internals::sim::Body;
 use brakecheck::openx::import::{DroppedElements, Import, ImportError, Imported};
 use brakecheck::scene::Start;
-use brakecheck::sim::Body;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
 

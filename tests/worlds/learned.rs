@@ -3,11 +3,12 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::adversary::Ado;
 use brakecheck::experiment::{Remark, Watch, test_starts};
+use brakecheck::internals::adversary::{EvalRequest, eval};
 use brakecheck::run_dir::{RunDir, TrainingEnd};
-use brakecheck::sim::PlantKind;
 use brakecheck::training::{TrainRequest, TrainSession, TrainingOutcome};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 
 /// The ACC world on the kinematic plant, its `learner` another one or left out.

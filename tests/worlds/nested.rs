@@ -4,7 +4,7 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use brakecheck::run_dir::RunsOnDisk;
+use brakecheck::internals::run_dir::RunsOnDisk;
 use brakecheck::world::{Problem, Scenario};
 
 use super::trained::{PLACED, fake, quick_acc, trained};

@@ -4,8 +4,8 @@
 use core::f64::consts::PI;
 
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 
 const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];
@@ -87,7 +87,7 @@ fn scripts_follow_their_laws_to_a_tenth_of_a_millimetre_on_both_plants() {
     let swing_s = PI * (0.6_f64 / (2.0 * 0.5)).sqrt();
     let brake_s = 1.02 + swing_s + 0.5;
     // The rear axle moves by the law, and the body lies along its velocity.
-    let van = brakecheck::sim::Body::shipped("van")
+    let van = brakecheck::internals::sim::Body::shipped("van")
         .expect("shipped")
         .expect("a body");
     let lever_m = van.lever_m();
@@ -325,7 +325,7 @@ fn nobody_needs_to_learn() {
     let contact = episode.contact.clone().expect("a contact");
     assert!((contact.closing_speed_mps - 10.0).abs() < 1e-3);
     // For other tools it is a crash like any other.
-    let files = brakecheck::crashes::openx(&world, &episode, "plans", "nominal");
+    let files = brakecheck::internals::crashes::openx(&world, &episode, "plans", "nominal");
     let files = files.expect("exported");
     assert!(files.replay.contains("entityRef=\"other\""));
 }

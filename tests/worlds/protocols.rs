@@ -7,8 +7,8 @@ use brakecheck::experiment::EgoUnderTest;
 use brakecheck::openx::import::{Import, ImportError, ImportedWorld, points_of};
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use serde_json::Value;
 

@@ -4,17 +4,21 @@
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::adversary::{Ado, EvalRequest, eval, tune_heuristic};
+use brakecheck::adversary::Ado;
+use brakecheck::adversary::tune_heuristic;
 use brakecheck::evaluation::break_even;
-use brakecheck::experiment::{Cost, EgoUnderTest, TestStarts, Watch, test_starts};
-use brakecheck::run_dir::{RunDir, Stored};
+use brakecheck::experiment::Cost;
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
+use brakecheck::internals::adversary::{EvalRequest, eval};
+use brakecheck::internals::training::train;
+use brakecheck::run_dir::RunDir;
+use brakecheck::run_dir::Stored;
 use brakecheck::search::{
     Adversary, Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Switches, Uniform, search,
 };
-use brakecheck::sim::PlantKind;
 use brakecheck::stats::StartOutcome::{Solved, Unsolved};
 use brakecheck::testbench::{Aftermath, Replay, play};
-use brakecheck::training::train;
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 
 static GO: AtomicBool = AtomicBool::new(false);

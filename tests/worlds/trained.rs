@@ -5,11 +5,12 @@ use std::sync::atomic::AtomicBool;
 
 use brakecheck::crashes::Regressions;
 use brakecheck::experiment::Watch;
-use brakecheck::run_dir::{Counterexample, RunDir, RunsOnDisk};
+use brakecheck::internals::run_dir::RunsOnDisk;
+use brakecheck::internals::training::train;
+use brakecheck::run_dir::{Counterexample, RunDir};
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, PolicyActor, Testbench, play};
-use brakecheck::training::train;
 use brakecheck::world::{Change, Scenario, ScenarioError};
 use sha2::{Digest, Sha256};
 

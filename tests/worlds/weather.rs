@@ -1,14 +1,16 @@
 //! Weather as an ado: its effect on brakes and sight, by hand, and its mistakes.
 
 use brakecheck::cli::{Failure, plain_theme};
-use brakecheck::crashes::{ExportRefusal, Regressions, openx};
+use brakecheck::crashes::{ExportRefusal, Regressions};
+use brakecheck::internals::crashes::openx;
+use brakecheck::internals::sim::GRAVITY_MPS2;
 use brakecheck::openx::OpenXError;
 use brakecheck::preventability::NotApplicable;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::sim::{GRAVITY_MPS2, PlantKind};
 use brakecheck::testbench::{Aftermath, Constant, Testbench, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
 
 const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];

@@ -10,13 +10,14 @@ use serde::{Deserialize, Serialize};
 
 use super::case_studies::{CaseStudies, trained_run};
 use brakecheck::adversary::Ado;
-use brakecheck::crashes::persistence;
-use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::ego::{Actuated, CcLatchedDriver, ControllerSpec};
+use brakecheck::ego::Actuated;
+use brakecheck::ego::ReferenceDriver;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
+use brakecheck::internals::crashes::persistence;
+use brakecheck::internals::ego::reference::CcLatchedDriver;
 use brakecheck::run_dir::{ClosingSpeed, RunDir};
+use brakecheck::scene::CrashKind;
 use brakecheck::search::{Adversary, ExperimentCell};
-use brakecheck::severity::CrashKind;
 use brakecheck::stats::wilson;
 use brakecheck::testbench::{Episode, Testbench};
 use brakecheck::training::TrainError;
@@ -121,7 +122,7 @@ impl Study<'_> {
     /// Plays an adversary, and then its crashes again, because held starts have none.
     fn row(&self, adversary: Adversary<'_>, name: Option<&str>) -> Option<CrashRow> {
         let cell = adversary.play(self.ego, self.starts, self.watch)?;
-        let all = brakecheck::experiment::EpisodeLoop::uncounted(self.watch);
+        let all = brakecheck::internals::experiment::EpisodeLoop::uncounted(self.watch);
         let looked = all.each(
             &cell.solved(),
             || (self.ego.scenario().bench(), self.competent.bench()),
@@ -208,7 +209,7 @@ pub fn crash_study(
     };
     // The driver's own ramp models the build-up of the brakes, so the lag is 0.
     let competent = Actuated {
-        controller: ControllerSpec::CcLatchedDriver(CcLatchedDriver::default()),
+        controller: CcLatchedDriver::default().into(),
         lag_s: 0.0,
     };
     let change = Change {
@@ -273,7 +274,7 @@ pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
         "persistence, median",
         "fouls",
     ];
-    let mut text = brakecheck::report::TextTable::new(columns, lines).to_markdown();
+    let mut text = brakecheck::internals::report::TextTable::new(columns, lines).to_markdown();
     text.push_str(EXPLAINED);
     for study in studies {
         for row in &study.rows {

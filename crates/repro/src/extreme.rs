@@ -1,9 +1,10 @@
 //! Action sequence from a start that maximizes a score.
 
-use brakecheck::experiment::{EpisodeLoop, Watch};
+use brakecheck::experiment::Watch;
+use brakecheck::internals::experiment::EpisodeLoop;
 use brakecheck::scene::Start;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, Replay, Testbench};
+use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 
 /// Largest number of sequences tried on the world's own plant.

@@ -8,8 +8,9 @@
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
-use brakecheck::adversary::{Ado, eval};
+use brakecheck::adversary::Ado;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
+use brakecheck::internals::adversary::eval;
 use brakecheck::rl::Control;
 use brakecheck::run_dir::Row;
 use brakecheck::seed::Purpose;

@@ -7,7 +7,8 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use brakecheck::experiment::{EpisodeLoop, TestStarts, Watch};
+use brakecheck::experiment::{TestStarts, Watch};
+use brakecheck::internals::experiment::EpisodeLoop;
 use brakecheck::rl::Policy;
 use brakecheck::scene::{Axis, Start};
 use brakecheck::seed::{Purpose, StartKey};
@@ -206,6 +207,6 @@ pub fn near_starts_markdown(all: &[NearFailing]) -> String {
         "failing with less / more",
         "never met in training",
     ];
-    let text = brakecheck::report::TextTable::new(columns, lines).to_markdown();
+    let text = brakecheck::internals::report::TextTable::new(columns, lines).to_markdown();
     text + EXPLAINED
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use brakecheck::evaluation::{PointsRequest, points};
 use brakecheck::experiment::{EgoUnderTest, Watch};
-use brakecheck::report::TextTable;
+use brakecheck::internals::report::TextTable;
 use brakecheck::world::Scenario;
 
 /// Largest number of switches in the additions to a plan.

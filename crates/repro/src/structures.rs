@@ -8,12 +8,12 @@ use std::num::NonZeroU64;
 use serde::{Deserialize, Serialize};
 
 use brakecheck::adversary::AdoKind;
+use brakecheck::evaluation::AdaptedTo;
 use brakecheck::evaluation::{Evaluation, EvaluationError};
 use brakecheck::experiment::{EgoError, EgoUnderTest, Watch};
-use brakecheck::report::TextTable;
+use brakecheck::internals::report::TextTable;
 use brakecheck::run_dir::{Row, RunDir};
 use brakecheck::stats::Outcomes;
-use brakecheck::surrogate::AdaptedTo;
 use brakecheck::world::Scenario;
 
 /// Number of recorded runs per ego, and the smaller number of the second column.

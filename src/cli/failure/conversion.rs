@@ -107,68 +107,6 @@ impl From<&AdversaryError> for Failure {
     }
 }
 
-impl From<&SearchError> for Failure {
-    fn from(error: &SearchError) -> Failure {
-        Failure::input(error.to_string(), error.help())
-    }
-}
-
-impl From<&SweepError> for Failure {
-    fn from(error: &SweepError) -> Failure {
-        Failure::input(error.to_string(), error.help())
-    }
-}
-
-impl From<&UnknownViewKind> for Failure {
-    fn from(error: &UnknownViewKind) -> Failure {
-        Failure::input(error.to_string(), error.help())
-    }
-}
-
-impl From<&Inapplicable> for Failure {
-    fn from(error: &Inapplicable) -> Failure {
-        Failure::input(error.to_string(), error.help())
-    }
-}
-
-impl From<&FindError> for Failure {
-    fn from(error: &FindError) -> Failure {
-        match error {
-            FindError::Ego(error) => error.into(),
-            FindError::Change(error) => error.into(),
-            FindError::Kept(error) => error.into(),
-            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
-        }
-    }
-}
-
-impl From<&SessionError> for Failure {
-    fn from(error: &SessionError) -> Failure {
-        match error {
-            SessionError::Ego(error) => error.into(),
-            SessionError::Run(error) => error.into(),
-            SessionError::Train(error) => error.into(),
-            SessionError::Config(error) => error.into(),
-            SessionError::Kept(error) => error.into(),
-            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
-        }
-    }
-}
-
-impl From<&EvaluationError> for Failure {
-    fn from(error: &EvaluationError) -> Failure {
-        match error {
-            EvaluationError::Ego(error) => error.into(),
-            EvaluationError::Adversary(error) => error.into(),
-            EvaluationError::Theorems(error) => error.into(),
-            EvaluationError::Train(error) => error.into(),
-            EvaluationError::Kept(error) => error.into(),
-            EvaluationError::Run(error) => error.into(),
-            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
-        }
-    }
-}
-
 impl From<&CampaignError> for Failure {
     fn from(error: &CampaignError) -> Failure {
         match error {
@@ -360,6 +298,41 @@ impl From<&Complaint> for Failure {
         Failure::fault(complaint.to_string(), Some(help))
     }
 }
+
+/// Converts an error that is a wrong input, or wraps errors that convert themselves.
+///
+/// A wrapped error keeps its exit code and its place.
+macro_rules! from_input {
+    ($($error:ident: $($wrapped:ident),*;)*) => {
+        $(impl From<&$error> for Failure {
+            fn from(error: &$error) -> Failure {
+                match error {
+                    $($error::$wrapped(error) => error.into(),)*
+                    _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+                }
+            }
+        })*
+    };
+}
+
+from_input! {
+    FindError: Ego, Change, Kept;
+    SessionError: Ego, Run, Train, Config, Kept;
+    EvaluationError: Ego, Adversary, Theorems, Train, Kept, Run;
+}
+
+/// Converts an error that is a wrong input and always has a help.
+macro_rules! from_helped {
+    ($($error:ty),* $(,)?) => {
+        $(impl From<&$error> for Failure {
+            fn from(error: &$error) -> Failure {
+                Failure::input(error.to_string(), error.help())
+            }
+        })*
+    };
+}
+
+from_helped!(SearchError, SweepError, UnknownViewKind, Inapplicable);
 
 /// Implements the conversion of an owned error.
 macro_rules! from_owned {

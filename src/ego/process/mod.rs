@@ -119,6 +119,7 @@ impl Process {
     }
 
     /// Returns a controller that starts the program at its first percept.
+    #[doc(hidden)]
     pub fn controller(&self) -> ProcessController {
         ProcessController {
             spec: self.clone(),

@@ -10,7 +10,7 @@
 //! input is in lane coordinates. `docs/background/preventability.md` describes their use.
 //!
 //! ```
-//! use brakecheck::ego::reference::{FsmDriver, LaneBody, Reflexes, Response};
+//! use brakecheck::internals::ego::reference::{FsmDriver, LaneBody, Reflexes, Response};
 //!
 //! let car = LaneBody { length_m: 4.5, width_m: 1.8, ..LaneBody::default() };
 //! let ego = LaneBody { speed_mps: 30.0, ..car };
@@ -31,10 +31,9 @@ mod model;
 mod reg;
 mod rss;
 
-pub use at_the_wheel::AtTheWheel;
-pub(crate) use at_the_wheel::NOMINAL_MPS2;
+pub(crate) use at_the_wheel::{AtTheWheel, NOMINAL_MPS2};
 pub use cc::{CcDriver, CcLaneDriver, CcLatchedDriver};
-pub use fsm::{FsmDriver, Satisfaction};
+pub use fsm::FsmDriver;
 pub use ideal::IdealDriver;
 pub use model::ReferenceDriver;
 pub use reg::RegDriver;

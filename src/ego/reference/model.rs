@@ -13,7 +13,7 @@ use super::{
 /// It is a [`DriverModel`] with the default parameters of the model.
 ///
 /// ```
-/// use brakecheck::ego::reference::ReferenceDriver;
+/// use brakecheck::ego::ReferenceDriver;
 /// let asked: Vec<ReferenceDriver> = ron::from_str("[RSS, CC, CC_LATCHED, Ideal]")?;
 /// assert_eq!(asked[2].name(), "CC_LATCHED");
 /// assert_eq!("FSM".parse(), Ok(ReferenceDriver::Fsm));
@@ -80,11 +80,6 @@ impl ReferenceDriver {
             ReferenceDriver::Fsm => "the fuzzy safety model of UN R157 (FSM)",
             ReferenceDriver::Ideal => "a driver without delay (Ideal)",
         }
-    }
-
-    /// Returns whether it models a driver, and is not a bound on all drivers.
-    pub fn is_human(self) -> bool {
-        self != ReferenceDriver::Ideal
     }
 
     /// Returns whether its braking builds up like that of a car.

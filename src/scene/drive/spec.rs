@@ -20,7 +20,9 @@ use super::weather::Weather;
 use super::wind::Wind;
 use indexmap::IndexMap;
 
-use crate::ego::{Actuated, Command, Controller, ControllerSpec, RecordedCommands};
+use crate::ego::{
+    Actuated, Command, Controller, ControllerSpec, RecordedCommands, StockController,
+};
 use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::sim::{Body, PlantKind};
 use crate::stl::{Constants, Formula, Names};
@@ -98,7 +100,7 @@ impl EgoDrive {
             self.controller,
             EgoController::Own { .. }
                 | EgoController::Recorded(_)
-                | EgoController::Stock(ControllerSpec::Process(_))
+                | EgoController::Stock(ControllerSpec(StockController::Process(_)))
         )
     }
 

@@ -49,7 +49,8 @@ const DIRECTIONS: [(i32, i32); 4] = [(0, 1), (0, -1), (-1, 0), (1, 0)];
 /// A square map and the moves of both agents on it.
 ///
 /// ```
-/// use brakecheck::scene::grid::{Arena, AtWall, Cell, Position};
+/// use brakecheck::internals::scene::grid::{Arena, Cell, Position};
+/// use brakecheck::world::AtWall;
 ///
 /// let arena = Arena { size: 4, refine: 1, ego_step: 2, at_wall: AtWall::Stays };
 /// let both = Position { ego: Cell { x: 1, y: 1 }, ado: Cell { x: 1, y: 0 } };

@@ -6,7 +6,7 @@ use serde_json::json;
 use super::{Failure, Made, ReproduceArgs, save, world};
 use crate::{FigureError, Shown, three_merges, two_at_the_light, two_behaviours};
 use brakecheck::experiment::Watch;
-use brakecheck::report::{Behaviour, Distances, figure_2, figure_3, figure_5};
+use brakecheck::internals::report::{Behaviour, Distances, figure_2, figure_3, figure_5};
 use brakecheck::rulebook::Verdict;
 use brakecheck::testbench::Episode;
 use brakecheck::world::Scenario;

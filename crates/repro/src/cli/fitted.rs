@@ -5,7 +5,7 @@
 
 use comfy_table::{ColumnConstraint, Width};
 
-use brakecheck::report::{WIDTH, terminal_table};
+use brakecheck::internals::report::{WIDTH, terminal_table};
 
 /// The text with every table of it drawn.
 pub(super) fn fitted(markdown: &str) -> String {
@@ -111,7 +111,7 @@ fn least_width(lines: &[Vec<&str>], column: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use brakecheck::report::TextTable;
+    use brakecheck::internals::report::TextTable;
 
     #[test]
     fn a_wide_table_is_cut_between_columns_and_no_word_is() {

@@ -24,7 +24,8 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use brakecheck::experiment::Watch;
-use brakecheck::run_dir::{CachedResult, RunError, make_dir, write_file};
+use brakecheck::internals::run_dir::{CachedResult, make_dir};
+use brakecheck::run_dir::{RunError, write_file};
 use brakecheck::seed::{FIRST_SEALED, Seeds};
 use brakecheck::world::Scenario;
 

@@ -1,10 +1,13 @@
 //! Ados that play against an ego of the reuse study.
 
 use super::{HELD_BUDGETS, SeedPolicies, WIDE, WIDE_TRIES, held_word};
-use brakecheck::adversary::{Ado, BestOfN, Heuristic, eval};
+use brakecheck::adversary::Ado;
+use brakecheck::adversary::Heuristic;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
+use brakecheck::internals::adversary::{BestOfN, eval};
 use brakecheck::rl::Policy;
-use brakecheck::run_dir::{Row, RunDir, RunError, Stored};
+use brakecheck::run_dir::Stored;
+use brakecheck::run_dir::{Row, RunDir, RunError};
 use brakecheck::search::{Adversary, Experiment, Hold, Mutate, SWITCHES, SearchRequest, search};
 
 /// Ego with the starts on which all ados play.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{HELD_BUDGETS, WIDE};
-use brakecheck::evaluation::ReusedOn;
+use brakecheck::internals::evaluation::ReusedOn;
 
 /// Cost of a wide ado and of held random search at equal success.
 ///
@@ -84,7 +84,7 @@ fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use brakecheck::evaluation::Relation;
+    use brakecheck::internals::evaluation::Relation;
     use brakecheck::run_dir::Row;
     use serde_json::json;
 

@@ -1,8 +1,8 @@
 //! Markdown of the reuse study.
 
 use super::{CostComparison, ReuseReport, WIDE, WIDE_TRIES};
-use brakecheck::evaluation::{ReusedOn, Summary};
-use brakecheck::report::TextTable;
+use brakecheck::internals::evaluation::{ReusedOn, Summary};
+use brakecheck::internals::report::TextTable;
 use brakecheck::run_dir::Row;
 
 /// Formats the study: every ego, then the means of every block.

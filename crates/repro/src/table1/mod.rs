@@ -22,18 +22,21 @@ pub(crate) use value::NearStarts;
 
 use maps::{Map, maps};
 
-use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::adversary::Ado;
 use brakecheck::experiment::{TestStarts, Watch};
-use brakecheck::grid_solver::exact::{Game, chase};
+use brakecheck::internals::adversary::{EvalRequest, eval};
+use brakecheck::internals::grid_solver::exact::{Game, chase};
+use brakecheck::internals::scene::grid::{Position, position_of};
 use brakecheck::rl::{Control, LearnerConfig, LearnerRng, Policy};
 use brakecheck::run_dir::Row;
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::{AtWall, Position, position_of};
 use brakecheck::seed::{Purpose, Seeds, StartKey};
 use brakecheck::stats::{Outcomes, StartOutcome, seeds_interval, wilson};
 use brakecheck::testbench::{Gym, Success};
 use brakecheck::training::TrainError;
-use brakecheck::world::{ChangeError, NotAGrid, Scenario};
+use brakecheck::world::AtWall;
+use brakecheck::world::NotAGrid;
+use brakecheck::world::{ChangeError, Scenario};
 
 /// Number of random tables behind every mean.
 const TABLES: usize = 20;

@@ -1,8 +1,8 @@
 //! Markdown of Table I.
 
 use super::{GridStudy, LearnerOnMap, MapResult, References, verdict_on};
-use brakecheck::report::TextTable;
-use brakecheck::scene::grid::AtWall;
+use brakecheck::internals::report::TextTable;
+use brakecheck::world::AtWall;
 
 /// Formats the studies, the headline first.
 pub fn table1_markdown(studies: &[GridStudy]) -> String {

@@ -3,11 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1Error};
-use brakecheck::grid_solver::exact::Game;
+use brakecheck::internals::grid_solver::exact::Game;
+use brakecheck::internals::scene::grid::{Position, position_of};
+use brakecheck::internals::world::GridScenario;
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::{Position, position_of};
 use brakecheck::testbench::{Aftermath, PolicyActor, play};
-use brakecheck::world::{GridChange, GridScenario, Scenario};
+use brakecheck::world::{GridChange, Scenario};
 
 /// Sequences of a learner's policies, replayed in open loop.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -4,12 +4,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1, Table1Error, TrainingProgress, learn};
-use brakecheck::grid_solver::exact::Game;
-use brakecheck::grid_solver::values::ValueTable;
+use brakecheck::internals::grid_solver::exact::Game;
+use brakecheck::internals::grid_solver::values::ValueTable;
+use brakecheck::internals::scene::grid::position_of;
 use brakecheck::rl::{LearnerConfig, LearnerRng};
 use brakecheck::scene::Start;
-use brakecheck::scene::grid::{Starts, position_of};
 use brakecheck::testbench::{Aftermath, PolicyActor, Success, play};
+use brakecheck::world::Starts;
 use brakecheck::world::{GridChange, Scenario};
 
 /// Number of random training starts of RQ4, as in the paper.

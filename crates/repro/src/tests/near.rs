@@ -6,8 +6,8 @@ use crate::extreme::extreme;
 use crate::{FigureError, TrainedPolicy, near_starts, near_starts_markdown, start_with};
 use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::rl::Policy;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, PolicyActor, Replay, play};
+use brakecheck::world::PlantKind;
 
 /// Policy that always brakes and returns the ego's speed as the value of a start.
 struct Brakes;

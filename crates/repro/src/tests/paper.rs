@@ -4,12 +4,13 @@ use std::sync::atomic::AtomicBool;
 
 use crate::milestones::milestones;
 use crate::{PaperRow, measure_paper_row, paper_rows_markdown};
-use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::adversary::Ado;
 use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::internals::adversary::{EvalRequest, eval};
 use brakecheck::rl::Control;
 use brakecheck::seed::{Purpose, Seeds};
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::Gym;
+use brakecheck::world::PlantKind;
 
 static GO: AtomicBool = AtomicBool::new(false);
 

@@ -4,8 +4,8 @@ use std::sync::atomic::AtomicBool;
 
 use crate::reuse_study::{EgoResult, WIDE, WIDE_TRIES};
 use crate::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
-use brakecheck::evaluation::Relation;
 use brakecheck::experiment::{EgoUnderTest, Watch};
+use brakecheck::internals::evaluation::Relation;
 use brakecheck::seed::Seeds;
 use brakecheck::stats::StartOutcome::Solved;
 use brakecheck::world::Scenario;
