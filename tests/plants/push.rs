@@ -1,6 +1,6 @@
 //! Slopes and wind as external accelerations, on both plants, by hand.
 
-use brakecheck::sim::Push;
+use brakecheck::internals::sim::Push;
 
 use super::*;
 

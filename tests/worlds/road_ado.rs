@@ -2,12 +2,13 @@
 
 use std::sync::{Arc, Mutex};
 
-use brakecheck::crashes::{Regressions, openx};
+use brakecheck::crashes::Regressions;
 use brakecheck::ego::{Briefing, Command, Controller, Fault, Percept, RoadPiece};
+use brakecheck::internals::crashes::openx;
+use brakecheck::internals::sim::PlantKind;
 use brakecheck::preventability::NotApplicable;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Testbench, play};
 use brakecheck::world::{Change, Scenario};
 

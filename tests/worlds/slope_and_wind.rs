@@ -1,9 +1,10 @@
 //! Grades of the road, wind and the range of sensors: by hand, drawn, and their mistakes.
 
-use brakecheck::crashes::{ExportRefusal, openx};
+use brakecheck::crashes::ExportRefusal;
+use brakecheck::internals::crashes::openx;
+use brakecheck::internals::sim::{GRAVITY_MPS2, PlantKind};
 use brakecheck::openx::OpenXError;
 use brakecheck::scene::Start;
-use brakecheck::sim::{GRAVITY_MPS2, PlantKind};
 use brakecheck::testbench::{Aftermath, Constant, Testbench, play};
 use brakecheck::world::Scenario;
 

@@ -6,11 +6,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use brakecheck::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch};
-use brakecheck::report::TextTable;
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
+use brakecheck::internals::experiment::EpisodeLoop;
+use brakecheck::internals::report::TextTable;
 use brakecheck::search::Adversary;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::Testbench;
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Scenario, ScenarioError};
 
 /// Largest number of switches of the plans.
