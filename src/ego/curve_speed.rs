@@ -120,7 +120,8 @@ mod tests {
         assert_eq!(wish(59.0, 20.0), 0.0);
         // √(2 / 0.02 + 2 · 2 · 36) = √244 = 15.6 m/s, so it brakes with 4 m/s² at most.
         assert_eq!(wish(64.0, 20.0), -4.0);
-        assert!((wish(64.0, 15.0) - (244.0_f64.sqrt() - 15.0)).abs() < 1e-12);
+        // √(2 / 0.02 + 2 · 2 · 28) = √212 at 28 m, within the preview of 30 m.
+        assert!((wish(72.0, 15.0) - (212.0_f64.sqrt() - 15.0)).abs() < 1e-12);
         // √(2 / 0.02) = 10 m/s in the bend, and 20 m/s behind it.
         assert!(wish(149.9, 10.0).abs() < 1e-12);
         assert_eq!(wish(150.0, 10.0), 2.0);

@@ -16,13 +16,13 @@ const GUST_S: (f64, f64) = (0.1, 60.0);
 const MAX_GRADES: usize = 1_000;
 
 /// A number of a file with its quantity and its place.
-type Placed = (EnvironmentQuantity, ValuePath, NumberOrRange);
+type PlacedRange = (EnvironmentQuantity, ValuePath, NumberOrRange);
 
 /// Returns the numbers that may be ranges, with their places.
-pub(super) fn ranges(file: &ScenarioFile) -> Vec<Placed> {
+pub(super) fn ranges(file: &ScenarioFile) -> Vec<PlacedRange> {
     let (grades, wind) = (ValuePath::top().to("grades"), ValuePath::top().to("wind"));
     let rises = file.grades.iter().enumerate();
-    let mut all: Vec<Placed> = rises
+    let mut all: Vec<PlacedRange> = rises
         .map(|(i, &(_, rise))| {
             let place = grades.at(i).at(1);
             (EnvironmentQuantity::Rise { grade: i }, place, rise)

@@ -12,7 +12,7 @@ use crate::trace::{RowError, Schema};
 
 mod piecewise;
 
-use piecewise::{Piece, Piecewise};
+use piecewise::{LinearPiece, Piecewise};
 
 /// Signals between two samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +129,7 @@ impl DenseTrace {
     /// Returns a function of the rows, linear between samples if `linear`.
     fn function(&self, linear: bool, value: impl Fn(&[f64]) -> f64) -> Piecewise {
         let points: Vec<f64> = self.rows.iter().map(|row| value(row)).collect();
-        let pieces = points.windows(2).map(|pair| Piece {
+        let pieces = points.windows(2).map(|pair| LinearPiece {
             start: pair[0],
             end: if linear { pair[1] } else { pair[0] },
         });

@@ -13,7 +13,7 @@ pub struct Grade {
 
 impl Grade {
     /// Returns the sine and the cosine of the slope.
-    pub(super) fn sin_cos(self) -> (f64, f64) {
+    pub(super) fn direction(self) -> (f64, f64) {
         let length = (1.0 + self.rise * self.rise).sqrt();
         (self.rise / length, 1.0 / length)
     }

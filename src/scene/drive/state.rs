@@ -119,7 +119,7 @@ impl SceneState {
                 0 => self.spec.grades.as_slice(),
                 _ => &[],
             };
-            let (rise_sin, load_share) = grade_at(grades, at.s_m).sin_cos();
+            let (rise_sin, load_share) = grade_at(grades, at.s_m).direction();
             // Downhill is against the road where it rises.
             let downhill_mps2 = GRAVITY_MPS2 * rise_sin;
             let (sin, cos) = libm::sincos(at.heading_rad);

@@ -10,9 +10,9 @@ use brakecheck::testbench::{Aftermath, PolicyActor, Replay, play};
 use brakecheck::world::PlantKind;
 
 /// Policy that always brakes and returns the ego's speed as the value of a start.
-struct Brakes;
+struct FullBrakes;
 
-impl Policy for Brakes {
+impl Policy for FullBrakes {
     fn act(&self, _obs: &[f32]) -> usize {
         0
     }
@@ -39,7 +39,7 @@ fn near_starts_are_counted_as_they_play() {
     let around = start_with(&world, &CENTRE).expect("within the box");
     let starts = test_starts(&world, 7, 200, &watch()).expect("not stopped");
     let alumnus = |episodes| TrainedPolicy {
-        policy: &Brakes,
+        policy: &FullBrakes,
         seed: 1,
         episodes,
     };
@@ -62,7 +62,7 @@ fn near_starts_are_counted_as_they_play() {
     let mut bench = world.bench();
     let mut failing = Vec::new();
     for ((start, noise), trivial) in starts.starts.iter().zip(&starts.trivial) {
-        let mut ado = PolicyActor(&Brakes);
+        let mut ado = PolicyActor(&FullBrakes);
         let episode = play(&mut bench, start, *noise, &mut ado, Aftermath::Skip);
         if !trivial && episode.verdict.is_success() {
             failing.push(start.0[0]);

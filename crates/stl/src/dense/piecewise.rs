@@ -10,14 +10,14 @@ use crate::sliding::SlidingExtremum;
 
 /// Linear function on an open interval, by its limits at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Piece {
+pub(super) struct LinearPiece {
     pub(super) start: f64,
     pub(super) end: f64,
 }
 
-impl Piece {
-    pub(super) fn constant(value: f64) -> Piece {
-        Piece {
+impl LinearPiece {
+    pub(super) fn constant(value: f64) -> LinearPiece {
+        LinearPiece {
             start: value,
             end: value,
         }
@@ -44,7 +44,7 @@ pub(super) struct Piecewise {
     /// Values at the breakpoints.
     pub(super) points: Vec<f64>,
     /// Pieces between the breakpoints, one less.
-    pub(super) pieces: Vec<Piece>,
+    pub(super) pieces: Vec<LinearPiece>,
 }
 
 impl Piecewise {
@@ -54,7 +54,7 @@ impl Piecewise {
         times.dedup();
         Piecewise {
             points: vec![value; times.len()],
-            pieces: vec![Piece::constant(value); times.len() - 1],
+            pieces: vec![LinearPiece::constant(value); times.len() - 1],
             times,
         }
     }
@@ -69,8 +69,8 @@ impl Piecewise {
     }
 
     /// Appends a piece and the breakpoint after it, and merges constant pieces.
-    fn push(&mut self, piece: Piece, time: f64, point: f64) {
-        let flat = |before: Option<&Piece>, at: Option<&f64>| {
+    fn push(&mut self, piece: LinearPiece, time: f64, point: f64) {
+        let flat = |before: Option<&LinearPiece>, at: Option<&f64>| {
             before.zip(at).is_some_and(|(before, at)| {
                 let all = [before.start, before.end, *at, piece.start, piece.end];
                 all.iter().all(|value| *value == piece.start)
@@ -127,7 +127,7 @@ impl Piecewise {
                 let from = times[k - 1];
                 let start = self.at(i, from);
                 let end = self.at(i, *t);
-                out.pieces.push(Piece { start, end });
+                out.pieces.push(LinearPiece { start, end });
             }
             i += usize::from(is_breakpoint);
             let point = if self.times[i] == *t {
@@ -160,7 +160,7 @@ impl Piecewise {
     }
 
     /// Appends the extremum of linear functions, with breakpoints where they cross.
-    fn envelope<E: Extremum>(&mut self, lines: &[Piece], ends: (f64, f64), point: f64) {
+    fn envelope<E: Extremum>(&mut self, lines: &[LinearPiece], ends: (f64, f64), point: f64) {
         let mut times = crossings(lines, ends);
         times.push(ends.1);
         let all = |t: f64| {
@@ -169,7 +169,7 @@ impl Piecewise {
         };
         let mut from = ends.0;
         for t in times {
-            let piece = Piece {
+            let piece = LinearPiece {
                 start: all(from),
                 end: all(t),
             };
@@ -190,7 +190,7 @@ impl Piecewise {
         let inside = shifted.filter(|t| first < *t && *t < last);
         let mut times: Vec<f64> = inside.chain([first, last]).collect();
         sort(&mut times);
-        let mut window = Window {
+        let mut window = DenseWindow {
             function: self,
             from,
             to,
@@ -254,13 +254,13 @@ impl Piecewise {
     /// Appends max(goal, min(guard, later)) on a piece.
     fn until_piece(
         &mut self,
-        (guard, goal, later): (Piece, Piece, f64),
+        (guard, goal, later): (LinearPiece, LinearPiece, f64),
         ends: (f64, f64),
         closed: bool,
         point: f64,
     ) {
         let mut held = Piecewise::begin(ends.0, 0.0);
-        held.envelope::<Min>(&[guard, Piece::constant(later)], ends, 0.0);
+        held.envelope::<Min>(&[guard, LinearPiece::constant(later)], ends, 0.0);
         let mut now = Piecewise::begin(ends.0, 0.0);
         let lines = if closed {
             vec![guard, goal]
@@ -283,7 +283,7 @@ impl Piecewise {
 }
 
 /// Returns the times at which linear functions cross, ascending.
-fn crossings(lines: &[Piece], ends: (f64, f64)) -> Vec<f64> {
+fn crossings(lines: &[LinearPiece], ends: (f64, f64)) -> Vec<f64> {
     let mut times = Vec::new();
     for (i, a) in lines.iter().enumerate() {
         for b in &lines[i + 1..] {
@@ -305,8 +305,8 @@ fn sort(times: &mut Vec<f64>) {
     times.dedup();
 }
 
-/// Window that moves over a function.
-struct Window<'a> {
+/// DenseWindow that moves over a function.
+struct DenseWindow<'a> {
     function: &'a Piecewise,
     from: f64,
     to: Option<f64>,
@@ -320,7 +320,7 @@ struct Window<'a> {
     within: SlidingExtremum,
 }
 
-impl Window<'_> {
+impl DenseWindow<'_> {
     /// Moves so that `low` is at `start` or later, and `high` at `end` or earlier.
     fn shift(&mut self, start: f64, end: f64) {
         let times = &self.function.times;
@@ -396,15 +396,15 @@ impl Window<'_> {
 
     /// Returns linear functions whose extremum is that over the window, on an open interval
     /// in which no end of the window passes a breakpoint.
-    fn lines<E: Extremum>(&mut self, ends: (f64, f64)) -> Vec<Piece> {
+    fn lines<E: Extremum>(&mut self, ends: (f64, f64)) -> Vec<LinearPiece> {
         self.shift(ends.1, ends.0);
         if self.low == self.function.times.len() {
-            return vec![Piece::constant(E::NEUTRAL)];
+            return vec![LinearPiece::constant(E::NEUTRAL)];
         }
         let line = |piece: usize, shift: f64| {
             let (start, end) = self.function.ends(piece);
             let whole = self.function.pieces[piece];
-            Piece {
+            LinearPiece {
                 start: if start - shift == ends.0 {
                     whole.start
                 } else {
@@ -425,7 +425,7 @@ impl Window<'_> {
             lines.push(line(self.high - 1, to));
         }
         if self.low < self.high {
-            lines.push(Piece::constant(self.within::<E>(self.low, self.high)));
+            lines.push(LinearPiece::constant(self.within::<E>(self.low, self.high)));
         }
         lines
     }

@@ -39,7 +39,7 @@ pub(super) struct PlannedOperator {
 
 /// Plans the evaluation of the formula at sample 0 of a trace of `len` samples.
 pub(super) fn plan(program: &BoundProgram, len: Option<usize>) -> (Point, Vec<PlannedOperator>) {
-    let mut planner = Planner {
+    let mut planner = TrackPlanner {
         program,
         open: OpenBounds::new(program),
         len,
@@ -84,7 +84,7 @@ fn finished(program: &BoundProgram, mut needs: Vec<Option<Need>>) -> Vec<Planned
     used.collect()
 }
 
-struct Planner<'a> {
+struct TrackPlanner<'a> {
     program: &'a BoundProgram,
     open: OpenBounds,
     /// Number of samples of the whole trace, if known.
@@ -92,7 +92,7 @@ struct Planner<'a> {
     needs: Vec<Option<Need>>,
 }
 
-impl Planner<'_> {
+impl TrackPlanner<'_> {
     fn watch(&mut self, id: Id) -> Point {
         let program = self.program;
         match program.get(id).op {
