@@ -83,7 +83,7 @@ fn curvature(
     (reach_m, piece_m): (f64, f64),
 ) {
     let most_per_m = (0.99 / reach_m).min(core::f64::consts::PI / piece_m);
-    if !(curvature_per_m.abs() <= most_per_m) {
+    if !(0.0..=most_per_m).contains(&curvature_per_m.abs()) {
         let what = format!("a curvature of {curvature_per_m:?} per metre");
         let help = format!(
             "it is 1 / radius, positive to the left: at most {most_per_m:.4} with lanes of \

@@ -58,7 +58,8 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
         problems.add(&grades, what, "too many", Some(help));
     }
     for (i, pair) in file.grades.windows(2).enumerate() {
-        if !(pair[0].0 < pair[1].0) {
+        let is_increasing = pair[0].0 < pair[1].0;
+        if !is_increasing {
             let what = format!(
                 "the grade from {:?} m on follows that from {:?} m on",
                 pair[1].0, pair[0].0

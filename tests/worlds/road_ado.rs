@@ -136,10 +136,13 @@ fn an_episode_forks_replays_and_leaves_the_next_start_its_listed_road() {
     }
 }
 
+/// Place and road of the ego at each sample.
+type Heard = Vec<(f64, Vec<RoadPiece>)>;
+
 /// Keeps its speed, and notes its place and the road of which it is informed.
 struct Listener {
     pieces: Vec<RoadPiece>,
-    heard: Arc<Mutex<Vec<(f64, Vec<RoadPiece>)>>>,
+    heard: Arc<Mutex<Heard>>,
 }
 
 impl Controller for Listener {

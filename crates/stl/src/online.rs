@@ -130,7 +130,7 @@ impl OnlineMonitor {
         Ok(self.push_checked(row))
     }
 
-    /// Reads the next sample, a row that [`Trace::push`](crate::Trace::push) accepted.
+    /// Reads the next sample, a row that [`Trace::push`](crate::trace::Trace::push) accepted.
     ///
     /// Several monitors of one trace thus check it once. A row that was not checked
     /// gives a wrong interval, or a panic if it is too short.
