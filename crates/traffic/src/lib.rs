@@ -1,26 +1,51 @@
 #![doc = include_str!("../README.md")]
 
+mod analysis;
+mod braking;
+mod calibration;
 mod column_map;
+mod driver;
 mod error;
 mod following;
 mod grid;
 mod lane_frame;
+mod limit;
+mod model;
 mod path;
+mod plan;
+mod rarity;
 mod read;
 mod recording;
 mod rules;
+mod simplex;
 mod situations;
+mod starts;
+mod tail;
 mod timestamp;
+mod world;
 
+pub use analysis::Analysis;
+pub use braking::{
+    BRAKING_MPS2, BrakingEvent, BrakingMeter, DECISION_S, SpeedSeries, speed_series,
+};
+pub use calibration::CalibrationRow;
 pub use column_map::{
     AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns,
     TimeColumn, VectorColumns, YAxis,
 };
+pub use driver::DriverModel;
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
 pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
+pub use limit::NaturalLimit;
+pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use path::{Path, PathPlace};
+pub use plan::{PIECE_S, SpeedPlan};
+pub use rarity::{Behaviour, CutInState, Outside, RareEvent, Rarity, RatedEvent, Surprise};
 pub use read::{read_csv, read_file, read_file_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, Recording, Track};
 pub use rules::{BoundRules, Rule, RuleFile, RuleResult, RulesError, WorstRow};
 pub use situations::{CUT_IN_GAP_M, CutIn, Following, LaneChange, Situations, WINDOW_S};
+pub use starts::{StartRarity, StartState, StartTable};
+pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, Source, TailPoint};
+pub use world::{RecordedWorld, following_worlds};
