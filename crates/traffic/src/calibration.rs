@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::driver::DriverModel;
-use crate::model::{CUT_IN_MPS2, DrivingData, VehicleData};
+use crate::driving_data::{CUT_IN_MPS2, DrivingData, VehicleData};
 use crate::tail::Pareto;
 
 /// Deceleration whose frequency is predicted, in m/s².

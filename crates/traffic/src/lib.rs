@@ -1,10 +1,21 @@
 #![doc = include_str!("../README.md")]
+//!
+//! # First steps
+//!
+//! Read a CSV file with [`read_csv`] and a [`ColumnMap`]. [`Analysis::of`] fits lanes
+//! without a map and finds leads, followings and cut-ins. A [`RuleFile`] evaluates
+//! formulas on all vehicles. [`TrafficModel::fit`] measures how often drivers brake
+//! and cut in, [`TrafficModel::rarity`] rates a [`Behaviour`], and [`NaturalLimit`]
+//! masks actions that would make an event too rare.
+//!
+//! Architecture Invariant: knows no file, no clock, no scene and no ego.
 
 mod analysis;
 mod braking;
 mod calibration;
 mod column_map;
 mod driver;
+mod driving_data;
 mod error;
 mod following;
 mod grid;
@@ -42,7 +53,7 @@ pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use path::{Path, PathPlace};
 pub use plan::{PIECE_S, SpeedPlan};
 pub use rarity::{Behaviour, CutInState, Outside, RareEvent, Rarity, RatedEvent, Surprise};
-pub use read::{read_csv, read_file, read_file_guessed};
+pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, Recording, Track};
 pub use rules::{BoundRules, Rule, RuleFile, RuleResult, RulesError, WorstRow};
 pub use situations::{CUT_IN_GAP_M, CutIn, Following, LaneChange, Situations, WINDOW_S};

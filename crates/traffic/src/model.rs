@@ -1,21 +1,21 @@
 //! Naturalness models: how often real drivers do what.
 
-use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
+use std::io::Read;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::analysis::Analysis;
-use crate::braking::{BRAKING_MPS2, SpeedSeries, speed_series};
+use crate::braking::BRAKING_MPS2;
 use crate::calibration::{CalibrationRow, calibrate};
 use crate::driver::DriverModel;
+use crate::driving_data::{CUT_IN_MPS2, DrivingData, VehicleData};
 use crate::starts::StartTable;
 use crate::tail::EventTail;
 
-/// Deceleration of a follower from which the tail of cut-ins is fitted.
-pub(crate) const CUT_IN_MPS2: f64 = 0.1;
 /// Loss of speed from which its tail is fitted.
 const LOSS_MPS: f64 = 2.0;
 /// Draws of vehicles for an interval.
@@ -56,6 +56,30 @@ pub struct SourceFile {
     pub name: String,
     /// SHA-256 of its bytes, `None` for a publication.
     pub sha256: Option<String>,
+}
+
+impl SourceFile {
+    /// Returns a named file with the SHA-256 of its bytes.
+    ///
+    /// # Errors
+    /// The bytes cannot be read.
+    pub fn of(name: &str, mut bytes: impl Read) -> std::io::Result<SourceFile> {
+        let mut digest = Sha256::new();
+        let mut buffer = vec![0; 1 << 16];
+        loop {
+            let read = bytes.read(&mut buffer)?;
+            if read == 0 {
+                break;
+            }
+            digest.update(&buffer[..read]);
+        }
+        let digits = digest.finalize();
+        let digits = digits.iter().map(|byte| format!("{byte:02x}"));
+        Ok(SourceFile {
+            name: name.to_owned(),
+            sha256: Some(digits.collect()),
+        })
+    }
 }
 
 /// Amount of recorded driving.
@@ -112,70 +136,6 @@ impl ModelError {
         match self {
             ModelError::TooFew { .. } => "add recordings, or use the shipped model",
             ModelError::Ron(_) => "write it again with `brakecheck log FILE --fit traffic.ron`",
-        }
-    }
-}
-
-/// Series, events and cut-ins of the vehicles of recordings.
-pub(crate) struct DrivingData {
-    /// Series per vehicle.
-    pub(crate) vehicles: Vec<VehicleData>,
-}
-
-/// Data of one vehicle.
-#[derive(Default)]
-pub(crate) struct VehicleData {
-    pub(crate) carriageway: usize,
-    pub(crate) series: Vec<SpeedSeries>,
-    /// Decelerations that the followers of its cut-ins need, in m/s².
-    pub(crate) cut_ins: Vec<f64>,
-    lateral_mps: f64,
-}
-
-impl VehicleData {
-    pub(crate) fn thousand_km(&self) -> f64 {
-        let km: f64 = self.series.iter().map(SpeedSeries::distance_km).sum();
-        km / 1000.0
-    }
-
-    pub(crate) fn accelerations(&self) -> Vec<Vec<f64>> {
-        let series = self.series.iter();
-        series.map(SpeedSeries::accelerations_mps2).collect()
-    }
-
-    pub(crate) fn peaks(&self) -> Vec<f64> {
-        let events = self.series.iter().flat_map(SpeedSeries::braking_events);
-        events.map(|it| it.peak_mps2).collect()
-    }
-
-    fn losses(&self) -> Vec<f64> {
-        let events = self.series.iter().flat_map(SpeedSeries::braking_events);
-        events.map(|it| it.speed_lost_mps).collect()
-    }
-}
-
-impl DrivingData {
-    fn of(analyses: &[Analysis]) -> DrivingData {
-        let mut vehicles: BTreeMap<(usize, String), VehicleData> = BTreeMap::new();
-        for (file, analysis) in analyses.iter().enumerate() {
-            let id = |track: usize| (file, analysis.recording.tracks[track].id.clone());
-            for series in speed_series(&analysis.recording, &analysis.frame) {
-                let vehicle = vehicles.entry(id(series.track)).or_default();
-                vehicle.carriageway = series.carriageway;
-                vehicle.series.push(series);
-            }
-            for cut_in in &analysis.situations.cut_ins {
-                // The recorder made these states up.
-                if cut_in.is_filled {
-                    continue;
-                }
-                let vehicle = vehicles.entry(id(cut_in.change.track)).or_default();
-                vehicle.cut_ins.push(cut_in.at_line.needed_mps2());
-                vehicle.lateral_mps = vehicle.lateral_mps.max(cut_in.lateral_mps);
-            }
-        }
-        DrivingData {
-            vehicles: vehicles.into_values().collect(),
         }
     }
 }
@@ -314,7 +274,7 @@ impl Display for TrafficModel {
         writeln!(f, "\nbraking, peak over 1 s   per 1,000 km")?;
         for size in [1.0, 2.0, 3.0, 4.0, 6.0] {
             let rate = self.braking_peak.rate_of(size);
-            writeln!(f, "  {size} m/s²: {}", crate::rarity::shown(&rate))?;
+            writeln!(f, "  {size} m/s²: {}", rate)?;
         }
         if let Some(need) = &self.cut_in_need {
             writeln!(
@@ -322,11 +282,7 @@ impl Display for TrafficModel {
                 "cut-ins, deceleration that the follower needs   share of cut-ins"
             )?;
             for size in [0.3, 1.0, 2.0] {
-                writeln!(
-                    f,
-                    "  {size} m/s²: {}",
-                    crate::rarity::shown(&need.rate_of(size))
-                )?;
+                writeln!(f, "  {size} m/s²: {}", need.rate_of(size))?;
             }
         }
         writeln!(

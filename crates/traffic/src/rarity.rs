@@ -264,30 +264,6 @@ fn natural_likelihoods(driver: &DriverModel, decisions: usize) -> Vec<f64> {
     all
 }
 
-/// Formats a rate with its source.
-pub(crate) fn shown(rate: &EventRate) -> String {
-    let [least, most] = rate.interval.map(number);
-    let value = number(rate.rate);
-    match (rate.source, rate.at_most) {
-        (Source::Counted, _) => format!("{value} (counted, 95 %: {least} to {most})"),
-        (Source::Tail, _) => format!("{value} (tail, 95 %: {least} to {most})"),
-        (Source::NeverSeen, Some(bound)) => format!(
-            "{value} (extrapolated, 95 %: {least} to {most}; never seen: below {})",
-            number(bound)
-        ),
-        (Source::NeverSeen, None) => format!("{value} (extrapolated; never seen)"),
-    }
-}
-
-/// Formats a number with two significant digits.
-fn number(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    let digits = (1.0 - libm::floor(libm::log10(value.abs()))).clamp(0.0, 12.0);
-    format!("{value:.0$}", digits as usize)
-}
-
 impl Display for RatedEvent {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self.event {
@@ -302,6 +278,6 @@ impl Display for RatedEvent {
                 write!(f, "cut-in that needs {needed_mps2:.1} m/s²: ")?;
             }
         }
-        write!(f, "{} per 1,000 km", shown(&self.per_1000_km))
+        write!(f, "{} per 1,000 km", self.per_1000_km)
     }
 }

@@ -1,9 +1,7 @@
 //! Reading of long CSV files.
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::Read;
-use std::path::Path;
 
 use csv::ByteRecord;
 
@@ -15,34 +13,26 @@ use crate::grid::{self, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, Recording};
 use crate::timestamp::parse_iso;
 
-/// Reads a file with a shipped column map, which its header determines.
+/// Reads rows with a shipped column map, which the header determines.
 ///
 /// Returns the name of the map, too.
 ///
 /// # Errors
-/// The file cannot be read, no map fits, or a row is invalid.
-pub fn read_file_guessed(path: &Path) -> Result<(Recording, &'static str), ReadError> {
-    let name = path.display().to_string();
-    let mut reader = csv_of(open(path, &name)?);
-    let header = header_of(&mut reader, &name)?;
-    let Some(known) = ColumnMap::guess(&header) else {
+/// No shipped map fits, or a row is invalid.
+pub fn read_csv_guessed(
+    rows: impl Read,
+    name: &str,
+) -> Result<(Recording, &'static str), ReadError> {
+    let mut reader = csv_of(rows);
+    let header = header_of(&mut reader, name)?;
+    let known = ColumnMap::guess(&header);
+    let Some((known, map)) = known.and_then(|it| Some((it, ColumnMap::shipped(it)?))) else {
         return Err(ReadError::UnknownFormat {
-            file: name,
+            file: name.to_owned(),
             header: header.join(","),
         });
     };
-    // Invariant: a guessed name is that of a shipped map.
-    let map = ColumnMap::shipped(known).unwrap_or_else(|| unreachable!("shipped maps parse"));
-    Ok((read_rows(reader, &header, &name, &map)?, known))
-}
-
-/// Reads a file with a column map.
-///
-/// # Errors
-/// The file cannot be read, a column is missing, or a row is invalid.
-pub fn read_file(path: &Path, map: &ColumnMap) -> Result<Recording, ReadError> {
-    let name = path.display().to_string();
-    read_csv(open(path, &name)?, &name, map)
+    Ok((read_rows(reader, &header, name, &map)?, known))
 }
 
 /// Reads rows with a column map. Errors call them by `name`.
@@ -58,13 +48,6 @@ pub fn read_csv(rows: impl Read, name: &str, map: &ColumnMap) -> Result<Recordin
     let mut reader = csv_of(rows);
     let header = header_of(&mut reader, name)?;
     read_rows(reader, &header, name, map)
-}
-
-fn open(path: &Path, name: &str) -> Result<File, ReadError> {
-    File::open(path).map_err(|source| ReadError::File {
-        file: name.to_owned(),
-        source,
-    })
 }
 
 fn csv_of<R: Read>(rows: R) -> csv::Reader<R> {

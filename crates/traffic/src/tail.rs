@@ -1,5 +1,7 @@
 //! How often events exceed a size: counts, and a generalised Pareto tail.
 
+use std::fmt::{self, Display, Formatter};
+
 use serde::{Deserialize, Serialize};
 
 use crate::simplex::minimum;
@@ -223,6 +225,33 @@ impl EventTail {
     pub fn supported(&self) -> f64 {
         3.0 / self.exposure
     }
+}
+
+impl Display for EventRate {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let [least, most] = self.interval.map(number);
+        write!(f, "{} ", number(self.rate))?;
+        match self.source {
+            Source::Counted => write!(f, "(counted, 95 %: {least} to {most})"),
+            Source::Tail => write!(f, "(tail, 95 %: {least} to {most})"),
+            Source::NeverSeen => {
+                write!(f, "(extrapolated, 95 %: {least} to {most}; never seen")?;
+                match self.at_most {
+                    Some(bound) => write!(f, ": below {})", number(bound)),
+                    None => write!(f, ")"),
+                }
+            }
+        }
+    }
+}
+
+/// Formats a number with two significant digits.
+fn number(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let digits = (1.0 - libm::floor(libm::log10(value.abs()))).clamp(0.0, 12.0);
+    format!("{value:.0$}", digits as usize)
 }
 
 fn count(sizes: &[Vec<f64>], draw: &[usize], size: f64) -> u32 {

@@ -1,6 +1,6 @@
 //! One motion in every format gives one recording.
 
-use brakecheck_traffic::{Class, ColumnMap, Recording, Reference, read_csv, read_file_guessed};
+use brakecheck_traffic::{Class, ColumnMap, Recording, Reference, read_csv, read_csv_guessed};
 
 /// Reads a text with a shipped map.
 fn read(map: &str, text: &str) -> Recording {
@@ -101,22 +101,14 @@ fn a_corner_taken_as_the_centre_is_off_by_half_the_box() {
 
 #[test]
 fn the_header_determines_the_map() {
-    let folder = std::env::temp_dir().join(format!("traffic-guess-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a folder");
     for (name, text) in [("ind", ind()), ("highd", highd()), ("ngsim", ngsim())] {
-        let path = folder.join(format!("{name}.csv"));
-        std::fs::write(&path, text).expect("written");
-        let (_, map) = read_file_guessed(&path).unwrap_or_else(|it| panic!("{it}"));
+        let read = read_csv_guessed(text.as_bytes(), "log.csv");
+        let (_, map) = read.unwrap_or_else(|it| panic!("{it}"));
         assert_eq!(map, name);
     }
-    let path = folder.join("other.csv");
-    std::fs::write(&path, "a,b\n1,2\n").expect("written");
-    let error = read_file_guessed(&path).expect_err("no map").to_string();
-    assert!(
-        error.ends_with("no shipped column map fits the header `a,b`"),
-        "{error}"
-    );
-    std::fs::remove_dir_all(&folder).expect("removed");
+    let error = read_csv_guessed("a,b\n1,2\n".as_bytes(), "log.csv").expect_err("no map");
+    let said = "`log.csv`: no shipped column map fits the header `a,b`";
+    assert_eq!(error.to_string(), said);
 }
 
 const GENERIC: &str = "time,id,x,y,heading,speed,length,width\n";
