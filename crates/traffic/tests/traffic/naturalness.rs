@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use brakecheck_traffic::{
     Analysis, Behaviour, BrakingMeter, CutInState, NaturalLimit, Outside, Source, SourceFile,
-    StartState, TrafficModel,
+    StartState, StartTable, TrafficModel,
 };
 
 use crate::situations::recorded;
@@ -44,6 +44,36 @@ fn counts_and_exposure_are_those_of_the_recordings() {
     let rate = model.braking_peak.rate_of(1.0).rate;
     assert!((rate - 1000.0 * counted / model.exposure.vehicle_km).abs() < 1e-6 * rate);
     assert!((model.supported_per_1000_km() - 3000.0 / model.exposure.vehicle_km).abs() < 1e-9);
+}
+
+#[test]
+fn shares_of_starts_are_those_of_a_count_by_hand() {
+    let analysis = Analysis::of(recorded(&synthetic::traffic(14, 15, 40.0).0));
+    let table = StartTable::fit(std::slice::from_ref(&analysis));
+    let (mut all, mut tight) = (0, 0);
+    for (track, leads) in analysis.recording.tracks.iter().zip(&analysis.leads.of) {
+        for (lead, speed_mps) in leads.iter().zip(&track.speed_mps) {
+            let Some(lead) = lead.filter(|it| 0.0 <= it.gap_m) else {
+                continue;
+            };
+            all += 1;
+            tight += usize::from(lead.gap_m <= 2.0 * speed_mps && 1.0 <= lead.closing_mps);
+        }
+    }
+    assert!(50 < tight && tight < all / 3, "{tight} of {all}");
+    let start = StartState {
+        speed_mps: 30.0,
+        gap_m: 60.0,
+        closing_mps: 1.0,
+    };
+    let share = table.rarity_of(&start).share;
+    assert!((share - tight as f64 / all as f64).abs() < 1e-12, "{share}");
+    // Closing faster, or nearer, is rarer.
+    let tighter = StartState {
+        gap_m: 40.0,
+        ..start
+    };
+    assert!(table.rarity_of(&tighter).share < share);
 }
 
 #[test]
