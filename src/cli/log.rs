@@ -4,8 +4,8 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, ColumnMap, ModelError, ReadError, Recording, RuleFile, RuleResult, RulesError,
-    SourceFile, TrafficModel, following_worlds, read_csv, read_csv_guessed,
+    Analysis, ColumnMap, ModelError, ReadError, RuleResult, RulesError, SourceFile, TrafficModel,
+    TrafficRecording, TrafficRuleFile, following_worlds, read_csv, read_csv_guessed,
 };
 use clap::Args;
 use serde_json::{Value, json};
@@ -104,13 +104,13 @@ fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {
     Ok((map, name.to_owned()))
 }
 
-fn rule_file(name: &str) -> Result<RuleFile, Failure> {
+fn rule_file(name: &str) -> Result<TrafficRuleFile, Failure> {
     let text = if name == "motorway" {
-        RuleFile::motorway_text().to_owned()
+        TrafficRuleFile::motorway_text().to_owned()
     } else {
         text_of(name, "name motorway or a RON file")?
     };
-    Ok(RuleFile::parse(&text)?)
+    Ok(TrafficRuleFile::parse(&text)?)
 }
 
 fn text_of(name: &str, help: &str) -> Result<String, Failure> {
@@ -118,7 +118,10 @@ fn text_of(name: &str, help: &str) -> Result<String, Failure> {
         .map_err(|error| Failure::input(format!("cannot read `{name}`: {error}"), help))
 }
 
-fn read(file: &Path, map: Option<&(ColumnMap, String)>) -> Result<(Recording, String), Failure> {
+fn read(
+    file: &Path,
+    map: Option<&(ColumnMap, String)>,
+) -> Result<(TrafficRecording, String), Failure> {
     let (name, rows) = (file.display().to_string(), open(file)?);
     Ok(match map {
         Some((map, known)) => (read_csv(rows, &name, map)?, known.clone()),
@@ -138,7 +141,10 @@ fn open(file: &Path) -> Result<File, Failure> {
     })
 }
 
-fn evaluate(rules: Option<&RuleFile>, analysis: &Analysis) -> Result<Vec<RuleResult>, Failure> {
+fn evaluate(
+    rules: Option<&TrafficRuleFile>,
+    analysis: &Analysis,
+) -> Result<Vec<RuleResult>, Failure> {
     let Some(rules) = rules else {
         return Ok(Vec::new());
     };
@@ -226,7 +232,7 @@ fn show(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Result<(), Fa
 }
 
 /// Returns a line on the corrections of a reading, `None` without any.
-fn corrections(recording: &Recording) -> Option<String> {
+fn corrections(recording: &TrafficRecording) -> Option<String> {
     let counts = &recording.counts;
     let parts = [
         (counts.marked, "rows interpolated by the recorder"),

@@ -29,7 +29,9 @@ fn folder() -> (tempfile::TempDir, String) {
 fn a_recording_has_lanes_rules_and_worlds() {
     let (folder, file) = folder();
     let worlds = folder.path().join("worlds").display().to_string();
-    let args = ["log", &file, "--rules", "motorway", "--worlds", &worlds, "--json"];
+    let args = [
+        "log", &file, "--rules", "motorway", "--worlds", &worlds, "--json",
+    ];
     let output = brakecheck(&args);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let report = json(&output);
@@ -52,7 +54,10 @@ fn a_wrong_recording_is_refused_with_its_place() {
     let text = recording().replacen("100.000", "east", 1);
     write(&path, text.as_bytes());
     let file = path.display().to_string();
-    refused(&["log", &file], "line 3, column `x`: `east` is not a finite number");
+    refused(
+        &["log", &file],
+        "line 3, column `x`: `east` is not a finite number",
+    );
     refused(&["log", "nowhere.csv"], "cannot read `nowhere.csv`");
     refused(&["log", &file, "--map", "nomap"], "cannot read `nomap`");
 }

@@ -6,7 +6,9 @@
 #[expect(dead_code, reason = "tests use the rest")]
 mod synthetic;
 
-use brakecheck_traffic::{ColumnMap, LaneFrame, Leads, Recording, RuleFile, read_csv};
+use brakecheck_traffic::{
+    ColumnMap, LaneFrame, Leads, TrafficRecording, TrafficRuleFile, read_csv,
+};
 use divan::counter::{BytesCount, ItemsCount};
 use divan::{Bencher, black_box};
 
@@ -18,7 +20,7 @@ fn text() -> String {
     synthetic::dlr(&synthetic::traffic(1, 30, 120.0).0, 1.003)
 }
 
-fn recording(text: &str) -> Recording {
+fn recording(text: &str) -> TrafficRecording {
     let map = ColumnMap::shipped("dlr").expect("shipped");
     read_csv(text.as_bytes(), "log.csv", &map).expect("rows")
 }
@@ -44,7 +46,7 @@ fn ten_rules(bencher: Bencher) {
     let recording = recording(&text());
     let frame = LaneFrame::fit(&recording);
     let leads = Leads::find(&recording, &frame);
-    let file = RuleFile::parse(RuleFile::motorway_text()).expect("shipped");
+    let file = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
     let rules = file.bind(&recording).expect("shipped");
     bencher
         .counter(ItemsCount::new(recording.counts.rows))

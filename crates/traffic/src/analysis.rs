@@ -2,7 +2,7 @@
 
 use crate::following::Leads;
 use crate::lane_frame::LaneFrame;
-use crate::recording::Recording;
+use crate::recording::TrafficRecording;
 use crate::situations::Situations;
 
 /// Recording with everything that is derived from it once.
@@ -10,7 +10,7 @@ use crate::situations::Situations;
 #[non_exhaustive]
 pub struct Analysis {
     /// The recording.
-    pub recording: Recording,
+    pub recording: TrafficRecording,
     /// Its carriageways and lanes.
     pub frame: LaneFrame,
     /// The vehicle ahead of every vehicle.
@@ -21,7 +21,7 @@ pub struct Analysis {
 
 impl Analysis {
     /// Fits lanes and finds leads and situations.
-    pub fn of(recording: Recording) -> Analysis {
+    pub fn of(recording: TrafficRecording) -> Analysis {
         let frame = LaneFrame::fit(&recording);
         let leads = Leads::find(&recording, &frame);
         let situations = Situations::find(&recording, &frame, &leads);

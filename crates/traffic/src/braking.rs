@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::lane_frame::LaneFrame;
-use crate::recording::Recording;
+use crate::recording::TrafficRecording;
 
 /// Length of a decision in seconds. All statistics are of such decisions.
 pub const DECISION_S: f64 = 0.5;
@@ -62,7 +62,7 @@ impl SpeedSeries {
 /// Returns the unbroken stretches of all vehicles on a carriageway.
 ///
 /// Interpolated samples break a stretch, because the recorder smoothed them.
-pub fn speed_series(recording: &Recording, frame: &LaneFrame) -> Vec<SpeedSeries> {
+pub fn speed_series(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<SpeedSeries> {
     let step = ((DECISION_S / recording.dt_s).round() as usize).max(1);
     let mut all = Vec::new();
     for (track, placed) in frame.tracks.iter().enumerate() {

@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::driver::DriverModel;
+use crate::acceleration_model::AccelerationModel;
 use crate::driving_data::{CUT_IN_MPS2, DrivingData, VehicleData};
 use crate::tail::Pareto;
 
@@ -95,7 +95,7 @@ fn predict_driver(fitted: &[&VehicleData], tested: &[&VehicleData], add: Add<'_>
         it.iter().flat_map(|it| it.accelerations()).collect()
     };
     let tested = series(tested);
-    let Some(driver) = DriverModel::fit(&series(fitted)) else {
+    let Some(driver) = AccelerationModel::fit(&series(fitted)) else {
         return;
     };
     let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -133,7 +133,7 @@ fn is_hard(accelerations: &[f64]) -> bool {
 }
 
 fn rollout(
-    driver: &DriverModel,
+    driver: &AccelerationModel,
     mut before: [f64; 2],
     decisions: usize,
     rng: &mut ChaCha8Rng,

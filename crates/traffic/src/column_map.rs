@@ -246,7 +246,7 @@ impl ColumnMap {
             let has = |column: &&str| header.iter().any(|it| it == column);
             map.is_some_and(|map| map.columns().iter().all(has))
         };
-        ColumnMap::shipped_names().into_iter().find(|it| fits(&it))
+        ColumnMap::shipped_names().into_iter().find(fits)
     }
 
     /// Returns the names of all columns that the map reads.

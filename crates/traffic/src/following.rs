@@ -1,7 +1,7 @@
 //! The vehicle ahead of every vehicle, at every sample.
 
 use crate::lane_frame::LaneFrame;
-use crate::recording::Recording;
+use crate::recording::TrafficRecording;
 
 /// Greatest gap at which a vehicle ahead counts as the lead.
 pub const LEAD_GAP_M: f64 = 120.0;
@@ -50,8 +50,8 @@ pub struct Leads {
 
 impl Leads {
     /// Finds the nearest vehicle ahead in the lane, up to a gap of 120 m.
-    pub fn find(recording: &Recording, frame: &LaneFrame) -> Leads {
-        let empty = |track: &crate::Track| vec![None; track.len()];
+    pub fn find(recording: &TrafficRecording, frame: &LaneFrame) -> Leads {
+        let empty = |track: &crate::RoadUserTrack| vec![None; track.len()];
         let mut of: Vec<Vec<Option<Lead>>> = recording.tracks.iter().map(empty).collect();
         let mut by_start: Vec<usize> = (0..recording.tracks.len())
             .filter(|i| frame.tracks[*i].is_some())

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::error::ReadError;
-use crate::recording::{Class, HOLE_S, ReadCounts, Recording, Track};
+use crate::recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 
 /// Share of a period by which an instant may be off the grid.
 const ON_GRID: f64 = 0.05;
@@ -69,7 +69,7 @@ pub(crate) struct RawTracks {
 }
 
 /// Puts all rows on the time grid of the file.
-pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<Recording, ReadError> {
+pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, ReadError> {
     let RawTracks {
         mut tracks,
         mut counts,
@@ -111,7 +111,7 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<Recording, ReadErr
     if all.is_empty() {
         return Err(empty());
     }
-    Ok(Recording {
+    Ok(TrafficRecording {
         name: file.to_owned(),
         dt_s,
         origin_m,
@@ -145,7 +145,12 @@ fn parts<'a>(rows: &'a [RawRow], dt_s: f64, counts: &mut ReadCounts) -> Vec<&'a 
 }
 
 /// Interpolates unbroken rows onto the grid.
-fn track(raw: &RawTrack, rows: &[RawRow], dt_s: f64, counts: &mut ReadCounts) -> Option<Track> {
+fn track(
+    raw: &RawTrack,
+    rows: &[RawRow],
+    dt_s: f64,
+    counts: &mut ReadCounts,
+) -> Option<RoadUserTrack> {
     let (first, last) = (rows.first()?, rows.last()?);
     let from = (first.time_s / dt_s - ON_GRID).ceil().max(0.0) as usize;
     let to = (last.time_s / dt_s + ON_GRID).floor() as usize;
@@ -153,13 +158,13 @@ fn track(raw: &RawTrack, rows: &[RawRow], dt_s: f64, counts: &mut ReadCounts) ->
         return None;
     }
 
-    let mut track = Track {
+    let mut track = RoadUserTrack {
         id: raw.id(),
         class: raw.class(),
         length_m: raw.length_sum_m / raw.seen,
         width_m: raw.width_sum_m / raw.seen,
         first_sample: from,
-        ..Track::default()
+        ..RoadUserTrack::default()
     };
     let off = |row: &&RawRow| {
         let at = row.time_s / dt_s;
@@ -217,7 +222,7 @@ pub(crate) fn wrapped(angle_rad: f64) -> f64 {
 }
 
 /// Fills the columns of a track, with derived quantities where none were recorded.
-fn fill(track: &mut Track, samples: &[RawRow], dt_s: f64, is_front: bool) {
+fn fill(track: &mut RoadUserTrack, samples: &[RawRow], dt_s: f64, is_front: bool) {
     let course = courses(samples, dt_s);
     for (row, course_rad) in samples.iter().zip(course) {
         let heading_rad = row.heading_rad.unwrap_or(course_rad);
@@ -275,7 +280,7 @@ fn courses(samples: &[RawRow], dt_s: f64) -> Vec<f64> {
 }
 
 /// Returns the speeds along the heading by differences of positions.
-fn speeds_of(track: &Track, dt_s: f64) -> Vec<f64> {
+fn speeds_of(track: &RoadUserTrack, dt_s: f64) -> Vec<f64> {
     let (vx, vy) = (derivative(&track.x_m, dt_s), derivative(&track.y_m, dt_s));
     let along = |((x, y), heading): ((f64, f64), &f64)| {
         let (sin, cos) = libm::sincos(*heading);

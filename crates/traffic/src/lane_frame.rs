@@ -6,7 +6,7 @@
 
 use crate::grid::wrapped;
 use crate::path::Path;
-use crate::recording::{Recording, Track};
+use crate::recording::{RoadUserTrack, TrafficRecording};
 
 /// Distance of the points of a carriageway's line.
 const STEP_M: f64 = 5.0;
@@ -85,7 +85,7 @@ impl LaneFrame {
     /// Fits the carriageways of a recording from its motor vehicles.
     ///
     /// A recording without a track of 100 m has none.
-    pub fn fit(recording: &Recording) -> LaneFrame {
+    pub fn fit(recording: &TrafficRecording) -> LaneFrame {
         let mut free: Vec<usize> = (0..recording.tracks.len())
             .filter(|i| recording.tracks[*i].class.is_motor_vehicle())
             .collect();
@@ -114,7 +114,7 @@ impl LaneFrame {
         frame
     }
 
-    fn add(&mut self, recording: &Recording, mut path: Path, tracks: Vec<usize>) {
+    fn add(&mut self, recording: &TrafficRecording, mut path: Path, tracks: Vec<usize>) {
         for pass in Pass::ALL {
             let rows = thinned(recording, &tracks, &path);
             let Some(centred) = centred(&path, &rows, pass) else {
@@ -156,7 +156,7 @@ fn lane_at(lanes: &[Lane], lateral_m: f64) -> Option<u8> {
 }
 
 /// Chains trajectories from the longest one on.
-fn chained(recording: &Recording, free: &[usize]) -> Option<Path> {
+fn chained(recording: &TrafficRecording, free: &[usize]) -> Option<Path> {
     let lengths = free.iter().map(|i| (recording.tracks[*i].distance_m(), *i));
     let (length_m, seed) = lengths.max_by(|a, b| a.0.total_cmp(&b.0))?;
     if length_m < SEED_M {
@@ -172,13 +172,13 @@ fn chained(recording: &Recording, free: &[usize]) -> Option<Path> {
     }
 }
 
-fn points(track: &Track) -> Vec<[f64; 2]> {
+fn points(track: &RoadUserTrack) -> Vec<[f64; 2]> {
     let places = track.x_m.iter().zip(&track.y_m);
     places.map(|(x, y)| [*x, *y]).collect()
 }
 
 /// Returns the line with the trajectory that reaches farthest beyond one of its ends.
-fn extended(recording: &Recording, free: &[usize], path: &Path) -> Option<Vec<[f64; 2]>> {
+fn extended(recording: &TrafficRecording, free: &[usize], path: &Path) -> Option<Vec<[f64; 2]>> {
     let line: Vec<[f64; 2]> = path.points().map(|(point, _)| point).collect();
     let mut best: Option<(f64, Vec<[f64; 2]>)> = None;
     for is_end in [true, false] {
@@ -201,7 +201,7 @@ fn extended(recording: &Recording, free: &[usize], path: &Path) -> Option<Vec<[f
 }
 
 /// Returns the part of a track beyond an end of the path, moved onto the path's line.
-fn tail(track: &Track, path: &Path, is_end: bool) -> Option<(f64, Vec<[f64; 2]>)> {
+fn tail(track: &RoadUserTrack, path: &Path, is_end: bool) -> Option<(f64, Vec<[f64; 2]>)> {
     let piece = if is_end { path.pieces() - 1 } else { 0 };
     let [ux, uy] = path.direction(piece);
     let tip = path.tip(is_end);
@@ -233,7 +233,7 @@ fn tail(track: &Track, path: &Path, is_end: bool) -> Option<(f64, Vec<[f64; 2]>)
 }
 
 /// Returns true if most of a track runs along a path.
-fn belongs(track: &Track, path: &Path) -> bool {
+fn belongs(track: &RoadUserTrack, path: &Path) -> bool {
     let mut piece = path.place_anywhere([track.x_m[0], track.y_m[0]]).piece;
     let (mut along, mut seen) = (0, 0);
     for i in (0..track.len()).step_by(10) {
@@ -276,7 +276,7 @@ struct RowPlace {
 }
 
 /// Projects one of [`THINNED`] rows of the tracks.
-fn thinned(recording: &Recording, tracks: &[usize], path: &Path) -> Vec<RowPlace> {
+fn thinned(recording: &TrafficRecording, tracks: &[usize], path: &Path) -> Vec<RowPlace> {
     let mut rows = Vec::new();
     for track in tracks.iter().map(|i| &recording.tracks[*i]) {
         let mut piece = path.place_anywhere([track.x_m[0], track.y_m[0]]).piece;
@@ -384,7 +384,7 @@ fn peaks(offsets: &[f64], least: f64) -> Vec<(f64, usize)> {
     found
 }
 
-fn place(track: &Track, path: &Path, carriageway: usize) -> PlacedTrack {
+fn place(track: &RoadUserTrack, path: &Path, carriageway: usize) -> PlacedTrack {
     let mut piece = path.place_anywhere([track.x_m[0], track.y_m[0]]).piece;
     let mut placed = PlacedTrack {
         carriageway,

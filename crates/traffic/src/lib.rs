@@ -3,18 +3,18 @@
 //! # First steps
 //!
 //! Read a CSV file with [`read_csv`] and a [`ColumnMap`]. [`Analysis::of`] fits lanes
-//! without a map and finds leads, followings and cut-ins. A [`RuleFile`] evaluates
+//! without a map and finds leads, followings and cut-ins. A [`TrafficRuleFile`] evaluates
 //! formulas on all vehicles. [`TrafficModel::fit`] measures how often drivers brake
-//! and cut in, [`TrafficModel::rarity`] rates a [`Behaviour`], and [`NaturalLimit`]
+//! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
 //! masks actions that would make an event too rare.
 //!
 //! Architecture Invariant: knows no file, no clock, no scene and no ego.
 
+mod acceleration_model;
 mod analysis;
 mod braking;
 mod calibration;
 mod column_map;
-mod driver;
 mod driving_data;
 mod error;
 mod following;
@@ -35,6 +35,7 @@ mod tail;
 mod timestamp;
 mod world;
 
+pub use acceleration_model::AccelerationModel;
 pub use analysis::Analysis;
 pub use braking::{
     BRAKING_MPS2, BrakingEvent, BrakingMeter, DECISION_S, SpeedSeries, speed_series,
@@ -44,7 +45,6 @@ pub use column_map::{
     AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns,
     TimeColumn, VectorColumns, YAxis,
 };
-pub use driver::DriverModel;
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
 pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
@@ -52,11 +52,13 @@ pub use limit::NaturalLimit;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use path::{Path, PathPlace};
 pub use plan::{PIECE_S, SpeedPlan};
-pub use rarity::{Behaviour, CutInState, Outside, RareEvent, Rarity, RatedEvent, Surprise};
+pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, RatedEvent, Surprise};
 pub use read::{read_csv, read_csv_guessed};
-pub use recording::{Class, HOLE_S, ReadCounts, Recording, Track};
-pub use rules::{BoundRules, Rule, RuleFile, RuleResult, RulesError, WorstRow};
-pub use situations::{CUT_IN_GAP_M, CutIn, Following, LaneChange, Situations, WINDOW_S};
+pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
+pub use rules::{BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow};
+pub use situations::{
+    CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, Situations, WINDOW_S,
+};
 pub use starts::{StartRarity, StartState, StartTable};
-pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, Source, TailPoint};
+pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, RateSource, TailPoint};
 pub use world::{RecordedWorld, following_worlds};

@@ -8,10 +8,10 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::acceleration_model::AccelerationModel;
 use crate::analysis::Analysis;
 use crate::braking::BRAKING_MPS2;
 use crate::calibration::{CalibrationRow, calibrate};
-use crate::driver::DriverModel;
 use crate::driving_data::{CUT_IN_MPS2, DrivingData, VehicleData};
 use crate::starts::StartTable;
 use crate::tail::EventTail;
@@ -36,7 +36,7 @@ pub struct TrafficModel {
     /// Ranges of recorded quantities.
     pub domain: Domain,
     /// Accelerations decision by decision.
-    pub driver: DriverModel,
+    pub driver: AccelerationModel,
     /// Rate of braking events per 1,000 km by peak over one second, in m/s².
     pub braking_peak: EventTail,
     /// Rate of braking events per 1,000 km by speed lost, in m/s.
@@ -167,7 +167,7 @@ impl TrafficModel {
             .iter()
             .flat_map(VehicleData::accelerations)
             .collect();
-        let driver = DriverModel::fit(&series).ok_or_else(too_few)?;
+        let driver = AccelerationModel::fit(&series).ok_or_else(too_few)?;
         let draws = draws(vehicles.len());
         let thousands: Vec<f64> = vehicles.iter().map(VehicleData::thousand_km).collect();
         let peak_sizes: Vec<f64> = (4..=16)

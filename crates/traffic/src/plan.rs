@@ -149,11 +149,11 @@ fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Option<Vec<f64>> {
         if matrix[i][i].abs() < 1e-14 {
             return None;
         }
+        let pivot_row = matrix[i].clone();
         for row in i + 1..n {
-            let factor = matrix[row][i] / matrix[i][i];
-            for column in i..n {
-                let above = matrix[i][column];
-                matrix[row][column] -= factor * above;
+            let factor = matrix[row][i] / pivot_row[i];
+            for (value, above) in matrix[row].iter_mut().zip(&pivot_row).skip(i) {
+                *value -= factor * above;
             }
             right[row] -= factor * right[i];
         }

@@ -6,12 +6,12 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::acceleration_model::AccelerationModel;
 use crate::braking::{DECISION_S, SpeedSeries};
-use crate::driver::DriverModel;
 use crate::following::Lead;
 use crate::model::TrafficModel;
 use crate::starts::{StartRarity, StartState};
-use crate::tail::{EventRate, Source};
+use crate::tail::{EventRate, RateSource};
 
 /// Rollouts of the model with which a run is compared.
 pub const ROLLOUTS: usize = 20_000;
@@ -19,7 +19,7 @@ pub const ROLLOUTS: usize = 20_000;
 /// Behaviour of a simulated road user, to be judged by a model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Behaviour {
+pub struct DrivingBehaviour {
     /// Speed at the start in m/s.
     pub speed_mps: f64,
     /// Length of a decision in seconds.
@@ -55,7 +55,7 @@ impl CutInState {
     }
 }
 
-impl Behaviour {
+impl DrivingBehaviour {
     /// Returns the speeds every 0.5 s, the last one held for an unfinished decision.
     fn series(&self) -> SpeedSeries {
         let speed_at = |time_s: f64| {
@@ -154,7 +154,7 @@ pub struct Surprise {
 
 impl TrafficModel {
     /// Returns the rarity of a behaviour: its events, its start, and what is no data.
-    pub fn rarity(&self, behaviour: &Behaviour) -> Rarity {
+    pub fn rarity(&self, behaviour: &DrivingBehaviour) -> Rarity {
         let series = behaviour.series();
         let mut events = Vec::new();
         for event in series.braking_events() {
@@ -192,7 +192,7 @@ impl TrafficModel {
             EventRate {
                 rate: 1.0,
                 interval: [1.0; 2],
-                source: Source::Counted,
+                source: RateSource::Counted,
                 at_most: None,
             }
         } else {
@@ -209,7 +209,7 @@ impl TrafficModel {
         })
     }
 
-    fn outside(&self, behaviour: &Behaviour, series: &SpeedSeries) -> Vec<Outside> {
+    fn outside(&self, behaviour: &DrivingBehaviour, series: &SpeedSeries) -> Vec<Outside> {
         let is_outside = |[least, most]: [f64; 2], value: f64| value < least || most < value;
         let speeds = series.speeds_mps.iter().copied();
         let start = behaviour.start.map(|it| it.speed_mps);
@@ -231,7 +231,7 @@ impl TrafficModel {
     ///
     /// Use it as a tie-breaker only. One step from 0 to −3 m/s² costs seven decades,
     /// so coarse actions dominate it. Returns `None` without a decision.
-    pub fn surprise(&self, behaviour: &Behaviour) -> Option<Surprise> {
+    pub fn surprise(&self, behaviour: &DrivingBehaviour) -> Option<Surprise> {
         let accelerations = behaviour.series().accelerations_mps2();
         // The first decision is the one before the start.
         let accelerations = accelerations.get(1..).filter(|it| !it.is_empty())?;
@@ -247,7 +247,7 @@ impl TrafficModel {
 }
 
 /// Returns the log likelihoods of natural runs, ascending.
-fn natural_likelihoods(driver: &DriverModel, decisions: usize) -> Vec<f64> {
+fn natural_likelihoods(driver: &AccelerationModel, decisions: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(decisions as u64);
     let mut run = vec![0.0; decisions];
     let mut all: Vec<f64> = (0..ROLLOUTS)

@@ -10,7 +10,7 @@ use crate::column_map::{
 };
 use crate::error::ReadError;
 use crate::grid::{self, RawRow, RawTrack, RawTracks, RawVector};
-use crate::recording::{Class, ReadCounts, Recording};
+use crate::recording::{Class, ReadCounts, TrafficRecording};
 use crate::timestamp::parse_iso;
 
 /// Reads rows with a shipped column map, which the header determines.
@@ -22,7 +22,7 @@ use crate::timestamp::parse_iso;
 pub fn read_csv_guessed(
     rows: impl Read,
     name: &str,
-) -> Result<(Recording, &'static str), ReadError> {
+) -> Result<(TrafficRecording, &'static str), ReadError> {
     let mut reader = csv_of(rows);
     let header = header_of(&mut reader, name)?;
     let known = ColumnMap::guess(&header);
@@ -44,7 +44,11 @@ pub fn read_csv_guessed(
 ///
 /// # Errors
 /// A column is missing, or a row is invalid.
-pub fn read_csv(rows: impl Read, name: &str, map: &ColumnMap) -> Result<Recording, ReadError> {
+pub fn read_csv(
+    rows: impl Read,
+    name: &str,
+    map: &ColumnMap,
+) -> Result<TrafficRecording, ReadError> {
     let mut reader = csv_of(rows);
     let header = header_of(&mut reader, name)?;
     read_rows(reader, &header, name, map)
@@ -93,7 +97,7 @@ fn read_rows(
     header: &[String],
     name: &str,
     map: &ColumnMap,
-) -> Result<Recording, ReadError> {
+) -> Result<TrafficRecording, ReadError> {
     let mut parser = RowParser::new(header, name, map)?;
     let mut record = ByteRecord::new();
     while reader

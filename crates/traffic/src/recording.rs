@@ -64,7 +64,7 @@ impl Class {
 /// `first_sample + i` of the recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct Track {
+pub struct RoadUserTrack {
     /// Identity in the file. Two tracks share it if a hole separates them.
     pub id: String,
     /// Kind of the road user.
@@ -89,7 +89,7 @@ pub struct Track {
     pub filled: Vec<bool>,
 }
 
-impl Track {
+impl RoadUserTrack {
     /// Returns the number of samples.
     pub fn len(&self) -> usize {
         self.x_m.len()
@@ -140,7 +140,7 @@ pub const HOLE_S: f64 = 0.5;
 /// Recorded traffic.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct Recording {
+pub struct TrafficRecording {
     /// Name of the file.
     pub name: String,
     /// Sampling period in seconds, the median of the file's steps.
@@ -148,15 +148,15 @@ pub struct Recording {
     /// Origin of all positions, in metres of the file's frame.
     pub origin_m: [f64; 2],
     /// Tracks in the order of their first row.
-    pub tracks: Vec<Track>,
+    pub tracks: Vec<RoadUserTrack>,
     /// Corrections made while reading.
     pub counts: ReadCounts,
 }
 
-impl Recording {
+impl TrafficRecording {
     /// Returns the number of samples of the time grid.
     pub fn samples(&self) -> usize {
-        let ends = self.tracks.iter().map(Track::end_sample);
+        let ends = self.tracks.iter().map(RoadUserTrack::end_sample);
         ends.max().unwrap_or(0)
     }
 
@@ -167,7 +167,11 @@ impl Recording {
 
     /// Returns the distance of all tracks in kilometres.
     pub fn distance_km(&self) -> f64 {
-        self.tracks.iter().map(Track::distance_m).sum::<f64>() / 1000.0
+        self.tracks
+            .iter()
+            .map(RoadUserTrack::distance_m)
+            .sum::<f64>()
+            / 1000.0
     }
 
     /// Returns the number of road users, each counted once.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::following::{LEAD_GAP_M, Leads, TTC_MAX_S};
 use crate::lane_frame::LaneFrame;
-use crate::recording::Recording;
+use crate::recording::TrafficRecording;
 
 /// Time within which violations of a rule are one episode.
 const SAME_EPISODE_S: f64 = 1.0;
@@ -19,8 +19,8 @@ const SAME_EPISODE_S: f64 = 1.0;
 /// The list of rules has the form of a rulebook in a world file. `vehicle` is the name
 /// of each recorded vehicle in turn, and `lead` that of the vehicle ahead in its lane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RuleFile {
+#[serde(rename = "RuleFile", deny_unknown_fields)]
+pub struct TrafficRuleFile {
     /// Name of the vehicle in the formulas, by default `ego`.
     #[serde(default = "ego")]
     pub vehicle: String,
@@ -31,13 +31,13 @@ pub struct RuleFile {
     #[serde(default)]
     pub constants: Constants,
     /// Rules, in the order of the report.
-    pub rules: Vec<Rule>,
+    pub rules: Vec<TrafficRule>,
 }
 
 /// Rule of a rule file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Rule {
+#[serde(rename = "Rule", deny_unknown_fields)]
+pub struct TrafficRule {
     /// Name in the report.
     pub name: String,
     /// Formula that holds at every sample. An outer `always` may be written.
@@ -88,7 +88,7 @@ impl RulesError {
     }
 }
 
-impl RuleFile {
+impl TrafficRuleFile {
     /// Returns the RON text of the shipped rules for motorways.
     pub fn motorway_text() -> &'static str {
         include_str!("../rules/motorway.ron")
@@ -98,7 +98,7 @@ impl RuleFile {
     ///
     /// # Errors
     /// The text is not RON of a rule file.
-    pub fn parse(text: &str) -> Result<RuleFile, RulesError> {
+    pub fn parse(text: &str) -> Result<TrafficRuleFile, RulesError> {
         Ok(ron::from_str(text)?)
     }
 
@@ -159,13 +159,13 @@ impl RuleFile {
     ///
     /// # Errors
     /// A formula is invalid, or names an unknown signal.
-    pub fn bind(&self, recording: &Recording) -> Result<BoundRules, RulesError> {
+    pub fn bind(&self, recording: &TrafficRecording) -> Result<BoundRules, RulesError> {
         let schema = Arc::new(Schema::new(recording.dt_s, self.signals())?);
         let names = Names {
             constants: self.constants.clone(),
             ..Names::default()
         };
-        let bound = |rule: &Rule| {
+        let bound = |rule: &TrafficRule| {
             let wrong = |error: StlError| RulesError::Formula {
                 rule: rule.name.clone(),
                 source: Box::new(error),
@@ -267,7 +267,7 @@ pub struct WorstRow {
     pub robustness: f64,
 }
 
-/// Columns of one vehicle, in the order of [`RuleFile::signals`].
+/// Columns of one vehicle, in the order of [`TrafficRuleFile::signals`].
 #[derive(Default)]
 struct VehicleColumns {
     lateral_m: Vec<f64>,
@@ -283,7 +283,7 @@ impl BoundRules {
     /// Evaluates all rules on every motor vehicle on a carriageway.
     pub fn evaluate(
         &self,
-        recording: &Recording,
+        recording: &TrafficRecording,
         frame: &LaneFrame,
         leads: &Leads,
     ) -> Vec<RuleResult> {
@@ -323,7 +323,7 @@ impl BoundRules {
 impl VehicleColumns {
     fn fill(
         &mut self,
-        own: &crate::Track,
+        own: &crate::RoadUserTrack,
         placed: &crate::PlacedTrack,
         leads: &[Option<crate::Lead>],
     ) {
@@ -376,7 +376,7 @@ impl RuleTally {
 
     fn add(
         &mut self,
-        recording: &Recording,
+        recording: &TrafficRecording,
         leads: &Leads,
         track: usize,
         robustness: &[f64],
@@ -413,7 +413,7 @@ impl RuleTally {
     /// Keeps the worst row, and counts its vehicle.
     fn note(
         &mut self,
-        recording: &Recording,
+        recording: &TrafficRecording,
         leads: &Leads,
         (track, at): (usize, usize),
         robustness: f64,
@@ -441,7 +441,7 @@ impl RuleTally {
 }
 
 /// Returns true for rows that the recorder made up, or in which two boxes overlap.
-fn is_doubtful(recording: &Recording, leads: &Leads, track: usize, at: usize) -> bool {
+fn is_doubtful(recording: &TrafficRecording, leads: &Leads, track: usize, at: usize) -> bool {
     let own = &recording.tracks[track];
     let of_lead = leads.of[track][at].is_some_and(|lead| {
         let ahead = &recording.tracks[lead.track];

@@ -2,7 +2,7 @@
 
 use crate::following::{Lead, Leads};
 use crate::lane_frame::LaneFrame;
-use crate::recording::Recording;
+use crate::recording::TrafficRecording;
 
 /// Shortest following that counts, and the length of its windows, in seconds.
 pub const WINDOW_S: f64 = 10.0;
@@ -16,7 +16,7 @@ const IN_LANE_BEFORE_S: f64 = 1.0;
 /// Unbroken stretch in which a vehicle has the same lead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Following {
+pub struct RecordedFollowing {
     /// Track of the follower.
     pub follower: usize,
     /// Track of the lead.
@@ -46,7 +46,7 @@ pub struct LaneChange {
 /// Lane change in front of a follower.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct CutIn {
+pub struct RecordedCutIn {
     /// The lane change.
     pub change: LaneChange,
     /// Track of the follower.
@@ -64,18 +64,18 @@ pub struct CutIn {
 #[non_exhaustive]
 pub struct Situations {
     /// All followings, however short.
-    pub followings: Vec<Following>,
+    pub followings: Vec<RecordedFollowing>,
     /// Lane changes that last.
     pub lane_changes: Vec<LaneChange>,
     /// Cut-ins within 100 m of a follower. Those with a negative gap are left out.
-    pub cut_ins: Vec<CutIn>,
+    pub cut_ins: Vec<RecordedCutIn>,
     /// Cut-ins left out for a negative gap.
     pub overlapping_cut_ins: usize,
 }
 
 impl Situations {
     /// Finds the situations of a recording.
-    pub fn find(recording: &Recording, frame: &LaneFrame, leads: &Leads) -> Situations {
+    pub fn find(recording: &TrafficRecording, frame: &LaneFrame, leads: &Leads) -> Situations {
         let mut found = Situations {
             followings: followings(recording, leads),
             lane_changes: lane_changes(recording, frame),
@@ -92,18 +92,21 @@ impl Situations {
     }
 
     /// Returns the followings of at least 10 s without a negative gap.
-    pub fn long_followings(&self, recording: &Recording) -> impl Iterator<Item = &Following> {
+    pub fn long_followings(
+        &self,
+        recording: &TrafficRecording,
+    ) -> impl Iterator<Item = &RecordedFollowing> {
         let least = window_samples(recording);
-        let is_long = move |it: &&Following| least <= it.samples && it.overlaps == 0;
+        let is_long = move |it: &&RecordedFollowing| least <= it.samples && it.overlaps == 0;
         self.followings.iter().filter(is_long)
     }
 
     /// Returns the separate windows of 10 s in all followings.
-    pub fn windows(&self, recording: &Recording) -> Vec<Following> {
+    pub fn windows(&self, recording: &TrafficRecording) -> Vec<RecordedFollowing> {
         let length = window_samples(recording);
-        let windows = |it: &Following| {
+        let windows = |it: &RecordedFollowing| {
             let it = *it;
-            (0..it.samples / length).map(move |i| Following {
+            (0..it.samples / length).map(move |i| RecordedFollowing {
                 first_sample: it.first_sample + i * length,
                 samples: length,
                 ..it
@@ -113,11 +116,11 @@ impl Situations {
     }
 }
 
-fn window_samples(recording: &Recording) -> usize {
+fn window_samples(recording: &TrafficRecording) -> usize {
     ((WINDOW_S / recording.dt_s).round() as usize).max(1)
 }
 
-fn followings(recording: &Recording, leads: &Leads) -> Vec<Following> {
+fn followings(recording: &TrafficRecording, leads: &Leads) -> Vec<RecordedFollowing> {
     let mut all = Vec::new();
     for (follower, leads) in leads.of.iter().enumerate() {
         let first_sample = recording.tracks[follower].first_sample;
@@ -127,7 +130,7 @@ fn followings(recording: &Recording, leads: &Leads) -> Vec<Following> {
         for stretch in leads.chunk_by(same) {
             if let Some(lead) = stretch[0] {
                 let is_overlap = |it: &&Lead| it.gap_m < 0.0;
-                all.push(Following {
+                all.push(RecordedFollowing {
                     follower,
                     lead: lead.track,
                     first_sample: first_sample + at,
@@ -142,7 +145,7 @@ fn followings(recording: &Recording, leads: &Leads) -> Vec<Following> {
 }
 
 /// Returns the changes after which a vehicle stays for half a second.
-fn lane_changes(recording: &Recording, frame: &LaneFrame) -> Vec<LaneChange> {
+fn lane_changes(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<LaneChange> {
     let stay = ((0.5 / recording.dt_s).round() as usize).max(1);
     let mut all = Vec::new();
     for (track, placed) in frame.tracks.iter().enumerate() {
@@ -169,11 +172,11 @@ fn lane_changes(recording: &Recording, frame: &LaneFrame) -> Vec<LaneChange> {
 }
 
 fn cut_in(
-    recording: &Recording,
+    recording: &TrafficRecording,
     frame: &LaneFrame,
     leads: &Leads,
     change: &LaneChange,
-) -> Option<CutIn> {
+) -> Option<RecordedCutIn> {
     let before = (IN_LANE_BEFORE_S / recording.dt_s).round() as usize;
     let placed = frame.tracks[change.track].as_ref()?;
     let follower = frame.carriageways[placed.carriageway]
@@ -203,7 +206,7 @@ fn cut_in(
         (at + before / 2).min(placed.lateral_m.len() - 1),
     );
     let across_m = placed.lateral_m[b] - placed.lateral_m[a];
-    Some(CutIn {
+    Some(RecordedCutIn {
         change: *change,
         follower,
         at_line,

@@ -104,7 +104,7 @@ pub struct TailPoint {
 
 /// Source of a rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Source {
+pub enum RateSource {
     /// Five or more recorded events.
     Counted,
     /// Fewer events: the fitted tail.
@@ -122,7 +122,7 @@ pub struct EventRate {
     /// 95 % interval.
     pub interval: [f64; 2],
     /// Count, tail or extrapolation.
-    pub source: Source,
+    pub source: RateSource,
     /// Upper bound by the rule of three where no event was seen.
     pub at_most: Option<f64>,
 }
@@ -181,7 +181,7 @@ impl EventTail {
             return EventRate {
                 rate: tail,
                 interval: [tail; 2],
-                source: Source::Counted,
+                source: RateSource::Counted,
                 at_most: None,
             };
         };
@@ -189,7 +189,7 @@ impl EventTail {
             return EventRate {
                 rate: f64::from(point.count) / self.exposure,
                 interval: point.counted,
-                source: Source::Counted,
+                source: RateSource::Counted,
                 at_most: None,
             };
         }
@@ -206,9 +206,9 @@ impl EventTail {
             rate: tail,
             interval: point.tail.map(|it| it * tail / there),
             source: if is_unseen {
-                Source::NeverSeen
+                RateSource::NeverSeen
             } else {
-                Source::Tail
+                RateSource::Tail
             },
             at_most: is_unseen.then(|| self.supported()),
         }
@@ -232,9 +232,9 @@ impl Display for EventRate {
         let [least, most] = self.interval.map(number);
         write!(f, "{} ", number(self.rate))?;
         match self.source {
-            Source::Counted => write!(f, "(counted, 95 %: {least} to {most})"),
-            Source::Tail => write!(f, "(tail, 95 %: {least} to {most})"),
-            Source::NeverSeen => {
+            RateSource::Counted => write!(f, "(counted, 95 %: {least} to {most})"),
+            RateSource::Tail => write!(f, "(tail, 95 %: {least} to {most})"),
+            RateSource::NeverSeen => {
                 write!(f, "(extrapolated, 95 %: {least} to {most}; never seen")?;
                 match self.at_most {
                     Some(bound) => write!(f, ": below {})", number(bound)),
@@ -328,9 +328,9 @@ mod tests {
         let tail = tail.expect("27 events");
         let rate = |size: f64| tail.rate_of(size);
         assert!((rate(2.0).rate - 7.0).abs() < 1e-9);
-        assert_eq!(rate(2.0).source, Source::Counted);
-        assert_eq!(rate(3.0).source, Source::Tail);
-        assert_eq!(rate(4.0).source, Source::NeverSeen);
+        assert_eq!(rate(2.0).source, RateSource::Counted);
+        assert_eq!(rate(3.0).source, RateSource::Tail);
+        assert_eq!(rate(4.0).source, RateSource::NeverSeen);
         assert!(rate(4.0).at_most.is_some_and(|it| (it - 3.0).abs() < 1e-9));
         assert!(rate(5.0).rate < rate(4.0).rate);
     }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use crate::analysis::Analysis;
 use crate::plan::{PIECE_S, SpeedPlan};
 use crate::recording::Class;
-use crate::situations::Following;
+use crate::situations::RecordedFollowing;
 
 /// Width of the lane of a generated world in metres.
 const LANE_WIDTH_M: f64 = 3.75;
@@ -31,7 +31,7 @@ pub struct RecordedWorld {
 /// The ego takes the follower's place. The lead follows its recording and may stray by
 /// ±1 m/s² within 20 m. Windows whose states are interpolated at the start are left out.
 pub fn following_worlds(analysis: &Analysis, most: usize) -> Vec<RecordedWorld> {
-    let mut windows: Vec<(f64, Following)> = analysis
+    let mut windows: Vec<(f64, RecordedFollowing)> = analysis
         .situations
         .windows(&analysis.recording)
         .into_iter()
@@ -44,7 +44,7 @@ pub fn following_worlds(analysis: &Analysis, most: usize) -> Vec<RecordedWorld> 
 }
 
 /// Returns the speed that the lead loses at most, `None` for interpolated starts.
-fn slowing(analysis: &Analysis, window: &Following) -> Option<f64> {
+fn slowing(analysis: &Analysis, window: &RecordedFollowing) -> Option<f64> {
     let lead = &analysis.recording.tracks[window.lead];
     let own = &analysis.recording.tracks[window.follower];
     let at = window.first_sample - lead.first_sample;
@@ -62,7 +62,7 @@ fn slowing(analysis: &Analysis, window: &Following) -> Option<f64> {
 
 fn following_world(
     analysis: &Analysis,
-    window: &Following,
+    window: &RecordedFollowing,
     number: usize,
 ) -> Option<RecordedWorld> {
     let recording = &analysis.recording;

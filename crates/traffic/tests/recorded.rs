@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use brakecheck_traffic::{
-    Analysis, RuleFile, SourceFile, TrafficModel, following_worlds, read_csv_guessed,
+    Analysis, SourceFile, TrafficModel, TrafficRuleFile, following_worlds, read_csv_guessed,
 };
 
 const WHEEL: &str = "tasi-0.15.4-py3-none-any.whl";
@@ -83,7 +83,7 @@ fn the_bars_hold_on_five_minutes_of_a_motorway() {
     assert_eq!(worlds.len(), 24);
     assert!(worlds.iter().all(|it| it.worst_m < 0.1));
 
-    let rules = RuleFile::parse(RuleFile::motorway_text()).expect("shipped");
+    let rules = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
     let rules = rules.bind(&analysis.recording).expect("shipped");
     let results = rules.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
     let ttc = &results[1];

@@ -3,8 +3,8 @@
 use std::sync::LazyLock;
 
 use brakecheck_traffic::{
-    Analysis, Behaviour, BrakingMeter, CutInState, NaturalLimit, Outside, Source, SourceFile,
-    StartState, StartTable, TrafficModel,
+    Analysis, BrakingMeter, CutInState, DrivingBehaviour, NaturalLimit, Outside, RateSource,
+    SourceFile, StartState, StartTable, TrafficModel,
 };
 
 use crate::situations::recorded;
@@ -23,15 +23,15 @@ static FITTED: LazyLock<TrafficModel> = LazyLock::new(|| {
 });
 
 /// Braking by `accel_mps2` for a number of decisions from 30 m/s.
-fn braking(accel_mps2: f64, decisions: usize) -> Behaviour {
+fn braking(accel_mps2: f64, decisions: usize) -> DrivingBehaviour {
     let mut accelerations_mps2 = vec![0.0; 2];
     accelerations_mps2.extend(vec![accel_mps2; decisions]);
     accelerations_mps2.push(0.0);
-    Behaviour {
+    DrivingBehaviour {
         speed_mps: 30.0,
         decision_s: 0.5,
         accelerations_mps2,
-        ..Behaviour::default()
+        ..DrivingBehaviour::default()
     }
 }
 
@@ -129,7 +129,7 @@ fn the_shipped_model_has_the_published_rates() {
 #[test]
 fn a_harder_or_longer_braking_is_rarer() {
     let model = TrafficModel::motorway();
-    let rate = |behaviour: &Behaviour| {
+    let rate = |behaviour: &DrivingBehaviour| {
         let rarity = model.rarity(behaviour);
         rarity
             .rarest()
@@ -155,9 +155,9 @@ fn the_source_of_a_rate_is_named() {
         let braking = *braking.expect("an event");
         (braking.per_1000_km.source, braking.to_string())
     };
-    assert_eq!(source(-2.0).0, Source::Counted);
+    assert_eq!(source(-2.0).0, RateSource::Counted);
     let (unseen, text) = source(-6.0);
-    assert_eq!(unseen, Source::NeverSeen);
+    assert_eq!(unseen, RateSource::NeverSeen);
     assert!(
         text.starts_with("braking of 6.0 m/s² for 2.0 s: 0."),
         "{text}"
@@ -185,7 +185,7 @@ fn half_of_the_decision_time_gives_the_same_event() {
 #[test]
 fn a_cut_in_is_rated_by_what_its_follower_needs() {
     let model = TrafficModel::motorway();
-    let behaviour = |gap_m: f64, closing_mps: f64| Behaviour {
+    let behaviour = |gap_m: f64, closing_mps: f64| DrivingBehaviour {
         cut_ins: vec![CutInState {
             gap_m,
             closing_mps,
@@ -205,7 +205,7 @@ fn a_cut_in_is_rated_by_what_its_follower_needs() {
     let all = model.exposure.cut_ins_per_1000_km();
     assert!((rate(50.0, 2.0) - all).abs() < 1e-9);
     assert!((rate(10.0, -2.0) - all).abs() < 1e-9);
-    let wild = Behaviour {
+    let wild = DrivingBehaviour {
         cut_ins: vec![CutInState {
             gap_m: 50.0,
             closing_mps: 0.0,
@@ -220,7 +220,7 @@ fn a_cut_in_is_rated_by_what_its_follower_needs() {
 fn a_start_outside_of_the_data_is_named() {
     let model = TrafficModel::motorway();
     let start = |speed_mps: f64, gap_m: f64, closing_mps: f64| {
-        let behaviour = Behaviour {
+        let behaviour = DrivingBehaviour {
             start: Some(StartState {
                 speed_mps,
                 gap_m,
@@ -244,16 +244,16 @@ fn a_start_outside_of_the_data_is_named() {
 #[test]
 fn a_coarse_step_is_surprising_and_a_median_run_is_not() {
     let model = TrafficModel::motorway();
-    let surprise = |it: &Behaviour| model.surprise(it).expect("decisions");
+    let surprise = |it: &DrivingBehaviour| model.surprise(it).expect("decisions");
     let jump = surprise(&braking(-3.0, 4));
     assert!(5.0 < jump.decades && jump.rank < 1e-3, "{jump:?}");
     let calm = surprise(&braking(0.02, 4));
     assert!(calm.decades < 1.0 && 0.5 < calm.rank, "{calm:?}");
-    assert_eq!(model.surprise(&Behaviour::default()), None);
+    assert_eq!(model.surprise(&DrivingBehaviour::default()), None);
 }
 
 /// Brakes as hard as a limit allows, with actions in steps of 0.25 m/s².
-fn hardest(limit: &NaturalLimit<'_>, decisions: usize) -> Behaviour {
+fn hardest(limit: &NaturalLimit<'_>, decisions: usize) -> DrivingBehaviour {
     let mut meter = BrakingMeter::new(30.0);
     let mut behaviour = braking(0.0, 0);
     for accel in behaviour.accelerations_mps2.drain(..) {

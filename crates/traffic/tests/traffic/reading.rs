@@ -1,9 +1,11 @@
 //! One motion in every format gives one recording.
 
-use brakecheck_traffic::{Class, ColumnMap, Recording, Reference, read_csv, read_csv_guessed};
+use brakecheck_traffic::{
+    Class, ColumnMap, Reference, TrafficRecording, read_csv, read_csv_guessed,
+};
 
 /// Reads a text with a shipped map.
-fn read(map: &str, text: &str) -> Recording {
+fn read(map: &str, text: &str) -> TrafficRecording {
     let map = ColumnMap::shipped(map).expect("shipped");
     read_csv(text.as_bytes(), "log.csv", &map).unwrap_or_else(|it| panic!("{it}"))
 }
@@ -65,7 +67,7 @@ fn one_motion_in_four_formats_is_one_motion() {
         );
         assert!((a.length_m - b.length_m).abs() < 1e-9, "{map}");
         for i in 0..a.len() {
-            let place = |recording: &Recording| {
+            let place = |recording: &TrafficRecording| {
                 let track = &recording.tracks[0];
                 [
                     recording.origin_m[0] + track.x_m[i],
@@ -156,7 +158,7 @@ fn irregular_instants_are_interpolated_onto_the_grid_and_counted() {
 fn the_order_of_rows_does_not_matter() {
     let sorted = read("generic", &at(&[0.0, 0.1, 0.2, 0.3]));
     let mixed = read("generic", &at(&[0.2, 0.0, 0.3, 0.1]));
-    let places = |it: &Recording| -> Vec<f64> {
+    let places = |it: &TrafficRecording| -> Vec<f64> {
         it.tracks[0]
             .x_m
             .iter()

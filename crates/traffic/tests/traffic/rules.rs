@@ -1,15 +1,16 @@
 //! Rules over recordings against a count by hand.
 
 use brakecheck_traffic::{
-    ColumnMap, LaneFrame, Lead, Leads, Recording, Rule, RuleFile, RuleResult, read_csv,
+    ColumnMap, LaneFrame, Lead, Leads, RuleResult, TrafficRecording, TrafficRule, TrafficRuleFile,
+    read_csv,
 };
 
 use crate::situations::recorded;
 use crate::synthetic;
 
-fn file(rules: &[&str]) -> RuleFile {
-    let mut file = RuleFile::parse(RuleFile::motorway_text()).expect("shipped");
-    let rule = |stl: &&str| Rule {
+fn file(rules: &[&str]) -> TrafficRuleFile {
+    let mut file = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
+    let rule = |stl: &&str| TrafficRule {
         name: (*stl).to_owned(),
         stl: (*stl).to_owned(),
     };
@@ -17,7 +18,7 @@ fn file(rules: &[&str]) -> RuleFile {
     file
 }
 
-fn results(recording: &Recording, rules: &[&str]) -> (Vec<RuleResult>, Leads) {
+fn results(recording: &TrafficRecording, rules: &[&str]) -> (Vec<RuleResult>, Leads) {
     let frame = LaneFrame::fit(recording);
     let leads = Leads::find(recording, &frame);
     let bound = file(rules)
@@ -146,7 +147,7 @@ fn interpolated_rows_break_no_rule() {
 fn the_shipped_rules_bind_to_their_signals() {
     let (rows, _) = synthetic::traffic(6, 5, 10.0);
     let recording = recorded(&rows);
-    let file = RuleFile::parse(RuleFile::motorway_text()).expect("shipped");
+    let file = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
     assert_eq!(file.rules.len(), 10);
     assert!(file.bind(&recording).is_ok());
 }

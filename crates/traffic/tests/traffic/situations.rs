@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use brakecheck_traffic::{ColumnMap, LaneFrame, Leads, Recording, Situations, read_csv};
+use brakecheck_traffic::{ColumnMap, LaneFrame, Leads, Situations, TrafficRecording, read_csv};
 
 use crate::synthetic::{self, Row};
 
 /// Recording of synthetic rows in the DLR format.
-pub fn recorded(rows: &[Row]) -> Recording {
+pub fn recorded(rows: &[Row]) -> TrafficRecording {
     let map = ColumnMap::shipped("dlr").expect("shipped");
     let text = synthetic::dlr(rows, 1.003);
     read_csv(text.as_bytes(), "log.csv", &map).unwrap_or_else(|it| panic!("{it}"))
@@ -110,6 +110,12 @@ fn every_cut_in_is_found_once() {
             cut_in.lateral_mps
         );
         assert!((0.0..100.0).contains(&cut_in.at_line.gap_m));
+        // The follower is behind the changing vehicle, and was in its new lane before.
+        assert_eq!(cut_in.at_line.track, cut_in.change.track);
+        let (follower, change) = (cut_in.follower, cut_in.change);
+        let at = change.sample - recording.tracks[follower].first_sample;
+        let placed = frame.tracks[follower].as_ref().expect("a place");
+        assert_eq!(placed.lane[at - 20], Some(change.to));
     }
     let windows = found.windows(&recording);
     assert!(50 < windows.len(), "{}", windows.len());

@@ -15,7 +15,7 @@ use crate::simplex::minimum;
 /// of 0.5 s in m/s².
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DriverModel {
+pub struct AccelerationModel {
     /// Constant part in m/s².
     pub mean: f64,
     /// Weights of the last two accelerations.
@@ -26,12 +26,12 @@ pub struct DriverModel {
     pub freedom: f64,
 }
 
-impl DriverModel {
+impl AccelerationModel {
     /// Fits the model by maximum likelihood.
     ///
     /// Each series has the accelerations of unbroken decisions in m/s². Returns `None`
     /// for fewer than 100 decisions.
-    pub fn fit(series: &[Vec<f64>]) -> Option<DriverModel> {
+    pub fn fit(series: &[Vec<f64>]) -> Option<AccelerationModel> {
         let triples: Vec<[f64; 3]> = series
             .iter()
             .flat_map(|it| it.windows(3).map(|w| [w[0], w[1], w[2]]))
@@ -40,7 +40,7 @@ impl DriverModel {
             return None;
         }
         let loss = |p: &[f64], triples: &[[f64; 3]]| {
-            let model = DriverModel::of_parameters(p);
+            let model = AccelerationModel::of_parameters(p);
             let terms = triples
                 .iter()
                 .map(|[b, a, next]| model.log_density_at([*b, *a], *next));
@@ -57,11 +57,11 @@ impl DriverModel {
         let rough = minimum(|p| loss(p, &few), &start, &step, 500);
         let near = [0.01, 0.05, 0.05, 0.1, 0.1, 0.1, 0.2];
         let fine = minimum(|p| loss(p, &triples), &rough, &near, 250);
-        Some(DriverModel::of_parameters(&fine))
+        Some(AccelerationModel::of_parameters(&fine))
     }
 
-    fn of_parameters(p: &[f64]) -> DriverModel {
-        DriverModel {
+    fn of_parameters(p: &[f64]) -> AccelerationModel {
+        AccelerationModel {
             mean: p[0],
             carry: [p[1], p[2]],
             scale: [libm::exp(p[3]), libm::exp(p[4]), libm::exp(p[5])],
@@ -136,8 +136,8 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    fn truth() -> DriverModel {
-        DriverModel {
+    fn truth() -> AccelerationModel {
+        AccelerationModel {
             mean: 0.0,
             carry: [1.1, -0.35],
             scale: [0.06, 0.12, 0.2],
@@ -157,7 +157,7 @@ mod tests {
                 all
             })
             .collect();
-        let found = DriverModel::fit(&series).expect("enough decisions");
+        let found = AccelerationModel::fit(&series).expect("enough decisions");
         let pairs = [
             (found.carry[0], truth.carry[0], 0.03),
             (found.carry[1], truth.carry[1], 0.03),
