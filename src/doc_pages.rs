@@ -13,6 +13,10 @@ pub mod verbs {}
 #[doc = include_str!("../docs/reference/json.md")]
 pub mod json {}
 
+/// Recorded traffic: lanes, rules on it, worlds from it, naturalness models.
+#[doc = include_str!("../docs/guide/recordings.md")]
+pub mod recordings {}
+
 /// Writing a world, from an empty file to a trained ado.
 #[doc = include_str!("../docs/guide/worlds.md")]
 pub mod worlds {}

@@ -16,6 +16,8 @@ mod gate;
 mod hostile;
 #[path = "cli/learned.rs"]
 mod learned;
+#[path = "cli/log.rs"]
+mod log;
 #[path = "cli/picture.rs"]
 mod picture;
 #[path = "cli/points.rs"]

@@ -231,7 +231,13 @@ fn pages_read_like_those_of_projects_that_are_easy_to_read() {
 #[test]
 fn comments_state_nouns_and_reasons() {
     let mut comments = Comments::default();
-    let directories = ["src", "crates/stl/src", "crates/repro/src"].map(|it| root().join(it));
+    let directories = [
+        "src",
+        "crates/stl/src",
+        "crates/traffic/src",
+        "crates/repro/src",
+    ];
+    let directories = directories.map(|it| root().join(it));
     // The published package has only the first.
     for directory in directories.iter().filter(|it| it.is_dir()) {
         for file in below(directory, "rs") {

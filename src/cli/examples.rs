@@ -29,6 +29,7 @@ pub(super) const SEARCH: &str =
 pub(super) const REPLAY: &str =
     "Example:\n  brakecheck replay kept --expect recorded\n\nDocuments: docs/guide/crashes.md";
 pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n\nDocuments: docs/reference/stl.md";
+pub(super) const LOG: &str = "Examples:\n  brakecheck log tracks.csv --rules motorway\n  brakecheck log tracks.csv --fit traffic.ron\n  brakecheck log tracks.csv --worlds worlds --most 5\n\nDocuments: docs/guide/recordings.md";
 pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/guide/report.md";
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n  brakecheck view kept --rerun kept.rrd\n\nDocuments: docs/guide/pictures.md";

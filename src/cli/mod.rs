@@ -14,6 +14,7 @@ mod gate;
 mod keep;
 mod last_resort;
 mod live;
+mod log;
 mod new;
 mod number_args;
 mod points;
@@ -90,6 +91,9 @@ enum Verb {
     /// Measure a formula of Signal Temporal Logic on a trace in CSV.
     #[command(after_help = examples::STL)]
     Stl(stl::StlArgs),
+    /// Read recorded traffic: lanes, situations, rules, rarity and worlds.
+    #[command(after_help = examples::LOG)]
+    Log(log::LogArgs),
     /// Write one page, and JUnit XML, about a run.
     #[command(after_help = examples::REPORT)]
     Report(report::ReportArgs),
@@ -124,6 +128,7 @@ impl Verb {
             Verb::Reproduce(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
             Verb::Stl(args) => args.common(),
+            Verb::Log(args) => args.common(),
             Verb::Report(args) => args.common.clone(),
             Verb::Campaign(args) => args.common().clone(),
             Verb::View(args) => args.common(),
@@ -184,6 +189,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Search(args) => search::run(&args),
         Verb::Replay(args) => replay::run(&args),
         Verb::Stl(args) => stl::run(&args),
+        Verb::Log(args) => log::run(&args),
         Verb::Report(args) => report::run(&args),
         Verb::Reproduce(args) => Err(reproduce::refusal(&args)),
         Verb::Campaign(args) => campaign::run(&args),

@@ -26,6 +26,7 @@ const FLOORS: [(&str, u32); 37] = [
     ("stl", 1),
     ("ego", 1),
     ("severity", 1),
+    ("traffic", 2),
     ("rulebook", 2),
     ("scene", 2),
     ("stats", 3),
@@ -62,8 +63,9 @@ const FIRST_WITH_IO: u32 = 5;
 const MAY_TALK: &str = "src/ego/process";
 
 /// No file below these uses another one that leads back to it.
-const WITHOUT_CIRCLES: [&str; 15] = [
+const WITHOUT_CIRCLES: [&str; 16] = [
     "crates/stl/src/",
+    "crates/traffic/src/",
     "src/rl/",
     "src/scene/drive/",
     "src/world/",
@@ -90,6 +92,7 @@ fn floor_name(module: &[String]) -> &str {
         Some("brakecheck") => module.get(1).map_or("lib", String::as_str),
         Some("brakecheck_stl") if module.get(1).is_some_and(|name| name == "trace") => "trace",
         Some("brakecheck_stl") => "stl",
+        Some("brakecheck_traffic") => "traffic",
         Some("brakecheck_repro") => "repro",
         first => first.unwrap_or("lib"),
     }
@@ -101,6 +104,7 @@ fn texts() -> Vec<(String, String)> {
     let mut texts = sources::list(root, "src");
     if !pages::is_published() {
         texts.extend(sources::list(root, "crates/stl/src"));
+        texts.extend(sources::list(root, "crates/traffic/src"));
         texts.extend(sources::list(root, "crates/repro/src"));
     }
     texts

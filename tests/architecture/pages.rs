@@ -21,6 +21,7 @@ pub fn pages() -> Vec<PathBuf> {
         "examples/egos/README.md",
         "crates/repro/README.md",
         "crates/stl/README.md",
+        "crates/traffic/README.md",
         "python/README.md",
     ];
     pages.extend(beside.into_iter().map(|name| root().join(name)));

@@ -54,9 +54,10 @@ pub struct Sources {
 }
 
 /// Where a crate's sources are and what it is called.
-const CRATES: [(&str, &str); 3] = [
+const CRATES: [(&str, &str); 4] = [
     ("crates/repro/src/", "brakecheck_repro"),
     ("crates/stl/src/", "brakecheck_stl"),
+    ("crates/traffic/src/", "brakecheck_traffic"),
     ("src/", "brakecheck"),
 ];
 

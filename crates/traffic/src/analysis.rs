@@ -1,0 +1,35 @@
+//! A recording with its lanes, leads and situations.
+
+use crate::following::Leads;
+use crate::lane_frame::LaneFrame;
+use crate::recording::TrafficRecording;
+use crate::situations::Situations;
+
+/// Recording with everything that is derived from it once.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Analysis {
+    /// The recording.
+    pub recording: TrafficRecording,
+    /// Its carriageways and lanes.
+    pub frame: LaneFrame,
+    /// The vehicle ahead of every vehicle.
+    pub leads: Leads,
+    /// Followings, lane changes and cut-ins.
+    pub situations: Situations,
+}
+
+impl Analysis {
+    /// Fits lanes and finds leads and situations.
+    pub fn of(recording: TrafficRecording) -> Analysis {
+        let frame = LaneFrame::fit(&recording);
+        let leads = Leads::find(&recording, &frame);
+        let situations = Situations::find(&recording, &frame, &leads);
+        Analysis {
+            recording,
+            frame,
+            leads,
+            situations,
+        }
+    }
+}

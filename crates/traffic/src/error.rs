@@ -1,0 +1,139 @@
+//! Errors in a file of recorded traffic.
+
+/// Error while reading a recording.
+///
+/// [`ReadError::help`] states the fix.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// The file cannot be read.
+    #[error("cannot read `{file}`: {source}")]
+    File {
+        /// Name of the file.
+        file: String,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// No shipped column map has all of its columns in the header.
+    #[error("`{file}`: no shipped column map fits the header `{header}`")]
+    UnknownFormat {
+        /// Name of the file.
+        file: String,
+        /// Header of the file.
+        header: String,
+    },
+    /// A column of the map is not in the header.
+    #[error("`{file}`: missing column `{column}` in line 1")]
+    MissingColumn {
+        /// Name of the file.
+        file: String,
+        /// Column of the map.
+        column: String,
+        /// Most similar column of the header.
+        nearest: Option<String>,
+        /// Header of the file.
+        header: String,
+    },
+    /// A row has more or fewer fields than the header.
+    #[error("`{file}`, line {line}: {got} fields, the header has {want}")]
+    Fields {
+        /// Name of the file.
+        file: String,
+        /// Line of the row, from 1.
+        line: u64,
+        /// Number of fields.
+        got: u64,
+        /// Number of fields of the header.
+        want: u64,
+    },
+    /// A field is not a finite number.
+    #[error("`{file}`, line {line}, column `{column}`: `{text}` is not a finite number")]
+    Number {
+        /// Name of the file.
+        file: String,
+        /// Line of the row, from 1.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// Text of the field.
+        text: String,
+    },
+    /// A field is not an ISO 8601 instant.
+    #[error("`{file}`, line {line}, column `{column}`: `{text}` is not an ISO 8601 instant")]
+    Instant {
+        /// Name of the file.
+        file: String,
+        /// Line of the row, from 1.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// Text of the field.
+        text: String,
+    },
+    /// A box has no extent.
+    #[error("`{file}`, line {line}, column `{column}`: the size {value} is not positive")]
+    Size {
+        /// Name of the file.
+        file: String,
+        /// Line of the row, from 1.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// Size in the unit of the file.
+        value: f64,
+    },
+    /// A road user has two rows at one instant.
+    #[error("`{file}`: road user `{id}` has two rows at {time_s:.3} s after the first row")]
+    Repeated {
+        /// Name of the file.
+        file: String,
+        /// Identity of the road user.
+        id: String,
+        /// Instant of both rows.
+        time_s: f64,
+    },
+    /// No road user has two rows.
+    #[error("`{file}`: no road user has two rows")]
+    Empty {
+        /// Name of the file.
+        file: String,
+    },
+}
+
+impl ReadError {
+    /// Returns the fix in the imperative.
+    pub fn help(&self) -> String {
+        match self {
+            ReadError::File { .. } => "name a readable CSV file".to_owned(),
+            ReadError::UnknownFormat { .. } => {
+                let known = crate::ColumnMap::shipped_names().join(", ");
+                format!("write a column map, or name one of {known}")
+            }
+            ReadError::MissingColumn {
+                nearest, header, ..
+            } => match nearest {
+                Some(nearest) => format!("map `{nearest}`, or another of `{header}`"),
+                None => format!("map a column of `{header}`"),
+            },
+            ReadError::Fields { .. } => {
+                "remove the row, or quote fields that contain commas".to_owned()
+            }
+            ReadError::Number { .. } => {
+                "remove the row, or map another column; a hole is better than a guess".to_owned()
+            }
+            ReadError::Instant { .. } => {
+                "write 2024-10-07T06:00:00.05Z, or map the time as Seconds, Milliseconds or Frames"
+                    .to_owned()
+            }
+            ReadError::Size { .. } => {
+                "remove the rows, or map the size as Fixed(length_m: 4.5, width_m: 1.8)".to_owned()
+            }
+            ReadError::Repeated { .. } => {
+                "map a column that is unique per road user, or remove one of the rows".to_owned()
+            }
+            ReadError::Empty { .. } => {
+                "map `id` to a column that is the same in all rows of a road user".to_owned()
+            }
+        }
+    }
+}

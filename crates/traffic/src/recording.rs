@@ -1,0 +1,183 @@
+//! Recordings: tracks of road users on one time grid.
+
+use serde::{Deserialize, Serialize};
+
+/// Kind of a road user.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+pub enum Class {
+    /// Person on foot.
+    Pedestrian,
+    /// Bicycle.
+    Bicycle,
+    /// Motorcycle.
+    Motorcycle,
+    /// Passenger car.
+    #[default]
+    Car,
+    /// Van.
+    Van,
+    /// Truck or bus.
+    Truck,
+    /// Anything else.
+    Other,
+}
+
+impl Class {
+    /// Every class, in the order of the enum.
+    pub const ALL: [Class; 7] = [
+        Class::Pedestrian,
+        Class::Bicycle,
+        Class::Motorcycle,
+        Class::Car,
+        Class::Van,
+        Class::Truck,
+        Class::Other,
+    ];
+
+    /// Returns true for vehicles with an engine.
+    pub fn is_motor_vehicle(self) -> bool {
+        matches!(
+            self,
+            Class::Motorcycle | Class::Car | Class::Van | Class::Truck
+        )
+    }
+
+    /// Returns the name in lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Class::Pedestrian => "pedestrian",
+            Class::Bicycle => "bicycle",
+            Class::Motorcycle => "motorcycle",
+            Class::Car => "car",
+            Class::Van => "van",
+            Class::Truck => "truck",
+            Class::Other => "other",
+        }
+    }
+}
+
+/// Unbroken motion of a road user, a value per sample.
+///
+/// All columns have the same length. Sample `i` of the track is sample
+/// `first_sample + i` of the recording.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct RoadUserTrack {
+    /// Identity in the file. Two tracks share it if a hole separates them.
+    pub id: String,
+    /// Kind of the road user.
+    pub class: Class,
+    /// Length of the box in metres.
+    pub length_m: f64,
+    /// Width of the box in metres.
+    pub width_m: f64,
+    /// Sample of the recording at which the track begins.
+    pub first_sample: usize,
+    /// Box centre along the first axis, relative to the recording's origin.
+    pub x_m: Vec<f64>,
+    /// Box centre along the second axis, to the left of the first.
+    pub y_m: Vec<f64>,
+    /// Heading, counter-clockwise from the first axis.
+    pub heading_rad: Vec<f64>,
+    /// Recorded velocity along the heading. It need not agree with the positions.
+    pub speed_mps: Vec<f64>,
+    /// Acceleration along the heading.
+    pub accel_mps2: Vec<f64>,
+    /// True where the recorder or the reading made the sample up.
+    pub filled: Vec<bool>,
+}
+
+impl RoadUserTrack {
+    /// Returns the number of samples.
+    pub fn len(&self) -> usize {
+        self.x_m.len()
+    }
+
+    /// Returns true if there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.x_m.is_empty()
+    }
+
+    /// Returns the first sample of the recording after the track.
+    pub fn end_sample(&self) -> usize {
+        self.first_sample + self.len()
+    }
+
+    /// Returns the distance along the path in metres.
+    pub fn distance_m(&self) -> f64 {
+        let steps = self.x_m.windows(2).zip(self.y_m.windows(2));
+        steps
+            .map(|(x, y)| libm::hypot(x[1] - x[0], y[1] - y[0]))
+            .sum()
+    }
+}
+
+/// Corrections made while reading. Nothing is changed without being counted here.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ReadCounts {
+    /// Rows in the file.
+    pub rows: usize,
+    /// Rows that the recorder marks as interpolated.
+    pub marked: usize,
+    /// Rows at an instant off the time grid, whose neighbours are interpolated.
+    pub off_grid: usize,
+    /// Samples interpolated over holes of at most [`HOLE_S`].
+    pub holes_filled: usize,
+    /// Longer holes, each of which ends a track.
+    pub holes_split: usize,
+    /// Tracks of fewer than two samples, left out.
+    pub too_short: usize,
+    /// Rows whose class code is not in the column map.
+    pub unknown_class: usize,
+}
+
+/// Longest hole that is interpolated, in seconds.
+pub const HOLE_S: f64 = 0.5;
+
+/// Recorded traffic.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct TrafficRecording {
+    /// Name of the file.
+    pub name: String,
+    /// Sampling period in seconds, the median of the file's steps.
+    pub dt_s: f64,
+    /// Origin of all positions, in metres of the file's frame.
+    pub origin_m: [f64; 2],
+    /// Tracks in the order of their first row.
+    pub tracks: Vec<RoadUserTrack>,
+    /// Corrections made while reading.
+    pub counts: ReadCounts,
+}
+
+impl TrafficRecording {
+    /// Returns the number of samples of the time grid.
+    pub fn samples(&self) -> usize {
+        let ends = self.tracks.iter().map(RoadUserTrack::end_sample);
+        ends.max().unwrap_or(0)
+    }
+
+    /// Returns the duration in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.samples().saturating_sub(1) as f64 * self.dt_s
+    }
+
+    /// Returns the distance of all tracks in kilometres.
+    pub fn distance_km(&self) -> f64 {
+        self.tracks
+            .iter()
+            .map(RoadUserTrack::distance_m)
+            .sum::<f64>()
+            / 1000.0
+    }
+
+    /// Returns the number of road users, each counted once.
+    pub fn road_users(&self) -> usize {
+        let ids: std::collections::BTreeSet<&str> =
+            self.tracks.iter().map(|track| &*track.id).collect();
+        ids.len()
+    }
+}

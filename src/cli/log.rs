@@ -1,0 +1,369 @@
+//! `brakecheck log`: recorded traffic, its situations, rules on it and models of it.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use brakecheck_traffic::{
+    Analysis, ColumnMap, ModelError, ReadError, RuleResult, RulesError, SourceFile, TrafficModel,
+    TrafficRecording, TrafficRuleFile, following_worlds, read_csv, read_csv_guessed,
+};
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::{Common, Exit, Failure, print_json, table_of, terminal};
+use crate::run_dir::{make_dir, write_file};
+use crate::world::{Scenario, file_text};
+
+#[derive(Args, Debug)]
+pub(super) struct LogArgs {
+    /// Recordings: CSV with a row per road user and instant.
+    #[arg(required = true, value_name = "FILE.csv")]
+    files: Vec<PathBuf>,
+    /// Column map: dlr, highd, ind, ngsim, generic or a RON file [default: by header].
+    ///
+    /// A RON file states the columns with their units and the reference point:
+    /// ColumnMap(time: Seconds("t"), id: "car", x: "x", y: "y",
+    /// velocity: Magnitude("v"), size: Fixed(length_m: 4.5, width_m: 1.8)).
+    /// Times are Seconds, Milliseconds, Iso or Frames, references are Centre, Corner
+    /// or Front, and length_unit is Metres or Feet. The shipped maps are examples, in
+    /// crates/traffic/maps of the source.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    map: Option<String>,
+    /// Evaluate rules on all vehicles: motorway, or a RON file.
+    ///
+    /// A RON file is RuleFile(rules: [Rule(name: "…", stl: "…")]), with the signals
+    /// ego.speed, ego.accel, ego.s, ego.lateral, ego.lane, lead.present (Boolean),
+    /// lead.speed, ego.lead.gap, ego.lead.ttc and ego.lead.closing. `vehicle` and
+    /// `lead` rename ego and lead, so that the rulebook of a world fits.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    rules: Option<String>,
+    /// Fit a naturalness model, print its calibration and write it.
+    #[arg(long, value_name = "FILE.ron")]
+    fit: Option<PathBuf>,
+    /// Write a world per recorded following, hardest slowing first.
+    #[arg(long, value_name = "DIR")]
+    worlds: Option<PathBuf>,
+    /// Number of worlds of each recording to write.
+    #[arg(long, value_name = "N", default_value_t = 24, requires = "worlds")]
+    most: usize,
+    /// Print one JSON object on stdout instead of tables.
+    #[arg(long)]
+    json: bool,
+}
+
+impl LogArgs {
+    pub(super) fn common(&self) -> Common {
+        Common {
+            json: self.json,
+            ..Common::default()
+        }
+    }
+}
+
+pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
+    let map = args.map.as_deref().map(column_map).transpose()?;
+    let rules = args.rules.as_deref().map(rule_file).transpose()?;
+    let mut analyses = Vec::new();
+    let mut reports = Vec::new();
+    for file in &args.files {
+        let (recording, map) = read(file, map.as_ref())?;
+        let analysis = Analysis::of(recording);
+        let results = evaluate(rules.as_ref(), &analysis)?;
+        if !args.json {
+            show(&analysis, &map, &results)?;
+        }
+        reports.push(report(&analysis, &map, &results));
+        analyses.push(analysis);
+    }
+    let written = match &args.worlds {
+        Some(folder) => write_worlds(args, folder, &analyses)?,
+        None => Vec::new(),
+    };
+    let model = match &args.fit {
+        Some(path) => Some(fit(args, path, &analyses)?),
+        None => None,
+    };
+    if args.json {
+        let model = model.map(|it| json!(it));
+        print_json(&json!({ "recordings": reports, "worlds": written, "model": model }))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {
+    if let Some(map) = ColumnMap::shipped(name) {
+        return Ok((map, name.to_owned()));
+    }
+    let text = text_of(name, "name dlr, highd, ind, ngsim, generic or a RON file")?;
+    let map = ron::from_str(&text).map_err(|error| {
+        Failure::input(
+            format!("`{name}`: invalid column map at {error}"),
+            "see `brakecheck log --help` for its fields",
+        )
+    })?;
+    Ok((map, name.to_owned()))
+}
+
+fn rule_file(name: &str) -> Result<TrafficRuleFile, Failure> {
+    let text = if name == "motorway" {
+        TrafficRuleFile::motorway_text().to_owned()
+    } else {
+        text_of(name, "name motorway or a RON file")?
+    };
+    Ok(TrafficRuleFile::parse(&text)?)
+}
+
+fn text_of(name: &str, help: &str) -> Result<String, Failure> {
+    file_text(Path::new(name))
+        .map_err(|error| Failure::input(format!("cannot read `{name}`: {error}"), help))
+}
+
+fn read(
+    file: &Path,
+    map: Option<&(ColumnMap, String)>,
+) -> Result<(TrafficRecording, String), Failure> {
+    let (name, rows) = (file.display().to_string(), open(file)?);
+    Ok(match map {
+        Some((map, known)) => (read_csv(rows, &name, map)?, known.clone()),
+        None => {
+            let (recording, known) = read_csv_guessed(rows, &name)?;
+            (recording, known.to_owned())
+        }
+    })
+}
+
+fn open(file: &Path) -> Result<File, Failure> {
+    File::open(file).map_err(|error| {
+        Failure::input(
+            format!("cannot read `{}`: {error}", file.display()),
+            "name a readable CSV file",
+        )
+    })
+}
+
+fn evaluate(
+    rules: Option<&TrafficRuleFile>,
+    analysis: &Analysis,
+) -> Result<Vec<RuleResult>, Failure> {
+    let Some(rules) = rules else {
+        return Ok(Vec::new());
+    };
+    let bound = rules.bind(&analysis.recording)?;
+    Ok(bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads))
+}
+
+/// Prints the contents of a recording and the results of the rules.
+fn show(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Result<(), Failure> {
+    let recording = &analysis.recording;
+    terminal::data(&format!(
+        "{}, column map {map}: {} rows, {} road users, {:.1} s at {:.3} s, {:.1} km",
+        recording.name,
+        recording.counts.rows,
+        recording.road_users(),
+        recording.duration_s(),
+        recording.dt_s,
+        recording.distance_km(),
+    ))?;
+    if let Some(text) = corrections(recording) {
+        terminal::note(&text);
+    }
+    let lanes = analysis.frame.carriageways.iter().enumerate();
+    let lanes = lanes.flat_map(|(i, carriageway)| {
+        carriageway.lanes.iter().enumerate().map(move |(k, lane)| {
+            [
+                format!("{i}"),
+                format!("{k}"),
+                format!("{:.2}", lane.offset_m),
+                format!("{:.1}", 100.0 * lane.share),
+                format!("{:.2}", lane.wander_m),
+                format!("{}", carriageway.tracks.len()),
+            ]
+        })
+    });
+    let header = [
+        "carriageway",
+        "lane",
+        "offset m",
+        "rows %",
+        "wander m",
+        "vehicles",
+    ];
+    terminal::data(&table_of(header, lanes))?;
+    let found = &analysis.situations;
+    terminal::data(&format!(
+        "{} followings of 10 s or more, {} windows of 10 s, {} lane changes, {} cut-ins within \
+         100 m ({} left out: boxes overlap)",
+        found.long_followings(recording).count(),
+        found.windows(recording).len(),
+        found.lane_changes.len(),
+        found.cut_ins.len(),
+        found.overlapping_cut_ins,
+    ))?;
+    if results.is_empty() {
+        return Ok(());
+    }
+    let rules = results.iter().map(|it| {
+        let worst = it.worst.as_ref().map_or("–".to_owned(), |worst| {
+            format!(
+                "ρ {:.2} at {:.2} s, {}",
+                worst.robustness, worst.time_s, worst.id
+            )
+        });
+        [
+            it.rule.clone(),
+            format!("{:.4}", 100.0 * it.share()),
+            format!("{}", it.vehicles),
+            format!("{}", it.episodes),
+            format!("{:.1}", it.per_1000_km()),
+            format!("{}", it.doubtful),
+            worst,
+        ]
+    });
+    let header = [
+        "rule",
+        "rows %",
+        "vehicles",
+        "episodes",
+        "per 1,000 km",
+        "left out",
+        "worst",
+    ];
+    terminal::data(&table_of(header, rules))
+}
+
+/// Returns a line on the corrections of a reading, `None` without any.
+fn corrections(recording: &TrafficRecording) -> Option<String> {
+    let counts = &recording.counts;
+    let parts = [
+        (counts.marked, "rows interpolated by the recorder"),
+        (counts.off_grid, "rows off the time grid, interpolated"),
+        (counts.holes_filled, "samples filled in short holes"),
+        (counts.holes_split, "tracks split at long holes"),
+        (counts.too_short, "tracks of one sample left out"),
+        (counts.unknown_class, "rows of an unknown class"),
+    ];
+    let parts: Vec<String> = parts
+        .iter()
+        .filter(|(count, _)| 0 < *count)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
+    (!parts.is_empty()).then(|| parts.join(", "))
+}
+
+fn report(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Value {
+    let recording = &analysis.recording;
+    let lanes = analysis.frame.carriageways.iter().map(|it| {
+        let lanes = it.lanes.iter().map(|lane| {
+            json!({ "offset_m": lane.offset_m, "share": lane.share, "wander_m": lane.wander_m })
+        });
+        json!({ "vehicles": it.tracks.len(), "outside": it.outside, "lanes": lanes.collect::<Vec<_>>() })
+    });
+    let rules = results.iter().map(|it| {
+        json!({
+            "rule": it.rule, "share": it.share(), "vehicles": it.vehicles,
+            "episodes": it.episodes, "per_1000_km": it.per_1000_km(),
+            "left_out": it.doubtful, "worst": it.worst,
+        })
+    });
+    let found = &analysis.situations;
+    json!({
+        "file": recording.name,
+        "map": map,
+        "counts": recording.counts,
+        "road_users": recording.road_users(),
+        "duration_s": recording.duration_s(),
+        "dt_s": recording.dt_s,
+        "distance_km": recording.distance_km(),
+        "carriageways": lanes.collect::<Vec<_>>(),
+        "followings": found.long_followings(recording).count(),
+        "windows": found.windows(recording).len(),
+        "lane_changes": found.lane_changes.len(),
+        "cut_ins": found.cut_ins.len(),
+        "rules": rules.collect::<Vec<_>>(),
+    })
+}
+
+/// Writes the worlds of all recordings, or none if a file is there already.
+fn write_worlds(
+    args: &LogArgs,
+    folder: &Path,
+    analyses: &[Analysis],
+) -> Result<Vec<Value>, Failure> {
+    let mut files = Vec::new();
+    for (i, analysis) in analyses.iter().enumerate() {
+        // Recordings share a directory, so all but the first have a number.
+        let place = if i == 0 {
+            folder.to_path_buf()
+        } else {
+            folder.join(format!("recording_{}", i + 1))
+        };
+        for world in following_worlds(analysis, args.most) {
+            let path = place.join(format!("{}.ron", world.name));
+            let file = path.display().to_string();
+            if path.symlink_metadata().is_ok() {
+                return Err(Failure::input(
+                    format!("`{file}` is there already, and is left as it is"),
+                    "choose another directory, or move the file away",
+                ));
+            }
+            // A text that brakecheck would refuse must not reach the disk.
+            Scenario::parse(&file, &world.text)?;
+            files.push((path, file, world));
+        }
+    }
+    for (path, _, world) in &files {
+        make_dir(path.parent().unwrap_or(folder))?;
+        write_file(path, world.text.as_bytes())?;
+    }
+    if !args.json {
+        let worst_m = files.iter().map(|it| it.2.worst_m).fold(0.0, f64::max);
+        let hardest = files.iter().map(|it| it.2.hardest_mps2).fold(0.0, f64::max);
+        terminal::data(&format!(
+            "wrote {} worlds to {}: plans within {worst_m:.3} m of the recording, at most {hardest:.1} m/s²",
+            files.len(),
+            folder.display()
+        ))?;
+    }
+    let written = files.iter().map(|(_, file, world)| {
+        json!({
+            "file": file, "worst_m": world.worst_m,
+            "hardest_mps2": world.hardest_mps2, "slowing_mps": world.slowing_mps,
+        })
+    });
+    Ok(written.collect())
+}
+
+fn fit(args: &LogArgs, path: &Path, analyses: &[Analysis]) -> Result<TrafficModel, Failure> {
+    let mut sources = Vec::new();
+    for file in &args.files {
+        let name = file.display().to_string();
+        let source = SourceFile::of(&name, open(file)?)
+            .map_err(|error| Failure::fault(format!("cannot read `{name}`: {error}"), None))?;
+        sources.push(source);
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let model = TrafficModel::fit(&name, sources, analyses)?;
+    write_file(path, model.to_ron().as_bytes())?;
+    if !args.json {
+        terminal::data(&format!("{model}\nwrote {}", path.display()))?;
+    }
+    Ok(model)
+}
+
+impl From<ReadError> for Failure {
+    fn from(error: ReadError) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<RulesError> for Failure {
+    fn from(error: RulesError) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<ModelError> for Failure {
+    fn from(error: ModelError) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
