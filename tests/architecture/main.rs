@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 37] = [
+const FLOORS: [(&str, u32); 38] = [
     ("seed", 0),
     ("content_hash", 0),
     ("visible", 0),
