@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use crate::analysis::Analysis;
+use crate::path::Path;
 use crate::plan::{PIECE_S, SpeedPlan};
-use crate::recording::Class;
+use crate::recording::{Class, RoadUserTrack};
 use crate::situations::RecordedFollowing;
 
 /// Width of the lane of a generated world in metres.
@@ -75,14 +76,9 @@ fn following_world(
         window.first_sample - own.first_sample,
     );
     // One more sample, so that the last piece is whole.
-    let end = (at + window.samples + 1).min(lead.len());
-    let plan = SpeedPlan::fit(
-        &analysis.frame.tracks[window.lead].as_ref()?.s_m[at..end],
-        recording.dt_s,
-    )?;
-    let own_end = (own_at + window.samples + 1).min(own.len());
-    let own_s = &analysis.frame.tracks[window.follower].as_ref()?.s_m[own_at..own_end];
-    let own_plan = SpeedPlan::fit(own_s, recording.dt_s)?;
+    let samples = window.samples + 1;
+    let plan = SpeedPlan::fit(&own_way(lead, at, samples)?, recording.dt_s)?;
+    let own_plan = SpeedPlan::fit(&own_way(own, own_at, samples)?, recording.dt_s)?;
     let gap_m = analysis.leads.of[window.follower][own_at]?.gap_m + plan.start_m - own_plan.start_m;
     let name = format!("following_{number:03}");
     let text = following_text(&FollowingText {
@@ -104,6 +100,25 @@ fn following_world(
         hardest_mps2: plan.hardest_mps2(),
         slowing_mps: slowing(analysis, window)?,
     })
+}
+
+/// Returns the positions of a road user along its own path.
+///
+/// Along the right lane's line, a vehicle of the left lane would gain or lose decimetres
+/// in a bend. Returns `None` for a road user that hardly moves.
+fn own_way(track: &RoadUserTrack, from: usize, samples: usize) -> Option<Vec<f64>> {
+    let range = from..(from + samples).min(track.len());
+    let points = || range.clone().map(|i| [track.x_m[i], track.y_m[i]]);
+    // Half seconds apart, so that the noise of positions does not lengthen the path.
+    let thinned = points().step_by(10).chain(points().last());
+    let path = Path::through(thinned, 0.5)?;
+    let mut piece = 0;
+    let place = points().map(|point| {
+        let place = path.place(point, piece);
+        piece = place.piece;
+        place.s_m
+    });
+    Some(place.collect())
 }
 
 /// Parts of the text of a following.
