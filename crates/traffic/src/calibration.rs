@@ -39,6 +39,11 @@ impl CalibrationRow {
 impl Display for CalibrationRow {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (ratio, events) = (self.ratio(), self.events);
+        let printed = if ratio.is_finite() {
+            format!("{ratio:.2}")
+        } else {
+            "–".to_owned()
+        };
         let verdict = if events < 5 {
             ", too few events to judge"
         } else if (0.5..=2.0).contains(&ratio) {
@@ -48,7 +53,7 @@ impl Display for CalibrationRow {
         };
         write!(
             f,
-            "{ratio:.2}  {}, {}: {events} events{verdict}",
+            "{printed:4}  {}, {}: {events} events{verdict}",
             self.quantity, self.tested_on
         )
     }

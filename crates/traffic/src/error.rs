@@ -107,7 +107,10 @@ impl ReadError {
             ReadError::File { .. } => "name a readable CSV file".to_owned(),
             ReadError::UnknownFormat { .. } => {
                 let known = crate::ColumnMap::shipped_names().join(", ");
-                format!("write a column map, or name one of {known}")
+                format!(
+                    "write a column map, or name one of {known}; `generic` has the columns \
+                     time, id, x, y, heading, speed, length and width"
+                )
             }
             ReadError::MissingColumn {
                 nearest, header, ..

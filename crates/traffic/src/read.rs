@@ -57,6 +57,10 @@ pub fn read_csv(
 fn csv_of<R: Read>(rows: R) -> csv::Reader<R> {
     csv::ReaderBuilder::new()
         .buffer_capacity(1 << 18)
+        // The default also ends a record at `\r`, and then counts lines of files with
+        // `\r\n` one too low. The `\r` is trimmed with the blanks.
+        .terminator(csv::Terminator::Any(b'\n'))
+        .trim(csv::Trim::All)
         .from_reader(rows)
 }
 

@@ -178,31 +178,44 @@ impl TyreForces {
 
     /// Distributes the wanted force among the wheels, within their reach.
     ///
-    /// The brakes have a fixed distribution, and the drive follows the loads of the axles.
     /// A wheel at its limit leaves the rest of its share to the others.
     fn distribute(&self, demand: &TyreDemand, slips: &[WheelSlip; 4]) -> [f64; 4] {
-        let loads_n = &demand.loads_n;
-        let all_n: f64 = loads_n.iter().sum();
-        let front = if demand.force_n < 0.0 {
-            self.front_share
-        } else {
-            (loads_n[0] + loads_n[1]) / all_n.max(1.0)
-        };
         let most_n = demand.force_n.abs();
-        let shares = [front, 1.0 - front];
-        let first_n: [f64; 4] = core::array::from_fn(|index| {
-            // Equal on both sides: by load, the outer brakes would turn the car out of a bend.
-            let wanted_n = 0.5 * most_n * shares[index / 2];
-            wanted_n.min(slips[index].reach_n)
-        });
+        let mut reach_n = slips.map(|slip| slip.reach_n);
+        if demand.force_n < 0.0 {
+            // Select low: both rear brakes have the pressure of the wheel with less grip.
+            let low_n = reach_n[2].min(reach_n[3]);
+            (reach_n[2], reach_n[3]) = (low_n, low_n);
+        }
+        let [front_n, rear_n] = self.axle_forces_n(demand, most_n);
+        let wanted_n = [front_n, front_n, rear_n, rear_n];
+        // Equal on both sides: by load, the outer brakes would turn the car out of a bend.
+        let first_n: [f64; 4] =
+            core::array::from_fn(|index| (0.5 * wanted_n[index]).min(reach_n[index]));
         let missing_n = most_n - first_n.iter().sum::<f64>();
         let spare_n: [f64; 4] =
-            core::array::from_fn(|index| (slips[index].reach_n - first_n[index]).max(0.0));
+            core::array::from_fn(|index| (reach_n[index] - first_n[index]).max(0.0));
         let all_spare_n: f64 = spare_n.iter().sum();
         let used = (missing_n / all_spare_n.max(1e-9)).clamp(0.0, 1.0);
         core::array::from_fn(|index| {
             (first_n[index] + used * spare_n[index]).copysign(demand.force_n)
         })
+    }
+
+    /// Returns the forces of the front and the rear axle below the limits of the wheels.
+    ///
+    /// The drive follows the loads. The brakes have a fixed distribution, but the rear
+    /// ones get no more than the load of the lighter rear wheel allows: an axle that
+    /// brakes more than it carries would lose its side grip first.
+    fn axle_forces_n(&self, demand: &TyreDemand, most_n: f64) -> [f64; 2] {
+        let [left_n, right_n, rear_left_n, rear_right_n] = demand.loads_n;
+        let all_n = (left_n + right_n + rear_left_n + rear_right_n).max(1.0);
+        let rear_share = if demand.force_n < 0.0 {
+            (1.0 - self.front_share).min(2.0 * rear_left_n.min(rear_right_n) / all_n)
+        } else {
+            (rear_left_n + rear_right_n) / all_n
+        };
+        [most_n * (1.0 - rear_share), most_n * rear_share]
     }
 
     /// Returns the forces along and across one wheel.

@@ -237,6 +237,10 @@ fn every_mistake_has_file_line_column_and_fix() {
         let error = read_csv(text.as_bytes(), "log.csv", &map).expect_err(said);
         assert_eq!(error.to_string(), said);
         assert!(error.help().contains(fix), "{}", error.help());
+        // Lines are counted alike in files of other systems.
+        let text = text.replace('\n', "\r\n");
+        let error = read_csv(text.as_bytes(), "log.csv", &map).expect_err(said);
+        assert_eq!(error.to_string(), said);
     }
     let dlr = ColumnMap::shipped("dlr").expect("shipped");
     let text = super::synthetic::dlr(&[], 1.0)
