@@ -10,6 +10,7 @@ use super::problems::Problems;
 use super::scenario_kind::{DriveScenario, ScenarioKind};
 use crate::ego::ControllerSpec;
 use crate::scene::Clock;
+use crate::sim::PlantKind;
 use crate::stl::{Formula, Monitor};
 
 /// Greatest usual speed of a start or a controller on a road: 252 km/h.
@@ -52,6 +53,8 @@ pub(super) enum Oddity {
     BarelyTried,
     /// A formula reads signals that no ado can observe.
     Unseen,
+    /// Wind blows in a world on the kinematic plant, which has no side motion.
+    WindWithoutSlip,
 }
 
 /// Oddities of one world, with their paths.
@@ -186,12 +189,25 @@ impl Warnings {
         }
     }
 
+    /// Warns of wind that moves no body aside.
+    fn wind(&mut self, file: &ScenarioFile) {
+        if file.wind.is_some() && file.plant == PlantKind::Kinematic {
+            self.note(
+                Oddity::WindWithoutSlip,
+                ValuePath::top().to("wind"),
+                "on the kinematic plant wind moves nothing aside".to_owned(),
+                ("drag only", "write plant: Rigid"),
+            );
+        }
+    }
+
     /// Warns of a driving world's text.
     pub(super) fn driving(&mut self, file: &ScenarioFile) {
         let top = ValuePath::top();
         self.question(&file.question);
         self.clock(&top.to("clock"), &file.clock);
         self.changed_egos(file);
+        self.wind(file);
         for (i, agent) in file.agents.iter().enumerate() {
             let path = top.to("agents").at(i);
             match agent {

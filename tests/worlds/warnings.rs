@@ -109,6 +109,15 @@ fn oddities() -> Vec<(&'static str, &'static str, String)> {
             ),
         ),
         (
+            "wind_without_slip",
+            "on the kinematic plant wind moves nothing aside",
+            with(
+                &with(ACC, "plant: Rigid,", "plant: Kinematic,"),
+                "agents: [",
+                "wind: (speed_mps: 8.0, from_rad: 1.57), agents: [",
+            ),
+        ),
+        (
             "long_lag",
             "an actuator that lags by 6 s",
             with(ACC, "neutral: 1,", "neutral: 1, lag_s: 6.0,"),
