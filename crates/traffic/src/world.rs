@@ -110,7 +110,7 @@ fn own_way(track: &RoadUserTrack, from: usize, samples: usize) -> Option<Vec<f64
     let range = from..(from + samples).min(track.len());
     let points = || range.clone().map(|i| [track.x_m[i], track.y_m[i]]);
     // Half seconds apart, so that the noise of positions does not lengthen the path.
-    let thinned = points().step_by(10).chain(points().last());
+    let thinned = points().step_by(10).chain(points().next_back());
     let path = Path::through(thinned, 0.5)?;
     let mut piece = 0;
     let place = points().map(|point| {
