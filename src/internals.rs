@@ -69,6 +69,10 @@ pub mod run_dir {
 }
 pub mod scene {
     pub mod drive {
+        pub use crate::road::{
+            Course, CourseError, Direction, Grade, LaneKeeping, OnRoad, Piece, PlacedRoad,
+            Priority, Road, RoadPlace,
+        };
         pub use crate::scene::drive::*;
     }
     pub mod grid {

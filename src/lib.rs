@@ -52,6 +52,8 @@ pub mod openx;
 pub mod preventability;
 pub mod report;
 pub mod rl;
+mod road;
+mod ron_file;
 pub mod rulebook;
 pub mod run_dir;
 pub mod scene;

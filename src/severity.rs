@@ -34,13 +34,13 @@
 //! Architecture Invariant: knows bodies, but no scene, no rule and no role
 //! except "ego" and "other".
 
-use core::f64::consts::{FRAC_PI_4, TAU};
+use core::f64::consts::FRAC_PI_4;
 use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 use strum::IntoStaticStr;
 
-use crate::sim::{Body, BodyState};
+use crate::sim::{Body, BodyState, wrapped};
 
 /// Mass range of the cars behind the published curves, in kilograms.
 const LIGHT_KG: std::ops::RangeInclusive<f64> = 500.0..=4000.0;
@@ -365,9 +365,4 @@ fn overlap((ego, ego_side): (&Party<'_>, Side), (other, other_side): (&Party<'_>
     let common_m =
         (own_m + own_half_m).min(its_m + its_half_m) - (own_m - own_half_m).max(its_m - its_half_m);
     (common_m / ego.body.width_m.min(other.body.width_m)).clamp(0.0, 1.0)
-}
-
-/// Wraps an angle to −π to π.
-fn wrapped(angle_rad: f64) -> f64 {
-    libm::remainder(angle_rad, TAU)
 }

@@ -10,11 +10,11 @@ use super::plan::{Plan, PlannedAdo, Unit};
 use super::play::UnitContext;
 use super::{estimate, workflow_files};
 use crate::experiment::{EgoUnderTest, TrivialStarts, Watch, consent, on_plant};
+use crate::ron_file::file_text;
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::stats::StartOutcome;
 use crate::testbench::FaultLog;
 use crate::world::Scenario;
-use crate::world::file_text;
 
 /// Default duration of a piece, s.
 pub(crate) const PIECE_S: f64 = 10.0;

@@ -19,10 +19,10 @@ use super::trivial_blocks::TrivialBlocks;
 use super::{piece, training};
 use crate::content_hash::{check, sha256};
 use crate::experiment::{EgoUnderTest, Watch, consent, on_plant};
+use crate::ron_file::file_text;
 use crate::run_dir::{RunDir, RunError, write_file};
 use crate::testbench::FaultLog;
 use crate::world::Scenario;
-use crate::world::file_text;
 
 /// Name of the plan's file.
 pub(super) const PLAN: &str = "plan.json";

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use crate::evaluation::SweepError;
 use crate::experiment::EgoError;
 use crate::rl::ConfigError;
+use crate::ron_file::LoadError;
 use crate::run_dir::RunError;
 use crate::search::SearchError;
 use crate::testbench::Complaint;
 use crate::training::SessionError;
-use crate::world::LoadError;
 
 /// A campaign could not be planned, run or merged.
 ///

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::evaluation::GateOn;
+use crate::ron_file::Ordered;
 use crate::seed::FIRST_SEALED;
 use crate::sim::PlantKind;
-use crate::world::{Change, Ordered};
+use crate::world::Change;
 
 /// Campaign file.
 #[derive(Deserialize)]

@@ -8,8 +8,8 @@ use serde_json::json;
 
 use super::row::StartRow;
 use crate::content_hash::sha256;
+use crate::ron_file::file_bytes;
 use crate::run_dir::{RunError, make_dir, write_file};
-use crate::world::file_bytes;
 
 /// Pieces per directory, which keeps directories small.
 const PER_DIR: usize = 1000;

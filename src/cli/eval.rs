@@ -1,37 +1,16 @@
 //! `brakecheck eval`: a frozen ado on test starts and egos, beside baselines.
 
-use std::path::PathBuf;
-
-use clap::Args;
 use serde_json::json;
 
-use super::live::{Live, Streamed};
+use super::eval_args::EvalArgs;
 use super::run_under_test::{RunUnderTest, Supplement, is_world, rows_of};
-use super::test_args::{EgoArgs, TestArgs, note_program_costs};
+use super::test_args::note_program_costs;
 use super::{
     Exit, Failure, exit_of, interrupted_early, load_world, points, print_json, progress, table,
     theorems,
 };
 use crate::evaluation::{EvaluationTable, TheoremsChecked, untrained};
 use crate::experiment::{Watch, on_plant};
-use crate::world::Scenario;
-
-#[derive(Args, Debug)]
-pub(super) struct EvalArgs {
-    /// Run directory of a trained ado; or a world, to play its points, or baselines and search.
-    #[arg(value_name = "RUN|WORLD.ron")]
-    pub(super) run: PathBuf,
-    #[command(flatten)]
-    pub(super) ego: EgoArgs,
-    /// Also check the paper's theorems: 1 to 3 on a grid, 3 and Lemma 1 on the road.
-    #[arg(long)]
-    theorems: bool,
-    /// Exit with 1 if any ado makes an ego fail.
-    #[arg(long)]
-    pub(super) fail_on_counterexample: bool,
-    #[command(flatten)]
-    pub(super) test: TestArgs,
-}
 
 /// Refuses options that require a trained ado.
 fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failure> {
@@ -59,11 +38,6 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
     ))
 }
 
-/// Opens the stream of an evaluation of a world, if one is requested.
-pub(super) fn open_live(args: &EvalArgs, world: &Scenario) -> Result<Live, Failure> {
-    args.test.live.open(world.name(), Streamed::Episodes)
-}
-
 /// Evaluates a world in which no ado was trained.
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let test = &args.test;
@@ -78,7 +52,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
         return points::run(args, &world);
     }
     let egos = args.ego.find(&world)?;
-    let live = open_live(args, &world)?;
+    let live = args.open_live(&world)?;
     let bar = progress::bar(&args.test.common, "");
     let watch = bar.watch().first_of(egos.len()).shown_to(live.audience());
     let starts = (test.starts, test.seed);

@@ -7,8 +7,8 @@ use std::fmt;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Severity};
 
 use super::excerpt::Excerpt;
+use crate::ron_file::Problem;
 use crate::visible::{command_line, visible, visible_line};
-use crate::world::Problem;
 
 /// Messages of one failure that are printed.
 const MOST_NOTES: usize = 50;

@@ -3,16 +3,16 @@
 use std::panic::{self, AssertUnwindSafe, PanicHookInfo};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::{Exit, terminal};
+use super::Exit;
 
 /// Set after the first message. If several threads fail, a single message is printed.
 static SPOKE: AtomicBool = AtomicBool::new(false);
 
-/// Installs a panic message with the fault, the place to report it, and the kept work.
-pub(super) fn speak_plainly() {
-    panic::set_hook(Box::new(|fault| {
+/// Gives `note` the message of a panic: the fault, the place to report it, the kept work.
+pub(super) fn speak_plainly(note: fn(&str)) {
+    panic::set_hook(Box::new(move |fault| {
         if !SPOKE.swap(true, Ordering::Relaxed) {
-            terminal::note(&in_words(fault));
+            note(&in_words(fault));
         }
     }));
 }

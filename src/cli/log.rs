@@ -11,8 +11,9 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::{Common, Exit, Failure, print_json, table_of, terminal};
+use crate::ron_file::file_text;
 use crate::run_dir::{make_dir, write_file};
-use crate::world::{Scenario, file_text};
+use crate::world::Scenario;
 
 #[derive(Args, Debug)]
 pub(super) struct LogArgs {

@@ -6,6 +6,7 @@ mod campaign;
 mod check;
 mod crashes;
 mod eval;
+mod eval_args;
 mod examples;
 mod excerpt;
 mod export;
@@ -75,7 +76,7 @@ enum Verb {
     Train(train::TrainArgs),
     /// Measure a trained ado and baselines on test starts and egos.
     #[command(after_help = examples::EVAL)]
-    Eval(eval::EvalArgs),
+    Eval(eval_args::EvalArgs),
     /// Compare an ego with an earlier one, start by start, under a trained ado.
     #[command(after_help = examples::GATE)]
     Gate(gate::GateArgs),

@@ -7,8 +7,9 @@ use serde_json::json;
 
 use super::{Common, Exit, Failure, print_json, terminal};
 use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
+use crate::ron_file::file_text;
 use crate::run_dir::write_file;
-use crate::world::{Scenario, file_text};
+use crate::world::Scenario;
 
 /// Text of the new world, without its name.
 const WORLD: &str = include_str!("new_world.ron");

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::eval::{EvalArgs, open_live};
+use super::eval_args::EvalArgs;
 use super::live::Live;
 use super::test_args::note_program_costs;
 use super::{Exit, Failure, interrupted_early, print_json, progress, table, table_of, terminal};
@@ -26,7 +26,7 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     let egos = args.ego.find(world)?;
     // Only the named egos play here, so the world's own ego needs no consent.
     consent_to(&egos)?;
-    let live = open_live(args, world)?;
+    let live = args.open_live(world)?;
     let tables = played(args, &egos, &live);
     if tables.is_empty() {
         return interrupted_early(&args.test.common);

@@ -6,13 +6,13 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::{Common, Exit, Failure, finite_or_word, print_json, terminal};
+use crate::ron_file::file_text;
+use crate::ron_file::{Problem, ScenarioError};
 use crate::run_dir::trace_of_csv;
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
 use crate::trace::Trace;
-use crate::world::file_text;
-use crate::world::{Problem, ScenarioError};
 
 #[derive(Args, Debug)]
 pub(super) struct StlArgs {

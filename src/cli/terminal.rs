@@ -76,7 +76,7 @@ pub trait Program: CommandFactory + FromArgMatches + Send {
 
 /// Runs a program on the process's arguments.
 pub fn main<P: Program>() -> ExitCode {
-    last_resort::speak_plainly();
+    last_resort::speak_plainly(note);
     // Parsing is guarded, too, because every panic is a fault of this program.
     let exit = last_resort::guarded(|| main_of::<P>(std::env::args_os()));
     ExitCode::from(exit as u8)

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::regressions::Regressions;
 use crate::experiment::{EgoError, EgoUnderTest};
+use crate::ron_file::LoadError;
 use crate::run_dir::KeptError;
-use crate::world::{LoadError, Scenario};
+use crate::world::Scenario;
 
 /// No kept counterexample fits the request.
 ///

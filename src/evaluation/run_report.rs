@@ -11,10 +11,11 @@ use crate::crashes::{description, highlights};
 use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, worse_first};
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::rl::Policy;
+use crate::ron_file::file_text;
 use crate::run_dir::{Row, RunDir, RunError};
 use crate::search::{Adversary, ExperimentCell};
 use crate::testbench::{Film, film_beyond};
-use crate::world::{Scenario, file_text};
+use crate::world::Scenario;
 
 /// Default number of episodes for changed egos, and bounds on the starts of each.
 const REUSE_EPISODES: usize = 1000;

@@ -1,7 +1,8 @@
 //! Error of an ego that cannot be tested.
 
+use crate::ron_file::{LoadError, guessed};
 use crate::visible::command_line;
-use crate::world::{ChangeError, LoadError, guessed};
+use crate::world::ChangeError;
 
 /// Error of an ego that cannot be tested.
 ///

@@ -12,7 +12,8 @@ use super::origin::{AUTHOR, DATE};
 use super::stretch::Stretch;
 use super::xml::XmlElement;
 use crate::ego::RoadPiece;
-use crate::scene::drive::{Course, DriveWorld, Road};
+use crate::road::{Course, Road};
+use crate::scene::drive::DriveWorld;
 
 /// Returns the complete OpenDRIVE document of a world.
 pub(super) fn document(
@@ -179,7 +180,7 @@ fn road_mark(kind: &str) -> XmlElement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::drive::Piece;
+    use crate::road::Piece;
 
     fn laid(pieces: Vec<Piece>) -> Vec<(f64, f64, f64)> {
         let road = Road::Curved {

@@ -5,8 +5,9 @@
 
 use super::Example;
 use crate::preventability::{Label, NotApplicable};
+use crate::road::Direction;
 use crate::run_dir::LastChance;
-use crate::scene::drive::{Direction, DriveWorld};
+use crate::scene::drive::DriveWorld;
 use crate::sim::Pose;
 use crate::world::Scenario;
 

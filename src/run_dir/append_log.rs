@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 use super::RunError;
 use super::disk::{append, cut, io_error};
 use crate::content_hash::in_digits;
-use crate::world::file_bytes;
+use crate::ron_file::file_bytes;
 
 /// Valid part of a growing file, as of the last checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -11,8 +11,8 @@ use super::RunError;
 use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
 use crate::content_hash;
 use crate::content_hash::sha256;
+use crate::ron_file::file_bytes;
 use crate::world::Scenario;
-use crate::world::file_bytes;
 
 /// Piece of work: a file, and the question that it answers.
 ///

@@ -16,11 +16,12 @@ use super::{RunError, trace_of_csv, write_file};
 use crate::content_hash;
 use crate::content_hash::sha256;
 use crate::ego::Command;
+use crate::ron_file::ScenarioError;
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::scene::{ContactEvent, Dynamics, Start};
 use crate::testbench::Episode;
 use crate::trace::Trace;
-use crate::world::{Change, ChangeError, Scenario, ScenarioError};
+use crate::world::{Change, ChangeError, Scenario};
 
 /// Version of the file. Other versions are refused.
 const FORMAT: u32 = 2;

@@ -14,8 +14,8 @@ use sha2::Digest;
 
 use super::RunError;
 use crate::content_hash::{fingerprint, in_digits};
+use crate::ron_file::file_bytes;
 use crate::world::Scenario;
-use crate::world::file_bytes;
 
 /// Prefix of incomplete files. Leftovers are removed.
 const UNFINISHED: &str = ".brakecheck-";

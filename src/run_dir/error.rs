@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::RunDifference;
-use crate::world::ScenarioError;
+use crate::ron_file::ScenarioError;
 
 /// Failure to use a run directory.
 ///

@@ -69,7 +69,8 @@ pub(crate) use training_counterexamples::StoredCount;
 
 use crate::content_hash::sha256;
 use crate::rl::{BundleError, TensorFile};
-use crate::world::{Scenario, file_bytes};
+use crate::ron_file::file_bytes;
+use crate::world::Scenario;
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::append_log::verified;
 use super::{Row, RunDir, RunError, io_error};
 use crate::content_hash;
-use crate::world::file_text;
+use crate::ron_file::file_text;
 
 pub(super) const FILE: &str = "progress.jsonl";
 const REPORT: &str = "report.json";

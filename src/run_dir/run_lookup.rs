@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::{RunDir, RunError};
-use crate::world::{LoadError, NamedRun, RunRefused, RunSource, Scenario};
+use crate::ron_file::LoadError;
+use crate::world::{NamedRun, RunRefused, RunSource, Scenario};
 
 /// Source of runs as directories.
 ///

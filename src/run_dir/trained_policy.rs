@@ -6,7 +6,8 @@ use std::sync::OnceLock;
 use super::disk::{io_error, make_dir, write_file};
 use super::{RunDir, RunError, manifest};
 use crate::rl::{Policy, TensorFile, load_policy_for};
-use crate::world::{LoadError, Scenario};
+use crate::ron_file::LoadError;
+use crate::world::Scenario;
 
 impl RunDir {
     /// Returns the world of the training, on its plant.

@@ -35,9 +35,11 @@ mod limits;
 mod planar;
 mod pose;
 mod push;
+mod riding;
 pub mod rigid;
 mod vehicle;
 mod walker;
+mod wind;
 
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
@@ -49,12 +51,13 @@ pub use cyclist::Cyclist;
 pub use handling::{Brakes, Tyres};
 pub use kinematic::Kinematic;
 pub(crate) use limits::AIR_KG_PER_M3;
-pub(crate) use pose::{GroundFrame, rotation_by};
+pub(crate) use pose::{GroundFrame, rotation_by, wrapped};
 pub use pose::{Placement, Pose};
 pub use push::Push;
 pub use rigid::Rigid;
 pub use vehicle::Vehicle;
 pub use walker::Walker;
+pub use wind::{Gust, Wind};
 
 /// Gravitational acceleration, downwards.
 pub const GRAVITY_MPS2: f64 = 9.81;
@@ -172,6 +175,19 @@ pub enum BodyCommand {
         /// Pose of the front bumper at the end.
         to: Pose,
     },
+}
+
+impl BodyCommand {
+    /// Returns acceleration and curvature, or `None` for a command not for vehicles.
+    fn drive(self) -> Option<(f64, f64)> {
+        match self {
+            BodyCommand::Drive {
+                accel_mps2,
+                curvature_per_m,
+            } => Some((accel_mps2, curvature_per_m)),
+            _ => None,
+        }
+    }
 }
 
 /// Kind of command that a body accepts.

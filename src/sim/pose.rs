@@ -117,6 +117,11 @@ impl GroundFrame {
     }
 }
 
+/// Wraps an angle to −π ..= π.
+pub(crate) fn wrapped(angle_rad: f64) -> f64 {
+    libm::remainder(angle_rad, core::f64::consts::TAU)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -18,10 +18,11 @@ use crate::content_hash::{fingerprint, sha256};
 use crate::experiment::{EgoUnderTest, Watch, WorkItem};
 use crate::rl::nn::Mlp;
 use crate::rl::{BundleError, Policy, TensorFile, load_policy, load_policy_for};
+use crate::ron_file::file_bytes;
 use crate::run_dir::{AdversaryId, RunDir, RunError, make_dir, write_file};
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Replay, Testbench, play};
-use crate::world::{DriveScenario, Scenario, file_bytes};
+use crate::world::{DriveScenario, Scenario};
 
 /// Row of planned runs, with the strategies that the ado followed.
 #[derive(Clone, Debug)]

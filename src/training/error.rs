@@ -3,8 +3,9 @@
 use super::train_loop::TrainError;
 use crate::experiment::EgoError;
 use crate::rl::ConfigError;
+use crate::ron_file::guessed;
 use crate::run_dir::{KeptError, RunError};
-use crate::world::{ChangeError, guessed};
+use crate::world::ChangeError;
 
 /// Error of a training that cannot begin, continue or end.
 ///

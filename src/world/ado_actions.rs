@@ -2,8 +2,8 @@
 
 use super::check::within;
 use super::file::AdoFile;
-use super::locate::ValuePath;
-use super::problems::Problems;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::Actions;
 use crate::sim::BodyControl;
 

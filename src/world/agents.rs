@@ -10,19 +10,20 @@ use super::file::{
     AdoFile, AgentFile, DriveFile, Facing, LightFile, NumberOrRange, ScenarioFile, StartFile,
 };
 use super::language::rule_of;
-use super::locate::ValuePath;
 use super::obstacles;
 use super::plans;
-use super::problems::Problems;
 use super::road_ado;
 use super::roads;
 use super::runs::WorldOrigin;
 use super::trained;
 use super::trained::run::TrainedFile;
 use super::weather;
+use crate::road::{Direction, PlacedRoads, Road};
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::{
-    Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, PlacedRoads,
-    Range, Road, RoadAdo, StartPlace, TrainedAdo, Weather,
+    Agent, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, Range, RoadAdo,
+    StartPlace, TrainedAdo, Weather,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.

@@ -2,9 +2,9 @@
 
 use super::check::within;
 use super::file::DriveFile;
-use super::locate::ValuePath;
-use super::ordered::Ordered;
-use super::problems::Problems;
+use crate::ron_file::Ordered;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::StartPlace;
 use crate::sim::Body;
 

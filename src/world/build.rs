@@ -4,19 +4,20 @@ use std::sync::Arc;
 
 use super::agents::Agents;
 use super::environment_file::{WindFile, nominal_grades};
-use super::error::Problem;
 use super::family::TrainingEgos;
 use super::file::ScenarioFile;
 use super::language::{Judging, Language, constants, rulebook};
-use super::locate::ValuePath;
-use super::problems::Problems;
 use super::runs::{Assembled, RunSource, WorldOrigin};
 use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
-    Scenario, check, counting, dry_run, environment, family_check, limits, plans, points, read,
-    road_ado, roads, slope_and_wind, starts, trained, vacuous,
+    Scenario, check, counting, dry_run, environment, family_check, kind_of_world, limits, plans,
+    points, road_ado, roads, slope_and_wind, starts, trained, vacuous,
 };
+use crate::ron_file::Problem;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+use crate::ron_file::read;
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 use crate::stl::Names;
@@ -69,15 +70,15 @@ pub(super) fn build(
 /// Trial runs are omitted, because they took place before its training.
 fn within(origin: WorldOrigin<'_>, text: &str) -> Assembled {
     let one = |problem| vec![problem];
-    Ok(match read::kind(text).map_err(one)? {
-        read::WorldKind::Scenario => {
+    Ok(match kind_of_world::kind(text).map_err(one)? {
+        kind_of_world::WorldKind::Scenario => {
             let parsed = read::parse(text).map_err(one)?;
             let mut problems = Problems::new(text);
             limits::check(&mut problems, &parsed);
             problems.done()?;
             Some(assemble(origin, text, parsed)?.1)
         }
-        read::WorldKind::Grid => None,
+        kind_of_world::WorldKind::Grid => None,
     })
 }
 

@@ -2,9 +2,9 @@
 
 use super::ChangeError;
 use super::check::sensor_flaw;
-use super::error::{did_you_mean, known_names};
 use super::file::Change;
 use crate::ego::Process;
+use crate::ron_file::{did_you_mean, known_names};
 use crate::scene::drive::{Drive, DriveSpec, EgoController, EnvironmentQuantity};
 use crate::sim::Body;
 

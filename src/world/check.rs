@@ -3,16 +3,17 @@
 use indexmap::IndexMap;
 
 use super::file::ScenarioFile;
-use super::locate::ValuePath;
-use super::ordered::Ordered;
-use super::problems::Problems;
 use super::repeats::{MAX_REPEATS, Repeats};
 use super::{ChangeError, Scenario};
 use crate::ego::{Actuated, ControllerSpec, Parameter, Process};
 use crate::rl::{LearnerConfig, LearnerSettings};
+use crate::road::Road;
+use crate::ron_file::Ordered;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::rulebook::Reward;
 use crate::scene::Clock;
-use crate::scene::drive::{DriveSpec, Range, Road, Script, Sensors};
+use crate::scene::drive::{DriveSpec, Range, Script, Sensors};
 use crate::sim::PlantKind;
 use crate::stl::Expr;
 

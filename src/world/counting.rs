@@ -2,8 +2,8 @@
 
 use super::check;
 use super::file::{AgentFile, DriveFile, ScenarioFile};
-use super::locate::ValuePath;
-use super::problems::Problems;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 
 /// Greatest closing speed that `counts` may require, in m/s.

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use nalgebra::{Point2, Vector2};
 
 use super::Scenario;
-use super::error::Problem;
-use super::locate::ValuePath;
-use super::problems::Problems;
 use super::scenario_kind::{DriveScenario, ScenarioKind};
 use super::warnings::Oddity;
+use crate::ron_file::Problem;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};

@@ -3,13 +3,14 @@
 use super::check;
 use super::environment_file::RangePoint;
 use super::file::{AgentFile, NumberOrRange, ScenarioFile};
-use super::locate::ValuePath;
-use super::problems::Problems;
 use super::roads;
 use super::slope_and_wind;
 use super::starts;
+use crate::road::Road;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::Clock;
-use crate::scene::drive::{DriveSpec, EnvironmentQuantity, EnvironmentRange, Range, Road, Sensors};
+use crate::scene::drive::{DriveSpec, EnvironmentQuantity, EnvironmentRange, Range, Sensors};
 
 /// Returns the ranges of a file with their places, the road's first.
 fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {

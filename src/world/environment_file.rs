@@ -3,7 +3,9 @@
 use serde::Deserialize;
 
 use super::number_or_range::NumberOrRange;
-use crate::scene::drive::{Grade, Gust, Piece, Range, Road, Sensors, Wind};
+use crate::road::{Grade, Piece, Road};
+use crate::scene::drive::{Range, Sensors};
+use crate::sim::{Gust, Wind};
 
 /// The world's own road.
 #[derive(Deserialize)]

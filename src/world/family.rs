@@ -15,11 +15,11 @@ use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::file::Change;
-use super::ordered::Patch;
 use super::quantity::{Quantity, Varied, parameter};
 use super::structure::Structure;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::LearnerConfig;
+use crate::ron_file::Patch;
 use crate::scene::drive::EgoVariant;
 use crate::seed::StartKey;
 use crate::sim::PlantKind;

@@ -3,16 +3,16 @@
 use indexmap::IndexMap;
 
 use super::check;
-use super::error::{did_you_mean, guessed, known_names};
 use super::family::Family;
 use super::family_file::FamilyFile;
 use super::file::Change;
-use super::locate::ValuePath;
-use super::ordered::Ordered;
-use super::problems::Problems;
 use super::quantity::{Quantity, Varied};
 use super::structure::Structure;
 use crate::ego::{Actuated, ControllerSpec, Parameter};
+use crate::ron_file::Ordered;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+use crate::ron_file::{did_you_mean, guessed, known_names};
 use crate::scene::drive::{DriveSpec, EgoVariant};
 use crate::sim::PlantKind;
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::ordered::Ordered;
 use crate::rl::{DqnSettings, LearnerSettings};
+use crate::ron_file::Ordered;
 use crate::sim::PlantKind;
 
 /// Default probability with which a quantity of a member is nominal.

@@ -8,16 +8,16 @@ use serde::{Deserialize, Serialize};
 use super::environment_file::{OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
 pub(super) use super::number_or_range::NumberOrRange;
-use super::ordered::{Ordered, Patch};
 use super::repeats::Repeats;
 use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::LearnerSettings;
+use crate::road::{Direction, LaneKeeping, Piece, Priority, RoadPlace};
+use crate::ron_file::{Ordered, Patch};
 use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 use crate::scene::Clock;
 use crate::scene::drive::{
-    Actions, Direction, LaneKeeping, MeetEgo, MotionPlan, Piece, Priority, Range, RoadPlace,
-    Schedule, Script, ScriptStep, Sensors,
+    Actions, MeetEgo, MotionPlan, Range, Schedule, Script, ScriptStep, Sensors,
 };
 use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};

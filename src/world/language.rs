@@ -8,12 +8,12 @@ use indexmap::IndexMap;
 
 use super::RuleSpec;
 use super::check;
-use super::error::{Problem, did_you_mean, known_names};
 use super::file::{RuleFile, SignalFile};
-use super::locate::ValuePath;
-use super::ordered::Ordered;
-use super::problems::Problems;
 use super::scenario::bound_rules;
+use crate::ron_file::Ordered;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+use crate::ron_file::{Problem, did_you_mean, known_names};
 use crate::rulebook::{Counts, JudgeKind, Reward, Rulebook};
 use crate::scene::{Derived, Observed};
 use crate::stl::{Constants, Expr, Formula, Names, Settings, StlError};

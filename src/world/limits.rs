@@ -8,9 +8,9 @@ use super::environment_file::OwnRoad;
 use super::file::{
     AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile, SignalFile,
 };
-use super::locate::ValuePath;
-use super::ordered::Ordered;
-use super::problems::Problems;
+use crate::ron_file::Ordered;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::{Actions, MotionPlan, Script};
 
 /// Greatest count of something, with the words for messages.

@@ -22,26 +22,21 @@ mod counting;
 mod dry_run;
 mod environment;
 mod environment_file;
-mod error;
 pub(crate) mod family;
 mod family_check;
 mod family_file;
 mod file;
 mod grid;
 mod grid_change;
+mod kind_of_world;
 mod language;
 mod limits;
-mod locate;
-mod named_file;
 mod number_or_range;
 mod obstacles;
-mod ordered;
 mod plans;
 mod points;
 mod preventability;
-mod problems;
 mod quantity;
-mod read;
 mod repeats;
 mod road_ado;
 mod roads;
@@ -60,47 +55,19 @@ mod weather;
 
 use std::path::Path as FilePath;
 
-use serde::de::DeserializeOwned;
+use crate::ron_file::read;
 
+pub use crate::ron_file::{LoadError, Patch, Problem, ScenarioError};
 pub use crate::scene::drive::Sensors;
 pub use crate::scene::grid::{AtWall, Horizon, Starts};
 pub use crate::sim::PlantKind;
-pub(crate) use error::guessed;
-pub use error::{LoadError, Problem, ScenarioError};
 pub use family::TrainingEgos;
 pub use file::{Change, GridChange};
-pub(crate) use locate::ValuePath;
-pub(crate) use named_file::{file_bytes, file_text};
-pub(crate) use ordered::Ordered;
-pub use ordered::Patch;
 pub use repeats::Repeats;
 pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, RuleSpec, Scenario};
 pub use scenario_kind::NotAGrid;
 pub(crate) use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
-
-/// Reads a RON file that is not a world.
-///
-/// Returns its name, its text and its content.
-///
-/// # Errors
-///
-/// Returns an error if the file cannot be read, or has other content.
-pub(crate) fn read_file<T: DeserializeOwned>(
-    path: &FilePath,
-) -> Result<(String, String, T), LoadError> {
-    let file = path.display().to_string();
-    let text = read::text(&file, path)?;
-    let text = read::without_mark(&text).to_owned();
-    match read::parse(&text) {
-        Ok(value) => Ok((file, text, value)),
-        Err(problem) => Err(LoadError::Scenario(Box::new(ScenarioError {
-            file,
-            text,
-            problems: vec![problem],
-        }))),
-    }
-}
 
 impl Scenario {
     /// Reads and checks a world file. `runs` finds the runs that it refers to.
@@ -145,12 +112,12 @@ impl Scenario {
         let one = |problem| fail(vec![problem]);
         // The kind decides the type to read, so that errors name the fields of
         // that kind.
-        match read::kind(text).map_err(one)? {
-            read::WorldKind::Scenario => {
+        match kind_of_world::kind(text).map_err(one)? {
+            kind_of_world::WorldKind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
                 build::build(file, runs, text, parsed).map_err(fail)
             }
-            read::WorldKind::Grid => {
+            kind_of_world::WorldKind::Grid => {
                 let parsed = read::parse(text).map_err(one)?;
                 grid::build(text, parsed).map_err(fail)
             }

@@ -5,9 +5,10 @@ use core::f64::consts::PI;
 use super::bodies;
 use super::check;
 use super::file::{AgentFile, ScenarioFile};
-use super::locate::ValuePath;
-use super::problems::Problems;
-use crate::scene::drive::{Agent, Direction, Drive, Range, Script, StartPlace};
+use crate::road::Direction;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+use crate::scene::drive::{Agent, Drive, Range, Script, StartPlace};
 
 /// Reads an obstacle and reports its mistakes.
 pub(super) fn read(

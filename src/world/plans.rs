@@ -5,8 +5,8 @@ use super::check;
 use super::file::{NumberOrRange, PlanFile};
 use super::language::Language;
 use super::language::formula;
-use super::locate::ValuePath;
-use super::problems::Problems;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::{
     Agent, Drive, DriveSpec, MeetEgo, MotionLaw, MotionPlan, PlanSpec, Range, ScriptStep,
     SteadyPart,

@@ -3,11 +3,11 @@
 use indexmap::IndexMap;
 
 use super::check;
-use super::error::known_names;
 use super::file::{NumberOrRange, PointsFile};
-use super::locate::ValuePath;
-use super::ordered::Ordered;
-use super::problems::Problems;
+use crate::ron_file::Ordered;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+use crate::ron_file::known_names;
 use crate::scene::Start;
 use crate::scene::drive::{DriveSpec, EnvironmentQuantity, Range, Sensors};
 

@@ -3,9 +3,9 @@
 use super::check::within;
 use super::environment_file::{OwnRoad, RangePoint};
 use super::file::{RoadAgentFile, ScenarioFile};
-use super::locate::ValuePath;
-use super::problems::Problems;
 use super::starts;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::{Actions, DriveSpec, MAX_HEADING_RAD, RoadAdo};
 
 /// Bounds of the length of laid road ahead, in metres.

@@ -2,13 +2,12 @@
 
 use super::check;
 use super::file::{AgentFile, RoadFile, ScenarioFile};
-use super::locate::ValuePath;
-use super::ordered::Ordered;
-use super::problems::Problems;
 use super::starts;
-use crate::scene::drive::{
-    Course, Direction, DriveSpec, PlacedRoad, PlacedRoads, Road, SelfOverlap,
-};
+use crate::road::{Course, Direction, PlacedRoad, PlacedRoads, Road, SelfOverlap};
+use crate::ron_file::Ordered;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+use crate::scene::drive::DriveSpec;
 
 /// Greatest distance in metres of a road's start from the origin.
 const MAX_AWAY_M: f64 = 5_000.0;

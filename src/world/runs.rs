@@ -1,6 +1,6 @@
 //! Runs that a world file refers to, found by a source outside of this module.
 
-use super::error::Problem;
+use crate::ron_file::Problem;
 use crate::scene::drive::DriveWorld;
 
 /// Parts of a finished run that a world requires.

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use indexmap::IndexMap;
 
-use super::error::Problem;
 use super::family::{Family, TrainingEgos};
 use super::file::Change;
-use super::locate::ValuePath;
 use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process, StockController};
 use crate::rl::{LearnerConfig, Spaces};
+use crate::ron_file::Problem;
+use crate::ron_file::ValuePath;
 use crate::rulebook::{Rule, Rulebook, TrainingGoal};
 use crate::scene::drive::{Agent, Drive, EgoController, EgoDrive};
 use crate::scene::{Availability, Axis, Dynamics, Start, World};

@@ -2,8 +2,8 @@
 
 use super::check::{range_within, within};
 use super::file::{NumberOrRange, ScenarioFile};
-use super::locate::ValuePath;
-use super::problems::Problems;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::EnvironmentQuantity;
 
 /// Greatest rise of a road per length.

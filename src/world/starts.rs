@@ -1,8 +1,9 @@
 //! Checks of starts: within bounds, and without overlap of agents.
 
-use super::locate::ValuePath;
-use super::problems::Problems;
-use crate::scene::drive::{Agent, Direction, Drive, DriveSpec, Range, Script, StartPlace};
+use crate::road::Direction;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+use crate::scene::drive::{Agent, Drive, DriveSpec, Range, Script, StartPlace};
 
 /// Greatest start speed, in m/s.
 const MAX_SPEED_MPS: f64 = 100.0;

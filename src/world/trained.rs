@@ -16,12 +16,12 @@ use base64::engine::general_purpose::STANDARD;
 
 use self::run::{LoadedRun, RunFile, TrainedFile, opened};
 use super::ado_actions::{self, ActsAs};
-use super::error::{did_you_mean, known_names};
-use super::locate::ValuePath;
-use super::ordered::Ordered;
-use super::problems::Problems;
 use super::runs::{RunRefused, WorldOrigin, refused};
 use crate::rl::{Policy, TensorFile, load_policy_for};
+use crate::ron_file::Ordered;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+use crate::ron_file::{did_you_mean, known_names};
 use crate::scene::drive::{Drive, DriveSpec, DriveWorld, LightDrive, TrainedAdo, TrainedError};
 
 /// Returns a trained ado, and the text that replaces its directory.

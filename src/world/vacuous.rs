@@ -1,11 +1,11 @@
 //! Vacuous formulas, which hold or fail in every run.
 
 use super::Scenario;
-use super::error::Problem;
-use super::locate::ValuePath;
-use super::problems::Problems;
 use super::scenario_kind::DriveScenario;
 use super::warnings::Oddity;
+use crate::ron_file::Problem;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::Bounds;
 use crate::stl::{Interval, Monitor};
 

@@ -5,13 +5,11 @@ use std::sync::Arc;
 
 use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
-use super::{
-    ChangeError, DriveScenario, LoadError, Repeats, Scenario, ScenarioError, ScenarioKind,
-    TrainingEgos, ValuePath,
-};
-use super::{changed, check, counting, read};
+use super::{ChangeError, DriveScenario, Repeats, Scenario, ScenarioKind, TrainingEgos};
+use super::{changed, check, counting};
 use crate::ego::Command;
 use crate::rl::{ConfigError, LearnerConfig};
+use crate::ron_file::{LoadError, ScenarioError, ValuePath, read};
 use crate::rulebook::{Counts, JudgeKind, Rulebook, TrainingGoal};
 use crate::scene::World;
 use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController, Sensors};

@@ -3,12 +3,12 @@
 use strum::{IntoStaticStr, VariantArray};
 
 use super::Scenario;
-use super::error::Problem;
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile};
-use super::locate::ValuePath;
-use super::problems::Problems;
 use super::scenario_kind::{DriveScenario, ScenarioKind};
 use crate::ego::ControllerSpec;
+use crate::ron_file::Problem;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::Clock;
 use crate::sim::PlantKind;
 use crate::stl::{Formula, Monitor};

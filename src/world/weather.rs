@@ -3,9 +3,9 @@
 use super::check::{range_within, within};
 use super::environment_file::SensorsFile;
 use super::file::{ScenarioFile, WeatherBoundsFile, WeatherFile};
-use super::locate::ValuePath;
 use super::number_or_range::NumberOrRange;
-use super::problems::Problems;
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
 use crate::scene::drive::{Actions, Range, Weather};
 
 /// Bounds of a road's coefficient of friction.

@@ -4,9 +4,10 @@ use super::Checker;
 use crate::campaign::error::CampaignError;
 use crate::campaign::file::AdoEntry;
 use crate::campaign::plan::{PlannedAdo, PlannedRun, PlannedTraining};
+use crate::ron_file::{ValuePath, guessed};
 use crate::run_dir::{RunDir, file_name};
 use crate::search::{BUDGET, Method, MethodOption, MethodSettings, SWITCHES};
-use crate::world::{Scenario, ValuePath, guessed};
+use crate::world::Scenario;
 
 /// Largest number of decisions in a script.
 const MAX_DECISIONS: f64 = 1e6;

@@ -5,9 +5,9 @@ use crate::campaign::error::CampaignError;
 use crate::campaign::file::EgoEntry;
 use crate::evaluation::Sweep;
 use crate::experiment::EgoUnderTest;
+use crate::ron_file::ValuePath;
 use crate::run_dir::ChangedEgo;
 use crate::seed::{Purpose, StartKey};
-use crate::world::ValuePath;
 
 /// Largest number of members of a family.
 const MAX_MEMBERS: u64 = 10_000;

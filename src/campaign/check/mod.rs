@@ -13,8 +13,9 @@ use crate::campaign::error::CampaignError;
 use crate::content_hash::sha256;
 use crate::evaluation::GateOn;
 use crate::experiment::on_plant;
+use crate::ron_file::{LoadError, Problem, ScenarioError, ValuePath, guessed, read_file};
 use crate::run_dir::file_name;
-use crate::world::{LoadError, Problem, Scenario, ScenarioError, ValuePath, guessed, read_file};
+use crate::world::Scenario;
 
 /// Largest number of units of a campaign.
 const MAX_UNITS: usize = 100_000;

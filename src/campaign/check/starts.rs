@@ -3,7 +3,8 @@
 use super::Checker;
 use crate::campaign::error::CampaignError;
 use crate::campaign::file::{RequestedStarts, StartsEntry};
-use crate::world::{Scenario, ValuePath, guessed};
+use crate::ron_file::{ValuePath, guessed};
+use crate::world::Scenario;
 
 /// Largest number of starts of a unit.
 const MAX_STARTS: usize = 1_000_000_000;

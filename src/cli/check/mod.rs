@@ -9,7 +9,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, failure, print_json, terminal};
-use crate::world::{LoadError, Scenario};
+use crate::ron_file::LoadError;
+use crate::world::Scenario;
 
 #[derive(Args, Debug)]
 pub(super) struct CheckArgs {

@@ -14,12 +14,13 @@ use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::EgoError;
 use crate::openx::OpenXError;
 use crate::rl::ConfigError;
+use crate::ron_file::{LoadError, ScenarioError, guessed};
 use crate::run_dir::{KeptError, RunError};
 use crate::search::SearchError;
 use crate::testbench::Complaint;
 use crate::theorems::TheoremsError;
 use crate::training::{SessionError, TrainError};
-use crate::world::{LoadError, Scenario, ScenarioError, guessed};
+use crate::world::Scenario;
 
 impl From<&ScenarioError> for Failure {
     fn from(error: &ScenarioError) -> Failure {

@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use super::catalog::Catalogs;
 use super::error::ImportError;
 use super::files::Files;
-use super::pose_geometry::wrapped;
 use super::roads::RoadMap;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
 use super::ways::{Bend, ImportedPath, OnWay, Spiral};
-use crate::sim::Pose;
+use crate::sim::{Pose, wrapped};
 
 /// Greatest angle in radians between two directions that count as equal.
 const SAME_RAD: f64 = 1e-6;

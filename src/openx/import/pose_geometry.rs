@@ -1,6 +1,6 @@
 //! Poses along lines and arcs, and relative to each other.
 
-use crate::sim::Pose;
+use crate::sim::{Pose, wrapped};
 
 impl Pose {
     /// Pose ahead and to the left, with the same heading.
@@ -40,9 +40,4 @@ impl Pose {
             heading_rad: wrapped(other.heading_rad - self.heading_rad),
         }
     }
-}
-
-/// Wraps an angle to −π ..= π.
-pub(super) fn wrapped(angle_rad: f64) -> f64 {
-    libm::remainder(angle_rad, core::f64::consts::TAU)
 }

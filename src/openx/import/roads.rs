@@ -5,12 +5,11 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::error::ImportError;
-use super::pose_geometry::wrapped;
 use super::scope::ParameterScope;
 use super::surface::Surface;
 use super::tree::XmlNode;
 use super::ways::{Bend, Spiral};
-use crate::sim::Pose;
+use crate::sim::{Pose, wrapped};
 
 /// Lateral distance in metres up to which lanes stay near their spirals.
 const LANES_M: f64 = 12.0;

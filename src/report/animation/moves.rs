@@ -1,6 +1,7 @@
 //! Chosen actions of the ados in words, with their start and end.
 
-use crate::scene::drive::{Actions, Direction, Lateral};
+use crate::road::Direction;
+use crate::scene::drive::{Actions, Lateral};
 use crate::testbench::{Episode, FilmAfterContact};
 use crate::world::{Scenario, ScenarioKind};
 

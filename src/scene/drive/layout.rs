@@ -2,15 +2,14 @@
 
 use std::sync::Arc;
 
-use super::course::CourseError;
 use super::frozen_policy::{Frozen, TrainedError};
-use super::network::RoadNetwork;
 use super::observing::Observation;
 use super::signals::{SignalReading, schema_of};
 use super::spec::{Agent, DriveSpec};
 use super::trained::TrainedAdo;
 use crate::ego::{Briefing, RoadGeometry};
 use crate::rl::Spaces;
+use crate::road::{CourseError, RoadNetwork};
 use crate::scene::Axis;
 use crate::stl::{BoundExpr, Formula, Monitor, Settings, StlError};
 use crate::trace::{Schema, SchemaError};
@@ -118,7 +117,7 @@ impl DriveLayout {
         Ok(DriveLayout {
             frozen,
             whens,
-            network: Arc::new(RoadNetwork::new(&spec)?),
+            network: Arc::new(spec.network()?),
             ego,
             schema: Arc::new(schema),
             sources: spec

@@ -5,21 +5,19 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::actions::Maneuver;
-use super::course::wrapped;
 use super::layout::DriveLayout;
 use super::light::LightDrive;
 use super::plan_execution::{Arrival, PlanRun};
-use super::road_placement::Direction;
 use super::sensors::Sensing;
 use super::spec::{Agent, Drive};
 use super::start_sampling::Drawn;
 use super::state::SceneState;
-use super::steering::LaneKeeper;
 use super::trained::TrainedAdo;
 use super::world::DriveWorld;
 use super::{ego_percept, scene_geometry};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
+use crate::road::{Direction, LaneKeeper, wrapped};
 use crate::scene::{
     AfterContact, Axis, BodySample, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start,
     StepOutcome,

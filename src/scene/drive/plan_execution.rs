@@ -10,10 +10,9 @@ use std::sync::Arc;
 
 use nalgebra::Vector2;
 
-use super::course::{Course, wrapped};
 use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
 use super::plan::{MotionLaw, MotionPlan, ScriptStep, Unmet};
-use super::road::Road;
+use crate::road::{Course, Road, wrapped};
 use crate::sim::{Pose, rotation_by};
 use crate::stl::{Monitor, OnlineMonitor};
 

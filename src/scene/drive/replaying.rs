@@ -9,14 +9,13 @@ use std::sync::Arc;
 
 use nalgebra::{UnitComplex, Vector2};
 
-use super::course::{Course, OnRoad};
 use super::layout::DriveLayout;
 use super::line_of_sight;
 use super::motion::DriveScene;
-use super::road::Road;
 use super::spec::EgoController;
 use super::world::DriveWorld;
 use crate::ego::reference::LaneBody;
+use crate::road::{Course, OnRoad, Road};
 use crate::scene::{BodySample, Motion, Scene, StepOutcome};
 use crate::sim::{Body, BodyCommand, BodyState, PlantKind, rotation_by};
 

@@ -1,7 +1,7 @@
 //! A road whose course an ado chooses piece by piece, ahead of all road users.
 
 use super::actions::Actions;
-use super::course::{Course, Piece};
+use crate::road::{Course, Piece};
 
 /// Largest angle to its first heading at which a laid piece may end.
 ///

@@ -5,13 +5,12 @@
 
 use std::sync::Arc;
 
-use super::course::{CourseError, Piece};
 use super::layout::DriveLayout;
 use super::motion::DriveScene;
-use super::network::RoadNetwork;
 use super::road_ado::piece_of;
 use super::spec::DriveSpec;
 use super::world::DriveWorld;
+use crate::road::{CourseError, Piece};
 use crate::trace::Trace;
 
 impl DriveSpec {
@@ -39,7 +38,7 @@ impl DriveLayout {
         let mut layout = self.clone();
         let spec = Arc::make_mut(&mut layout.spec);
         spec.road.push(piece);
-        layout.network = Arc::new(RoadNetwork::new(spec)?);
+        layout.network = Arc::new(spec.network()?);
         Ok(layout)
     }
 }

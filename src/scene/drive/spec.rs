@@ -8,23 +8,21 @@ use super::light::{Light, LightDrive};
 use super::names::AgentNames;
 use super::plan::MotionPlan;
 use super::range::Range;
-use super::road::Road;
 use super::road_ado::RoadAdo;
-use super::road_placement::{Direction, PlacedRoads};
 use super::script::Script;
 use super::sensors::Sensors;
-use super::slope::Grade;
-use super::steering::LaneKeeping;
 use super::trained::{TrainedAdo, TrainingWorld};
 use super::weather::Weather;
-use super::wind::Wind;
 use indexmap::IndexMap;
 
 use crate::ego::{
     Actuated, Command, Controller, ControllerSpec, RecordedCommands, StockController,
 };
+use crate::road::{
+    CourseError, Direction, Grade, LaneKeeping, PlacedRoads, Priority, Road, RoadNetwork, Traveller,
+};
 use crate::scene::{Axis, Clock, Derived, Observed, Start};
-use crate::sim::{Body, PlantKind};
+use crate::sim::{Body, PlantKind, Wind};
 use crate::stl::{Constants, Formula, Names};
 
 /// Initial place and speed of an agent.
@@ -266,6 +264,31 @@ impl DriveSpec {
             0 => &self.road,
             road => &self.roads[road - 1].road,
         }
+    }
+
+    /// Returns the roads of the world with the crossings between its agents' paths.
+    pub(super) fn network(&self) -> Result<RoadNetwork, CourseError> {
+        let own = std::iter::once(self.road.course());
+        let placed = self.roads.values().map(|placed| placed.course());
+        let courses = own.chain(placed).collect::<Result<Vec<_>, _>>()?;
+        let travellers = self.agents.iter().enumerate();
+        let travellers = travellers.map(|(i, agent)| Traveller {
+            road: agent.road,
+            // Agents are taken to drive in the middle of their range of starts:
+            // crossings are fixed once per road and do not depend on the places
+            // of a start.
+            lateral_m: 0.5 * (agent.lateral_m.lo + agent.lateral_m.hi) + self.lane_shift_m(i),
+            direction: agent.direction,
+        });
+        Ok(RoadNetwork::new(courses, &travellers.collect::<Vec<_>>()))
+    }
+
+    /// Returns the priorities of the roads of two agents.
+    pub(super) fn priorities(&self, pair: [usize; 2]) -> [Priority; 2] {
+        pair.map(|agent| match self.agents[agent].road {
+            0 => Priority::Equal,
+            road => self.roads[road - 1].priority,
+        })
     }
 
     /// Returns the positions of the agents that the ego's controller drives.

@@ -5,16 +5,15 @@
 
 use std::sync::Arc;
 
-use super::course::CourseError;
 use super::environment::{EnvironmentQuantity, EnvironmentRange};
 use super::layout::DriveLayout;
 use super::motion::DriveScene;
-use super::network::RoadNetwork;
 use super::sensors::Sensing;
 use super::spec::{Agent, DriveSpec};
-use super::wind::Gust;
 use super::world::DriveWorld;
+use crate::road::CourseError;
 use crate::scene::Start;
+use crate::sim::Gust;
 
 impl EnvironmentQuantity {
     /// Returns the value in a spec.
@@ -196,7 +195,7 @@ impl DriveLayout {
         spec.set_environment(start);
         let mut environment = spec.environment.iter();
         if has_laid_pieces || environment.any(|it| it.quantity.is_of_geometry()) {
-            layout.network = Arc::new(RoadNetwork::new(spec)?);
+            layout.network = Arc::new(spec.network()?);
         }
         Ok(Arc::new(layout))
     }

@@ -8,16 +8,13 @@ use std::sync::Arc;
 use nalgebra::Vector2;
 
 use super::actions::PhaseAction;
-use super::course::OnRoad;
 use super::light::LightState;
-use super::network::RoadNetwork;
 use super::plan_execution::PlannedAt;
-use super::road_placement::Direction;
-use super::slope::grade_at;
 use super::spec::{Agent, DriveSpec};
 use super::weather::WeatherState;
 use super::weather_rates::WeatherRates;
 use crate::ego::LaneOccupancy;
+use crate::road::{Direction, OnRoad, RoadNetwork, grade_at};
 use crate::sim::{self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, Plant, Pose, Push};
 
 /// State of a driving scene at a sample.

@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
-use super::course::Course;
 use super::layout::{DriveLayout, SceneError};
-use super::network::goes_first;
 use super::spec::DriveSpec;
 use crate::rl::Spaces;
+use crate::road::{Course, goes_first};
 use crate::trace::Schema;
 
 /// An assembled driving world: builds scenes that share all fixed data.
@@ -46,7 +45,7 @@ impl DriveWorld {
         let of = |name: &str| agents.iter().position(|agent| agent.name == name);
         let pair = [of(one)?, of(other)?];
         let crossings = self.0.network.crossings(pair[0], pair[1]);
-        (!crossings.is_empty()).then(|| goes_first(&self.0.spec, crossings, pair))
+        (!crossings.is_empty()).then(|| goes_first(crossings, self.0.spec.priorities(pair)))
     }
 
     /// Returns the schema of the published signals.

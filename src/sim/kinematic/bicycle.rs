@@ -1,7 +1,7 @@
 //! Cyclists of the kinematic plant, integrated in small steps.
 
 use super::path::{Anchor, BodyPath, PathKind};
-use crate::sim::cyclist::{CyclistLimits, Ride, RideBounds, RideStep};
+use crate::sim::riding::{CyclistLimits, Ride, RideBounds, RideStep};
 use crate::sim::{Body, BodyCommand, Cyclist, Ground, Push};
 
 /// Limits of a cyclist and the current command.
@@ -34,15 +34,7 @@ impl Bicycle {
 
     /// Sets the command, or returns false if it is not for vehicles.
     pub(super) fn command(&mut self, command: BodyCommand) -> bool {
-        let BodyCommand::Drive {
-            accel_mps2,
-            curvature_per_m,
-        } = command
-        else {
-            return false;
-        };
-        self.command = (accel_mps2, curvature_per_m);
-        true
+        command.drive().map(|drive| self.command = drive).is_some()
     }
 
     pub(super) fn set_push(&mut self, push: Push) {

@@ -1,7 +1,7 @@
 //! State of a body and its motion during one `advance`.
 
-use crate::sim::cyclist::RideStep;
 use crate::sim::limits::DriveStep;
+use crate::sim::riding::RideStep;
 use crate::sim::walker::Ramp;
 
 /// State of the fixed point of a body.

@@ -4,8 +4,8 @@
 
 use super::motor::Motor;
 use super::world::RapierWorld;
-use crate::sim::cyclist::{CyclistLimits, Ride};
 use crate::sim::planar::Rect;
+use crate::sim::riding::{CyclistLimits, Ride};
 use crate::sim::{Body, BodyCommand, Cyclist, Ground, Placement, Push};
 
 /// Cyclist with the current command.
@@ -66,15 +66,7 @@ impl Bicycle {
 
 impl Motor for Bicycle {
     fn command(&mut self, command: BodyCommand) -> bool {
-        let BodyCommand::Drive {
-            accel_mps2,
-            curvature_per_m,
-        } = command
-        else {
-            return false;
-        };
-        self.command = (accel_mps2, curvature_per_m);
-        true
+        command.drive().map(|drive| self.command = drive).is_some()
     }
 
     fn set_push(&mut self, push: Push) {

@@ -295,14 +295,10 @@ impl Car {
 
 impl Motor for Car {
     fn command(&mut self, command: BodyCommand) -> bool {
-        let BodyCommand::Drive {
-            accel_mps2,
-            curvature_per_m,
-        } = command
-        else {
+        let Some(drive) = command.drive() else {
             return false;
         };
-        (self.accel_mps2, self.curvature_per_m) = (accel_mps2, curvature_per_m);
+        (self.accel_mps2, self.curvature_per_m) = drive;
         true
     }
 

@@ -3,7 +3,7 @@
 use re_log_types::EntityPath;
 use rerun::blueprint::components::{ContainerKind, Corner2D};
 
-use crate::scene::drive::Road;
+use crate::road::Road;
 use crate::view::entity::path;
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, BlueprintNode, Views, height_of};

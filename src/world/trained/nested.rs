@@ -6,8 +6,9 @@
 //! a limit.
 
 use super::run::{LoadedRun, TrainedFile, opened};
+use crate::ron_file::read;
 use crate::world::file::{AgentFile, DriveFile, LightFile, ScenarioFile};
-use crate::world::read;
+use crate::world::kind_of_world;
 use crate::world::runs::{RunRefused, WorldOrigin, refused};
 
 /// Greatest nesting depth of runs, because each level takes some of the stack.
@@ -61,7 +62,7 @@ fn names(chain: &[Link]) -> String {
 
 /// Runs in the world of a run, as far as they can be read.
 fn runs_in(run: &LoadedRun, origin: WorldOrigin<'_>) -> Vec<LoadedRun> {
-    let Ok(read::WorldKind::Scenario) = read::kind(&run.world) else {
+    let Ok(kind_of_world::WorldKind::Scenario) = kind_of_world::kind(&run.world) else {
         return Vec::new();
     };
     let Ok(file) = read::parse::<ScenarioFile>(&run.world) else {

@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 
-use crate::world::ordered::Ordered;
+use crate::ron_file::Ordered;
 use crate::world::runs::{NamedRun, RunRefused, WorldOrigin, refused};
 
 #[derive(Deserialize)]

@@ -11,13 +11,13 @@
 //! versions keep their columns.
 
 use super::super::actions::Actions;
-use super::super::network::goes_first;
 use super::super::range::Range;
 use super::super::spec::DriveSpec;
 use super::super::state::SceneState;
 use super::super::weather::{Weather as DrivenWeather, WeatherState};
 use super::quantity::{Of, SignalQuantity, between, zero_to};
 use crate::ego::Phase;
+use crate::road::goes_first;
 use crate::stl::Interval;
 use Of::{Agent, AgentAndLight, Clock, Light, Pair, Parameter, Road, Scene, Weather};
 
@@ -184,7 +184,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .within(|_, _| zero_to(TTC_CAP_S))
         .seen_in(0.0, 20.0),
     Pair.signal("priority", "")
-        .holds_if(|state, pair| goes_first(&state.spec, state.network.crossings(pair[0], pair[1]), pair))
+        .holds_if(|state, pair| goes_first(state.network.crossings(pair[0], pair[1]), state.spec.priorities(pair)))
         .about("whether {a} goes before {b} where their ways cross")
         .only_if(on_two_roads),
     Light

@@ -13,7 +13,7 @@ pub struct Grade {
 
 impl Grade {
     /// Returns the sine and the cosine of the slope.
-    pub(super) fn direction(self) -> (f64, f64) {
+    pub(crate) fn direction(self) -> (f64, f64) {
         let length = (1.0 + self.rise * self.rise).sqrt();
         (self.rise / length, 1.0 / length)
     }
@@ -22,7 +22,7 @@ impl Grade {
 /// Returns the grade at a station, flat without grades.
 ///
 /// Before its station the first grade holds.
-pub(super) fn grade_at(grades: &[Grade], s_m: f64) -> Grade {
+pub(crate) fn grade_at(grades: &[Grade], s_m: f64) -> Grade {
     let begun = grades.iter().rev().find(|grade| grade.from_s_m <= s_m);
     let grade = begun.or(grades.first()).copied();
     grade.unwrap_or(Grade {

@@ -90,7 +90,7 @@ impl Course {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::drive::Piece;
+    use crate::road::Piece;
 
     const BORDERS_M: (f64, f64) = (-1.75, 5.25);
 

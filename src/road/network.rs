@@ -1,8 +1,7 @@
 //! All roads of a world, and the crossings between the paths of its agents.
 
-use super::course::{Course, CourseError, OnRoad, wrapped};
-use super::road_placement::{Direction, Priority};
-use super::spec::DriveSpec;
+use super::course::{Course, OnRoad, wrapped};
+use super::placement::{Direction, Priority};
 use crate::sim::Pose;
 
 /// Length beyond the pieces of a road that is searched for crossings.
@@ -14,7 +13,7 @@ const ON_M: f64 = 1e-6;
 
 /// The roads of a world with their courses.
 #[derive(Clone, Debug)]
-pub(super) struct RoadNetwork {
+pub(crate) struct RoadNetwork {
     /// The world's own road, then the named ones in file order.
     courses: Vec<Course>,
     /// Index of the course of each agent.
@@ -25,9 +24,20 @@ pub(super) struct RoadNetwork {
     crossings: Vec<Vec<Vec<Crossing>>>,
 }
 
+/// Place of an agent across its road, for the crossings of paths.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Traveller {
+    /// Index of its road.
+    pub road: usize,
+    /// Distance of its path to the left of the road's course.
+    pub lateral_m: f64,
+    /// Its driving direction.
+    pub direction: Direction,
+}
+
 /// A crossing of two paths.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Crossing {
+pub(crate) struct Crossing {
     /// Station along the road of the first agent.
     pub s_m: f64,
     /// Angle from its driving direction to the other's, counter-clockwise.
@@ -35,69 +45,61 @@ pub(super) struct Crossing {
 }
 
 impl RoadNetwork {
-    /// Builds the roads of a world.
-    pub(super) fn new(spec: &DriveSpec) -> Result<RoadNetwork, CourseError> {
-        let own = std::iter::once(spec.road.course());
-        let placed = spec.roads.values().map(|placed| placed.course());
-        let courses = own.chain(placed).collect::<Result<Vec<_>, _>>()?;
-        let agents = &spec.agents;
-        let way = |i: usize| TravelLine {
-            course: courses[agents[i].road].clone(),
-            // Agents are taken to drive in the middle of their range of starts:
-            // crossings are fixed once per road and do not depend on the places
-            // of a start.
-            lateral_m: 0.5 * (agents[i].lateral_m.lo + agents[i].lateral_m.hi)
-                + spec.lane_shift_m(i),
-            direction: agents[i].direction,
+    /// Builds the network of the courses on which these agents travel.
+    pub(crate) fn new(courses: Vec<Course>, travellers: &[Traveller]) -> RoadNetwork {
+        let line = |i: usize| TravelLine {
+            course: courses[travellers[i].road].clone(),
+            lateral_m: travellers[i].lateral_m,
+            direction: travellers[i].direction,
         };
         let crossings = |a: usize| {
-            let others = (0..agents.len()).map(|b| {
-                if agents[a].road == agents[b].road {
+            let others = (0..travellers.len()).map(|b| {
+                if travellers[a].road == travellers[b].road {
                     Vec::new()
                 } else {
-                    way(a).crossed_by(&way(b))
+                    line(a).crossed_by(&line(b))
                 }
             });
             others.collect()
         };
-        Ok(RoadNetwork {
-            crossings: if spec.roads.is_empty() {
+        RoadNetwork {
+            crossings: if courses.len() == 1 {
                 Vec::new()
             } else {
-                (0..agents.len()).map(crossings).collect()
+                (0..travellers.len()).map(crossings).collect()
             },
-            road_of: spec.agents.iter().map(|agent| agent.road).collect(),
+            road_of: travellers.iter().map(|traveller| traveller.road).collect(),
             courses,
-        })
+        }
     }
 
     /// Returns the course of the world's own road.
-    pub(super) fn main(&self) -> &Course {
+    pub(crate) fn main(&self) -> &Course {
         &self.courses[0]
     }
 
     /// Returns all courses, the world's own first.
-    pub(super) fn courses(&self) -> &[Course] {
+    pub(crate) fn courses(&self) -> &[Course] {
         &self.courses
     }
 
     /// Returns the course of an agent's road.
-    pub(super) fn course_of(&self, agent: usize) -> &Course {
+    pub(crate) fn course_of(&self, agent: usize) -> &Course {
         &self.courses[self.road_of[agent]]
     }
 
     /// Returns whether two agents are on the same road.
-    pub(super) fn share_road(&self, a: usize, b: usize) -> bool {
+    pub(crate) fn share_road(&self, a: usize, b: usize) -> bool {
         self.road_of[a] == self.road_of[b]
     }
 
     /// Returns the road coordinates of an agent in a pose.
-    pub(super) fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
+    pub(crate) fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
         self.course_of(agent).locate(pose)
     }
 
     /// Returns the crossings of `a` with `b`, in the order in which `a` arrives.
-    pub(super) fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
+    pub(crate) fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
         let of_a = self.crossings.get(a).and_then(|all| all.get(b));
         of_a.map_or(&[], Vec::as_slice)
     }
@@ -181,12 +183,8 @@ impl TravelLine {
 /// The road of higher priority goes first. On equal roads, an agent yields to
 /// traffic from its right. A left turn therefore yields to oncoming traffic.
 /// Paths that never cross have no order.
-pub(super) fn goes_first(spec: &DriveSpec, crossings: &[Crossing], [a, b]: [usize; 2]) -> bool {
-    let rank = |agent: usize| match spec.agents[agent].road {
-        0 => Priority::Equal,
-        road => spec.roads[road - 1].priority,
-    };
-    match (crossings.first(), rank(a).cmp(&rank(b))) {
+pub(crate) fn goes_first(crossings: &[Crossing], [a, b]: [Priority; 2]) -> bool {
+    match (crossings.first(), a.cmp(&b)) {
         (None, _) => false,
         (Some(_), core::cmp::Ordering::Greater) => true,
         (Some(_), core::cmp::Ordering::Less) => false,

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::course::{Course, OnRoad};
-use super::road_placement::Direction;
+use super::placement::Direction;
 use crate::ego::Actuator;
 use crate::sim::{Body, Pose};
 
@@ -34,7 +34,7 @@ impl LaneKeeping {
     ///
     /// In road direction. The body lies along the tangent at the point that
     /// keeps the lane.
-    pub(super) fn begun(
+    pub(crate) fn begun(
         self,
         body: &Body,
         (course, direction): (&Course, Direction),
@@ -54,7 +54,7 @@ impl LaneKeeping {
     /// `front`. A rear axle moves along an arc per sample. The curvature that
     /// keeps it on its line is the mean of the road's curvature over that
     /// distance.
-    pub(super) fn seen(
+    pub(crate) fn seen(
         self,
         body: &Body,
         (front, at): (&Pose, OnRoad),
@@ -90,7 +90,7 @@ impl LaneKeeping {
 /// ė) / v², plus the curvature of the road. The loop is critically damped
 /// around a reference that is fed forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LaneKeeper {
+pub(crate) struct LaneKeeper {
     reference_m: f64,
     reference_mps: f64,
     lag: Actuator,
@@ -100,7 +100,7 @@ pub(super) struct LaneKeeper {
 
 impl LaneKeeper {
     /// Keeps `lateral_m` with a point of a body, with a lag on lateral speeds.
-    pub(super) fn new(
+    pub(crate) fn new(
         (body, keeps): (&Body, LaneKeeping),
         lateral_m: f64,
         lag_s: f64,
@@ -118,7 +118,7 @@ impl LaneKeeper {
     }
 
     /// Returns the curvature for the next sample. `lateral_mps` moves the reference.
-    pub(super) fn curvature(
+    pub(crate) fn curvature(
         &mut self,
         at: &OnRoad,
         speed_mps: f64,

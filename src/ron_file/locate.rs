@@ -71,7 +71,7 @@ impl fmt::Display for ValuePath {
 /// Finds a number in a RON text that is not finite: `NaN`, `inf`, `1e999`.
 ///
 /// The RON reader accepts such numbers, and worlds must not contain them.
-pub(super) fn first_non_finite(text: &str) -> Option<Range<usize>> {
+pub(crate) fn first_non_finite(text: &str) -> Option<Range<usize>> {
     let mut cursor = RonCursor { text, at: 0 };
     loop {
         cursor.blank();
@@ -98,7 +98,7 @@ pub(super) fn first_non_finite(text: &str) -> Option<Range<usize>> {
 }
 
 /// Returns the name before the first bracket of a RON text, if it is plain.
-pub(super) fn first_word(text: &str) -> Option<Range<usize>> {
+pub(crate) fn first_word(text: &str) -> Option<Range<usize>> {
     let mut cursor = RonCursor { text, at: 0 };
     cursor.blank();
     let start = cursor.at;

@@ -43,12 +43,12 @@ pub struct OnRoad {
 
 impl OnRoad {
     /// Returns the velocity of a body along and across the road.
-    pub(super) fn velocity_mps(&self, state: &BodyState) -> Vector2<f64> {
+    pub(crate) fn velocity_mps(&self, state: &BodyState) -> Vector2<f64> {
         rotation_by(self.heading_rad) * Vector2::new(state.speed_mps, state.lateral_mps)
     }
 
     /// Returns the same place for an agent that drives against the road.
-    pub(super) fn reversed(&self) -> OnRoad {
+    pub(crate) fn reversed(&self) -> OnRoad {
         OnRoad {
             s_m: -self.s_m,
             lateral_m: -self.lateral_m,
@@ -88,7 +88,7 @@ pub struct Course {
 }
 
 /// Length of straight road before the first and behind the last piece.
-pub(super) const RUN_OUT_M: f64 = 10_000.0;
+pub(crate) const RUN_OUT_M: f64 = 10_000.0;
 /// Distance between the points with which borders are drawn on arcs.
 const DRAWN_M: f64 = 2.0;
 /// Up to this number of legs, all are searched: skipping costs more than it saves.
@@ -100,11 +100,11 @@ const DRAWN_BEYOND_M: f64 = 100.0;
 
 impl Course {
     /// Returns a straight road along world x, without end.
-    pub(super) fn straight() -> Course {
+    pub(crate) fn straight() -> Course {
         Course::default()
     }
 
-    pub(super) fn of_pieces(pieces: &[Piece], reach_m: f64) -> Result<Course, CourseError> {
+    pub(crate) fn of_pieces(pieces: &[Piece], reach_m: f64) -> Result<Course, CourseError> {
         if pieces.is_empty() {
             return Err(CourseError {
                 what: "a curved road without pieces".to_owned(),
@@ -116,7 +116,7 @@ impl Course {
     }
 
     /// Returns a road that begins at a given place. Without pieces it is straight.
-    pub(super) fn placed(
+    pub(crate) fn placed(
         (x_m, y_m): (f64, f64),
         heading_rad: f64,
         pieces: &[Piece],
@@ -158,7 +158,7 @@ impl Course {
         Ok(course)
     }
 
-    pub(super) fn of_points(
+    pub(crate) fn of_points(
         points_m: &[(f64, f64)],
         radius_m: f64,
         reach_m: f64,
@@ -279,13 +279,13 @@ impl Course {
     }
 
     /// Returns the curvature at a station, positive to the left.
-    pub(super) fn curvature_per_m(&self, s_m: f64) -> f64 {
+    pub(crate) fn curvature_per_m(&self, s_m: f64) -> f64 {
         let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
         leg.map_or(0.0, |leg| leg.curvature_per_m)
     }
 
     /// Returns the mean curvature over a distance from a station.
-    pub(super) fn mean_curvature_per_m(&self, s_m: f64, way_m: f64) -> f64 {
+    pub(crate) fn mean_curvature_per_m(&self, s_m: f64, way_m: f64) -> f64 {
         // Too short a way for a quotient of two rounded angles.
         if way_m.abs() < 1e-6 {
             return self.curvature_per_m(s_m);
@@ -297,7 +297,7 @@ impl Course {
     /// Returns the curvatures of the last piece and of the piece before it.
     ///
     /// 0 where there is no such piece, because the road is straight there.
-    pub(super) fn last_curvatures_per_m(&self) -> [f64; 2] {
+    pub(crate) fn last_curvatures_per_m(&self) -> [f64; 2] {
         // The last leg is the straight end of the road.
         let mut legs = self.legs.iter().rev().skip(1);
         let mut next = || legs.next().map_or(0.0, |leg| leg.curvature_per_m);
@@ -305,7 +305,7 @@ impl Course {
     }
 
     /// Returns the number of pieces, without the straight ends.
-    pub(super) fn piece_count(&self) -> usize {
+    pub(crate) fn piece_count(&self) -> usize {
         self.legs.len().saturating_sub(2)
     }
 
@@ -426,7 +426,9 @@ impl Leg {
 }
 
 /// Returns an angle in −π ..= π.
-pub(super) fn wrapped(angle_rad: f64) -> f64 {
+///
+/// Recorded episodes contain its bits, which differ from those of `sim::wrapped`.
+pub(crate) fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
 }
 

@@ -4,7 +4,7 @@ use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use super::course::{Course, CourseError, Piece};
-use super::road::Road;
+use super::lanes::Road;
 
 /// Named roads, in file order.
 pub(crate) type PlacedRoads = IndexMap<String, PlacedRoad>;

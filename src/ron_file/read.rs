@@ -7,16 +7,15 @@ use ron::error::{Error, Position, SpannedError};
 use ron::extensions::Extensions;
 use serde::de::DeserializeOwned;
 
-use super::LoadError;
-use super::error::{Problem, ScenarioError, did_you_mean, known_names};
-use super::locate::{first_non_finite, first_word};
+use super::error::{LoadError, Problem, ScenarioError, did_you_mean, known_names};
+use super::locate::first_non_finite;
 use super::named_file::open_file;
 
 /// Greatest size of a world file, in bytes.
 const MAX_BYTES: u64 = 4 << 20;
 
 /// Reads a text file of limited size in UTF-8.
-pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
+pub(crate) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
     let io = |source| LoadError::Io {
         file: file.to_owned(),
         source,
@@ -48,48 +47,36 @@ pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
     })
 }
 
-/// Removes the byte order mark that some editors write.
-pub(super) fn without_mark(text: &str) -> &str {
-    text.strip_prefix('\u{feff}').unwrap_or(text)
-}
-
-/// Kind of world that a file describes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum WorldKind {
-    /// `Scenario(…)`: driving.
-    Scenario,
-    /// `Grid(…)`: cells.
-    Grid,
-}
-
-/// Returns the kind of world that the first word of a file names.
+/// Reads a RON file that is not a world.
 ///
-/// Other mistakes are left to [`parse`].
-pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
-    let Some(span) = first_word(text) else {
-        return Ok(WorldKind::Scenario);
-    };
-    let known = ["Scenario", "Grid"];
-    match &text[span.clone()] {
-        "Scenario" => Ok(WorldKind::Scenario),
-        "Grid" => Ok(WorldKind::Grid),
-        other => {
-            let list = known_names("one of", known);
-            Err(Problem {
-                what: format!("`{other}` is no kind of world"),
-                span,
-                label: "not known".to_owned(),
-                help: Some(match did_you_mean(other, known) {
-                    Some(guess) => format!("{guess} — {list}"),
-                    None => list,
-                }),
-            })
-        }
+/// Returns its name, its text and its content.
+///
+/// # Errors
+///
+/// Returns an error if the file cannot be read, or has other content.
+pub(crate) fn read_file<T: DeserializeOwned>(
+    path: &FilePath,
+) -> Result<(String, String, T), LoadError> {
+    let file = path.display().to_string();
+    let text = text(&file, path)?;
+    let text = without_mark(&text).to_owned();
+    match parse(&text) {
+        Ok(value) => Ok((file, text, value)),
+        Err(problem) => Err(LoadError::Scenario(Box::new(ScenarioError {
+            file,
+            text,
+            problems: vec![problem],
+        }))),
     }
 }
 
+/// Removes the byte order mark that some editors write.
+pub(crate) fn without_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
+}
+
 /// Reads a value from RON with finite numbers only.
-pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
+pub(crate) fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
     // Files may omit `Some` and the inner brackets of variants, so that they
     // are shorter.
     let options = ron::Options::default()

@@ -1,0 +1,26 @@
+//! Roads as geometry: lanes, courses, grades and the crossings of paths.
+//!
+//! A [`Road`] has lanes, a [`Course`] leads its lane 0 through the plane, and a
+//! network joins the roads of a world.
+//!
+//! Architecture Invariant: a road knows no world, no agent and no rule.
+
+mod course;
+mod lanes;
+mod network;
+mod placement;
+mod self_overlap;
+mod slope;
+mod steering;
+
+pub(crate) use course::wrapped;
+pub use course::{Course, CourseError, OnRoad, Piece};
+pub use lanes::Road;
+pub(crate) use network::{RoadNetwork, Traveller, goes_first};
+pub(crate) use placement::PlacedRoads;
+pub use placement::{Direction, PlacedRoad, Priority, RoadPlace};
+pub(crate) use self_overlap::SelfOverlap;
+pub use slope::Grade;
+pub(crate) use slope::grade_at;
+pub(crate) use steering::LaneKeeper;
+pub use steering::LaneKeeping;

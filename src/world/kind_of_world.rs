@@ -1,0 +1,38 @@
+//! Kind of world that the first word of a file names.
+
+use crate::ron_file::{Problem, did_you_mean, first_word, known_names};
+
+/// Kind of world that a file describes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum WorldKind {
+    /// `Scenario(…)`: driving.
+    Scenario,
+    /// `Grid(…)`: cells.
+    Grid,
+}
+
+/// Returns the kind of world that the first word of a file names.
+///
+/// Other mistakes are left to the reader.
+pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
+    let Some(span) = first_word(text) else {
+        return Ok(WorldKind::Scenario);
+    };
+    let known = ["Scenario", "Grid"];
+    match &text[span.clone()] {
+        "Scenario" => Ok(WorldKind::Scenario),
+        "Grid" => Ok(WorldKind::Grid),
+        other => {
+            let list = known_names("one of", known);
+            Err(Problem {
+                what: format!("`{other}` is no kind of world"),
+                span,
+                label: "not known".to_owned(),
+                help: Some(match did_you_mean(other, known) {
+                    Some(guess) => format!("{guess} — {list}"),
+                    None => list,
+                }),
+            })
+        }
+    }
+}
