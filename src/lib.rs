@@ -45,6 +45,7 @@ pub mod ego;
 pub mod evaluation;
 pub mod experiment;
 mod grid_solver;
+pub mod natural;
 // Not part of the API: it has no stability promise.
 #[doc(hidden)]
 pub mod internals;

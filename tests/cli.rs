@@ -18,6 +18,8 @@ mod hostile;
 mod learned;
 #[path = "cli/log.rs"]
 mod log;
+#[path = "cli/natural.rs"]
+mod natural;
 #[path = "cli/picture.rs"]
 mod picture;
 #[path = "cli/points.rs"]

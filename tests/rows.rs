@@ -6,6 +6,8 @@ mod costs;
 mod evaluating;
 #[path = "rows/intervals.rs"]
 mod intervals;
+#[path = "rows/natural.rs"]
+mod natural;
 #[path = "rows/online.rs"]
 mod online;
 #[path = "rows/reuse.rs"]

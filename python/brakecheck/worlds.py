@@ -22,6 +22,10 @@ class World:
             a percept, or a class or an object with `reset(seed)` and
             `control(percept)`.
         allow_programs: start the programs that the file names as egos.
+        natural: leave ados only braking, accelerations and cut-ins that real
+            drivers show at least so often per 1,000 km.
+        traffic: the model of real drivers: `"motorway"`, or a file of
+            `brakecheck log --fit`.
 
     Raises:
         InputError: the file is no world; the message says where and why.
@@ -34,11 +38,22 @@ class World:
         plant: str | None = None,
         ego: Any = None,
         allow_programs: bool = False,
+        natural: float | None = None,
+        traffic: str | os.PathLike[str] | None = None,
     ) -> None:
         self.file = os.fspath(file)
-        self._given = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
+        self._given = {
+            "plant": plant,
+            "ego": ego,
+            "allow_programs": allow_programs,
+            "natural": natural,
+            "traffic": traffic,
+        }
         #: The file's own world, from which test starts and egos are taken.
         self._nominal = RawWorld.load(self.file, allow_programs)
+        if natural is not None or traffic is not None:
+            named = None if traffic is None else os.fspath(traffic)
+            self._nominal = self._nominal.in_traffic(named, natural)
         if plant is not None:
             self._nominal = self._nominal.with_parts(plant, None)
         self._raw = self._nominal if ego is None else self._nominal.with_parts(None, ego)

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use brakecheck::experiment::on_plant;
+use brakecheck::experiment::{in_named_traffic, on_plant};
 use brakecheck::scene::World;
 use brakecheck::serving::actions_of;
 use brakecheck::world::PlantKind;
@@ -64,6 +64,21 @@ impl RawWorld {
             [one] => Ok(RawWorld(one.scenario().clone())),
             _ => Err(wrong("`all` is more than one ego", "name one of them")),
         }
+    }
+
+    /// The same world in a traffic model, with a limit on how rare its ados drive.
+    fn in_traffic(&self, traffic: Option<&str>, natural: Option<f64>) -> PyResult<RawWorld> {
+        if natural.is_some_and(|rate| !(rate > 0.0 && rate.is_finite())) {
+            return Err(wrong(
+                format!("`natural={natural:?}` is no rate"),
+                "a rate per 1,000 km is a number above 0",
+            ));
+        }
+        let world = in_named_traffic(&self.0, traffic).map_err(failed)?;
+        Ok(RawWorld(match natural {
+            Some(rate) => world.naturally(rate),
+            None => world,
+        }))
     }
 
     /// The text of the file.

@@ -19,6 +19,6 @@ pub(crate) use open_loop_baselines::{best_constant, best_then_brake, in_words};
 pub use rollout::{Ado, RecordedFailure};
 pub(crate) use rollout::{
     EpisodeResult, EvalRequest, Evaluated, RecordedSuccess, RepeatedEpisode, blank_row,
-    count_solved, eval, groups, note_row, success_caption,
+    count_solved, eval, groups, naturalness, note_row, success_caption,
 };
 pub use threshold_rule::{Heuristic, tune_heuristic};

@@ -7,6 +7,7 @@ use super::threshold_rule::Heuristic;
 use crate::ego::{Command, Fault};
 use crate::experiment::{CrashFeatures, badness, clusters, descending};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::natural::{NaturalnessOfRow, SuccessRarity};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run_dir::{
@@ -182,6 +183,8 @@ impl RecordedSuccess {
 pub struct RecordedFailure {
     pub(super) shape: CrashFeatures,
     pub(super) badness: [f64; 4],
+    /// Rarest driving of an ado. `None` if none drives a vehicle.
+    pub(crate) rarity: Option<SuccessRarity>,
 }
 
 impl RecordedFailure {
@@ -190,6 +193,7 @@ impl RecordedFailure {
         episode.verdict.is_success().then(|| RecordedFailure {
             shape: CrashFeatures::of(scenario, episode),
             badness: badness(episode),
+            rarity: scenario.rarity_of(episode),
         })
     }
 }
@@ -396,6 +400,7 @@ impl EvalRequest<'_> {
             .flatten()
             .map(|one| one.shape.class.leaf_and_contact());
         row.kinds = FailureKind::counted(classes);
+        row.naturalness = naturalness(self.scenario, &failures);
         row
     }
 }
@@ -409,6 +414,16 @@ pub(crate) fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
     all.sort_by(|a, b| descending(&a.badness, &b.badness));
     let shapes: Vec<CrashFeatures> = all.iter().map(|one| one.shape.clone()).collect();
     Some(clusters(&shapes).len())
+}
+
+/// Returns how natural the ados drove in some failures.
+pub(crate) fn naturalness(
+    scenario: &Scenario,
+    failures: &[Option<&RecordedFailure>],
+) -> Option<NaturalnessOfRow> {
+    let rated = failures.iter().flatten();
+    let rated: Vec<&SuccessRarity> = rated.filter_map(|it| it.rarity.as_ref()).collect();
+    scenario.traffic().of_row(&rated)
 }
 
 /// Returns a row without results.
@@ -440,6 +455,7 @@ pub(crate) fn blank_row(
         uncounted: None,
         kinds: Vec::new(),
         distinct: None,
+        naturalness: None,
         foul_before_contact_rate: None,
         contact_rate: 0.0,
         closing_speed_mps: None,

@@ -44,6 +44,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let mut world = load_world(&args.run, &test.common)?;
     test.live.check(test.common.json)?;
     let has_points = world.has_points();
+    world = test.traffic.limited(world)?;
     refuse_options_of_runs(args, has_points)?;
     if let Some(plant) = test.plant {
         world = on_plant(&world, plant)?;
@@ -51,7 +52,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     if has_points {
         return points::run(args, &world);
     }
-    let egos = args.ego.find(&world)?;
+    let egos = test.traffic.levels(args.ego.find(&world)?);
     let live = args.open_live(&world)?;
     let bar = progress::bar(&args.test.common, "");
     let watch = bar.watch().first_of(egos.len()).shown_to(live.audience());
@@ -81,7 +82,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     }
     // All checks of the request come before the first simulation.
     let tested = RunUnderTest::open(&args.run, &args.test)?;
-    let egos = args.ego.find(&tested.nominal)?;
+    let egos = args.test.traffic.levels(args.ego.find(&tested.nominal)?);
     let live = tested.live()?;
     let bar = progress::bar(&args.test.common, "");
     let watch = tested.watch((&bar, &live), egos.len());

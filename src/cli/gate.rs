@@ -31,6 +31,7 @@ pub(super) struct GateArgs {
 
 pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
     refuse_world(&args.run, "gate")?;
+    args.test.traffic.one_rate("gate")?;
     let tested = RunUnderTest::open(&args.run, &args.test)?;
     let egos = egos(args, &tested.nominal)?;
     let live = tested.live()?;

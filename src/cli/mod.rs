@@ -33,6 +33,7 @@ mod table;
 pub mod terminal;
 mod test_args;
 mod theorems;
+mod traffic_args;
 mod train;
 mod view;
 

@@ -61,6 +61,8 @@ impl<'a> RunUnderTest<'a> {
             Some(plant) => on_plant(&world, plant)?,
             None => world,
         };
+        let nominal = test.traffic.limited(nominal)?;
+        test.traffic.keep_one(test.keep.dir())?;
         keeps_something(test)?;
         can_learn(test, &nominal)?;
         Ok(RunUnderTest {

@@ -11,6 +11,7 @@ use super::keep::KeepArgs;
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::test_args::{EgoArgs, note_program_costs};
+use super::traffic_args::TrafficArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table,
@@ -46,6 +47,8 @@ pub(super) struct SearchArgs {
     #[arg(long, value_parser = one_of::<PlantKind>())]
     plant: Option<PlantKind>,
     #[command(flatten)]
+    traffic: TrafficArgs,
+    #[command(flatten)]
     keep: KeepArgs,
     #[command(flatten)]
     live: RerunArgs,
@@ -76,7 +79,8 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     let run = is_run.then(|| open_run(&args.world, &args.common));
     let run = run.transpose()?;
     let (world, nominal) = worlds(args, run.as_ref())?;
-    let egos = args.ego.find(&nominal)?;
+    args.traffic.keep_one(args.keep.dir())?;
+    let egos = args.traffic.levels(args.ego.find(&nominal)?);
     let stored = stored(args, run.as_ref(), &egos)?;
     let settings = MethodSettings {
         switches: args.switches,
@@ -119,6 +123,7 @@ fn worlds(args: &SearchArgs, run: Option<&RunDir>) -> Result<(Scenario, Scenario
             (world.clone(), world)
         }
     };
+    let nominal = args.traffic.declared(nominal)?;
     match args.plant {
         Some(plant) => Ok((world, on_plant(&nominal, plant)?)),
         None => Ok((world, nominal)),

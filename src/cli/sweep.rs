@@ -35,6 +35,7 @@ pub(super) struct SweepArgs {
 
 pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     refuse_world(&args.run, "sweep")?;
+    args.test.traffic.one_rate("sweep")?;
     let sweep = Sweep::parse(&args.over)?;
     let tested = RunUnderTest::open(&args.run, &args.test)?;
     let egos = sweep.egos(&tested.nominal)?;

@@ -1,6 +1,7 @@
 //! Rows as tables for people.
 
 use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
+use crate::natural::NaturalnessOfRow;
 use crate::report::TextTable;
 use crate::run_dir::Row;
 
@@ -42,6 +43,9 @@ pub(super) fn remarks(rows: &[Row]) -> String {
         if let Some(severity) = &row.severity {
             text.push_str(&format!("\ncontacts: {}, {}: {severity}", row.ego, row.ado));
         }
+        if let Some(natural) = declared(row) {
+            text.push_str(&format!("\ntraffic: {}, {}: {natural}", ego(row), row.ado));
+        }
         // With a single kind there is nothing to distinguish.
         if 1 < row.kinds.len() {
             let kinds: Vec<String> = row.kinds.iter().map(ToString::to_string).collect();
@@ -71,6 +75,22 @@ pub(super) fn remarks(rows: &[Row]) -> String {
         }
     }
     text
+}
+
+/// Returns the naturalness of a row for which a traffic model was named.
+fn declared(row: &Row) -> Option<&NaturalnessOfRow> {
+    let surprise = |it: &NaturalnessOfRow| Some(it.median.as_ref()?.surprise_decades.is_some());
+    let natural = row.naturalness.as_ref();
+    natural.filter(|it| it.limit_per_1000_km.is_some() || surprise(it).unwrap_or(false))
+}
+
+/// Returns the ego of a row, with the limit on its ados.
+fn ego(row: &Row) -> String {
+    let natural = row.naturalness.as_ref();
+    match natural.and_then(|it| it.limit_per_1000_km) {
+        Some(rate) => format!("{}, natural {rate}", row.ego),
+        None => row.ego.clone(),
+    }
 }
 
 /// Formats the rows of several egos in blocks with summaries.
@@ -165,7 +185,7 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
 fn lines(rows: &[Row]) -> String {
     let found = rows.iter().map(|row| {
         [
-            row.ego.clone(),
+            ego(row),
             row.ado.to_string(),
             row.method.clone(),
             match row.starts {
@@ -191,7 +211,7 @@ fn lines(rows: &[Row]) -> String {
         // Rows of earlier versions have the closing speed of all contacts only.
         let closing = row.success_closing_mps.or(row.closing_speed_mps);
         [
-            row.ego.clone(),
+            ego(row),
             row.ado.to_string(),
             percent(row.foul_rate),
             row.foul_before_contact_rate.map_or("–".to_owned(), percent),

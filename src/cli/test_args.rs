@@ -5,6 +5,7 @@ use clap::Args;
 use super::keep::KeepArgs;
 use super::live::RerunArgs;
 use super::number_args::{STARTS, count, start_count};
+use super::traffic_args::TrafficArgs;
 use super::{Common, one_of};
 use crate::adversary::AdoKind;
 use crate::ego::Process;
@@ -84,6 +85,8 @@ pub(super) struct TestArgs {
     /// Runs of each ego to record and adapt the ado to: at least 10, 100 for most egos.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
     pub(super) runs: u64,
+    #[command(flatten)]
+    pub(super) traffic: TrafficArgs,
     #[command(flatten)]
     pub(super) keep: KeepArgs,
     #[command(flatten)]

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
+use super::traffic_args::TrafficArgs;
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
     progress, refuse_program, table, terminal,
@@ -61,6 +62,8 @@ pub(super) struct TrainArgs {
     #[arg(last = true, hide = true)]
     program: Vec<String>,
     #[command(flatten)]
+    traffic: TrafficArgs,
+    #[command(flatten)]
     live: RerunArgs,
     #[command(flatten)]
     pub(super) common: Common,
@@ -69,6 +72,8 @@ pub(super) struct TrainArgs {
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     refuse_program("train", &args.program)?;
     let world = load_world(&args.world, &args.common)?;
+    args.traffic.one_rate("train")?;
+    let world = args.traffic.limited(world)?;
     // A refused stream must leave no run directory, and a refused training no stream.
     args.live.check(args.common.json)?;
     let mut session = session(args, &world)?;

@@ -197,6 +197,7 @@ fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     About {
         severity: Severity::of(episode),
         after_contact: episode.after_contact.clone(),
+        naturalness: scenario.naturalness_of(episode),
         preventability: episode
             .contact
             .is_some()

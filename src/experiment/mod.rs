@@ -13,6 +13,7 @@ mod error;
 mod failed_leaf;
 mod progress;
 mod test_starts;
+mod traffic;
 mod trivial_starts;
 
 pub use crate::scene::drive::ControllerFactory;
@@ -30,4 +31,5 @@ pub(crate) use failed_leaf::{leaf, violated};
 pub use progress::{Remark, StepPlace, Watch};
 pub use test_starts::{TestStarts, test_starts};
 pub(crate) use test_starts::{drawn_starts, test_noise, untried_starts};
+pub use traffic::{TrafficError, in_named_traffic};
 pub(crate) use trivial_starts::TrivialStarts;

@@ -66,13 +66,17 @@ pub(super) fn example(
 fn known(scenario: &Scenario, example: &Example) -> Markup {
     let (about, episode) = (&example.about, &example.episode);
     let after = about.after_contact.as_ref();
-    let facts: [(&str, Option<String>); 7] = [
+    let facts: [(&str, Option<String>); 8] = [
         ("How bad", about.severity.as_ref().map(ToString::to_string)),
         ("After it", after.map(|after| after.sentences().join("; "))),
         ("Why", about.why.as_ref().map(ToString::to_string)),
         (
             "Who avoids it",
             about.preventability.as_ref().map(ToString::to_string),
+        ),
+        (
+            "How natural",
+            about.naturalness.as_ref().map(ToString::to_string),
         ),
         ("How small", about.shrunk.as_ref().map(ToString::to_string)),
         (

@@ -25,7 +25,7 @@ use super::learner::{
     Built, ConfigError, Demonstration, Learner, LearnerKind, Shaped, TrainingCounters, epsilon,
     expect_sizes, layers,
 };
-use super::nn::{Adam, Mlp, Tape, argmax};
+use super::nn::{Adam, Mlp, Tape, argmax, argmax_among};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
 use super::starts::{EpisodeStart, StartPool};
 use super::{End, Env, Losses, Policy, Spaces};
@@ -424,6 +424,11 @@ struct QPolicy {
 impl Policy for QPolicy {
     fn act(&self, obs: &[f32]) -> usize {
         self.net.evaluate(obs, argmax)
+    }
+
+    fn act_among(&self, obs: &[f32], allowed: &[bool]) -> usize {
+        self.net
+            .evaluate(obs, |values| argmax_among(values, allowed))
     }
 
     fn value(&self, obs: &[f32]) -> f32 {

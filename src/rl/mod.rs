@@ -97,6 +97,11 @@ pub trait Policy: Send + Sync {
     /// Returns the greedy action. Ties go to the lowest index.
     fn act(&self, obs: &[f32]) -> usize;
 
+    /// Returns the best action of those allowed, by default as if all were.
+    fn act_among(&self, obs: &[f32], _allowed: &[bool]) -> usize {
+        self.act(obs)
+    }
+
     /// Returns V(s), the expected return from here (Theorems 1 and 2).
     fn value(&self, obs: &[f32]) -> f32;
 }

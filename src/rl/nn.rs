@@ -454,6 +454,19 @@ pub fn argmax(values: &[f32]) -> usize {
     best
 }
 
+/// Returns the position of the greatest of the allowed values, the first if equal.
+///
+/// Without an allowed value it is that of the greatest.
+pub(crate) fn argmax_among(values: &[f32], allowed: &[bool]) -> usize {
+    let allowed = values
+        .iter()
+        .enumerate()
+        .zip(allowed)
+        .filter(|(_, it)| **it);
+    let best = allowed.reduce(|best, it| if best.0.1 < it.0.1 { it } else { best });
+    best.map_or_else(|| argmax(values), |((i, _), _)| i)
+}
+
 #[inline(always)]
 fn relu(values: &mut [f32]) {
     for value in values {

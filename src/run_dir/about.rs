@@ -4,6 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
+use crate::natural::Naturalness;
 use crate::preventability::Preventability;
 use crate::scene::AfterContact;
 use crate::severity::{Impact, InjuryRisk};
@@ -36,6 +37,9 @@ pub struct About {
     /// Reference drivers that avoid the contact. `None` without a contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preventability: Option<Preventability>,
+    /// Rarity of the ados' driving among real drivers. `None` if none drives a vehicle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub naturalness: Option<Naturalness>,
     /// Number of similar counterexamples, including itself.
     ///
     /// `None` if they were not compared.
@@ -362,6 +366,7 @@ impl Display for About {
         lines.extend(self.after_contact.iter().flat_map(AfterContact::sentences));
         lines.extend(self.why.as_ref().map(ToString::to_string));
         lines.extend(self.preventability.as_ref().map(ToString::to_string));
+        lines.extend(self.naturalness.as_ref().map(ToString::to_string));
         lines.extend(self.shrunk.as_ref().map(ToString::to_string));
         lines.extend(self.persistence.as_ref().map(ToString::to_string));
         lines.extend(self.ego_runs.as_ref().map(|runs| match &self.shrunk {

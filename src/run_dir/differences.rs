@@ -11,6 +11,7 @@ use serde_json::Value;
 use super::disk::settings_of;
 use super::{ChangedEgo, RunDir, RunError};
 use crate::content_hash::sha256;
+use crate::natural::NaturalTraining;
 use crate::rulebook::TrainingGoal;
 use crate::world::Scenario;
 
@@ -81,6 +82,15 @@ impl RunDir {
             begun.against.to_string(),
             scenario.against.to_string(),
         );
+        let natural = |natural: Option<&NaturalTraining>| match natural {
+            Some(natural) => natural.to_string(),
+            None => "no limit".to_owned(),
+        };
+        let now = NaturalTraining::of(scenario.traffic());
+        if begun.natural != now {
+            let (begun, now) = (natural(begun.natural.as_ref()), natural(now.as_ref()));
+            compare("natural driving", begun, now);
+        }
         let left_out = |name: &Option<String>| match name {
             Some(name) => format!("`{name}`"),
             None => "nothing".to_owned(),

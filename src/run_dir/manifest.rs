@@ -10,6 +10,7 @@ use super::disk::read_text;
 use super::training_counterexamples::StoredCount;
 use super::{FORMAT, RunError};
 use crate::content_hash;
+use crate::natural::NaturalTraining;
 use crate::rulebook::TrainingGoal;
 use crate::scene::Dynamics;
 use crate::world::{Change, TrainingEgos};
@@ -124,6 +125,9 @@ pub struct Manifest {
     /// Failures that the training looks for. Empty for any.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub goals: Vec<TrainingGoal>,
+    /// Limit on how rare the ado's driving could become. `None` without a limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub natural: Option<NaturalTraining>,
     /// Training opponent.
     #[serde(default, skip_serializing_if = "TrainingEgos::is_nominal")]
     pub against: TrainingEgos,

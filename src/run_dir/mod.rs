@@ -35,6 +35,7 @@ mod row;
 pub(crate) mod run_lookup;
 mod samples;
 mod trained_policy;
+pub(crate) use trained_policy::trained_naturally;
 mod training_counterexamples;
 
 use std::fs::{self, File};
@@ -68,6 +69,7 @@ pub use training_counterexamples::Stored;
 pub(crate) use training_counterexamples::StoredCount;
 
 use crate::content_hash::sha256;
+use crate::natural::NaturalTraining;
 use crate::rl::{BundleError, TensorFile};
 use crate::ron_file::file_bytes;
 use crate::world::Scenario;
@@ -155,6 +157,7 @@ impl RunDir {
                 counterexamples: None,
                 learner: scenario.learning.clone(),
                 goals: scenario.goals.clone(),
+                natural: NaturalTraining::of(scenario.traffic()),
                 against: scenario.against,
                 left_out: scenario.left_out.clone(),
                 settings_fingerprint: Some(settings_of(scenario)),

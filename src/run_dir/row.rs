@@ -9,6 +9,7 @@ use super::adversary_id::{AdversaryId, keys};
 use super::calibration::CalibrationWarning;
 use super::contact_severity::{ClosingSpeed, ContactSeverity};
 use super::repeated_runs::Repeated;
+use crate::natural::NaturalnessOfRow;
 use crate::rulebook::JudgeKind;
 use crate::scene::Dynamics;
 use crate::stats::{Outcomes, StartOutcome};
@@ -97,6 +98,11 @@ pub struct Row {
     /// `None` if there are none, or if they were not compared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distinct: Option<usize>,
+    /// Rarity of the ados' driving in the successes, among real drivers.
+    ///
+    /// `None` without a success of an ado in a vehicle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub naturalness: Option<NaturalnessOfRow>,
     /// Starts on which the ego or the physics failed. They are in no rate of this row.
     pub invalid: usize,
     /// These faults by kind.
@@ -239,6 +245,7 @@ impl Row {
 mod tests {
     use super::*;
     use crate::ego::FaultKind;
+    use crate::natural::Naturalness;
     use crate::severity::RiskCurve;
 
     const PAGE: &str = include_str!("../../docs/reference/json.md");
@@ -292,6 +299,19 @@ mod tests {
                 starts: 1,
             }],
             distinct: Some(1),
+            naturalness: Some(NaturalnessOfRow {
+                limit_per_1000_km: Some(1.0),
+                successes: 1,
+                outside_data: 0,
+                median: Some(Naturalness {
+                    model: String::new(),
+                    ado: String::new(),
+                    rarest: Some(String::new()),
+                    per_1000_km: Some(1.0),
+                    surprise_decades: Some(1.0),
+                    outside: vec![String::new()],
+                }),
+            }),
             invalid: 1,
             faults: vec![FaultCount {
                 kind: FaultKind::Timeout,

@@ -1,10 +1,13 @@
 //! World and trained ado of a run, and copies of both.
 
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
+
+use brakecheck_traffic::{ModelError, TrafficModel};
 
 use super::disk::{io_error, make_dir, write_file};
 use super::{RunDir, RunError, manifest};
+use crate::natural::NaturalTraining;
 use crate::rl::{Policy, TensorFile, load_policy_for};
 use crate::ron_file::LoadError;
 use crate::world::Scenario;
@@ -52,10 +55,24 @@ impl RunDir {
     fn parse_world(&self) -> Result<Scenario, RunError> {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
-            Ok(scenario) => self.as_learned(scenario.allow_programs(self.programs_allowed)),
+            Ok(scenario) => {
+                let world = self.as_learned(scenario.allow_programs(self.programs_allowed))?;
+                self.as_limited(world)
+            }
             Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
             Err(LoadError::Scenario(error)) => Err(RunError::World(error)),
         }
+    }
+
+    /// Returns the world with the limit on the ado's driving of the manifest.
+    fn as_limited(&self, world: Scenario) -> Result<Scenario, RunError> {
+        let Some(natural) = &self.manifest.natural else {
+            return Ok(world);
+        };
+        trained_naturally(&world, natural).map_err(|error| RunError::Damaged {
+            path: self.path.join("manifest.json"),
+            why: error.to_string(),
+        })
     }
 
     /// Returns the world with the goals, the learner and the family of the manifest.
@@ -135,4 +152,15 @@ impl RunDir {
         }
         Ok(())
     }
+}
+
+/// Returns the world with the traffic and the limit of a training.
+pub(crate) fn trained_naturally(
+    world: &Scenario,
+    training: &NaturalTraining,
+) -> Result<Scenario, ModelError> {
+    let model = TrafficModel::parse(&training.traffic)?;
+    Ok(world
+        .in_traffic(Arc::new(model))
+        .naturally(training.per_1000_km))
 }

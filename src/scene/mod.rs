@@ -288,6 +288,12 @@ pub trait Scene: Send {
     fn draw(&self, key: StartKey) -> Start;
     /// Begins an episode at t = 0.
     fn reset(&mut self, start: &Start, noise: u64);
+    /// Returns which joint actions are allowed at this decision, `None` if all are.
+    ///
+    /// The neutral action is always allowed.
+    fn allowed(&self) -> Option<Vec<bool>> {
+        None
+    }
     /// Sets the ados' joint action until the next decision.
     fn decide(&mut self, action: usize);
     /// Advances by one sample.

@@ -31,7 +31,8 @@ pub(super) use mutate::mutate;
 pub use request::SearchRequest;
 
 use crate::adversary::{
-    RecordedFailure, RecordedSuccess, blank_row, count_solved, groups, note_row, success_caption,
+    RecordedFailure, RecordedSuccess, blank_row, count_solved, groups, naturalness, note_row,
+    success_caption,
 };
 use crate::experiment::Watch;
 use crate::run_dir::{AdversaryId, Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
@@ -179,7 +180,9 @@ impl SearchRequest<'_> {
         row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
         // `sum` of nothing is -0.0, which would be printed with its sign.
         row.cpu_s = searched.clone().fold(0.0, |sum, found| sum + found.cpu_s);
-        count_contacts(&mut row, searched);
+        count_contacts(&mut row, searched.clone());
+        let failures: Vec<_> = searched.map(|found| found.failure.as_ref()).collect();
+        row.naturalness = naturalness(self.scenario, &failures);
         let budgets = self.checkpoints().into_iter();
         row.anytime = budgets.map(|budget| anytime(found, budget)).collect();
         row

@@ -13,6 +13,12 @@ pub trait Actor {
     fn begin(&mut self, seed: u64, start: &Start);
     /// Returns the action at this decision.
     fn act(&mut self, obs: &[f32]) -> usize;
+    /// Returns the action at this decision if only some are allowed.
+    ///
+    /// The bench replaces an action that is not allowed by the most similar allowed one.
+    fn act_among(&mut self, obs: &[f32], _allowed: &[bool]) -> usize {
+        self.act(obs)
+    }
 }
 
 /// A trained policy: a pure function of the observation.
@@ -23,6 +29,10 @@ impl Actor for PolicyActor<'_> {
 
     fn act(&mut self, obs: &[f32]) -> usize {
         self.0.act(obs)
+    }
+
+    fn act_among(&mut self, obs: &[f32], allowed: &[bool]) -> usize {
+        self.0.act_among(obs, allowed)
     }
 }
 

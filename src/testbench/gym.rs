@@ -136,7 +136,7 @@ impl Gym {
                 decisions: self.spent.decisions,
                 index: self.index,
                 start: self.start.clone(),
-                actions: self.actions.clone(),
+                actions: self.bench.as_played(self.actions.clone()),
                 by,
             });
         }

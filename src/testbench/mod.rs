@@ -10,6 +10,7 @@ mod faults;
 pub(crate) mod film;
 mod gym;
 mod recording;
+mod repeats;
 
 use std::sync::Arc;
 
@@ -24,8 +25,11 @@ pub(crate) use gym::Spent;
 pub use gym::{Gym, Success};
 pub use recording::motion_of;
 pub(crate) use recording::passage_of;
+pub(crate) use repeats::MAX_REPEATS;
+pub use repeats::Repeats;
 
 use crate::ego::{Command, Fault, FaultKind};
+use crate::natural::{AdoLimit, LimitedScene};
 use crate::preventability::Replayer;
 use crate::rl::Spaces;
 use crate::rulebook::{Counts, Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdict};
@@ -108,6 +112,10 @@ pub struct Testbench {
     recording: MotionRecorder,
     /// Replays with reference drivers in the ego's place, created on first use.
     replayer: Option<Replayer>,
+    /// Limit on how rare the ados' driving may become, if any.
+    limit: Option<AdoLimit>,
+    /// Joint actions of this episode, as the limit let them be played.
+    played: Vec<usize>,
 }
 
 impl Testbench {
@@ -135,9 +143,18 @@ impl Testbench {
                 Counts::Preventable { .. }
             )),
             replayer: None,
+            limit: None,
+            played: Vec::new(),
             scene,
             rulebook,
         }
+    }
+
+    /// Limits how rare the ados' driving may become.
+    pub(crate) fn limited(mut self, limit: AdoLimit) -> Testbench {
+        self.scene = LimitedScene::around(self.scene, &limit);
+        self.limit = Some(limit);
+        self
     }
 
     /// Plays on a different scene from the next episode on.
@@ -149,7 +166,10 @@ impl Testbench {
             Arc::ptr_eq(self.scene.schema(), scene.schema()),
             "another scene publishes the same signals"
         );
-        self.scene = scene;
+        self.scene = match &self.limit {
+            Some(limit) => LimitedScene::around(scene, limit),
+            None => scene,
+        };
         // The replayer belongs to the old scene's world.
         self.replayer = None;
     }
@@ -217,17 +237,29 @@ impl Testbench {
         self.fault = None;
         self.decisions = 0;
         self.advances = 0;
+        self.played.clear();
         self.begin_motion(start);
         // The initial sample can already decide the episode.
         self.record(None);
     }
 
+    /// Returns which joint actions are allowed now, `None` if all are.
+    pub fn allowed(&self) -> Option<Vec<bool>> {
+        self.scene.allowed()
+    }
+
     /// Applies a joint action until the next decision or the verdict.
+    ///
+    /// An action that is not allowed now is replaced by the most similar allowed one.
     pub fn decide(&mut self, action: usize) {
         self.decide_watched(action, &mut |_| {});
     }
 
     fn decide_watched(&mut self, action: usize, watch: &mut dyn FnMut(&dyn Scene)) {
+        let action = self.allowed_instead(action);
+        if self.limit.is_some() {
+            self.played.push(action);
+        }
         self.scene.decide(action);
         self.decisions += 1;
         for _ in 0..self.samples.1 {
@@ -242,6 +274,31 @@ impl Testbench {
             // that its program is available to other workers meanwhile.
             self.scene.finish();
         }
+    }
+
+    /// Returns the allowed action that differs least from one.
+    fn allowed_instead(&self, action: usize) -> usize {
+        // Without a limit, which is usual, nothing is allocated.
+        let Some(allowed) = self.limit.as_ref().and_then(|_| self.allowed()) else {
+            return action;
+        };
+        let Some(world) = self.driven().filter(|_| !allowed[action]) else {
+            return action;
+        };
+        let differs = |other: &usize| world.spec().action_distance(action, *other);
+        let others = (0..allowed.len()).filter(|other| allowed[*other]);
+        let nearest = others.min_by(|a, b| differs(a).total_cmp(&differs(b)));
+        nearest.unwrap_or(action)
+    }
+
+    /// Returns the actions of this episode as they were played, within the limit.
+    pub(super) fn as_played(&self, mut actions: Vec<usize>) -> Vec<usize> {
+        let played = self.played.iter();
+        actions
+            .iter_mut()
+            .zip(played)
+            .for_each(|(it, played)| *it = *played);
+        actions
     }
 
     /// Returns the verdict, once it is final.
@@ -359,6 +416,8 @@ impl Testbench {
             aftermath: self.aftermath,
             recording: self.recording.clone(),
             replayer: None,
+            limit: self.limit.clone(),
+            played: self.played.clone(),
         }
     }
 
@@ -448,7 +507,10 @@ pub fn play(
     actor.begin(noise, start);
     while !bench.is_done() {
         bench.observe(&mut obs);
-        let action = actor.act(&obs);
+        let action = match bench.allowed() {
+            Some(allowed) => actor.act_among(&obs, &allowed),
+            None => actor.act(&obs),
+        };
         actions.push(action);
         bench.decide(action);
     }
@@ -472,7 +534,7 @@ impl Testbench {
         Episode {
             start: start.clone(),
             noise,
-            actions,
+            actions: self.as_played(actions),
             robustness: self.rulebook.spec.robustness(&judged, &mut scratch),
             trace: self.trace.clone(),
             judged: self.judged,

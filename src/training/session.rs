@@ -10,7 +10,9 @@ use crate::adversary::Ado;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant};
 use crate::rl::LearnerConfig;
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{Beginning, ChangedEgo, RequestedTraining, Row, RunDir, RunError};
+use crate::run_dir::{
+    Beginning, ChangedEgo, RequestedTraining, Row, RunDir, RunError, trained_naturally,
+};
 use crate::search::{Adversary, Experiment, ExperimentCell};
 use crate::sim::PlantKind;
 use crate::world::{Change, Scenario, TrainingEgos};
@@ -294,6 +296,11 @@ impl TrainRequest<'_> {
         let begun = run.manifest();
         if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
             world = world.on(plant);
+        }
+        if let (None, Some(natural)) = (world.traffic().limit(), &begun.natural)
+            && let Ok(limited) = trained_naturally(&world, natural)
+        {
+            world = limited;
         }
         if self.goals.is_none() {
             world.goals.clone_from(&begun.goals);

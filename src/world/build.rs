@@ -252,6 +252,7 @@ fn assemble(
         world: World::Drive(world.clone()),
         rulebook: Arc::new(rulebook),
         programs_allowed: false,
+        traffic: Default::default(),
     };
     Ok((scenario, world))
 }

@@ -3,7 +3,6 @@
 use indexmap::IndexMap;
 
 use super::file::ScenarioFile;
-use super::repeats::{MAX_REPEATS, Repeats};
 use super::{ChangeError, Scenario};
 use crate::ego::{Actuated, ControllerSpec, Parameter, Process};
 use crate::rl::{LearnerConfig, LearnerSettings};
@@ -16,6 +15,7 @@ use crate::scene::Clock;
 use crate::scene::drive::{DriveSpec, Range, Script, Sensors};
 use crate::sim::PlantKind;
 use crate::stl::Expr;
+use crate::testbench::{MAX_REPEATS, Repeats};
 
 /// Greatest number of samples of an episode.
 const MAX_SAMPLES: f64 = 1e5;

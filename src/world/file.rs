@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use super::environment_file::{OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
 pub(super) use super::number_or_range::NumberOrRange;
-use super::repeats::Repeats;
 use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::LearnerSettings;
@@ -21,6 +20,7 @@ use crate::scene::drive::{
 };
 use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};
+use crate::testbench::Repeats;
 
 #[derive(Deserialize)]
 #[serde(rename = "Scenario", deny_unknown_fields)]

@@ -220,6 +220,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         world: World::Grid(world),
         rulebook: Arc::new(rulebook),
         programs_allowed: false,
+        traffic: Default::default(),
     };
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
     dry_run::begins_well(&mut problems, &top, &scenario);

@@ -6,8 +6,8 @@ use indexmap::IndexMap;
 
 use super::family::{Family, TrainingEgos};
 use super::file::Change;
-use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process, StockController};
+use crate::natural::DeclaredTraffic;
 use crate::rl::{LearnerConfig, Spaces};
 use crate::ron_file::Problem;
 use crate::ron_file::ValuePath;
@@ -15,6 +15,7 @@ use crate::rulebook::{Rule, Rulebook, TrainingGoal};
 use crate::scene::drive::{Agent, Drive, EgoController, EgoDrive};
 use crate::scene::{Availability, Axis, Dynamics, Start, World};
 use crate::stl::{Formula, Names};
+use crate::testbench::Repeats;
 use crate::testbench::Testbench;
 use crate::trace::Signal;
 
@@ -62,6 +63,8 @@ pub struct Scenario {
     pub(super) rulebook: Arc<Rulebook>,
     /// True if programs that files name may be started.
     pub(super) programs_allowed: bool,
+    /// Traffic in which the ados drive, with a limit on their rarity if any.
+    pub(super) traffic: DeclaredTraffic,
 }
 
 impl std::fmt::Debug for Scenario {
@@ -186,7 +189,11 @@ impl Scenario {
 
     /// Returns a new test bench, one per worker.
     pub fn bench(&self) -> Testbench {
-        Testbench::new(self.world.scene(), Arc::clone(&self.rulebook))
+        let bench = Testbench::new(self.world.scene(), Arc::clone(&self.rulebook));
+        match self.traffic.limit() {
+            Some(limit) => bench.limited(limit),
+            None => bench,
+        }
     }
 
     /// Returns the dynamics of the world.

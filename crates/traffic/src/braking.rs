@@ -33,6 +33,14 @@ impl SpeedSeries {
         self.speeds_mps.windows(2).map(change).collect()
     }
 
+    /// Returns the series with reversed speeds, whose braking is acceleration.
+    pub(crate) fn mirrored(&self) -> SpeedSeries {
+        SpeedSeries {
+            speeds_mps: self.speeds_mps.iter().map(|speed| -speed).collect(),
+            ..self.clone()
+        }
+    }
+
     /// Returns the distance in kilometres.
     pub fn distance_km(&self) -> f64 {
         let mean = |pair: &[f64]| 0.5 * (pair[0] + pair[1]) * DECISION_S;
@@ -104,7 +112,7 @@ pub struct BrakingEvent {
 ///
 /// Recorded drivers and simulated ados are measured with the same code.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BrakingMeter {
+pub(crate) struct BrakingMeter {
     /// Speeds before the last decision and after it.
     speeds_mps: [f64; 2],
     last_mps2: Option<f64>,
@@ -156,6 +164,30 @@ impl BrakingMeter {
         open.so_far.peak_mps2 = open.so_far.peak_mps2.max(-mean_mps2);
         open.so_far.speed_lost_mps = open.from_mps - after_mps;
         open.so_far.duration_s += DECISION_S;
+    }
+}
+
+/// Braking and acceleration events of a vehicle so far.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionMeter {
+    pub(crate) braking: BrakingMeter,
+    /// Of the reversed speeds.
+    pub(crate) acceleration: BrakingMeter,
+}
+
+impl MotionMeter {
+    /// Creates a meter of a vehicle with a speed.
+    pub fn new(speed_mps: f64) -> MotionMeter {
+        MotionMeter {
+            braking: BrakingMeter::new(speed_mps),
+            acceleration: BrakingMeter::new(-speed_mps),
+        }
+    }
+
+    /// Adds a decision of 0.5 s with its mean acceleration.
+    pub fn push(&mut self, accel_mps2: f64) {
+        self.braking.push(accel_mps2);
+        self.acceleration.push(-accel_mps2);
     }
 }
 

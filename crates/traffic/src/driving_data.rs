@@ -41,6 +41,13 @@ impl VehicleData {
         events.map(|it| it.peak_mps2).collect()
     }
 
+    /// Returns the peaks of the acceleration events.
+    pub(crate) fn acceleration_peaks(&self) -> Vec<f64> {
+        let mirrored = self.series.iter().map(SpeedSeries::mirrored);
+        let events = mirrored.flat_map(|series| series.braking_events());
+        events.map(|it| it.peak_mps2).collect()
+    }
+
     pub(crate) fn losses(&self) -> Vec<f64> {
         let events = self.series.iter().flat_map(SpeedSeries::braking_events);
         events.map(|it| it.speed_lost_mps).collect()

@@ -37,9 +37,7 @@ mod world;
 
 pub use acceleration_model::AccelerationModel;
 pub use analysis::Analysis;
-pub use braking::{
-    BRAKING_MPS2, BrakingEvent, BrakingMeter, DECISION_S, SpeedSeries, speed_series,
-};
+pub use braking::{BRAKING_MPS2, BrakingEvent, DECISION_S, MotionMeter, SpeedSeries, speed_series};
 pub use calibration::CalibrationRow;
 pub use column_map::{
     AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns,

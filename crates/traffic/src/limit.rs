@@ -1,6 +1,6 @@
 //! Limits on how rare the behaviour of an ado may become.
 
-use crate::braking::BrakingMeter;
+use crate::braking::MotionMeter;
 use crate::model::TrafficModel;
 use crate::rarity::CutInState;
 use crate::starts::StartState;
@@ -12,11 +12,11 @@ use crate::starts::StartState;
 /// needed. Keeping the speed is always allowed.
 ///
 /// ```
-/// use brakecheck_traffic::{BrakingMeter, NaturalLimit, TrafficModel};
+/// use brakecheck_traffic::{MotionMeter, NaturalLimit, TrafficModel};
 ///
 /// let model = TrafficModel::motorway();
 /// let limit = NaturalLimit::new(&model, 3.0);
-/// let mut meter = BrakingMeter::new(30.0);
+/// let mut meter = MotionMeter::new(30.0);
 /// meter.push(0.0);
 /// assert!(limit.allows_acceleration(&meter, -1.0));
 /// assert!(!limit.allows_acceleration(&meter, -9.0));
@@ -42,18 +42,27 @@ impl<'a> NaturalLimit<'a> {
     /// Returns true if a decision of 0.5 s with this acceleration is allowed.
     ///
     /// `meter` has the vehicle's decisions so far.
-    pub fn allows_acceleration(&self, meter: &BrakingMeter, accel_mps2: f64) -> bool {
-        if 0.0 <= accel_mps2 {
+    pub fn allows_acceleration(&self, meter: &MotionMeter, accel_mps2: f64) -> bool {
+        if accel_mps2 == 0.0 {
             return true;
         }
         let mut after = *meter;
         after.push(accel_mps2);
-        let Some(event) = after.event() else {
-            return true;
-        };
-        let peak = self.model.braking_peak.rate_of(event.peak_mps2);
-        let loss = self.model.braking_loss.rate_of(event.speed_lost_mps);
-        self.per_1000_km <= peak.rate.min(loss.rate)
+        self.allows_braking(&after) && self.allows_speeding_up(&after)
+    }
+
+    fn allows_braking(&self, after: &MotionMeter) -> bool {
+        after.braking.event().is_none_or(|event| {
+            let peak = self.model.braking_peak.rate_of(event.peak_mps2);
+            let loss = self.model.braking_loss.rate_of(event.speed_lost_mps);
+            self.per_1000_km <= peak.rate.min(loss.rate)
+        })
+    }
+
+    fn allows_speeding_up(&self, after: &MotionMeter) -> bool {
+        let tail = self.model.acceleration_peak.as_ref();
+        let event = tail.zip(after.acceleration.event());
+        event.is_none_or(|(tail, event)| self.per_1000_km <= tail.rate_of(event.peak_mps2).rate)
     }
 
     /// Returns true if crossing the line in front of a follower is allowed.

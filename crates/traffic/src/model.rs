@@ -39,6 +39,11 @@ pub struct TrafficModel {
     pub driver: AccelerationModel,
     /// Rate of braking events per 1,000 km by peak over one second, in m/s².
     pub braking_peak: EventTail,
+    /// Rate of accelerations per 1,000 km by peak over one second, in m/s².
+    ///
+    /// `None` in models that were fitted without it.
+    #[serde(default)]
+    pub acceleration_peak: Option<EventTail>,
     /// Rate of braking events per 1,000 km by speed lost, in m/s.
     pub braking_loss: EventTail,
     /// Share of cut-ins by the deceleration that the follower needs, in m/s².
@@ -175,6 +180,8 @@ impl TrafficModel {
             .map(|i| 0.25 * f64::from(i))
             .collect();
         let peak = EventTail::fit(&peaks, &thousands, BRAKING_MPS2, &peak_sizes, &draws);
+        let accelerations = vehicles.iter().map(VehicleData::acceleration_peaks);
+        let accelerations: Vec<Vec<f64>> = accelerations.collect();
         let losses: Vec<Vec<f64>> = vehicles.iter().map(VehicleData::losses).collect();
         let loss_sizes: Vec<f64> = (1..=20).chain([25, 30]).map(f64::from).collect();
         let loss = EventTail::fit(&losses, &thousands, LOSS_MPS, &loss_sizes, &draws);
@@ -190,6 +197,13 @@ impl TrafficModel {
             domain: domain(&data, &series),
             driver,
             braking_peak: peak.ok_or_else(too_few)?,
+            acceleration_peak: EventTail::fit(
+                &accelerations,
+                &thousands,
+                BRAKING_MPS2,
+                &peak_sizes,
+                &draws,
+            ),
             braking_loss: loss.ok_or_else(too_few)?,
             cut_in_need: EventTail::fit(&cut_ins, &each, CUT_IN_MPS2, &need_sizes, &draws),
             starts: StartTable::fit(analyses),
@@ -275,6 +289,12 @@ impl Display for TrafficModel {
         for size in [1.0, 2.0, 3.0, 4.0, 6.0] {
             let rate = self.braking_peak.rate_of(size);
             writeln!(f, "  {size} m/s²: {}", rate)?;
+        }
+        if let Some(peak) = &self.acceleration_peak {
+            writeln!(f, "acceleration, peak over 1 s   per 1,000 km")?;
+            for size in [1.0, 2.0, 3.0] {
+                writeln!(f, "  {size} m/s²: {}", peak.rate_of(size))?;
+            }
         }
         if let Some(need) = &self.cut_in_need {
             writeln!(

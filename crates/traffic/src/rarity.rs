@@ -89,6 +89,13 @@ pub enum RareEvent {
         /// Duration in seconds.
         duration_s: f64,
     },
+    /// Acceleration, by the peak over one second.
+    Acceleration {
+        /// Greatest acceleration over one second in m/s².
+        peak_mps2: f64,
+        /// Duration in seconds.
+        duration_s: f64,
+    },
     /// Braking, by the speed lost.
     SpeedLoss {
         /// Speed lost in m/s.
@@ -171,6 +178,17 @@ impl TrafficModel {
                 },
                 per_1000_km: self.braking_loss.rate_of(event.speed_lost_mps),
             });
+        }
+        if let Some(tail) = &self.acceleration_peak {
+            for event in series.mirrored().braking_events() {
+                events.push(RatedEvent {
+                    event: RareEvent::Acceleration {
+                        peak_mps2: event.peak_mps2,
+                        duration_s: event.duration_s,
+                    },
+                    per_1000_km: tail.rate_of(event.peak_mps2),
+                });
+            }
         }
         let rated = |it: &CutInState| self.cut_in(it.needed_mps2());
         events.extend(behaviour.cut_ins.iter().filter_map(rated));
@@ -271,6 +289,13 @@ impl Display for RatedEvent {
                 peak_mps2,
                 duration_s,
             } => write!(f, "braking of {peak_mps2:.1} m/s² for {duration_s:.1} s: ")?,
+            RareEvent::Acceleration {
+                peak_mps2,
+                duration_s,
+            } => write!(
+                f,
+                "acceleration of {peak_mps2:.1} m/s² for {duration_s:.1} s: "
+            )?,
             RareEvent::SpeedLoss { speed_lost_mps } => {
                 write!(f, "braking by {speed_lost_mps:.1} m/s: ")?;
             }

@@ -11,7 +11,7 @@ use crate::crashes::{
     ExportRefusal, FindError, Inapplicable, NotExported, RegressionError, UnknownViewKind,
 };
 use crate::evaluation::{EvaluationError, SweepError};
-use crate::experiment::EgoError;
+use crate::experiment::{EgoError, TrafficError};
 use crate::openx::OpenXError;
 use crate::rl::ConfigError;
 use crate::ron_file::{LoadError, ScenarioError, guessed};
@@ -54,6 +54,12 @@ impl From<&LoadError> for Failure {
                 )
             }
         }
+    }
+}
+
+impl From<TrafficError> for Failure {
+    fn from(error: TrafficError) -> Failure {
+        Failure::input(error.to_string(), error.help())
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::rl::Policy;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::learner::expect_sizes;
-use crate::rl::nn::{Mlp, argmax};
+use crate::rl::nn::{Mlp, argmax, argmax_among};
 
 /// Policy of the actor's likeliest action and the critic's value.
 pub(super) struct ActorCritic {
@@ -27,6 +27,11 @@ impl ActorCritic {
 impl Policy for ActorCritic {
     fn act(&self, obs: &[f32]) -> usize {
         self.actor.evaluate(obs, argmax)
+    }
+
+    fn act_among(&self, obs: &[f32], allowed: &[bool]) -> usize {
+        let best = |values: &[f32]| argmax_among(values, allowed);
+        self.actor.evaluate(obs, best)
     }
 
     fn value(&self, obs: &[f32]) -> f32 {

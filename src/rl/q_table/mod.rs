@@ -19,7 +19,7 @@ use crate::rl::learner::{
     Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, epsilon, expect_sizes,
     within,
 };
-use crate::rl::nn::argmax;
+use crate::rl::nn::{argmax, argmax_among};
 use crate::rl::replay::EpisodeBuffer;
 use crate::rl::{End, Env, Losses, Policy, Spaces};
 
@@ -329,6 +329,11 @@ struct TablePolicy {
 impl Policy for TablePolicy {
     fn act(&self, obs: &[f32]) -> usize {
         self.table.values(obs).map_or(self.table.neutral, argmax)
+    }
+
+    fn act_among(&self, obs: &[f32], allowed: &[bool]) -> usize {
+        let values = self.table.values(obs);
+        values.map_or(self.table.neutral, |values| argmax_among(values, allowed))
     }
 
     fn value(&self, obs: &[f32]) -> f32 {

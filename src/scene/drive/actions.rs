@@ -260,6 +260,19 @@ impl Actions {
         }
     }
 
+    /// Returns a vehicle's acceleration and its speed to the left, m/s.
+    ///
+    /// With a plan both are added to it. `None` for other action sets.
+    pub(crate) fn motion(&self, action: usize) -> Option<(f64, f64)> {
+        match self.choice(action) {
+            Maneuver::Drive {
+                accel_mps2,
+                lateral_mps,
+            } => Some((accel_mps2, lateral_mps)),
+            _ => None,
+        }
+    }
+
     /// Decodes an action.
     pub(super) fn choice(&self, action: usize) -> Maneuver {
         match self {

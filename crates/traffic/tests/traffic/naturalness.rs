@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use brakecheck_traffic::{
-    Analysis, BrakingMeter, CutInState, DrivingBehaviour, NaturalLimit, Outside, RateSource,
+    Analysis, CutInState, DrivingBehaviour, MotionMeter, NaturalLimit, Outside, RateSource,
     SourceFile, StartState, StartTable, TrafficModel,
 };
 
@@ -254,7 +254,7 @@ fn a_coarse_step_is_surprising_and_a_median_run_is_not() {
 
 /// Brakes as hard as a limit allows, with actions in steps of 0.25 m/s².
 fn hardest(limit: &NaturalLimit<'_>, decisions: usize) -> DrivingBehaviour {
-    let mut meter = BrakingMeter::new(30.0);
+    let mut meter = MotionMeter::new(30.0);
     let mut behaviour = braking(0.0, 0);
     for accel in behaviour.accelerations_mps2.drain(..) {
         meter.push(accel);

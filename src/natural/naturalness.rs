@@ -1,0 +1,189 @@
+//! How rare the driving of ados was, in words and numbers.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::{Deserialize, Serialize};
+
+use super::behaviour::behaviours;
+use crate::scene::drive::DriveWorld;
+use crate::trace::Trace;
+use brakecheck_traffic::{DrivingBehaviour, Outside, Rarity, TrafficModel};
+
+/// Rarity of an ado's driving in one episode, among real drivers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Naturalness {
+    /// Model of real drivers.
+    pub model: String,
+    /// Ado with the rarest driving.
+    pub ado: String,
+    /// Its rarest event. `None` if it neither brakes nor cuts in.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rarest: Option<String>,
+    /// Rate of that event per 1,000 km.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub per_1000_km: Option<f64>,
+    /// Decades by which its accelerations are less likely than those of a median driver.
+    ///
+    /// `None` if it was not computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surprise_decades: Option<f64>,
+    /// Quantities of which the model has no data. Empty if it has.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outside: Vec<String>,
+}
+
+/// Naturalness of the successes of a row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NaturalnessOfRow {
+    /// Limit on the ados, in events per 1,000 km. `None` without a limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit_per_1000_km: Option<f64>,
+    /// Number of successes with a rarity.
+    pub successes: usize,
+    /// Successes with driving of which the model has no data.
+    pub outside_data: usize,
+    /// Success of median rarity. `None` without a success.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub median: Option<Naturalness>,
+}
+
+/// Driving of the ado that drives most rarely in an episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SuccessRarity {
+    ado: String,
+    behaviour: DrivingBehaviour,
+    rarity: Rarity,
+}
+
+impl SuccessRarity {
+    /// Returns the rarest driving over the first samples of an episode.
+    ///
+    /// `None` if no ado drives a vehicle.
+    pub(crate) fn of(
+        model: &TrafficModel,
+        world: &DriveWorld,
+        trace: &Trace,
+        samples: usize,
+    ) -> Option<SuccessRarity> {
+        let all = behaviours(world, trace, samples).into_iter();
+        let rated = all.map(|(ado, behaviour)| SuccessRarity {
+            rarity: model.rarity(&behaviour),
+            ado,
+            behaviour,
+        });
+        rated.min_by(|a, b| a.rate().total_cmp(&b.rate()))
+    }
+
+    /// Returns the rate of the rarest event, infinite without an event.
+    fn rate(&self) -> f64 {
+        let rarest = self.rarity.rarest();
+        rarest.map_or(f64::INFINITY, |event| event.per_1000_km.rate)
+    }
+
+    fn is_outside(&self) -> bool {
+        !self.rarity.outside.is_empty()
+    }
+
+    /// Returns the naturalness, without the surprise.
+    pub(crate) fn naturalness(&self, model: &TrafficModel) -> Naturalness {
+        let rarest = self.rarity.rarest();
+        Naturalness {
+            model: model.name.clone(),
+            ado: self.ado.clone(),
+            rarest: rarest.map(ToString::to_string),
+            per_1000_km: rarest.map(|event| event.per_1000_km.rate),
+            surprise_decades: None,
+            outside: self.rarity.outside.iter().map(outside_words).collect(),
+        }
+    }
+
+    /// Returns the naturalness with the surprise, which takes 20,000 natural drives.
+    pub(crate) fn with_surprise(&self, model: &TrafficModel) -> Naturalness {
+        let surprise = model.surprise(&self.behaviour);
+        Naturalness {
+            surprise_decades: surprise.map(|it| it.decades),
+            ..self.naturalness(model)
+        }
+    }
+}
+
+impl NaturalnessOfRow {
+    /// Returns the naturalness of some successes.
+    ///
+    /// `surprises`: whether the surprise of the median success is computed.
+    pub(crate) fn of(
+        model: &TrafficModel,
+        limit_per_1000_km: Option<f64>,
+        successes: &[&SuccessRarity],
+        surprises: bool,
+    ) -> NaturalnessOfRow {
+        let mut sorted = successes.to_vec();
+        sorted.sort_by(|a, b| a.rate().total_cmp(&b.rate()));
+        // Of an even number, the rarer one of the two in the middle.
+        let median = sorted.get(sorted.len().saturating_sub(1) / 2);
+        NaturalnessOfRow {
+            limit_per_1000_km,
+            successes: successes.len(),
+            outside_data: successes.iter().filter(|it| it.is_outside()).count(),
+            median: median.map(|it| {
+                if surprises {
+                    it.with_surprise(model)
+                } else {
+                    it.naturalness(model)
+                }
+            }),
+        }
+    }
+}
+
+impl Display for Naturalness {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match &self.rarest {
+            Some(rarest) => write!(f, "among the drivers of `{}`, {rarest}", self.model)?,
+            None => write!(
+                f,
+                "`{}` neither brakes hard nor cuts in (drivers of `{}`)",
+                self.ado, self.model
+            )?,
+        }
+        if let Some(decades) = self.surprise_decades {
+            let less = if decades < 0.0 { "more" } else { "less" };
+            write!(
+                f,
+                "; {:.1} decades {less} likely than the median drive",
+                decades.abs()
+            )?;
+        }
+        if !self.outside.is_empty() {
+            write!(f, "; outside the data: {}", self.outside.join(", "))?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for NaturalnessOfRow {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Some(median) = &self.median else {
+            return f.write_str("no success");
+        };
+        write!(
+            f,
+            "in half of {} successes at least as rare as: {median}",
+            self.successes
+        )?;
+        if self.outside_data > 0 {
+            write!(f, "; {} of them are outside the data", self.outside_data)?;
+        }
+        Ok(())
+    }
+}
+
+fn outside_words(outside: &Outside) -> String {
+    match outside {
+        Outside::Speed(mps) => format!("a speed of {mps:.1} m/s"),
+        Outside::Acceleration(mps2) => format!("an acceleration of {mps2:+.1} m/s²"),
+        Outside::LateralSpeed(mps) => format!("a cut-in with {mps:.1} m/s to the side"),
+        _ => "another quantity".to_owned(),
+    }
+}
