@@ -162,8 +162,7 @@ impl Car {
 
     /// Returns the current loads of the wheels.
     fn loads_n(&self) -> [f64; 4] {
-        let loads_n: [f64; 4] =
-            core::array::from_fn(|index| f64::from(self.wheels[index].load_n));
+        let loads_n: [f64; 4] = core::array::from_fn(|index| f64::from(self.wheels[index].load_n));
         if loads_n.iter().any(|load_n| 0.0 < *load_n) {
             return loads_n;
         }
@@ -344,9 +343,7 @@ impl Motor for Car {
 
         // Each wheel takes its share of the load, so that no wheel slips first.
         let wheels = &mut self.wheels;
-        let loads_n = wheels
-            .iter()
-            .map(|wheel| f64::from(wheel.load_n));
+        let loads_n = wheels.iter().map(|wheel| f64::from(wheel.load_n));
         let load_n: f64 = loads_n.sum();
         for (index, wheel) in wheels.iter_mut().enumerate() {
             // In the first step rapier has computed no suspension force yet.

@@ -145,10 +145,7 @@ impl Chassis {
                 *velocity *= most / length;
             }
         };
-        limit(
-            &mut self.velocity.linvel,
-            parameters.max_linear_velocity(),
-        );
+        limit(&mut self.velocity.linvel, parameters.max_linear_velocity());
         limit(
             &mut self.velocity.angvel,
             MAX_TURN_RAD * parameters.inv_dt(),

@@ -47,24 +47,36 @@ pub(super) struct Wheel {
     pub load_n: f32,
 }
 
+/// Directions that all wheels of a car share in a step.
+struct Stance {
+    /// Direction of the suspensions.
+    down: Vector,
+    /// Axle without steering.
+    axle: Vector,
+    /// Directions without steering on the upper side of the ground.
+    rolling: Rolling,
+}
+
+/// Directions in the plane of the ground, of a wheel.
+#[derive(Clone, Copy, Default)]
+struct Rolling {
+    axle: Vector,
+    ahead: Vector,
+}
+
 /// Contact of a wheel with the ground.
 #[derive(Clone, Copy)]
 struct GroundContact {
     point: Vector,
     normal: Vector,
-    /// Direction of the axle in the world.
-    axle: Vector,
+    rolling: Rolling,
 }
 
-/// Impulses of the ground on a wheel.
+/// Impulses of the friction on a wheel.
 #[derive(Clone, Copy, Default)]
 struct WheelImpulse {
-    ahead: Vector,
     along: f32,
-    axle: Vector,
     across: f32,
-    /// Share of the impulses that the friction allows.
-    grip: f32,
 }
 
 /// Rigid body that wheels carry.
@@ -76,10 +88,11 @@ pub(super) struct Carried<'a> {
 
 /// Lets the wheels of a car act on its body for a step.
 pub(super) fn roll(wheels: &mut [Wheel; 4], body: &mut Carried, dt_s: f32) {
-    let (down, axle) = (body.pose.rotation * DOWN, body.pose.rotation * AXLE);
+    let stance = Stance::of(body.pose);
+    let mass_kg = body.mass.mass();
     let mut contacts = [None; 4];
     for (wheel, contact) in wheels.iter_mut().zip(&mut contacts) {
-        *contact = wheel.stand(body, down, axle);
+        *contact = wheel.stand(body, &stance, mass_kg);
     }
     for (wheel, contact) in wheels.iter().zip(&contacts) {
         if let Some(GroundContact { point, normal, .. }) = contact {
@@ -102,19 +115,42 @@ pub(super) fn roll(wheels: &mut [Wheel; 4], body: &mut Carried, dt_s: f32) {
     }
 }
 
+impl Stance {
+    fn of(pose: &Pose) -> Stance {
+        // A steering angle of 0 turns by the identity, which gives zeros a positive sign.
+        let axle = Rotation::IDENTITY * (pose.rotation * AXLE);
+        Stance {
+            down: pose.rotation * DOWN,
+            axle,
+            rolling: Rolling::of(axle, Vector::Z),
+        }
+    }
+}
+
+impl Rolling {
+    fn of(axle: Vector, normal: Vector) -> Rolling {
+        let out_of_plane = axle.dot(normal);
+        let axle = (axle - normal * out_of_plane).normalize_or_zero();
+        Rolling {
+            axle,
+            ahead: normal.cross(axle).normalize_or_zero(),
+        }
+    }
+}
+
 impl Wheel {
     /// Presses the wheel on the ground, if it reaches it.
-    fn stand(&mut self, body: &Carried, down: Vector, axle: Vector) -> Option<GroundContact> {
+    fn stand(&mut self, body: &Carried, stance: &Stance, mass_kg: f32) -> Option<GroundContact> {
         let reach_m = self.rest_m + self.radius_m;
-        let (hub, ray) = (*body.pose * self.hub, down * reach_m);
-        let Some((share, normal)) = hit_ground(hub, ray, down) else {
+        let (hub, ray) = (*body.pose * self.hub, stance.down * reach_m);
+        let Some((share, normal)) = hit_ground(hub, ray, stance.down) else {
             self.load_n = 0.0;
             return None;
         };
         let spring_m = (share * reach_m - self.radius_m)
             .clamp(self.rest_m - self.travel_m, self.rest_m + self.travel_m);
         let point = hub + ray * share;
-        let slope = normal.dot(down);
+        let slope = normal.dot(stance.down);
         let away_mps = normal.dot(body.velocity_at(point));
         let (stretch, rate_mps) = if slope >= -LEAST_SINE {
             (1.0 / LEAST_SINE, 0.0)
@@ -124,23 +160,30 @@ impl Wheel {
         };
         let mut force = self.stiffness * (self.rest_m - spring_m) * stretch;
         force -= self.damping * rate_mps;
-        self.load_n = (force * body.mass.mass()).max(0.0);
-        let steering = Rotation::from_scaled_axis(-down * self.steering_rad);
+        self.load_n = (force * mass_kg).max(0.0);
         Some(GroundContact {
             point,
             normal,
-            axle: steering * axle,
+            rolling: self.rolling(body.pose, stance, (share, normal)),
         })
+    }
+
+    fn rolling(&self, pose: &Pose, stance: &Stance, (share, normal): (f32, Vector)) -> Rolling {
+        if self.steering_rad != 0.0 {
+            let steering = Rotation::from_scaled_axis(-stance.down * self.steering_rad);
+            return Rolling::of(steering * (pose.rotation * AXLE), normal);
+        }
+        if share == 0.0 {
+            return Rolling::of(stance.axle, normal);
+        }
+        stance.rolling
     }
 
     /// Returns the impulses of the friction, within the circle of the wheel.
     fn friction(&self, body: &Carried, contact: &GroundContact, dt_s: f32) -> WheelImpulse {
-        let normal = contact.normal;
-        let out_of_plane = contact.axle.dot(normal);
-        let axle = (contact.axle - normal * out_of_plane).normalize_or_zero();
-        let ahead = normal.cross(axle).normalize_or_zero();
-        let across = body.side_impulse(contact.point, axle) * self.side_stiffness;
-        let along = if self.engine_n == 0.0 {
+        let axle = contact.rolling.axle;
+        let mut across = body.side_impulse(contact.point, axle) * self.side_stiffness;
+        let mut along = if self.engine_n == 0.0 {
             0.0
         } else {
             self.engine_n * dt_s
@@ -148,18 +191,13 @@ impl Wheel {
         let most = self.load_n * dt_s * self.friction;
         let (x, y) = (along * ALONG_SHARE, across);
         let squared = x * x + y * y;
-        let grip = if squared > most * most {
-            most * reciprocal(squared.sqrt())
-        } else {
-            1.0
-        };
-        WheelImpulse {
-            ahead,
-            along,
-            axle,
-            across,
-            grip,
+        if squared > most * most {
+            let grip = most * reciprocal(squared.sqrt());
+            if grip < 1.0 {
+                (along, across) = (along * grip, across * grip);
+            }
         }
+        WheelImpulse { along, across }
     }
 }
 
@@ -196,20 +234,15 @@ impl Carried<'_> {
     }
 
     fn apply(&mut self, contact: &GroundContact, impulse: &WheelImpulse, up: Vector) {
-        let (mut along, mut across) = (impulse.along, impulse.across);
-        if impulse.grip < 1.0 {
-            along *= impulse.grip;
-            across *= impulse.grip;
-        }
         let mut point = contact.point;
-        if along != 0.0 {
-            self.push_at(impulse.ahead * along, point);
+        if impulse.along != 0.0 {
+            self.push_at(contact.rolling.ahead * impulse.along, point);
         }
-        if across != 0.0 {
+        if impulse.across != 0.0 {
             // Closer to the height of the centre of mass, so that a car does not roll over.
             let below = up.dot(point - self.mass.world_com);
             point -= up * (below * (1.0 - ROLL_SHARE));
-            self.push_at(impulse.axle * across, point);
+            self.push_at(contact.rolling.axle * impulse.across, point);
         }
     }
 }
