@@ -1,10 +1,12 @@
 //! Ray-cast car: from a commanded net acceleration to forces at its wheels.
 
+use super::chassis::ChassisId;
+use super::chassis_motion::{ChassisMotion, ComOffset, vector};
 use super::lag::{BrakeLag, SteeringLag};
 use super::motor::Motor;
 use super::tyre_forces::{TyreDemand, TyreForces};
 use super::wheels::Wheel;
-use super::world::{ChassisId, ChassisMotion, ComOffset, RapierWorld, vector};
+use super::world::RapierWorld;
 use crate::sim::limits::{DriveStep, VehicleLimits};
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, GRAVITY_MPS2, Ground, Placement, Push, Vehicle};

@@ -12,12 +12,16 @@ use rapier3d::prelude::{
     RigidBodyType, RigidBodyVelocity,
 };
 
+use super::chassis_motion::{ChassisMotion, vector};
 use super::wheels::{Carried, Wheel, reciprocal, roll};
-use super::world::{ChassisMotion, vector};
 use crate::sim::GRAVITY_MPS2;
 
 /// Greatest rotation per step.
 const MAX_TURN_RAD: f32 = core::f32::consts::FRAC_PI_4;
+
+/// Chassis of a world, numbered in the order of insertion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ChassisId(pub usize);
 
 /// Chassis of a car, as long as it moves alone.
 #[derive(Clone, Debug)]

@@ -8,9 +8,9 @@ use rapier3d::prelude::{
     SharedShape, SoftBodySet,
 };
 
-use super::chassis::Chassis;
+use super::chassis::{Chassis, ChassisId};
+use super::chassis_motion::{ChassisMotion, vector};
 use super::wheels::{Carried, Wheel, roll};
-use super::world::{ChassisId, ChassisMotion, vector};
 use crate::sim::planar::Rect;
 use crate::sim::{Body, GRAVITY_MPS2};
 

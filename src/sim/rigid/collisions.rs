@@ -1,7 +1,7 @@
 //! Collisions after the first contact, as rapier resolves them.
 
+use super::chassis::ChassisId;
 use super::collision_world::CollisionWorld;
-use super::world::ChassisId;
 use crate::sim::{BodyId, Collision};
 
 /// Time without a force after which two bodies have separated.

@@ -1,7 +1,9 @@
 //! Walkers, cyclists and carried bodies once bodies collide, as rigid bodies.
 
+use super::chassis::ChassisId;
+use super::chassis_motion::ComOffset;
 use super::motor::Motor;
-use super::world::{ChassisId, ComOffset, RapierWorld};
+use super::world::RapierWorld;
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, Placement};
 

@@ -10,9 +10,12 @@
 //! the bodies, and leaves every body at its pose of that instant. Only after
 //! [`Rigid::collide`] do the bodies collide, and rapier moves them.
 
+#[cfg(test)]
+mod alone_tests;
 mod bicycle;
 mod car;
 mod chassis;
+mod chassis_motion;
 mod collision_world;
 mod collisions;
 mod foot;

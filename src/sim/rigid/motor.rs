@@ -1,6 +1,7 @@
 //! Motion model of a body on this plant, one file per kind of body.
 
-use super::world::{ChassisId, RapierWorld};
+use super::chassis::ChassisId;
+use super::world::RapierWorld;
 use crate::sim::planar::Rect;
 use crate::sim::{BodyCommand, Ground, Placement, Push};
 
