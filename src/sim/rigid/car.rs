@@ -1,26 +1,23 @@
 //! Ray-cast car: from a commanded net acceleration to forces at its wheels.
 
-use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
-use rapier3d::prelude::RigidBodyHandle;
-
+use super::chassis::ChassisId;
+use super::chassis_motion::{ChassisMotion, ComOffset, vector};
 use super::lag::{BrakeLag, SteeringLag};
 use super::motor::Motor;
 use super::tyre_forces::{TyreDemand, TyreForces};
-use super::world::{ChassisMotion, ComOffset, RapierWorld, vector};
+use super::wheels::Wheel;
+use super::world::RapierWorld;
 use crate::sim::limits::{DriveStep, VehicleLimits};
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, GRAVITY_MPS2, Ground, Placement, Push, Vehicle};
 
-/// Force above any suspension's need, so that a spring always carries its car.
-const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
-
 /// Car in the world, with its current command.
 #[derive(Clone, Debug)]
 pub(super) struct Car {
-    handle: RigidBodyHandle,
+    id: ChassisId,
     /// Position of rapier's origin for this car.
     origin_m: (f64, f64),
-    controller: DynamicRayCastVehicleController,
+    wheels: [Wheel; 4],
     limits: VehicleLimits,
     com: ComOffset,
     mass_kg: f64,
@@ -53,10 +50,7 @@ impl Car {
         ground: Ground,
         rect: &Rect,
     ) -> Car {
-        let (handle, origin_m) = world.insert(body, rect);
-        let mut controller = DynamicRayCastVehicleController::new(handle);
-        controller.index_up_axis = 2;
-        controller.index_forward_axis = 0;
+        let (id, origin_m) = world.insert(body, rect);
         let omega_per_s = core::f64::consts::TAU * vehicle.suspension_hz;
         // The hub sits where the sagged spring carries the weight, so a spawned car
         // neither drops nor bounces.
@@ -73,35 +67,35 @@ impl Car {
             vehicle.front_axle_ahead_m(&body.dimensions()),
             vehicle.rear_axle_ahead_m(&body.dimensions()),
         );
-        for (ahead_m, share) in [(front_m, front_share), (rear_m, 1.0 - front_share)] {
+        let wheel = |ahead_m: f64, left_m: f64, share: f64| {
             // Stiffness follows the load, so that both axles compress alike.
             let stiffness = 0.5 * share * omega_per_s * omega_per_s;
             let damping = 0.5 * share * 2.0 * vehicle.suspension_damping * omega_per_s;
-            let tuning = WheelTuning {
-                suspension_stiffness: stiffness as f32,
-                suspension_compression: damping as f32,
-                suspension_damping: damping as f32,
-                max_suspension_travel: vehicle.suspension_travel_m as f32,
-                side_friction_stiffness: side_stiffness(vehicle, share) as f32,
-                friction_slip: (ground.friction * vehicle.grip) as f32,
-                max_suspension_force: MAX_SUSPENSION_FORCE_N,
-            };
-            for left_m in [0.5 * vehicle.track_m, -0.5 * vehicle.track_m] {
-                controller.add_wheel(
-                    vector(ahead_m, left_m, hub_m),
-                    vector(0.0, 0.0, -1.0),
-                    // rapier rolls a wheel along normal × axle.
-                    vector(0.0, -1.0, 0.0),
-                    vehicle.suspension_rest_m as f32,
-                    vehicle.wheel_radius_m as f32,
-                    &tuning,
-                );
+            Wheel {
+                hub: vector(ahead_m, left_m, hub_m),
+                rest_m: vehicle.suspension_rest_m as f32,
+                travel_m: vehicle.suspension_travel_m as f32,
+                radius_m: vehicle.wheel_radius_m as f32,
+                stiffness: stiffness as f32,
+                damping: damping as f32,
+                side_stiffness: side_stiffness(vehicle, share) as f32,
+                friction: (ground.friction * vehicle.grip) as f32,
+                engine_n: 0.0,
+                steering_rad: 0.0,
+                load_n: 0.0,
             }
-        }
+        };
+        let half_track_m = 0.5 * vehicle.track_m;
+        let rear_share = 1.0 - front_share;
         Car {
-            handle,
+            id,
             origin_m,
-            controller,
+            wheels: [
+                wheel(front_m, half_track_m, front_share),
+                wheel(front_m, -half_track_m, front_share),
+                wheel(rear_m, half_track_m, rear_share),
+                wheel(rear_m, -half_track_m, rear_share),
+            ],
             limits: VehicleLimits::new(body, vehicle, ground),
             com: ComOffset::of(body),
             mass_kg: body.mass_kg,
@@ -122,7 +116,7 @@ impl Car {
             target_mps: rect.along_mps(),
             accel_mps2: 0.0,
             curvature_per_m: 0.0,
-            before: world.motion(handle),
+            before: world.motion(id),
             origin_before_m: origin_m,
             is_joined: false,
             is_released: false,
@@ -170,13 +164,7 @@ impl Car {
 
     /// Returns the current loads of the wheels.
     fn loads_n(&self) -> [f64; 4] {
-        let wheels = self.controller.wheels();
-        let load_n = |index: usize| {
-            wheels
-                .get(index)
-                .map_or(0.0, |wheel| wheel.wheel_suspension_force)
-        };
-        let loads_n: [f64; 4] = core::array::from_fn(|index| f64::from(load_n(index)));
+        let loads_n: [f64; 4] = core::array::from_fn(|index| f64::from(self.wheels[index].load_n));
         if loads_n.iter().any(|load_n| 0.0 < *load_n) {
             return loads_n;
         }
@@ -205,13 +193,13 @@ impl Car {
         let sum = tyres.forces(rect, &demand, dt_s);
         let impulse = (sum.along_n * dt_s, sum.across_n * dt_s);
         let turn = sum.moments_n_m.map(|moment_n_m| moment_n_m * dt_s);
-        world.push(self.handle, (rect.cos, rect.sin), impulse, turn);
+        world.push(self.id, (rect.cos, rect.sin), impulse, turn);
         if sum.is_limited {
             // The target waits for the car.
             let along_mps2 = sum.along_n / self.mass_kg + self.limits.push().along_mps2;
             self.aim(rect.along_mps() + along_mps2 * dt_s);
         }
-        world.roll(&mut self.controller, dt_s);
+        world.roll(self.id, &mut self.wheels, dt_s);
         true
     }
 
@@ -227,7 +215,7 @@ impl Car {
             along_n * rect.cos - left_n * rect.sin,
             along_n * rect.sin + left_n * rect.cos,
         );
-        world.set_force(self.handle, force_n);
+        world.set_force(self.id, force_n);
     }
 
     /// Rolls freely, with the grip of the wheels to the side.
@@ -235,17 +223,17 @@ impl Car {
         if self.slip(world, rect, (0.0, [0.0; 4]), dt_s) {
             return;
         }
-        for wheel in self.controller.wheels_mut() {
-            (wheel.engine_force, wheel.steering) = (0.0, 0.0);
+        for wheel in &mut self.wheels {
+            (wheel.engine_n, wheel.steering_rad) = (0.0, 0.0);
         }
-        world.roll(&mut self.controller, dt_s);
+        world.roll(self.id, &mut self.wheels, dt_s);
     }
 
     fn set_slip_friction(&mut self, ground: Ground) {
         // rapier's wheels carry the whole weight, also on a slope.
         let friction = self.limits.slip_friction(ground) * self.limits.push().load_share;
-        for wheel in self.controller.wheels_mut() {
-            wheel.friction_slip = friction as f32;
+        for wheel in &mut self.wheels {
+            wheel.friction = friction as f32;
         }
         if let Some(tyres) = &mut self.tyres {
             tyres.set_ground(Ground {
@@ -315,11 +303,11 @@ impl Motor for Car {
         }
     }
 
-    fn join(&mut self, world: &mut RapierWorld, origin_m: (f64, f64)) -> Option<RigidBodyHandle> {
-        world.move_origin(self.handle, self.origin_m, origin_m);
+    fn join(&mut self, world: &mut RapierWorld, origin_m: (f64, f64)) -> Option<ChassisId> {
+        world.move_origin(self.id, self.origin_m, origin_m);
         self.origin_m = origin_m;
         self.is_joined = true;
-        Some(self.handle)
+        Some(self.id)
     }
 
     fn release(&mut self, _: &mut RapierWorld) {
@@ -327,7 +315,7 @@ impl Motor for Car {
     }
 
     fn leave(&mut self, world: &mut RapierWorld) {
-        world.remove(self.handle);
+        world.remove(self.id);
     }
 
     /// Sets the wheels and lets them act for one step.
@@ -338,9 +326,9 @@ impl Motor for Car {
         }
         // Before the motion is saved: `rewind` mixes two poses of one origin.
         if !self.is_joined {
-            world.recentre(self.handle, &mut self.origin_m);
+            world.recentre(self.id, &mut self.origin_m);
         }
-        self.before = world.motion(self.handle);
+        self.before = world.motion(self.id);
         self.origin_before_m = self.origin_m;
         let speed_mps = rect.along_mps();
         let command_mps2 = self.command_mps2(dt_s);
@@ -352,31 +340,29 @@ impl Motor for Car {
         }
 
         // Each wheel takes its share of the load, so that no wheel slips first.
-        let wheels = self.controller.wheels_mut();
-        let loads_n = wheels
-            .iter()
-            .map(|wheel| f64::from(wheel.wheel_suspension_force));
+        let wheels = &mut self.wheels;
+        let loads_n = wheels.iter().map(|wheel| f64::from(wheel.load_n));
         let load_n: f64 = loads_n.sum();
         for (index, wheel) in wheels.iter_mut().enumerate() {
             // In the first step rapier has computed no suspension force yet.
             let share = if 0.0 < load_n {
-                f64::from(wheel.wheel_suspension_force) / load_n
+                f64::from(wheel.load_n) / load_n
             } else {
                 self.load_shares[index]
             };
-            wheel.engine_force = (force_n * share) as f32;
-            wheel.steering = steering_rad[index] as f32;
+            wheel.engine_n = (force_n * share) as f32;
+            wheel.steering_rad = steering_rad[index] as f32;
         }
-        world.roll(&mut self.controller, dt_s);
+        world.roll(self.id, &mut self.wheels, dt_s);
     }
 
     fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {
-        let motion = world.motion(self.handle);
+        let motion = world.motion(self.id);
         motion.placement(self.origin_m, height_m)
     }
 
     fn rect(&self, world: &RapierWorld) -> Rect {
-        world.motion(self.handle).rect(self.origin_m, &self.com)
+        world.motion(self.id).rect(self.origin_m, &self.com)
     }
 
     /// Corrects the position after rapier's step.
@@ -389,14 +375,14 @@ impl Motor for Car {
         if self.is_joined {
             return;
         }
-        let (gain_x_mps, gain_y_mps) = world.motion(self.handle).gain_mps(&self.before);
+        let (gain_x_mps, gain_y_mps) = world.motion(self.id).gain_mps(&self.before);
         self.origin_m.0 -= 0.5 * dt_s * gain_x_mps;
         self.origin_m.1 -= 0.5 * dt_s * gain_y_mps;
     }
 
     fn rewind(&mut self, world: &mut RapierWorld, share: f64) {
-        let motion = self.before.towards(&world.motion(self.handle), share);
-        world.place(self.handle, &motion);
+        let motion = self.before.towards(&world.motion(self.id), share);
+        world.place(self.id, &motion);
         let mix = |from_m: f64, to_m: f64| from_m + share * (to_m - from_m);
         self.origin_m = (
             mix(self.origin_before_m.0, self.origin_m.0),

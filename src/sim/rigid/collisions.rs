@@ -1,8 +1,7 @@
 //! Collisions after the first contact, as rapier resolves them.
 
-use rapier3d::prelude::RigidBodyHandle;
-
-use super::world::RapierWorld;
+use super::chassis::ChassisId;
+use super::collision_world::CollisionWorld;
 use crate::sim::{BodyId, Collision};
 
 /// Time without a force after which two bodies have separated.
@@ -13,7 +12,7 @@ const QUIET_S: f64 = 0.1;
 /// Record of the collisions of all bodies.
 #[derive(Clone)]
 pub(super) struct Collisions {
-    handles: Vec<RigidBodyHandle>,
+    ids: Vec<ChassisId>,
     elapsed_s: f64,
     running: Vec<RunningCollision>,
     ended: Vec<Collision>,
@@ -27,9 +26,9 @@ struct RunningCollision {
 
 impl Collisions {
     /// Creates an empty record for bodies in the order of their numbers.
-    pub(super) fn new(handles: Vec<RigidBodyHandle>) -> Collisions {
+    pub(super) fn new(ids: Vec<ChassisId>) -> Collisions {
         Collisions {
-            handles,
+            ids,
             elapsed_s: 0.0,
             running: Vec::new(),
             ended: Vec::new(),
@@ -37,9 +36,9 @@ impl Collisions {
     }
 
     /// Returns the velocities of all bodies.
-    pub(super) fn velocities(&self, world: &RapierWorld) -> Vec<[f64; 2]> {
-        let handles = self.handles.iter();
-        handles.map(|handle| world.velocity_mps(*handle)).collect()
+    pub(super) fn velocities(&self, world: &CollisionWorld) -> Vec<[f64; 2]> {
+        let ids = self.ids.iter();
+        ids.map(|id| world.velocity_mps(*id)).collect()
     }
 
     /// Records one step and returns the bodies that a force acted on.
@@ -48,12 +47,12 @@ impl Collisions {
     /// change over the step is therefore that of the collision alone.
     pub(super) fn record(
         &mut self,
-        world: &RapierWorld,
+        world: &CollisionWorld,
         before: &[[f64; 2]],
         dt_s: f64,
     ) -> Vec<usize> {
         let after = self.velocities(world);
-        let number = |wanted| self.handles.iter().position(|handle| *handle == wanted);
+        let number = |wanted| self.ids.iter().position(|id| *id == wanted);
         let mut pairs: Vec<(usize, usize)> = world
             .colliding()
             .into_iter()

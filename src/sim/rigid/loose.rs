@@ -1,9 +1,9 @@
 //! Walkers, cyclists and carried bodies once bodies collide, as rigid bodies.
 
-use rapier3d::prelude::RigidBodyHandle;
-
+use super::chassis::ChassisId;
+use super::chassis_motion::ComOffset;
 use super::motor::Motor;
-use super::world::{ComOffset, RapierWorld};
+use super::world::RapierWorld;
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, Placement};
 
@@ -13,7 +13,7 @@ use crate::sim::{Body, BodyCommand, Placement};
 /// is free.
 #[derive(Clone)]
 pub(super) struct LooseBody {
-    handle: RigidBodyHandle,
+    id: ChassisId,
     origin_m: (f64, f64),
     com: ComOffset,
     /// Velocity to keep, `None` once it collided.
@@ -28,10 +28,12 @@ impl LooseBody {
         rect: &Rect,
         origin_m: (f64, f64),
     ) -> LooseBody {
-        let handle = world.insert_at(body, rect, origin_m);
-        world.hold_upright(handle, true);
+        let id = world.insert_at(body, rect, origin_m);
+        if let Some(together) = world.together_mut() {
+            together.hold_upright(id, true);
+        }
         LooseBody {
-            handle,
+            id,
             origin_m,
             com: ComOffset::of(body),
             held: Some(Rect {
@@ -43,8 +45,8 @@ impl LooseBody {
     }
 
     /// Returns the body in the world.
-    pub(super) fn handle(&self) -> RigidBodyHandle {
-        self.handle
+    pub(super) fn id(&self) -> ChassisId {
+        self.id
     }
 }
 
@@ -58,19 +60,22 @@ impl Motor for LooseBody {
         true
     }
 
-    fn join(&mut self, _: &mut RapierWorld, _: (f64, f64)) -> Option<RigidBodyHandle> {
-        Some(self.handle)
+    fn join(&mut self, _: &mut RapierWorld, _: (f64, f64)) -> Option<ChassisId> {
+        Some(self.id)
     }
 
     fn release(&mut self, world: &mut RapierWorld) {
-        if self.held.take().is_some() {
-            world.hold_upright(self.handle, false);
+        if self.held.take().is_none() {
+            return;
+        }
+        if let Some(together) = world.together_mut() {
+            together.hold_upright(self.id, false);
         }
     }
 
     fn act(&mut self, world: &mut RapierWorld, _: &Rect, _: f64) {
-        if let Some(held) = &self.held {
-            world.move_at(self.handle, held);
+        if let (Some(held), Some(together)) = (&self.held, world.together_mut()) {
+            together.move_at(self.id, held);
         }
     }
 
@@ -78,11 +83,11 @@ impl Motor for LooseBody {
     fn rewind(&mut self, _: &mut RapierWorld, _: f64) {}
 
     fn rect(&self, world: &RapierWorld) -> Rect {
-        world.motion(self.handle).rect(self.origin_m, &self.com)
+        world.motion(self.id).rect(self.origin_m, &self.com)
     }
 
     fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {
-        world.motion(self.handle).placement(self.origin_m, height_m)
+        world.motion(self.id).placement(self.origin_m, height_m)
     }
 
     fn fork(&self) -> Box<dyn Motor> {

@@ -10,8 +10,13 @@
 //! the bodies, and leaves every body at its pose of that instant. Only after
 //! [`Rigid::collide`] do the bodies collide, and rapier moves them.
 
+#[cfg(test)]
+mod alone_tests;
 mod bicycle;
 mod car;
+mod chassis;
+mod chassis_motion;
+mod collision_world;
 mod collisions;
 mod foot;
 mod kinematic_playback;
@@ -21,6 +26,7 @@ mod motor;
 mod shape;
 mod touch;
 mod tyre_forces;
+mod wheels;
 mod world;
 
 use std::sync::Arc;
@@ -115,9 +121,12 @@ impl Rigid {
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
             mover.motor.act(&mut self.world, &sweep.after, dt_s);
         }
-        let before = collisions.velocities(&self.world);
-        self.world.step(dt_s);
-        for body in collisions.record(&self.world, &before, dt_s) {
+        let Some(together) = self.world.together_mut() else {
+            return;
+        };
+        let before = collisions.velocities(together);
+        together.step(dt_s as f32);
+        for body in collisions.record(together, &before, dt_s) {
             self.movers[body].motor.release(&mut self.world);
         }
         for (mover, sweep) in self.movers.iter().zip(&mut self.sweeps) {
@@ -165,7 +174,7 @@ impl Plant for Rigid {
 
     fn clear(&mut self, ground: Ground) {
         self.ground = ground;
-        self.world = RapierWorld::new();
+        self.world.clear();
         self.movers.clear();
         self.sweeps.clear();
         // `passing` survives, as `Plant::pass_through` documents.
@@ -218,28 +227,30 @@ impl Plant for Rigid {
         self.world.solid(self.ground.friction);
         let at = &self.sweeps[touching.0.0].after;
         let origin_m = origin_near((at.x_m, at.y_m));
-        let mut handles = Vec::with_capacity(self.movers.len());
+        let mut ids = Vec::with_capacity(self.movers.len());
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
             let body = &*mover.body;
-            let handle = match mover.motor.join(&mut self.world, origin_m) {
-                Some(handle) => handle,
+            let id = match mover.motor.join(&mut self.world, origin_m) {
+                Some(id) => id,
                 None => {
                     let loose = LooseBody::new(&mut self.world, body, &sweep.after, origin_m);
-                    let handle = loose.handle();
+                    let id = loose.id();
                     mover.motor = Box::new(loose);
-                    handle
+                    id
                 }
             };
             // Wheels carry a vehicle, whose collision shape begins above the road.
             let clearance_m = body.vehicle().map_or(0.0, |_| CLEARANCE_M);
             let parts = sweep.shape.colliders(clearance_m);
-            self.world.add_colliders(handle, body, parts);
-            handles.push(handle);
+            if let Some(together) = self.world.together_mut() {
+                together.add_colliders(id, body, parts);
+            }
+            ids.push(id);
         }
         for body in [touching.0, touching.1] {
             self.movers[body.0].motor.release(&mut self.world);
         }
-        self.collisions = Some(Collisions::new(handles));
+        self.collisions = Some(Collisions::new(ids));
         true
     }
 

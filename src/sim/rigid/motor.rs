@@ -1,7 +1,6 @@
 //! Motion model of a body on this plant, one file per kind of body.
 
-use rapier3d::prelude::RigidBodyHandle;
-
+use super::chassis::ChassisId;
 use super::world::RapierWorld;
 use crate::sim::planar::Rect;
 use crate::sim::{BodyCommand, Ground, Placement, Push};
@@ -23,7 +22,7 @@ pub(super) trait Motor: Send {
     /// Moves the body's part of the world to a common origin and returns it.
     ///
     /// `None` if the world holds nothing of this body.
-    fn join(&mut self, _world: &mut RapierWorld, _origin_m: (f64, f64)) -> Option<RigidBodyHandle> {
+    fn join(&mut self, _world: &mut RapierWorld, _origin_m: (f64, f64)) -> Option<ChassisId> {
         None
     }
     /// Lets go of the controls, after a collision.
