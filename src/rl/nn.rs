@@ -11,6 +11,8 @@
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;
 use super::kernel::{LANES, Loop, Product, padded};
+use super::loops::{Blend, Mask, Relu};
+use super::orthogonal::orthogonal_matrix;
 use super::transpose::transpose;
 
 /// Affine layer, as offsets into the flat parameters.
@@ -55,6 +57,11 @@ impl Layer {
     fn turned_rows(&self) -> usize {
         self.outputs.next_multiple_of(LANES / 2)
     }
+}
+
+/// Returns true if a row as long as the batch fills registers.
+fn fits_registers(batch: usize) -> bool {
+    0 < batch && batch.is_multiple_of(LANES)
 }
 
 /// Buffers of a [`Tape`] for a layer of few outputs.
@@ -262,7 +269,7 @@ impl Mlp {
                 Some(hidden) => (&hidden[..], self.layers[i - 1].width),
             };
             let out = &mut after[0][..batch * layer.width];
-            if 0 < i && layer.is_narrow() && batch.is_multiple_of(LANES) {
+            if 0 < i && layer.is_narrow() && fits_registers(batch) {
                 let room = Room {
                     turned: &mut tape.turned,
                     narrow: &mut tape.narrow,
@@ -470,88 +477,4 @@ pub fn argmax(values: &[f32]) -> usize {
         }
     }
     best
-}
-
-/// Moves numbers toward others by a share of the difference.
-struct Blend<'a> {
-    own: &'a mut [f32],
-    other: &'a [f32],
-    share: f32,
-}
-
-impl Loop for Blend<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        for (own, other) in self.own.iter_mut().zip(self.other) {
-            *own += self.share * (other - *own);
-        }
-    }
-}
-
-struct Relu<'a>(&'a mut [f32]);
-
-impl Loop for Relu<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        for value in self.0 {
-            *value = if *value > 0.0 { *value } else { 0.0 };
-        }
-    }
-}
-
-/// Sets the deltas of hidden units to 0 that were off.
-struct Mask<'a> {
-    deltas: &'a mut [f32],
-    hidden: &'a [f32],
-}
-
-impl Loop for Mask<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        for (delta, on) in self.deltas.iter_mut().zip(self.hidden) {
-            *delta = if *on > 0.0 { *delta } else { 0.0 };
-        }
-    }
-}
-
-/// Returns a matrix with orthonormal rows or columns, whichever are fewer.
-///
-/// Gram-Schmidt on normal draws, written by hand. A library's QR uses reflections
-/// or another order of sums, which gives other bits and so other policies from
-/// the same seed.
-fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut LearnerRng) -> Vec<Vec<f64>> {
-    let (few, many) = (rows.min(columns), rows.max(columns));
-    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(few);
-    while basis.len() < few {
-        let mut vector: Vec<f64> = (0..many).map(|_| dice.normal()).collect();
-        // Two passes are enough (Kahan, in Parlett 1980). The first pass may leave
-        // rounding as large as the rest of the vector, the second removes it.
-        for _ in 0..2 {
-            for other in &basis {
-                let along: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
-                vector
-                    .iter_mut()
-                    .zip(other)
-                    .for_each(|(a, b)| *a -= along * b);
-            }
-        }
-        let length = libm::sqrt(vector.iter().map(|a| a * a).sum());
-        // A draw within the span of the others has no direction left, so draw again.
-        if 1e-6 < length {
-            vector.iter_mut().for_each(|a| *a /= length);
-            basis.push(vector);
-        }
-    }
-    if rows <= columns {
-        return basis;
-    }
-    (0..rows)
-        .map(|row| basis.iter().map(|column| column[row]).collect())
-        .collect()
 }

@@ -41,18 +41,19 @@ struct Blocks<'a> {
 impl Blocks<'_> {
     #[inline(always)]
     fn turn(self, turn: impl Fn(Block) -> Block) {
-        let rows = self.matrix.chunks_exact(LANES * self.width);
-        for (strip, rows) in rows.enumerate() {
+        let strips = self.matrix.chunks_exact(LANES * self.width);
+        for (strip, rows) in strips.enumerate() {
             for column in (0..self.width).step_by(LANES) {
-                let mut block = [[0.0; LANES]; LANES];
-                for (block, row) in block.iter_mut().zip(rows.chunks_exact(self.width)) {
-                    block.copy_from_slice(&row[column..column + LANES]);
-                }
-                let columns = self.out[column * self.stride + strip * LANES..]
-                    .chunks_mut(self.stride)
-                    .zip(turn(block));
-                for (out, values) in columns {
-                    out[..LANES].copy_from_slice(&values);
+                let row = |r: usize| {
+                    let at = r * self.width + column;
+                    let mut row = [0.0; LANES];
+                    row.copy_from_slice(&rows[at..at + LANES]);
+                    row
+                };
+                let turned = turn(std::array::from_fn(row));
+                for (c, values) in turned.iter().enumerate() {
+                    let at = (column + c) * self.stride + strip * LANES;
+                    self.out[at..at + LANES].copy_from_slice(values);
                 }
             }
         }
