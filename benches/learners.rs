@@ -73,9 +73,8 @@ fn replay(bencher: Bencher) {
     let mut batch = Batch::default();
     bencher.counter(ItemsCount::new(1u32)).bench_local(|| {
         replay.sample(BATCH, 0.4, &mut dice, &mut batch);
-        for slot in &batch.slots {
-            replay.prioritise(*slot, 0.3);
-        }
+        batch.errors.resize(BATCH, 0.3);
+        replay.prioritise_all(&mut batch.slots, &mut batch.errors);
     });
 }
 

@@ -53,12 +53,12 @@ pub mod report {
 pub mod rl {
     pub use crate::rl::list::{load_policy, load_policy_for};
     pub mod nn {
-        pub use crate::rl::nn::{Adam, Mlp, argmax};
+        pub use crate::rl::adam::Adam;
+        pub use crate::rl::nn::{Mlp, argmax};
     }
     pub mod replay {
-        pub use crate::rl::replay::{
-            Batch, EpisodeBuffer, ReplayBuffer, SumTree, Tail, Transition,
-        };
+        pub use crate::rl::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
+        pub use crate::rl::sum_tree::SumTree;
     }
 }
 pub mod run_dir {

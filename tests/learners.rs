@@ -1,6 +1,8 @@
 //! Every learner: solves a tiny problem, repeats itself bit for bit, resumes;
 //! its updates are held to numbers computed elsewhere.
 
+#[path = "learners/bits.rs"]
+mod bits;
 #[path = "learners/bounds.rs"]
 mod bounds;
 #[path = "learners/golden.rs"]

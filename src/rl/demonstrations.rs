@@ -155,9 +155,9 @@ impl Demonstrations {
         }
     }
 
-    /// Sets the priority of a transition drawn from here.
-    pub(super) fn prioritise(&mut self, slot: usize, error: f32) {
-        self.replay.prioritise(slot, error);
+    /// Sets the priorities of transitions drawn from here, as [`ReplayBuffer::prioritise_all`].
+    pub(super) fn prioritise_all(&mut self, slots: &mut [usize], errors: &mut [f32]) {
+        self.replay.prioritise_all(slots, errors);
     }
 
     /// Adds the gradient of the large-margin loss to one row of a batch.

@@ -18,6 +18,7 @@ mod update;
 
 pub use settings::{DqnSettings, Loss};
 
+use super::adam::Adam;
 use super::bundle::{BundleError, TensorFile};
 use super::demonstrations::{Demonstrations, Imitation};
 use super::dice::LearnerRng;
@@ -25,7 +26,7 @@ use super::learner::{
     Built, ConfigError, Demonstration, Learner, LearnerKind, Shaped, TrainingCounters, epsilon,
     expect_sizes, layers,
 };
-use super::nn::{Adam, Mlp, Tape, argmax, argmax_among};
+use super::nn::{Mlp, Tape, argmax, argmax_among};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
 use super::starts::{EpisodeStart, StartPool};
 use super::{End, Env, Losses, Policy, Spaces};

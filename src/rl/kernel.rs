@@ -13,9 +13,41 @@ pub(crate) const LANES: usize = 8;
 /// Rows of a result that are computed together.
 const ROWS: usize = 4;
 
+/// Rows computed together if a row is a single narrow tile and registers are many.
+const NARROW_ROWS: usize = 8;
+
 /// Rounds a number of columns up to a multiple of [`LANES`].
 pub(crate) const fn padded(columns: usize) -> usize {
     columns.next_multiple_of(LANES)
+}
+
+/// Loop over numbers that share registers, compiled for several instruction sets.
+pub(crate) trait Loop: Sized {
+    /// Result of the loop.
+    type Output;
+
+    /// Runs the loop. Mark it `#[inline(always)]`, or it is compiled for the narrowest
+    /// registers only.
+    fn run(self) -> Self::Output;
+
+    /// Runs the loop with the widest registers of this processor.
+    ///
+    /// All widths give the same bits.
+    fn vectorized(self) -> Self::Output {
+        Arch::new().dispatch(Run(self))
+    }
+}
+
+/// Work item of [`Loop::vectorized`].
+struct Run<L>(L);
+
+impl<L: Loop> WithSimd for Run<L> {
+    type Output = L::Output;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> L::Output {
+        self.0.run()
+    }
 }
 
 /// Product `start + left · right`, written row by row.
@@ -50,27 +82,48 @@ impl Product<'_> {
     }
 
     #[inline(always)]
-    fn strips(&self, out: &mut [f32]) {
+    fn strips<S: Simd>(&self, simd: S, out: &mut [f32]) {
         let width = self.start.len();
         // Invariant: columns are padded, so that no tile exceeds the edge.
         assert!(width.is_multiple_of(LANES) && out.len().is_multiple_of(width));
-        let mut strips = out.chunks_exact_mut(ROWS * width);
-        let mut row = 0;
-        for strip in &mut strips {
-            self.strip::<ROWS>(row, width, strip);
-            row += ROWS;
-        }
+        // A narrow row is one register, and 32 registers hold more than four of them.
+        let (rows, rest) = if width == LANES && S::F32_LANES == 16 {
+            self.strips_of::<S, NARROW_ROWS>(simd, 0, width, out)
+        } else {
+            self.strips_of::<S, ROWS>(simd, 0, width, out)
+        };
         // Rows that do not fill a strip are computed singly, in the same order of
         // additions, so their bits are the same.
-        for strip in strips.into_remainder().chunks_exact_mut(width) {
-            self.strip::<1>(row, width, strip);
-            row += 1;
+        self.strips_of::<S, 1>(simd, rows, width, rest);
+    }
+
+    /// Writes full strips of R rows, and returns the next row and the rest.
+    #[inline(always)]
+    fn strips_of<'a, S: Simd, const R: usize>(
+        &self,
+        simd: S,
+        mut row: usize,
+        width: usize,
+        out: &'a mut [f32],
+    ) -> (usize, &'a mut [f32]) {
+        let mut strips = out.chunks_exact_mut(R * width);
+        for strip in &mut strips {
+            self.strip::<S, R>(simd, row, width, strip);
+            row += R;
         }
+        (row, strips.into_remainder())
     }
 
     #[inline(always)]
-    fn strip<const R: usize>(&self, row: usize, width: usize, out: &mut [f32]) {
+    fn strip<S: Simd, const R: usize>(&self, simd: S, row: usize, width: usize, out: &mut [f32]) {
         let mut column = 0;
+        // Tiles that fill the registers: 512 bits wide, or a single row of 256 bits.
+        if S::F32_LANES == 16 {
+            column = self.wide_tiles::<S, R, 4>(simd, row, column, width, out);
+            column = self.wide_tiles::<S, R, 2>(simd, row, column, width, out);
+        } else if S::F32_LANES == 8 && R == 1 {
+            column = self.wide_tiles::<S, R, 8>(simd, row, column, width, out);
+        }
         while column + 2 * LANES <= width {
             self.tile::<R, { 2 * LANES }>(row, column, width, out);
             column += 2 * LANES;
@@ -79,6 +132,56 @@ impl Product<'_> {
         if column < width {
             self.tile::<R, LANES>(row, column, width, out);
         }
+    }
+
+    /// Writes tiles of R rows by C registers while they fit, and returns the next column.
+    #[inline(always)]
+    fn wide_tiles<S: Simd, const R: usize, const C: usize>(
+        &self,
+        simd: S,
+        row: usize,
+        mut column: usize,
+        width: usize,
+        out: &mut [f32],
+    ) -> usize {
+        let columns = C * S::F32_LANES;
+        while column + columns <= width {
+            let sums = self.wide_sums::<S, R, C>(simd, row, column, width);
+            for (sums, out) in sums.iter().zip(out.chunks_exact_mut(width)) {
+                let (out, _) = S::as_mut_simd_f32s(&mut out[column..column + columns]);
+                out.copy_from_slice(sums);
+            }
+            column += columns;
+        }
+        column
+    }
+
+    /// Sums R rows by C registers of the result while p runs, as [`Product::sums`] does.
+    #[inline(always)]
+    fn wide_sums<S: Simd, const R: usize, const C: usize>(
+        &self,
+        simd: S,
+        row: usize,
+        column: usize,
+        width: usize,
+    ) -> [[S::f32s; C]; R] {
+        let columns = column..column + C * S::F32_LANES;
+        let (start, _) = S::as_simd_f32s(&self.start[columns.clone()]);
+        let start: [S::f32s; C] = std::array::from_fn(|c| start[c]);
+        let mut sums = [start; R];
+        for (p, right) in self.right.chunks_exact(width).enumerate() {
+            let (right, _) = S::as_simd_f32s(&right[columns.clone()]);
+            let right: [S::f32s; C] = std::array::from_fn(|c| right[c]);
+            for (r, sums) in sums.iter_mut().enumerate() {
+                let left = self.left[(row + r) * self.row + p * self.column];
+                let left = simd.splat_f32s(left);
+                for (sum, right) in sums.iter_mut().zip(right) {
+                    // Two instructions, never a fused one: all CPUs round alike.
+                    *sum = simd.add_f32s(*sum, simd.mul_f32s(left, right));
+                }
+            }
+        }
+        sums
     }
 
     #[inline(always)]
@@ -136,7 +239,7 @@ impl WithSimd for Write<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.product.strips(self.out);
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.product.strips(simd, self.out);
     }
 }

@@ -15,12 +15,15 @@
 //! | `ppo` | clipped policy gradients with GAE | Schulman 2017, 2016 |
 //! | `replay` | prioritised replay, n-step returns | Schaul 2016, Watkins 1989 |
 //! | `starts` | choice of the start of an episode | |
-//! | `kernel`, `nn` | matrix products, perceptron, Adam | |
+//! | `kernel`, `transpose`, `loops` | matrix products, transposes, element-wise loops | |
+//! | `nn`, `orthogonal`, `adam` | perceptron, its first weights, Adam | |
+//! | `sum_tree`, `power` | sums and powers of priorities | |
 //! | `bundle` | named tensors, the format of policies and checkpoints | |
 //! | `dice` | random numbers of the learners | |
 //! | `learner` | common interface of the learners | |
 //! | `list` | all learners, with configuration, building and loading | |
 
+pub(crate) mod adam;
 mod bundle;
 mod demonstrations;
 mod dice;
@@ -32,11 +35,16 @@ mod example_learner;
 pub(crate) mod kernel;
 mod learner;
 pub(crate) mod list;
+mod loops;
 pub(crate) mod nn;
+mod orthogonal;
+mod power;
 mod ppo;
 mod q_table;
 pub(crate) mod replay;
 mod starts;
+pub(crate) mod sum_tree;
+mod transpose;
 
 pub use bundle::{BundleError, Data, Element, TensorFile};
 pub use demonstrations::Imitation;

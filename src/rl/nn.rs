@@ -1,4 +1,4 @@
-//! Multilayer perceptron with ReLU, its gradient, and Adam.
+//! Multilayer perceptron with ReLU, and its gradient.
 //!
 //! Parameters lie in a flat vector, layer after layer. A layer is a bias
 //! `[width]` followed by weights `[inputs, width]`, where `width` is the number
@@ -10,7 +10,10 @@
 
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;
-use super::kernel::{Product, padded};
+use super::kernel::{LANES, Loop, Product, padded};
+use super::loops::{Blend, Mask, Relu};
+use super::orthogonal::orthogonal_matrix;
+use super::transpose::transpose;
 
 /// Affine layer, as offsets into the flat parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,8 +38,37 @@ pub struct Mlp {
 pub struct Tape {
     activations: Vec<Vec<f32>>,
     deltas: Vec<Vec<f32>>,
-    transposed: Vec<f32>,
+    /// A transposed matrix: weights, or hidden units below a row of ones.
+    turned: Vec<f32>,
+    /// Transposed outputs or gradient of a layer of few outputs.
+    narrow: Vec<f32>,
     zeros: Vec<f32>,
+}
+
+impl Layer {
+    /// Returns true if a row of outputs is shorter than a register, below whole ones.
+    fn is_narrow(&self) -> bool {
+        self.width == LANES && self.inputs.is_multiple_of(LANES)
+    }
+
+    /// Returns the number of rows to compute of a transposed layer of few outputs.
+    ///
+    /// Products compute four rows together. The other rows are padding.
+    fn turned_rows(&self) -> usize {
+        self.outputs.next_multiple_of(LANES / 2)
+    }
+}
+
+/// Returns true if a row as long as the batch fills registers.
+fn fits_registers(batch: usize) -> bool {
+    0 < batch && batch.is_multiple_of(LANES)
+}
+
+/// Buffers of a [`Tape`] for a layer of few outputs.
+struct Room<'a> {
+    turned: &'a mut [f32],
+    narrow: &'a mut [f32],
+    zeros: &'a [f32],
 }
 
 impl Mlp {
@@ -117,6 +149,15 @@ impl Mlp {
     /// Returns the lengths of inputs and outputs.
     pub fn ends(&self) -> [usize; 2] {
         [self.inputs(), self.outputs()]
+    }
+
+    /// Moves all parameters toward those of `other` by a share of the difference.
+    ///
+    /// Both networks have the same sizes.
+    pub fn move_toward(&mut self, other: &Mlp, share: f32) {
+        let own = &mut self.parameters[..];
+        let other = &other.parameters;
+        Blend { own, other, share }.vectorized();
     }
 
     /// Writes the parameters as `prefix/0/bias`, `prefix/0/weight`, ….
@@ -202,16 +243,15 @@ impl Mlp {
                 .map(|layer| vec![0.0; batch * layer.width])
                 .collect()
         };
-        let largest = self
-            .layers
-            .iter()
-            .map(|layer| padded(layer.inputs) * layer.width)
-            .max();
+        let weights = |layer: &Layer| padded(layer.inputs) * layer.width;
+        let largest = self.layers.iter().map(weights).max().unwrap_or(0);
+        let widest = self.widest();
         Tape {
             activations: per_layer(),
             deltas: per_layer(),
-            transposed: vec![0.0; largest.unwrap_or(0)],
-            zeros: vec![0.0; self.widest()],
+            turned: vec![0.0; largest.max((1 + widest) * batch)],
+            narrow: vec![0.0; LANES * widest.max(batch)],
+            zeros: vec![0.0; widest.max(batch)],
         }
     }
 
@@ -229,9 +269,18 @@ impl Mlp {
                 Some(hidden) => (&hidden[..], self.layers[i - 1].width),
             };
             let out = &mut after[0][..batch * layer.width];
-            self.affine(layer, left, row, out);
+            if 0 < i && layer.is_narrow() && fits_registers(batch) {
+                let room = Room {
+                    turned: &mut tape.turned,
+                    narrow: &mut tape.narrow,
+                    zeros: &tape.zeros,
+                };
+                self.affine_narrow(layer, &left[..batch * row], out, room);
+            } else {
+                self.affine(layer, left, row, out);
+            }
             if i < last {
-                relu(out);
+                Relu(out).vectorized();
             }
         }
         &tape.activations[last][..batch * self.layers[last].width]
@@ -270,22 +319,39 @@ impl Mlp {
             // dW = xᵀ · delta. Exchanged strides read the inputs transposed.
             let weights = &mut gradient[layer.weights..layer.end];
             let start = &tape.zeros[..layer.width];
+            if 0 < i && layer.is_narrow() {
+                // dWᵀ = deltaᵀ · x: the same sums, in full registers.
+                let turned = &mut tape.narrow[..LANES * row];
+                let (used, padding) = turned.split_at_mut(layer.turned_rows() * row);
+                padding.fill(0.0);
+                Product {
+                    left: delta,
+                    row: 1,
+                    column: layer.width,
+                    right: &left[..batch * row],
+                    start: &tape.zeros[..row],
+                }
+                .write(used);
+                transpose(turned, row, weights, LANES);
+            } else {
+                Product {
+                    left,
+                    row: 1,
+                    column: row,
+                    right: delta,
+                    start,
+                }
+                .write(weights);
+            }
+            // db = Σ delta = 1ᵀ · delta. Strides of 0 read the same 1 again.
             Product {
-                left,
-                row: 1,
-                column: row,
+                left: &[1.0],
+                row: 0,
+                column: 0,
                 right: delta,
                 start,
             }
-            .write(weights);
-            // db = Σ delta
-            let bias = &mut gradient[layer.bias..layer.weights];
-            bias.fill(0.0);
-            for row in delta.chunks_exact(layer.width) {
-                for (sum, d) in bias.iter_mut().zip(row) {
-                    *sum += d;
-                }
-            }
+            .write(&mut gradient[layer.bias..layer.weights]);
             // The delta below is delta · Wᵀ where the hidden unit was on.
             let Some(below) = below.last_mut() else {
                 continue;
@@ -294,26 +360,25 @@ impl Mlp {
             // Padding columns may be stale. The ReLU mask below zeroes their result, since
             // padded units are never on.
             let width = self.layers[i - 1].width;
-            let transposed = &mut tape.transposed[..layer.outputs * width];
             let weights = &self.parameters[layer.weights..layer.end];
-            for (p, row) in transposed.chunks_exact_mut(width).enumerate() {
-                for (value, column) in row.iter_mut().zip(weights.chunks_exact(layer.width)) {
-                    *value = column[p];
-                }
-            }
+            let turned = &mut tape.turned;
+            transpose(weights, layer.width, turned, width);
             let out = &mut below[..batch * width];
             let start = &tape.zeros[..width];
             Product {
                 left: delta,
                 row: layer.width,
                 column: 1,
-                right: transposed,
+                right: &tape.turned[..layer.outputs * width],
                 start,
             }
             .write(out);
-            for (d, on) in out.iter_mut().zip(&tape.activations[i - 1]) {
-                *d = if *on > 0.0 { *d } else { 0.0 };
+            let hidden = &tape.activations[i - 1];
+            Mask {
+                deltas: out,
+                hidden,
             }
+            .vectorized();
         }
     }
 
@@ -347,7 +412,7 @@ impl Mlp {
             let out = &mut here[..layer.width];
             self.affine(layer, left, layer.inputs, out);
             if i < last {
-                relu(out);
+                Relu(out).run();
             }
             std::mem::swap(&mut here, &mut there);
         }
@@ -369,6 +434,30 @@ impl Mlp {
         .write(out);
     }
 
+    /// Computes a layer of few outputs for a batch, with the bits of [`Mlp::affine`].
+    ///
+    /// A row of few outputs fills no register. The transpose, bias · 1ᵀ + Wᵀ · xᵀ, has
+    /// rows as long as the batch. The bias is the row of the flat parameters before the
+    /// weights, and multiplies the row of ones before the inputs.
+    fn affine_narrow(&self, layer: &Layer, inputs: &[f32], out: &mut [f32], room: Room) {
+        let batch = out.len() / layer.width;
+        let (ones, turned) = room.turned.split_at_mut(batch);
+        ones.fill(1.0);
+        transpose(inputs, layer.inputs, turned, batch);
+        let turned = &mut room.narrow[..LANES * batch];
+        let (used, padding) = turned.split_at_mut(layer.turned_rows() * batch);
+        padding.fill(0.0);
+        Product {
+            left: &self.parameters[layer.bias..layer.end],
+            row: 1,
+            column: layer.width,
+            right: &room.turned[..(1 + layer.inputs) * batch],
+            start: &room.zeros[..batch],
+        }
+        .write(used);
+        transpose(turned, batch, out, layer.width);
+    }
+
     fn widest(&self) -> usize {
         let widths = self.layers.iter().map(|layer| layer.width);
         widths.max().unwrap_or(0)
@@ -376,70 +465,6 @@ impl Mlp {
 
     fn last(&self) -> &Layer {
         &self.layers[self.layers.len() - 1]
-    }
-}
-
-/// Adam (Kingma, Ba 2015): the moments and the number of steps taken.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Adam {
-    /// Running mean of the gradient.
-    pub(crate) mean: Vec<f32>,
-    /// Running mean of the gradient's square.
-    pub(crate) square: Vec<f32>,
-    /// Number of steps taken.
-    pub(crate) steps: u64,
-}
-
-impl Adam {
-    const MEAN_DECAY: f32 = 0.9;
-    const SQUARE_DECAY: f32 = 0.999;
-    const EPSILON: f32 = 1e-8;
-
-    /// Writes the moments of this network's parameters.
-    pub fn save(&self, net: &Mlp, prefix: &str, bundle: &mut TensorFile) {
-        net.save_as(&self.mean, &format!("{prefix}/mean"), bundle);
-        net.save_as(&self.square, &format!("{prefix}/square"), bundle);
-        bundle.put(format!("{prefix}/steps"), &[1], vec![self.steps]);
-    }
-
-    /// Reads the moments of this network's parameters.
-    ///
-    /// # Errors
-    /// A tensor is missing or misshapen.
-    pub fn load(net: &Mlp, prefix: &str, bundle: &TensorFile) -> Result<Adam, BundleError> {
-        Ok(Adam {
-            mean: net.load_as(&format!("{prefix}/mean"), bundle)?,
-            square: net.load_as(&format!("{prefix}/square"), bundle)?,
-            steps: bundle.one(&format!("{prefix}/steps"))?,
-        })
-    }
-
-    /// Creates the state before the first step, for this many parameters.
-    pub fn new(parameters: usize) -> Adam {
-        Adam {
-            mean: vec![0.0; parameters],
-            square: vec![0.0; parameters],
-            steps: 0,
-        }
-    }
-
-    /// Moves the parameters against the gradient.
-    #[inline(always)]
-    pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f32) {
-        // m̂ = m / (1 − β₁ᵗ) and v̂ = v / (1 − β₂ᵗ). The corrections are moved out of
-        // the loop (Kingma, Ba 2015, end of section 2). In f64, because 1 − 0.999ᵗ
-        // loses half of its digits in f32 at first.
-        self.steps += 1;
-        let steps = self.steps as f64;
-        let correct = |decay: f32| 1.0 - libm::pow(f64::from(decay), steps);
-        let rate = (f64::from(learning_rate) / correct(Adam::MEAN_DECAY)) as f32;
-        let shrink = (1.0 / libm::sqrt(correct(Adam::SQUARE_DECAY))) as f32;
-        let moments = self.mean.iter_mut().zip(&mut self.square);
-        for ((parameter, g), (mean, square)) in parameters.iter_mut().zip(gradient).zip(moments) {
-            *mean += (1.0 - Adam::MEAN_DECAY) * (g - *mean);
-            *square += (1.0 - Adam::SQUARE_DECAY) * (g * g - *square);
-            *parameter -= rate * *mean / (square.sqrt() * shrink + Adam::EPSILON);
-        }
     }
 }
 
@@ -465,47 +490,4 @@ pub(crate) fn argmax_among(values: &[f32], allowed: &[bool]) -> usize {
         .filter(|(_, it)| **it);
     let best = allowed.reduce(|best, it| if best.0.1 < it.0.1 { it } else { best });
     best.map_or_else(|| argmax(values), |((i, _), _)| i)
-}
-
-#[inline(always)]
-fn relu(values: &mut [f32]) {
-    for value in values {
-        *value = if *value > 0.0 { *value } else { 0.0 };
-    }
-}
-
-/// Returns a matrix with orthonormal rows or columns, whichever are fewer.
-///
-/// Gram-Schmidt on normal draws, written by hand. A library's QR uses reflections
-/// or another order of sums, which gives other bits and so other policies from
-/// the same seed.
-fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut LearnerRng) -> Vec<Vec<f64>> {
-    let (few, many) = (rows.min(columns), rows.max(columns));
-    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(few);
-    while basis.len() < few {
-        let mut vector: Vec<f64> = (0..many).map(|_| dice.normal()).collect();
-        // Two passes are enough (Kahan, in Parlett 1980). The first pass may leave
-        // rounding as large as the rest of the vector, the second removes it.
-        for _ in 0..2 {
-            for other in &basis {
-                let along: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
-                vector
-                    .iter_mut()
-                    .zip(other)
-                    .for_each(|(a, b)| *a -= along * b);
-            }
-        }
-        let length = libm::sqrt(vector.iter().map(|a| a * a).sum());
-        // A draw within the span of the others has no direction left, so draw again.
-        if 1e-6 < length {
-            vector.iter_mut().for_each(|a| *a /= length);
-            basis.push(vector);
-        }
-    }
-    if rows <= columns {
-        return basis;
-    }
-    (0..rows)
-        .map(|row| basis.iter().map(|column| column[row]).collect())
-        .collect()
 }

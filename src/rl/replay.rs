@@ -9,93 +9,8 @@
 
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;
-
-/// Binary tree of partial sums over leaves that are at least 0.
-///
-/// Every inner node is exactly the rounded sum of its two children, so the tree
-/// is a pure function of its leaves.
-#[derive(Clone, Debug, PartialEq, Default)]
-pub struct SumTree {
-    /// Heap order: node i has the children 2i and 2i + 1, and index 0 is unused.
-    nodes: Vec<f64>,
-}
-
-impl SumTree {
-    /// Creates a tree over these leaves.
-    pub fn new(leaves: &[f64]) -> SumTree {
-        let mut tree = SumTree::default();
-        tree.grow(leaves.len());
-        let first = tree.capacity();
-        tree.nodes[first..first + leaves.len()].copy_from_slice(leaves);
-        tree.sum_up();
-        tree
-    }
-
-    /// Makes room for leaves with index below `leaves`. New leaves are 0.
-    pub fn grow(&mut self, leaves: usize) {
-        let old = self.capacity();
-        let new = leaves.next_power_of_two();
-        if old < new {
-            let mut nodes = vec![0.0; 2 * new];
-            nodes[new..new + old].copy_from_slice(&self.nodes[old..]);
-            self.nodes = nodes;
-            self.sum_up();
-        }
-    }
-
-    /// Sets a leaf.
-    pub fn set(&mut self, leaf: usize, value: f64) {
-        let mut node = self.capacity() + leaf;
-        self.nodes[node] = value;
-        // Summed anew from both children: adding the difference would accumulate
-        // rounding, and the tree would depend on its history.
-        while 1 < node {
-            node /= 2;
-            self.nodes[node] = self.nodes[2 * node] + self.nodes[2 * node + 1];
-        }
-    }
-
-    /// Returns a leaf.
-    pub fn get(&self, leaf: usize) -> f64 {
-        self.nodes[self.capacity() + leaf]
-    }
-
-    /// Returns the sum of all leaves.
-    pub fn total(&self) -> f64 {
-        self.nodes.get(1).copied().unwrap_or(0.0)
-    }
-
-    /// Finds, for every mass, the leaf in whose share of the total it lies.
-    ///
-    /// A leaf of 0 is never found while the total is positive.
-    ///
-    /// All masses descend together, level by level. The processor then waits for
-    /// many nodes at once instead of in sequence.
-    pub fn find(&self, masses: &mut [f64], leaves: &mut [usize]) {
-        leaves.fill(1);
-        for _ in 0..self.capacity().trailing_zeros() {
-            for (mass, node) in masses.iter_mut().zip(leaves.iter_mut()) {
-                let (left, right) = (self.nodes[2 * *node], self.nodes[2 * *node + 1]);
-                // Rounding may leave the mass at the very end. The walk then stays on the
-                // side with positive leaves.
-                let goes_right = left <= *mass && 0.0 < right;
-                *mass -= if goes_right { left } else { 0.0 };
-                *node = 2 * *node + usize::from(goes_right);
-            }
-        }
-        leaves.iter_mut().for_each(|node| *node -= self.capacity());
-    }
-
-    fn capacity(&self) -> usize {
-        self.nodes.len() / 2
-    }
-
-    fn sum_up(&mut self) {
-        for node in (1..self.capacity()).rev() {
-            self.nodes[node] = self.nodes[2 * node] + self.nodes[2 * node + 1];
-        }
-    }
-}
+use super::power::powers;
+use super::sum_tree::SumTree;
 
 /// n-step transition.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,14 +37,18 @@ pub struct Batch {
     pub weights: Vec<f32>,
     /// Observations, `[batch, observation]`.
     pub observations: Vec<f32>,
-    /// Next observations, `[batch, observation]`.
+    /// Next observations where the return bootstraps, `[lasting, observation]`.
     pub nexts: Vec<f32>,
+    /// Indices of the transitions whose return bootstraps.
+    pub lasting: Vec<usize>,
     /// Actions.
     pub actions: Vec<usize>,
     /// Rewards.
     pub rewards: Vec<f32>,
     /// Discounts of the bootstrap.
     pub discounts: Vec<f32>,
+    /// Errors of the transitions, from which their priorities are computed.
+    pub errors: Vec<f32>,
 }
 
 /// Replay memory: transitions and their priorities.
@@ -140,11 +59,12 @@ pub struct ReplayBuffer {
     alpha: f64,
     oldest: usize,
     largest: f64,
-    /// Observation, next observation, reward and discount, side by side.
+    /// Reward, discount, observation, next observation and the bits of the action.
     ///
-    /// A draw thus waits for the memory only once.
+    /// Side by side, so that a draw waits for the memory only once.
     rows: Vec<f32>,
-    actions: Vec<u32>,
+    /// Number of transitions.
+    len: usize,
     priorities: SumTree,
 }
 
@@ -161,19 +81,19 @@ impl ReplayBuffer {
             oldest: 0,
             largest: 1.0,
             rows: Vec::new(),
-            actions: Vec::new(),
+            len: 0,
             priorities: SumTree::default(),
         }
     }
 
     /// Returns the number of transitions.
     pub fn len(&self) -> usize {
-        self.actions.len()
+        self.len
     }
 
     /// Returns true if the memory is empty.
     pub fn is_empty(&self) -> bool {
-        self.actions.is_empty()
+        self.len == 0
     }
 
     /// Returns the length of an observation.
@@ -183,24 +103,17 @@ impl ReplayBuffer {
 
     /// Stores a transition, in place of the oldest when full.
     pub fn push(&mut self, transition: Transition) {
-        let slot = if self.len() < self.capacity {
+        let slot = if self.len < self.capacity {
             self.rows.resize(self.rows.len() + self.width(), 0.0);
-            self.actions.push(0);
-            self.priorities.grow(self.len());
-            self.len() - 1
+            self.len += 1;
+            self.priorities.grow(self.len);
+            self.len - 1
         } else {
             let slot = self.oldest;
             self.oldest = (slot + 1) % self.capacity;
             slot
         };
-        self.actions[slot] = transition.action as u32;
-        let width = self.width();
-        let row = &mut self.rows[slot * width..(slot + 1) * width];
-        let (observation, rest) = row.split_at_mut(self.observation);
-        let (next, numbers) = rest.split_at_mut(self.observation);
-        observation.copy_from_slice(transition.observation);
-        next.copy_from_slice(transition.next);
-        numbers.copy_from_slice(&[transition.reward, transition.discount]);
+        self.write_row(slot, transition);
         // The largest priority ever seen, so that a new transition is drawn soon.
         self.priorities.set(slot, self.largest);
     }
@@ -214,12 +127,13 @@ impl ReplayBuffer {
         batch.masses.extend(strata);
         batch.slots.resize(size, 0);
         self.priorities.find(&mut batch.masses, &mut batch.slots);
-        for at in 0..size {
-            let slot = batch.slots[at];
-            let share = self.len() as f64 * self.priorities.get(slot) / total;
-            batch.weights.push(libm::powf(share as f32, -beta as f32));
-            self.append_row(slot, batch);
-        }
+        let shares = batch.slots.iter().map(|slot| {
+            let share = self.len as f64 * self.priorities.get(*slot) / total;
+            share as f32
+        });
+        batch.weights.extend(shares);
+        powers(&mut batch.weights, -beta as f32);
+        self.append_rows(0, batch);
         // Scaled by the maximum of the batch, so that weights only shrink a step.
         let largest = batch.weights.iter().copied().fold(0.0, f32::max);
         batch
@@ -237,41 +151,89 @@ impl ReplayBuffer {
         let slot = (self.oldest + self.len() - 1) % self.len();
         batch.slots.push(slot);
         batch.weights.push(1.0);
-        self.append_row(slot, batch);
+        self.append_rows(batch.slots.len() - 1, batch);
     }
 
-    fn append_row(&self, slot: usize, batch: &mut Batch) {
-        let row = &self.rows[slot * self.width()..(slot + 1) * self.width()];
-        let (observation, rest) = row.split_at(self.observation);
-        let (next, numbers) = rest.split_at(self.observation);
-        batch.observations.extend_from_slice(observation);
-        batch.nexts.extend_from_slice(next);
-        batch.actions.push(self.actions[slot] as usize);
-        batch.rewards.push(numbers[0]);
-        batch.discounts.push(numbers[1]);
+    /// Appends the rows of the slots from index `from` on.
+    fn append_rows(&self, from: usize, batch: &mut Batch) {
+        // The ends of all rows first: this loop is so short that the processor waits for
+        // many rows at once. The second loop then finds them in its cache.
+        for slot in &batch.slots[from..] {
+            let row = self.row(*slot);
+            batch.rewards.push(row[0]);
+            batch.discounts.push(row[1]);
+            batch.actions.push(row[row.len() - 1].to_bits() as usize);
+        }
+        for (at, slot) in batch.slots.iter().enumerate().skip(from) {
+            let [observation, next] = self.observations(*slot);
+            batch.observations.extend_from_slice(observation);
+            // A next observation without bootstrap has no effect.
+            if batch.discounts[at] != 0.0 {
+                batch.nexts.extend_from_slice(next);
+                batch.lasting.push(at);
+            }
+        }
     }
 
     /// Sets the priority of a slot to (|δ| + floor)^α.
     pub fn prioritise(&mut self, slot: usize, error: f32) {
-        let priority = f64::from(libm::powf(
-            error.abs() + ReplayBuffer::FLOOR,
-            self.alpha as f32,
-        ));
+        self.prioritise_all(&mut [slot], &mut [error]);
+    }
+
+    /// Sets the priorities of many slots, the last one if a slot is repeated.
+    ///
+    /// Uses `slots` up as working memory, and turns the errors into priorities.
+    pub fn prioritise_all(&mut self, slots: &mut [usize], errors: &mut [f32]) {
+        errors
+            .iter_mut()
+            .for_each(|error| *error = error.abs() + ReplayBuffer::FLOOR);
+        powers(errors, self.alpha as f32);
         // Never decreases: new transitions get the largest priority ever seen.
-        self.largest = self.largest.max(priority);
-        self.priorities.set(slot, priority);
+        let largest = errors.iter().copied().fold(0.0, f32::max);
+        self.largest = self.largest.max(f64::from(largest));
+        self.priorities.set_all(slots, errors);
+    }
+
+    fn row(&self, slot: usize) -> &[f32] {
+        &self.rows[slot * self.width()..(slot + 1) * self.width()]
+    }
+
+    fn observations(&self, slot: usize) -> [&[f32]; 2] {
+        let row = self.row(slot);
+        let (observation, next) = row[2..row.len() - 1].split_at(self.observation);
+        [observation, next]
+    }
+
+    fn write_row(&mut self, slot: usize, transition: Transition) {
+        let width = self.width();
+        let row = &mut self.rows[slot * width..(slot + 1) * width];
+        row[0] = transition.reward;
+        row[1] = transition.discount;
+        row[width - 1] = f32::from_bits(transition.action as u32);
+        let (observation, next) = row[2..width - 1].split_at_mut(self.observation);
+        observation.copy_from_slice(transition.observation);
+        next.copy_from_slice(transition.next);
     }
 
     fn width(&self) -> usize {
-        2 * self.observation + 2
+        2 * self.observation + 3
     }
 
     /// Writes everything into a checkpoint, as `prefix/rows`, `prefix/actions`, ….
     pub fn save(&self, prefix: &str, bundle: &mut TensorFile) {
-        let n = self.len();
+        let n = self.len;
         let name = |part| format!("{prefix}/{part}");
-        bundle.put(name("rows"), &[n, self.width()], self.rows.clone());
-        bundle.put(name("actions"), &[n], self.actions.clone());
+        let mut rows = Vec::with_capacity(n * (2 * self.observation + 2));
+        let mut actions = Vec::with_capacity(n);
+        for slot in 0..n {
+            let row = self.row(slot);
+            // Observations before reward and discount, the order of the first versions.
+            rows.extend_from_slice(&row[2..row.len() - 1]);
+            rows.extend_from_slice(&row[..2]);
+            actions.push(row[row.len() - 1].to_bits());
+        }
+        bundle.put(name("rows"), &[n, 2 * self.observation + 2], rows);
+        bundle.put(name("actions"), &[n], actions);
         let leaves: Vec<f64> = (0..n).map(|slot| self.priorities.get(slot)).collect();
         bundle.put(name("priorities"), &[n], leaves);
         bundle.put(name("oldest"), &[1], vec![self.oldest as u64]);
@@ -308,10 +270,23 @@ impl ReplayBuffer {
                 found: leaf.to_string(),
             });
         }
-        self.rows = bundle
-            .get::<f32>(&name("rows"), &[n, self.width()])?
-            .to_vec();
-        self.actions = kept.to_vec();
+        let ends = 2 * self.observation;
+        let rows = bundle.get::<f32>(&name("rows"), &[n, ends + 2])?;
+        self.rows = vec![0.0; n * self.width()];
+        self.len = n;
+        for (slot, action) in kept.iter().enumerate() {
+            let row = &rows[slot * (ends + 2)..(slot + 1) * (ends + 2)];
+            self.write_row(
+                slot,
+                Transition {
+                    observation: &row[..self.observation],
+                    action: *action as usize,
+                    reward: row[ends],
+                    next: &row[self.observation..ends],
+                    discount: row[ends + 1],
+                },
+            );
+        }
         // The inner nodes are rebuilt, since the tree is a function of its leaves.
         self.priorities = SumTree::new(leaves);
         self.oldest = oldest;
@@ -323,6 +298,9 @@ impl ReplayBuffer {
 impl Batch {
     /// Appends the transitions of another batch.
     pub fn append(&mut self, other: &Batch) {
+        let before = self.slots.len();
+        self.lasting
+            .extend(other.lasting.iter().map(|at| before + at));
         self.slots.extend_from_slice(&other.slots);
         self.weights.extend_from_slice(&other.weights);
         self.observations.extend_from_slice(&other.observations);
@@ -338,9 +316,11 @@ impl Batch {
         self.weights.clear();
         self.observations.clear();
         self.nexts.clear();
+        self.lasting.clear();
         self.actions.clear();
         self.rewards.clear();
         self.discounts.clear();
+        self.errors.clear();
     }
 }
 

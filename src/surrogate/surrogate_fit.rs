@@ -8,7 +8,8 @@ use super::fitted_model::FittedModel;
 use super::model::{OUTPUTS, Surrogate, answer_of, expected_mps2};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::LearnerRng;
-use crate::rl::nn::{Adam, Mlp, Tape};
+use crate::rl::adam::Adam;
+use crate::rl::nn::{Mlp, Tape};
 
 /// Number of networks in the ensemble.
 pub(super) const MEMBERS: usize = 2;

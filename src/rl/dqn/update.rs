@@ -7,6 +7,9 @@ use crate::rl::nn::argmax;
 /// First step size of an extension, as a share of the configured size.
 const AGAIN: f64 = 0.3;
 
+/// Multiple of rows that the products of all layers compute without a rest.
+const STRIP: usize = 8;
+
 impl Dqn {
     /// Returns the current step size of Adam, which falls linearly.
     ///
@@ -58,10 +61,15 @@ impl Dqn {
         // state γ^k is stored as 0, so that all rows are treated alike.
         let stride = self.online.output_stride();
         let actions = self.online.outputs();
-        let picks = self.online.forward(&batch.nexts, size, here);
-        let judges = self.target.forward(&batch.nexts, size, there);
+        // Rows without bootstrap are left out. Zeros fill the last rows up, because a
+        // product computes its rows in strips.
+        let lasting = batch.lasting.len();
+        let rows = lasting.next_multiple_of(STRIP).min(size);
+        batch.nexts.resize(rows * self.online.inputs(), 0.0);
+        let picks = self.online.forward(&batch.nexts, rows, here);
+        let judges = self.target.forward(&batch.nexts, rows, there);
         let rows = picks.chunks_exact(stride).zip(judges.chunks_exact(stride));
-        for (i, (pick, judge)) in rows.enumerate() {
+        for (&i, (pick, judge)) in batch.lasting.iter().zip(rows) {
             batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
         }
 
@@ -80,16 +88,19 @@ impl Dqn {
             let slope = self.config.loss.slope(error, huber);
             loss += batch.weights[i] * self.config.loss.value(error, huber);
             gradients[at] = batch.weights[i] * slope / size as f32;
-            match &mut self.shown {
-                // The batch ends with the transitions of successes.
-                Some(successes) if own <= i => {
-                    successes.prioritise(batch.slots[i], error);
-                    let row = i * stride..i * stride + actions;
-                    let gradient = &mut gradients[row.clone()];
-                    successes.margin(&values[row], batch.actions[i], 1.0 / size as f32, gradient);
-                }
-                _ => self.replay.prioritise(batch.slots[i], error),
+            batch.errors.push(error);
+            // The batch ends with the transitions of successes.
+            if let Some(successes) = self.shown.as_ref().filter(|_| own <= i) {
+                let row = i * stride..i * stride + actions;
+                let gradient = &mut gradients[row.clone()];
+                successes.margin(&values[row], batch.actions[i], 1.0 / size as f32, gradient);
             }
+        }
+        let (slots, shown_slots) = batch.slots.split_at_mut(own);
+        let (errors, shown_errors) = batch.errors.split_at_mut(own);
+        self.replay.prioritise_all(slots, errors);
+        if let Some(successes) = &mut self.shown {
+            successes.prioritise_all(shown_slots, shown_errors);
         }
         self.losses.add(f64::from(loss / size as f32));
         self.online
@@ -99,13 +110,6 @@ impl Dqn {
         // Paper (Mnih 2015): a periodic copy. Here: Polyak averaging, because it has a
         // parameter less to tune.
         let polyak = self.config.polyak as f32;
-        let pairs = self
-            .target
-            .parameters_mut()
-            .iter_mut()
-            .zip(self.online.parameters());
-        for (target, online) in pairs {
-            *target += polyak * (online - *target);
-        }
+        self.target.move_toward(&self.online, polyak);
     }
 }

@@ -13,13 +13,14 @@ mod policy;
 pub use config::PpoSettings;
 use policy::ActorCritic;
 
+use crate::rl::adam::Adam;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
 use crate::rl::learner::{
     Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, expect_sizes, layers,
     linear,
 };
-use crate::rl::nn::{Adam, Mlp, Tape, argmax};
+use crate::rl::nn::{Mlp, Tape, argmax};
 use crate::rl::replay::check;
 use crate::rl::{End, Env, Losses, Policy, Spaces};
 
