@@ -2,7 +2,8 @@
 //!
 //! # First steps
 //!
-//! Read a CSV file with [`read_csv`] and a [`ColumnMap`]. [`Analysis::of`] fits lanes
+//! Read a CSV file with [`read_csv`] and a [`ColumnMap`], or OpenSCENARIO trajectories
+//! with [`read_xosc`]. [`Analysis::of`] fits lanes
 //! without a map and finds leads, followings and cut-ins. A [`TrafficRuleFile`] evaluates
 //! formulas on all vehicles. [`TrafficModel::fit`] measures how often drivers brake
 //! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
@@ -24,6 +25,7 @@ mod limit;
 mod model;
 mod path;
 mod plan;
+mod problem;
 mod rarity;
 mod read;
 mod recording;
@@ -34,6 +36,8 @@ mod starts;
 mod tail;
 mod timestamp;
 mod world;
+mod xosc;
+mod xosc_entity;
 
 pub use acceleration_model::AccelerationModel;
 pub use analysis::Analysis;
@@ -52,6 +56,7 @@ pub use limit::NaturalLimit;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use path::{Path, PathPlace};
 pub use plan::{PIECE_S, SpeedPlan};
+pub use problem::{FilePlace, FileProblem};
 pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, RatedEvent, Surprise};
 pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
@@ -62,3 +67,4 @@ pub use situations::{
 pub use starts::{StartRarity, StartState, StartTable};
 pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, RateSource, TailPoint};
 pub use world::{RecordedWorld, following_worlds};
+pub use xosc::read_xosc;

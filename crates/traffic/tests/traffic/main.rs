@@ -1,6 +1,7 @@
 //! Recorded traffic: reading, lanes, situations, rules and rarity, on synthetic rows.
 
 mod naturalness;
+mod openscenario;
 mod reading;
 mod rules;
 mod situations;
