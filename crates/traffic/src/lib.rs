@@ -2,8 +2,8 @@
 //!
 //! # First steps
 //!
-//! Read a CSV file with [`read_csv`] and a [`ColumnMap`], or OpenSCENARIO trajectories
-//! with [`read_xosc`]. [`Analysis::of`] fits lanes
+//! Read a CSV file with [`read_csv`] and a [`ColumnMap`], OpenSCENARIO trajectories with
+//! [`read_xosc`], or an OSI trace with [`read_osi`] or [`read_mcap`]. [`Analysis::of`] fits lanes
 //! without a map and finds leads, followings and cut-ins. A [`TrafficRuleFile`] evaluates
 //! formulas on all vehicles. [`TrafficModel::fit`] measures how often drivers brake
 //! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
@@ -22,7 +22,10 @@ mod following;
 mod grid;
 mod lane_frame;
 mod limit;
+mod mcap;
 mod model;
+mod osi;
+mod osi_message;
 mod path;
 mod plan;
 mod problem;
@@ -53,7 +56,9 @@ pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
 pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
 pub use limit::NaturalLimit;
+pub use mcap::read_mcap;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
+pub use osi::read_osi;
 pub use path::{Path, PathPlace};
 pub use plan::{PIECE_S, SpeedPlan};
 pub use problem::{FilePlace, FileProblem};

@@ -110,7 +110,7 @@ pub enum FileProblem {
         field: &'static str,
     },
     /// No message has ground truth.
-    #[error("no osi3.GroundTruth and no osi3.SensorView, but {0}")]
+    #[error("no moving object in osi3.GroundTruth or osi3.SensorView ({0})")]
     NoGroundTruth(String),
     /// The file does not begin as MCAP does.
     #[error("the file does not begin as MCAP does")]

@@ -2,6 +2,7 @@
 
 mod naturalness;
 mod openscenario;
+mod osi;
 mod reading;
 mod rules;
 mod situations;
