@@ -4,7 +4,7 @@
 //!
 //! Read a CSV file with [`read_csv`] and a [`ColumnMap`], OpenSCENARIO trajectories with
 //! [`read_xosc`], or an OSI trace with [`read_osi`] or [`read_mcap`]. [`Analysis::of`] fits lanes
-//! without a map and finds leads, followings and cut-ins. A [`TrafficRuleFile`] evaluates
+//! without a map and finds leads, followings, cut-ins and crossings. A [`TrafficRuleFile`] evaluates
 //! formulas on all vehicles. [`TrafficModel::fit`] measures how often drivers brake
 //! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
 //! masks actions that would make an event too rare.
@@ -16,6 +16,8 @@ mod analysis;
 mod braking;
 mod calibration;
 mod column_map;
+mod columns;
+mod crossings;
 mod driving_data;
 mod error;
 mod following;
@@ -27,6 +29,7 @@ mod model;
 mod osi;
 mod osi_message;
 mod path;
+mod picture;
 mod plan;
 mod problem;
 mod rarity;
@@ -36,6 +39,7 @@ mod rules;
 mod simplex;
 mod situations;
 mod starts;
+mod svg;
 mod tail;
 mod timestamp;
 mod world;
@@ -52,6 +56,8 @@ pub use column_map::{
     AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns,
     TimeColumn, VectorColumns, YAxis,
 };
+pub use columns::RecordingColumns;
+pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
 pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
@@ -60,6 +66,7 @@ pub use mcap::read_mcap;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use osi::read_osi;
 pub use path::{Path, PathPlace};
+pub use picture::{svg_instant, svg_overview};
 pub use plan::{PIECE_S, SpeedPlan};
 pub use problem::{FilePlace, FileProblem};
 pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, RatedEvent, Surprise};

@@ -1,5 +1,7 @@
 //! Recorded traffic: reading, lanes, situations, rules and rarity, on synthetic rows.
 
+mod columns;
+mod crossings;
 mod naturalness;
 mod openscenario;
 mod osi;
