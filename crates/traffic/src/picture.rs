@@ -6,7 +6,7 @@ use crate::analysis::Analysis;
 use crate::crossings::corners_m;
 use crate::lane_frame::Carriageway;
 use crate::recording::{Class, RoadUserTrack};
-use crate::svg::{LINE_PX, SvgCanvas, WIDTH_PX, colour, text_px};
+use crate::svg::{LINE_PX, SvgCanvas, WIDTH_PX, colour, distance_px, text_px};
 
 /// Margin around the drawing in pixels.
 const MARGIN_PX: f64 = 14.0;
@@ -73,8 +73,8 @@ pub fn svg_overview(analysis: &Analysis) -> String {
 
 /// Draws an instant from above, with a road user in the middle that heads to the right.
 ///
-/// The picture shows lanes, boxes, the last 3 s and labels of the nearest road users. A
-/// label lies outside of the drawing, and its line passes no other box. `sample` counts
+/// The picture shows 120 m × 40 m of the road with lanes, boxes, the last 3 s and labels
+/// of the nearest road users. A label lies outside of the drawing, and its line passes no other box. `sample` counts
 /// from the recording's start. Returns `None` if the track has no such sample.
 pub fn svg_instant(
     analysis: &Analysis,
@@ -98,9 +98,10 @@ pub fn svg_instant(
     let lower_px = top_px + size_px[1];
     shown.retain(|i| {
         let user = &recording.tracks[*i];
-        let at = sample - user.first_sample;
-        let [x, y] = canvas.place_px([user.x_m[at], user.y_m[at]]);
-        (0.0..WIDTH_PX).contains(&x) && (top_px..lower_px).contains(&y)
+        let corners = corners_m(user, sample - user.first_sample);
+        let corners = corners.map(|it| canvas.place_px(it));
+        let is_level = corners.iter().all(|it| (top_px..lower_px).contains(&it[1]));
+        is_level && corners.iter().any(|it| (0.0..WIDTH_PX).contains(&it[0]))
     });
     for carriageway in &analysis.frame.carriageways {
         draw_near_borders(&mut canvas, carriageway, centre_m);
@@ -126,10 +127,10 @@ pub fn svg_instant(
         boxes.push(corners.map(|it| canvas.place_px(it)));
     }
     let rows_px = [
-        STRIP_PX + LINE_PX - 3.0,
-        STRIP_PX + 2.0 * LINE_PX - 3.0,
-        lower_px + LINE_PX - 3.0,
-        lower_px + 2.0 * LINE_PX - 3.0,
+        STRIP_PX + LINE_PX - DESCENT_PX,
+        STRIP_PX + 2.0 * LINE_PX - DESCENT_PX,
+        lower_px + LINE_PX - DESCENT_PX,
+        lower_px + 2.0 * LINE_PX - DESCENT_PX,
     ];
     let mut labels = LabelRows::new(&boxes, rows_px);
     for (k, i) in shown.iter().enumerate().take(MOST_LABELS) {
@@ -242,21 +243,23 @@ fn draw_past(canvas: &mut SvgCanvas, user: &RoadUserTrack, sample: usize, dt_s: 
     canvas.line(points, &style);
 }
 
+/// Corners of a box or a label in pixels.
+type CornersPx = [[f64; 2]; 4];
+
 /// Rows of labels with lines to their boxes.
 struct LabelRows<'a> {
-    boxes: &'a [[[f64; 2]; 4]],
+    boxes: &'a [CornersPx],
     rows_px: [f64; 4],
-    /// Taken intervals per row.
-    taken: [Vec<(f64, f64)>; 4],
+    labels: Vec<CornersPx>,
     lines: Vec<[[f64; 2]; 2]>,
 }
 
 impl LabelRows<'_> {
-    fn new(boxes: &[[[f64; 2]; 4]], rows_px: [f64; 4]) -> LabelRows<'_> {
+    fn new(boxes: &[CornersPx], rows_px: [f64; 4]) -> LabelRows<'_> {
         LabelRows {
             boxes,
             rows_px,
-            taken: [const { Vec::new() }; 4],
+            labels: Vec::new(),
             lines: Vec::new(),
         }
     }
@@ -264,63 +267,75 @@ impl LabelRows<'_> {
     /// Places a label where its line is shortest, or nowhere if no place is free.
     fn place(&mut self, canvas: &mut SvgCanvas, own: usize, text: &str) {
         let wide_px = text_px(text);
-        let corners = &self.boxes[own];
-        let middle = [0, 1].map(|axis| corners.iter().map(|it| it[axis]).sum::<f64>() / 4.0);
         let most = ((WIDTH_PX - wide_px - 2.0 * MARGIN_PX) / 10.0).max(0.0) as usize;
-        let mut best: Option<(f64, usize, f64, [[f64; 2]; 2])> = None;
-        for row in 0..self.rows_px.len() {
+        let mut best: Option<(f64, CornersPx, [[f64; 2]; 2])> = None;
+        for base_px in self.rows_px {
             for left in (0..=most).map(|k| MARGIN_PX + 10.0 * k as f64) {
-                let Some(line) = self.line(own, row, (left, left + wide_px), middle) else {
+                let label = label_px([left, base_px], wide_px);
+                let Some(line) = self.line(own, &label) else {
                     continue;
                 };
                 let far = libm::hypot(line[0][0] - line[1][0], line[0][1] - line[1][1]);
                 if best.as_ref().is_none_or(|it| far < it.0) {
-                    best = Some((far, row, left, line));
+                    best = Some((far, label, line));
                 }
             }
         }
-        let Some((_, row, left, line)) = best else {
+        let Some((_, label, line)) = best else {
             return;
         };
-        self.taken[row].push((left, left + wide_px));
-        self.lines.push(line);
         canvas.segment(line[0], line[1], "stroke=\"#495057\" stroke-width=\"0.7\"");
-        canvas.text([left, self.rows_px[row]], "", text);
+        canvas.text([label[0][0], label[2][1] - DESCENT_PX], "", text);
+        self.labels.push(label);
+        self.lines.push(line);
     }
 
     /// Returns the line of a label, `None` if it or the label covers anything.
-    fn line(
-        &self,
-        own: usize,
-        row: usize,
-        (left, right): (f64, f64),
-        middle: [f64; 2],
-    ) -> Option<[[f64; 2]; 2]> {
-        let is_free = |(from, to): &(f64, f64)| right + 8.0 < *from || *to + 8.0 < left;
-        if !self.taken[row].iter().all(is_free) {
-            return None;
-        }
-        let is_above = row < 2;
-        let end_y = self.rows_px[row] + if is_above { 3.0 } else { 3.0 - LINE_PX };
-        let end = [middle[0].clamp(left, right), end_y];
-        // A line out of an outer row passes the inner one.
-        let inner = if is_above { 1 } else { 2 };
-        let passes = |(from, to): &(f64, f64)| (from - 4.0..=to + 4.0).contains(&end[0]);
-        if row != inner && self.taken[inner].iter().any(passes) {
-            return None;
-        }
-        let line = [edge(&self.boxes[own], middle, end), end];
-        let others = self.boxes.iter().enumerate().filter(|(i, _)| *i != own);
-        let covers = |(_, corners): (usize, &[[f64; 2]; 4])| {
-            (0..4).any(|i| do_cross(line, [corners[i], corners[(i + 1) % 4]]))
+    fn line(&self, own: usize, label: &CornersPx) -> Option<[[f64; 2]; 2]> {
+        let (left, right) = (label[0][0], label[1][0]);
+        let is_beside = |other: &CornersPx| {
+            let is_other_row = other[0][1] != label[0][1];
+            is_other_row || right + 8.0 < other[0][0] || other[1][0] + 8.0 < left
         };
-        let is_over_line = self.lines.iter().any(|it| do_cross(line, *it));
-        (!others.into_iter().any(covers) && !is_over_line).then_some(line)
+        if !self.labels.iter().all(is_beside) {
+            return None;
+        }
+        let corners = &self.boxes[own];
+        let middle = [0, 1].map(|axis| corners.iter().map(|it| it[axis]).sum::<f64>() / 4.0);
+        let is_above = label[2][1] < middle[1];
+        let end_y = if is_above { label[2][1] } else { label[0][1] };
+        let end = [middle[0].clamp(left, right), end_y];
+        let line = [edge(corners, middle, end), end];
+        let others = self.boxes.iter().enumerate().filter(|(i, _)| *i != own);
+        let passes_all = others
+            .map(|(_, it)| it)
+            .chain(&self.labels)
+            .all(|it| !is_over(line, it));
+        let is_apart = |it: &[[f64; 2]; 2]| !do_cross(line, *it) && !is_over(*it, label);
+        (passes_all && self.lines.iter().all(is_apart)).then_some(line)
     }
 }
 
+/// Height of a text's letters below its baseline.
+const DESCENT_PX: f64 = 3.0;
+
+/// Returns the corners of a label whose text begins at a pixel, the upper left one first.
+fn label_px([left, base]: [f64; 2], wide_px: f64) -> CornersPx {
+    let (top, bottom) = (base + DESCENT_PX - LINE_PX, base + DESCENT_PX);
+    let right = left + wide_px;
+    [[left, top], [right, top], [right, bottom], [left, bottom]]
+}
+
+/// Returns true if a line crosses a box, or nearly touches one of its corners.
+fn is_over(line: [[f64; 2]; 2], corners: &CornersPx) -> bool {
+    (0..4).any(|i| {
+        let is_near = distance_px(corners[i], line[0], line[1]) < 2.5;
+        is_near || do_cross(line, [corners[i], corners[(i + 1) % 4]])
+    })
+}
+
 /// Returns the point at which a line from the middle of a box to `end` leaves the box.
-fn edge(corners: &[[f64; 2]; 4], middle: [f64; 2], end: [f64; 2]) -> [f64; 2] {
+fn edge(corners: &CornersPx, middle: [f64; 2], end: [f64; 2]) -> [f64; 2] {
     let (dx, dy) = (end[0] - middle[0], end[1] - middle[1]);
     let shares = (0..4).filter_map(|i| {
         let (a, b) = (corners[i], corners[(i + 1) % 4]);

@@ -184,7 +184,7 @@ fn simplified(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// Returns the distance of a point to a piece of a line.
-fn distance_px([x, y]: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(crate) fn distance_px([x, y]: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let square = dx * dx + dy * dy;
     let share = if square == 0.0 {

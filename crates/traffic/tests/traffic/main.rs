@@ -5,6 +5,7 @@ mod crossings;
 mod naturalness;
 mod openscenario;
 mod osi;
+mod pictures;
 mod reading;
 mod rules;
 mod situations;
