@@ -1,11 +1,14 @@
 //! `brakecheck log`: recorded traffic, its situations, rules on it and models of it.
 
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, ColumnMap, ModelError, ReadError, RuleResult, RulesError, SourceFile, TrafficModel,
-    TrafficRecording, TrafficRuleFile, following_worlds, read_csv, read_csv_guessed,
+    Analysis, Class, ColumnMap, ModelError, ReadError, RuleResult, RulesError, SourceFile,
+    TrafficModel, TrafficRecording, TrafficRuleFile, following_worlds, read_csv, read_csv_guessed,
+    read_mcap, read_osi, read_xosc,
 };
 use clap::Args;
 use serde_json::{Value, json};
@@ -17,8 +20,12 @@ use crate::world::Scenario;
 
 #[derive(Args, Debug)]
 pub(super) struct LogArgs {
-    /// Recordings: CSV with a row per road user and instant.
-    #[arg(required = true, value_name = "FILE.csv")]
+    /// Recordings: FILE.csv, FILE.xosc, FILE.osi or FILE.mcap.
+    ///
+    /// CSV has a row per road user and instant. OpenSCENARIO has polylines that its
+    /// entities follow. OSI traces hold osi3.GroundTruth or osi3.SensorView. Any other
+    /// ending is read as CSV.
+    #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Column map: dlr, highd, ind, ngsim, generic or a RON file [default: by header].
     ///
@@ -124,10 +131,32 @@ fn read(
     map: Option<&(ColumnMap, String)>,
 ) -> Result<(TrafficRecording, String), Failure> {
     let (name, rows) = (file.display().to_string(), open(file)?);
+    let format = file.extension().and_then(OsStr::to_str).unwrap_or_default();
+    let format = format.to_ascii_lowercase();
+    let recording = match &*format {
+        "xosc" => read_xosc(rows, &name),
+        "osi" => read_osi(rows, &name),
+        "mcap" => read_mcap(rows, &name),
+        _ => return read_rows(rows, &name, map),
+    };
+    if map.is_some() {
+        return Err(Failure::input(
+            format!("`{name}` is not CSV, so it has no column map"),
+            "leave out --map, or read the CSV files by a command of their own",
+        ));
+    }
+    Ok((recording?, format))
+}
+
+fn read_rows(
+    rows: File,
+    name: &str,
+    map: Option<&(ColumnMap, String)>,
+) -> Result<(TrafficRecording, String), Failure> {
     Ok(match map {
-        Some((map, known)) => (read_csv(rows, &name, map)?, known.clone()),
+        Some((map, known)) => (read_csv(rows, name, map)?, known.clone()),
         None => {
-            let (recording, known) = read_csv_guessed(rows, &name)?;
+            let (recording, known) = read_csv_guessed(rows, name)?;
             (recording, known.to_owned())
         }
     })
@@ -137,7 +166,7 @@ fn open(file: &Path) -> Result<File, Failure> {
     File::open(file).map_err(|error| {
         Failure::input(
             format!("cannot read `{}`: {error}", file.display()),
-            "name a readable CSV file",
+            "name a readable file",
         )
     })
 }
@@ -157,7 +186,7 @@ fn evaluate(
 fn show(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Result<(), Failure> {
     let recording = &analysis.recording;
     terminal::data(&format!(
-        "{}, column map {map}: {} rows, {} road users, {:.1} s at {:.3} s, {:.1} km",
+        "{}, format {map}: {} rows, {} road users, {:.1} s at {:.3} s, {:.1} km",
         recording.name,
         recording.counts.rows,
         recording.road_users(),
@@ -200,6 +229,16 @@ fn show(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Result<(), Fa
         found.cut_ins.len(),
         found.overlapping_cut_ins,
     ))?;
+    terminal::data(&table_of(
+        ["crossing", "paths", "PET < 5 s", "least PET s", "least m"],
+        crossing_rows(analysis).iter().map(|it| {
+            let shown =
+                |value: Option<f64>| value.map_or("–".to_owned(), |it| format!("{it:.2}"));
+            let (kinds, least_s) = (it.classes.join(", "), shown(Some(it.least_pet_s)));
+            let (paths, close) = (format!("{}", it.paths), format!("{}", it.close));
+            [kinds, paths, close, least_s, shown(it.least_m)]
+        }),
+    ))?;
     if results.is_empty() {
         return Ok(());
     }
@@ -232,6 +271,40 @@ fn show(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Result<(), Fa
     terminal::data(&table_of(header, rules))
 }
 
+/// Crossing paths of two classes.
+struct CrossingRow {
+    classes: [&'static str; 2],
+    paths: usize,
+    /// Those with a post-encroachment time below 5 s.
+    close: usize,
+    least_pet_s: f64,
+    /// Least clearance at one instant.
+    least_m: Option<f64>,
+}
+
+/// Counts the crossing paths of a recording by the classes of the two road users.
+fn crossing_rows(analysis: &Analysis) -> Vec<CrossingRow> {
+    let class = |track: usize| analysis.recording.tracks[track].class;
+    let mut rows: BTreeMap<[Class; 2], CrossingRow> = BTreeMap::new();
+    for crossing in &analysis.crossings {
+        let (first, second) = (class(crossing.first), class(crossing.second));
+        let classes = [first.min(second), first.max(second)];
+        let row = rows.entry(classes).or_insert(CrossingRow {
+            classes: classes.map(Class::name),
+            paths: 0,
+            close: 0,
+            least_pet_s: f64::INFINITY,
+            least_m: None,
+        });
+        row.paths += 1;
+        row.close += usize::from(crossing.pet_s() < 5.0);
+        row.least_pet_s = row.least_pet_s.min(crossing.pet_s());
+        let clearances = row.least_m.into_iter().chain(crossing.least_m);
+        row.least_m = clearances.min_by(f64::total_cmp);
+    }
+    rows.into_values().collect()
+}
+
 /// Returns a line on the corrections of a reading, `None` without any.
 fn corrections(recording: &TrafficRecording) -> Option<String> {
     let counts = &recording.counts;
@@ -242,6 +315,15 @@ fn corrections(recording: &TrafficRecording) -> Option<String> {
         (counts.holes_split, "tracks split at long holes"),
         (counts.too_short, "tracks of one sample left out"),
         (counts.unknown_class, "rows of an unknown class"),
+        (
+            counts.assumed_sizes,
+            "road users with the size of their class",
+        ),
+        (
+            counts.without_motion,
+            "entities without a trajectory left out",
+        ),
+        (counts.other_messages, "messages of other channels left out"),
     ];
     let parts: Vec<String> = parts
         .iter()
@@ -267,6 +349,12 @@ fn report(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Value {
         })
     });
     let found = &analysis.situations;
+    let crossings = crossing_rows(analysis).into_iter().map(|it| {
+        json!({
+            "classes": it.classes, "paths": it.paths, "pet_below_5_s": it.close,
+            "least_pet_s": it.least_pet_s, "least_m": it.least_m,
+        })
+    });
     json!({
         "file": recording.name,
         "map": map,
@@ -280,6 +368,7 @@ fn report(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Value {
         "windows": found.windows(recording).len(),
         "lane_changes": found.lane_changes.len(),
         "cut_ins": found.cut_ins.len(),
+        "crossings": crossings.collect::<Vec<_>>(),
         "rules": rules.collect::<Vec<_>>(),
     })
 }

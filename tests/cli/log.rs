@@ -61,3 +61,62 @@ fn a_wrong_recording_is_refused_with_its_place() {
     refused(&["log", "nowhere.csv"], "cannot read `nowhere.csv`");
     refused(&["log", &file, "--map", "nomap"], "cannot read `nomap`");
 }
+
+/// A pedestrian and a car whose paths cross, as OpenSCENARIO.
+fn scenario() -> String {
+    let mut entities = String::new();
+    let mut groups = String::new();
+    for (name, entry, x, y, x_mps, y_mps) in [
+        ("p", "pedestrian_adult", 0.0, -6.0, 0.0, 1.5),
+        ("c", "car_white", -65.0, 0.0, 10.0, 0.0),
+    ] {
+        entities += &format!(
+            "<ScenarioObject name=\"{name}\"><CatalogReference catalogName=\"C\" \
+             entryName=\"{entry}\"/></ScenarioObject>\n"
+        );
+        groups += &format!(
+            "<ManeuverGroup name=\"g\"><Actors><EntityRef entityRef=\"{name}\"/></Actors>\
+             <Maneuver name=\"m\"><Event name=\"e\"><Action name=\"a\">\
+             <Trajectory name=\"t\" closed=\"false\"><Shape><Polyline>\n"
+        );
+        for i in 0..100 {
+            let t = 0.1 * f64::from(i);
+            let (x, y) = (x + x_mps * t, y + y_mps * t);
+            groups +=
+                &format!("<Vertex time=\"{t}\"><WorldPosition x=\"{x}\" y=\"{y}\"/></Vertex>\n");
+        }
+        groups += "</Polyline></Shape></Trajectory></Action></Event></Maneuver></ManeuverGroup>\n";
+    }
+    format!("<OpenSCENARIO><Entities>{entities}</Entities>\n{groups}</OpenSCENARIO>")
+}
+
+#[test]
+fn the_ending_of_a_recording_selects_its_format() {
+    let (folder, _) = folder();
+    let place = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        write(&path, text.as_bytes());
+        path.display().to_string()
+    };
+    let file = place("drive.xosc", &scenario());
+    let output = brakecheck(&["log", &file, "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let report = &json(&output)["recordings"][0];
+    assert_eq!(report["map"], "xosc");
+    assert_eq!(report["counts"]["assumed_sizes"], 2);
+    // The pedestrian leaves the car's strip after 4.0 + 1.15 / 1.5 s, and the car enters
+    // that of the pedestrian after 6.5 − 2.55 / 10 s.
+    let crossing = &report["crossings"][0];
+    assert_eq!(crossing["classes"][0], "pedestrian");
+    let pet_s = crossing["least_pet_s"].as_f64().expect("a time");
+    assert!((pet_s - 1.478).abs() < 0.01, "{pet_s}");
+    refused(&["log", &file, "--map", "dlr"], "is not CSV");
+    // CSV under another ending.
+    let file = place("tracks.osi", &recording());
+    refused(
+        &["log", &file],
+        "message 1 at byte 0: a length of 1701669236 bytes",
+    );
+    let file = place("tracks.mcap", &recording());
+    refused(&["log", &file], "does not begin as MCAP does");
+}

@@ -1,5 +1,6 @@
 //! A recording with its lanes, leads and situations.
 
+use crate::crossings::PathCrossing;
 use crate::following::Leads;
 use crate::lane_frame::LaneFrame;
 use crate::recording::TrafficRecording;
@@ -17,6 +18,8 @@ pub struct Analysis {
     pub leads: Leads,
     /// Followings, lane changes and cut-ins.
     pub situations: Situations,
+    /// Road users whose paths cross, those with the least time between them first.
+    pub crossings: Vec<PathCrossing>,
 }
 
 impl Analysis {
@@ -25,11 +28,13 @@ impl Analysis {
         let frame = LaneFrame::fit(&recording);
         let leads = Leads::find(&recording, &frame);
         let situations = Situations::find(&recording, &frame, &leads);
+        let crossings = PathCrossing::find(&recording);
         Analysis {
             recording,
             frame,
             leads,
             situations,
+            crossings,
         }
     }
 }

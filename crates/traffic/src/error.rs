@@ -1,5 +1,7 @@
 //! Errors in a file of recorded traffic.
 
+use crate::problem::{FilePlace, FileProblem};
+
 /// Error while reading a recording.
 ///
 /// [`ReadError::help`] states the fix.
@@ -92,6 +94,16 @@ pub enum ReadError {
         /// Instant of both rows.
         time_s: f64,
     },
+    /// A file other than CSV, or an array, is invalid.
+    #[error("`{file}`{place}: {problem}")]
+    Content {
+        /// Name of the file.
+        file: String,
+        /// Place in the file.
+        place: FilePlace,
+        /// Problem at this place.
+        problem: FileProblem,
+    },
     /// No road user has two rows.
     #[error("`{file}`: no road user has two rows")]
     Empty {
@@ -104,7 +116,7 @@ impl ReadError {
     /// Returns the fix in the imperative.
     pub fn help(&self) -> String {
         match self {
-            ReadError::File { .. } => "name a readable CSV file".to_owned(),
+            ReadError::File { .. } => "name a readable file".to_owned(),
             ReadError::UnknownFormat { .. } => {
                 let known = crate::ColumnMap::shipped_names().join(", ");
                 format!(
@@ -134,6 +146,7 @@ impl ReadError {
             ReadError::Repeated { .. } => {
                 "map a column that is unique per road user, or remove one of the rows".to_owned()
             }
+            ReadError::Content { problem, .. } => problem.help(),
             ReadError::Empty { .. } => {
                 "map `id` to a column that is the same in all rows of a road user".to_owned()
             }

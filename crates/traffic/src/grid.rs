@@ -3,10 +3,14 @@
 use std::f64::consts::PI;
 
 use crate::error::ReadError;
+use crate::problem::{FilePlace, FileProblem};
 use crate::recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 
 /// Share of a period by which an instant may be off the grid.
 const ON_GRID: f64 = 0.05;
+
+/// Greatest number of samples of a recording, a month at 20 Hz.
+const MOST_SAMPLES: f64 = 5.0e7;
 
 /// Speed below which the direction of motion is no heading, in m/s.
 const STANDING_MPS: f64 = 0.5;
@@ -31,22 +35,53 @@ pub(crate) struct RawRow {
     pub(crate) marked: bool,
 }
 
+/// Point of a road user whose positions are recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum RawReference {
+    #[default]
+    Centre,
+    Front,
+    /// The box centre lies this far ahead and to the left of it.
+    CentreAt {
+        ahead_m: f64,
+        left_m: f64,
+    },
+}
+
+impl RawReference {
+    /// Returns how far the centre is ahead and to the left.
+    fn centre_m(self, length_m: f64) -> (f64, f64) {
+        match self {
+            RawReference::Centre => (0.0, 0.0),
+            RawReference::Front => (-0.5 * length_m, 0.0),
+            RawReference::CentreAt { ahead_m, left_m } => (ahead_m, left_m),
+        }
+    }
+}
+
 /// Rows of a road user, in any order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RawTrack {
     pub(crate) id: Vec<u8>,
-    /// Whether positions are of the front bumper instead of the centre.
-    pub(crate) is_front: bool,
+    pub(crate) reference: RawReference,
     pub(crate) rows: Vec<RawRow>,
     /// Sum per class.
     pub(crate) shares: [f64; Class::ALL.len()],
     pub(crate) length_sum_m: f64,
     pub(crate) width_sum_m: f64,
-    /// Number of rows in the sums.
+    /// Number of rows in the sums. Without any the size is that of the class.
     pub(crate) seen: f64,
 }
 
 impl RawTrack {
+    /// Returns the length and width.
+    fn size_m(&self) -> [f64; 2] {
+        if self.seen == 0.0 {
+            return self.class().usual_size_m();
+        }
+        [self.length_sum_m, self.width_sum_m].map(|sum_m| sum_m / self.seen)
+    }
+
     fn class(&self) -> Class {
         let by_share = |a: &&Class, b: &&Class| {
             let share = |class: Class| self.shares[class as usize];
@@ -89,12 +124,14 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
             });
         }
     }
+    counts.assumed_sizes = tracks.iter().filter(|it| it.seen == 0.0).count();
     let empty = || ReadError::Empty {
         file: file.to_owned(),
     };
     let dt_s = median_step(&tracks).ok_or_else(empty)?;
     let firsts = tracks.iter().filter_map(|it| it.rows.first());
     let first_s = firsts.map(|row| row.time_s).fold(f64::INFINITY, f64::min);
+    check_span(&tracks, first_s, dt_s, file)?;
     let mut all = Vec::with_capacity(tracks.len());
     for raw in &mut tracks {
         for row in &mut raw.rows {
@@ -118,6 +155,22 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
         tracks: all,
         counts,
     })
+}
+
+/// Returns an error if the time grid would have more than [`MOST_SAMPLES`].
+fn check_span(tracks: &[RawTrack], first_s: f64, dt_s: f64, file: &str) -> Result<(), ReadError> {
+    let lasts = tracks.iter().filter_map(|it| it.rows.last());
+    // Rows are sorted with NaN last, and a NaN is no span.
+    let span = |row: &RawRow| row.time_s - first_s;
+    let fits = |span_s: &f64| (0.0..=MOST_SAMPLES * dt_s).contains(span_s);
+    match lasts.map(span).find(|span_s| !fits(span_s)) {
+        Some(span_s) => Err(ReadError::Content {
+            file: file.to_owned(),
+            place: FilePlace::Whole,
+            problem: FileProblem::Span { span_s, dt_s },
+        }),
+        None => Ok(()),
+    }
 }
 
 /// Returns the median step of all road users, rounded to microseconds.
@@ -158,11 +211,12 @@ fn track(
         return None;
     }
 
+    let [length_m, width_m] = raw.size_m();
     let mut track = RoadUserTrack {
         id: raw.id(),
         class: raw.class(),
-        length_m: raw.length_sum_m / raw.seen,
-        width_m: raw.width_sum_m / raw.seen,
+        length_m,
+        width_m,
         first_sample: from,
         ..RoadUserTrack::default()
     };
@@ -180,7 +234,7 @@ fn track(
         }
         samples.push(sample(rows, next, time_s, dt_s, counts));
     }
-    fill(&mut track, &samples, dt_s, raw.is_front);
+    fill(&mut track, &samples, dt_s, raw.reference);
     Some(track)
 }
 
@@ -222,14 +276,14 @@ pub(crate) fn wrapped(angle_rad: f64) -> f64 {
 }
 
 /// Fills the columns of a track, with derived quantities where none were recorded.
-fn fill(track: &mut RoadUserTrack, samples: &[RawRow], dt_s: f64, is_front: bool) {
+fn fill(track: &mut RoadUserTrack, samples: &[RawRow], dt_s: f64, reference: RawReference) {
     let course = courses(samples, dt_s);
+    let (ahead_m, left_m) = reference.centre_m(track.length_m);
     for (row, course_rad) in samples.iter().zip(course) {
         let heading_rad = row.heading_rad.unwrap_or(course_rad);
         let (sin, cos) = libm::sincos(heading_rad);
-        let back_m = if is_front { 0.5 * track.length_m } else { 0.0 };
-        track.x_m.push(row.x_m - back_m * cos);
-        track.y_m.push(row.y_m - back_m * sin);
+        track.x_m.push(row.x_m + ahead_m * cos - left_m * sin);
+        track.y_m.push(row.y_m + ahead_m * sin + left_m * cos);
         track.heading_rad.push(wrapped(heading_rad));
         track.filled.push(row.marked);
     }

@@ -2,8 +2,9 @@
 //!
 //! # First steps
 //!
-//! Read a CSV file with [`read_csv`] and a [`ColumnMap`]. [`Analysis::of`] fits lanes
-//! without a map and finds leads, followings and cut-ins. A [`TrafficRuleFile`] evaluates
+//! Read a CSV file with [`read_csv`] and a [`ColumnMap`], OpenSCENARIO trajectories with
+//! [`read_xosc`], or an OSI trace with [`read_osi`] or [`read_mcap`]. [`Analysis::of`] fits lanes
+//! without a map and finds leads, followings, cut-ins and crossings. A [`TrafficRuleFile`] evaluates
 //! formulas on all vehicles. [`TrafficModel::fit`] measures how often drivers brake
 //! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
 //! masks actions that would make an event too rare.
@@ -15,15 +16,22 @@ mod analysis;
 mod braking;
 mod calibration;
 mod column_map;
+mod columns;
+mod crossings;
 mod driving_data;
 mod error;
 mod following;
 mod grid;
 mod lane_frame;
 mod limit;
+mod mcap;
 mod model;
+mod osi;
+mod osi_message;
 mod path;
+mod picture;
 mod plan;
+mod problem;
 mod rarity;
 mod read;
 mod recording;
@@ -31,9 +39,12 @@ mod rules;
 mod simplex;
 mod situations;
 mod starts;
+mod svg;
 mod tail;
 mod timestamp;
 mod world;
+mod xosc;
+mod xosc_entity;
 
 pub use acceleration_model::AccelerationModel;
 pub use analysis::Analysis;
@@ -43,13 +54,19 @@ pub use column_map::{
     AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns,
     TimeColumn, VectorColumns, YAxis,
 };
+pub use columns::RecordingColumns;
+pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
 pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
 pub use limit::NaturalLimit;
+pub use mcap::read_mcap;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
+pub use osi::read_osi;
 pub use path::{Path, PathPlace};
+pub use picture::{svg_instant, svg_overview};
 pub use plan::{PIECE_S, SpeedPlan};
+pub use problem::{FilePlace, FileProblem};
 pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, RatedEvent, Surprise};
 pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
@@ -60,3 +77,4 @@ pub use situations::{
 pub use starts::{StartRarity, StartState, StartTable};
 pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, RateSource, TailPoint};
 pub use world::{RecordedWorld, following_worlds};
+pub use xosc::read_xosc;

@@ -9,7 +9,7 @@ use crate::column_map::{
     AngleUnit, ClassColumns, ColumnMap, Reference, SizeColumns, TimeColumn, VectorColumns, YAxis,
 };
 use crate::error::ReadError;
-use crate::grid::{self, RawRow, RawTrack, RawTracks, RawVector};
+use crate::grid::{self, RawReference, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
 use crate::timestamp::parse_iso;
 
@@ -301,7 +301,10 @@ impl<'a> RowParser<'a> {
                 self.ids.insert(id.to_vec(), track);
                 self.tracks.push(RawTrack {
                     id: id.to_vec(),
-                    is_front: self.map.reference == Reference::Front,
+                    reference: match self.map.reference {
+                        Reference::Front => RawReference::Front,
+                        Reference::Centre | Reference::Corner => RawReference::Centre,
+                    },
                     ..RawTrack::default()
                 });
                 track
@@ -421,7 +424,7 @@ fn line_of(record: &ByteRecord) -> u64 {
 }
 
 /// Returns the beginning of a field for a message.
-fn shown(field: &[u8]) -> String {
+pub(crate) fn shown(field: &[u8]) -> String {
     let text = String::from_utf8_lossy(field);
     if text.chars().count() <= 40 {
         return text.into_owned();

@@ -44,6 +44,18 @@ impl Class {
         )
     }
 
+    /// Returns the length and width in metres that are assumed without a recorded size.
+    pub fn usual_size_m(self) -> [f64; 2] {
+        match self {
+            Class::Pedestrian => [0.5, 0.6],
+            Class::Bicycle => [1.8, 0.7],
+            Class::Motorcycle => [2.2, 0.8],
+            Class::Car | Class::Other => [4.5, 1.8],
+            Class::Van => [5.5, 2.0],
+            Class::Truck => [10.0, 2.5],
+        }
+    }
+
     /// Returns the name in lower case.
     pub fn name(self) -> &'static str {
         match self {
@@ -130,8 +142,14 @@ pub struct ReadCounts {
     pub holes_split: usize,
     /// Tracks of fewer than two samples, left out.
     pub too_short: usize,
-    /// Rows whose class code is not in the column map.
+    /// Rows whose class is not known, or assumed.
     pub unknown_class: usize,
+    /// Road users without a size in the file, which have that of their class.
+    pub assumed_sizes: usize,
+    /// Entities of a scenario without a trajectory, left out.
+    pub without_motion: usize,
+    /// Messages of further channels of a trace, left out.
+    pub other_messages: usize,
 }
 
 /// Longest hole that is interpolated, in seconds.

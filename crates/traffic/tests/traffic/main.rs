@@ -1,6 +1,11 @@
 //! Recorded traffic: reading, lanes, situations, rules and rarity, on synthetic rows.
 
+mod columns;
+mod crossings;
 mod naturalness;
+mod openscenario;
+mod osi;
+mod pictures;
 mod reading;
 mod rules;
 mod situations;

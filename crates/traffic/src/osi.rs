@@ -1,0 +1,334 @@
+//! Reading of OSI traces.
+
+use std::collections::HashMap;
+use std::io::{BufReader, Read};
+
+use prost::Message;
+
+use crate::error::ReadError;
+use crate::grid::{self, RawRow, RawTrack, RawTracks, RawVector};
+use crate::osi_message::{
+    OsiBase, OsiGroundTruth, OsiMovingObject, OsiSensorView, OsiTimestamp, OsiVector,
+};
+use crate::problem::{FilePlace, FileProblem};
+use crate::recording::{Class, ReadCounts, TrafficRecording};
+
+/// Greatest length of a message in bytes.
+const MOST_BYTES: u64 = 1 << 28;
+
+/// Reads a trace of the Open Simulation Interface: `.osi`. Errors call it by `name`.
+///
+/// Each message has its length before it, in four bytes, lowest first. It is
+/// `osi3.GroundTruth`, or `osi3.SensorView` with `global_ground_truth`, which the first
+/// message with moving objects determines. Classes are the types of the objects. Without
+/// a velocity or an acceleration it is derived from the positions. Instants and holes are
+/// treated as in [`read_csv`](crate::read_csv).
+///
+/// # Errors
+/// The file ends inside a message, or a message is invalid.
+pub fn read_osi(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
+    let mut reader = BufReader::with_capacity(1 << 18, trace);
+    let mut tracks = OsiTracks::new(name);
+    let mut message = Vec::new();
+    let (mut number, mut offset) = (1, 0);
+    loop {
+        let place = FilePlace::Message { number, offset };
+        read_bytes(&mut reader, 4, &mut message, name)?;
+        if message.is_empty() {
+            return tracks.finish();
+        }
+        let Ok(length) = <[u8; 4]>::try_from(&message[..]) else {
+            return Err(tracks.cut(place, message.len() as u64, 4));
+        };
+        let length = u64::from(u32::from_le_bytes(length));
+        if MOST_BYTES < length {
+            return Err(tracks.error(place, FileProblem::TooLong(length)));
+        }
+        read_bytes(&mut reader, length, &mut message, name)?;
+        if (message.len() as u64) < length {
+            return Err(tracks.cut(place, message.len() as u64, length));
+        }
+        tracks.push(&message, place)?;
+        number += 1;
+        offset += 4 + length;
+    }
+}
+
+/// Reads `want` bytes, or as many as there are.
+pub(crate) fn read_bytes(
+    reader: &mut impl Read,
+    want: u64,
+    into: &mut Vec<u8>,
+    file: &str,
+) -> Result<(), ReadError> {
+    into.clear();
+    let read = reader.by_ref().take(want).read_to_end(into);
+    read.map(|_| ()).map_err(|source| ReadError::File {
+        file: file.to_owned(),
+        source,
+    })
+}
+
+/// Type of the messages of a trace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum OsiKind {
+    GroundTruth,
+    SensorView,
+}
+
+/// First row, from which time and place are measured.
+struct OsiOrigin {
+    seconds: i64,
+    nanos: i64,
+    position_m: [f64; 2],
+}
+
+/// Tracks from messages.
+pub(crate) struct OsiTracks<'a> {
+    file: &'a str,
+    /// Type of the messages, once it is known.
+    pub(crate) kind: Option<OsiKind>,
+    pub(crate) counts: ReadCounts,
+    by_id: HashMap<u64, usize>,
+    tracks: Vec<RawTrack>,
+    origin: Option<OsiOrigin>,
+}
+
+impl<'a> OsiTracks<'a> {
+    pub(crate) fn new(file: &'a str) -> OsiTracks<'a> {
+        OsiTracks {
+            file,
+            kind: None,
+            counts: ReadCounts::default(),
+            by_id: HashMap::new(),
+            tracks: Vec::new(),
+            origin: None,
+        }
+    }
+
+    pub(crate) fn error(&self, place: FilePlace, problem: FileProblem) -> ReadError {
+        ReadError::Content {
+            file: self.file.to_owned(),
+            place,
+            problem,
+        }
+    }
+
+    pub(crate) fn cut(&self, place: FilePlace, got: u64, want: u64) -> ReadError {
+        self.error(place, FileProblem::Cut { got, want })
+    }
+
+    /// Adds the moving objects of a message.
+    pub(crate) fn push(&mut self, message: &[u8], place: FilePlace) -> Result<(), ReadError> {
+        let invalid = |error: prost::DecodeError| FileProblem::Protobuf(error.to_string());
+        let ground_truth = match self.kind {
+            Some(OsiKind::GroundTruth) => OsiGroundTruth::decode(message).map_err(invalid),
+            Some(OsiKind::SensorView) => {
+                OsiSensorView::decode(message).map_err(invalid).map(of_view)
+            }
+            None => self.guessed(message).map_err(invalid),
+        };
+        let ground_truth = ground_truth.map_err(|problem| self.error(place, problem))?;
+        let missing =
+            |owner: String, field: &'static str| FileProblem::MissingField { owner, field };
+        if ground_truth.moving_objects.is_empty() {
+            return Ok(());
+        }
+        let Some(instant) = &ground_truth.timestamp else {
+            let problem = missing("the message".to_owned(), "timestamp");
+            return Err(self.error(place, problem));
+        };
+        for object in &ground_truth.moving_objects {
+            let Some(id) = object.id.as_ref().and_then(|it| it.value) else {
+                let problem = missing("a moving object".to_owned(), "id");
+                return Err(self.error(place, problem));
+            };
+            self.add(id, object, instant)
+                .map_err(|problem| self.error(place, problem))?;
+        }
+        Ok(())
+    }
+
+    /// Decodes a message of an unknown type.
+    ///
+    /// Field 5 is the moving objects of a ground truth, and field 7 is the ground truth of
+    /// a sensor view. In the other type these numbers have contents that do not decode.
+    fn guessed(&mut self, message: &[u8]) -> Result<OsiGroundTruth, prost::DecodeError> {
+        let direct = OsiGroundTruth::decode(message);
+        if direct
+            .as_ref()
+            .is_ok_and(|it| !it.moving_objects.is_empty())
+        {
+            self.kind = Some(OsiKind::GroundTruth);
+            return direct;
+        }
+        let view = OsiSensorView::decode(message).map(of_view);
+        if view.as_ref().is_ok_and(|it| !it.moving_objects.is_empty()) {
+            self.kind = Some(OsiKind::SensorView);
+            return view;
+        }
+        direct.or(view)
+    }
+
+    fn add(
+        &mut self,
+        id: u64,
+        object: &OsiMovingObject,
+        instant: &OsiTimestamp,
+    ) -> Result<(), FileProblem> {
+        let owner = || format!("moving object {id}");
+        let missing = |field: &'static str| FileProblem::MissingField {
+            owner: owner(),
+            field,
+        };
+        let base = object.base.as_ref().ok_or_else(|| missing("base"))?;
+        let position = base
+            .position
+            .as_ref()
+            .ok_or_else(|| missing("base.position"))?;
+        let position_m = components(position, &owner, "base.position")?;
+        let origin = self.origin.get_or_insert(OsiOrigin {
+            seconds: instant.seconds.unwrap_or(0),
+            nanos: i64::from(instant.nanos.unwrap_or(0)),
+            position_m,
+        });
+        let seconds = instant.seconds.unwrap_or(0).saturating_sub(origin.seconds);
+        let nanos = i64::from(instant.nanos.unwrap_or(0)) - origin.nanos;
+        let yaw = base.orientation.as_ref().and_then(|it| it.yaw);
+        let row = RawRow {
+            time_s: seconds as f64 + nanos as f64 * 1e-9,
+            x_m: position_m[0] - origin.position_m[0],
+            y_m: position_m[1] - origin.position_m[1],
+            heading_rad: yaw
+                .map(|it| finite(it, &owner, "base.orientation.yaw"))
+                .transpose()?,
+            velocity: vector(base.velocity.as_ref(), &owner, "base.velocity")?,
+            acceleration: vector(base.acceleration.as_ref(), &owner, "base.acceleration")?,
+            marked: false,
+        };
+        let class = class_of(object);
+        self.counts.rows += 1;
+        self.counts.unknown_class += usize::from(class.is_none());
+        let size_m = size(base, &owner)?;
+        let tracks = &mut self.tracks;
+        let at = *self.by_id.entry(id).or_insert_with(|| {
+            tracks.push(RawTrack {
+                id: id.to_string().into_bytes(),
+                ..RawTrack::default()
+            });
+            tracks.len() - 1
+        });
+        let track = &mut tracks[at];
+        track.shares[class.unwrap_or(Class::Other) as usize] += 1.0;
+        if let Some([length_m, width_m]) = size_m {
+            track.length_sum_m += length_m;
+            track.width_sum_m += width_m;
+            track.seen += 1.0;
+        }
+        track.rows.push(row);
+        Ok(())
+    }
+
+    pub(crate) fn finish(self) -> Result<TrafficRecording, ReadError> {
+        if self.tracks.is_empty() {
+            let found = "the messages are empty or of other types".to_owned();
+            return Err(self.error(FilePlace::Whole, FileProblem::NoGroundTruth(found)));
+        }
+        let raw = RawTracks {
+            tracks: self.tracks,
+            counts: self.counts,
+            origin_m: self.origin.map_or([0.0; 2], |origin| origin.position_m),
+        };
+        grid::recording(raw, self.file)
+    }
+}
+
+/// Returns the ground truth of a view, with the view's instant if it has none.
+fn of_view(view: OsiSensorView) -> OsiGroundTruth {
+    let mut ground_truth = view.global_ground_truth.unwrap_or_default();
+    ground_truth.timestamp = ground_truth.timestamp.or(view.timestamp);
+    ground_truth
+}
+
+fn finite(value: f64, owner: &dyn Fn() -> String, name: &str) -> Result<f64, FileProblem> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    Err(FileProblem::NotFinite {
+        owner: owner(),
+        name: name.to_owned(),
+        text: value.to_string(),
+    })
+}
+
+/// Returns x and y, of which a missing one is 0 as protobuf has it.
+fn components(
+    vector: &OsiVector,
+    owner: &dyn Fn() -> String,
+    name: &str,
+) -> Result<[f64; 2], FileProblem> {
+    Ok([
+        finite(vector.x.unwrap_or(0.0), owner, name)?,
+        finite(vector.y.unwrap_or(0.0), owner, name)?,
+    ])
+}
+
+fn vector(
+    vector: Option<&OsiVector>,
+    owner: &dyn Fn() -> String,
+    name: &str,
+) -> Result<RawVector, FileProblem> {
+    let Some(vector) = vector else {
+        return Ok(RawVector::Unknown);
+    };
+    let [x, y] = components(vector, owner, name)?;
+    Ok(RawVector::Components(x, y))
+}
+
+/// Returns the length and width, `None` if they are not filled.
+fn size(base: &OsiBase, owner: &dyn Fn() -> String) -> Result<Option<[f64; 2]>, FileProblem> {
+    let Some(dimension) = &base.dimension else {
+        return Ok(None);
+    };
+    let size_m = [dimension.length, dimension.width].map(|it| it.unwrap_or(0.0));
+    if size_m == [0.0, 0.0] {
+        return Ok(None);
+    }
+    for (value, name) in size_m
+        .into_iter()
+        .zip(["base.dimension.length", "base.dimension.width"])
+    {
+        finite(value, owner, name)?;
+        if value <= 0.0 {
+            return Err(FileProblem::NotPositive {
+                owner: owner(),
+                name: name.to_owned(),
+                value,
+            });
+        }
+    }
+    Ok(Some(size_m))
+}
+
+/// Returns the class of an object, `None` if its type is unknown.
+///
+/// A vehicle of no stated type is a car. Trailers are none of the motor vehicles, since
+/// they would follow their tractor without a gap.
+fn class_of(object: &OsiMovingObject) -> Option<Class> {
+    let vehicle = object.vehicle.as_ref().and_then(|it| it.kind);
+    Some(match object.kind? {
+        2 => match vehicle.unwrap_or(0) {
+            0 | 2..=5 => Class::Car,
+            6 => Class::Van,
+            7 | 12 | 16 => Class::Truck,
+            10 => Class::Motorcycle,
+            11 | 17 | 18 => Class::Bicycle,
+            15 => Class::Pedestrian,
+            1 | 8 | 9 | 13 | 14 | 19..=22 => Class::Other,
+            _ => return None,
+        },
+        3 => Class::Pedestrian,
+        1 | 4 => Class::Other,
+        _ => return None,
+    })
+}

@@ -1,0 +1,384 @@
+//! Reading of OpenSCENARIO trajectories.
+
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, Read};
+
+use indexmap::IndexMap;
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+
+use crate::error::ReadError;
+use crate::grid::{self, RawRow, RawTrack, RawTracks, RawVector};
+use crate::problem::{FilePlace, FileProblem};
+use crate::recording::{Class, ReadCounts, TrafficRecording};
+use crate::xosc_entity::{XoscEntity, class_of_catalog, class_of_vehicle};
+
+/// Reads the polylines that the entities of a scenario follow. Errors call it by `name`.
+///
+/// The file needs no road and may have any size. Every vertex has a time and a
+/// `WorldPosition` of the entity's reference point in metres. Without `h` the heading is
+/// the direction of motion. Class and box are those of the entity's definition. A
+/// reference to a catalog has no box: its class is that of a word in the entry's name,
+/// such as `car_white`, its size that of the class, and its positions are of the box
+/// centre. Instants and holes are treated as in [`read_csv`](crate::read_csv).
+///
+/// # Errors
+/// The text is not XML, or a trajectory lacks times or coordinates.
+pub fn read_xosc(text: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
+    let mut reader = Reader::from_reader(LineCounter::new(text));
+    let mut file = XoscFile::new(name);
+    let mut buffer = Vec::new();
+    loop {
+        buffer.clear();
+        let event = reader.read_event_into(&mut buffer);
+        // The reader is behind the event, so the line is that of the end of a tag.
+        file.line = reader.get_ref().line;
+        match event {
+            Ok(Event::Start(tag)) => {
+                file.start(&tag)?;
+                file.open.push(tag.local_name().into_inner().to_owned());
+            }
+            Ok(Event::Empty(tag)) => {
+                file.start(&tag)?;
+                file.end(tag.local_name().into_inner())?;
+            }
+            Ok(Event::End(tag)) => {
+                file.open.pop();
+                file.end(tag.local_name().into_inner())?;
+            }
+            Ok(Event::Eof) => break,
+            Ok(_) => {}
+            Err(quick_xml::Error::Io(error)) => {
+                return Err(ReadError::File {
+                    file: name.to_owned(),
+                    source: std::io::Error::new(error.kind(), error.to_string()),
+                });
+            }
+            Err(error) => return Err(file.error(FileProblem::Xml(error.to_string()))),
+        }
+    }
+    if let Some(open) = file.open.last() {
+        return Err(file.error(FileProblem::Unclosed(open.clone())));
+    }
+    file.finish()
+}
+
+/// Reader that counts the lines behind it.
+struct LineCounter<R> {
+    inner: BufReader<R>,
+    line: u64,
+}
+
+impl<R: Read> LineCounter<R> {
+    fn new(inner: R) -> LineCounter<R> {
+        LineCounter {
+            inner: BufReader::with_capacity(1 << 18, inner),
+            line: 1,
+        }
+    }
+}
+
+impl<R: Read> Read for LineCounter<R> {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let got = self.fill_buf()?.read(into)?;
+        self.consume(got);
+        Ok(got)
+    }
+}
+
+impl<R: Read> BufRead for LineCounter<R> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        self.inner.fill_buf()
+    }
+
+    fn consume(&mut self, amount: usize) {
+        let passed = &self.inner.buffer()[..amount];
+        self.line += passed.iter().filter(|byte| **byte == b'\n').count() as u64;
+        self.inner.consume(amount);
+    }
+}
+
+/// Polyline of some entities.
+#[derive(Default)]
+struct TimedLine {
+    entities: Vec<String>,
+    /// Factor and offset of the times.
+    timing: Option<(f64, f64)>,
+    is_relative: bool,
+    rows: Vec<RawRow>,
+}
+
+/// State of the reading.
+struct XoscFile<'a> {
+    name: &'a str,
+    line: u64,
+    /// Names of the open elements.
+    open: Vec<String>,
+    entities: IndexMap<String, XoscEntity>,
+    /// Entity that is being defined.
+    entity: Option<(String, XoscEntity)>,
+    /// Entities that the actions are about.
+    actors: Vec<String>,
+    /// Instant at which the current event starts.
+    start_s: Option<f64>,
+    /// Polylines of the current event.
+    lines: Vec<TimedLine>,
+    vertex_s: Option<f64>,
+    tracks: IndexMap<String, RawTrack>,
+    origin_m: Option<[f64; 2]>,
+    counts: ReadCounts,
+}
+
+impl<'a> XoscFile<'a> {
+    fn new(name: &'a str) -> XoscFile<'a> {
+        XoscFile {
+            name,
+            line: 1,
+            open: Vec::new(),
+            entities: IndexMap::new(),
+            entity: None,
+            actors: Vec::new(),
+            start_s: None,
+            lines: Vec::new(),
+            vertex_s: None,
+            tracks: IndexMap::new(),
+            origin_m: None,
+            counts: ReadCounts::default(),
+        }
+    }
+
+    fn error(&self, problem: FileProblem) -> ReadError {
+        ReadError::Content {
+            file: self.name.to_owned(),
+            place: FilePlace::Line(self.line),
+            problem,
+        }
+    }
+
+    fn is_inside(&self, element: &str) -> bool {
+        self.open.iter().any(|it| it == element)
+    }
+
+    fn start(&mut self, tag: &BytesStart<'_>) -> Result<(), ReadError> {
+        match tag.local_name().into_inner() {
+            "ScenarioObject" => {
+                self.entity = Some((self.text(tag, "name")?, XoscEntity::default()));
+            }
+            "Private" => self.actors = vec![self.text(tag, "entityRef")?],
+            "ManeuverGroup" => self.actors.clear(),
+            "EntityRef" if self.open.last().is_some_and(|it| it == "Actors") => {
+                let entity = self.text(tag, "entityRef")?;
+                self.actors.push(entity);
+            }
+            "Event" => self.start_s = None,
+            "SimulationTimeCondition" if self.is_inside("Event") && self.start_s.is_none() => {
+                self.start_s = Some(self.number(tag, "value")?);
+            }
+            // A trajectory of a route catalog has no actor.
+            "Trajectory" if !self.actors.is_empty() => self.lines.push(TimedLine {
+                entities: self.actors.clone(),
+                ..TimedLine::default()
+            }),
+            _ if self.entity.is_some() => self.define(tag)?,
+            _ if !self.lines.is_empty() => self.trace(tag)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Reads an element of an entity's definition.
+    fn define(&mut self, tag: &BytesStart<'_>) -> Result<(), ReadError> {
+        let Some((_, mut entity)) = self.entity else {
+            return Ok(());
+        };
+        match tag.local_name().into_inner() {
+            "Vehicle" => {
+                let category = self.optional(tag, "vehicleCategory")?;
+                entity.class = category.and_then(|it| class_of_vehicle(&it));
+            }
+            "Pedestrian" => {
+                let category = self.optional(tag, "pedestrianCategory")?;
+                let is_animal = category.is_some_and(|it| it == "animal");
+                let class = if is_animal {
+                    Class::Other
+                } else {
+                    Class::Pedestrian
+                };
+                entity.class = Some(class);
+            }
+            "MiscObject" => entity.class = Some(Class::Other),
+            "CatalogReference" => {
+                let catalog = self.text(tag, "catalogName")?;
+                entity.class = class_of_catalog(&catalog, &self.text(tag, "entryName")?);
+            }
+            "Center" => entity.centre_m = [self.number(tag, "x")?, self.number(tag, "y")?],
+            "Dimensions" => {
+                entity.size_m = Some([self.size(tag, "length")?, self.size(tag, "width")?]);
+            }
+            _ => {}
+        }
+        if let Some((_, known)) = &mut self.entity {
+            *known = entity;
+        }
+        Ok(())
+    }
+
+    /// Reads an element of a trajectory.
+    fn trace(&mut self, tag: &BytesStart<'_>) -> Result<(), ReadError> {
+        match tag.local_name().into_inner() {
+            "Vertex" => self.vertex_s = Some(self.number(tag, "time")?),
+            "WorldPosition" => {
+                let Some(time_s) = self.vertex_s.take() else {
+                    return Ok(());
+                };
+                let row = self.row(tag, time_s)?;
+                if let Some(line) = self.lines.last_mut() {
+                    line.rows.push(row);
+                }
+            }
+            "Timing" => {
+                let (scale, offset_s) = (self.number(tag, "scale")?, self.number(tag, "offset")?);
+                let domain = self.text(tag, "domainAbsoluteRelative")?;
+                if let Some(line) = self.lines.last_mut() {
+                    line.timing = Some((scale, offset_s));
+                    line.is_relative = domain == "relative";
+                }
+            }
+            shape @ ("Clothoid" | "ClothoidSpline" | "Nurbs") => {
+                return Err(self.error(FileProblem::Shape(shape.to_owned())));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn row(&mut self, tag: &BytesStart<'_>, time_s: f64) -> Result<RawRow, ReadError> {
+        let (x_m, y_m) = (self.number(tag, "x")?, self.number(tag, "y")?);
+        let heading = self.optional(tag, "h")?;
+        let heading_rad = heading
+            .map(|text| self.parsed(tag, "h", &text))
+            .transpose()?;
+        let origin_m = *self.origin_m.get_or_insert([x_m, y_m]);
+        Ok(RawRow {
+            time_s,
+            x_m: x_m - origin_m[0],
+            y_m: y_m - origin_m[1],
+            heading_rad,
+            velocity: RawVector::Unknown,
+            acceleration: RawVector::Unknown,
+            marked: false,
+        })
+    }
+
+    fn end(&mut self, element: &str) -> Result<(), ReadError> {
+        match element {
+            "ScenarioObject" => self.entities.extend(self.entity.take()),
+            "Vertex" if self.vertex_s.take().is_some() => {
+                return Err(self.error(FileProblem::NoWorldPosition));
+            }
+            "Event" | "Private" => {
+                if element == "Private" {
+                    self.start_s = Some(0.0);
+                }
+                for line in std::mem::take(&mut self.lines) {
+                    self.add(line)?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Adds a polyline to the tracks of its entities.
+    fn add(&mut self, line: TimedLine) -> Result<(), ReadError> {
+        let start_s = match (line.is_relative, self.start_s) {
+            (false, _) => 0.0,
+            (true, Some(start_s)) => start_s,
+            (true, None) => return Err(self.error(FileProblem::RelativeTime)),
+        };
+        let (scale, offset_s) = line.timing.unwrap_or((1.0, 0.0));
+        for id in &line.entities {
+            let entity = self.entities.get(id).copied().unwrap_or_default();
+            self.counts.rows += line.rows.len();
+            if entity.class.is_none() {
+                self.counts.unknown_class += line.rows.len();
+            }
+            let track = self.tracks.entry(id.clone());
+            let track = track.or_insert_with(|| entity.track(id));
+            let timed = |row: &RawRow| RawRow {
+                time_s: start_s + scale * row.time_s + offset_s,
+                ..*row
+            };
+            track.rows.extend(line.rows.iter().map(timed));
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<TrafficRecording, ReadError> {
+        if self.tracks.is_empty() {
+            return Err(ReadError::Content {
+                file: self.name.to_owned(),
+                place: FilePlace::Whole,
+                problem: FileProblem::NoTrajectory,
+            });
+        }
+        let moving: BTreeSet<&String> = self.tracks.keys().collect();
+        let is_still = |id: &&String| !moving.contains(*id);
+        self.counts.without_motion = self.entities.keys().filter(is_still).count();
+        let raw = RawTracks {
+            tracks: self.tracks.into_values().collect(),
+            counts: self.counts,
+            origin_m: self.origin_m.unwrap_or_default(),
+        };
+        grid::recording(raw, self.name)
+    }
+
+    fn optional(&self, tag: &BytesStart<'_>, name: &str) -> Result<Option<String>, ReadError> {
+        let wrong = |error: String| self.error(FileProblem::Xml(error));
+        let found = tag.try_get_attribute(name);
+        let Some(found) = found.map_err(|error| wrong(error.to_string()))? else {
+            return Ok(None);
+        };
+        let value = quick_xml::escape::unescape(&found.value);
+        let value = value.map_err(|error| wrong(error.to_string()))?;
+        Ok(Some(value.into_owned()))
+    }
+
+    fn text(&self, tag: &BytesStart<'_>, name: &str) -> Result<String, ReadError> {
+        let missing = || {
+            self.error(FileProblem::MissingAttribute {
+                element: tag.local_name().into_inner().to_owned(),
+                attribute: name.to_owned(),
+            })
+        };
+        self.optional(tag, name)?.ok_or_else(missing)
+    }
+
+    fn number(&self, tag: &BytesStart<'_>, name: &str) -> Result<f64, ReadError> {
+        let text = self.text(tag, name)?;
+        self.parsed(tag, name, &text)
+    }
+
+    fn parsed(&self, tag: &BytesStart<'_>, name: &str, text: &str) -> Result<f64, ReadError> {
+        let value = text.trim().parse().ok().filter(|it: &f64| it.is_finite());
+        value.ok_or_else(|| {
+            self.error(FileProblem::NotFinite {
+                owner: tag.local_name().into_inner().to_owned(),
+                name: name.to_owned(),
+                text: crate::read::shown(text.as_bytes()),
+            })
+        })
+    }
+
+    fn size(&self, tag: &BytesStart<'_>, name: &str) -> Result<f64, ReadError> {
+        let value = self.number(tag, name)?;
+        if 0.0 < value {
+            return Ok(value);
+        }
+        Err(self.error(FileProblem::NotPositive {
+            owner: tag.local_name().into_inner().to_owned(),
+            name: name.to_owned(),
+            value,
+        }))
+    }
+}
