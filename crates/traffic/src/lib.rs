@@ -19,6 +19,7 @@ mod driving_data;
 mod error;
 mod following;
 mod grid;
+mod lane_change_plan;
 mod lane_frame;
 mod limit;
 mod model;
@@ -29,6 +30,7 @@ mod read;
 mod recording;
 mod rules;
 mod simplex;
+mod situation_plan;
 mod situations;
 mod starts;
 mod tail;
@@ -47,6 +49,7 @@ pub use column_map::{
 };
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
+pub use lane_change_plan::LaneChangePlan;
 pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
 pub use limit::NaturalLimit;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
@@ -56,9 +59,10 @@ pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, Rated
 pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 pub use rules::{BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow};
+pub use situation_plan::{AcrossPlan, LANE_CHANGE_AT_S, SituationPlan, StartPlace, StockBody};
 pub use situations::{
     CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, Situations, WINDOW_S,
 };
 pub use starts::{StartRarity, StartState, StartTable};
 pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, RateSource, TailPoint};
-pub use world::{RecordedWorld, following_worlds};
+pub use world::{RecordedWorld, RecordedWorlds, SituationKind};
