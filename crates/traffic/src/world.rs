@@ -8,9 +8,6 @@ use crate::situations::{RecordedCutIn, RecordedFollowing};
 /// Width of the lanes of a generated world in metres.
 const LANE_WIDTH_M: f64 = 3.75;
 
-/// Least bound on the lateral speed of an ado that cuts in, in m/s.
-const LATERAL_MPS: f64 = 1.4;
-
 /// Kind of recorded situations that become worlds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SituationKind {
@@ -386,18 +383,9 @@ impl Ado<'_> {
         let mut rules = vec![("stays near its recording", near)];
         if self.kind == SituationKind::CutIn {
             let first = &self.situations[0];
-            let lateral = self.situations.iter().filter_map(|it| it.across);
-            let lateral_mps = lateral.map(|it| it.change.most_lateral_mps());
-            // The recorded motion itself must keep the rule.
-            let most_mps =
-                (10.0 * 1.2 * lateral_mps.fold(LATERAL_MPS / 1.2, f64::max)).ceil() / 10.0;
             rules.push((
                 "changes lanes within a second of its recording",
                 format!("always ({ado}.lateral - {ado}.planned.lateral in [-1, 1])"),
-            ));
-            rules.push((
-                "moves sideways no faster than drivers do",
-                format!("always ({ado}.lateral_speed in [-{most_mps:?}, {most_mps:?}])"),
             ));
             // As in UN R157, §5.2.5.2, and with its rear clear of the ego's front.
             rules.push((
