@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use brakecheck_traffic::{Analysis, RecordedWorlds, SituationKind, SituationPlan};
+use brakecheck_traffic::{
+    Analysis, RecordedPlace, RecordedWorld, RecordedWorlds, SituationKind, SituationPlan,
+};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
@@ -128,18 +130,7 @@ fn nothing(args: &FromLogArgs, kind: SituationKind, recorded: &RecordedWorlds) -
 fn show(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<(), Failure> {
     let worlds = recorded.worlds.iter().zip(files);
     let mut lines: Vec<String> = worlds
-        .map(|(world, (_, file))| {
-            let side = match world.situations.first() {
-                Some(it) if it.across.is_some() && it.is_from_left() => " from the left",
-                Some(it) if it.across.is_some() => " from the right",
-                _ => "",
-            };
-            let body = world.situations.first().map_or("", |it| it.body.name);
-            format!(
-                "wrote {file}: {} situations, {body}{side}",
-                world.situations.len()
-            )
-        })
+        .map(|(world, (_, file))| format!("wrote {file}: {}", in_words(world)))
         .collect();
     let most =
         |number: fn(&SituationPlan) -> f64| recorded.situations().map(number).fold(0.0, f64::max);
@@ -158,6 +149,28 @@ fn show(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<(), Fa
         ));
     }
     terminal::data(&lines.join("\n"))
+}
+
+/// Number of situations, and the body, place and side that they share.
+fn in_words(world: &RecordedWorld) -> String {
+    let count = match world.situations.len() {
+        1 => "1 situation".to_owned(),
+        count => format!("{count} situations"),
+    };
+    let Some(first) = world.situations.first() else {
+        return count;
+    };
+    let side = match first.across.map(|_| first.is_from_left()) {
+        None => "",
+        Some(true) => " from the left",
+        Some(false) => " from the right",
+    };
+    let place = match first.place() {
+        RecordedPlace::Ahead => "ahead",
+        RecordedPlace::Beside => "beside the ego",
+        RecordedPlace::Behind => "behind the ego",
+    };
+    format!("{count}, {}{side}, {place} at the start", first.body.name)
 }
 
 fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<Exit, Failure> {

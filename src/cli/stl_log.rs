@@ -13,7 +13,7 @@ use crate::report::{recorded_rules_junit, worst_instant};
 use crate::run_dir::{make_dir, write_file};
 
 /// Recording with the results of the rules on it.
-struct Checked {
+struct CheckedRecording {
     analysis: Analysis,
     map: String,
     results: Vec<RuleResult>,
@@ -29,7 +29,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         let bound = rules.bind(&analysis.recording);
         let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
         let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
-        checked.push(Checked {
+        checked.push(CheckedRecording {
             pictures: vec![None; results.len()],
             analysis,
             map,
@@ -51,9 +51,9 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
             it.show()?;
         }
     }
-    let reports: Vec<Value> = checked.iter().map(Checked::json).collect();
+    let reports: Vec<Value> = checked.iter().map(CheckedRecording::json).collect();
     args.emit_json(&json!({ "recordings": reports }))?;
-    let is_broken = |it: &Checked| it.results.iter().any(|rule| 0 < rule.episodes);
+    let is_broken = |it: &CheckedRecording| it.results.iter().any(|rule| 0 < rule.episodes);
     Ok(
         if args.fail_on_counterexample && checked.iter().any(is_broken) {
             Exit::Counterexample
@@ -109,7 +109,7 @@ fn in_rule_file(source: &str, rules: &TrafficRuleFile, error: RulesError) -> Fai
     Failure::input(format!("`{source}`: {error}"), error.help())
 }
 
-impl Checked {
+impl CheckedRecording {
     /// Writes a picture of the worst instant of each rule.
     fn draw(&mut self, folder: &Path, recording: usize) -> Result<(), Failure> {
         for (i, (result, picture)) in self.results.iter().zip(&mut self.pictures).enumerate() {

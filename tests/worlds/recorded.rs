@@ -1,6 +1,6 @@
 //! Worlds from recordings: played without an action, they repeat the recording.
 
-use std::collections::BTreeMap;
+use core::f64::consts::PI;
 
 use brakecheck::rulebook::Verdict;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
@@ -9,26 +9,114 @@ use brakecheck_traffic::{
     Analysis, ColumnMap, RecordedWorld, RecordedWorlds, SituationKind, SituationPlan, read_csv,
 };
 
-#[path = "../../crates/traffic/tests/traffic/synthetic.rs"]
-mod synthetic;
+/// Course of the road in the recording's frame.
+const COURSE_RAD: f64 = 0.6;
+const LANE_M: f64 = 3.75;
 
-use synthetic::Row;
+/// Road user whose motion is known in closed form.
+struct Car {
+    id: &'static str,
+    length_m: f64,
+    /// Box centre along the road at the start, and its speed.
+    at_m: f64,
+    speed_mps: f64,
+    /// Times at which it brakes by 2 m/s², and lets go again.
+    brakes_s: (f64, f64),
+    /// Offset from the right lane, and the begin of a lane change to it, which takes 5 s.
+    lateral_m: f64,
+    change_s: f64,
+}
 
-/// Simulated rows per road user, by sample from the first row.
-type Truth = BTreeMap<(String, usize), Row>;
+const CAR: Car = Car {
+    id: "",
+    length_m: 4.5,
+    at_m: 0.0,
+    speed_mps: 28.0,
+    brakes_s: (1e3, 1e3),
+    lateral_m: 0.0,
+    change_s: 1e3,
+};
 
-fn recording(seed: u64, seconds: f64) -> (Analysis, Truth) {
-    let (rows, _) = synthetic::traffic(seed, 25, seconds);
-    let map = ColumnMap::shipped("dlr").expect("shipped");
-    // Recorded speeds are 0.3 % off, so that integrated ones would miss the positions.
-    let text = synthetic::dlr(&rows, 1.003);
-    let recording = read_csv(text.as_bytes(), "tracks.csv", &map).expect("valid rows");
-    let first = rows.first().map_or(0, |row| row.sample);
-    let truth = rows.into_iter().map(|row| {
-        let id = (1_728_280_701_000_000 + row.id).to_string();
-        ((id, row.sample - first), row)
-    });
-    (Analysis::of(recording), truth.collect())
+impl Car {
+    fn along_m(&self, t: f64) -> f64 {
+        let (begin, end) = self.brakes_s;
+        let within = t.min(end) - begin;
+        let lost = match within {
+            it if it <= 0.0 => 0.0,
+            it => it * it + 2.0 * (end - begin) * (t - end).max(0.0),
+        };
+        self.at_m + self.speed_mps * t - lost
+    }
+
+    fn lateral_m(&self, t: f64) -> f64 {
+        let share = ((t - self.change_s) / 5.0).clamp(0.0, 1.0);
+        self.lateral_m * 0.5 * (1.0 + (PI * share).cos())
+    }
+}
+
+/// Recording with 2 cm of noise, and with speeds that are 0.3 % off.
+fn recorded(cars: &[Car], seconds: usize) -> Analysis {
+    let mut text = "time,id,x,y,heading,speed,length,width\n".to_owned();
+    let (sin, cos) = COURSE_RAD.sin_cos();
+    let mut noise = 1_u32;
+    for i in 0..20 * seconds {
+        let t = 0.05 * i as f64;
+        for car in cars {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let off_m = 0.04 * (f64::from(noise >> 8) / f64::from(1 << 24) - 0.5);
+            let (s, lateral) = (car.along_m(t) + off_m, car.lateral_m(t));
+            let (x, y) = (cos * s - sin * lateral, sin * s + cos * lateral);
+            let speed = 1.003 * (car.along_m(t + 0.01) - car.along_m(t)) / 0.01;
+            let (id, length) = (car.id, car.length_m);
+            text += &format!("{t:.2},{id},{x:.3},{y:.3},{COURSE_RAD},{speed:.3},{length},1.8\n");
+        }
+    }
+    let map = ColumnMap::shipped("generic").expect("shipped");
+    Analysis::of(read_csv(text.as_bytes(), "tracks.csv", &map).expect("valid rows"))
+}
+
+/// A lead that brakes, and its follower, which does so later.
+fn following() -> [Car; 2] {
+    let lead = Car {
+        id: "lead",
+        at_m: 80.0,
+        brakes_s: (13.0, 15.0),
+        ..CAR
+    };
+    let own = Car {
+        id: "own",
+        brakes_s: (14.0, 16.0),
+        ..CAR
+    };
+    [lead, own]
+}
+
+/// Two cut-ins from the left, and vehicles that stay in the lanes.
+fn cut_ins() -> [Car; 10] {
+    let cut = |id, at_m, speed_mps, change_s| Car {
+        id,
+        at_m,
+        speed_mps,
+        change_s,
+        lateral_m: LANE_M,
+        ..CAR
+    };
+    let right = |id, at_m| Car { id, at_m, ..CAR };
+    [
+        right("own", 0.0),
+        Car {
+            brakes_s: (9.0, 10.5),
+            ..cut("early", 60.0, 26.0, 5.0)
+        },
+        right("behind", -150.0),
+        cut("late", -100.0, 27.0, 7.5),
+        cut("left 1", -300.0, 29.0, 1e3),
+        cut("left 2", 350.0, 29.0, 1e3),
+        right("right 1", 250.0),
+        right("right 2", 400.0),
+        right("right 3", -300.0),
+        right("right 4", -450.0),
+    ]
 }
 
 fn parsed(world: &RecordedWorld) -> Scenario {
@@ -41,20 +129,14 @@ fn parsed(world: &RecordedWorld) -> Scenario {
     scenario
 }
 
-/// Plays every situation of a world with the neutral action.
-fn replays(world: &RecordedWorld, neutral: usize) -> Vec<Episode> {
+/// Plays every situation of a world with one action.
+fn played(world: &RecordedWorld, action: usize) -> Vec<Episode> {
     let scenario = parsed(world);
     let starts = scenario.starts().expect("a table of starts");
     assert_eq!(starts.len(), world.situations.len());
     let episodes = starts.iter().map(|start| {
         let mut bench = scenario.bench();
-        play(
-            &mut bench,
-            start,
-            0,
-            &mut Constant(neutral),
-            Aftermath::Play,
-        )
+        play(&mut bench, start, 0, &mut Constant(action), Aftermath::Play)
     });
     episodes.collect()
 }
@@ -64,104 +146,93 @@ fn column<'a>(episode: &'a Episode, name: &str) -> &'a [f64] {
     values.unwrap_or_else(|| panic!("{name} is not published"))
 }
 
-/// Simulated rows of a situation's road user, from its start on.
-fn rows<'a>(truth: &'a Truth, situation: &SituationPlan) -> Vec<&'a Row> {
-    let start = (situation.time_s / synthetic::DT_S).round() as usize;
-    let rows = (0..=200).map_while(|i| truth.get(&(situation.planned.clone(), start + i)));
-    rows.collect()
+/// Road user of a situation, and that which the ego replaces.
+fn pair<'a>(cars: &'a [Car], situation: &SituationPlan) -> [&'a Car; 2] {
+    [&situation.planned, &situation.replaced]
+        .map(|id| cars.iter().find(|car| car.id == *id).expect("a road user"))
 }
 
-/// Distances along the road since the start: the way without its part across.
-fn ways_m(rows: &[&Row]) -> Vec<f64> {
-    let mut way_m = 0.0;
-    let steps = rows.windows(2).map(|pair| {
-        let (dx, dy) = (pair[1].x_m - pair[0].x_m, pair[1].y_m - pair[0].y_m);
-        let across = pair[1].lateral_m - pair[0].lateral_m;
-        way_m += (dx * dx + dy * dy - across * across).sqrt();
-        way_m
-    });
-    std::iter::once(0.0).chain(steps).collect()
-}
-
-/// Greatest distance of an episode's road user from its recording, along the road.
-fn worst_m(episode: &Episode, name: &str, rows: &[&Row]) -> f64 {
-    let s_m = column(episode, name);
-    assert!(190 < s_m.len(), "{} samples", s_m.len());
-    let ways = ways_m(rows);
-    // The plan's first position is fitted, as all others are.
-    let offs: Vec<f64> = s_m
-        .iter()
-        .zip(&ways)
-        .map(|(s, way)| s - s_m[0] - way)
-        .collect();
-    let least = offs.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = offs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    0.5 * (most - least)
+/// Checks the start of a situation, and the way along the road in an episode.
+#[track_caller]
+fn repeats(episode: &Episode, name: &str, cars: &[Car], situation: &SituationPlan) {
+    let [car, own] = pair(cars, situation);
+    let from_s = situation.time_s;
+    let s_m = column(episode, &format!("{name}.s"));
+    assert_eq!(s_m.len(), 201);
+    // Between rear bumper and front bumper, the recorded gap.
+    let rear_m = s_m[0] - situation.body.length_m - column(episode, "ego.s")[0];
+    let apart_m = 0.5 * (car.length_m + own.length_m);
+    let off_m = rear_m + apart_m - (car.along_m(from_s) - own.along_m(from_s));
+    assert!(off_m.abs() < 0.1, "the gap is {off_m} m off");
+    for (i, s) in s_m.iter().enumerate() {
+        let way_m = car.along_m(from_s + 0.05 * i as f64) - car.along_m(from_s);
+        let off_m = s - s_m[0] - way_m;
+        assert!(off_m.abs() < 0.1, "{}: {off_m} m off at sample {i}", car.id);
+    }
+    let own_mps = (own.along_m(from_s + 0.01) - own.along_m(from_s)) / 0.01;
+    let off_mps = column(episode, "ego.speed")[0] - own_mps;
+    assert!(off_mps.abs() < 0.1, "{off_mps} m/s");
 }
 
 #[test]
 fn a_lead_without_an_action_stays_within_a_decimetre_of_its_recording() {
-    let (analysis, truth) = recording(21, 60.0);
-    let recorded = RecordedWorlds::of("follow", SituationKind::Following, &[analysis], 24);
-    assert_eq!(recorded.situations().count(), 24);
-    for world in &recorded.worlds {
-        for (episode, situation) in replays(world, 1).iter().zip(&world.situations) {
-            let rows = rows(&truth, situation);
-            let worst = worst_m(episode, "lead.s", &rows);
-            assert!(worst < 0.1, "{} is {worst} m off", situation.planned);
-            // The start is the recorded one, from bumper to bumper.
-            let own = &truth[&(
-                situation.replaced.clone(),
-                (situation.time_s / 0.05).round() as usize,
-            )];
-            let gap_m = rows[0].front_m - rows[0].length_m - own.front_m;
-            let start_m = column(episode, "ego.lead.gap")[0];
-            assert!(
-                (start_m - gap_m).abs() < 0.2 + 0.006 * gap_m,
-                "{start_m} {gap_m}"
-            );
-        }
+    let cars = following();
+    let recording = [recorded(&cars, 42)];
+    let recorded = RecordedWorlds::of("follow", SituationKind::Following, &recording, 24);
+    assert_eq!(recorded.worlds.len(), 1);
+    let world = &recorded.worlds[0];
+    // The hardest window is that of the braking, from 10 s to 20 s.
+    assert_eq!(
+        (world.situations.len(), world.situations[0].time_s),
+        (4, 10.0)
+    );
+    for (episode, situation) in played(world, 1).iter().zip(&world.situations) {
+        repeats(episode, "lead", &cars, situation);
     }
 }
 
 #[test]
 fn a_cut_in_without_an_action_is_the_recorded_one_along_and_across() {
-    let (analysis, truth) = recording(3, 90.0);
-    let recorded = RecordedWorlds::of("cut", SituationKind::CutIn, &[analysis], 24);
-    assert!(10 <= recorded.situations().count());
-    for world in &recorded.worlds {
-        for (episode, situation) in replays(world, 4).iter().zip(&world.situations) {
-            let rows = rows(&truth, situation);
-            let worst = worst_m(episode, "ado.s", &rows);
-            assert!(worst < 0.1, "{} is {worst} m off along", situation.planned);
-            // Rear bumpers agree, so the recorded centre is half a length ahead of them.
-            let behind_m = situation.body.length_m - 0.5 * rows[0].length_m;
-            let lateral = column(episode, "ado.lateral").iter();
-            let lateral = lateral.zip(column(episode, "ado.heading"));
-            let across = lateral.zip(&rows).map(|((lateral, heading), row)| {
-                (lateral - behind_m * heading.sin() - row.lateral_m).abs()
-            });
-            let across = across.fold(0.0, f64::max);
-            assert!(
-                across < 0.1,
-                "{} is {across} m off across",
-                situation.planned
-            );
+    let cars = cut_ins();
+    let recording = [recorded(&cars, 16)];
+    let recorded = RecordedWorlds::of("cut", SituationKind::CutIn, &recording, 24);
+    assert_eq!(recorded.worlds.len(), 1, "{recorded:?}");
+    let world = &recorded.worlds[0];
+    assert_eq!(world.situations.len(), 2);
+    for (episode, situation) in played(world, 4).iter().zip(&world.situations) {
+        repeats(episode, "ado", &cars, situation);
+        let [car, _] = pair(&cars, situation);
+        // The begin of the change, up to the sample.
+        let begins_s = car.change_s - situation.time_s;
+        assert!((begins_s - 2.0).abs() < 0.15, "{begins_s}");
+        // Rear bumpers agree, so the recorded centre is half a length ahead of them.
+        let behind_m = situation.body.length_m - 0.5 * car.length_m;
+        let headings = column(episode, "ado.heading").iter();
+        let lateral = column(episode, "ado.lateral").iter().zip(headings);
+        for (i, (lateral, heading)) in lateral.enumerate() {
+            let centre_m = lateral - behind_m * heading.sin();
+            let off_m = centre_m - car.lateral_m(situation.time_s + 0.05 * i as f64);
+            assert!(off_m.abs() < 0.1, "{}: {off_m} m off at sample {i}", car.id);
         }
     }
 }
 
 #[test]
 fn the_ado_may_stray_only_as_far_as_its_rules_allow() {
-    let (analysis, _) = recording(3, 90.0);
-    let recorded = RecordedWorlds::of("cut", SituationKind::CutIn, &[analysis], 24);
+    let recording = [recorded(&cut_ins(), 16)];
+    let recorded = RecordedWorlds::of("cut", SituationKind::CutIn, &recording, 24);
     let world = &recorded.worlds[0];
     let scenario = parsed(world);
-    // Braking by 1 m/s² for 10 s is 50 m, and the rule allows 20.
-    for episode in replays(world, 3) {
-        let Verdict::Foul { rule, .. } = &episode.verdict else {
-            panic!("{:?}", episode.verdict);
-        };
-        assert_eq!(scenario.rules()[*rule].name, "stays near its recording");
+    // Braking by 1 m/s² for 10 s is 50 m, and 0.3 m/s aside for 10 s is 3 m.
+    for (action, name) in [
+        (3, "stays near its recording"),
+        (7, "changes lanes within a second of its recording"),
+    ] {
+        for episode in played(world, action) {
+            let Verdict::Foul { rule, .. } = &episode.verdict else {
+                panic!("{name}: {:?}", episode.verdict);
+            };
+            assert_eq!(scenario.rules()[*rule].name, name);
+        }
     }
 }

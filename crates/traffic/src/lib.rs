@@ -4,7 +4,8 @@
 //!
 //! Read a CSV file with [`read_csv`] and a [`ColumnMap`]. [`Analysis::of`] fits lanes
 //! without a map and finds leads, followings and cut-ins. A [`TrafficRuleFile`] evaluates
-//! formulas on all vehicles. [`TrafficModel::fit`] measures how often drivers brake
+//! formulas on all vehicles. [`RecordedWorlds::of`] writes situations as world files.
+//! [`TrafficModel::fit`] measures how often drivers brake
 //! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
 //! masks actions that would make an event too rare.
 //!
@@ -59,7 +60,7 @@ pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, Rated
 pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 pub use rules::{BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow};
-pub use situation_plan::{AcrossPlan, LANE_CHANGE_AT_S, SituationPlan, StartPlace, StockBody};
+pub use situation_plan::{AcrossPlan, LANE_CHANGE_AT_S, RecordedPlace, SituationPlan, StockBody};
 pub use situations::{
     CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, Situations, WINDOW_S,
 };

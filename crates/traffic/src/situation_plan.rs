@@ -73,7 +73,7 @@ pub struct AcrossPlan {
 
 /// Place of a road user along the road, relative to the ego.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StartPlace {
+pub enum RecordedPlace {
     /// Ahead of the ego's front.
     Ahead,
     /// Beside the ego.
@@ -118,7 +118,7 @@ impl SituationPlan {
     /// Returns `None` if a state at the start is interpolated or a vehicle stands.
     pub fn following(analysis: &Analysis, window: &RecordedFollowing) -> Option<SituationPlan> {
         let recording = &analysis.recording;
-        let pair = Pair::at(analysis, window.follower, window.lead, window.first_sample)?;
+        let pair = RecordedPair::at(analysis, window.follower, window.lead, window.first_sample)?;
         // One more sample, so that the last piece is whole.
         let samples = window.samples + 1;
         let speed = SpeedPlan::fit(
@@ -185,7 +185,7 @@ impl SituationPlan {
         along_the_road(&mut s_m, &shape, dt_s);
         let speed = SpeedPlan::fit(&s_m, dt_s)?;
 
-        let pair = Pair::at(
+        let pair = RecordedPair::at(
             analysis,
             cut_in.follower,
             change.track,
@@ -200,7 +200,7 @@ impl SituationPlan {
         };
         let needed_mps2 = cut_in.at_line.needed_mps2();
         let plan = pair.plan(analysis, (gap_m, speed), Some(across), needed_mps2)?;
-        let is_clear = plan.place() != StartPlace::Beside || BESIDE_M <= shape.from_m.abs();
+        let is_clear = plan.place() != RecordedPlace::Beside || BESIDE_M <= shape.from_m.abs();
         (is_clear && across.ego_m.abs() <= EGO_LANE_M).then_some(plan)
     }
 
@@ -210,14 +210,14 @@ impl SituationPlan {
     }
 
     /// Returns the place of the stock body at the start, along the road.
-    pub fn place(&self) -> StartPlace {
+    pub fn place(&self) -> RecordedPlace {
         let headway_m = self.headway_m();
         if self.body.length_m + CLEAR_M < headway_m {
-            StartPlace::Ahead
+            RecordedPlace::Ahead
         } else if headway_m < -EGO_LENGTH_M - CLEAR_M {
-            StartPlace::Behind
+            RecordedPlace::Behind
         } else {
-            StartPlace::Beside
+            RecordedPlace::Beside
         }
     }
 
@@ -229,7 +229,7 @@ impl SituationPlan {
 }
 
 /// Two road users at a sample.
-struct Pair<'a> {
+struct RecordedPair<'a> {
     own: &'a RoadUserTrack,
     other: &'a RoadUserTrack,
     own_at: usize,
@@ -237,15 +237,20 @@ struct Pair<'a> {
     sample: usize,
 }
 
-impl<'a> Pair<'a> {
+impl<'a> RecordedPair<'a> {
     /// Returns `None` if one of them is not there or interpolated.
-    fn at(analysis: &'a Analysis, own: usize, other: usize, sample: usize) -> Option<Pair<'a>> {
+    fn at(
+        analysis: &'a Analysis,
+        own: usize,
+        other: usize,
+        sample: usize,
+    ) -> Option<RecordedPair<'a>> {
         let tracks = &analysis.recording.tracks;
         let (own, other) = (&tracks[own], &tracks[other]);
         let own_at = sample.checked_sub(own.first_sample)?;
         let other_at = sample.checked_sub(other.first_sample)?;
         let is_filled = *own.filled.get(own_at)? || *other.filled.get(other_at)?;
-        (!is_filled).then_some(Pair {
+        (!is_filled).then_some(RecordedPair {
             own,
             other,
             own_at,

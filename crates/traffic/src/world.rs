@@ -82,11 +82,11 @@ impl RecordedWorlds {
                 continue;
             };
             planned += 1;
-            let alike = |it: &&mut Vec<SituationPlan>| {
+            let same_world = |it: &&mut Vec<SituationPlan>| {
                 let [a, b] = [&it[0], &plan];
                 (a.body, a.place(), a.is_from_left()) == (b.body, b.place(), b.is_from_left())
             };
-            match groups.iter_mut().find(alike) {
+            match groups.iter_mut().find(same_world) {
                 Some(group) => group.push(plan),
                 None => groups.push(vec![plan]),
             }
@@ -136,11 +136,11 @@ fn candidates(kind: SituationKind, analysis: &Analysis) -> Vec<(f64, &Analysis, 
 
 /// Numbers of a world that differ between its points.
 #[derive(Default)]
-struct PointsTable {
+struct PointColumns {
     axes: Vec<(String, Vec<f64>)>,
 }
 
-impl PointsTable {
+impl PointColumns {
     /// Returns a number, or the range of an axis if it differs.
     fn number(&mut self, axis: &str, values: impl Iterator<Item = f64>) -> String {
         self.number_from(0.0, axis, values)
@@ -196,7 +196,7 @@ fn plain(text: &str) -> String {
 }
 
 fn text(name: &str, kind: SituationKind, situations: &[SituationPlan]) -> String {
-    let mut table = PointsTable::default();
+    let mut table = PointColumns::default();
     let all = || situations.iter();
     let first = &situations[0];
     let (question, road, ego_lane, ado) = match kind {
@@ -219,7 +219,7 @@ fn text(name: &str, kind: SituationKind, situations: &[SituationPlan]) -> String
         all().map(|it| it.across.map_or(0.0, |it| it.ego_m)),
     );
     let ego_mps = table.number("ego.speed", all().map(|it| it.ego_mps));
-    let agent = Ado {
+    let agent = PlannedAdo {
         name: ado,
         kind,
         situations,
@@ -285,14 +285,14 @@ fn sources(situations: &[SituationPlan]) -> String {
 }
 
 /// Road user with a plan from which it may stray.
-struct Ado<'a> {
+struct PlannedAdo<'a> {
     name: &'a str,
     kind: SituationKind,
     situations: &'a [SituationPlan],
 }
 
-impl Ado<'_> {
-    fn to_ron(&self, table: &mut PointsTable) -> String {
+impl PlannedAdo<'_> {
+    fn to_ron(&self, table: &mut PointColumns) -> String {
         let (name, all) = (self.name, || self.situations.iter());
         let first = &self.situations[0];
         let StockBody { name: body, .. } = first.body;
@@ -342,7 +342,7 @@ impl Ado<'_> {
     }
 
     /// Returns the steps: a speed per half second, and the lane change on top of them.
-    fn script(&self, table: &mut PointsTable) -> String {
+    fn script(&self, table: &mut PointColumns) -> String {
         let all = || self.situations.iter();
         let rates: Vec<Vec<f64>> = all().map(|it| it.speed.rates_mps2()).collect();
         let begin = (LANE_CHANGE_AT_S / PIECE_S).round() as usize;
