@@ -44,6 +44,8 @@ mod plans;
 mod process;
 #[path = "worlds/protocols.rs"]
 mod protocols;
+#[path = "worlds/recorded.rs"]
+mod recorded;
 #[path = "worlds/rivals.rs"]
 mod rivals;
 #[path = "worlds/road_ado.rs"]

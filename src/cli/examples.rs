@@ -18,7 +18,7 @@ First steps:
 Documents: docs/README.md beside the source, https://docs.rs/brakecheck, and
 `brakecheck VERB --help`. The paper's tables and figures: crates/repro/README.md.";
 
-pub(super) const NEW: &str = "Example:\n  brakecheck new mine\n\nDocuments: docs/guide/worlds.md";
+pub(super) const NEW: &str = "Examples:\n  brakecheck new mine\n  brakecheck new follow --from-log tracks.csv --kind following -o worlds\n\nDocuments: docs/guide/worlds.md, docs/guide/recordings.md";
 pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/guide/worlds.md, docs/reference/ego-protocol.md";
 pub(super) const TRAIN: &str = "Examples:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n  brakecheck train worlds/acc.ron -o runs/acc --rerun - | rerun -\n\nDocuments: docs/background/learners.md";
 pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/guide/reuse.md, docs/guide/crashes.md";
@@ -28,8 +28,8 @@ pub(super) const SEARCH: &str =
     "Example:\n  brakecheck search worlds/acc.ron --starts 50\n\nDocuments: docs/guide/search.md";
 pub(super) const REPLAY: &str =
     "Example:\n  brakecheck replay kept --expect recorded\n\nDocuments: docs/guide/crashes.md";
-pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n\nDocuments: docs/reference/stl.md";
-pub(super) const LOG: &str = "Examples:\n  brakecheck log tracks.csv --rules motorway\n  brakecheck log tracks.csv --fit traffic.ron\n  brakecheck log tracks.csv --worlds worlds --most 5\n\nDocuments: docs/guide/recordings.md";
+pub(super) const STL: &str = "Examples:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n  brakecheck stl motorway --log tracks.csv --junit rules.xml\n\nDocuments: docs/reference/stl.md, docs/guide/recordings.md";
+pub(super) const LOG: &str = "Examples:\n  brakecheck log tracks.csv\n  brakecheck log tracks.csv --fit traffic.ron\n\nDocuments: docs/guide/recordings.md";
 pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/guide/report.md";
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n  brakecheck view kept --rerun kept.rrd\n\nDocuments: docs/guide/pictures.md";

@@ -1,4 +1,4 @@
-//! `brakecheck log`: recorded traffic, its situations, rules on it and models of it.
+//! `brakecheck log`: recorded traffic, its situations and models of it.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -6,17 +6,15 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, Class, ColumnMap, ModelError, ReadError, RuleResult, RulesError, SourceFile,
-    TrafficModel, TrafficRecording, TrafficRuleFile, following_worlds, read_csv, read_csv_guessed,
-    read_mcap, read_osi, read_xosc,
+    Analysis, Class, ColumnMap, ModelError, ReadError, SourceFile, TrafficModel, TrafficRecording,
+    read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc,
 };
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::{Common, Exit, Failure, print_json, table_of, terminal};
 use crate::ron_file::file_text;
-use crate::run_dir::{make_dir, write_file};
-use crate::world::Scenario;
+use crate::run_dir::write_file;
 
 #[derive(Args, Debug)]
 pub(super) struct LogArgs {
@@ -37,23 +35,9 @@ pub(super) struct LogArgs {
     /// crates/traffic/maps of the source.
     #[arg(long, value_name = "NAME|FILE.ron")]
     map: Option<String>,
-    /// Evaluate rules on all vehicles: motorway, or a RON file.
-    ///
-    /// A RON file is RuleFile(rules: [Rule(name: "…", stl: "…")]), with the signals
-    /// ego.speed, ego.accel, ego.s, ego.lateral, ego.lane, lead.present (Boolean),
-    /// lead.speed, ego.lead.gap, ego.lead.ttc and ego.lead.closing. `vehicle` and
-    /// `lead` rename ego and lead, so that the rulebook of a world fits.
-    #[arg(long, value_name = "NAME|FILE.ron")]
-    rules: Option<String>,
     /// Fit a naturalness model, print its calibration and write it.
     #[arg(long, value_name = "FILE.ron")]
     fit: Option<PathBuf>,
-    /// Write a world per recorded following, hardest slowing first.
-    #[arg(long, value_name = "DIR")]
-    worlds: Option<PathBuf>,
-    /// Number of worlds of each recording to write.
-    #[arg(long, value_name = "N", default_value_t = 24, requires = "worlds")]
-    most: usize,
     /// Print one JSON object on stdout instead of tables.
     #[arg(long)]
     json: bool,
@@ -69,33 +53,40 @@ impl LogArgs {
 }
 
 pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
-    let map = args.map.as_deref().map(column_map).transpose()?;
-    let rules = args.rules.as_deref().map(rule_file).transpose()?;
-    let mut analyses = Vec::new();
-    let mut reports = Vec::new();
-    for file in &args.files {
-        let (recording, map) = read(file, map.as_ref())?;
-        let analysis = Analysis::of(recording);
-        let results = evaluate(rules.as_ref(), &analysis)?;
-        if !args.json {
-            show(&analysis, &map, &results)?;
+    let recordings = read_all(&args.files, args.map.as_deref())?;
+    if !args.json {
+        for (analysis, map) in &recordings {
+            show(analysis, map)?;
         }
-        reports.push(report(&analysis, &map, &results));
-        analyses.push(analysis);
     }
-    let written = match &args.worlds {
-        Some(folder) => write_worlds(args, folder, &analyses)?,
-        None => Vec::new(),
-    };
+    let reports = recordings
+        .iter()
+        .map(|(analysis, map)| report(analysis, map));
+    let reports: Vec<Value> = reports.collect();
     let model = match &args.fit {
-        Some(path) => Some(fit(args, path, &analyses)?),
+        Some(path) => {
+            let analyses: Vec<Analysis> = recordings.into_iter().map(|it| it.0).collect();
+            Some(fit(args, path, &analyses)?)
+        }
         None => None,
     };
     if args.json {
-        let model = model.map(|it| json!(it));
-        print_json(&json!({ "recordings": reports, "worlds": written, "model": model }))?;
+        print_json(&json!({ "recordings": reports, "model": model.map(|it| json!(it)) }))?;
     }
     Ok(Exit::Done)
+}
+
+/// Reads recordings and finds their lanes and situations, each with its column map.
+pub(super) fn read_all(
+    files: &[PathBuf],
+    map: Option<&str>,
+) -> Result<Vec<(Analysis, String)>, Failure> {
+    let map = map.map(column_map).transpose()?;
+    let analysed = |file: &PathBuf| {
+        let (recording, map) = read(file, map.as_ref())?;
+        Ok((Analysis::of(recording), map))
+    };
+    files.iter().map(analysed).collect()
 }
 
 fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {
@@ -112,16 +103,7 @@ fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {
     Ok((map, name.to_owned()))
 }
 
-fn rule_file(name: &str) -> Result<TrafficRuleFile, Failure> {
-    let text = if name == "motorway" {
-        TrafficRuleFile::motorway_text().to_owned()
-    } else {
-        text_of(name, "name motorway or a RON file")?
-    };
-    Ok(TrafficRuleFile::parse(&text)?)
-}
-
-fn text_of(name: &str, help: &str) -> Result<String, Failure> {
+pub(super) fn text_of(name: &str, help: &str) -> Result<String, Failure> {
     file_text(Path::new(name))
         .map_err(|error| Failure::input(format!("cannot read `{name}`: {error}"), help))
 }
@@ -171,19 +153,8 @@ fn open(file: &Path) -> Result<File, Failure> {
     })
 }
 
-fn evaluate(
-    rules: Option<&TrafficRuleFile>,
-    analysis: &Analysis,
-) -> Result<Vec<RuleResult>, Failure> {
-    let Some(rules) = rules else {
-        return Ok(Vec::new());
-    };
-    let bound = rules.bind(&analysis.recording)?;
-    Ok(bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads))
-}
-
-/// Prints the contents of a recording and the results of the rules.
-fn show(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Result<(), Failure> {
+/// Prints the contents of a recording.
+fn show(analysis: &Analysis, map: &str) -> Result<(), Failure> {
     let recording = &analysis.recording;
     terminal::data(&format!(
         "{}, format {map}: {} rows, {} road users, {:.1} s at {:.3} s, {:.1} km",
@@ -238,37 +209,7 @@ fn show(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Result<(), Fa
             let (paths, close) = (format!("{}", it.paths), format!("{}", it.close));
             [kinds, paths, close, least_s, shown(it.least_m)]
         }),
-    ))?;
-    if results.is_empty() {
-        return Ok(());
-    }
-    let rules = results.iter().map(|it| {
-        let worst = it.worst.as_ref().map_or("–".to_owned(), |worst| {
-            format!(
-                "ρ {:.2} at {:.2} s, {}",
-                worst.robustness, worst.time_s, worst.id
-            )
-        });
-        [
-            it.rule.clone(),
-            format!("{:.4}", 100.0 * it.share()),
-            format!("{}", it.vehicles),
-            format!("{}", it.episodes),
-            format!("{:.1}", it.per_1000_km()),
-            format!("{}", it.doubtful),
-            worst,
-        ]
-    });
-    let header = [
-        "rule",
-        "rows %",
-        "vehicles",
-        "episodes",
-        "per 1,000 km",
-        "left out",
-        "worst",
-    ];
-    terminal::data(&table_of(header, rules))
+    ))
 }
 
 /// Crossing paths of two classes.
@@ -333,20 +274,13 @@ fn corrections(recording: &TrafficRecording) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-fn report(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Value {
+fn report(analysis: &Analysis, map: &str) -> Value {
     let recording = &analysis.recording;
     let lanes = analysis.frame.carriageways.iter().map(|it| {
         let lanes = it.lanes.iter().map(|lane| {
             json!({ "offset_m": lane.offset_m, "share": lane.share, "wander_m": lane.wander_m })
         });
         json!({ "vehicles": it.tracks.len(), "outside": it.outside, "lanes": lanes.collect::<Vec<_>>() })
-    });
-    let rules = results.iter().map(|it| {
-        json!({
-            "rule": it.rule, "share": it.share(), "vehicles": it.vehicles,
-            "episodes": it.episodes, "per_1000_km": it.per_1000_km(),
-            "left_out": it.doubtful, "worst": it.worst,
-        })
     });
     let found = &analysis.situations;
     let crossings = crossing_rows(analysis).into_iter().map(|it| {
@@ -369,58 +303,7 @@ fn report(analysis: &Analysis, map: &str, results: &[RuleResult]) -> Value {
         "lane_changes": found.lane_changes.len(),
         "cut_ins": found.cut_ins.len(),
         "crossings": crossings.collect::<Vec<_>>(),
-        "rules": rules.collect::<Vec<_>>(),
     })
-}
-
-/// Writes the worlds of all recordings, or none if a file is there already.
-fn write_worlds(
-    args: &LogArgs,
-    folder: &Path,
-    analyses: &[Analysis],
-) -> Result<Vec<Value>, Failure> {
-    let mut files = Vec::new();
-    for (i, analysis) in analyses.iter().enumerate() {
-        // Recordings share a directory, so all but the first have a number.
-        let place = if i == 0 {
-            folder.to_path_buf()
-        } else {
-            folder.join(format!("recording_{}", i + 1))
-        };
-        for world in following_worlds(analysis, args.most) {
-            let path = place.join(format!("{}.ron", world.name));
-            let file = path.display().to_string();
-            if path.symlink_metadata().is_ok() {
-                return Err(Failure::input(
-                    format!("`{file}` is there already, and is left as it is"),
-                    "choose another directory, or move the file away",
-                ));
-            }
-            // A text that brakecheck would refuse must not reach the disk.
-            Scenario::parse(&file, &world.text)?;
-            files.push((path, file, world));
-        }
-    }
-    for (path, _, world) in &files {
-        make_dir(path.parent().unwrap_or(folder))?;
-        write_file(path, world.text.as_bytes())?;
-    }
-    if !args.json {
-        let worst_m = files.iter().map(|it| it.2.worst_m).fold(0.0, f64::max);
-        let hardest = files.iter().map(|it| it.2.hardest_mps2).fold(0.0, f64::max);
-        terminal::data(&format!(
-            "wrote {} worlds to {}: plans within {worst_m:.3} m of the recording, at most {hardest:.1} m/s²",
-            files.len(),
-            folder.display()
-        ))?;
-    }
-    let written = files.iter().map(|(_, file, world)| {
-        json!({
-            "file": file, "worst_m": world.worst_m,
-            "hardest_mps2": world.hardest_mps2, "slowing_mps": world.slowing_mps,
-        })
-    });
-    Ok(written.collect())
 }
 
 fn fit(args: &LogArgs, path: &Path, analyses: &[Analysis]) -> Result<TrafficModel, Failure> {
@@ -442,12 +325,6 @@ fn fit(args: &LogArgs, path: &Path, analyses: &[Analysis]) -> Result<TrafficMode
 
 impl From<ReadError> for Failure {
     fn from(error: ReadError) -> Failure {
-        Failure::input(error.to_string(), error.help())
-    }
-}
-
-impl From<RulesError> for Failure {
-    fn from(error: RulesError) -> Failure {
         Failure::input(error.to_string(), error.help())
     }
 }

@@ -17,6 +17,7 @@ mod last_resort;
 mod live;
 mod log;
 mod new;
+mod new_from_log;
 mod number_args;
 mod points;
 mod progress;
@@ -27,6 +28,7 @@ mod run_under_test;
 mod search;
 mod serve;
 mod stl;
+mod stl_log;
 mod sweep;
 mod table;
 #[doc(hidden)]
@@ -90,10 +92,10 @@ enum Verb {
     /// Play kept counterexamples again, bit for bit or against a changed ego.
     #[command(after_help = examples::REPLAY)]
     Replay(replay::ReplayArgs),
-    /// Measure a formula of Signal Temporal Logic on a trace in CSV.
+    /// Measure a formula on a trace in CSV, or rules on recorded traffic.
     #[command(after_help = examples::STL)]
     Stl(stl::StlArgs),
-    /// Read recorded traffic: lanes, situations, rules, rarity and worlds.
+    /// Read recorded traffic: lanes, situations and rarity.
     #[command(after_help = examples::LOG)]
     Log(log::LogArgs),
     /// Write one page, and JUnit XML, about a run.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
+use super::new_from_log::{self, FromLogArgs};
 use super::{Common, Exit, Failure, print_json, terminal};
 use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
 use crate::ron_file::file_text;
@@ -17,7 +18,8 @@ const WORLD: &str = include_str!("new_world.ron");
 #[derive(Args, Debug)]
 pub(super) struct NewArgs {
     /// Name of the world, written to NAME.ron. With --from it may contain a
-    /// directory, and points with other roads or bodies go to NAME_2.ron.
+    /// directory, and points with other roads or bodies go to NAME_2.ron, as do
+    /// situations of --from-log with other bodies.
     name: String,
     /// OpenSCENARIO file to import as a world.
     #[arg(long, value_name = "FILE.xosc")]
@@ -35,6 +37,8 @@ pub(super) struct NewArgs {
     /// Agent of the file that is an ado and may stray from its plan.
     #[arg(long, value_name = "NAME", requires = "from")]
     ado: Option<String>,
+    #[command(flatten)]
+    log: FromLogArgs,
     /// Print one JSON object on stdout instead of messages.
     #[arg(long)]
     pub(super) json: bool,
@@ -53,16 +57,12 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     if let Some(from) = &args.from {
         return import(args, from);
     }
+    if args.log.is_requested() {
+        return new_from_log::run(&args.log, &args.name, args.json);
+    }
     let name = args.name.strip_suffix(".ron").unwrap_or(&args.name);
     let file = format!("{name}.ron");
-    // The checks of the world decide on valid names.
-    let text = WORLD.replace("NAME", name);
-    if Scenario::parse(&file, &text).is_err() {
-        return Err(Failure::input(
-            format!("`{name}` cannot name a world"),
-            "at most 64 letters, digits, _ and -: files are named after it",
-        ));
-    }
+    let text = check_name(name)?;
     let path = PathBuf::from(&file);
     // A dangling link counts as a file, too, because writing would replace it.
     if path.symlink_metadata().is_ok() {
@@ -80,6 +80,22 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         ))
     }?;
     Ok(Exit::Done)
+}
+
+/// Returns the text of a small world of this name.
+///
+/// # Errors
+/// The name cannot name a world.
+pub(super) fn check_name(name: &str) -> Result<String, Failure> {
+    let text = WORLD.replace("NAME", name);
+    // The checks of the world decide on valid names.
+    match Scenario::parse(name, &text) {
+        Ok(_) => Ok(text),
+        Err(_) => Err(Failure::input(
+            format!("`{name}` cannot name a world"),
+            "at most 64 letters, digits, _ and -: files are named after it",
+        )),
+    }
 }
 
 /// Writes the worlds of a protocol, or none if a file cannot be written.

@@ -1,14 +1,14 @@
 //! `brakecheck stl`: a formula, a trace in CSV, and its robustness.
 
 use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, finite_or_word, print_json, terminal};
-use crate::ron_file::file_text;
-use crate::ron_file::{Problem, ScenarioError};
-use crate::run_dir::trace_of_csv;
+use super::{Common, Exit, Failure, finite_or_word, print_json, stl_log, terminal};
+use crate::ron_file::{Problem, ScenarioError, file_text};
+use crate::run_dir::{trace_of_csv, write_file};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
@@ -16,12 +16,30 @@ use crate::trace::Trace;
 
 #[derive(Args, Debug)]
 pub(super) struct StlArgs {
-    /// The formula, such as "always[0, 10] (headway >= d_safe)".
-    #[arg(allow_hyphen_values = true)]
-    formula: String,
+    /// The formula, such as "always[0, 10] (headway >= d_safe)"; or rules for --log.
+    ///
+    /// Rules are motorway or a RON file: RuleFile(rules: [Rule(name: "…", stl: "…")]).
+    /// They have the signals ego.speed, ego.accel, ego.s, ego.lateral, ego.lane,
+    /// lead.present (Boolean), lead.speed, ego.lead.gap, ego.lead.ttc and
+    /// ego.lead.closing. `vehicle` and `lead` rename ego and lead, so that the rulebook
+    /// of a world fits.
+    #[arg(allow_hyphen_values = true, value_name = "FORMULA|RULES.ron")]
+    pub(super) formula: String,
     /// The trace: a header of signal names, one line per sample; - is stdin.
-    #[arg(long, value_name = "FILE.csv")]
-    trace: String,
+    #[arg(long, value_name = "FILE.csv", required_unless_present = "log")]
+    trace: Option<String>,
+    /// Recorded traffic: evaluate the rules on every vehicle; repeat for several.
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["trace", "dt", "until", "end", "all", "explain"])]
+    pub(super) log: Vec<PathBuf>,
+    /// Column map of the recordings, as in `brakecheck log` [default: by header].
+    #[arg(long, value_name = "NAME|FILE.ron", requires = "log")]
+    pub(super) map: Option<String>,
+    /// Write JUnit XML with a case per rule and recording.
+    #[arg(long, value_name = "FILE.xml", requires = "log")]
+    pub(super) junit: Option<PathBuf>,
+    /// Write a picture of the worst instant of each rule.
+    #[arg(long, value_name = "DIR", requires = "log")]
+    pub(super) picture: Option<PathBuf>,
     /// Sampling period in seconds [default: from the time column, else 1].
     #[arg(long, value_name = "S")]
     dt: Option<f64>,
@@ -33,19 +51,19 @@ pub(super) struct StlArgs {
     end: EndArg,
     /// A named constant; repeat for several.
     #[arg(long = "const", value_name = "NAME=VALUE")]
-    constants: Vec<String>,
+    pub(super) constants: Vec<String>,
     /// Print the robustness at every sample, not only at the first.
     #[arg(long)]
     all: bool,
     /// Print the leaf, the time and the value that decide the robustness.
     #[arg(long)]
     explain: bool,
-    /// Exit with 1 if the trace violates the formula.
+    /// Exit with 1 if the trace or a vehicle violates the formula or a rule.
     #[arg(long)]
-    fail_on_counterexample: bool,
-    /// Print one JSON object on stdout.
-    #[arg(long)]
-    json: bool,
+    pub(super) fail_on_counterexample: bool,
+    /// Print one JSON object on stdout, or write it to a file: --json=FILE.
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-")]
+    json: Option<PathBuf>,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
@@ -67,8 +85,12 @@ enum EndArg {
 }
 
 pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
-    let trace = read(args)?;
-    let in_formula = |error: StlError| placed(&args.formula, &error);
+    // Without a recording, the command line requires a trace.
+    let Some(trace) = &args.trace else {
+        return stl_log::run(args);
+    };
+    let trace = read(args, trace)?;
+    let in_formula = |error: StlError| placed("formula", &args.formula, &error);
     let formula: Formula = args.formula.parse().map_err(in_formula)?;
     let names = Names {
         constants: constants(&args.constants)?,
@@ -88,11 +110,10 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         all: args.all.then(|| monitor.robustness_all(&trace)),
         explanation: args.explain.then(|| monitor.explain(&trace)),
     };
-    if args.json {
-        print_json(&measured.json())
-    } else {
-        measured.show(trace.dt_s())
-    }?;
+    if !args.prints_json() {
+        measured.show(trace.dt_s())?;
+    }
+    args.emit_json(&measured.json())?;
     Ok(if args.fail_on_counterexample && !measured.satisfied {
         Exit::Counterexample
     } else {
@@ -103,8 +124,22 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
 impl StlArgs {
     pub(super) fn common(&self) -> Common {
         Common {
-            json: self.json,
+            json: self.prints_json(),
             ..Common::default()
+        }
+    }
+
+    /// Returns true if stdout has the JSON object instead of tables.
+    pub(super) fn prints_json(&self) -> bool {
+        self.json.as_deref() == Some(Path::new("-"))
+    }
+
+    /// Prints or writes the JSON object, if it is requested.
+    pub(super) fn emit_json(&self, value: &serde_json::Value) -> Result<(), Failure> {
+        match &self.json {
+            None => Ok(()),
+            Some(_) if self.prints_json() => print_json(value),
+            Some(file) => Ok(write_file(file, format!("{value}\n").as_bytes())?),
         }
     }
 
@@ -195,18 +230,18 @@ fn lines(all: &[f64], dt_s: f64) -> String {
         .join("\n")
 }
 
-fn read(args: &StlArgs) -> Result<Trace, Failure> {
+fn read(args: &StlArgs, file: &str) -> Result<Trace, Failure> {
     let failed = |error: std::io::Error| {
         Failure::input(
-            format!("cannot read `{}`: {error}", args.trace),
+            format!("cannot read `{file}`: {error}"),
             "name a CSV file, or - for standard input",
         )
     };
     let mut text = String::new();
-    if args.trace == "-" {
+    if file == "-" {
         std::io::stdin().read_to_string(&mut text).map_err(failed)?;
     } else {
-        text = file_text(std::path::Path::new(&args.trace)).map_err(failed)?;
+        text = file_text(Path::new(file)).map_err(failed)?;
     }
     if args.dt.is_some_and(|dt_s| !dt_s.is_finite() || dt_s <= 0.0) {
         return Err(Failure::input(
@@ -215,10 +250,10 @@ fn read(args: &StlArgs) -> Result<Trace, Failure> {
         ));
     }
     trace_of_csv(&text, args.dt)
-        .map_err(|error| Failure::input(format!("`{}`: {error}", args.trace), error.help()))
+        .map_err(|error| Failure::input(format!("`{file}`: {error}"), error.help()))
 }
 
-fn constants(given: &[String]) -> Result<Constants, Failure> {
+pub(super) fn constants(given: &[String]) -> Result<Constants, Failure> {
     let mut constants = Constants::new();
     for text in given {
         let pair = text.split_once('=');
@@ -238,10 +273,10 @@ fn constants(given: &[String]) -> Result<Constants, Failure> {
     Ok(constants)
 }
 
-fn placed(formula: &str, error: &StlError) -> Failure {
+pub(super) fn placed(file: &str, formula: &str, error: &StlError) -> Failure {
     // The formula is drawn like a file, with its mistake marked.
     Failure::from(ScenarioError {
-        file: "formula".to_owned(),
+        file: file.to_owned(),
         text: formula.to_owned(),
         problems: vec![Problem {
             what: error.to_string(),

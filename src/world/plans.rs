@@ -81,6 +81,11 @@ fn read_step(
             problems.add(&list.at(i), what, "second one", Some(help));
         }
     }
+    if step.overlaps && !step.does.iter().any(MotionLaw::is_across) {
+        let help = "add `LaneChange` or `LaneOffset`, or leave `overlaps` out".to_owned();
+        let what = "`overlaps` without a law across the path";
+        problems.add(&path.to("overlaps"), what, "nothing overlaps", Some(help));
+    }
     for (i, law) in step.does.iter().enumerate() {
         read_law(problems, &list.at(i), law, acts_as);
     }
@@ -92,6 +97,7 @@ fn read_step(
             .iter()
             .map(|law| law.map(|_, NumberOrRange(range)| range))
             .collect(),
+        overlaps: step.overlaps,
     })
 }
 

@@ -1,4 +1,6 @@
-//! `brakecheck log` on a small synthetic recording.
+//! Recorded traffic in `log`, `new --from-log` and `stl --log`.
+
+use serde_json::Value;
 
 use super::{brakecheck, code, json, refused, stderr, write};
 
@@ -26,25 +28,230 @@ fn folder() -> (tempfile::TempDir, String) {
 }
 
 #[test]
-fn a_recording_has_lanes_rules_and_worlds() {
-    let (folder, file) = folder();
-    let worlds = folder.path().join("worlds").display().to_string();
-    let args = [
-        "log", &file, "--rules", "motorway", "--worlds", &worlds, "--json",
-    ];
-    let output = brakecheck(&args);
+fn a_recording_has_lanes_and_followings() {
+    let (_folder, file) = folder();
+    let output = brakecheck(&["log", &file, "--json"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let report = json(&output);
     let recording = &report["recordings"][0];
     assert_eq!(recording["map"], "generic");
     assert_eq!(recording["road_users"], 2);
     assert_eq!(recording["followings"], 1);
-    assert_eq!(recording["rules"].as_array().map(Vec::len), Some(10));
+}
+
+#[test]
+fn a_recorded_following_becomes_a_world_that_can_be_searched() {
+    let (folder, file) = folder();
+    let worlds = folder.path().join("worlds").display().to_string();
+    let args = [
+        "new",
+        "follow",
+        "--from-log",
+        &file,
+        "--kind",
+        "following",
+        "-o",
+        &worlds,
+        "--json",
+    ];
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let report = json(&output);
     let world = report["worlds"][0]["file"].as_str().expect("a world");
+    assert!(world.ends_with("follow.ron"), "{world}");
+    let situation = &report["worlds"][0]["situations"][0];
+    assert_eq!(
+        (&situation["planned"], &situation["replaced"]),
+        (&"lead".into(), &"own".into())
+    );
+    assert!(situation["worst_m"].as_f64().expect("a distance") < 0.1);
     let check = brakecheck(&["check", world]);
     assert_eq!(code(&check), 0, "{}", stderr(&check));
+    assert!(!stderr(&check).contains('⚠'), "{}", stderr(&check));
+    let search = brakecheck(&["search", world, "--starts", "1", "--json"]);
+    assert_eq!(code(&search), 0, "{}", stderr(&search));
+    assert_eq!(json(&search)["rows"][0]["starts"], 1);
     // A second run replaces nothing.
     refused(&args, "is there already");
+}
+
+#[test]
+fn worlds_that_a_recording_does_not_have_are_refused() {
+    let (folder, file) = folder();
+    let worlds = folder.path().join("worlds").display().to_string();
+    let from = |name: &str, kind: &str, says: &str| {
+        let args = [
+            "new",
+            name,
+            "--from-log",
+            &file,
+            "--kind",
+            kind,
+            "-o",
+            &worlds,
+        ];
+        refused(&args, says);
+    };
+    from("cut", "cut-in", "no cut-in");
+    from("cross", "crossing", "are not available yet");
+    from("a/b", "following", "cannot name a world");
+    refused(&["new", "a", "--from-log", &file], "--kind");
+    assert!(!folder.path().join("worlds").exists());
+}
+
+#[test]
+fn rules_on_a_recording_are_those_of_a_count_by_hand() {
+    let (folder, file) = folder();
+    let [junit, report, pictures] = ["rules.xml", "rules.json", "pictures"]
+        .map(|name| folder.path().join(name).display().to_string());
+    let rules = folder.path().join("rules.ron");
+    let text = "RuleFile(rules: [
+        Rule(name: \"28 m\", stl: \"always (lead.present implies ego.lead.gap >= 28)\"),
+        Rule(name: \"10 m\", stl: \"always (lead.present implies ego.lead.gap >= 10)\"),
+    ])";
+    write(&rules, text.as_bytes());
+    let rules = rules.display().to_string();
+    let to_json = format!("--json={report}");
+    let args = [
+        "stl",
+        &rules,
+        "--log",
+        &file,
+        &to_json,
+        "--junit",
+        &junit,
+        "--picture",
+        &pictures,
+        "--fail-on-counterexample",
+    ];
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 1, "{}", stderr(&output));
+    // The table is still there, because the JSON went to a file.
+    assert!(String::from_utf8_lossy(&output.stdout).contains("per 1,000 km"));
+    let read = |file: &str| std::fs::read_to_string(file).expect(file);
+    let report: Value = serde_json::from_str(&read(&report)).expect("JSON");
+    let found = &report["recordings"][0]["rules"];
+    // The gap falls from 30 m at 5 s to 26 m at 7 s, and stays: 180 of 300 samples.
+    let broken = &found[0];
+    assert_eq!(
+        (&broken["episodes"], &broken["vehicles"]),
+        (&1.into(), &1.into())
+    );
+    let share = broken["share"].as_f64().expect("a share");
+    assert!((share - 180.0 / 600.0).abs() < 0.005, "{share}");
+    let worst = &broken["worst"];
+    // Presence is Boolean: as a number it would make ρ 0 here.
+    let rho = worst["robustness"].as_f64().expect("ρ");
+    assert!((rho + 2.0).abs() < 0.01, "{rho}");
+    assert_eq!(
+        (&worst["id"], &worst["lead"]),
+        (&"own".into(), &"lead".into())
+    );
+    assert!((6.9..=15.0).contains(&worst["time_s"].as_f64().expect("a time")));
+    assert_eq!(
+        (&found[1]["episodes"], &found[1]["worst"]),
+        (&0.into(), &Value::Null)
+    );
+    let junit = read(&junit);
+    assert!(junit.contains("tests=\"2\" failures=\"1\""), "{junit}");
+    assert!(junit.contains("name=\"28 m\"><failure"), "{junit}");
+    assert!(junit.contains("name=\"10 m\"></testcase>"), "{junit}");
+    let picture = broken["picture"].as_str().expect("a picture");
+    assert!(found[1]["picture"].is_null());
+    // Both cars, the red one behind the orange one.
+    let picture = read(picture);
+    assert_eq!(picture.matches("<polygon").count(), 2, "{picture}");
+    let x = |colour: &str| -> f64 {
+        let (_, rest) = picture
+            .split_once(&format!("fill=\"{colour}\" points=\""))
+            .expect(colour);
+        rest[..rest.find(',').expect("a number")]
+            .parse()
+            .expect("a number")
+    };
+    assert!(x("#c62828") + 6.0 * 26.0 < x("#ef8f00"));
+}
+
+#[test]
+fn rules_come_from_the_shipped_file_or_the_command_line() {
+    let (_folder, file) = folder();
+    let output = brakecheck(&["stl", "motorway", "--log", &file, "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let rules = &json(&output)["recordings"][0]["rules"];
+    assert_eq!(rules.as_array().map(Vec::len), Some(10));
+    let limit = "always (ego.speed <= limit)";
+    let args = [
+        "stl", limit, "--const", "limit=27", "--log", &file, "--json",
+    ];
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let rule = &json(&output)["recordings"][0]["rules"][0];
+    assert_eq!(
+        (&rule["rule"], &rule["vehicles"]),
+        (&limit.into(), &2.into())
+    );
+}
+
+#[test]
+fn wrong_rules_are_refused_with_their_place() {
+    let (folder, file) = folder();
+    let refused_file = |text: &str, says: &str| {
+        let rules = folder.path().join("wrong.ron");
+        write(&rules, text.as_bytes());
+        refused(&["stl", &rules.display().to_string(), "--log", &file], says)
+    };
+    let said = refused_file(
+        "RuleFile(rules: [Rule(name: \"fast\", stl: \"ego.sped > 3\")])",
+        "wrong.ron, rule `fast`",
+    );
+    assert!(said.contains("ego.speed"), "{said}");
+    refused_file(
+        "RuleFile(rules: [Rule(name: \"a\", stl: \"lead.present == 1 implies ego.lead.gap >= 2\")])",
+        "lead.present",
+    );
+    refused_file("RuleFile(rulez: [])", "wrong.ron`: invalid rule file at 1:");
+    refused(
+        &["stl", "nowhere.ron", "--log", &file],
+        "cannot read `nowhere.ron`",
+    );
+    refused(&["stl", "ego.sped > 3", "--log", &file], "ego.sped");
+    refused(
+        &["stl", "x > 3", "--log", &file, "--trace", "a.csv"],
+        "cannot be used with",
+    );
+    refused(&["stl", "x > 3"], "--trace");
+}
+
+#[test]
+fn one_list_of_rules_serves_a_world_and_a_recording() {
+    let (folder, file) = folder();
+    let rules = "[Rule(name: \"half a second\", stl: \"always (ego.lead.gap >= 0.5 * ego.speed and ego.lead.ttc >= 1)\")]";
+    let path = folder.path().join("rules.ron");
+    write(&path, format!("RuleFile(rules: {rules})").as_bytes());
+    let output = brakecheck(&["stl", &path.display().to_string(), "--log", &file]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let worlds = folder.path().join("worlds");
+    let into = worlds.display().to_string();
+    let args = [
+        "new",
+        "follow",
+        "--from-log",
+        &file,
+        "--kind",
+        "following",
+        "-o",
+        &into,
+    ];
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let world = worlds.join("follow.ron");
+    let text = std::fs::read_to_string(&world).expect("a world");
+    let (before, rest) = text.split_once("rulebook: [").expect("a rulebook");
+    let (_, after) = rest.split_once("],\n            ),").expect("its end");
+    let text = format!("{before}rulebook: {rules},\n            ),{after}");
+    write(&world, text.as_bytes());
+    let check = brakecheck(&["check", &world.display().to_string()]);
+    assert_eq!(code(&check), 0, "{}", stderr(&check));
 }
 
 #[test]

@@ -125,6 +125,62 @@ fn scripts_follow_their_laws_to_a_tenth_of_a_millimetre_on_both_plants() {
 }
 
 #[test]
+fn a_step_that_overlaps_goes_on_across_while_the_next_ones_change_the_speed() {
+    let drive = "Script([
+        (after_s: 0.52, does: [Speed(to_mps: 9.0, rate_mps2: 2.0), LaneOffset(to_m: -3.5, most_lateral_mps2: 0.5)], overlaps: true),
+        (does: [Brake(rate_mps2: 3.0)]),
+    ])";
+    let text = text(&other("At(x_m: 60.0, speed_mps: 8.0)", drive), "");
+    let swing_s = PI * (3.5_f64 / (2.0 * 0.5)).sqrt();
+    let van = brakecheck::internals::sim::Body::shipped("van")
+        .expect("shipped")
+        .expect("a body");
+    let speed_mps = |t: f64| {
+        let faster = 2.0 * (t - 0.52).clamp(0.0, 0.5);
+        8.0 + faster - 3.0 * (t - 1.02).clamp(0.0, 3.0)
+    };
+    let share = |t: f64| ((t - 0.52) / swing_s).clamp(0.0, 1.0);
+    // The van stops after 4.02 s, in the middle of its lane change, which goes on.
+    let until_s = 3.9;
+    let lateral_m = |t: f64| {
+        let across_mps = match share(t) {
+            it if 0.0 < it && it < 1.0 => -1.75 * PI / swing_s * (PI * it).sin(),
+            _ => 0.0,
+        };
+        let heading_rad = across_mps.atan2(speed_mps(t));
+        3.5 - 1.75 * (1.0 - (PI * share(t)).cos()) + van.lever_m() * heading_rad.sin()
+    };
+    for plant in PLANTS {
+        let episode = episode(&world(&text).on(plant), 0);
+        let until = (until_s / 0.05) as usize;
+        let early = |name: &str| column(&episode, name)[..until].to_vec();
+        for (name, law) in [
+            ("other.speed", &speed_mps as &dyn Fn(f64) -> f64),
+            ("other.lateral", &lateral_m),
+        ] {
+            for (sample, value) in early(name).iter().enumerate() {
+                let expected = law(0.05 * sample as f64);
+                assert!(
+                    (value - expected).abs() < 1e-4,
+                    "{name}, sample {sample}: {value}, not {expected}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_step_without_a_lateral_law_overlaps_nothing() {
+    let drive = "Script([(does: [Brake(rate_mps2: 3.0)], overlaps: true)])";
+    let text = text(&other("At(x_m: 60.0, speed_mps: 8.0)", drive), "");
+    let error = parsed(&text).expect_err("nothing overlaps");
+    assert!(
+        error.contains("`overlaps` without a law across the path"),
+        "{error}"
+    );
+}
+
+#[test]
 fn a_lane_change_costs_the_way_that_it_goes_sideways() {
     let drive = "Script([(does: [LaneChange(by_m: -3.5, rate_mps: 2.0)])])";
     let world = world(&text(&other("At(x_m: 60.0, speed_mps: 8.0)", drive), ""));

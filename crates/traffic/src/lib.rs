@@ -5,7 +5,7 @@
 //! Read a CSV file with [`read_csv`] and a [`ColumnMap`], OpenSCENARIO trajectories with
 //! [`read_xosc`], or an OSI trace with [`read_osi`] or [`read_mcap`]. [`Analysis::of`] fits lanes
 //! without a map and finds leads, followings, cut-ins and crossings. A [`TrafficRuleFile`] evaluates
-//! formulas on all vehicles. [`TrafficModel::fit`] measures how often drivers brake
+//! formulas on all vehicles. [`RecordedWorlds::of`] writes situations as world files. [`TrafficModel::fit`] measures how often drivers brake
 //! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
 //! masks actions that would make an event too rare.
 //!
@@ -22,6 +22,7 @@ mod driving_data;
 mod error;
 mod following;
 mod grid;
+mod lane_change_plan;
 mod lane_frame;
 mod limit;
 mod mcap;
@@ -37,6 +38,7 @@ mod read;
 mod recording;
 mod rules;
 mod simplex;
+mod situation_plan;
 mod situations;
 mod starts;
 mod svg;
@@ -58,6 +60,7 @@ pub use columns::RecordingColumns;
 pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
+pub use lane_change_plan::LaneChangePlan;
 pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
 pub use limit::NaturalLimit;
 pub use mcap::read_mcap;
@@ -71,10 +74,11 @@ pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, Rated
 pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 pub use rules::{BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow};
+pub use situation_plan::{AcrossPlan, LANE_CHANGE_AT_S, RecordedPlace, SituationPlan, StockBody};
 pub use situations::{
     CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, Situations, WINDOW_S,
 };
 pub use starts::{StartRarity, StartState, StartTable};
 pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, RateSource, TailPoint};
-pub use world::{RecordedWorld, following_worlds};
+pub use world::{RecordedWorld, RecordedWorlds, SituationKind};
 pub use xosc::read_xosc;

@@ -3,8 +3,8 @@
 /// Length of a piece of a plan in seconds.
 pub const PIECE_S: f64 = 0.5;
 
-/// Least change of speed of a piece, so that it takes its time, in m/s.
-const LEAST_CHANGE_MPS: f64 = 1e-4;
+/// Least change of speed of a piece in m/s: world files need a rate of 0.001 m/s².
+const LEAST_CHANGE_MPS: f64 = 6e-4;
 
 /// Weight against accelerations, which keeps the system of equations regular.
 const RIDGE: f64 = 1e-9;
@@ -46,12 +46,13 @@ impl SpeedPlan {
         let to_mps = solution[2..].iter().map(|accel| {
             fitted_mps += accel * PIECE_S;
             let to = rounded(fitted_mps.max(0.0));
-            // A piece without a change would end at once.
+            // A piece without a change would end at once. The least change goes
+            // towards the fit, so that no error adds up.
             let is_steady = (to - speed_mps).abs() < LEAST_CHANGE_MPS;
-            speed_mps = if is_steady {
-                speed_mps + LEAST_CHANGE_MPS
-            } else {
-                to
+            speed_mps = match is_steady.then_some(to < speed_mps) {
+                Some(true) if LEAST_CHANGE_MPS <= speed_mps => speed_mps - LEAST_CHANGE_MPS,
+                Some(_) => speed_mps + LEAST_CHANGE_MPS,
+                None => to,
             };
             speed_mps
         });
@@ -81,29 +82,21 @@ impl SpeedPlan {
 
     /// Returns the greatest acceleration or deceleration in m/s².
     pub fn hardest_mps2(&self) -> f64 {
-        let speeds = std::iter::once(&self.start_mps).chain(&self.to_mps);
-        let changes = speeds
-            .zip(&self.to_mps)
-            .map(|(a, b)| (b - a).abs() / PIECE_S);
-        changes.fold(0.0, f64::max)
+        self.rates_mps2().into_iter().fold(0.0, f64::max)
     }
 
-    /// Returns the steps of a `Script` of a world file, a line per piece.
-    pub fn to_script(&self, indent: &str) -> String {
-        let mut text = String::new();
-        let mut speed_mps = self.start_mps;
-        for to_mps in &self.to_mps {
-            let rate_mps2 = rounded((to_mps - speed_mps).abs() / PIECE_S);
-            text +=
-                &format!("{indent}(does: [Speed(to_mps: {to_mps}, rate_mps2: {rate_mps2})]),\n");
-            speed_mps = *to_mps;
-        }
-        text
+    /// Returns the rate of each piece in m/s², always positive.
+    pub fn rates_mps2(&self) -> Vec<f64> {
+        let speeds = std::iter::once(&self.start_mps).chain(&self.to_mps);
+        let changes = speeds.zip(&self.to_mps);
+        changes
+            .map(|(from, to)| rounded((to - from).abs() / PIECE_S))
+            .collect()
     }
 }
 
 /// Rounds to micrometres per second, so that texts stay short.
-fn rounded(value: f64) -> f64 {
+pub(crate) fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
 

@@ -81,7 +81,7 @@ impl RulesError {
             }
             RulesError::Formula { source, .. } => match source.help() {
                 Some(help) => help.to_owned(),
-                None => "use the signals of `brakecheck log --signals`".to_owned(),
+                None => "`brakecheck stl --help` lists the signals".to_owned(),
             },
             RulesError::Names(_) => "give them different names".to_owned(),
         }
@@ -89,6 +89,16 @@ impl RulesError {
 }
 
 impl TrafficRuleFile {
+    /// Creates a file of rules with the vehicles `ego` and `lead`, without constants.
+    pub fn of(rules: Vec<TrafficRule>) -> TrafficRuleFile {
+        TrafficRuleFile {
+            vehicle: ego(),
+            lead: lead(),
+            constants: Constants::default(),
+            rules,
+        }
+    }
+
     /// Returns the RON text of the shipped rules for motorways.
     pub fn motorway_text() -> &'static str {
         include_str!("../rules/motorway.ron")

@@ -1,17 +1,23 @@
-//! World files from recorded situations.
-
-use std::fmt::Write;
+//! World files from recorded situations, which are the rows of their tables of starts.
 
 use crate::analysis::Analysis;
-use crate::path::Path;
-use crate::plan::{PIECE_S, SpeedPlan};
-use crate::recording::{Class, RoadUserTrack};
-use crate::situations::RecordedFollowing;
+use crate::plan::{PIECE_S, rounded};
+use crate::situation_plan::{LANE_CHANGE_AT_S, SituationPlan, StockBody, slowing_mps};
+use crate::situations::{RecordedCutIn, RecordedFollowing};
 
-/// Width of the lane of a generated world in metres.
+/// Width of the lanes of a generated world in metres.
 const LANE_WIDTH_M: f64 = 3.75;
 
-/// World file of one recorded situation.
+/// Kind of recorded situations that become worlds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SituationKind {
+    /// Windows of 10 s in which a vehicle follows the same lead.
+    Following,
+    /// Lane changes in front of a follower.
+    CutIn,
+}
+
+/// World file of recorded situations.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RecordedWorld {
@@ -19,161 +25,232 @@ pub struct RecordedWorld {
     pub name: String,
     /// RON text of the world.
     pub text: String,
-    /// Greatest distance of the plan from the recorded positions in metres.
-    pub worst_m: f64,
-    /// Greatest acceleration or deceleration of the plan in m/s².
-    pub hardest_mps2: f64,
-    /// Speed that the lead loses in the window, in m/s.
-    pub slowing_mps: f64,
+    /// Situations, in the order of its points.
+    pub situations: Vec<SituationPlan>,
 }
 
-/// Returns the windows of 10 s as worlds, those with the greatest slowing first.
-///
-/// The ego takes the follower's place. The lead follows its recording and may stray by
-/// ±1 m/s² within 20 m. Windows whose states are interpolated at the start are left out.
-pub fn following_worlds(analysis: &Analysis, most: usize) -> Vec<RecordedWorld> {
-    let mut windows: Vec<(f64, RecordedFollowing)> = analysis
-        .situations
-        .windows(&analysis.recording)
-        .into_iter()
-        .filter_map(|window| Some((slowing(analysis, &window)?, window)))
-        .collect();
-    windows.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let worlds = windows.iter().enumerate();
-    let worlds = worlds.filter_map(|(i, (_, window))| following_world(analysis, window, i + 1));
-    worlds.take(most).collect()
+/// World files of one kind of situations, the hardest first.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct RecordedWorlds {
+    /// Worlds, one per body, side and place of the planned road user.
+    pub worlds: Vec<RecordedWorld>,
+    /// Situations in the recordings.
+    pub found: usize,
+    /// Harder situations left out: the start is interpolated, a vehicle is recorded for
+    /// too short a time, or a cut-in is not a single lane change.
+    pub left_out: usize,
 }
 
-/// Returns the speed that the lead loses at most, `None` for interpolated starts.
-fn slowing(analysis: &Analysis, window: &RecordedFollowing) -> Option<f64> {
-    let lead = &analysis.recording.tracks[window.lead];
-    let own = &analysis.recording.tracks[window.follower];
-    let at = window.first_sample - lead.first_sample;
-    if lead.filled[at] || own.filled[window.first_sample - own.first_sample] {
-        return None;
+/// Situation that may become a point.
+enum Candidate {
+    Following(RecordedFollowing),
+    CutIn(RecordedCutIn),
+}
+
+impl RecordedWorlds {
+    /// Returns the hardest situations of recordings as worlds.
+    ///
+    /// A following is harder if the lead loses more speed, and a cut-in if the follower
+    /// must brake more. At most `most` situations become points of worlds that are named
+    /// `name`, `name_2` and so on. No recorded position is in their texts.
+    pub fn of(
+        name: &str,
+        kind: SituationKind,
+        analyses: &[Analysis],
+        most: usize,
+    ) -> RecordedWorlds {
+        let all = analyses.iter().flat_map(|it| candidates(kind, it));
+        let mut all: Vec<(f64, &Analysis, Candidate)> = all.collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut result = RecordedWorlds {
+            found: all.len(),
+            ..RecordedWorlds::default()
+        };
+        let mut groups: Vec<Vec<SituationPlan>> = Vec::new();
+        let mut planned = 0;
+        for (_, analysis, candidate) in &all {
+            if most <= planned {
+                break;
+            }
+            let plan = match candidate {
+                Candidate::Following(window) => SituationPlan::following(analysis, window),
+                Candidate::CutIn(cut_in) => SituationPlan::cut_in(analysis, cut_in),
+            };
+            let Some(plan) = plan else {
+                result.left_out += 1;
+                continue;
+            };
+            planned += 1;
+            let same_world = |it: &&mut Vec<SituationPlan>| {
+                let [a, b] = [&it[0], &plan];
+                (a.body, a.place(), a.is_from_left()) == (b.body, b.place(), b.is_from_left())
+            };
+            match groups.iter_mut().find(same_world) {
+                Some(group) => group.push(plan),
+                None => groups.push(vec![plan]),
+            }
+        }
+        let worlds = groups.into_iter().enumerate().map(|(i, situations)| {
+            let name = match i {
+                0 => name.to_owned(),
+                _ => format!("{name}_{}", i + 1),
+            };
+            RecordedWorld {
+                text: text(&name, kind, &situations),
+                name,
+                situations,
+            }
+        });
+        result.worlds = worlds.collect();
+        result
     }
-    let speeds = &lead.speed_mps[at..at + window.samples];
-    let mut most = (0.0, f64::NEG_INFINITY);
-    for speed in speeds {
-        most.1 = f64::max(most.1, *speed);
-        most.0 = f64::max(most.0, most.1 - speed);
+
+    /// Returns the situations of all worlds.
+    pub fn situations(&self) -> impl Iterator<Item = &SituationPlan> {
+        self.worlds.iter().flat_map(|it| &it.situations)
     }
-    Some(most.0)
 }
 
-fn following_world(
-    analysis: &Analysis,
-    window: &RecordedFollowing,
-    number: usize,
-) -> Option<RecordedWorld> {
-    let recording = &analysis.recording;
-    let (lead, own) = (
-        &recording.tracks[window.lead],
-        &recording.tracks[window.follower],
+fn candidates(kind: SituationKind, analysis: &Analysis) -> Vec<(f64, &Analysis, Candidate)> {
+    let situations = &analysis.situations;
+    match kind {
+        SituationKind::Following => situations
+            .windows(&analysis.recording)
+            .into_iter()
+            .map(|it| {
+                (
+                    slowing_mps(analysis, &it),
+                    analysis,
+                    Candidate::Following(it),
+                )
+            })
+            .collect(),
+        SituationKind::CutIn => situations
+            .cut_ins
+            .iter()
+            .map(|it| (it.at_line.needed_mps2(), analysis, Candidate::CutIn(*it)))
+            .collect(),
+    }
+}
+
+/// Numbers of a world that differ between its points.
+#[derive(Default)]
+struct PointColumns {
+    axes: Vec<(String, Vec<f64>)>,
+}
+
+impl PointColumns {
+    /// Returns a number, or the range of an axis if it differs.
+    fn number(&mut self, axis: &str, values: impl Iterator<Item = f64>) -> String {
+        self.number_from(0.0, axis, values)
+    }
+
+    /// As `number`, for an axis whose values are relative to another origin.
+    fn number_from(
+        &mut self,
+        origin: f64,
+        axis: &str,
+        values: impl Iterator<Item = f64>,
+    ) -> String {
+        let values: Vec<f64> = values.map(rounded).collect();
+        let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if least == most {
+            return format!("{least:?}");
+        }
+        let values = values.into_iter().map(|it| origin + it);
+        self.axes.push((axis.to_owned(), values.collect()));
+        format!("({least:?}, {most:?})")
+    }
+
+    /// Returns the field `points` with a remark per row, empty without an axis.
+    fn to_ron(&self, situations: &[SituationPlan]) -> String {
+        if self.axes.is_empty() {
+            return String::new();
+        }
+        let axes: Vec<String> = self.axes.iter().map(|it| format!("{:?}", it.0)).collect();
+        let rows = situations.iter().enumerate().map(|(i, situation)| {
+            let row = self.axes.iter().map(|it| format!("{:?}", it.1[i]));
+            let row: Vec<String> = row.collect();
+            format!(
+                "            // {}, at {:.2} s: {} ahead of the ego, which replaces {}\n            [{}],\n",
+                file_name(&situation.source),
+                situation.time_s,
+                plain(&situation.planned),
+                plain(&situation.replaced),
+                row.join(", ")
+            )
+        });
+        format!(
+            "    points: (\n        axes: [{}],\n        rows: [\n{}        ],\n    ),\n",
+            axes.join(", "),
+            rows.collect::<String>()
+        )
+    }
+}
+
+/// Returns a text that may be in a comment and in a string.
+fn plain(text: &str) -> String {
+    text.replace(['"', '\\', '\n', '\r'], "_")
+}
+
+fn text(name: &str, kind: SituationKind, situations: &[SituationPlan]) -> String {
+    let mut table = PointColumns::default();
+    let all = || situations.iter();
+    let first = &situations[0];
+    let (question, road, ego_lane, ado) = match kind {
+        SituationKind::Following => (
+            "Does the ego follow a recorded lead that may stray from its recording without a contact?",
+            1,
+            0,
+            "lead",
+        ),
+        SituationKind::CutIn => (
+            "Does the ego avoid a contact with a recorded cut-in that may stray from its recording?",
+            2,
+            usize::from(!first.is_from_left()),
+            "ado",
+        ),
+    };
+    let ego_offset = table.number_from(
+        LANE_WIDTH_M * ego_lane as f64,
+        "ego.lateral",
+        all().map(|it| it.across.map_or(0.0, |it| it.ego_m)),
     );
-    let (at, own_at) = (
-        window.first_sample - lead.first_sample,
-        window.first_sample - own.first_sample,
-    );
-    // One more sample, so that the last piece is whole.
-    let samples = window.samples + 1;
-    let plan = SpeedPlan::fit(&own_way(lead, at, samples)?, recording.dt_s)?;
-    let own_plan = SpeedPlan::fit(&own_way(own, own_at, samples)?, recording.dt_s)?;
-    let gap_m = analysis.leads.of[window.follower][own_at]?.gap_m + plan.start_m - own_plan.start_m;
-    let name = format!("following_{number:03}");
-    let text = following_text(&FollowingText {
-        name: &name,
-        source: &recording.name,
-        follower: &own.id,
-        lead: &lead.id,
-        time_s: window.first_sample as f64 * recording.dt_s,
-        lead_class: lead.class,
-        lead_length_m: lead.length_m,
-        gap_m,
-        ego_mps: own_plan.start_mps,
-        plan: &plan,
+    let ego_mps = table.number("ego.speed", all().map(|it| it.ego_mps));
+    let agent = PlannedAdo {
+        name: ado,
+        kind,
+        situations,
+    }
+    .to_ron(&mut table);
+    let worst_m = all().map(|it| it.speed.worst_m).fold(0.0, f64::max);
+    let hardest_mps2 = all().map(|it| it.speed.hardest_mps2()).fold(0.0, f64::max);
+    let across = all()
+        .filter_map(|it| it.across)
+        .map(|it| it.worst_m)
+        .reduce(f64::max);
+    let across = across.map_or(String::new(), |it| {
+        format!("\n// Across the road they stay within {it:.2} m.")
     });
-    Some(RecordedWorld {
-        name,
-        text,
-        worst_m: plan.worst_m,
-        hardest_mps2: plan.hardest_mps2(),
-        slowing_mps: slowing(analysis, window)?,
-    })
-}
-
-/// Returns the positions of a road user along its own path.
-///
-/// Along the right lane's line, a vehicle of the left lane would gain or lose decimetres
-/// in a bend. Returns `None` for a road user that hardly moves.
-fn own_way(track: &RoadUserTrack, from: usize, samples: usize) -> Option<Vec<f64>> {
-    let range = from..(from + samples).min(track.len());
-    let points = || range.clone().map(|i| [track.x_m[i], track.y_m[i]]);
-    // Half seconds apart, so that the noise of positions does not lengthen the path.
-    let thinned = points().step_by(10).chain(points().next_back());
-    let path = Path::through(thinned, 0.5)?;
-    let mut piece = 0;
-    let place = points().map(|point| {
-        let place = path.place(point, piece);
-        piece = place.piece;
-        place.s_m
-    });
-    Some(place.collect())
-}
-
-/// Parts of the text of a following.
-struct FollowingText<'a> {
-    name: &'a str,
-    source: &'a str,
-    follower: &'a str,
-    lead: &'a str,
-    time_s: f64,
-    lead_class: Class,
-    lead_length_m: f64,
-    gap_m: f64,
-    ego_mps: f64,
-    plan: &'a SpeedPlan,
-}
-
-/// Returns the name and the length of the stock body that is nearest.
-fn body(class: Class, length_m: f64) -> (&'static str, f64) {
-    match class {
-        Class::Motorcycle => ("motorcycle", 2.10),
-        Class::Van => ("van", 5.93),
-        Class::Truck if length_m < 12.5 => ("truck", 9.20),
-        Class::Truck => ("semitrailer", 16.50),
-        _ => ("sedan", 4.54),
-    }
-}
-
-fn following_text(it: &FollowingText<'_>) -> String {
-    let (body, length_m) = body(it.lead_class, it.lead_length_m);
-    // A text in a comment and in a string.
-    let plain = |text: &str| text.replace(['"', '\\', '\n', '\r'], "_");
-    let horizon_s = it.plan.to_mps.len() as f64 * PIECE_S;
-    let mut text = format!(
-        "// A recorded following, fitted to positions: the plan is within {:.3} m of the recording\n\
-         // and accelerates by at most {:.1} m/s².\n\
-         // Road user {} of the recording is the lead. The ego takes the place of {}.\n",
-        it.plan.worst_m,
-        it.plan.hardest_mps2(),
-        plain(it.lead),
-        plain(it.follower),
-    );
-    let _ = write!(
-        text,
-        r#"Scenario(
+    let horizon_s = first.speed.to_mps.len() as f64 * PIECE_S;
+    let points = table.to_ron(situations);
+    format!(
+        r#"// {count} recorded situations. Plans are fitted to positions: along the road they stay within
+// {worst_m:.3} m of the recording and accelerate by at most {hardest_mps2:.1} m/s².{across}
+Scenario(
     name: "{name}",
-    question: "Does the ego follow a recorded lead that may stray from its recording without a contact?",
-    source: "{source}, at {time_s:.2} s",
+    question: "{question}",
+    source: "{source}",
     clock: (horizon_s: {horizon_s:?}, decision_s: 0.5, sample_s: 0.05, substeps: 4),
     plant: Kinematic,
     judge: UntilContact,
-    road: Straight(lanes: 1, lane_width_m: {LANE_WIDTH_M:?}, friction: 0.9),
+    road: Straight(lanes: {road}, lane_width_m: {LANE_WIDTH_M:?}, friction: 0.9),
     agents: [
         Vehicle(
-            name: "ego", body: "sedan", lane: 0,
-            start: At(x_m: 0.0, speed_mps: {ego_mps:?}),
+            name: "ego", body: "sedan", lane: {ego_lane}, offset_m: {ego_offset},
+            start: At(x_m: 0.0, speed_mps: {ego_mps}),
             drive: Ego(Acc(
                 kp_per_s2: 0.3, kd_per_s: 1.2,
                 standstill_headway_m: 5.7, time_gap_s: 0.5,
@@ -181,30 +258,146 @@ fn following_text(it: &FollowingText<'_>) -> String {
                 lag_s: 0.4,
             )),
         ),
-        Vehicle(
-            name: "lead", body: "{body}", lane: 0,
-            start: Ahead(of: "ego", headway_m: {headway_m:?}, speed_mps: {lead_mps:?}),
+{agent}    ],
+    ego_spec: "always (ego.{ado}.gap >= 0.01)",
+{points})
+"#,
+        count = situations.len(),
+        source = sources(situations),
+    )
+}
+
+/// Returns the name of a recording's file without its directory.
+fn file_name(source: &str) -> String {
+    plain(source.rsplit(['/', '\\']).next().unwrap_or(source))
+}
+
+/// Returns the names of the recordings, each once.
+fn sources(situations: &[SituationPlan]) -> String {
+    let mut names: Vec<String> = Vec::new();
+    for it in situations {
+        let name = file_name(&it.source);
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names.join(", ")
+}
+
+/// Road user with a plan from which it may stray.
+struct PlannedAdo<'a> {
+    name: &'a str,
+    kind: SituationKind,
+    situations: &'a [SituationPlan],
+}
+
+impl PlannedAdo<'_> {
+    fn to_ron(&self, table: &mut PointColumns) -> String {
+        let (name, all) = (self.name, || self.situations.iter());
+        let first = &self.situations[0];
+        let StockBody { name: body, .. } = first.body;
+        // The lane of the ado is beside the ego's in a cut-in, and the ego's otherwise.
+        let lane = usize::from(self.kind == SituationKind::CutIn && first.is_from_left());
+        let headway = table.number(
+            &format!("{name}.headway"),
+            all().map(SituationPlan::headway_m),
+        );
+        let offset = all().map(|it| it.across.map_or(0.0, |it| it.change.from_m - self.lane_m()));
+        let middle_m = LANE_WIDTH_M * lane as f64;
+        let offset = table.number_from(middle_m, &format!("{name}.lateral"), offset);
+        let speed = table.number(&format!("{name}.speed"), all().map(|it| it.speed.start_mps));
+        let script = self.script(table);
+        let rules = self.rules();
+        let rules = rules.iter().map(|(name, stl)| {
+            format!("                    Rule(name: \"{name}\", stl: \"{stl}\"),\n")
+        });
+        let rules: String = rules.collect();
+        let (actions, neutral) = match self.kind {
+            SituationKind::Following => ("lateral_mps: [0.0]", 1),
+            SituationKind::CutIn => ("lateral_mps: [-0.3, 0.0, 0.3]", 4),
+        };
+        format!(
+            r#"        Vehicle(
+            name: "{name}", body: "{body}", lane: {lane}, offset_m: {offset},
+            start: Ahead(of: "ego", headway_m: {headway}, speed_mps: {speed}),
             drive: Ado(
                 base: Script([
 {script}                ]),
-                actions: Deviate(accelerations: [-1.0, 0.0, 1.0], lateral_mps: [0.0]), neutral: 1,
+                actions: Deviate(accelerations: [-1.0, 0.0, 1.0], {actions}), neutral: {neutral},
                 rulebook: [
-                    Rule(name: "stays near its recording", stl: "always (lead.s - lead.planned.s in [-20, 20])"),
-                    Rule(name: "never reverses", stl: "always (lead.speed >= 0)"),
-                ],
+{rules}                ],
             ),
         ),
-    ],
-    ego_spec: "always (ego.lead.gap >= 0.01)",
-)
-"#,
-        name = it.name,
-        source = plain(it.source),
-        time_s = it.time_s,
-        ego_mps = it.ego_mps,
-        headway_m = ((it.gap_m + length_m) * 1e6).round() / 1e6,
-        lead_mps = it.plan.start_mps,
-        script = it.plan.to_script("                    "),
-    );
-    text
+"#
+        )
+    }
+
+    /// Returns the middle of its own lane, relative to that of the ego's lane.
+    fn lane_m(&self) -> f64 {
+        if self.situations[0].is_from_left() {
+            LANE_WIDTH_M
+        } else {
+            -LANE_WIDTH_M
+        }
+    }
+
+    /// Returns the steps: a speed per half second, and the lane change on top of them.
+    fn script(&self, table: &mut PointColumns) -> String {
+        let all = || self.situations.iter();
+        let rates: Vec<Vec<f64>> = all().map(|it| it.speed.rates_mps2()).collect();
+        let begin = (LANE_CHANGE_AT_S / PIECE_S).round() as usize;
+        let mut text = String::new();
+        for piece in 0..rates[0].len() {
+            let step = format!("{}.step{}", self.name, piece + 1);
+            let to = table.number(
+                &format!("{step}.speed.to"),
+                all().map(|it| it.speed.to_mps[piece]),
+            );
+            let rate = table.number(
+                &format!("{step}.speed.rate"),
+                rates.iter().map(|it| it[piece]),
+            );
+            let mut does = format!("does: [Speed(to_mps: {to}, rate_mps2: {rate})");
+            let across: Vec<_> = all()
+                .filter_map(|it| it.across)
+                .map(|it| it.change)
+                .collect();
+            if piece == begin && !across.is_empty() {
+                let to = across.iter().map(|it| it.to_m - self.lane_m());
+                let to = table.number(&format!("{step}.lane_offset.to"), to);
+                let most = across.iter().map(|it| it.most_lateral_mps2());
+                let most = table.number(&format!("{step}.lane_offset.most_lateral"), most);
+                does = format!(
+                    "overlaps: true, {does}, LaneOffset(to_m: {to}, most_lateral_mps2: {most})"
+                );
+            }
+            text += &format!("                    ({does}]),\n");
+        }
+        text
+    }
+
+    fn rules(&self) -> Vec<(&'static str, String)> {
+        let ado = self.name;
+        let near = format!("always ({ado}.s - {ado}.planned.s in [-20, 20])");
+        let forward = format!("always ({ado}.speed >= 0)");
+        let mut rules = vec![("stays near its recording", near)];
+        if self.kind == SituationKind::CutIn {
+            let first = &self.situations[0];
+            rules.push((
+                "changes lanes within a second of its recording",
+                format!("always ({ado}.lateral - {ado}.planned.lateral in [-1, 1])"),
+            ));
+            // As in UN R157, §5.2.5.2, and with its rear clear of the ego's front.
+            rules.push((
+                "cuts in with the time that UN R157 asks for",
+                format!(
+                    "always (rise(abs({ado}.lateral - ego.lateral) <= 2.35) implies \
+                     (ego.{ado}.headway >= {:?} and ego.{ado}.ttc > max(ego.speed - {ado}.speed, 0) / 12 + 0.35))",
+                    first.body.length_m + 1.0
+                ),
+            ));
+        }
+        rules.push(("never reverses", forward));
+        rules
+    }
 }

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use brakecheck_traffic::{
-    Analysis, SourceFile, TrafficModel, TrafficRuleFile, following_worlds, read_csv_guessed,
+    Analysis, RecordedWorlds, SituationKind, SourceFile, TrafficModel, TrafficRuleFile,
+    read_csv_guessed,
 };
 
 const WHEEL: &str = "tasi-0.15.4-py3-none-any.whl";
@@ -79,9 +80,13 @@ fn the_bars_hold_on_five_minutes_of_a_motorway() {
     assert!(400 <= found.long_followings(&analysis.recording).count());
     assert!(300 <= found.cut_ins.len());
 
-    let worlds = following_worlds(&analysis, 24);
-    assert_eq!(worlds.len(), 24);
-    assert!(worlds.iter().all(|it| it.worst_m < 0.1));
+    let analyses = [analysis];
+    for kind in [SituationKind::Following, SituationKind::CutIn] {
+        let recorded = RecordedWorlds::of("recorded", kind, &analyses, 24);
+        assert_eq!(recorded.situations().count(), 24);
+        assert!(recorded.situations().all(|it| it.speed.worst_m < 0.1));
+    }
+    let [analysis] = analyses;
 
     let rules = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
     let rules = rules.bind(&analysis.recording).expect("shipped");

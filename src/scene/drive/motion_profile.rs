@@ -64,6 +64,10 @@ impl SpeedRamp {
 }
 
 impl Swing {
+    pub(super) fn ends_s(&self) -> f64 {
+        self.begins_s + self.lasts_s
+    }
+
     pub(super) fn way_m(&self, time_s: f64) -> f64 {
         if self.lasts_s <= 0.0 {
             return self.by_m;

@@ -34,6 +34,9 @@ pub struct ScriptStep<N, W> {
     /// Laws to begin: at most one along the path and one across it.
     #[serde(default = "nothing")]
     pub does: Vec<MotionLaw<N>>,
+    /// Whether the next step may begin while the law across the path goes on.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub overlaps: bool,
 }
 
 /// Change of a motion.
@@ -188,6 +191,7 @@ impl<N: Copy, W> MotionPlan<N, W> {
                         when: None,
                         after_s: of_step(("after", "s"), step.after_s),
                         does: step.does.iter().map(|law| law.map(&mut of_step)).collect(),
+                        overlaps: step.overlaps,
                     }
                 });
                 MotionPlan::Script(steps.collect())
@@ -256,6 +260,7 @@ impl Approach {
                 relative_to: None,
                 rate_mps2: self.accel_mps2.is_finite().then_some(self.accel_mps2),
             }],
+            overlaps: false,
         }
     }
 }

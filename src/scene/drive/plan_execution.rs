@@ -288,7 +288,8 @@ impl PlanRun {
                     if let Some(MotionLaw::Walk { .. }) = self.steps[self.step].does.first() {
                         self.ramp = SpeedRamp::steady(0.0);
                     }
-                    self.swing = None;
+                    // Only a step that overlaps ends before its lateral motion.
+                    self.swing = self.swing.filter(|it| ends_s + SAME_S < it.ends_s());
                     self.step += 1;
                     self.phase = self.turn_of(self.step, ends_s);
                 }
@@ -303,7 +304,7 @@ impl PlanRun {
             PlanPhase::Acts { ends_s } => ends_s,
             PlanPhase::Waits { .. } | PlanPhase::Over => f64::INFINITY,
         };
-        let swing = self.swing.map(|it| it.begins_s + it.lasts_s);
+        let swing = self.swing.map(|it| it.ends_s());
         let changes = [Some(step_s), Some(self.ramp.ends_s()), swing];
         let later = changes.into_iter().flatten();
         let later = later.filter(|at_s| time_s + SAME_S < *at_s);
@@ -322,8 +323,7 @@ impl PlanRun {
                 self.ramp = SpeedRamp {
                     begins_s: at_s,
                     from_mps,
-                    // Plans never reverse: `relative_to` could make the target
-                    // negative.
+                    // `relative_to` could make it negative, but plans never reverse.
                     to_mps: to_mps.max(0.0),
                     rate_mps2: rate_mps2.abs(),
                 };
@@ -359,17 +359,17 @@ impl PlanRun {
                     self.sway(at_s, lasts_s, by_m, false)
                 }
             };
-            ends_s = ends_s.max(law_ends_s);
+            if !(self.steps[self.step].overlaps && law.is_across()) {
+                ends_s = ends_s.max(law_ends_s);
+            }
         }
         // Laws that began before now have acted since, along and across.
         let missed_m = self.ramp.way_m(at_s, now_s) - from_mps * (now_s - at_s);
         if at_s < now_s {
             let (cos, sin) = self.carried.direction();
             self.s_m += cos * missed_m;
-            self.lateral_m += sin * missed_m;
-        }
-        if let Some(swing) = self.swing.filter(|swing| swing.begins_s < now_s) {
-            self.lateral_m += swing.way_m(now_s);
+            let begun = self.swing.filter(|_| laws.iter().any(MotionLaw::is_across));
+            self.lateral_m += sin * missed_m + begun.map_or(0.0, |it| it.way_m(now_s));
         }
         ends_s
     }

@@ -106,11 +106,6 @@ impl RapierWorld {
     }
 
     /// Returns the world in which bodies collide, if they do.
-    pub(super) fn together(&self) -> Option<&CollisionWorld> {
-        self.together.as_deref()
-    }
-
-    /// Returns the world in which bodies collide, if they do.
     pub(super) fn together_mut(&mut self) -> Option<&mut CollisionWorld> {
         self.together.as_deref_mut()
     }

@@ -1,0 +1,194 @@
+//! `brakecheck new NAME --from-log RECORDING`: recorded situations as worlds.
+
+use std::path::{Path, PathBuf};
+
+use brakecheck_traffic::{
+    Analysis, RecordedPlace, RecordedWorld, RecordedWorlds, SituationKind, SituationPlan,
+};
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
+use super::new::check_name;
+use super::{Exit, Failure, log, print_json, terminal};
+use crate::run_dir::{make_dir, write_file};
+use crate::world::Scenario;
+
+/// Options of worlds from recordings.
+#[derive(Args, Debug)]
+pub(super) struct FromLogArgs {
+    /// Recording whose situations become starts of worlds; repeat for several.
+    #[arg(
+        long,
+        value_name = "FILE.csv",
+        requires = "kind",
+        conflicts_with = "from"
+    )]
+    from_log: Vec<PathBuf>,
+    /// Column map of the recordings, as in `brakecheck log` [default: by header].
+    #[arg(long, value_name = "NAME|FILE.ron", requires = "from_log")]
+    map: Option<String>,
+    /// Situations to write. Your ego replaces one of the recorded road users.
+    #[arg(long, value_enum, requires = "from_log")]
+    kind: Option<KindArg>,
+    /// Number of situations, the hardest first [default: 24].
+    #[arg(long, value_name = "N", requires = "from_log", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    count: Option<u16>,
+    /// Directory of the worlds [default: the working directory].
+    #[arg(short, long, value_name = "DIR", requires = "from_log")]
+    output: Option<PathBuf>,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum KindArg {
+    /// The ego replaces the follower, and the lead may stray from its recording.
+    Following,
+    /// The ego replaces the follower of a lane change in front of it.
+    CutIn,
+    /// Paths that cross: not available yet.
+    Crossing,
+}
+
+impl KindArg {
+    fn situations(self) -> Result<SituationKind, Failure> {
+        match self {
+            KindArg::Following => Ok(SituationKind::Following),
+            KindArg::CutIn => Ok(SituationKind::CutIn),
+            KindArg::Crossing => Err(Failure::input(
+                "worlds of kind `crossing` are not available yet",
+                "use `--kind following` or `--kind cut-in`",
+            )),
+        }
+    }
+}
+
+impl FromLogArgs {
+    pub(super) fn is_requested(&self) -> bool {
+        !self.from_log.is_empty()
+    }
+}
+
+/// Writes the worlds of the recordings, or none if a file is there already.
+pub(super) fn run(args: &FromLogArgs, name: &str, prints_json: bool) -> Result<Exit, Failure> {
+    let kind = args.kind.unwrap_or(KindArg::Following).situations()?;
+    let name = name.strip_suffix(".ron").unwrap_or(name);
+    check_name(name)?;
+    let recordings = log::read_all(&args.from_log, args.map.as_deref())?;
+    let analyses: Vec<Analysis> = recordings.into_iter().map(|it| it.0).collect();
+    let recorded = RecordedWorlds::of(name, kind, &analyses, usize::from(args.count.unwrap_or(24)));
+    if recorded.worlds.is_empty() {
+        return Err(nothing(args, kind, &recorded));
+    }
+    let folder = args.output.as_deref().unwrap_or(Path::new(""));
+    let mut files = Vec::new();
+    for world in &recorded.worlds {
+        let path = folder.join(format!("{}.ron", world.name));
+        let file = path.display().to_string();
+        if path.symlink_metadata().is_ok() {
+            return Err(Failure::input(
+                format!("`{file}` is there already, and is left as it is"),
+                "choose another name or directory, or move the file away",
+            ));
+        }
+        // A text that brakecheck would refuse must not reach the disk.
+        Scenario::parse(&file, &world.text)?;
+        files.push((path, file));
+    }
+    if args.output.is_some() {
+        make_dir(folder)?;
+    }
+    for ((path, _), world) in files.iter().zip(&recorded.worlds) {
+        write_file(path, world.text.as_bytes())?;
+    }
+    if prints_json {
+        return print_worlds(&recorded, &files);
+    }
+    show(&recorded, &files)?;
+    Ok(Exit::Done)
+}
+
+fn nothing(args: &FromLogArgs, kind: SituationKind, recorded: &RecordedWorlds) -> Failure {
+    let what = match kind {
+        SituationKind::Following => "following of 10 s",
+        SituationKind::CutIn => "cut-in that is recorded from 2 s before it to 8 s after it",
+    };
+    let files: Vec<String> = args
+        .from_log
+        .iter()
+        .map(|it| it.display().to_string())
+        .collect();
+    Failure::input(
+        format!(
+            "no {what} in `{}`: {} found, {} left out",
+            files.join("`, `"),
+            recorded.found,
+            recorded.left_out
+        ),
+        format!("`brakecheck log {}` lists its situations", files.join(" ")),
+    )
+}
+
+fn show(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<(), Failure> {
+    let worlds = recorded.worlds.iter().zip(files);
+    let mut lines: Vec<String> = worlds
+        .map(|(world, (_, file))| format!("wrote {file}: {}", in_words(world)))
+        .collect();
+    let most =
+        |number: fn(&SituationPlan) -> f64| recorded.situations().map(number).fold(0.0, f64::max);
+    lines.push(format!(
+        "{} of {} situations, {} harder ones left out; plans are within {:.3} m of the recording, \
+         at most {:.1} m/s²",
+        recorded.situations().count(),
+        recorded.found,
+        recorded.left_out,
+        most(|it| it.speed.worst_m),
+        most(|it| it.speed.hardest_mps2()),
+    ));
+    if let Some((_, file)) = files.first() {
+        lines.push(format!(
+            "next: brakecheck search {file}, with `--ego FILE.ron` for your ego"
+        ));
+    }
+    terminal::data(&lines.join("\n"))
+}
+
+/// Number of situations, and the body, place and side that they share.
+fn in_words(world: &RecordedWorld) -> String {
+    let count = match world.situations.len() {
+        1 => "1 situation".to_owned(),
+        count => format!("{count} situations"),
+    };
+    let Some(first) = world.situations.first() else {
+        return count;
+    };
+    let side = match first.across.map(|_| first.is_from_left()) {
+        None => "",
+        Some(true) => " from the left",
+        Some(false) => " from the right",
+    };
+    let place = match first.place() {
+        RecordedPlace::Ahead => "ahead",
+        RecordedPlace::Beside => "beside the ego",
+        RecordedPlace::Behind => "behind the ego",
+    };
+    format!("{count}, {}{side}, {place} at the start", first.body.name)
+}
+
+fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<Exit, Failure> {
+    let worlds = recorded.worlds.iter().zip(files);
+    let worlds = worlds.map(|(world, (_, file))| {
+        let situations = world.situations.iter().map(|it| {
+            json!({
+                "recording": it.source, "time_s": it.time_s,
+                "replaced": it.replaced, "planned": it.planned,
+                "worst_m": it.speed.worst_m, "hardest_mps2": it.speed.hardest_mps2(),
+                "worst_lateral_m": it.across.map(|it| it.worst_m),
+            })
+        });
+        json!({ "file": file, "situations": situations.collect::<Vec<_>>() })
+    });
+    let worlds: Vec<_> = worlds.collect();
+    print_json(&json!({
+        "worlds": worlds, "found": recorded.found, "left_out": recorded.left_out,
+    }))?;
+    Ok(Exit::Done)
+}

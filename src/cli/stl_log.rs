@@ -1,0 +1,189 @@
+//! `brakecheck stl RULES --log RECORDING`: rules on every vehicle of recordings.
+
+use std::path::Path;
+
+use brakecheck_traffic::{
+    Analysis, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow,
+};
+use serde_json::{Value, json};
+
+use super::stl::{StlArgs, constants, placed};
+use super::{Exit, Failure, log, table_of, terminal};
+use crate::report::{recorded_rules_junit, worst_instant};
+use crate::run_dir::{make_dir, write_file};
+
+/// Recording with the results of the rules on it.
+struct CheckedRecording {
+    analysis: Analysis,
+    map: String,
+    results: Vec<RuleResult>,
+    /// File names of the pictures, one per rule, `None` without a violation.
+    pictures: Vec<Option<String>>,
+}
+
+/// Evaluates the rules on all recordings, and writes the files that are named.
+pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
+    let (source, rules) = rule_file(args)?;
+    let mut checked = Vec::new();
+    for (analysis, map) in log::read_all(&args.log, args.map.as_deref())? {
+        let bound = rules.bind(&analysis.recording);
+        let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
+        let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
+        checked.push(CheckedRecording {
+            pictures: vec![None; results.len()],
+            analysis,
+            map,
+            results,
+        });
+    }
+    if let Some(folder) = &args.picture {
+        for (i, it) in checked.iter_mut().enumerate() {
+            it.draw(folder, i)?;
+        }
+    }
+    if let Some(file) = &args.junit {
+        let results = checked.iter();
+        let results = results.map(|it| (&*it.analysis.recording.name, &it.results[..]));
+        write_file(file, recorded_rules_junit(results).as_bytes())?;
+    }
+    if !args.prints_json() {
+        for it in &checked {
+            it.show()?;
+        }
+    }
+    let reports: Vec<Value> = checked.iter().map(CheckedRecording::json).collect();
+    args.emit_json(&json!({ "recordings": reports }))?;
+    let is_broken = |it: &CheckedRecording| it.results.iter().any(|rule| 0 < rule.episodes);
+    Ok(
+        if args.fail_on_counterexample && checked.iter().any(is_broken) {
+            Exit::Counterexample
+        } else {
+            Exit::Done
+        },
+    )
+}
+
+/// Returns the rules and the name of their file, or a formula as the only rule.
+fn rule_file(args: &StlArgs) -> Result<(String, TrafficRuleFile), Failure> {
+    let name = &args.formula;
+    let is_file = name == "motorway" || name.ends_with(".ron");
+    let mut rules = if name == "motorway" {
+        parsed(name, TrafficRuleFile::motorway_text())?
+    } else if is_file {
+        let help = "name motorway, a RON file or a formula";
+        parsed(name, &log::text_of(name, help)?)?
+    } else {
+        let rule = TrafficRule {
+            name: name.clone(),
+            stl: name.clone(),
+        };
+        TrafficRuleFile::of(vec![rule])
+    };
+    for (constant, value) in constants(&args.constants)? {
+        rules.constants.insert(constant, value);
+    }
+    let source = if is_file { name.as_str() } else { "formula" };
+    Ok((source.to_owned(), rules))
+}
+
+fn parsed(name: &str, text: &str) -> Result<TrafficRuleFile, Failure> {
+    TrafficRuleFile::parse(text)
+        .map_err(|error| Failure::input(format!("`{name}`: {error}"), error.help()))
+}
+
+/// Returns the failure with its place, which is within the formula of a rule.
+fn in_rule_file(source: &str, rules: &TrafficRuleFile, error: RulesError) -> Failure {
+    if let RulesError::Formula {
+        rule,
+        source: mistake,
+    } = &error
+        && let Some(found) = rules.rules.iter().find(|it| it.name == *rule)
+    {
+        let place = if found.name == found.stl {
+            source.to_owned()
+        } else {
+            format!("{source}, rule `{rule}`")
+        };
+        return placed(&place, &found.stl, mistake);
+    }
+    Failure::input(format!("`{source}`: {error}"), error.help())
+}
+
+impl CheckedRecording {
+    /// Writes a picture of the worst instant of each rule.
+    fn draw(&mut self, folder: &Path, recording: usize) -> Result<(), Failure> {
+        for (i, (result, picture)) in self.results.iter().zip(&mut self.pictures).enumerate() {
+            let Some(text) = worst_instant(&self.analysis, result) else {
+                continue;
+            };
+            // Recordings share a directory, so all but the first have a number.
+            let name = match recording {
+                0 => format!("rule_{}.svg", i + 1),
+                _ => format!("recording_{}_rule_{}.svg", recording + 1, i + 1),
+            };
+            make_dir(folder)?;
+            let file = folder.join(name);
+            write_file(&file, text.as_bytes())?;
+            *picture = Some(file.display().to_string());
+        }
+        Ok(())
+    }
+
+    fn show(&self) -> Result<(), Failure> {
+        let recording = &self.analysis.recording;
+        terminal::data(&format!(
+            "{}, column map {}: {:.1} s, {:.1} km",
+            recording.name,
+            self.map,
+            recording.duration_s(),
+            recording.distance_km(),
+        ))?;
+        let rules = self.results.iter().map(|it| {
+            [
+                it.rule.clone(),
+                format!("{:.4}", 100.0 * it.share()),
+                format!("{}", it.vehicles),
+                format!("{}", it.episodes),
+                format!("{:.1}", it.per_1000_km()),
+                format!("{}", it.doubtful),
+                it.worst.as_ref().map_or("–".to_owned(), worst_in_words),
+            ]
+        });
+        let header = [
+            "rule",
+            "time %",
+            "vehicles",
+            "episodes",
+            "per 1,000 km",
+            "left out",
+            "worst",
+        ];
+        terminal::data(&table_of(header, rules))
+    }
+
+    fn json(&self) -> Value {
+        let recording = &self.analysis.recording;
+        let rules = self.results.iter().zip(&self.pictures);
+        let rules = rules.map(|(it, picture)| {
+            json!({
+                "rule": it.rule, "share": it.share(), "vehicles": it.vehicles,
+                "episodes": it.episodes, "per_1000_km": it.per_1000_km(),
+                "left_out": it.doubtful, "worst": it.worst, "picture": picture,
+            })
+        });
+        json!({
+            "file": recording.name,
+            "map": self.map,
+            "duration_s": recording.duration_s(),
+            "distance_km": recording.distance_km(),
+            "rules": rules.collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn worst_in_words(worst: &WorstRow) -> String {
+    format!(
+        "ρ {:.2} at {:.2} s, {}",
+        worst.robustness, worst.time_s, worst.id
+    )
+}
