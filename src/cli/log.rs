@@ -4,13 +4,15 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, ColumnMap, ModelError, ReadError, RuleResult, RulesError, SourceFile, TrafficModel,
-    TrafficRecording, TrafficRuleFile, following_worlds, read_csv, read_csv_guessed,
+    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, RuleResult, RulesError,
+    SourceFile, TrafficModel, TrafficRecording, TrafficRuleFile, following_worlds, read_csv,
+    read_csv_guessed,
 };
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::{Common, Exit, Failure, print_json, table_of, terminal};
+use crate::openx::import::driven_lanes;
 use crate::ron_file::file_text;
 use crate::run_dir::{make_dir, write_file};
 use crate::world::Scenario;
@@ -30,6 +32,9 @@ pub(super) struct LogArgs {
     /// crates/traffic/maps of the source.
     #[arg(long, value_name = "NAME|FILE.ron")]
     map: Option<String>,
+    /// Take the lanes from an OpenDRIVE file in the frame of the recording, unfitted.
+    #[arg(long, value_name = "FILE.xodr")]
+    road: Option<PathBuf>,
     /// Evaluate rules on all vehicles: motorway, or a RON file.
     ///
     /// A RON file is RuleFile(rules: [Rule(name: "…", stl: "…")]), with the signals
@@ -64,11 +69,15 @@ impl LogArgs {
 pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
     let map = args.map.as_deref().map(column_map).transpose()?;
     let rules = args.rules.as_deref().map(rule_file).transpose()?;
+    let road = args.road.as_deref().map(lanes_of).transpose()?;
     let mut analyses = Vec::new();
     let mut reports = Vec::new();
     for file in &args.files {
         let (recording, map) = read(file, map.as_ref())?;
-        let analysis = Analysis::of(recording);
+        let analysis = match &road {
+            Some(road) => on_road(recording, road)?,
+            None => Analysis::of(recording),
+        };
         let results = evaluate(rules.as_ref(), &analysis)?;
         if !args.json {
             show(&analysis, &map, &results)?;
@@ -89,6 +98,41 @@ pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
         print_json(&json!({ "recordings": reports, "worlds": written, "model": model }))?;
     }
     Ok(Exit::Done)
+}
+
+/// Lanes of a file, with its name.
+struct MappedRoad<'a> {
+    file: &'a Path,
+    carriageways: Vec<MappedCarriageway>,
+}
+
+fn lanes_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
+    let lanes = driven_lanes(file, &file_text)?.into_iter();
+    let carriageways = lanes.filter_map(|lanes| {
+        Some(MappedCarriageway {
+            path: brakecheck_traffic::Path::through(lanes.right_lane_m, 0.5)?,
+            offsets_m: lanes.offsets_m,
+        })
+    });
+    Ok(MappedRoad {
+        file,
+        carriageways: carriageways.collect(),
+    })
+}
+
+fn on_road(recording: TrafficRecording, road: &MappedRoad<'_>) -> Result<Analysis, Failure> {
+    let analysis = Analysis::on_map(recording, &road.carriageways);
+    if analysis.frame.carriageways.is_empty() {
+        return Err(Failure::input(
+            format!(
+                "no vehicle of `{}` follows a driving lane of `{}`",
+                analysis.recording.name,
+                road.file.display()
+            ),
+            "both files must have the same origin and axes; without `--road` the lanes are fitted",
+        ));
+    }
+    Ok(analysis)
 }
 
 fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {

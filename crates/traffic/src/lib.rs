@@ -47,7 +47,7 @@ pub use column_map::{
 };
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
-pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
+pub use lane_frame::{Carriageway, Lane, LaneFrame, MappedCarriageway, PlacedTrack};
 pub use limit::NaturalLimit;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use path::{Path, PathPlace};
