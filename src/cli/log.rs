@@ -6,13 +6,14 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, Class, ColumnMap, ModelError, ReadError, SourceFile, TrafficModel, TrafficRecording,
-    read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc,
+    Analysis, Class, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TrafficModel,
+    TrafficRecording, read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc,
 };
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::{Common, Exit, Failure, print_json, table_of, terminal};
+use crate::openx::import::driven_lanes;
 use crate::ron_file::file_text;
 use crate::run_dir::write_file;
 
@@ -35,6 +36,9 @@ pub(super) struct LogArgs {
     /// crates/traffic/maps of the source.
     #[arg(long, value_name = "NAME|FILE.ron")]
     map: Option<String>,
+    /// Take the lanes from an OpenDRIVE file in the frame of the recording, unfitted.
+    #[arg(long, value_name = "FILE.xodr")]
+    road: Option<PathBuf>,
     /// Fit a naturalness model, print its calibration and write it.
     #[arg(long, value_name = "FILE.ron")]
     fit: Option<PathBuf>,
@@ -53,7 +57,7 @@ impl LogArgs {
 }
 
 pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
-    let recordings = read_all(&args.files, args.map.as_deref())?;
+    let recordings = read_all(&args.files, args.map.as_deref(), args.road.as_deref())?;
     if !args.json {
         for (analysis, map) in &recordings {
             show(analysis, map)?;
@@ -80,13 +84,54 @@ pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
 pub(super) fn read_all(
     files: &[PathBuf],
     map: Option<&str>,
+    road: Option<&Path>,
 ) -> Result<Vec<(Analysis, String)>, Failure> {
     let map = map.map(column_map).transpose()?;
+    let road = road.map(lanes_of).transpose()?;
     let analysed = |file: &PathBuf| {
         let (recording, map) = read(file, map.as_ref())?;
-        Ok((Analysis::of(recording), map))
+        let analysis = match &road {
+            Some(road) => on_road(recording, road)?,
+            None => Analysis::of(recording),
+        };
+        Ok((analysis, map))
     };
     files.iter().map(analysed).collect()
+}
+
+/// Lanes of a file, with its name.
+struct MappedRoad<'a> {
+    file: &'a Path,
+    carriageways: Vec<MappedCarriageway>,
+}
+
+fn lanes_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
+    let lanes = driven_lanes(file, &file_text)?.into_iter();
+    let carriageways = lanes.filter_map(|lanes| {
+        Some(MappedCarriageway {
+            path: brakecheck_traffic::Path::through(lanes.right_lane_m, 0.5)?,
+            offsets_m: lanes.offsets_m,
+        })
+    });
+    Ok(MappedRoad {
+        file,
+        carriageways: carriageways.collect(),
+    })
+}
+
+fn on_road(recording: TrafficRecording, road: &MappedRoad<'_>) -> Result<Analysis, Failure> {
+    let analysis = Analysis::on_map(recording, &road.carriageways);
+    if analysis.frame.carriageways.is_empty() {
+        return Err(Failure::input(
+            format!(
+                "no vehicle of `{}` follows a driving lane of `{}`",
+                analysis.recording.name,
+                road.file.display()
+            ),
+            "both files must have the same origin and axes; without `--road` the lanes are fitted",
+        ));
+    }
+    Ok(analysis)
 }
 
 fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {

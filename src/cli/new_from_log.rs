@@ -27,6 +27,9 @@ pub(super) struct FromLogArgs {
     /// Column map of the recordings, as in `brakecheck log` [default: by header].
     #[arg(long, value_name = "NAME|FILE.ron", requires = "from_log")]
     map: Option<String>,
+    /// Take the lanes from an OpenDRIVE file in the frame of the recording, unfitted.
+    #[arg(long, value_name = "FILE.xodr", requires = "from_log")]
+    road: Option<PathBuf>,
     /// Situations to write. Your ego replaces one of the recorded road users.
     #[arg(long, value_enum, requires = "from_log")]
     kind: Option<KindArg>,
@@ -72,7 +75,7 @@ pub(super) fn run(args: &FromLogArgs, name: &str, prints_json: bool) -> Result<E
     let kind = args.kind.unwrap_or(KindArg::Following).situations()?;
     let name = name.strip_suffix(".ron").unwrap_or(name);
     check_name(name)?;
-    let recordings = log::read_all(&args.from_log, args.map.as_deref())?;
+    let recordings = log::read_all(&args.from_log, args.map.as_deref(), args.road.as_deref())?;
     let analyses: Vec<Analysis> = recordings.into_iter().map(|it| it.0).collect();
     let recorded = RecordedWorlds::of(name, kind, &analyses, usize::from(args.count.unwrap_or(24)));
     if recorded.worlds.is_empty() {

@@ -34,6 +34,9 @@ pub(super) struct StlArgs {
     /// Column map of the recordings, as in `brakecheck log` [default: by header].
     #[arg(long, value_name = "NAME|FILE.ron", requires = "log")]
     pub(super) map: Option<String>,
+    /// Take the lanes from an OpenDRIVE file in the frame of the recording, unfitted.
+    #[arg(long, value_name = "FILE.xodr", requires = "log")]
+    pub(super) road: Option<PathBuf>,
     /// Write JUnit XML with a case per rule and recording.
     #[arg(long, value_name = "FILE.xml", requires = "log")]
     pub(super) junit: Option<PathBuf>,

@@ -25,7 +25,7 @@ struct CheckedRecording {
 pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     let (source, rules) = rule_file(args)?;
     let mut checked = Vec::new();
-    for (analysis, map) in log::read_all(&args.log, args.map.as_deref())? {
+    for (analysis, map) in log::read_all(&args.log, args.map.as_deref(), args.road.as_deref())? {
         let bound = rules.bind(&analysis.recording);
         let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
         let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);

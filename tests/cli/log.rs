@@ -327,3 +327,51 @@ fn the_ending_of_a_recording_selects_its_format() {
     let file = place("tracks.mcap", &recording());
     refused(&["log", &file], "does not begin as MCAP does");
 }
+
+/// A road of two lanes along x, whose right lane has its middle at y = 0.
+fn road(left_m: f64) -> String {
+    format!(
+        r#"<?xml version="1.0"?>
+<OpenDRIVE>
+  <header revMajor="1" revMinor="6"/>
+  <road id="1" length="1000" junction="-1">
+    <planView>
+      <geometry s="0" x="0" y="{left_m}" hdg="0" length="1000"><line/></geometry>
+    </planView>
+    <lanes>
+      <laneSection s="0">
+        <center><lane id="0" type="none"/></center>
+        <right>
+          <lane id="-1" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
+          <lane id="-2" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
+        </right>
+      </laneSection>
+    </lanes>
+  </road>
+</OpenDRIVE>
+"#
+    )
+}
+
+#[test]
+fn lanes_may_come_from_a_map() {
+    let (folder, file) = folder();
+    let map = folder.path().join("road.xodr");
+    write(&map, road(5.25).as_bytes());
+    let map = map.display().to_string();
+    let output = brakecheck(&["log", &file, "--road", &map, "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let report = json(&output);
+    let recording = &report["recordings"][0];
+    // The fit would find the one lane that is driven.
+    let lanes = recording["carriageways"][0]["lanes"].as_array();
+    let lanes = lanes.expect("lanes");
+    assert_eq!(lanes.len(), 2);
+    assert_eq!(lanes[1]["offset_m"], 3.5);
+    assert_eq!(lanes[0]["share"], 1.0);
+    assert_eq!(recording["followings"], 1);
+    let far = folder.path().join("far.xodr");
+    write(&far, road(500.0).as_bytes());
+    let far = far.display().to_string();
+    refused(&["log", &file, "--road", &far], "no vehicle of");
+}

@@ -2,7 +2,7 @@
 
 use crate::crossings::PathCrossing;
 use crate::following::Leads;
-use crate::lane_frame::LaneFrame;
+use crate::lane_frame::{LaneFrame, MappedCarriageway};
 use crate::recording::TrafficRecording;
 use crate::situations::Situations;
 
@@ -26,6 +26,16 @@ impl Analysis {
     /// Fits lanes and finds leads and situations.
     pub fn of(recording: TrafficRecording) -> Analysis {
         let frame = LaneFrame::fit(&recording);
+        Analysis::with_lanes(recording, frame)
+    }
+
+    /// Finds leads and situations on mapped lanes.
+    pub fn on_map(recording: TrafficRecording, map: &[MappedCarriageway]) -> Analysis {
+        let frame = LaneFrame::on_map(&recording, map);
+        Analysis::with_lanes(recording, frame)
+    }
+
+    fn with_lanes(recording: TrafficRecording, frame: LaneFrame) -> Analysis {
         let leads = Leads::find(&recording, &frame);
         let situations = Situations::find(&recording, &frame, &leads);
         let crossings = PathCrossing::find(&recording);

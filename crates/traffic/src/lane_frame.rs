@@ -57,6 +57,15 @@ pub struct Carriageway {
     pub tracks: Vec<usize>,
 }
 
+/// Traffic lanes of one direction, from a map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MappedCarriageway {
+    /// Middle of the right lane, in the direction of travel.
+    pub path: Path,
+    /// Offsets of the lanes' middles to the left of it in metres, from right to left.
+    pub offsets_m: Vec<f64>,
+}
+
 /// Track in the frame of its carriageway, a value per sample.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -114,6 +123,30 @@ impl LaneFrame {
         frame
     }
 
+    /// Places the tracks of a recording on mapped lanes.
+    ///
+    /// Each motor vehicle belongs to the first carriageway along which most of its
+    /// track runs. A carriageway without a vehicle is left out.
+    pub fn on_map(recording: &TrafficRecording, map: &[MappedCarriageway]) -> LaneFrame {
+        let mut frame = LaneFrame {
+            carriageways: Vec::new(),
+            tracks: vec![None; recording.tracks.len()],
+        };
+        let mut free: Vec<usize> = (0..recording.tracks.len())
+            .filter(|i| recording.tracks[*i].class.is_motor_vehicle())
+            .collect();
+        for way in map {
+            let (members, others): (Vec<usize>, Vec<usize>) = free
+                .iter()
+                .partition(|i| belongs(&recording.tracks[**i], &way.path));
+            free = others;
+            if !members.is_empty() {
+                frame.add_on(recording, way.path.clone(), members, Some(&way.offsets_m));
+            }
+        }
+        frame
+    }
+
     fn add(&mut self, recording: &TrafficRecording, mut path: Path, tracks: Vec<usize>) {
         for pass in Pass::ALL {
             let rows = thinned(recording, &tracks, &path);
@@ -122,12 +155,23 @@ impl LaneFrame {
             };
             path = centred;
         }
+        self.add_on(recording, path, tracks, None);
+    }
+
+    /// Adds a carriageway with its lanes, which are fitted if there are no offsets.
+    fn add_on(
+        &mut self,
+        recording: &TrafficRecording,
+        path: Path,
+        tracks: Vec<usize>,
+        offsets_m: Option<&[f64]>,
+    ) {
         let carriageway = self.carriageways.len();
         let mut placed: Vec<(usize, PlacedTrack)> = tracks
             .iter()
             .map(|i| (*i, place(&recording.tracks[*i], &path, carriageway)))
             .collect();
-        let (lanes, outside) = lanes(&placed, path.length_m());
+        let (lanes, outside) = lanes(&placed, path.length_m(), offsets_m);
         for (i, mut track) in placed.drain(..) {
             track.lane = track
                 .lateral_m
@@ -400,14 +444,22 @@ fn place(track: &RoadUserTrack, path: &Path, carriageway: usize) -> PlacedTrack 
 }
 
 /// Returns the lanes and the share of rows in none of them.
-fn lanes(placed: &[(usize, PlacedTrack)], length_m: f64) -> (Vec<Lane>, f64) {
+///
+/// The lanes have the given offsets, or those of the peaks.
+fn lanes(
+    placed: &[(usize, PlacedTrack)],
+    length_m: f64,
+    offsets_m: Option<&[f64]>,
+) -> (Vec<Lane>, f64) {
     let all: Vec<f64> = placed
         .iter()
         .flat_map(|(_, track)| track.lateral_m.iter().copied())
         .collect();
-    let mut lanes: Vec<Lane> = peaks(&all, LANE_SHARE)
+    let fitted = || peaks(&all, LANE_SHARE).into_iter().map(|it| it.0).collect();
+    let offsets_m: Vec<f64> = offsets_m.map_or_else(fitted, <[f64]>::to_vec);
+    let mut lanes: Vec<Lane> = offsets_m
         .into_iter()
-        .map(|(offset_m, _)| Lane {
+        .map(|offset_m| Lane {
             offset_m,
             share: 0.0,
             wander_m: 0.0,

@@ -61,7 +61,7 @@ pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
 pub use lane_change_plan::LaneChangePlan;
-pub use lane_frame::{Carriageway, Lane, LaneFrame, PlacedTrack};
+pub use lane_frame::{Carriageway, Lane, LaneFrame, MappedCarriageway, PlacedTrack};
 pub use limit::NaturalLimit;
 pub use mcap::read_mcap;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};

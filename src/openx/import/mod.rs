@@ -13,6 +13,7 @@ mod acts;
 mod bodies;
 mod catalog;
 mod draft;
+mod driven_lanes;
 mod dropped;
 mod ends;
 mod entity;
@@ -36,6 +37,7 @@ mod ways;
 mod world;
 
 pub use draft::ImportedWorld;
+pub use driven_lanes::{DrivenLanes, driven_lanes};
 pub use dropped::DroppedElements;
 pub use error::ImportError;
 pub use files::Files;

@@ -1,0 +1,72 @@
+//! Driving lanes of all roads of an OpenDRIVE file, as lines.
+
+use std::path::Path;
+
+use super::error::ImportError;
+use super::files::Files;
+use super::roads::{ImportedRoad, RoadMap};
+use super::tree::XmlNode;
+
+/// Distance of the points of a line.
+const STEP_M: f64 = 2.0;
+
+/// Driving lanes of one direction of a road.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrivenLanes {
+    /// Id of the road.
+    pub road: String,
+    /// Middle of the right lane as x and y in metres, in the direction of travel.
+    pub right_lane_m: Vec<[f64; 2]>,
+    /// Distances of the lanes' middles to the left of it, from right to left.
+    pub offsets_m: Vec<f64>,
+}
+
+/// Reads the driving lanes of all roads of a file.
+///
+/// # Errors
+///
+/// Returns an error with file and element for content that is not supported.
+pub fn driven_lanes(path: &Path, files: Files<'_>) -> Result<Vec<DrivenLanes>, ImportError> {
+    let root = XmlNode::read(path, files)?;
+    let roads = RoadMap::of(&root)?;
+    let mut all = Vec::new();
+    for node in root.all("road") {
+        let id = node.need("id")?;
+        let road = roads.road(node, id)?;
+        // Lanes with negative numbers follow the reference line.
+        for side in [-1, 1] {
+            all.extend(lanes_of(node, id, road, side)?);
+        }
+    }
+    Ok(all)
+}
+
+fn lanes_of(
+    node: &XmlNode,
+    id: &str,
+    road: &ImportedRoad,
+    side: i32,
+) -> Result<Option<DrivenLanes>, ImportError> {
+    let lanes = road.driven_beside(side).into_iter();
+    let middles = lanes.map(|(lane, _)| road.middle_m(node, lane));
+    let middles: Vec<f64> = middles.collect::<Result<_, _>>()?;
+    let Some(&right_m) = middles.first() else {
+        return Ok(None);
+    };
+    let steps = libm::ceil(road.length_m / STEP_M).max(1.0) as usize;
+    let points = (0..=steps).map(|i| {
+        let at = road.at(road.length_m * i as f64 / steps as f64, right_m);
+        [at.x_m, at.y_m]
+    });
+    let mut right_lane_m: Vec<[f64; 2]> = points.collect();
+    if side > 0 {
+        right_lane_m.reverse();
+    }
+    // The outermost lane is the right one, and all others lie to its left.
+    let offset_m = |middle_m: &f64| (middle_m - right_m).abs();
+    Ok(Some(DrivenLanes {
+        road: id.to_owned(),
+        right_lane_m,
+        offsets_m: middles.iter().map(offset_m).collect(),
+    }))
+}
