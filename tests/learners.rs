@@ -676,7 +676,7 @@ proptest! {
         masses.push(total);
         let expected: Vec<usize> = masses.iter().map(|mass| running(&leaves, *mass)).collect();
         let mut found = vec![0; masses.len()];
-        tree.find(&mut masses, &mut found);
+        tree.find(&masses, &mut found);
         prop_assert_eq!(found, expected);
     }
 

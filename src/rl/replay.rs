@@ -126,7 +126,7 @@ impl ReplayBuffer {
         let strata = (0..size).map(|i| (i as f64 + dice.unit()) / size as f64 * total);
         batch.masses.extend(strata);
         batch.slots.resize(size, 0);
-        self.priorities.find(&mut batch.masses, &mut batch.slots);
+        self.priorities.find(&batch.masses, &mut batch.slots);
         let shares = batch.slots.iter().map(|slot| {
             let share = self.len as f64 * self.priorities.get(*slot) / total;
             share as f32

@@ -83,15 +83,14 @@ impl SumTree {
 
     /// Finds, for every mass, the leaf in whose share of the total it lies.
     ///
-    /// A leaf of 0 is never found while the total is positive. Uses `masses` up as
-    /// working memory.
-    pub fn find(&self, masses: &mut [f64], leaves: &mut [usize]) {
+    /// A leaf of 0 is never found while the total is positive.
+    pub fn find(&self, masses: &[f64], leaves: &mut [usize]) {
         // Eight masses descend together. The processor then waits for many nodes at
         // once instead of in sequence.
         const TOGETHER: usize = 8;
-        let (masses, last_masses) = masses.as_chunks_mut::<TOGETHER>();
+        let (masses, last_masses) = masses.as_chunks::<TOGETHER>();
         let (leaves, last_leaves) = leaves.as_chunks_mut::<TOGETHER>();
-        for (masses, leaves) in masses.iter_mut().zip(leaves) {
+        for (masses, leaves) in masses.iter().zip(leaves) {
             *leaves = self.descend(*masses);
         }
         for (mass, leaf) in last_masses.iter().zip(last_leaves) {
