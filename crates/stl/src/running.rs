@@ -1,0 +1,506 @@
+//! Formulas that a few running numbers decide, for one run or for many side by side.
+//!
+//! Most rules are `always (x <= c)` or an `until` of comparisons, over a run of known
+//! length. Their robustness at sample 0 is a running extremum. Such a formula is
+//! compiled to a list of *instants*, whose value is known as soon as their sample is,
+//! and *points*, the operators at sample 0 that fold them. All that a run has to
+//! remember is one number for each, which a batch of runs keeps as columns.
+//!
+//! The operations and their order are those of [`OnlineMonitor`](crate::OnlineMonitor).
+//! Its property tests hold the two together, bit for bit.
+
+use crate::interval::Interval;
+use crate::kernel::{Extremum, Max, Min, SampleWindow, opposite};
+use crate::leaf::Leaf;
+use crate::monitor::Monitor;
+use crate::program::{BooleanOp, BoundProgram, Edge, Id, MinMax, Op, Strength};
+use crate::settings::{TraceEnd, Until};
+
+mod lanes;
+
+pub use lanes::RunColumns;
+
+/// Monitor of a run of known length, whose whole memory is a short list of numbers.
+///
+/// Created by [`Monitor::running`]. It has no state of its own: you keep the numbers
+/// of each run, [`RunningMonitor::numbers`] of them, and the count of its samples.
+#[derive(Clone, Debug)]
+pub struct RunningMonitor {
+    monitor: Monitor,
+    /// Number of samples of a full run.
+    len: usize,
+    /// In the order of evaluation. Instant i has its latest value in number i.
+    instants: Vec<Instant>,
+    points: Vec<Point>,
+    root: usize,
+    /// Numbers before the first sample: one per instant, then those carried on.
+    begin: Vec<f64>,
+}
+
+/// Operator whose value at a sample needs no later sample.
+#[derive(Clone, Debug)]
+enum Instant {
+    Constant(f64),
+    Leaf(Leaf),
+    Not(usize),
+    Gate(BooleanOp, usize, usize),
+    /// Carries the operand's value of the last sample, negated by a fall.
+    Edge(Edge, usize, usize),
+    /// Carries its own value of the last sample.
+    Since(usize, usize, usize),
+    /// `historically` or `once` since the start. Carries its own last value.
+    Past(MinMax, usize, usize),
+}
+
+/// Operator at sample 0.
+#[derive(Clone, Debug)]
+enum Point {
+    /// Value of an instant at the first sample, kept in a number.
+    First {
+        instant: usize,
+        kept: usize,
+    },
+    Window {
+        side: MinMax,
+        window: SampleWindow,
+        instant: usize,
+        folded: usize,
+    },
+    Until {
+        side: MinMax,
+        strength: Strength,
+        window: SampleWindow,
+        guard: usize,
+        goal: usize,
+        /// Number with the best value so far. The next one has the guard's extremum.
+        best: usize,
+    },
+    Not(usize),
+    Gate(BooleanOp, usize, usize),
+}
+
+impl Monitor {
+    /// Compiles the formula for runs of `len` samples, if running numbers decide it.
+    ///
+    /// Every operator over the future must be at the top of the formula, over
+    /// comparisons and operators of the past without bounds. Other formulas, and those
+    /// of a [`TraceEnd`] other than `Truncate`, give `None` and need an
+    /// [`OnlineMonitor`](crate::OnlineMonitor).
+    pub fn running(&self, len: usize) -> Option<RunningMonitor> {
+        if self.settings.end != TraceEnd::Truncate || len == 0 {
+            return None;
+        }
+        let program = &self.program;
+        let mut compiler = Compiler {
+            program,
+            places: vec![None; program.instructions.len()],
+            instants: Vec::new(),
+            points: Vec::new(),
+            carried: Vec::new(),
+        };
+        let root = compiler.point(program.root())?;
+        let Compiler {
+            instants,
+            mut points,
+            carried,
+            ..
+        } = compiler;
+        // The carried numbers come after those of the instants.
+        let first = instants.len();
+        points.iter_mut().for_each(|point| point.shift(first));
+        let instants: Vec<Instant> = instants.into_iter().map(|it| it.shifted(first)).collect();
+        let mut begin = vec![0.0; first];
+        begin.extend(carried);
+        Some(RunningMonitor {
+            monitor: self.clone(),
+            len,
+            instants,
+            points,
+            root,
+            begin,
+        })
+    }
+}
+
+struct Compiler<'a> {
+    program: &'a BoundProgram,
+    /// Instant of each operator.
+    places: Vec<Option<usize>>,
+    instants: Vec<Instant>,
+    points: Vec<Point>,
+    /// First values of the numbers that are carried from sample to sample.
+    carried: Vec<f64>,
+}
+
+impl Compiler<'_> {
+    fn carry(&mut self, first: f64) -> usize {
+        self.carried.push(first);
+        self.carried.len() - 1
+    }
+
+    fn instant(&mut self, id: Id) -> Option<usize> {
+        if let Some(place) = self.places[id] {
+            return Some(place);
+        }
+        if !self.program.is_instant(id) {
+            return None;
+        }
+        let instant = match self.program.get(id).op {
+            Op::Constant(true) => Instant::Constant(f64::INFINITY),
+            Op::Constant(false) => Instant::Constant(f64::NEG_INFINITY),
+            Op::Leaf(ref leaf) => Instant::Leaf(leaf.clone()),
+            Op::Not(a) => Instant::Not(self.instant(a)?),
+            Op::Gate(gate, a, b) => Instant::Gate(gate, self.instant(a)?, self.instant(b)?),
+            Op::Edge(edge, a) => {
+                let a = self.instant(a)?;
+                // `prev` of any operand is +inf at the first sample.
+                Instant::Edge(edge, a, self.carry(f64::NEG_INFINITY))
+            }
+            Op::Since(window, a, b) if is_whole(window) => {
+                let (a, b) = (self.instant(a)?, self.instant(b)?);
+                Instant::Since(a, b, self.carry(f64::NEG_INFINITY))
+            }
+            Op::Behind(side, window, a) if is_whole(window) => {
+                let a = self.instant(a)?;
+                Instant::Past(side, a, self.carry(neutral(side)))
+            }
+            _ => return None,
+        };
+        self.instants.push(instant);
+        self.places[id] = Some(self.instants.len() - 1);
+        self.places[id]
+    }
+
+    fn point(&mut self, id: Id) -> Option<usize> {
+        let program = self.program;
+        let point = if program.is_instant(id) {
+            let instant = self.instant(id)?;
+            let kept = self.carry(f64::NAN);
+            Point::First { instant, kept }
+        } else {
+            match program.get(id).op {
+                // The number of paths to shared operators doubles from level to level.
+                _ if 1 < program.get(id).uses => return None,
+                Op::Not(a) => Point::Not(self.point(a)?),
+                Op::Gate(gate, a, b) => Point::Gate(gate, self.point(a)?, self.point(b)?),
+                Op::Ahead(side, window, a) => Point::Window {
+                    side,
+                    window,
+                    instant: self.instant(a)?,
+                    folded: self.carry(neutral(side)),
+                },
+                Op::Until(side, strength, window, a, b) => Point::Until {
+                    side,
+                    strength,
+                    window,
+                    guard: self.instant(a)?,
+                    goal: self.instant(b)?,
+                    best: {
+                        let best = self.carry(neutral(side));
+                        self.carry(opposite(neutral(side)));
+                        best
+                    },
+                },
+                _ => return None,
+            }
+        };
+        self.points.push(point);
+        Some(self.points.len() - 1)
+    }
+}
+
+fn is_whole(window: SampleWindow) -> bool {
+    window.from == 0 && window.to.is_none()
+}
+
+fn neutral(side: MinMax) -> f64 {
+    match side {
+        MinMax::Min => Min::NEUTRAL,
+        MinMax::Max => Max::NEUTRAL,
+    }
+}
+
+#[inline(always)]
+fn pick(side: MinMax, a: f64, b: f64) -> f64 {
+    match side {
+        MinMax::Min => Min::pick(a, b),
+        MinMax::Max => Max::pick(a, b),
+    }
+}
+
+fn dual(side: MinMax) -> MinMax {
+    match side {
+        MinMax::Min => MinMax::Max,
+        MinMax::Max => MinMax::Min,
+    }
+}
+
+impl Instant {
+    fn shifted(self, by: usize) -> Instant {
+        match self {
+            Instant::Edge(edge, a, carried) => Instant::Edge(edge, a, carried + by),
+            Instant::Since(a, b, carried) => Instant::Since(a, b, carried + by),
+            Instant::Past(side, a, carried) => Instant::Past(side, a, carried + by),
+            it => it,
+        }
+    }
+}
+
+impl Point {
+    fn shift(&mut self, by: usize) {
+        match self {
+            Point::First { kept: number, .. }
+            | Point::Window { folded: number, .. }
+            | Point::Until { best: number, .. } => *number += by,
+            Point::Not(_) | Point::Gate(..) => {}
+        }
+    }
+}
+
+/// Returns the value of a rise or a fall, and the number that it carries on.
+#[inline(always)]
+fn edge_at(edge: Edge, value: f64, before: f64) -> (f64, f64) {
+    let current = match edge {
+        Edge::Rise => value,
+        Edge::Fall => opposite(value),
+    };
+    (Min::pick(opposite(before), current), current)
+}
+
+#[inline(always)]
+fn since_at(until: Until, guard: f64, goal: f64, before: f64) -> f64 {
+    let goal = if until == Until::Closed {
+        Min::pick(guard, goal)
+    } else {
+        goal
+    };
+    Max::pick(goal, Min::pick(guard, before))
+}
+
+/// Advances an until by a sample: its best value and the extremum of its left side.
+#[inline(always)]
+fn until_at(
+    (side, until): (MinMax, Until),
+    is_in_window: bool,
+    (guard, goal): (f64, f64),
+    (best, held): (f64, f64),
+) -> (f64, f64) {
+    let dual = dual(side);
+    let goal = if until == Until::Closed {
+        pick(dual, guard, goal)
+    } else {
+        goal
+    };
+    let best = if is_in_window {
+        pick(side, best, pick(dual, goal, held))
+    } else {
+        best
+    };
+    (best, pick(dual, held, guard))
+}
+
+/// Returns whether samples of a window are still to come, after `known` of `len`.
+#[inline(always)]
+fn is_open(window: SampleWindow, known: usize, len: usize) -> bool {
+    known < len && window.from < len && window.to.is_none_or(|to| known <= to)
+}
+
+/// Opens the end of an interval that samples to come can move.
+#[inline(always)]
+fn opened(side: MinMax, interval: Interval) -> Interval {
+    match side {
+        MinMax::Min => Interval {
+            lo: f64::NEG_INFINITY,
+            ..interval
+        },
+        MinMax::Max => Interval {
+            hi: f64::INFINITY,
+            ..interval
+        },
+    }
+}
+
+impl RunningMonitor {
+    /// Returns how many numbers a run has.
+    pub fn numbers(&self) -> usize {
+        self.begin.len()
+    }
+
+    /// Writes the numbers of a run without samples.
+    ///
+    /// # Panics
+    /// `numbers` has another length than [`RunningMonitor::numbers`].
+    pub fn begin(&self, numbers: &mut [f64]) {
+        numbers.copy_from_slice(&self.begin);
+    }
+
+    /// Reads sample `sample`, counted from 0, and returns the possible values.
+    ///
+    /// The row must be one that [`Trace::push`](crate::trace::Trace::push) accepts:
+    /// it is not checked. Samples beyond the length of the run must not be pushed.
+    ///
+    /// # Panics
+    /// The row or the numbers are too short.
+    pub fn push(&self, numbers: &mut [f64], sample: usize, row: &[f64]) -> Interval {
+        let until = self.monitor.settings.until;
+        for (i, instant) in self.instants.iter().enumerate() {
+            numbers[i] = match *instant {
+                Instant::Constant(value) => value,
+                Instant::Leaf(ref leaf) => leaf.at(row),
+                Instant::Not(a) => opposite(numbers[a]),
+                Instant::Gate(gate, a, b) => {
+                    let (a, b) = (numbers[a], numbers[b]);
+                    gate.at(a, a, b, b)
+                }
+                Instant::Edge(edge, a, carried) => {
+                    let (value, carry) = edge_at(edge, numbers[a], numbers[carried]);
+                    numbers[carried] = carry;
+                    value
+                }
+                Instant::Since(a, b, carried) => {
+                    numbers[carried] = since_at(until, numbers[a], numbers[b], numbers[carried]);
+                    numbers[carried]
+                }
+                Instant::Past(side, a, carried) => {
+                    numbers[carried] = pick(side, numbers[carried], numbers[a]);
+                    numbers[carried]
+                }
+            };
+        }
+        for point in &self.points {
+            match *point {
+                Point::First { instant, kept } if sample == 0 => numbers[kept] = numbers[instant],
+                Point::First { .. } | Point::Not(_) | Point::Gate(..) => {}
+                Point::Window {
+                    side,
+                    window,
+                    instant,
+                    folded,
+                } => {
+                    if window.from <= sample && window.to.is_none_or(|to| sample <= to) {
+                        numbers[folded] = pick(side, numbers[folded], numbers[instant]);
+                    }
+                }
+                Point::Until {
+                    side,
+                    window,
+                    guard,
+                    goal,
+                    best,
+                    ..
+                } => {
+                    if window.to.is_none_or(|to| sample <= to) {
+                        (numbers[best], numbers[best + 1]) = until_at(
+                            (side, until),
+                            window.from <= sample,
+                            (numbers[guard], numbers[goal]),
+                            (numbers[best], numbers[best + 1]),
+                        );
+                    }
+                }
+            }
+        }
+        self.interval(numbers, sample + 1)
+    }
+
+    /// Returns the possible values after the first `known` samples.
+    pub fn interval(&self, numbers: &[f64], known: usize) -> Interval {
+        if known == 0 {
+            return Interval::ANY.map(|value| self.monitor.clamp(value));
+        }
+        let interval = self.bounds(self.root, &|i| numbers[i], known, self.len);
+        interval.map(|value| self.monitor.clamp(value))
+    }
+
+    /// Returns the robustness of a run that ends after `known` samples.
+    ///
+    /// That of [`Monitor::robustness`] for the trace of these samples, bit for bit.
+    pub fn ended(&self, numbers: &[f64], known: usize) -> f64 {
+        self.ended_of(&|i| numbers[i], known)
+    }
+
+    #[inline(always)]
+    fn ended_of(&self, number: &impl Fn(usize) -> f64, known: usize) -> f64 {
+        if known == 0 {
+            return self.monitor.clamp(f64::NEG_INFINITY);
+        }
+        let value = self.bounds(self.root, number, known, known).lo;
+        self.monitor.clamp(value)
+    }
+
+    /// Returns the interval of a point after `known` samples of a run of `len`.
+    fn bounds(
+        &self,
+        point: usize,
+        number: &impl Fn(usize) -> f64,
+        known: usize,
+        len: usize,
+    ) -> Interval {
+        match self.points[point] {
+            Point::First { kept, .. } => Interval::exactly(number(kept)),
+            Point::Window {
+                side,
+                window,
+                folded,
+                ..
+            } => {
+                let interval = Interval::exactly(number(folded));
+                if is_open(window, known, len) {
+                    opened(side, interval)
+                } else {
+                    interval
+                }
+            }
+            Point::Until {
+                side,
+                strength,
+                window,
+                best,
+                ..
+            } => until_bounds(
+                (side, strength, window),
+                (number(best), number(best + 1)),
+                known,
+                len,
+            ),
+            Point::Not(a) => self.bounds(a, number, known, len).negated(),
+            Point::Gate(gate, a, b) => {
+                let a = self.bounds(a, number, known, len);
+                let b = self.bounds(b, number, known, len);
+                Interval {
+                    lo: gate.at(a.lo, a.hi, b.lo, b.hi),
+                    hi: gate.at(a.hi, a.lo, b.hi, b.lo),
+                }
+            }
+        }
+    }
+}
+
+fn until_bounds(
+    (side, strength, window): (MinMax, Strength, SampleWindow),
+    (best, held): (f64, f64),
+    known: usize,
+    len: usize,
+) -> Interval {
+    let mut interval = Interval::exactly(best);
+    if is_open(window, known, len) {
+        // The goal may still occur, as long as the left side has held so far.
+        match side {
+            MinMax::Max => interval.hi = Max::pick(interval.hi, held),
+            MinMax::Min => interval.lo = Min::pick(interval.lo, held),
+        }
+    }
+    if strength == Strength::Weak {
+        // The left side counts from the present on, not from the window's start.
+        let throughout = SampleWindow { from: 0, ..window };
+        let mut weak = Interval::exactly(held);
+        if is_open(throughout, known, len) {
+            weak = opened(dual(side), weak);
+        }
+        interval = Interval {
+            lo: pick(side, interval.lo, weak.lo),
+            hi: pick(side, interval.hi, weak.hi),
+        };
+    }
+    interval
+}
