@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 38] = [
+const FLOORS: [(&str, u32); 39] = [
     ("seed", 0),
     ("content_hash", 0),
     ("visible", 0),
@@ -36,6 +36,7 @@ const FLOORS: [(&str, u32); 38] = [
     ("conformance", 4),
     ("world", 5),
     ("run_dir", 6),
+    ("vector_env", 6),
     ("view", 9),
     ("report", 7),
     ("openx", 7),

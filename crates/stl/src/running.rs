@@ -29,9 +29,9 @@ pub struct RunningMonitor {
     monitor: Monitor,
     /// Number of samples of a full run.
     len: usize,
-    /// In the order of evaluation. Instant i has its latest value in number i.
-    instants: Vec<Instant>,
-    points: Vec<Point>,
+    /// In the order of evaluation. RunningInstant i has its latest value in number i.
+    instants: Vec<RunningInstant>,
+    points: Vec<RunningPoint>,
     root: usize,
     /// Numbers before the first sample: one per instant, then those carried on.
     begin: Vec<f64>,
@@ -39,7 +39,7 @@ pub struct RunningMonitor {
 
 /// Operator whose value at a sample needs no later sample.
 #[derive(Clone, Debug)]
-enum Instant {
+enum RunningInstant {
     Constant(f64),
     Leaf(Leaf),
     Not(usize),
@@ -54,7 +54,7 @@ enum Instant {
 
 /// Operator at sample 0.
 #[derive(Clone, Debug)]
-enum Point {
+enum RunningPoint {
     /// Value of an instant at the first sample, kept in a number.
     First {
         instant: usize,
@@ -91,7 +91,7 @@ impl Monitor {
             return None;
         }
         let program = &self.program;
-        let mut compiler = Compiler {
+        let mut compiler = RunningCompiler {
             program,
             places: vec![None; program.instructions.len()],
             instants: Vec::new(),
@@ -99,7 +99,7 @@ impl Monitor {
             carried: Vec::new(),
         };
         let root = compiler.point(program.root())?;
-        let Compiler {
+        let RunningCompiler {
             instants,
             mut points,
             carried,
@@ -108,7 +108,8 @@ impl Monitor {
         // The carried numbers come after those of the instants.
         let first = instants.len();
         points.iter_mut().for_each(|point| point.shift(first));
-        let instants: Vec<Instant> = instants.into_iter().map(|it| it.shifted(first)).collect();
+        let instants: Vec<RunningInstant> =
+            instants.into_iter().map(|it| it.shifted(first)).collect();
         let mut begin = vec![0.0; first];
         begin.extend(carried);
         Some(RunningMonitor {
@@ -122,17 +123,17 @@ impl Monitor {
     }
 }
 
-struct Compiler<'a> {
+struct RunningCompiler<'a> {
     program: &'a BoundProgram,
-    /// Instant of each operator.
+    /// RunningInstant of each operator.
     places: Vec<Option<usize>>,
-    instants: Vec<Instant>,
-    points: Vec<Point>,
+    instants: Vec<RunningInstant>,
+    points: Vec<RunningPoint>,
     /// First values of the numbers that are carried from sample to sample.
     carried: Vec<f64>,
 }
 
-impl Compiler<'_> {
+impl RunningCompiler<'_> {
     fn carry(&mut self, first: f64) -> usize {
         self.carried.push(first);
         self.carried.len() - 1
@@ -146,23 +147,23 @@ impl Compiler<'_> {
             return None;
         }
         let instant = match self.program.get(id).op {
-            Op::Constant(true) => Instant::Constant(f64::INFINITY),
-            Op::Constant(false) => Instant::Constant(f64::NEG_INFINITY),
-            Op::Leaf(ref leaf) => Instant::Leaf(leaf.clone()),
-            Op::Not(a) => Instant::Not(self.instant(a)?),
-            Op::Gate(gate, a, b) => Instant::Gate(gate, self.instant(a)?, self.instant(b)?),
+            Op::Constant(true) => RunningInstant::Constant(f64::INFINITY),
+            Op::Constant(false) => RunningInstant::Constant(f64::NEG_INFINITY),
+            Op::Leaf(ref leaf) => RunningInstant::Leaf(leaf.clone()),
+            Op::Not(a) => RunningInstant::Not(self.instant(a)?),
+            Op::Gate(gate, a, b) => RunningInstant::Gate(gate, self.instant(a)?, self.instant(b)?),
             Op::Edge(edge, a) => {
                 let a = self.instant(a)?;
                 // `prev` of any operand is +inf at the first sample.
-                Instant::Edge(edge, a, self.carry(f64::NEG_INFINITY))
+                RunningInstant::Edge(edge, a, self.carry(f64::NEG_INFINITY))
             }
             Op::Since(window, a, b) if is_whole(window) => {
                 let (a, b) = (self.instant(a)?, self.instant(b)?);
-                Instant::Since(a, b, self.carry(f64::NEG_INFINITY))
+                RunningInstant::Since(a, b, self.carry(f64::NEG_INFINITY))
             }
             Op::Behind(side, window, a) if is_whole(window) => {
                 let a = self.instant(a)?;
-                Instant::Past(side, a, self.carry(neutral(side)))
+                RunningInstant::Past(side, a, self.carry(neutral(side)))
             }
             _ => return None,
         };
@@ -176,20 +177,20 @@ impl Compiler<'_> {
         let point = if program.is_instant(id) {
             let instant = self.instant(id)?;
             let kept = self.carry(f64::NAN);
-            Point::First { instant, kept }
+            RunningPoint::First { instant, kept }
         } else {
             match program.get(id).op {
                 // The number of paths to shared operators doubles from level to level.
                 _ if 1 < program.get(id).uses => return None,
-                Op::Not(a) => Point::Not(self.point(a)?),
-                Op::Gate(gate, a, b) => Point::Gate(gate, self.point(a)?, self.point(b)?),
-                Op::Ahead(side, window, a) => Point::Window {
+                Op::Not(a) => RunningPoint::Not(self.point(a)?),
+                Op::Gate(gate, a, b) => RunningPoint::Gate(gate, self.point(a)?, self.point(b)?),
+                Op::Ahead(side, window, a) => RunningPoint::Window {
                     side,
                     window,
                     instant: self.instant(a)?,
                     folded: self.carry(neutral(side)),
                 },
-                Op::Until(side, strength, window, a, b) => Point::Until {
+                Op::Until(side, strength, window, a, b) => RunningPoint::Until {
                     side,
                     strength,
                     window,
@@ -235,24 +236,24 @@ fn dual(side: MinMax) -> MinMax {
     }
 }
 
-impl Instant {
-    fn shifted(self, by: usize) -> Instant {
+impl RunningInstant {
+    fn shifted(self, by: usize) -> RunningInstant {
         match self {
-            Instant::Edge(edge, a, carried) => Instant::Edge(edge, a, carried + by),
-            Instant::Since(a, b, carried) => Instant::Since(a, b, carried + by),
-            Instant::Past(side, a, carried) => Instant::Past(side, a, carried + by),
+            RunningInstant::Edge(edge, a, carried) => RunningInstant::Edge(edge, a, carried + by),
+            RunningInstant::Since(a, b, carried) => RunningInstant::Since(a, b, carried + by),
+            RunningInstant::Past(side, a, carried) => RunningInstant::Past(side, a, carried + by),
             it => it,
         }
     }
 }
 
-impl Point {
+impl RunningPoint {
     fn shift(&mut self, by: usize) {
         match self {
-            Point::First { kept: number, .. }
-            | Point::Window { folded: number, .. }
-            | Point::Until { best: number, .. } => *number += by,
-            Point::Not(_) | Point::Gate(..) => {}
+            RunningPoint::First { kept: number, .. }
+            | RunningPoint::Window { folded: number, .. }
+            | RunningPoint::Until { best: number, .. } => *number += by,
+            RunningPoint::Not(_) | RunningPoint::Gate(..) => {}
         }
     }
 }
@@ -345,23 +346,23 @@ impl RunningMonitor {
         let until = self.monitor.settings.until;
         for (i, instant) in self.instants.iter().enumerate() {
             numbers[i] = match *instant {
-                Instant::Constant(value) => value,
-                Instant::Leaf(ref leaf) => leaf.at(row),
-                Instant::Not(a) => opposite(numbers[a]),
-                Instant::Gate(gate, a, b) => {
+                RunningInstant::Constant(value) => value,
+                RunningInstant::Leaf(ref leaf) => leaf.at(row),
+                RunningInstant::Not(a) => opposite(numbers[a]),
+                RunningInstant::Gate(gate, a, b) => {
                     let (a, b) = (numbers[a], numbers[b]);
                     gate.at(a, a, b, b)
                 }
-                Instant::Edge(edge, a, carried) => {
+                RunningInstant::Edge(edge, a, carried) => {
                     let (value, carry) = edge_at(edge, numbers[a], numbers[carried]);
                     numbers[carried] = carry;
                     value
                 }
-                Instant::Since(a, b, carried) => {
+                RunningInstant::Since(a, b, carried) => {
                     numbers[carried] = since_at(until, numbers[a], numbers[b], numbers[carried]);
                     numbers[carried]
                 }
-                Instant::Past(side, a, carried) => {
+                RunningInstant::Past(side, a, carried) => {
                     numbers[carried] = pick(side, numbers[carried], numbers[a]);
                     numbers[carried]
                 }
@@ -369,9 +370,11 @@ impl RunningMonitor {
         }
         for point in &self.points {
             match *point {
-                Point::First { instant, kept } if sample == 0 => numbers[kept] = numbers[instant],
-                Point::First { .. } | Point::Not(_) | Point::Gate(..) => {}
-                Point::Window {
+                RunningPoint::First { instant, kept } if sample == 0 => {
+                    numbers[kept] = numbers[instant]
+                }
+                RunningPoint::First { .. } | RunningPoint::Not(_) | RunningPoint::Gate(..) => {}
+                RunningPoint::Window {
                     side,
                     window,
                     instant,
@@ -381,7 +384,7 @@ impl RunningMonitor {
                         numbers[folded] = pick(side, numbers[folded], numbers[instant]);
                     }
                 }
-                Point::Until {
+                RunningPoint::Until {
                     side,
                     window,
                     guard,
@@ -437,8 +440,8 @@ impl RunningMonitor {
         len: usize,
     ) -> Interval {
         match self.points[point] {
-            Point::First { kept, .. } => Interval::exactly(number(kept)),
-            Point::Window {
+            RunningPoint::First { kept, .. } => Interval::exactly(number(kept)),
+            RunningPoint::Window {
                 side,
                 window,
                 folded,
@@ -451,7 +454,7 @@ impl RunningMonitor {
                     interval
                 }
             }
-            Point::Until {
+            RunningPoint::Until {
                 side,
                 strength,
                 window,
@@ -463,8 +466,8 @@ impl RunningMonitor {
                 known,
                 len,
             ),
-            Point::Not(a) => self.bounds(a, number, known, len).negated(),
-            Point::Gate(gate, a, b) => {
+            RunningPoint::Not(a) => self.bounds(a, number, known, len).negated(),
+            RunningPoint::Gate(gate, a, b) => {
                 let a = self.bounds(a, number, known, len);
                 let b = self.bounds(b, number, known, len);
                 Interval {

@@ -14,7 +14,7 @@ const ON_M: f64 = 1e-6;
 
 /// The roads of a world with their courses.
 #[derive(Clone, Debug)]
-pub(super) struct RoadNetwork {
+pub(crate) struct RoadNetwork {
     /// The world's own road, then the named ones in file order.
     courses: Vec<Course>,
     /// Index of the course of each agent.
@@ -92,7 +92,8 @@ impl RoadNetwork {
     }
 
     /// Returns the road coordinates of an agent in a pose.
-    pub(super) fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
+    #[inline]
+    pub(crate) fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
         self.course_of(agent).locate(pose)
     }
 

@@ -21,7 +21,7 @@ use crate::ego::LaneOccupancy;
 use crate::sim::{self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, Plant, Pose, Push};
 
 /// State of a driving scene at a sample.
-pub(super) struct SceneState {
+pub(crate) struct SceneState {
     pub spec: Arc<DriveSpec>,
     pub network: Arc<RoadNetwork>,
     pub plant: Box<dyn Plant>,
@@ -31,13 +31,13 @@ pub(super) struct SceneState {
     pub states: Vec<BodyState>,
     /// Road coordinates of each agent.
     pub on_road: Vec<OnRoad>,
-    pub lights: Vec<LightState>,
+    pub(super) lights: Vec<LightState>,
     /// Weather of this sample, if an ado changes it.
-    pub weather: Option<WeatherState>,
+    pub(super) weather: Option<WeatherState>,
     /// Curvature of the next piece of road, if an ado lays it.
     pub next_curvature_per_m: f64,
     /// Planned state of each agent. Empty if no agent has a plan.
-    pub planned: Vec<PlannedAt>,
+    pub(super) planned: Vec<PlannedAt>,
     /// Parameters of the start, in file order.
     pub parameters: Vec<f64>,
     /// The contact during the last sample.
@@ -48,7 +48,7 @@ pub(super) struct SceneState {
 
 impl SceneState {
     /// Returns an empty road.
-    pub(super) fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
+    pub(crate) fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
         let agents = spec.agents.len();
         SceneState {
             plant: sim::plant(spec.plant, ground(&spec)),
@@ -82,7 +82,7 @@ impl SceneState {
     }
 
     /// Spawns the body of the next agent.
-    pub(super) fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
+    pub(crate) fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
         self.bodies.push(self.plant.spawn(body, pose, speed_mps));
     }
 

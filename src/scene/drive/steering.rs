@@ -90,7 +90,7 @@ impl LaneKeeping {
 /// ė) / v², plus the curvature of the road. The loop is critically damped
 /// around a reference that is fed forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LaneKeeper {
+pub(crate) struct LaneKeeper {
     reference_m: f64,
     reference_mps: f64,
     lag: Actuator,

@@ -49,14 +49,28 @@ impl Wheels {
         self.limits.set_push(push);
     }
 
+    #[inline]
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
-        let drive = self.limits.drive(self.accel_mps2, start.speed_mps, dt_s);
+        let command = (self.accel_mps2, self.curvature_per_m);
+        self.path_under(command, start, arm_m, dt_s)
+    }
+
+    /// Returns the path under a commanded acceleration and curvature.
+    #[inline]
+    pub(super) fn path_under(
+        &self,
+        (accel_mps2, curvature_per_m): (f64, f64),
+        start: Anchor,
+        arm_m: f64,
+        dt_s: f64,
+    ) -> BodyPath {
+        let drive = self.limits.drive(accel_mps2, start.speed_mps, dt_s);
         let end_mps = drive.speed_mps(start.speed_mps, dt_s);
         // The cornering limit must hold at the faster end of the step.
         let top_mps = start.speed_mps.abs().max(end_mps.abs());
         let curvature_per_m =
             self.limits
-                .curvature_per_m(self.curvature_per_m, drive.tyre_mps2, top_mps);
+                .curvature_per_m(curvature_per_m, drive.tyre_mps2, top_mps);
         let start = Anchor {
             curvature_per_m,
             ..start
@@ -73,11 +87,13 @@ impl Wheels {
     }
 
     /// Returns the speed along the heading, the speed to the left, the yaw rate.
+    #[inline]
     pub(super) fn motion(at: &Anchor) -> (f64, f64, f64) {
         (at.speed_mps, 0.0, at.speed_mps * at.curvature_per_m)
     }
 
     /// Returns the state of the rear axle after a time on its arc.
+    #[inline]
     pub(super) fn after(start: Anchor, drive: DriveStep, after_s: f64) -> Anchor {
         let moving_s = after_s.min(drive.rest_after_s);
         let length_m = moving_s * (start.speed_mps + 0.5 * drive.net_mps2 * moving_s);

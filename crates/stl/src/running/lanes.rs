@@ -1,6 +1,8 @@
 //! Many runs side by side: one number of every run in a column.
 
-use super::{Instant, Point, RunningMonitor, edge_at, is_open, pick, since_at, until_at};
+use super::{
+    RunningInstant, RunningMonitor, RunningPoint, edge_at, is_open, pick, since_at, until_at,
+};
 use crate::kernel::opposite;
 use crate::leaf::{CHUNK, Columns, Semantics};
 use crate::program::MinMax;
@@ -82,7 +84,7 @@ impl RunningMonitor {
 
     fn instant_of_runs(
         &self,
-        instant: &Instant,
+        instant: &RunningInstant,
         value: &mut [f64],
         before: &[Vec<f64>],
         rest: &mut [Vec<f64>],
@@ -91,24 +93,24 @@ impl RunningMonitor {
     ) {
         let until = self.monitor.settings.until;
         match *instant {
-            Instant::Constant(constant) => value.fill(constant),
-            Instant::Leaf(ref leaf) => leaf.fill(&columns, Semantics::Margin, 0, value),
-            Instant::Not(a) => {
+            RunningInstant::Constant(constant) => value.fill(constant),
+            RunningInstant::Leaf(ref leaf) => leaf.fill(&columns, Semantics::Margin, 0, value),
+            RunningInstant::Not(a) => {
                 let pairs = value.iter_mut().zip(&before[a]);
                 pairs.for_each(|(value, a)| *value = opposite(*a));
             }
-            Instant::Gate(gate, a, b) => {
+            RunningInstant::Gate(gate, a, b) => {
                 let operands = before[a].iter().zip(&before[b]);
                 let triples = value.iter_mut().zip(operands);
                 triples.for_each(|(value, (a, b))| *value = gate.at(*a, *a, *b, *b));
             }
-            Instant::Edge(edge, a, number) => {
+            RunningInstant::Edge(edge, a, number) => {
                 let carries = &mut rest[carried(number)];
                 for ((value, a), carry) in value.iter_mut().zip(&before[a]).zip(carries) {
                     (*value, *carry) = edge_at(edge, *a, *carry);
                 }
             }
-            Instant::Since(a, b, number) => {
+            RunningInstant::Since(a, b, number) => {
                 let carries = &mut rest[carried(number)];
                 let operands = before[a].iter().zip(&before[b]);
                 for ((value, (a, b)), carry) in value.iter_mut().zip(operands).zip(carries) {
@@ -116,7 +118,7 @@ impl RunningMonitor {
                     *value = *carry;
                 }
             }
-            Instant::Past(side, a, number) => {
+            RunningInstant::Past(side, a, number) => {
                 let carries = &mut rest[carried(number)];
                 for ((value, a), carry) in value.iter_mut().zip(&before[a]).zip(carries) {
                     *carry = pick(side, *carry, *a);
@@ -126,19 +128,19 @@ impl RunningMonitor {
         }
     }
 
-    fn point_of_runs(&self, point: &Point, numbers: &mut [Vec<f64>], samples: &[usize]) {
+    fn point_of_runs(&self, point: &RunningPoint, numbers: &mut [Vec<f64>], samples: &[usize]) {
         // Instants have the first numbers, so what is carried lies behind them.
         let (instants, carried) = numbers.split_at_mut(self.instants.len());
         let at = |number: usize| number - self.instants.len();
         match *point {
-            Point::Not(_) | Point::Gate(..) => {}
-            Point::First { instant, kept } => {
+            RunningPoint::Not(_) | RunningPoint::Gate(..) => {}
+            RunningPoint::First { instant, kept } => {
                 let pairs = carried[at(kept)].iter_mut().zip(&instants[instant]);
                 for ((kept, value), sample) in pairs.zip(samples) {
                     *kept = if *sample == 0 { *value } else { *kept };
                 }
             }
-            Point::Window {
+            RunningPoint::Window {
                 side,
                 window,
                 instant,
@@ -160,7 +162,7 @@ impl RunningMonitor {
                     }
                 }
             }
-            Point::Until {
+            RunningPoint::Until {
                 side,
                 window,
                 guard,
@@ -187,7 +189,7 @@ impl RunningMonitor {
     }
 
     fn greatest_of_runs(&self, numbers: &[Vec<f64>], samples: &[usize], greatest: &mut [f64]) {
-        if let Point::Window {
+        if let RunningPoint::Window {
             side,
             window,
             folded,
