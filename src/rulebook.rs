@@ -20,7 +20,7 @@ mod verdict;
 pub use counts::Counts;
 pub use goal::TrainingGoal;
 pub use reward::Reward;
-pub(crate) use runs::RunsJudge;
+pub(crate) use runs::{NewSamples, RunsJudge};
 pub use verdict::{RulesUntilContact, Verdict};
 
 use serde::{Deserialize, Serialize};

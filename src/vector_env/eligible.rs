@@ -15,6 +15,8 @@ pub(super) struct LaneWorld {
     pub(super) rulebook: Arc<Rulebook>,
     /// Signals that somebody reads, by their position in a row.
     pub(super) published: Vec<(usize, SignalReading)>,
+    /// Positions of the signals that have to be finite, derived ones included.
+    pub(super) checked: Vec<usize>,
     pub(super) ground: Ground,
     /// Samples of a full episode.
     pub(super) samples: usize,
@@ -39,8 +41,12 @@ impl LaneWorld {
         if !fits || RunsJudge::new(&rulebook, samples, 1).is_none() {
             return None;
         }
+        let published = published(&layout, &rulebook);
+        let derived = layout.sources.len()..layout.schema.len();
+        let checked = published.iter().map(|(position, _)| *position);
         Some(LaneWorld {
-            published: published(&layout, &rulebook),
+            checked: checked.chain(derived).collect(),
+            published,
             ground: Ground {
                 friction: layout.spec.road.friction(),
             },

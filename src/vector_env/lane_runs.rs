@@ -1,25 +1,29 @@
 //! Environments as a structure of arrays: a column per quantity, an entry per run.
-
-use rand::Rng;
+//!
+//! A step loads each run from the columns, drives it to its next decision and judges
+//! all of its new samples at once. Motion beyond a sample that decides the episode is
+//! discarded with the episode.
 
 use std::sync::Arc;
+
+use rand::Rng;
 
 use super::StepInto;
 use super::eligible::LaneWorld;
 use super::run::Run;
 use crate::ego::{Actuator, Controller, Percept};
-use crate::rulebook::{RunsJudge, Stop, Verdict};
+use crate::rulebook::{NewSamples, RunsJudge, Stop, Verdict};
 use crate::scene::drive::{
     Drive, LaneKeeper, Maneuver, SceneState, Sensing, blank_percept, fill_percept,
 };
 use crate::seed::StartKey;
 use crate::sim::kinematic::KinematicLanes;
-use crate::stl::RunColumns;
+use crate::stl::SampleColumns;
 
 /// Runs of one world side by side.
 ///
-/// The order of a sample is that of a test bench: percept and commands, physics,
-/// signals, rules, verdict. Rules and expressions are evaluated for all runs at once.
+/// The order within a sample is that of a test bench: percept and commands, physics,
+/// signals, rules, verdict.
 pub(super) struct LaneRuns {
     world: LaneWorld,
     runs: Vec<Run>,
@@ -31,15 +35,13 @@ pub(super) struct LaneRuns {
     /// Number of the newest sample of each run.
     samples: Vec<usize>,
     judge: RunsJudge,
-    /// Newest row of each run: a column per signal.
-    columns: Vec<Vec<f64>>,
-    /// 0 for each run whose newest row has finite numbers only.
-    checks: Vec<f64>,
-    /// The run that moves at the moment, as signals, percepts and scripts read it.
+    /// Parts of the loaded run. Signals, percepts and scripts read the scene.
     scene: SceneState,
     percept: Percept,
-    /// Runs that move in this step, and why they stop.
-    live: Vec<(usize, Option<Stop>)>,
+    /// Its new samples: a column per signal.
+    columns: Vec<Vec<f64>>,
+    /// 0 for each new sample that has finite numbers only.
+    checks: Vec<f64>,
 }
 
 /// Actuators, lane keepers and actions of one vehicle in every run.
@@ -49,10 +51,14 @@ struct Drivetrains {
     chosen: Vec<Maneuver>,
 }
 
-/// Result of the motion of a run during a sample.
-enum Moved {
-    On(Option<Stop>),
-    Fault,
+/// Result of the motion of the loaded run for some samples.
+struct Driven {
+    /// Number of new samples.
+    count: usize,
+    /// Why no further sample follows.
+    stop: Option<Stop>,
+    /// True if a fault followed the samples.
+    is_faulty: bool,
 }
 
 impl LaneRuns {
@@ -77,6 +83,7 @@ impl LaneRuns {
         let sensors = spec.sensors;
         let disturb = sensors.is_noisy() || sensors.delay_s != 0.0;
         let sensing = Sensing::new(sensors, spec.clock.sample_s);
+        let block = world.samples_per_decision;
         Some(LaneRuns {
             runs: vec![Run::new(); runs],
             plant: KinematicLanes::new(bodies, world.ground, runs)?,
@@ -85,11 +92,10 @@ impl LaneRuns {
             sensing: vec![sensing; if disturb { runs } else { 0 }],
             samples: vec![0; runs],
             judge: RunsJudge::new(&world.rulebook, world.samples, runs)?,
-            columns: vec![vec![0.0; runs]; layout.schema.len()],
-            checks: vec![0.0; runs],
             scene: SceneState::new(Arc::clone(spec), Arc::clone(&layout.network)),
             percept: blank_percept(spec, layout.ego),
-            live: Vec::with_capacity(runs),
+            columns: vec![vec![0.0; block]; layout.schema.len()],
+            checks: vec![0.0; block],
             world: world.clone(),
         })
     }
@@ -106,65 +112,49 @@ impl LaneRuns {
         for (i, (agent, at)) in spec.agents.iter().zip(&drawn).enumerate() {
             let pose = layout.start_pose(agent, (at.front_m, at.lateral_m));
             let body = (i, &agent.body, self.world.ground);
-            self.plant.spawn(body, run, pose, at.speed_mps);
+            self.plant.spawn(body, pose, at.speed_mps);
             let vehicle = &mut self.vehicles[i];
             (vehicle.actuators[run], vehicle.keepers[run]) =
                 layout.drivetrain_of(agent, at.lateral_m);
             vehicle.chosen[run] = Maneuver::NONE;
         }
+        self.plant.store(run);
         if let Some(sensing) = self.sensing.get_mut(run) {
             sensing.reset(noise);
         }
         self.controllers[run].reset(noise);
         self.runs[run].begin(key);
+        self.judge.begin(run);
         self.samples[run] = 0;
-        self.show(run);
+        self.scene.sample = 0;
         self.scene.touch = None;
-        self.publish(run);
-        self.derive();
-        self.check();
-        let verdict = if self.is_finite(run) {
-            self.judge_first(run)
-        } else {
-            Some(Verdict::Invalid)
+        self.look();
+        self.publish(0);
+        let first = Driven {
+            count: 1,
+            stop: None,
+            is_faulty: false,
         };
-        self.runs[run].verdict = verdict;
-        self.observe(run, observation);
-    }
-
-    /// Judges the sample at 0 s of one run. The others have none.
-    fn judge_first(&mut self, run: usize) -> Option<Verdict> {
-        let row: Vec<f64> = self.columns.iter().map(|column| column[run]).collect();
-        self.judge.begin(run, &row);
-        self.judge.verdict(&self.world.rulebook, (run, 0), None)
+        self.conclude(run, 0, &first, observation);
     }
 
     pub(super) fn step(&mut self, actions: &[usize], mut into: StepInto<'_>) {
         let count = self.runs.len();
-        self.live.clear();
-        for (run, it) in self.runs.iter_mut().enumerate() {
-            if it.is_over {
-                continue;
-            }
-            it.actions.push(actions[run] as u32);
-            if it.verdict.is_none() {
-                self.live.push((run, None));
-            }
-        }
-        for at in 0..self.live.len() {
-            let run = self.live[at].0;
-            self.decide(run, actions[run]);
-        }
-        for _ in 0..self.world.samples_per_decision {
-            self.sample();
-        }
         for run in 0..count {
             (into.rewards[run], into.ends[run]) = (0.0, None);
-            if !self.runs[run].is_over {
-                self.observe(run, into.row(run, count));
-                let report = self.runs[run].report(&self.world.rulebook);
-                (into.rewards[run], into.ends[run]) = report;
+            if self.runs[run].is_over {
+                continue;
             }
+            self.runs[run].actions.push(actions[run] as u32);
+            // The first sample may have decided the episode, which then stands still.
+            if self.runs[run].verdict.is_none() {
+                self.decide(run, actions[run]);
+                let first = self.samples[run] + 1;
+                let driven = self.drive(run);
+                self.conclude(run, first, &driven, into.row(run, count));
+            }
+            let report = self.runs[run].report(&self.world.rulebook);
+            (into.rewards[run], into.ends[run]) = report;
         }
     }
 
@@ -179,89 +169,64 @@ impl LaneRuns {
         }
     }
 
-    /// Advances every live run by a sample and judges it.
-    fn sample(&mut self) {
-        if self.live.is_empty() {
-            return;
-        }
-        let mut live = std::mem::take(&mut self.live);
-        live.retain_mut(|(run, stop)| match self.advance(*run) {
-            Moved::On(why) => {
-                *stop = why;
-                true
-            }
-            Moved::Fault => {
-                self.runs[*run].verdict = Some(Verdict::Invalid);
-                false
-            }
-        });
-        self.derive();
-        self.check();
-        let moved = live.iter().map(|(run, _)| *run);
-        self.judge
-            .push(&self.samples, moved, RunColumns(&self.columns));
-        live.retain(|&(run, stop)| {
-            let at = (run, self.samples[run]);
-            let verdict = if self.is_finite(run) {
-                self.judge.verdict(&self.world.rulebook, at, stop)
-            } else {
-                Some(Verdict::Invalid)
-            };
-            if verdict.is_some_and(|verdict| verdict != Verdict::Invalid) {
-                self.runs[run].robustness = self.judge.robustness(at);
-            }
-            self.runs[run].verdict = verdict;
-            verdict.is_none()
-        });
-        self.live = live;
-    }
-
-    /// Moves one run by a sample and publishes its signals.
-    fn advance(&mut self, run: usize) -> Moved {
-        self.show(run);
+    /// Drives a run to its next decision, and publishes its samples.
+    fn drive(&mut self, run: usize) -> Driven {
+        let sample_s = self.world.layout.spec.clock.sample_s;
+        self.plant.load(run);
+        self.scene.sample = self.samples[run];
         self.scene.touch = None;
-        if self.command_all(run).is_none() {
-            return Moved::Fault;
+        self.look();
+        let mut driven = Driven {
+            count: 0,
+            stop: None,
+            is_faulty: false,
+        };
+        while driven.count < self.world.samples_per_decision && driven.stop.is_none() {
+            let commanded = self.command_all(run);
+            let moved = commanded.and_then(|()| self.plant.advance(sample_s));
+            let Some(touch) = moved else {
+                driven.is_faulty = true;
+                break;
+            };
+            self.scene.sample += 1;
+            self.scene.touch = touch;
+            self.look();
+            self.publish(driven.count);
+            driven.count += 1;
+            driven.stop = match touch {
+                Some(_) => Some(Stop::Contact),
+                None if self.scene.sample + 1 == self.world.samples => Some(Stop::Horizon),
+                None => None,
+            };
         }
-        let touch = self
-            .plant
-            .advance(run, self.world.layout.spec.clock.sample_s);
-        self.samples[run] += 1;
-        if !self.plant.is_sound(run) {
-            return Moved::Fault;
-        }
-        self.show(run);
-        self.scene.touch = touch;
-        self.publish(run);
-        Moved::On(match touch {
-            Some(_) => Some(Stop::Contact),
-            None if self.samples[run] + 1 == self.world.samples => Some(Stop::Horizon),
-            None => None,
-        })
+        self.samples[run] = self.scene.sample;
+        self.plant.store(run);
+        driven
     }
 
-    /// Makes a run the one that signals, percepts and scripts read.
-    fn show(&mut self, run: usize) {
+    /// Reads the loaded run from the plant.
+    #[inline]
+    fn look(&mut self) {
         let scene = &mut self.scene;
-        scene.sample = self.samples[run];
         scene.states.clear();
         scene.on_road.clear();
         for vehicle in 0..self.vehicles.len() {
-            let state = self.plant.state(vehicle, run);
+            let state = self.plant.state(vehicle);
             let at = self.world.layout.network.locate(vehicle, &state.pose);
             scene.states.push(state);
             scene.on_road.push(at);
         }
     }
 
-    /// Commands all vehicles of a run, `None` if the ego's command is a fault.
+    /// Commands all vehicles of the loaded run, `None` if the ego's command is a fault.
+    #[inline]
     fn command_all(&mut self, run: usize) -> Option<()> {
         fill_percept(&mut self.percept, &self.scene, self.world.layout.ego);
         if let Some(sensing) = self.sensing.get_mut(run) {
             sensing.look(&mut self.percept, 1.0);
         }
         let command = self.controllers[run].control(&self.percept).ok()?;
-        if command.flaw().is_some() {
+        if !command.is_plausible() {
             return None;
         }
         let ego = Maneuver::Drive {
@@ -279,72 +244,94 @@ impl LaneRuns {
                 let drivetrain = (&mut vehicle.actuators[run], &mut vehicle.keepers[run]);
                 let wish = (accel_mps2, lateral_mps);
                 let (accel_mps2, curvature_per_m) = self.scene.driven(i, drivetrain, wish);
-                self.plant.command(i, run, accel_mps2, curvature_per_m);
+                self.plant.command(i, accel_mps2, curvature_per_m);
             }
         }
         Some(())
     }
 
-    fn publish(&mut self, run: usize) {
+    /// Writes the signals of the loaded run that somebody reads.
+    #[inline]
+    fn publish(&mut self, at: usize) {
         for (position, source) in &self.world.published {
-            self.columns[*position][run] = source.value(&self.scene);
+            self.columns[*position][at] = source.value(&self.scene);
         }
     }
 
-    /// Computes the derived signals of all runs.
-    fn derive(&mut self) {
+    /// Judges the new samples of a run, the first of which is its sample `first`.
+    fn conclude(&mut self, run: usize, first: usize, driven: &Driven, observation: &mut [f32]) {
+        let Driven {
+            mut count,
+            mut stop,
+            mut is_faulty,
+        } = *driven;
+        self.derive(count);
+        // A row that is no sample ends the episode with a fault, and is still observed.
+        let broken = (0..count).find(|i| self.checks[*i] != 0.0);
+        let mut last = count.checked_sub(1);
+        if let Some(broken) = broken {
+            (count, stop, is_faulty, last) = (broken, None, true, Some(broken));
+        }
+        let new = NewSamples {
+            run,
+            first,
+            count,
+            columns: SampleColumns(&self.columns),
+            stop,
+        };
+        let decided = self.judge.push(&self.world.rulebook, &new);
+        if let Some((verdict, at)) = decided {
+            last = Some(at);
+            self.runs[run].robustness = self.judge.robustness(run, first + at);
+            self.runs[run].verdict = Some(verdict);
+        } else if is_faulty {
+            self.runs[run].verdict = Some(Verdict::Invalid);
+        }
+        // Without a new sample the observation stays.
+        if let Some(last) = last {
+            let observed = &self.world.layout.observed;
+            observed.read(|position| self.columns[position][last], observation);
+        }
+    }
+
+    /// Computes the derived signals of the new samples, and checks all signals.
+    fn derive(&mut self, count: usize) {
         let published = self.world.layout.sources.len();
         for (i, expr) in self.world.layout.derived.iter().enumerate() {
             // A derived signal reads only those before it.
             let (before, rest) = self.columns.split_at_mut(published + i);
-            expr.eval_runs(RunColumns(before), &mut rest[0]);
+            if let Some(values) = rest.first_mut() {
+                expr.eval_all(SampleColumns(before), 0, &mut values[..count]);
+            }
         }
-    }
-
-    /// Finds out which rows have finite numbers only.
-    fn check(&mut self) {
-        self.checks.fill(0.0);
-        for column in &self.columns {
+        let checks = &mut self.checks[..count];
+        checks.fill(0.0);
+        for position in &self.world.checked {
             // A number times 0 is 0, unless it is not finite. Then the sum is NaN.
-            let pairs = self.checks.iter_mut().zip(column);
+            let pairs = checks.iter_mut().zip(&self.columns[*position]);
             pairs.for_each(|(check, value)| *check += value * 0.0);
         }
     }
 
-    fn is_finite(&self, run: usize) -> bool {
-        self.checks[run] == 0.0
-    }
-
-    fn observe(&self, run: usize, observation: &mut [f32]) {
-        let observed = &self.world.layout.observed;
-        observed.read(|position| self.columns[position][run], observation);
-    }
-
     /// Returns the memory of all runs, and of what they share, if it is known.
     pub(super) fn bytes(&self) -> Option<usize> {
-        let judge = self.judge.bytes()?;
         let controllers = self.controllers.iter();
         let controllers = controllers.map(|it| size_of_val(&**it) + size_of_val(it));
         let vehicles = self.vehicles.iter().map(|it| {
-            size_of_val(&*it.actuators) + size_of_val(&*it.keepers) + size_of_val(&*it.chosen)
+            let columns = size_of_val(&*it.actuators) + size_of_val(&*it.keepers);
+            size_of::<Drivetrains>() + columns + size_of_val(&*it.chosen)
         });
-        let columns = self.columns.iter();
+        let columns = self.columns.iter().chain([&self.checks]);
         let columns = columns.map(|it| size_of_val(it) + it.capacity() * size_of::<f64>());
-        let scene = &self.scene;
         let shared = size_of::<LaneRuns>()
-            + size_of_val(&*scene.states)
-            + size_of_val(&*scene.on_road)
-            + size_of_val(&*self.percept.others);
+            + size_of_val(&*self.scene.states)
+            + size_of_val(&*self.scene.on_road)
+            + size_of_val(&*self.percept.others)
+            + columns.sum::<usize>();
         let runs = self.runs.iter().map(Run::bytes).sum::<usize>()
-            + self.plant.bytes()
-            + vehicles.sum::<usize>()
-            + self.vehicles.capacity() * size_of::<Drivetrains>()
-            + controllers.sum::<usize>()
             + size_of_val(&*self.sensing)
-            + size_of_val(&*self.samples)
-            + size_of_val(&*self.checks)
-            + columns.sum::<usize>()
-            + self.live.capacity() * size_of::<(usize, Option<Stop>)>();
-        Some(shared + runs + judge)
+            + size_of_val(&*self.samples);
+        let driven = self.plant.bytes() + vehicles.sum::<usize>() + controllers.sum::<usize>();
+        Some(shared + runs + driven + self.judge.bytes()?)
     }
 }

@@ -46,6 +46,6 @@ pub use interval::Interval;
 pub use monitor::Monitor;
 pub use offline::Scratch;
 pub use online::{OnlineMonitor, StreamMonitor};
-pub use running::{RunColumns, RunningMonitor};
+pub use running::{RunningMonitor, SampleColumns};
 pub use samples::{ColumnsError, Samples};
 pub use settings::{Constants, Limits, Names, Settings, TraceEnd, Until};

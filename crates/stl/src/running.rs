@@ -1,10 +1,10 @@
-//! Formulas that a few running numbers decide, for one run or for many side by side.
+//! Formulas that a few running numbers decide, sample by sample or in blocks.
 //!
 //! Most rules are `always (x <= c)` or an `until` of comparisons, over a run of known
 //! length. Their robustness at sample 0 is a running extremum. Such a formula is
 //! compiled to a list of *instants*, whose value is known as soon as their sample is,
 //! and *points*, the operators at sample 0 that fold them. All that a run has to
-//! remember is one number for each, which a batch of runs keeps as columns.
+//! remember is one number for each.
 //!
 //! The operations and their order are those of [`OnlineMonitor`](crate::OnlineMonitor).
 //! Its property tests hold the two together, bit for bit.
@@ -16,9 +16,9 @@ use crate::monitor::Monitor;
 use crate::program::{BooleanOp, BoundProgram, Edge, Id, MinMax, Op, Strength};
 use crate::settings::{TraceEnd, Until};
 
-mod lanes;
+mod block;
 
-pub use lanes::RunColumns;
+pub use block::SampleColumns;
 
 /// Monitor of a run of known length, whose whole memory is a short list of numbers.
 ///
@@ -35,6 +35,8 @@ pub struct RunningMonitor {
     root: usize,
     /// Numbers before the first sample: one per instant, then those carried on.
     begin: Vec<f64>,
+    /// The instant and the number of an `always` over the whole run, if that is all.
+    extremum: Option<(usize, usize)>,
 }
 
 /// Operator whose value at a sample needs no later sample.
@@ -112,7 +114,22 @@ impl Monitor {
             instants.into_iter().map(|it| it.shifted(first)).collect();
         let mut begin = vec![0.0; first];
         begin.extend(carried);
+        let extremum = match (&points[root], &instants[..]) {
+            (
+                RunningPoint::Window {
+                    side: MinMax::Min,
+                    window,
+                    instant,
+                    folded,
+                },
+                [RunningInstant::Leaf(_)],
+            ) if window.from == 0 && window.to.is_none_or(|to| len <= to + 1) => {
+                Some((*instant, *folded))
+            }
+            _ => None,
+        };
         Some(RunningMonitor {
+            extremum,
             monitor: self.clone(),
             len,
             instants,

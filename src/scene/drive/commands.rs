@@ -18,6 +18,7 @@ impl SceneState {
     /// Returns what an agent wants to do, `None` if a plan carries it.
     ///
     /// `ego` is the ego's command, and `chosen` the action of an ado.
+    #[inline]
     pub(crate) fn wish_of(&self, i: usize, ego: Maneuver, chosen: Maneuver) -> Option<Maneuver> {
         let agent = &self.spec.agents[i];
         Some(match &agent.drive {
@@ -104,7 +105,9 @@ impl DriveScene {
         let command = self.controller.control(&self.percept)?;
         // A NaN command would otherwise reach the physics and be reported as
         // its fault.
-        if let Some(fault) = command.flaw() {
+        if !command.is_plausible()
+            && let Some(fault) = command.flaw()
+        {
             let message = format!("{} at {:.3} s", fault.message, self.state.time_s());
             return Err(Fault { message, ..fault });
         }

@@ -82,11 +82,13 @@ impl RoadNetwork {
     }
 
     /// Returns the course of an agent's road.
+    #[inline]
     pub(super) fn course_of(&self, agent: usize) -> &Course {
         &self.courses[self.road_of[agent]]
     }
 
     /// Returns whether two agents are on the same road.
+    #[inline]
     pub(super) fn share_road(&self, a: usize, b: usize) -> bool {
         self.road_of[a] == self.road_of[b]
     }

@@ -183,6 +183,7 @@ impl SceneState {
     }
 
     /// Returns the time since the start.
+    #[inline]
     pub(super) fn time_s(&self) -> f64 {
         // A product and not a sum, so rounding errors do not add up.
         self.sample as f64 * self.spec.clock.sample_s
@@ -205,6 +206,7 @@ impl SceneState {
     }
 
     /// Returns the coordinates of an agent on the road of `viewer`.
+    #[inline]
     pub(super) fn on_road_of(&self, viewer: usize, agent: usize) -> OnRoad {
         if self.network.share_road(viewer, agent) {
             self.on_road[agent]
@@ -214,6 +216,7 @@ impl SceneState {
     }
 
     /// Returns the velocity of an agent along and across its road.
+    #[inline]
     pub(super) fn velocity_mps(&self, agent: usize) -> Vector2<f64> {
         self.on_road[agent].velocity_mps(&self.states[agent])
     }

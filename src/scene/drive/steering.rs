@@ -54,6 +54,7 @@ impl LaneKeeping {
     /// `front`. A rear axle moves along an arc per sample. The curvature that
     /// keeps it on its line is the mean of the road's curvature over that
     /// distance.
+    #[inline]
     pub(super) fn seen(
         self,
         body: &Body,
@@ -118,6 +119,7 @@ impl LaneKeeper {
     }
 
     /// Returns the curvature for the next sample. `lateral_mps` moves the reference.
+    #[inline]
     pub(super) fn curvature(
         &mut self,
         at: &OnRoad,
@@ -137,7 +139,7 @@ impl LaneKeeper {
         } else {
             at.heading_rad + self.lever_m * at.curvature_per_m
         };
-        let drift_mps = speed_mps * libm::sin(slip_rad) - moving_mps;
+        let drift_mps = speed_mps * sine(slip_rad) - moving_mps;
         let speed_mps = speed_mps.abs().max(MIN_SPEED_MPS);
         let wish_mps2 =
             OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps - feed_mps2;
@@ -149,5 +151,16 @@ impl LaneKeeper {
         } else {
             keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m)
         }
+    }
+}
+
+/// Returns the sine, without a call for the tiny angles of a car along its road.
+#[inline]
+fn sine(angle_rad: f64) -> f64 {
+    // The angle itself is its sine there, to the last bit.
+    if angle_rad.abs() < 1e-9 {
+        angle_rad
+    } else {
+        libm::sin(angle_rad)
     }
 }

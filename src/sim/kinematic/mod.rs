@@ -142,8 +142,7 @@ impl Plant for Kinematic {
     }
 
     fn state(&self, id: BodyId) -> BodyState {
-        let mover = &self.movers[id.0];
-        mover.state(&mover.at, mover.accel_mps2)
+        self.movers[id.0].state()
     }
 
     fn placement(&self, id: BodyId) -> Placement {

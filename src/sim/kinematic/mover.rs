@@ -99,24 +99,17 @@ impl Mover {
         }
     }
 
-    /// Returns the state of the front bumper, from that of the fixed point.
+    /// Returns the state of the front bumper.
     #[inline]
-    pub(super) fn state(&self, at: &Anchor, accel_mps2: f64) -> BodyState {
-        let ahead_m = self.extent.half_length_m - self.anchor_ahead_m;
-        let pose = Pose {
-            x_m: at.x_m + ahead_m * at.cos,
-            y_m: at.y_m + ahead_m * at.sin,
-            heading_rad: at.heading_rad,
-        };
-        let (speed_mps, lateral_mps, yaw_rate_rad_per_s) = self.engine.motion(at);
-        BodyState {
-            pose,
-            speed_mps,
-            // The bumper swings sideways in a turn, the fixed point does not.
-            lateral_mps: lateral_mps + yaw_rate_rad_per_s * ahead_m,
-            yaw_rate_rad_per_s,
-            accel_mps2,
-        }
+    pub(super) fn state(&self) -> BodyState {
+        let motion = self.engine.motion(&self.at);
+        state_of(&self.at, motion, self.front_ahead_m(), self.accel_mps2)
+    }
+
+    /// Returns the distance from the fixed point to the front bumper.
+    #[inline]
+    pub(super) fn front_ahead_m(&self) -> f64 {
+        self.extent.half_length_m - self.anchor_ahead_m
     }
 
     /// Returns the distance of the farthest point of the body from the fixed point.
@@ -136,5 +129,29 @@ impl Mover {
         self.at = path.at(elapsed_s).unwound();
         let (after_mps, ..) = self.engine.motion(&self.at);
         self.accel_mps2 = (after_mps - before_mps) / elapsed_s;
+    }
+}
+
+/// Returns the state of the front bumper, `ahead_m` ahead of the fixed point.
+///
+/// `motion` is the speed along the heading, the speed to the left and the yaw rate.
+#[inline(always)]
+pub(super) fn state_of(
+    at: &Anchor,
+    (speed_mps, lateral_mps, yaw_rate_rad_per_s): (f64, f64, f64),
+    ahead_m: f64,
+    accel_mps2: f64,
+) -> BodyState {
+    BodyState {
+        pose: Pose {
+            x_m: at.x_m + ahead_m * at.cos,
+            y_m: at.y_m + ahead_m * at.sin,
+            heading_rad: at.heading_rad,
+        },
+        speed_mps,
+        // The bumper swings sideways in a turn, the fixed point does not.
+        lateral_mps: lateral_mps + yaw_rate_rad_per_s * ahead_m,
+        yaw_rate_rad_per_s,
+        accel_mps2,
     }
 }

@@ -1,6 +1,6 @@
 //! Compiled formulas against the general monitor: the same bits, run by run and side by side.
 
-use brakecheck_stl::{Interval, RunColumns, RunningMonitor, Scratch, TraceEnd, Until};
+use brakecheck_stl::{Interval, RunningMonitor, SampleColumns, Scratch, TraceEnd, Until};
 use proptest::prelude::*;
 
 use super::naive::{Range, Wff, doubtful, rows, settings, trace, wff, zeros};
@@ -88,47 +88,41 @@ proptest! {
         }
     }
 
-    /// Runs that began at different times, one of which begins again.
+    /// Samples in blocks leave the numbers of samples one by one.
     #[test]
-    fn runs_side_by_side_have_the_bits_of_each_alone(
-        wff in prop_oneof![3 => top(), 1 => doubtful()],
+    fn blocks_of_samples_have_the_bits_of_single_samples(
+        op in prop::sample::select(vec!["<", "<=", ">", ">=", "==", "!="]),
+        side in -3..4i32,
+        leaf in 0..4usize,
         rows in prop_oneof![rows(), zeros()],
-        closed in any::<bool>(),
-        again in 0..40usize,
+        block in 1..12usize,
     ) {
-        let until = if closed { Until::Closed } else { Until::HalfOpen };
-        let monitor = wff.monitor(&settings(until, TraceEnd::Truncate));
-        let Some(running) = monitor.running(rows.len()) else {
-            return Ok(());
+        let leaf = match leaf {
+            0 => Wff::X(op, side),
+            1 => Wff::Both(op, side),
+            2 => Wff::Ratio(op, side),
+            _ => Wff::Signals(op),
         };
-        const RUNS: usize = 5;
-        let mut numbers = vec![vec![0.0; RUNS]; running.numbers()];
-        let mut alone = vec![vec![0.0; running.numbers()]; RUNS];
-        let mut samples = [0; RUNS];
-        for run in 0..RUNS {
-            running.begin_run(&mut numbers, run);
-            running.begin(&mut alone[run]);
-        }
-        for step in 0..rows.len() {
-            if step == again {
-                running.begin_run(&mut numbers, 1);
-                running.begin(&mut alone[1]);
-                samples[1] = 0;
-            }
-            let row = |run: usize| rows[(step + 3 * run) % rows.len()];
-            let column = |signal: usize| (0..RUNS).map(|run| row(run)[signal]).collect();
+        let whole = Range { from: 0, to: None };
+        let wff = Wff::Window("always", whole, leaf.into());
+        let monitor = wff.monitor(&settings(Until::HalfOpen, TraceEnd::Truncate));
+        let running = monitor.running(rows.len()).expect("an extremum");
+        let mut numbers = vec![0.0; running.numbers()];
+        running.begin(&mut numbers);
+        let (mut single, mut work) = (numbers.clone(), [0.0; 12]);
+        for (i, rows) in rows.chunks(block).enumerate() {
+            let column = |signal: usize| rows.iter().map(|row| row[signal]).collect();
             let columns: Vec<Vec<f64>> = (0..3).map(column).collect();
-            let mut greatest = [0.0; RUNS];
-            running.push_runs(&mut numbers, &samples, RunColumns(&columns), &mut greatest);
-            for run in 0..RUNS {
-                let want = running.push(&mut alone[run], samples[run], &row(run));
-                samples[run] += 1;
-                prop_assert_eq!(greatest[run].to_bits(), want.hi.to_bits());
-                let found = running.interval_of_run(&numbers, run, samples[run]);
-                prop_assert_eq!(bits(found), bits(want));
-                let ended = running.ended_run(&numbers, run, samples[run]);
-                prop_assert_eq!(ended.to_bits(), running.ended(&alone[run], samples[run]).to_bits());
+            let columns = SampleColumns(&columns);
+            let least = running.push_all(&mut numbers, columns, rows.len(), &mut work);
+            let mut want = f64::INFINITY;
+            for (k, row) in rows.iter().enumerate() {
+                want = want.min(running.push(&mut single, i * block + k, row).hi);
             }
+            prop_assert_eq!(least.expect("an extremum").to_bits(), want.to_bits());
+            let known = i * block + rows.len();
+            let ended = running.ended(&numbers, known);
+            prop_assert_eq!(ended.to_bits(), running.ended(&single, known).to_bits());
         }
     }
 }

@@ -25,6 +25,7 @@ pub(crate) struct SignalReading {
 
 impl SignalReading {
     /// Returns the value at the current sample.
+    #[inline]
     pub(crate) fn value(self, state: &SceneState) -> f64 {
         match self.quantity.value {
             QuantityReader::Real(value) => value(state, self.whose),
