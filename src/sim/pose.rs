@@ -51,6 +51,16 @@ pub(crate) fn rotation_by(angle_rad: f64) -> UnitComplex<f64> {
     UnitComplex::from_cos_sin_unchecked(cos, sin)
 }
 
+/// Returns the sine of an angle, like [`rotation_by`] without a call for tiny ones.
+#[inline]
+pub(crate) fn sine(angle_rad: f64) -> f64 {
+    if angle_rad.abs() < TINY_RAD {
+        angle_rad
+    } else {
+        libm::sin(angle_rad)
+    }
+}
+
 impl Pose {
     #[inline]
     pub(crate) fn point_m(&self) -> Point2<f64> {
@@ -154,6 +164,7 @@ mod tests {
             let rotation = rotation_by(angle_rad);
             assert_eq!(rotation.im.to_bits(), sin.to_bits());
             assert_eq!(rotation.re.to_bits(), cos.to_bits());
+            assert_eq!(sine(angle_rad).to_bits(), libm::sin(angle_rad).to_bits());
         }
     }
 

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use super::course::{Course, OnRoad};
 use super::road_placement::Direction;
 use crate::ego::Actuator;
-use crate::sim::{Body, Pose};
+use crate::sim::{Body, Pose, sine};
 
 /// Natural frequency of the lateral loop, in 1/s.
 const OMEGA_PER_S: f64 = 1.2;
@@ -151,16 +151,5 @@ impl LaneKeeper {
         } else {
             keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m)
         }
-    }
-}
-
-/// Returns the sine, without a call for the tiny angles of a car along its road.
-#[inline]
-fn sine(angle_rad: f64) -> f64 {
-    // The angle itself is its sine there, to the last bit.
-    if angle_rad.abs() < 1e-9 {
-        angle_rad
-    } else {
-        libm::sin(angle_rad)
     }
 }
