@@ -77,11 +77,9 @@ impl Group {
         match self {
             Group::Lanes(lanes) => (0..lanes.env.len()).for_each(|at| lanes.begin(at, purpose)),
             Group::Benches(slots) => {
-                let Slots { all, observations } = slots;
-                let rows = observations.chunks_mut(slots.width);
-                all.iter_mut()
-                    .zip(rows)
-                    .for_each(|(slot, row)| slot.begin(purpose, row));
+                let rows = slots.observations.chunks_mut(slots.width);
+                let slots = slots.all.iter_mut().zip(rows);
+                slots.for_each(|(slot, row)| slot.begin(purpose, row));
             }
         }
     }
@@ -157,9 +155,14 @@ impl Lanes {
         let over: Vec<usize> = (0..actions.len())
             .filter(|at| self.env.is_over(*at))
             .collect();
+        // As `Env` has it: what the start decides is paid to no action.
+        let decided: Vec<usize> = (0..actions.len())
+            .filter(|at| self.env.verdict(*at).is_some())
+            .collect();
         let (rewards, ends) = (&mut self.rewards, &mut self.ends);
         self.env
             .step(&self.actions, &mut self.observations, rewards, ends);
+        decided.into_iter().for_each(|at| self.rewards[at] = 0.0);
         over.into_iter().for_each(|at| self.begin(at, purpose));
     }
 
