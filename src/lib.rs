@@ -68,6 +68,7 @@ mod surrogate;
 pub mod testbench;
 mod theorems;
 pub mod training;
+pub mod vector_env;
 #[cfg(feature = "rerun")]
 pub mod view;
 mod visible;

@@ -13,18 +13,22 @@
 mod counts;
 mod goal;
 mod reward;
+mod run_monitor;
+mod runs;
 mod verdict;
 
 pub use counts::Counts;
 pub use goal::TrainingGoal;
 pub use reward::Reward;
+pub(crate) use runs::{NewSamples, RunsJudge};
 pub use verdict::{RulesUntilContact, Verdict};
 
 use serde::{Deserialize, Serialize};
 use strum::Display;
 
-use crate::stl::{Monitor, OnlineMonitor, Scratch};
-use crate::trace::{RowError, Trace};
+use crate::stl::{Monitor, Scratch};
+use crate::trace::Trace;
+use run_monitor::RunMonitor;
 
 /// End of an episode, and the part of it that is judged.
 #[derive(Clone, Copy, Debug, Default, Display, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -101,6 +105,60 @@ impl Rulebook {
             .min_by_key(|&i| self.rules[i].priority)
     }
 
+    /// Returns the verdict of [`JudgeKind::UntilViolation`] after a sample, if it is final.
+    ///
+    /// `broken` is a rule that no further sample can satisfy. `spec_lost` is true from the
+    /// sample on at which no further sample can satisfy ψ_ego. `ended` gives the robustness
+    /// of a rule, or of ψ_ego for `None`, in a run that ends here.
+    fn until_violation(
+        &self,
+        broken: Option<usize>,
+        spec_lost: bool,
+        mut ended: impl FnMut(Option<usize>) -> f64,
+        stop: Option<Stop>,
+    ) -> Option<Verdict> {
+        // Before the success check: a rule lost on the same sample outweighs it.
+        if let Some(rule) = broken {
+            return Some(self.foul(rule));
+        }
+        // `spec_lost` persists, because the rules may be kept on the prefix only at a
+        // later sample.
+        if spec_lost && self.first_not_kept(&mut ended).is_none() {
+            let by = -ended(None);
+            if 0.0 < by {
+                return Some(Verdict::Counterexample { by });
+            }
+        }
+        match stop? {
+            Stop::Horizon => Some(match self.first_not_kept(&mut ended) {
+                Some(rule) => self.foul(rule),
+                None => lawful(ended(None)),
+            }),
+            // A contact came before a verdict: the ado has proven nothing. A rule that
+            // further samples could have satisfied is not broken either.
+            Stop::Contact => Some(Verdict::Held {
+                margin: ended(None).max(0.0),
+            }),
+        }
+    }
+
+    /// Returns the most important rule that is not strictly kept if the run ends here.
+    fn first_not_kept(&self, ended: &mut impl FnMut(Option<usize>) -> f64) -> Option<usize> {
+        (0..self.rules.len())
+            .filter(|&i| ended(Some(i)) <= 0.0)
+            .min_by_key(|&i| self.rules[i].priority)
+    }
+
+    /// Returns the more important of a lost rule and rule `i`, which is lost as well.
+    fn more_important(&self, broken: Option<usize>, i: usize) -> Option<usize> {
+        let outranks = |b: usize| self.rules[i].priority < self.rules[b].priority;
+        if broken.is_none_or(outranks) {
+            Some(i)
+        } else {
+            broken
+        }
+    }
+
     fn foul(&self, rule: usize) -> Verdict {
         Verdict::Foul {
             rule,
@@ -133,8 +191,8 @@ pub enum Stop {
 /// sample can change it ([`JudgeKind::UntilViolation`]) or when the run stops.
 #[derive(Clone)]
 pub struct Judge {
-    spec: OnlineMonitor,
-    rules: Vec<OnlineMonitor>,
+    spec: RunMonitor,
+    rules: Vec<RunMonitor>,
     spec_lost: bool,
     scratch: Scratch,
 }
@@ -143,11 +201,11 @@ impl Judge {
     /// Creates a judge for runs of at most `samples` samples.
     pub fn new(rulebook: &Rulebook, samples: usize) -> Judge {
         Judge {
-            spec: rulebook.spec.online_for(samples),
+            spec: RunMonitor::new(&rulebook.spec, samples),
             rules: rulebook
                 .rules
                 .iter()
-                .map(|rule| rule.monitor.online_for(samples))
+                .map(|rule| RunMonitor::new(&rule.monitor, samples))
                 .collect(),
             spec_lost: false,
             scratch: Scratch::default(),
@@ -157,7 +215,7 @@ impl Judge {
     /// Starts a new run and keeps the allocated memory.
     pub fn reset(&mut self) {
         self.spec.reset();
-        self.rules.iter_mut().for_each(OnlineMonitor::reset);
+        self.rules.iter_mut().for_each(RunMonitor::reset);
         self.spec_lost = false;
     }
 
@@ -173,52 +231,55 @@ impl Judge {
         row: &[f64],
         stop: Option<Stop>,
     ) -> Option<Verdict> {
+        // A row that is not a sample was never driven, so it cannot prove a success.
+        let reads = rulebook.judge != JudgeKind::WholeRun;
+        if reads && trace.schema().check_row(row, trace.len()).is_err() {
+            return Some(Verdict::Invalid);
+        }
+        self.push_checked(rulebook, trace, row, stop)
+    }
+
+    /// Reads the newest sample like [`Judge::push`]: a row that the trace accepted.
+    pub(crate) fn push_checked(
+        &mut self,
+        rulebook: &Rulebook,
+        trace: &Trace,
+        row: &[f64],
+        stop: Option<Stop>,
+    ) -> Option<Verdict> {
         match rulebook.judge {
             JudgeKind::UntilViolation => self.until_violation(rulebook, trace, row, stop),
             JudgeKind::WholeRun => stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch)),
             JudgeKind::UntilContact => match self.broken_at(rulebook, row) {
-                Err(_) => Some(Verdict::Invalid),
-                Ok(Some(rule)) => Some(rulebook.foul(rule)),
+                Some(rule) => Some(rulebook.foul(rule)),
                 // The played part is judged as it is: a rule that is not strictly kept on
                 // it is broken, whatever ended the run.
-                Ok(None) => stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch)),
+                None => stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch)),
             },
         }
     }
 
     /// Reads a sample after a success and returns a rule that is lost by then.
     ///
-    /// The verdict does not change. Under the other judges an episode has no sample
-    /// after its verdict, and the result is `None`.
+    /// The row is one that the trace accepted. The verdict does not change. Under the
+    /// other judges an episode has no sample after its verdict, and the result is `None`.
     pub fn push_after(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
         match rulebook.judge {
-            // The trace already refused rows that are not samples, so none arrives here.
-            JudgeKind::UntilViolation => self.broken_at(rulebook, row).ok().flatten(),
+            JudgeKind::UntilViolation => self.broken_at(rulebook, row),
             JudgeKind::WholeRun | JudgeKind::UntilContact => None,
         }
     }
 
     /// Returns the most important rule that no further sample can satisfy.
-    ///
-    /// # Errors
-    /// The row is not a sample.
-    fn broken_at(&mut self, rulebook: &Rulebook, row: &[f64]) -> Result<Option<usize>, RowError> {
+    fn broken_at(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
         let mut broken: Option<usize> = None;
         for (i, rule) in self.rules.iter_mut().enumerate() {
-            // All monitors read the same row, so the first checks it for all.
-            let now = if i == 0 {
-                rule.push(row)?
-            } else {
-                rule.push_checked(row)
-            };
             // An upper bound of 0 is enough, since "kept" is strict.
-            let lost = now.hi <= 0.0;
-            let outranks = |b: usize| rulebook.rules[i].priority < rulebook.rules[b].priority;
-            if lost && broken.is_none_or(outranks) {
-                broken = Some(i);
+            if rule.push(row).hi <= 0.0 {
+                broken = rulebook.more_important(broken, i);
             }
         }
-        Ok(broken)
+        broken
     }
 
     fn until_violation(
@@ -228,47 +289,20 @@ impl Judge {
         row: &[f64],
         stop: Option<Stop>,
     ) -> Option<Verdict> {
-        // A row that is not a sample was never driven, so it cannot prove a success.
-        let Ok(broken) = self.broken_at(rulebook, row) else {
-            return Some(Verdict::Invalid);
-        };
-        let Ok(now) = self.spec.push(row) else {
-            return Some(Verdict::Invalid);
-        };
+        let broken = self.broken_at(rulebook, row);
         // Strict, unlike the rules: ρ(¬ψ) = 0 is not a violation of ψ_ego.
-        self.spec_lost |= now.hi < 0.0;
-        // Before the success check: a rule lost on the same sample outweighs it.
-        if let Some(rule) = broken {
-            return Some(rulebook.foul(rule));
-        }
-        // `spec_lost` persists, because the rules may be kept on the prefix only at a
-        // later sample.
-        if self.spec_lost && rulebook.first_broken(trace, &mut self.scratch).is_none() {
-            let by = -rulebook.spec.robustness(trace, &mut self.scratch);
-            if 0.0 < by {
-                return Some(Verdict::Counterexample { by });
-            }
-        }
-        stop.map(|stop| self.at_stop(rulebook, trace, stop))
-    }
-
-    fn at_stop(&mut self, rulebook: &Rulebook, trace: &Trace, stop: Stop) -> Verdict {
-        if stop == Stop::Horizon {
-            // No rule was lost, so every settled rule has settled on being kept.
-            let mut rules = self.rules.iter();
-            let settled = rules.all(|rule| rule.interval().is_final());
-            return if settled && self.spec.interval().is_final() {
-                lawful(self.spec.interval().lo)
-            } else {
-                rulebook.judge_whole(trace, &mut self.scratch)
-            };
-        }
-        // A contact came before a verdict: the ado has proven nothing. A rule that
-        // further samples could have satisfied is not broken either.
-        let margin = rulebook.spec.robustness(trace, &mut self.scratch);
-        Verdict::Held {
-            margin: margin.max(0.0),
-        }
+        self.spec_lost |= self.spec.push(row).hi < 0.0;
+        let Judge {
+            spec,
+            rules,
+            scratch,
+            ..
+        } = self;
+        let ended = |which: Option<usize>| match which {
+            Some(i) => rules[i].ended(&rulebook.rules[i].monitor, trace, scratch),
+            None => spec.ended(&rulebook.spec, trace, scratch),
+        };
+        rulebook.until_violation(broken, self.spec_lost, ended, stop)
     }
 }
 

@@ -62,6 +62,8 @@ mod slope_and_wind;
 mod structures;
 #[path = "worlds/trained.rs"]
 mod trained;
+#[path = "worlds/vector_env.rs"]
+mod vector_env;
 #[path = "worlds/warnings.rs"]
 mod warnings;
 #[path = "worlds/weather.rs"]

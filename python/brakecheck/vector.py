@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,36 @@ from gymnasium.vector import AutoresetMode, VectorEnv as GymnasiumVectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from brakecheck._brakecheck import RawVector
+from brakecheck._brakecheck import RawEpisode, RawVector
 from brakecheck.envs import spaces_of
 from brakecheck.worlds import World
 
 __all__ = ["VectorEnv"]
+
+
+class _Episode(Mapping[str, Any]):
+    """What `Env` says of an episode, which is played again when it is first read."""
+
+    def __init__(self, raw: RawEpisode) -> None:
+        self._raw = raw
+        self._info: dict[str, Any] | None = None
+
+    def _read(self) -> dict[str, Any]:
+        if self._info is None:
+            self._info = self._raw.info()
+        return self._info
+
+    def __getitem__(self, name: str) -> Any:
+        return self._read()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._read())
+
+    def __len__(self) -> int:
+        return len(self._read())
+
+    def __repr__(self) -> str:
+        return repr(self._read())
 
 
 class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any]):
@@ -25,6 +51,10 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
     autoreset). Where episodes ended, `info` has `verdict`, `is_success`,
     `robustness`, `decisions` and `episode` (what `Env` says), each beside a mask
     (`_verdict`, ...).
+
+    Worlds of vehicles on the kinematic plant keep no traces: about 1 kB per
+    environment. Their `episode` is a read-only mapping, and `trace` is that of the
+    episode played again.
 
     Args:
         world, plant, ego, allow_programs: as for `brakecheck.Env`.
@@ -117,11 +147,14 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
             "episode": np.full(self.num_envs, None, object),
         }
         names = list(info)
-        for at in ended:
-            episode = self._raw.info(at)
-            for name in names[:-1]:
-                info[name][at] = episode[name]
-            info["episode"][at] = episode
+        verdicts, successes, robustness, decisions = zip(*self._raw.ended(ended))
+        info["verdict"][ended] = np.array(verdicts, object)
+        info["is_success"][ended] = successes
+        info["robustness"][ended] = robustness
+        info["decisions"][ended] = decisions
+        for at, episode in zip(ended, self._raw.episodes(ended)):
+            lazy = isinstance(episode, RawEpisode)
+            info["episode"][at] = _Episode(episode) if lazy else episode
         info.update({f"_{name}": mask for name in names})
         return info
 

@@ -78,6 +78,19 @@ impl Playing {
         (reward.unwrap_or(0.0), done && !invalid, done && invalid)
     }
 
+    /// Verdict, success, robustness and number of decisions of the ended episode.
+    pub(crate) fn ended(&mut self) -> (&'static str, bool, f64, usize) {
+        let bench = &self.bench;
+        let rho = bench
+            .rulebook()
+            .spec
+            .robustness(bench.trace(), &mut self.scratch);
+        let verdict = bench.verdict();
+        let word = verdict.map_or("", |verdict| verdict.word());
+        let success = verdict.is_some_and(|verdict| verdict.is_success());
+        (word, success, rho, bench.decisions())
+    }
+
     /// What there is to say of the episode so far.
     pub(crate) fn info<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let info = PyDict::new(py);

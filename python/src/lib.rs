@@ -18,6 +18,7 @@ mod python_thread;
 mod run;
 mod stl;
 mod vector;
+mod vector_group;
 mod watch;
 mod world;
 
@@ -44,6 +45,8 @@ mod _brakecheck {
     use super::stl::{RawFormula, RawMonitor};
     #[pymodule_export]
     use super::vector::RawVector;
+    #[pymodule_export]
+    use super::vector_group::RawEpisode;
     #[pymodule_export]
     use super::world::RawWorld;
 }

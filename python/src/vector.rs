@@ -1,10 +1,11 @@
-//! Many test benches at once, on buffers that Python owns.
+//! Many environments at once, on buffers that Python owns.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::testbench::Aftermath;
+use brakecheck::seed::Purpose;
+use brakecheck::vector_env::{EnvLayout, VectorEnv};
+use brakecheck::world::Scenario;
 use numpy::{PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -14,6 +15,7 @@ use crate::bench::{Playing, columns, in_use, purpose_of};
 use crate::error::{raised, wrong};
 use crate::interrupt::check_interrupted;
 use crate::python_thread::stopped_by;
+use crate::vector_group::{Group, RawEpisode};
 use crate::watch::interruptible;
 use crate::world::RawWorld;
 
@@ -21,83 +23,39 @@ use crate::world::RawWorld;
 /// the way to another thread.
 const SHARE: usize = 64;
 
-/// One of them.
-struct Slot {
-    playing: Playing,
-    seed: u64,
-    /// The episode that the next reset begins.
-    index: u64,
-    /// The latest observation.
-    obs: Vec<f32>,
-    reward: f64,
-    terminated: bool,
-    truncated: bool,
-}
-
-impl Slot {
-    fn new(world: &RawWorld, observation: usize) -> Slot {
-        Slot {
-            playing: Playing::new(&world.0),
-            seed: 0,
-            index: 0,
-            obs: vec![0.0; observation],
-            reward: 0.0,
-            // The first step begins an episode.
-            terminated: true,
-            truncated: false,
-        }
-    }
-
-    fn begin(&mut self, purpose: Purpose) {
-        let key = StartKey {
-            purpose,
-            seed: self.seed,
-            index: self.index,
-        };
-        self.index += 1;
-        self.playing.begin(key, Aftermath::Skip);
-        (self.reward, self.terminated, self.truncated) = (0.0, false, false);
-        self.playing.bench.observe(&mut self.obs);
-    }
-
-    /// Takes a joint action, or begins the next episode if one is over.
-    fn step(&mut self, action: usize, purpose: Purpose) {
-        if self.is_over() {
-            return self.begin(purpose);
-        }
-        (self.reward, self.terminated, self.truncated) = self.playing.decide(action);
-        self.playing.bench.observe(&mut self.obs);
-    }
-
-    fn is_over(&self) -> bool {
-        self.terminated || self.truncated
-    }
-}
-
-struct Slots {
-    all: Vec<Slot>,
+struct Groups {
+    all: Vec<Group>,
     purpose: Purpose,
     pool: Option<rayon::ThreadPool>,
 }
 
-impl Slots {
+impl Groups {
     /// Does `work` in each, in the threads there are.
-    fn each(&mut self, stop: &Arc<AtomicBool>, work: &(impl Fn(usize, &mut Slot) + Sync)) {
+    fn each(&mut self, stop: &Arc<AtomicBool>, work: &(impl Fn(usize, &mut Group) + Sync)) {
         let all = &mut self.all;
         match &self.pool {
             Some(pool) => pool.install(|| {
-                let all = all.par_iter_mut().enumerate().with_min_len(SHARE);
-                all.for_each(|(at, slot)| stopped_by(stop, || work(at, slot)));
+                let all = all.par_iter_mut().enumerate();
+                all.for_each(|(at, group)| stopped_by(stop, || work(at, group)));
             }),
             None => all.iter_mut().enumerate().for_each(|(at, it)| work(at, it)),
         }
     }
+
+    fn at(&mut self, at: usize) -> PyResult<(&mut Group, usize)> {
+        let group = self.all.get_mut(at / SHARE);
+        let group = group.filter(|group| at % SHARE < group.len());
+        let group = group.map(|group| (group, at % SHARE));
+        group.ok_or_else(|| wrong(format!("there is no environment {at}"), "count from 0"))
+    }
 }
 
-/// Test benches that are stepped together; `brakecheck.VectorEnv` is built on it.
+/// Environments that are stepped together; `brakecheck.VectorEnv` is built on it.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawVector {
-    slots: Arc<Mutex<Slots>>,
+    groups: Arc<Mutex<Groups>>,
+    world: Arc<Scenario>,
+    count: usize,
     /// This thread does not hear of Ctrl-C by itself: other threads play, or a program.
     waits: bool,
     actions: i64,
@@ -117,22 +75,26 @@ impl RawVector {
     /// `jobs` threads; 1: the one that calls.
     #[new]
     fn new(py: Python<'_>, world: &RawWorld, count: usize, jobs: usize) -> PyResult<RawVector> {
-        let spaces = world.0.world().spaces();
-        let slot = |_| Slot::new(world, spaces.observation);
-        let all = py.detach(|| (0..count).map(slot).collect());
+        let world = Arc::new(world.0.clone());
+        let spaces = world.world().spaces();
+        let in_lanes = VectorEnv::new(&world, 1).layout() == EnvLayout::Lanes;
+        let group = |first| Group::new(&world, in_lanes, SHARE.min(count - first));
+        let all = py.detach(|| (0..count).step_by(SHARE).map(group).collect());
         check_interrupted()?;
         let pool = (jobs != 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(jobs).build());
         let pool = pool.transpose();
         let pool = pool.map_err(|error| raised("FaultError", error.to_string()))?;
         Ok(RawVector {
-            waits: pool.is_some() || world.0.program().is_some(),
-            slots: Arc::new(Mutex::new(Slots {
+            waits: pool.is_some() || world.program().is_some(),
+            groups: Arc::new(Mutex::new(Groups {
                 all,
                 purpose: Purpose::Train,
                 pool,
             })),
             actions: spaces.actions as i64,
             observation: spaces.observation,
+            world,
+            count,
         })
     }
 
@@ -146,24 +108,20 @@ impl RawVector {
         mut obs: PyReadwriteArray2<'_, f32>,
     ) -> PyResult<()> {
         let purpose = purpose_of(purpose)?;
-        let mut slots = self.lock()?;
-        slots.purpose = purpose;
+        let rows = obs.as_slice_mut()?;
+        self.fits(rows.len() == self.count * self.observation)?;
+        let mut groups = self.lock()?;
+        groups.purpose = purpose;
         if let Some(seeds) = seeds {
-            for (slot, seed) in slots.all.iter_mut().zip(seeds) {
-                (slot.seed, slot.index) = (seed, 0);
+            for (group, seeds) in groups.all.iter_mut().zip(seeds.chunks(SHARE)) {
+                group.seed(seeds);
             }
         }
-        let rows = obs.as_slice_mut()?;
-        self.fits(rows.len() == slots.all.len() * self.observation)?;
-        drop(slots);
-        self.play(py, move |_, slot| slot.begin(purpose))?;
-        for (slot, row) in self
-            .lock()?
-            .all
-            .iter()
-            .zip(rows.chunks_mut(self.observation))
-        {
-            row.copy_from_slice(&slot.obs);
+        drop(groups);
+        self.play(py, move |_, group| group.begin_all(purpose))?;
+        let rows = rows.chunks_mut(SHARE * self.observation);
+        for (group, rows) in self.lock()?.all.iter().zip(rows) {
+            rows.copy_from_slice(group.observations());
         }
         Ok(())
     }
@@ -186,51 +144,82 @@ impl RawVector {
         }
         let (obs, rewards) = (obs.as_slice_mut()?, rewards.as_slice_mut()?);
         let (terminated, truncated) = (terminated.as_slice_mut()?, truncated.as_slice_mut()?);
-        let slots = self.lock()?;
-        let (count, purpose) = (slots.all.len(), slots.purpose);
-        drop(slots);
+        let purpose = self.lock()?.purpose;
         let lengths = [
             actions.len(),
             rewards.len(),
             terminated.len(),
             truncated.len(),
         ];
-        let fits = lengths == [count; 4] && obs.len() == count * self.observation;
+        let fits = lengths == [self.count; 4] && obs.len() == self.count * self.observation;
         self.fits(fits)?;
-        self.play(py, move |at, slot| slot.step(actions[at] as usize, purpose))?;
+        self.play(py, move |at, group| {
+            let first = at * SHARE;
+            group.step(&actions[first..][..group.len()], purpose);
+        })?;
         let mut over = Vec::new();
-        let rows = obs.chunks_mut(self.observation);
-        for ((at, slot), row) in self.lock()?.all.iter().enumerate().zip(rows) {
-            row.copy_from_slice(&slot.obs);
-            rewards[at] = slot.reward;
-            (terminated[at], truncated[at]) = (slot.terminated, slot.truncated);
-            if slot.is_over() {
-                over.push(at);
+        let rows = obs.chunks_mut(SHARE * self.observation);
+        for ((i, group), rows) in self.lock()?.all.iter().enumerate().zip(rows) {
+            rows.copy_from_slice(group.observations());
+            for (at, (reward, ended, faulty)) in group.results().enumerate() {
+                let at = i * SHARE + at;
+                (rewards[at], terminated[at], truncated[at]) = (reward, ended, faulty);
+                if ended || faulty {
+                    over.push(at);
+                }
             }
         }
         Ok(over)
     }
 
+    /// Verdict, success, robustness and number of decisions of ended episodes.
+    fn ended(&self, over: Vec<usize>) -> PyResult<Vec<(&'static str, bool, f64, usize)>> {
+        let mut groups = self.lock()?;
+        let ended = over.into_iter().map(|at| {
+            let (group, at) = groups.at(at)?;
+            Ok(group.ended(at))
+        });
+        ended.collect()
+    }
+
+    /// The episodes in some of them, to be read when somebody wants to: what to play
+    /// again, or what there is to say of it.
+    fn episodes(&self, py: Python<'_>, over: Vec<usize>) -> PyResult<Vec<Py<PyAny>>> {
+        let mut groups = self.lock()?;
+        let episodes = over.into_iter().map(|at| {
+            let (group, at) = groups.at(at)?;
+            match group {
+                Group::Benches(slots) => Ok(slots.info(py, at)?.into_any().unbind()),
+                Group::Lanes(lanes) => {
+                    let episode = RawEpisode::of(&self.world, lanes, at);
+                    Ok(Py::new(py, episode)?.into_any())
+                }
+            }
+        });
+        episodes.collect()
+    }
+
     /// What there is to say of the episode in one of them.
     fn info<'py>(&self, py: Python<'py>, at: usize) -> PyResult<Bound<'py, PyDict>> {
-        let mut slots = self.lock()?;
-        match slots.all.get_mut(at) {
-            Some(slot) => slot.playing.info(py),
-            None => Err(wrong(
-                format!("there is no environment {at}"),
-                "count from 0",
-            )),
+        let mut groups = self.lock()?;
+        let (group, at) = groups.at(at)?;
+        match group {
+            Group::Benches(slots) => slots.info(py, at),
+            Group::Lanes(lanes) => RawEpisode::of(&self.world, lanes, at).info(py),
         }
     }
 
     /// The samples of the episode in one of them, by signal.
     fn trace<'py>(&self, py: Python<'py>, at: usize) -> PyResult<Bound<'py, PyDict>> {
-        match self.lock()?.all.get(at) {
-            Some(slot) => columns(py, slot.playing.bench.trace()),
-            None => Err(wrong(
-                format!("there is no environment {at}"),
-                "count from 0",
-            )),
+        let mut groups = self.lock()?;
+        let (group, at) = groups.at(at)?;
+        match group {
+            Group::Benches(slots) => columns(py, slots.trace(at)),
+            Group::Lanes(lanes) => {
+                let mut again = Playing::new(&self.world);
+                lanes.play_again(at, &mut again.bench);
+                columns(py, again.bench.trace())
+            }
         }
     }
 }
@@ -251,26 +240,26 @@ impl RawVector {
     fn play(
         &self,
         py: Python<'_>,
-        work: impl Fn(usize, &mut Slot) + Send + Sync + 'static,
+        work: impl Fn(usize, &mut Group) + Send + Sync + 'static,
     ) -> PyResult<()> {
         if self.waits {
-            let slots = self.slots.clone();
+            let groups = self.groups.clone();
             let play = move |stop: &Arc<AtomicBool>| {
-                let slots = slots.try_lock().ok();
-                slots.map(|mut slots| slots.each(stop, &work))
+                let groups = groups.try_lock().ok();
+                groups.map(|mut groups| groups.each(stop, &work))
             };
             let played = interruptible(py, play, |_| Ok(()))?;
             played.ok_or_else(|| in_use("these environments"))?;
         } else {
-            let mut slots = self.lock()?;
-            let slots = &mut *slots;
-            py.detach(|| slots.each(&Arc::default(), &work));
+            let mut groups = self.lock()?;
+            let groups = &mut *groups;
+            py.detach(|| groups.each(&Arc::default(), &work));
         }
         check_interrupted()
     }
 
-    fn lock(&self) -> PyResult<MutexGuard<'_, Slots>> {
-        let slots = self.slots.try_lock();
-        slots.map_err(|_| in_use("these environments"))
+    fn lock(&self) -> PyResult<MutexGuard<'_, Groups>> {
+        let groups = self.groups.try_lock();
+        groups.map_err(|_| in_use("these environments"))
     }
 }

@@ -106,11 +106,12 @@ def test_an_unknown_world_is_refused():
         Env("no_such_world")
 
 
+@pytest.mark.parametrize("plant", ["rigid", "kinematic"])
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_vector_environment_is_many_single_ones(jobs):
+def test_a_vector_environment_is_many_single_ones(jobs, plant):
     count, steps = 70, 60
-    vector = VectorEnv("acc", count, jobs=jobs)
-    singles = [Env("acc") for _ in range(count)]
+    vector = VectorEnv("acc", count, jobs=jobs, plant=plant)
+    singles = [Env("acc", plant=plant) for _ in range(count)]
     obs, _ = vector.reset(seed=5)
     over, ended = [False] * count, 0
     for i, env in enumerate(singles):
@@ -126,6 +127,11 @@ def test_a_vector_environment_is_many_single_ones(jobs):
                 *want, info = env.step(actions[i])
                 if want[2] or want[3]:
                     assert infos["_verdict"][i] and infos["episode"][i] == info
+                    for name in ("verdict", "is_success", "robustness", "decisions"):
+                        assert infos[name][i] == info[name]
+                    assert vector.trace(i).keys() == env.trace().keys()
+                    for name, values in env.trace().items():
+                        assert np.array_equal(vector.trace(i)[name], values)
             assert np.array_equal(obs[i], want[0])
             assert (rewards[i], terminated[i], truncated[i]) == tuple(want[1:])
             over[i] = bool(want[2] or want[3])

@@ -68,6 +68,7 @@ impl Actuator {
     }
 
     /// Returns the vehicle's acceleration while `wish` is commanded for a sample.
+    #[inline]
     pub(crate) fn step(&mut self, wish: f64) -> f64 {
         // A convex combination: with decay 0 the output equals the wish, bit
         // for bit.

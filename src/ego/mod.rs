@@ -294,6 +294,14 @@ impl Command {
         }
     }
 
+    /// Returns whether a car could follow the command, so that it has no flaw.
+    #[inline]
+    pub(crate) fn is_plausible(&self) -> bool {
+        // NaN fails both comparisons.
+        self.accel_mps2.abs() <= PLAUSIBLE_ACCEL_MPS2
+            && self.lateral_mps.abs() <= PLAUSIBLE_LATERAL_MPS
+    }
+
     /// Returns the fault of a command that no car could follow.
     pub fn flaw(&self) -> Option<Fault> {
         let Command {

@@ -87,6 +87,7 @@ impl LaneOccupancy {
 
 impl Seen {
     /// Returns whether it is along the road, like a leader. Pedestrians are.
+    #[inline]
     pub fn is_along(&self) -> bool {
         self.road_heading_rad.abs() <= ALONG_RAD || self.length_m <= COMPACT * self.width_m
     }
@@ -117,6 +118,7 @@ impl Seen {
     }
 
     /// Returns the headway of a leader with the same length and clearance.
+    #[inline]
     pub fn following_headway_m(&self) -> f64 {
         if self.is_along() {
             self.headway_m
@@ -152,6 +154,7 @@ impl Seen {
     }
 
     /// Returns whether it is ahead of a follower: in its path or about to cross.
+    #[inline]
     pub(crate) fn is_ahead_of(&self, own: &Own) -> bool {
         if self.is_along() {
             0.0 < self.headway_m && self.lateral_m.abs() < (self.width_m + own.width_m) / 2.0

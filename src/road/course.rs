@@ -43,6 +43,7 @@ pub struct OnRoad {
 
 impl OnRoad {
     /// Returns the velocity of a body along and across the road.
+    #[inline]
     pub(crate) fn velocity_mps(&self, state: &BodyState) -> Vector2<f64> {
         rotation_by(self.heading_rad) * Vector2::new(state.speed_mps, state.lateral_mps)
     }
@@ -248,7 +249,21 @@ impl Course {
     }
 
     /// Returns the road coordinates of a pose, at the nearest point of the course.
+    #[inline]
     pub fn locate(&self, pose: &Pose) -> OnRoad {
+        // The most common road, and a search takes longer than the answer.
+        if self.legs.is_empty() {
+            return OnRoad {
+                s_m: pose.x_m,
+                lateral_m: pose.y_m,
+                heading_rad: pose.heading_rad,
+                curvature_per_m: 0.0,
+            };
+        }
+        self.locate_on_legs(pose)
+    }
+
+    fn locate_on_legs(&self, pose: &Pose) -> OnRoad {
         let mut nearest: Option<(f64, OnRoad)> = None;
         let within_m = if self.legs.len() <= FEW_LEGS {
             f64::INFINITY
@@ -267,15 +282,8 @@ impl Course {
                 nearest = Some((away_m, at));
             }
         }
-        match nearest {
-            Some((_, at)) => at,
-            None => OnRoad {
-                s_m: pose.x_m,
-                lateral_m: pose.y_m,
-                heading_rad: pose.heading_rad,
-                curvature_per_m: 0.0,
-            },
-        }
+        // Invariant: there are legs.
+        nearest.map(|(_, at)| at).unwrap_or_default()
     }
 
     /// Returns the curvature at a station, positive to the left.

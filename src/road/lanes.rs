@@ -64,6 +64,7 @@ struct RoadProperties {
 }
 
 impl Road {
+    #[inline]
     fn shape(&self) -> RoadProperties {
         match *self {
             Road::Straight {
@@ -180,6 +181,7 @@ impl Road {
     }
 
     /// Returns the lane of a lateral position, clamped to the road.
+    #[inline]
     pub fn lane_at(&self, lateral_m: f64) -> usize {
         // A border between two lanes belongs to the left one.
         // The cast cuts, to 0 for a negative number. With the float below one half this

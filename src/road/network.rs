@@ -84,16 +84,19 @@ impl RoadNetwork {
     }
 
     /// Returns the course of an agent's road.
+    #[inline]
     pub(crate) fn course_of(&self, agent: usize) -> &Course {
         &self.courses[self.road_of[agent]]
     }
 
     /// Returns whether two agents are on the same road.
+    #[inline]
     pub(crate) fn share_road(&self, a: usize, b: usize) -> bool {
         self.road_of[a] == self.road_of[b]
     }
 
     /// Returns the road coordinates of an agent in a pose.
+    #[inline]
     pub(crate) fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
         self.course_of(agent).locate(pose)
     }

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use super::course::{Course, OnRoad};
 use super::placement::Direction;
 use crate::ego::Actuator;
-use crate::sim::{Body, Pose};
+use crate::sim::{Body, Pose, sine};
 
 /// Natural frequency of the lateral loop, in 1/s.
 const OMEGA_PER_S: f64 = 1.2;
@@ -54,6 +54,7 @@ impl LaneKeeping {
     /// `front`. A rear axle moves along an arc per sample. The curvature that
     /// keeps it on its line is the mean of the road's curvature over that
     /// distance.
+    #[inline]
     pub(crate) fn seen(
         self,
         body: &Body,
@@ -118,6 +119,7 @@ impl LaneKeeper {
     }
 
     /// Returns the curvature for the next sample. `lateral_mps` moves the reference.
+    #[inline]
     pub(crate) fn curvature(
         &mut self,
         at: &OnRoad,
@@ -137,7 +139,7 @@ impl LaneKeeper {
         } else {
             at.heading_rad + self.lever_m * at.curvature_per_m
         };
-        let drift_mps = speed_mps * libm::sin(slip_rad) - moving_mps;
+        let drift_mps = speed_mps * sine(slip_rad) - moving_mps;
         let speed_mps = speed_mps.abs().max(MIN_SPEED_MPS);
         let wish_mps2 =
             OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps - feed_mps2;

@@ -39,6 +39,7 @@ pub(super) struct DriveStep {
 
 impl DriveStep {
     /// Returns the speed after a time within the step.
+    #[inline]
     pub(super) fn speed_mps(&self, start_mps: f64, after_s: f64) -> f64 {
         if self.rest_after_s <= after_s {
             return 0.0;
@@ -93,6 +94,7 @@ impl VehicleLimits {
     /// The acceleration is capped by grip and by power. The power cap is such that
     /// the speed at the end of the step is reached at full power:
     /// v₁² = v₀² + 2·P/m·dt.
+    #[inline]
     pub(super) fn drive(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> DriveStep {
         let tyre_mps2 = self.tyre_mps2(command_mps2, speed_mps, dt_s);
         // Drag of the initial speed for the whole step keeps the motion in closed form.
@@ -128,6 +130,7 @@ impl VehicleLimits {
     ///
     /// v²·|κ| ≤ √((μg)² − a²), at the greater of the two speeds of the step. The
     /// acceleration has priority over the curvature.
+    #[inline]
     pub(super) fn curvature_per_m(
         &self,
         command_per_m: f64,
@@ -147,10 +150,12 @@ impl VehicleLimits {
     }
 
     /// Returns the curvature within the steering lock.
+    #[inline]
     pub(super) fn locked_per_m(&self, command_per_m: f64) -> f64 {
         command_per_m.clamp(-self.lock_per_m, self.lock_per_m)
     }
 
+    #[inline]
     fn tyre_mps2(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> f64 {
         let wanted = command_mps2.clamp(-self.grip_mps2, self.grip_mps2);
         // Braking needs no engine power. Only motion that gains speed does.

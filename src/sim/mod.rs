@@ -51,7 +51,7 @@ pub use cyclist::Cyclist;
 pub use handling::{Brakes, Tyres};
 pub use kinematic::Kinematic;
 pub(crate) use limits::AIR_KG_PER_M3;
-pub(crate) use pose::{GroundFrame, rotation_by, wrapped};
+pub(crate) use pose::{GroundFrame, rotation_by, sine, wrapped};
 pub use pose::{Placement, Pose};
 pub use push::Push;
 pub use rigid::Rigid;

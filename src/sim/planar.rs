@@ -287,6 +287,7 @@ impl Face {
 /// Returns true if two bodies that move by `reach_m` in all cannot touch.
 ///
 /// A cheap test: the circles around both, grown by the reach, do not overlap.
+#[inline]
 pub(super) fn far_apart(a: &SizedRect, b: &SizedRect, reach_m: f64) -> bool {
     let (dx, dy) = (b.rect.x_m - a.rect.x_m, b.rect.y_m - a.rect.y_m);
     let radii = a.extent.radius_m + b.extent.radius_m + reach_m;

@@ -3,6 +3,9 @@
 use nalgebra::{Point2, Quaternion, UnitComplex, UnitQuaternion, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
+/// Angle below which sine and cosine are the angle and 1, to the last bit: 2⁻²⁸.
+const TINY_RAD: f64 = 3.725_290_298_461_914e-9;
+
 /// Pose on the ground. For a body, that of the middle of its front bumper.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
@@ -37,17 +40,35 @@ pub(crate) struct GroundFrame {
 ///
 /// `UnitComplex::new` calls the platform's sine, whose last bits differ between
 /// machines.
+#[inline]
 pub(crate) fn rotation_by(angle_rad: f64) -> UnitComplex<f64> {
-    let (sin, cos) = libm::sincos(angle_rad);
+    // What `sincos` returns there, without the call: most cars drive along their road.
+    let (sin, cos) = if angle_rad.abs() < TINY_RAD {
+        (angle_rad, 1.0)
+    } else {
+        libm::sincos(angle_rad)
+    };
     UnitComplex::from_cos_sin_unchecked(cos, sin)
 }
 
+/// Returns the sine of an angle, like [`rotation_by`] without a call for tiny ones.
+#[inline]
+pub(crate) fn sine(angle_rad: f64) -> f64 {
+    if angle_rad.abs() < TINY_RAD {
+        angle_rad
+    } else {
+        libm::sin(angle_rad)
+    }
+}
+
 impl Pose {
+    #[inline]
     pub(crate) fn point_m(&self) -> Point2<f64> {
         Point2::new(self.x_m, self.y_m)
     }
 
     /// Returns the frame of this pose: x ahead, y to the left.
+    #[inline]
     pub(crate) fn frame(&self) -> GroundFrame {
         GroundFrame {
             origin_m: self.point_m(),
@@ -112,6 +133,7 @@ impl GroundFrame {
     }
 
     /// Returns the coordinates in this frame of a point in the world.
+    #[inline]
     pub(crate) fn to_local(self, point_m: Point2<f64>) -> Vector2<f64> {
         self.rotation.inverse() * (point_m - self.origin_m)
     }
@@ -137,6 +159,17 @@ mod tests {
                 ..upright
             };
             assert!((pitched.heading_rad() - heading_rad).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn rotations_by_tiny_angles_keep_the_bits_of_libm() {
+        for angle_rad in [0.0, -0.0, 1e-300, -1e-20, 3.7e-9, -3.7e-9, 3.8e-9, TINY_RAD] {
+            let (sin, cos) = libm::sincos(angle_rad);
+            let rotation = rotation_by(angle_rad);
+            assert_eq!(rotation.im.to_bits(), sin.to_bits());
+            assert_eq!(rotation.re.to_bits(), cos.to_bits());
+            assert_eq!(sine(angle_rad).to_bits(), libm::sin(angle_rad).to_bits());
         }
     }
 

@@ -459,7 +459,7 @@ impl Testbench {
         }
         let verdict = self
             .judge
-            .push(&self.rulebook, &self.trace, &self.row, stop);
+            .push_checked(&self.rulebook, &self.trace, &self.row, stop);
         self.verdict = verdict.map(|verdict| self.counted(verdict));
         if self.is_decided() {
             self.judged = self.trace.len();

@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 41] = [
+const FLOORS: [(&str, u32); 42] = [
     ("seed", 0),
     ("content_hash", 0),
     ("visible", 0),
@@ -38,6 +38,7 @@ const FLOORS: [(&str, u32); 41] = [
     ("conformance", 5),
     ("ron_file", 6),
     ("world", 7),
+    ("vector_env", 8),
     ("run_dir", 8),
     ("view", 11),
     ("report", 9),

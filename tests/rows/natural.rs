@@ -6,6 +6,7 @@ use brakecheck::rl::Policy;
 use brakecheck::run_dir::{Counterexample, Row};
 use brakecheck::search::Adversary;
 use brakecheck::testbench::{Aftermath, Constant, Episode, PolicyActor, play};
+use brakecheck::vector_env::{EnvLayout, VectorEnv};
 use brakecheck::world::{Change, PlantKind, Scenario};
 
 use super::scene::quiet;
@@ -120,4 +121,11 @@ fn a_policy_takes_its_best_allowed_action() {
     let episode = play(&mut bench, start, *noise, &mut ado, Aftermath::Skip);
     assert!(episode.actions.contains(&2), "{:?}", episode.actions);
     assert!(!episode.actions.contains(&1), "{:?}", episode.actions);
+}
+
+#[test]
+fn limited_environments_are_stepped_by_benches() {
+    let layout = |world: &Scenario| VectorEnv::new(world, 2).layout();
+    assert_eq!(layout(&acc()), EnvLayout::Lanes);
+    assert_eq!(layout(&acc().naturally(10.0)), EnvLayout::Benches);
 }

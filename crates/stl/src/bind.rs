@@ -107,6 +107,13 @@ pub struct BoundExpr {
 }
 
 impl BoundExpr {
+    /// Returns the positions in a row of the signals read.
+    pub fn signals(&self) -> Vec<usize> {
+        let mut all = Vec::new();
+        self.value.signals(&mut |signal| all.push(signal));
+        all
+    }
+
     /// Returns the value in a row.
     ///
     /// Arithmetic follows IEEE 754, so a division by zero is ±inf. An undefined

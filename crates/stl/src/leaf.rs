@@ -361,6 +361,7 @@ impl Leaf {
     }
 
     /// Returns the robustness in a row.
+    #[inline]
     pub(crate) fn at(&self, row: &[f64]) -> f64 {
         // Fast path for the common leaf, `signal ≥ number`, without a tree walk.
         if let (

@@ -180,7 +180,7 @@ impl Schema {
     ///
     /// # Errors
     /// A NaN, an infinity or a wrong length.
-    pub(crate) fn check_row(&self, row: &[f64], sample: usize) -> Result<(), RowError> {
+    pub fn check_row(&self, row: &[f64], sample: usize) -> Result<(), RowError> {
         if row.len() != self.len() {
             return Err(RowError::Length {
                 got: row.len(),

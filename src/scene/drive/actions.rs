@@ -95,7 +95,7 @@ pub enum PhaseAction {
 
 /// Decoded action of an ado.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Maneuver {
+pub(crate) enum Maneuver {
     Drive { accel_mps2: f64, lateral_mps: f64 },
     Walk { along_mps: f64, left_mps: f64 },
     Turn(PhaseAction),
@@ -105,7 +105,7 @@ pub(super) enum Maneuver {
 
 impl Maneuver {
     /// Action before the first decision: no acceleration, no lateral speed.
-    pub(super) const NONE: Maneuver = Maneuver::Drive {
+    pub(crate) const NONE: Maneuver = Maneuver::Drive {
         accel_mps2: 0.0,
         lateral_mps: 0.0,
     };
@@ -274,7 +274,7 @@ impl Actions {
     }
 
     /// Decodes an action.
-    pub(super) fn choice(&self, action: usize) -> Maneuver {
+    pub(crate) fn choice(&self, action: usize) -> Maneuver {
         match self {
             Actions::Accelerations(list) => Maneuver::Drive {
                 accel_mps2: list[action],

@@ -9,8 +9,68 @@ use super::ego_percept;
 use super::motion::DriveScene;
 use super::names::SignalOwner;
 use super::spec::Drive;
-use crate::ego::Fault;
+use super::state::SceneState;
+use crate::ego::{Actuator, Fault};
+use crate::road::LaneKeeper;
 use crate::sim::{BodyCommand, rotation_by};
+
+impl SceneState {
+    /// Returns what an agent wants to do, `None` if a plan carries it.
+    ///
+    /// `ego` is the ego's command, and `chosen` the action of an ado.
+    #[inline]
+    pub(crate) fn wish_of(&self, i: usize, ego: Maneuver, chosen: Maneuver) -> Option<Maneuver> {
+        let agent = &self.spec.agents[i];
+        Some(match &agent.drive {
+            // `carry_all` has already commanded the planned bodies.
+            Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => return None,
+            Drive::Ego => ego,
+            Drive::Ado { .. } | Drive::Trained(_) => chosen,
+            Drive::Scripted(script) => {
+                if agent.body.is_on_foot() {
+                    let (along_mps, left_mps) = script.walk_mps(self.time_s());
+                    Maneuver::Walk {
+                        along_mps,
+                        left_mps,
+                    }
+                } else {
+                    let speed_mps = self.states[i].speed_mps;
+                    let leader = || self.leader_of(i);
+                    Maneuver::Drive {
+                        accel_mps2: script.accel_mps2(self.time_s(), speed_mps, leader),
+                        lateral_mps: 0.0,
+                    }
+                }
+            }
+        })
+    }
+
+    /// Returns the acceleration and the curvature that a vehicle is commanded.
+    ///
+    /// `wish` is its wanted acceleration and its speed to the left.
+    #[inline]
+    pub(crate) fn driven(
+        &self,
+        agent: usize,
+        (actuator, keeper): (&mut Actuator, &mut LaneKeeper),
+        (accel_mps2, lateral_mps): (f64, f64),
+    ) -> (f64, f64) {
+        let (state, at) = (&self.states[agent], self.on_road[agent]);
+        let sample_s = self.spec.clock.sample_s;
+        let own = &self.spec.agents[agent];
+        let course = self.network.course_of(agent);
+        let driven = own.lane_keeping.seen(
+            &own.body,
+            (&state.pose, at),
+            (course, own.direction),
+            state.speed_mps * sample_s,
+        );
+        (
+            actuator.step(accel_mps2),
+            keeper.curvature(&driven, state.speed_mps, lateral_mps, sample_s),
+        )
+    }
+}
 
 impl DriveScene {
     /// Sets the actions that the trained ados decide at this sample.
@@ -45,7 +105,9 @@ impl DriveScene {
         let command = self.controller.control(&self.percept)?;
         // A NaN command would otherwise reach the physics and be reported as
         // its fault.
-        if let Some(fault) = command.flaw() {
+        if !command.is_plausible()
+            && let Some(fault) = command.flaw()
+        {
             let message = format!("{} at {:.3} s", fault.message, self.state.time_s());
             return Err(Fault { message, ..fault });
         }
@@ -58,58 +120,26 @@ impl DriveScene {
         };
         self.carry_all();
         for i in 0..self.layout.spec.agents.len() {
-            let agent = &self.layout.spec.agents[i];
-            let wish = match &agent.drive {
-                // `carry_all` has already commanded the planned bodies.
-                Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => continue,
-                Drive::Ego => commanded,
-                Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
-                Drive::Scripted(script) => {
-                    if agent.body.is_on_foot() {
-                        let (along_mps, left_mps) = script.walk_mps(self.state.time_s());
-                        Maneuver::Walk {
-                            along_mps,
-                            left_mps,
-                        }
-                    } else {
-                        let speed_mps = self.state.states[i].speed_mps;
-                        let leader = || self.state.leader_of(i);
-                        Maneuver::Drive {
-                            accel_mps2: script.accel_mps2(self.state.time_s(), speed_mps, leader),
-                            lateral_mps: 0.0,
-                        }
-                    }
-                }
-            };
-            self.command(i, wish);
+            if let Some(wish) = self.state.wish_of(i, commanded, self.chosen[i]) {
+                self.command(i, wish);
+            }
         }
         Ok(())
     }
 
     fn command(&mut self, agent: usize, wish: Maneuver) {
         let (state, at) = (&self.state.states[agent], self.state.on_road[agent]);
-        let sample_s = self.layout.spec.clock.sample_s;
         let command = match wish {
             Maneuver::Drive {
                 accel_mps2,
                 lateral_mps,
             } => {
-                let own = &self.layout.spec.agents[agent];
-                let course = self.layout.network.course_of(agent);
-                let driven = own.lane_keeping.seen(
-                    &own.body,
-                    (&state.pose, at),
-                    (course, own.direction),
-                    state.speed_mps * sample_s,
-                );
+                let drivetrain = (&mut self.actuators[agent], &mut self.keepers[agent]);
+                let wish = (accel_mps2, lateral_mps);
+                let (accel_mps2, curvature_per_m) = self.state.driven(agent, drivetrain, wish);
                 BodyCommand::Drive {
-                    accel_mps2: self.actuators[agent].step(accel_mps2),
-                    curvature_per_m: self.keepers[agent].curvature(
-                        &driven,
-                        state.speed_mps,
-                        lateral_mps,
-                        sample_s,
-                    ),
+                    accel_mps2,
+                    curvature_per_m,
                 }
             }
             Maneuver::Walk {

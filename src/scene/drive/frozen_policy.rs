@@ -308,7 +308,7 @@ impl Frozen {
             row[basic + i] = expr.eval(&row);
         }
         let mut obs = vec![0.0; self.observed.len()];
-        self.observed.read(&row, &mut obs);
+        self.observed.read(|position| row[position], &mut obs);
         Some(self.policy.act(&obs))
     }
 }

@@ -64,7 +64,7 @@ pub enum SceneError {
 
 /// Data that the scenes of a world share.
 #[derive(Clone)]
-pub(super) struct DriveLayout {
+pub(crate) struct DriveLayout {
     pub spec: Arc<DriveSpec>,
     pub network: Arc<RoadNetwork>,
     pub ego: usize,
@@ -73,7 +73,7 @@ pub(super) struct DriveLayout {
     pub derived: Vec<BoundExpr>,
     pub observed: Observation,
     /// The trained ados, road users first.
-    pub frozen: Vec<Frozen>,
+    pub(super) frozen: Vec<Frozen>,
     /// Triggers of the steps of each agent's plan.
     pub whens: Vec<Arc<[Option<Monitor>]>>,
     pub axes: Vec<Axis>,
@@ -177,7 +177,7 @@ fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
 
 impl DriveLayout {
     /// Returns the road data that the ego receives before its first episode.
-    pub(super) fn briefing(&self) -> Briefing {
+    pub(crate) fn briefing(&self) -> Briefing {
         let road = &self.spec.road;
         Briefing {
             sample_s: self.spec.clock.sample_s,

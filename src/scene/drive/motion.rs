@@ -84,49 +84,12 @@ impl DriveScene {
         }
     }
 
-    fn spawn(&mut self, agent: &Agent, s_m: f64, lateral_m: f64, speed_mps: f64) {
-        let course = &self.layout.network.courses()[agent.road];
-        let place = (s_m, lateral_m);
-        let keeps = agent.lane_keeping;
-        let pose = keeps.begun(&agent.body, (course, agent.direction), place);
-        let heading_rad = pose.heading_rad + agent.facing_rad;
-        let pose = Pose {
-            heading_rad: if agent.is_with_road() {
-                heading_rad
-            } else {
-                wrapped(heading_rad)
-            },
-            ..pose
-        };
-        self.spawn_at(agent, pose, lateral_m, speed_mps);
-    }
-
     /// Spawns an agent at a pose. It keeps `lateral_m` of its road.
     pub(super) fn spawn_at(&mut self, agent: &Agent, pose: Pose, lateral_m: f64, speed_mps: f64) {
         self.state.spawn(&agent.body, pose, speed_mps);
-        let (lag_s, lateral_lag_s) = match &agent.drive {
-            Drive::Ego => {
-                let lag_s = self.layout.spec.ego.lag_s;
-                (lag_s, lag_s)
-            }
-            Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
-            Drive::Trained(TrainedAdo { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
-            // Background traffic has no actuators, and plans prescribe motion.
-            Drive::Scripted(_) | Drive::Planned(_) => (0.0, 0.0),
-        };
-        let sample_s = self.layout.spec.clock.sample_s;
-        self.actuators.push(Actuator::new(lag_s, sample_s));
-        // Keepers work in the driving direction, in which left and right swap.
-        let kept_m = match agent.direction {
-            Direction::With => lateral_m,
-            Direction::Against => -lateral_m,
-        };
-        self.keepers.push(LaneKeeper::new(
-            (&agent.body, agent.lane_keeping),
-            kept_m,
-            lateral_lag_s,
-            sample_s,
-        ));
+        let (actuator, keeper) = self.layout.drivetrain_of(agent, lateral_m);
+        self.actuators.push(actuator);
+        self.keepers.push(keeper);
     }
 
     /// Removes every agent and restarts time at 0.
@@ -211,6 +174,70 @@ impl DriveScene {
     }
 }
 
+impl DriveLayout {
+    /// Draws the start of a key.
+    pub(crate) fn draw(&self, key: StartKey) -> Start {
+        let mut rng = key.generator(&self.spec.world, "start");
+        let points = &self.spec.points;
+        if !points.is_empty() {
+            // The clamp covers a product that rounds up to the length of the
+            // list.
+            let number = (rng.random::<f64>() * points.len() as f64) as usize;
+            return points[number.min(points.len() - 1)].clone();
+        }
+        let spec = &self.spec;
+        let axes = self.axes.iter();
+        // The environment has the last axes and is drawn last, so that it changes
+        // no other value.
+        let others = self.axes.len() - spec.environment.len();
+        let mut values: Vec<f64> = axes
+            .take(others)
+            .map(|axis| axis.lo + (axis.hi - axis.lo) * rng.random::<f64>())
+            .collect();
+        let environment = spec.environment.iter();
+        values.extend(environment.map(|it| it.at(rng.random::<f64>(), spec.clock.sample_s)));
+        Start(values)
+    }
+
+    /// Returns the initial pose of an agent at a place (s, lateral) of its road.
+    pub(crate) fn start_pose(&self, agent: &Agent, place: (f64, f64)) -> Pose {
+        let course = &self.network.courses()[agent.road];
+        let keeps = agent.lane_keeping;
+        let pose = keeps.begun(&agent.body, (course, agent.direction), place);
+        let heading_rad = pose.heading_rad + agent.facing_rad;
+        Pose {
+            heading_rad: if agent.is_with_road() {
+                heading_rad
+            } else {
+                wrapped(heading_rad)
+            },
+            ..pose
+        }
+    }
+
+    /// Returns the actuator and the lane keeper of an agent that keeps `lateral_m`.
+    pub(crate) fn drivetrain_of(&self, agent: &Agent, lateral_m: f64) -> (Actuator, LaneKeeper) {
+        let (lag_s, lateral_lag_s) = match &agent.drive {
+            Drive::Ego => (self.spec.ego.lag_s, self.spec.ego.lag_s),
+            Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
+            Drive::Trained(TrainedAdo { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
+            // Background traffic has no actuators, and plans prescribe motion.
+            Drive::Scripted(_) | Drive::Planned(_) => (0.0, 0.0),
+        };
+        let sample_s = self.spec.clock.sample_s;
+        // Keepers work in the driving direction, in which left and right swap.
+        let kept_m = match agent.direction {
+            Direction::With => lateral_m,
+            Direction::Against => -lateral_m,
+        };
+        let keeps = (&agent.body, agent.lane_keeping);
+        (
+            Actuator::new(lag_s, sample_s),
+            LaneKeeper::new(keeps, kept_m, lateral_lag_s, sample_s),
+        )
+    }
+}
+
 impl Scene for DriveScene {
     fn schema(&self) -> &Arc<Schema> {
         &self.layout.schema
@@ -229,26 +256,7 @@ impl Scene for DriveScene {
     }
 
     fn draw(&self, key: StartKey) -> Start {
-        let mut rng = key.generator(&self.layout.spec.world, "start");
-        let points = &self.layout.spec.points;
-        if !points.is_empty() {
-            // The clamp covers a product that rounds up to the length of the
-            // list.
-            let number = (rng.random::<f64>() * points.len() as f64) as usize;
-            return points[number.min(points.len() - 1)].clone();
-        }
-        let spec = &self.layout.spec;
-        let axes = self.layout.axes.iter();
-        // The environment has the last axes and is drawn last, so that it changes
-        // no other value.
-        let others = self.layout.axes.len() - spec.environment.len();
-        let mut values: Vec<f64> = axes
-            .take(others)
-            .map(|axis| axis.lo + (axis.hi - axis.lo) * rng.random::<f64>())
-            .collect();
-        let environment = spec.environment.iter();
-        values.extend(environment.map(|it| it.at(rng.random::<f64>(), spec.clock.sample_s)));
-        Start(values)
+        self.layout.draw(key)
     }
 
     fn reset(&mut self, start: &Start, noise: u64) {
@@ -274,7 +282,10 @@ impl Scene for DriveScene {
             });
             match &begun {
                 Some((run, pose)) => self.spawn_at(agent, *pose, lateral_m, run.speed_mps()),
-                None => self.spawn(agent, front_m, lateral_m, speed_mps),
+                None => {
+                    let pose = layout.start_pose(agent, (front_m, lateral_m));
+                    self.spawn_at(agent, pose, lateral_m, speed_mps);
+                }
             }
             if has_plans {
                 self.plans.push(begun.map(|(run, _)| run));
@@ -357,7 +368,7 @@ impl Scene for DriveScene {
     }
 
     fn observe(&self, row: &[f64], obs: &mut [f32]) {
-        self.layout.observed.read(row, obs);
+        self.layout.observed.read(|position| row[position], obs);
     }
 
     fn stage(&self) -> SceneGeometry {

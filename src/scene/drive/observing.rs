@@ -5,7 +5,7 @@ use crate::trace::Schema;
 
 /// Observed signals of a row, with their scales.
 #[derive(Clone, Debug)]
-pub(super) struct Observation(Vec<Scaled>);
+pub(crate) struct Observation(Vec<Scaled>);
 
 /// An observed signal: `(value − mid) · per_half`.
 #[derive(Clone, Copy, Debug)]
@@ -35,16 +35,22 @@ impl Observation {
         scaled.collect::<Result<_, _>>().map(Observation)
     }
 
+    /// Returns the positions of the observed signals in a row.
+    pub(crate) fn positions(&self) -> impl Iterator<Item = usize> {
+        self.0.iter().map(|scaled| scaled.position)
+    }
+
     /// Returns the number of observed signals.
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Writes the observation of a row.
-    pub(super) fn read(&self, row: &[f64], obs: &mut [f32]) {
+    /// Writes the observation of a row, given as its value at each position.
+    #[inline]
+    pub(crate) fn read(&self, row: impl Fn(usize) -> f64, obs: &mut [f32]) {
         for (value, scaled) in obs.iter_mut().zip(&self.0) {
             // The one cast from signals to observations (see ARCHITECTURE.md).
-            *value = ((row[scaled.position] - scaled.mid) * scaled.per_half) as f32;
+            *value = ((row(scaled.position) - scaled.mid) * scaled.per_half) as f32;
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::road::{Direction, OnRoad, RoadNetwork, grade_at};
 use crate::sim::{self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, Plant, Pose, Push};
 
 /// State of a driving scene at a sample.
-pub(super) struct SceneState {
+pub(crate) struct SceneState {
     pub spec: Arc<DriveSpec>,
     pub network: Arc<RoadNetwork>,
     pub plant: Box<dyn Plant>,
@@ -28,13 +28,13 @@ pub(super) struct SceneState {
     pub states: Vec<BodyState>,
     /// Road coordinates of each agent.
     pub on_road: Vec<OnRoad>,
-    pub lights: Vec<LightState>,
+    pub(super) lights: Vec<LightState>,
     /// Weather of this sample, if an ado changes it.
-    pub weather: Option<WeatherState>,
+    pub(super) weather: Option<WeatherState>,
     /// Curvature of the next piece of road, if an ado lays it.
     pub next_curvature_per_m: f64,
     /// Planned state of each agent. Empty if no agent has a plan.
-    pub planned: Vec<PlannedAt>,
+    pub(super) planned: Vec<PlannedAt>,
     /// Parameters of the start, in file order.
     pub parameters: Vec<f64>,
     /// The contact during the last sample.
@@ -45,7 +45,7 @@ pub(super) struct SceneState {
 
 impl SceneState {
     /// Returns an empty road.
-    pub(super) fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
+    pub(crate) fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
         let agents = spec.agents.len();
         SceneState {
             plant: sim::plant(spec.plant, ground(&spec)),
@@ -79,7 +79,7 @@ impl SceneState {
     }
 
     /// Spawns the body of the next agent.
-    pub(super) fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
+    pub(crate) fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
         self.bodies.push(self.plant.spawn(body, pose, speed_mps));
     }
 
@@ -180,6 +180,7 @@ impl SceneState {
     }
 
     /// Returns the time since the start.
+    #[inline]
     pub(super) fn time_s(&self) -> f64 {
         // A product and not a sum, so rounding errors do not add up.
         self.sample as f64 * self.spec.clock.sample_s
@@ -202,6 +203,7 @@ impl SceneState {
     }
 
     /// Returns the coordinates of an agent on the road of `viewer`.
+    #[inline]
     pub(super) fn on_road_of(&self, viewer: usize, agent: usize) -> OnRoad {
         if self.network.share_road(viewer, agent) {
             self.on_road[agent]
@@ -211,6 +213,7 @@ impl SceneState {
     }
 
     /// Returns the velocity of an agent along and across its road.
+    #[inline]
     pub(super) fn velocity_mps(&self, agent: usize) -> Vector2<f64> {
         self.on_road[agent].velocity_mps(&self.states[agent])
     }

@@ -10,7 +10,7 @@ use crate::trace::Schema;
 
 /// An assembled driving world: builds scenes that share all fixed data.
 #[derive(Clone)]
-pub struct DriveWorld(pub(super) Arc<DriveLayout>);
+pub struct DriveWorld(pub(crate) Arc<DriveLayout>);
 
 impl DriveWorld {
     /// Assembles a world.

@@ -80,6 +80,7 @@ impl Engine {
     /// Returns the path from `start` for the next `dt_s`.
     ///
     /// No point of the body is farther than `arm_m` from the fixed point.
+    #[inline]
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
         match self {
             Engine::Wheels(wheels) => wheels.path(start, arm_m, dt_s),
@@ -90,6 +91,7 @@ impl Engine {
     }
 
     /// Returns the speed along the heading, the speed to the left, the yaw rate.
+    #[inline]
     pub(super) fn motion(&self, at: &Anchor) -> (f64, f64, f64) {
         match self {
             Engine::Wheels(_) | Engine::Bicycle(_) => Wheels::motion(at),
@@ -101,6 +103,7 @@ impl Engine {
 
 impl BodyPath {
     /// Returns the state of the fixed point after a time.
+    #[inline]
     pub(super) fn at(&self, after_s: f64) -> Anchor {
         match self.kind {
             PathKind::Arc(drive) => Wheels::after(self.start, drive, after_s),

@@ -11,24 +11,21 @@ mod approach;
 mod bicycle;
 mod engine;
 mod kinematic_playback;
+mod lanes;
 mod legs;
 mod mover;
 mod path;
 mod wheels;
 
 use self::approach::meet;
-use self::engine::Engine;
 use self::kinematic_playback::Passing;
+pub(crate) use self::lanes::KinematicLanes;
 use self::mover::Mover;
-use self::path::{Anchor, BodyPath};
+use self::path::BodyPath;
 use super::body::Body;
-use super::planar::Extent;
 use super::{
     BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose, Push,
 };
-
-/// Distance from the origin beyond which the plant is unsound.
-const BOUND_M: f64 = 1e6;
 
 /// Kinematic plant.
 #[derive(Clone, Debug)]
@@ -105,30 +102,8 @@ impl Plant for Kinematic {
     }
 
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId {
-        let (sin, cos) = libm::sincos(pose.heading_rad);
-        let velocity_mps = (speed_mps * cos, speed_mps * sin);
-        let engine = Engine::new(body, self.ground, velocity_mps);
-        let (anchor_ahead_m, walk_mps) = engine.anchor();
-        let back_m = body.half_length_m() - anchor_ahead_m;
-        let at = Anchor {
-            // Poses are of the front bumper, the model moves its fixed point.
-            x_m: pose.x_m - back_m * cos,
-            y_m: pose.y_m - back_m * sin,
-            heading_rad: pose.heading_rad,
-            cos,
-            sin,
-            speed_mps: engine.starting_mps(speed_mps),
-            curvature_per_m: 0.0,
-            walk_mps,
-            yaw_rate_rad_per_s: 0.0,
-        };
-        self.movers.push(Mover {
-            extent: Extent::of(body),
-            anchor_ahead_m,
-            at,
-            accel_mps2: 0.0,
-            engine,
-        });
+        self.movers
+            .push(Mover::spawned(body, self.ground, pose, speed_mps));
         BodyId(self.movers.len() - 1)
     }
 
@@ -166,31 +141,7 @@ impl Plant for Kinematic {
     }
 
     fn state(&self, id: BodyId) -> BodyState {
-        let mover = &self.movers[id.0];
-        let Anchor {
-            x_m,
-            y_m,
-            heading_rad,
-            cos,
-            sin,
-            ..
-        } = mover.at;
-        // From the fixed point back to the front bumper.
-        let ahead_m = mover.extent.half_length_m - mover.anchor_ahead_m;
-        let pose = Pose {
-            x_m: x_m + ahead_m * cos,
-            y_m: y_m + ahead_m * sin,
-            heading_rad,
-        };
-        let (speed_mps, lateral_mps, yaw_rate_rad_per_s) = mover.engine.motion(&mover.at);
-        BodyState {
-            pose,
-            speed_mps,
-            // The bumper swings sideways in a turn, the fixed point does not.
-            lateral_mps: lateral_mps + yaw_rate_rad_per_s * ahead_m,
-            yaw_rate_rad_per_s,
-            accel_mps2: mover.accel_mps2,
-        }
+        self.movers[id.0].state()
     }
 
     fn placement(&self, id: BodyId) -> Placement {
@@ -207,22 +158,7 @@ impl Plant for Kinematic {
     }
 
     fn sound(&self) -> bool {
-        // NaN compares false, so it is unsound.
-        let bounded = |value: f64| value.abs() <= BOUND_M;
-        let fine = |mover: &Mover| {
-            let Anchor {
-                x_m,
-                y_m,
-                heading_rad,
-                speed_mps,
-                walk_mps,
-                ..
-            } = mover.at;
-            [x_m, y_m, heading_rad, speed_mps, walk_mps.0, walk_mps.1]
-                .into_iter()
-                .all(bounded)
-        };
-        !self.faulty && self.movers.iter().all(fine)
+        !self.faulty && self.movers.iter().all(|mover| mover.at.is_bounded())
     }
 
     fn fork(&self) -> Box<dyn Plant> {

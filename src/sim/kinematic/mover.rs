@@ -1,12 +1,10 @@
 //! Body of the kinematic plant and its motion during one `advance`.
 
-use core::f64::consts::{PI, TAU};
-
 use super::engine::Engine;
 use super::kinematic_playback::{Passing, PlaybackPose};
 use super::path::{Anchor, BodyPath};
-use crate::sim::Pose;
 use crate::sim::planar::{Extent, Rect, SizedRect};
+use crate::sim::{Body, BodyState, Ground, Pose};
 
 /// Body with its size, its state and its motion model.
 #[derive(Clone, Debug)]
@@ -21,6 +19,7 @@ pub(super) struct Mover {
 }
 
 impl Mover {
+    #[inline]
     pub(super) fn shape<'a>(&'a self, rect: &'a Rect) -> SizedRect<'a> {
         SizedRect {
             rect,
@@ -56,6 +55,7 @@ impl Mover {
         });
     }
 
+    #[inline]
     pub(super) fn rect(&self, at: &Anchor) -> Rect {
         let (speed_mps, lateral_mps, yaw_rate_rad_per_s) = self.engine.motion(at);
         let back_m = -self.anchor_ahead_m;
@@ -71,20 +71,87 @@ impl Mover {
         }
     }
 
-    pub(super) fn path(&self, dt_s: f64) -> BodyPath {
-        // Distance of the farthest point of the body from the fixed point.
-        let arm_m = self.anchor_ahead_m.abs() + self.extent.radius_m;
-        self.engine.path(self.at, arm_m, dt_s)
+    /// Returns a body that has just been spawned.
+    pub(super) fn spawned(body: &Body, ground: Ground, pose: Pose, speed_mps: f64) -> Mover {
+        let (sin, cos) = libm::sincos(pose.heading_rad);
+        let velocity_mps = (speed_mps * cos, speed_mps * sin);
+        let engine = Engine::new(body, ground, velocity_mps);
+        let (anchor_ahead_m, walk_mps) = engine.anchor();
+        let back_m = body.half_length_m() - anchor_ahead_m;
+        let at = Anchor {
+            // Poses are of the front bumper, the model moves its fixed point.
+            x_m: pose.x_m - back_m * cos,
+            y_m: pose.y_m - back_m * sin,
+            heading_rad: pose.heading_rad,
+            cos,
+            sin,
+            speed_mps: engine.starting_mps(speed_mps),
+            curvature_per_m: 0.0,
+            walk_mps,
+            yaw_rate_rad_per_s: 0.0,
+        };
+        Mover {
+            extent: Extent::of(body),
+            anchor_ahead_m,
+            at,
+            accel_mps2: 0.0,
+            engine,
+        }
     }
 
+    /// Returns the state of the front bumper.
+    #[inline]
+    pub(super) fn state(&self) -> BodyState {
+        let motion = self.engine.motion(&self.at);
+        state_of(&self.at, motion, self.front_ahead_m(), self.accel_mps2)
+    }
+
+    /// Returns the distance from the fixed point to the front bumper.
+    #[inline]
+    pub(super) fn front_ahead_m(&self) -> f64 {
+        self.extent.half_length_m - self.anchor_ahead_m
+    }
+
+    /// Returns the distance of the farthest point of the body from the fixed point.
+    #[inline]
+    pub(super) fn arm_m(&self) -> f64 {
+        self.anchor_ahead_m.abs() + self.extent.radius_m
+    }
+
+    #[inline]
+    pub(super) fn path(&self, dt_s: f64) -> BodyPath {
+        self.engine.path(self.at, self.arm_m(), dt_s)
+    }
+
+    #[inline]
     pub(super) fn follow(&mut self, path: &BodyPath, elapsed_s: f64) {
         let (before_mps, ..) = self.engine.motion(&self.at);
-        self.at = path.at(elapsed_s);
-        // Keeps the heading in −π to π, however long a body turns.
-        if PI < self.at.heading_rad.abs() {
-            self.at.heading_rad -= TAU * libm::round(self.at.heading_rad / TAU);
-        }
+        self.at = path.at(elapsed_s).unwound();
         let (after_mps, ..) = self.engine.motion(&self.at);
         self.accel_mps2 = (after_mps - before_mps) / elapsed_s;
+    }
+}
+
+/// Returns the state of the front bumper, `ahead_m` ahead of the fixed point.
+///
+/// `motion` is the speed along the heading, the speed to the left and the yaw rate.
+#[inline(always)]
+pub(super) fn state_of(
+    at: &Anchor,
+    (speed_mps, lateral_mps, yaw_rate_rad_per_s): (f64, f64, f64),
+    ahead_m: f64,
+    accel_mps2: f64,
+) -> BodyState {
+    BodyState {
+        pose: Pose {
+            x_m: at.x_m + ahead_m * at.cos,
+            y_m: at.y_m + ahead_m * at.sin,
+            heading_rad: at.heading_rad,
+        },
+        speed_mps,
+        // The bumper swings sideways in a turn, the fixed point does not.
+        lateral_mps: lateral_mps + yaw_rate_rad_per_s * ahead_m,
+        yaw_rate_rad_per_s,
+        accel_mps2,
     }
 }

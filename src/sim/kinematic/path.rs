@@ -1,8 +1,13 @@
 //! State of a body and its motion during one `advance`.
 
+use core::f64::consts::{PI, TAU};
+
 use crate::sim::limits::DriveStep;
 use crate::sim::riding::RideStep;
 use crate::sim::walker::Ramp;
+
+/// Distance from the origin beyond which the plant is unsound.
+const BOUND_M: f64 = 1e6;
 
 /// State of the fixed point of a body.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +24,33 @@ pub(super) struct Anchor {
     pub walk_mps: (f64, f64),
     /// Yaw rate of a carried body.
     pub yaw_rate_rad_per_s: f64,
+}
+
+impl Anchor {
+    /// Returns the same state with a heading in −π to π, however long a body turns.
+    #[inline]
+    pub(super) fn unwound(mut self) -> Anchor {
+        if PI < self.heading_rad.abs() {
+            self.heading_rad -= TAU * libm::round(self.heading_rad / TAU);
+        }
+        self
+    }
+
+    /// Returns whether the plant is sound here. NaN is not.
+    #[inline]
+    pub(super) fn is_bounded(&self) -> bool {
+        let Anchor {
+            x_m,
+            y_m,
+            heading_rad,
+            speed_mps,
+            walk_mps,
+            ..
+        } = self;
+        [x_m, y_m, heading_rad, speed_mps, &walk_mps.0, &walk_mps.1]
+            .into_iter()
+            .fold(true, |all, value| all & (value.abs() <= BOUND_M))
+    }
 }
 
 /// Motion of a body during one `advance`.

@@ -13,6 +13,28 @@ pub(super) struct Wheels {
     curvature_per_m: f64,
 }
 
+/// Motion of a vehicle during one `advance`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ArcPath {
+    pub start: Anchor,
+    pub drive: DriveStep,
+    pub speed_bound_mps: f64,
+    pub accel_bound_mps2: f64,
+}
+
+impl ArcPath {
+    /// Returns the same motion as that of any body.
+    #[inline(always)]
+    pub(super) fn path(self) -> BodyPath {
+        BodyPath {
+            start: self.start,
+            kind: PathKind::Arc(self.drive),
+            speed_bound_mps: self.speed_bound_mps,
+            accel_bound_mps2: self.accel_bound_mps2,
+        }
+    }
+}
+
 impl Wheels {
     pub(super) fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> Wheels {
         Wheels {
@@ -45,35 +67,50 @@ impl Wheels {
         self.limits.set_push(push);
     }
 
+    #[inline]
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
-        let drive = self.limits.drive(self.accel_mps2, start.speed_mps, dt_s);
+        let command = (self.accel_mps2, self.curvature_per_m);
+        self.arc_under(command, start, arm_m, dt_s).path()
+    }
+
+    /// Returns the arc under a commanded acceleration and curvature.
+    #[inline(always)]
+    pub(super) fn arc_under(
+        &self,
+        (accel_mps2, curvature_per_m): (f64, f64),
+        start: Anchor,
+        arm_m: f64,
+        dt_s: f64,
+    ) -> ArcPath {
+        let drive = self.limits.drive(accel_mps2, start.speed_mps, dt_s);
         let end_mps = drive.speed_mps(start.speed_mps, dt_s);
         // The cornering limit must hold at the faster end of the step.
         let top_mps = start.speed_mps.abs().max(end_mps.abs());
         let curvature_per_m =
             self.limits
-                .curvature_per_m(self.curvature_per_m, drive.tyre_mps2, top_mps);
-        let start = Anchor {
-            curvature_per_m,
-            ..start
-        };
+                .curvature_per_m(curvature_per_m, drive.tyre_mps2, top_mps);
         // Turning adds to the motion of the point farthest from the rear axle.
         let turn = curvature_per_m.abs() * arm_m;
         let centripetal_mps2 = top_mps * top_mps * curvature_per_m.abs() * (1.0 + turn);
-        BodyPath {
-            start,
-            kind: PathKind::Arc(drive),
+        ArcPath {
+            start: Anchor {
+                curvature_per_m,
+                ..start
+            },
+            drive,
             speed_bound_mps: top_mps * (1.0 + turn),
             accel_bound_mps2: drive.net_mps2.abs() * (1.0 + turn) + centripetal_mps2,
         }
     }
 
     /// Returns the speed along the heading, the speed to the left, the yaw rate.
+    #[inline]
     pub(super) fn motion(at: &Anchor) -> (f64, f64, f64) {
         (at.speed_mps, 0.0, at.speed_mps * at.curvature_per_m)
     }
 
     /// Returns the state of the rear axle after a time on its arc.
+    #[inline]
     pub(super) fn after(start: Anchor, drive: DriveStep, after_s: f64) -> Anchor {
         let moving_s = after_s.min(drive.rest_after_s);
         let length_m = moving_s * (start.speed_mps + 0.5 * drive.net_mps2 * moving_s);

@@ -8,6 +8,7 @@ mod language;
 mod laws;
 mod naive;
 mod online;
+mod running;
 mod stream;
 mod undefined;
 mod vectors;

@@ -35,6 +35,9 @@ proptest! {
             let ended_here = monitor.robustness(&prefix, &mut scratch);
             prop_assert!(loose.contains(ended_here));
             prop_assert_eq!(unknown.clone().finish(), ended_here);
+            if end == TraceEnd::Truncate {
+                prop_assert_eq!(known.clone().finish(), ended_here);
+            }
             if end == TraceEnd::Truncate && i + 1 < n {
                 let lengths = Lengths { bounded: n, unbounded: n, closed };
                 prop_assert_eq!((tight.lo, tight.hi), naive(&wff, &rows[..=i], lengths)[0], "after {}", i);

@@ -18,14 +18,15 @@ pub(super) use quantity::{Of, SignalQuantity};
 
 /// Source of a published value: a quantity and its owners.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SignalReading {
+pub(crate) struct SignalReading {
     pub quantity: &'static SignalQuantity,
     pub whose: [usize; 2],
 }
 
 impl SignalReading {
     /// Returns the value at the current sample.
-    pub(super) fn value(self, state: &SceneState) -> f64 {
+    #[inline]
+    pub(crate) fn value(self, state: &SceneState) -> f64 {
         match self.quantity.value {
             QuantityReader::Real(value) => value(state, self.whose),
             QuantityReader::Boolean(value) => f64::from(u8::from(value(state, self.whose))),

@@ -1,0 +1,58 @@
+//! Environments on a test bench each, for every world.
+
+use super::StepInto;
+use super::run::Run;
+use crate::seed::StartKey;
+use crate::stl::Scratch;
+use crate::testbench::{Aftermath, Testbench};
+use crate::world::Scenario;
+
+/// Environments with a test bench each.
+pub(super) struct BenchRuns {
+    benches: Vec<Testbench>,
+    runs: Vec<Run>,
+    scratch: Scratch,
+}
+
+impl BenchRuns {
+    pub(super) fn new(world: &Scenario, runs: usize) -> BenchRuns {
+        BenchRuns {
+            benches: (0..runs).map(|_| world.bench()).collect(),
+            runs: vec![Run::new(); runs],
+            scratch: Scratch::new(),
+        }
+    }
+
+    pub(super) fn run(&self, at: usize) -> &Run {
+        &self.runs[at]
+    }
+
+    pub(super) fn begin(&mut self, at: usize, key: StartKey, observation: &mut [f32]) {
+        let (bench, run) = (&mut self.benches[at], &mut self.runs[at]);
+        run.begin(key);
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        bench.begin(&start, noise, Aftermath::Skip);
+        run.verdict = bench.verdict();
+        bench.observe(observation);
+    }
+
+    pub(super) fn step(&mut self, actions: &[usize], mut into: StepInto<'_>) {
+        let count = self.runs.len();
+        for (at, (bench, run)) in self.benches.iter_mut().zip(&mut self.runs).enumerate() {
+            (into.rewards[at], into.ends[at]) = (0.0, None);
+            if run.is_over {
+                continue;
+            }
+            bench.decide(actions[at]);
+            run.actions.push(actions[at] as u32);
+            run.verdict = bench.verdict();
+            bench.observe(into.row(at, count));
+            let rulebook = bench.rulebook();
+            (into.rewards[at], into.ends[at]) = run.report(rulebook);
+            if run.is_over && bench.fault().is_none() {
+                let trace = bench.trace();
+                run.robustness = rulebook.spec.robustness(trace, &mut self.scratch);
+            }
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Worlds that can be laid out as a structure of arrays.
+
+use std::sync::Arc;
+
+use crate::rulebook::{Rulebook, RunsJudge};
+use crate::scene::World;
+use crate::scene::drive::{Agent, Drive, DriveLayout, SignalReading};
+use crate::sim::{Ground, PlantKind};
+use crate::world::Scenario;
+
+/// Data of a world that all of its environments share.
+#[derive(Clone)]
+pub(super) struct LaneWorld {
+    pub(super) layout: Arc<DriveLayout>,
+    pub(super) rulebook: Arc<Rulebook>,
+    /// Signals that somebody reads, by their position in a row.
+    pub(super) published: Vec<(usize, SignalReading)>,
+    /// Positions of the signals that have to be finite, derived ones included.
+    pub(super) checked: Vec<usize>,
+    pub(super) ground: Ground,
+    /// Samples of a full episode.
+    pub(super) samples: usize,
+    pub(super) samples_per_decision: usize,
+}
+
+/// Quantities that are finite in every sound run.
+///
+/// Others are checked for it at every sample, even if nobody reads them.
+const ALWAYS_FINITE: [&str; 6] = ["time_left", "contact", "x", "y", "heading", "speed"];
+
+impl LaneWorld {
+    /// Returns the data of a world, `None` if it needs test benches.
+    pub(super) fn of(world: &Scenario) -> Option<LaneWorld> {
+        let World::Drive(drive) = world.world() else {
+            return None;
+        };
+        let layout = Arc::clone(&drive.0);
+        let rulebook = Arc::new(world.rulebook().clone());
+        let samples = layout.spec.clock.samples();
+        // A limit depends on the course of the episode, which test benches follow.
+        let is_limited = world.traffic().limit().is_some();
+        let fits = !is_limited && has_constant_surroundings(&layout) && has_simple_cast(&layout);
+        if !fits || RunsJudge::new(&rulebook, samples, 1).is_none() {
+            return None;
+        }
+        let published = published(&layout, &rulebook);
+        let derived = layout.sources.len()..layout.schema.len();
+        let checked = published.iter().map(|(position, _)| *position);
+        Some(LaneWorld {
+            checked: checked.chain(derived).collect(),
+            published,
+            ground: Ground {
+                friction: layout.spec.road.friction(),
+            },
+            samples,
+            samples_per_decision: layout.spec.clock.samples_per_decision(),
+            rulebook,
+            layout,
+        })
+    }
+}
+
+/// Returns whether nothing but the vehicles changes, and no start changes the world.
+fn has_constant_surroundings(layout: &DriveLayout) -> bool {
+    let spec = &layout.spec;
+    // The gap of two bodies is that of a plant, which lanes do not have.
+    let has_gap = |it: &SignalReading| it.quantity.name == "gap";
+    spec.plant == PlantKind::Kinematic
+        && spec.lights.is_empty()
+        && spec.weather.is_none()
+        && spec.road_ado.is_none()
+        && spec.grades.is_empty()
+        && spec.wind.is_none()
+        && spec.environment.is_empty()
+        && spec.parameters.is_empty()
+        && !layout.sources.iter().any(has_gap)
+}
+
+/// Returns whether all road users are vehicles, without plans and trained ados, and
+/// the ego is one of this crate.
+fn has_simple_cast(layout: &DriveLayout) -> bool {
+    let spec = &layout.spec;
+    let is_simple = |agent: &Agent| {
+        let drives = match &agent.drive {
+            Drive::Ego => true,
+            Drive::Ado { base, .. } => base.is_none(),
+            Drive::Scripted(script) => !script.is_on_foot(),
+            Drive::Planned(_) | Drive::Trained(_) => false,
+        };
+        drives && agent.body.vehicle().is_some()
+    };
+    spec.agents.iter().all(is_simple) && !spec.ego.is_foreign()
+}
+
+/// Returns the signals that rules, expressions or the observation read.
+fn published(layout: &DriveLayout, rulebook: &Rulebook) -> Vec<(usize, SignalReading)> {
+    let mut read = vec![false; layout.schema.len()];
+    let rules = rulebook.rules.iter().map(|rule| &rule.monitor);
+    let formulas = rules.chain([&rulebook.spec]);
+    let derived = layout.derived.iter().flat_map(|expr| expr.signals());
+    let all = formulas.flat_map(|monitor| monitor.signals());
+    for signal in all.chain(derived).chain(layout.observed.positions()) {
+        read[signal] = true;
+    }
+    let sources = layout.sources.iter().copied().enumerate();
+    let is_needed =
+        |(i, it): &(usize, SignalReading)| read[*i] || !ALWAYS_FINITE.contains(&it.quantity.name);
+    sources.filter(is_needed).collect()
+}

@@ -1,0 +1,58 @@
+//! What is known of the episode of one environment.
+
+use crate::rl::End;
+use crate::rulebook::{Rulebook, Verdict};
+use crate::seed::StartKey;
+
+/// Episode of one environment.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    /// Key of its start, `None` before the first episode.
+    pub(super) key: Option<StartKey>,
+    /// Joint actions so far.
+    pub(super) actions: Vec<u32>,
+    pub(super) verdict: Option<Verdict>,
+    /// True once a step has reported the end.
+    pub(super) is_over: bool,
+    /// ρ(ψ_ego) at the end, NaN before and after a fault.
+    pub(super) robustness: f64,
+}
+
+impl Run {
+    /// Creates a run that has not begun.
+    pub(super) fn new() -> Run {
+        Run {
+            key: None,
+            actions: Vec::new(),
+            verdict: None,
+            is_over: true,
+            robustness: f64::NAN,
+        }
+    }
+
+    /// Begins the episode of a key.
+    pub(super) fn begin(&mut self, key: StartKey) {
+        self.key = Some(key);
+        self.actions.clear();
+        self.verdict = None;
+        self.is_over = false;
+        self.robustness = f64::NAN;
+    }
+
+    /// Returns reward and end of a step, and notes that the episode is over.
+    pub(super) fn report(&mut self, rulebook: &Rulebook) -> (f64, Option<End>) {
+        let Some(verdict) = self.verdict else {
+            return (0.0, None);
+        };
+        self.is_over = true;
+        match rulebook.reward_of(&verdict) {
+            Some(reward) => (reward, Some(End::Terminated)),
+            // An invalid episode has no reward.
+            None => (0.0, Some(End::Aborted)),
+        }
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        size_of::<Run>() + self.actions.capacity() * size_of::<u32>()
+    }
+}
