@@ -71,20 +71,15 @@ fn power(x: f32, y: f32) -> f32 {
 #[inline(always)]
 fn log2(x: f32) -> (f32, f32) {
     const L: [f32; 6] = [
-        6.0000002384e-01,
-        4.2857143283e-01,
-        3.3333334327e-01,
-        2.7272811532e-01,
-        2.3066075146e-01,
-        2.0697501302e-01,
+        0.6, 0.42857143, 0.33333334, 0.27272812, 0.23066075, 0.20697501,
     ];
     // 2 / (3 ln 2), its first twelve bits, and the rest.
-    const CP: f32 = 9.6179670095e-01;
-    const CP_H: f32 = 9.6191406250e-01;
-    const CP_L: f32 = -1.1736857402e-04;
+    const CP: f32 = 0.9617967;
+    const CP_H: f32 = 0.96191406;
+    const CP_L: f32 = -0.000117368574;
     // log₂ 1.5
-    const DP_H: f32 = 5.84960938e-01;
-    const DP_L: f32 = 1.56322085e-06;
+    const DP_H: f32 = 0.58496094;
+    const DP_L: f32 = 1.5632208e-06;
     let bits = x.to_bits() as i32;
     let fraction = bits & 0x007f_ffff;
     // x = 2ⁿ · ax, with ax near 1 or near 1.5.
@@ -129,15 +124,15 @@ fn log2(x: f32) -> (f32, f32) {
 #[inline(always)]
 fn exp2(p_h: f32, p_l: f32) -> f32 {
     const P: [f32; 5] = [
-        1.6666667163e-01,
-        -2.7777778450e-03,
-        6.6137559770e-05,
-        -1.6533901999e-06,
-        4.1381369442e-08,
+        0.16666667,
+        -0.0027777778,
+        6.613756e-05,
+        -1.6533902e-06,
+        4.138137e-08,
     ];
-    const LG2: f32 = 6.9314718246e-01;
-    const LG2_H: f32 = 6.93145752e-01;
-    const LG2_L: f32 = 1.42860654e-06;
+    const LG2: f32 = std::f32::consts::LN_2;
+    const LG2_H: f32 = 0.69314575;
+    const LG2_L: f32 = 1.4286065e-06;
     // The whole part of z, rounded to the nearest, if |z| > 0.5.
     let z = p_l + p_h;
     let j = z.to_bits() as i32;
