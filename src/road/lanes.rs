@@ -183,6 +183,9 @@ impl Road {
     /// Returns the lane of a lateral position, clamped to the road.
     #[inline]
     pub fn lane_at(&self, lateral_m: f64) -> usize {
+        if self.lanes() == 1 {
+            return 0;
+        }
         // A border between two lanes belongs to the left one.
         // The cast cuts, to 0 for a negative number. With the float below one half this
         // rounds like `f64::round`, which is a call on x86-64 and runs at every percept.

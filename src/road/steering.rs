@@ -129,7 +129,7 @@ impl LaneKeeper {
     ) -> f64 {
         let most_mps = MAX_SLIP * speed_mps.abs();
         let moving_mps = self.lag.step(lateral_mps).clamp(-most_mps, most_mps);
-        let feed_mps2 = (moving_mps - self.reference_mps) / sample_s;
+        let feed_mps2 = quotient(moving_mps - self.reference_mps, sample_s);
         self.reference_mps = moving_mps;
         self.reference_m += moving_mps * sample_s;
         let offset_m = at.lateral_m - self.reference_m;
@@ -143,7 +143,7 @@ impl LaneKeeper {
         let speed_mps = speed_mps.abs().max(MIN_SPEED_MPS);
         let wish_mps2 =
             OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps - feed_mps2;
-        let keeping_per_m = -wish_mps2 / (speed_mps * speed_mps);
+        let keeping_per_m = quotient(-wish_mps2, speed_mps * speed_mps);
         // A branch, so that straight roads stay free of rounding. In a bend the
         // path at this offset has radius R − lateral.
         if at.curvature_per_m == 0.0 {
@@ -152,4 +152,10 @@ impl LaneKeeper {
             keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m)
         }
     }
+}
+
+/// Returns `of / by`, above 0, without a division for the 0 of a car in its place.
+#[inline]
+fn quotient(of: f64, by: f64) -> f64 {
+    if of == 0.0 { of } else { of / by }
 }

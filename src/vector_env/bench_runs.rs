@@ -18,7 +18,7 @@ impl BenchRuns {
     pub(super) fn new(world: &Scenario, runs: usize) -> BenchRuns {
         BenchRuns {
             benches: (0..runs).map(|_| world.bench()).collect(),
-            runs: vec![Run::new(); runs],
+            runs: Run::several(runs, world.world().clock().decisions()),
             scratch: Scratch::new(),
         }
     }

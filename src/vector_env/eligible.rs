@@ -8,13 +8,23 @@ use crate::scene::drive::{Agent, Drive, DriveLayout, SignalReading};
 use crate::sim::{Ground, PlantKind};
 use crate::world::Scenario;
 
+/// Signal that somebody reads.
+#[derive(Clone, Copy)]
+pub(super) struct PublishedSignal {
+    /// Position in a row.
+    pub(super) position: usize,
+    pub(super) source: SignalReading,
+    /// True for the gap of two bodies, which the plant measures.
+    pub(super) is_gap: bool,
+}
+
 /// Data of a world that all of its environments share.
 #[derive(Clone)]
 pub(super) struct LaneWorld {
     pub(super) layout: Arc<DriveLayout>,
     pub(super) rulebook: Arc<Rulebook>,
-    /// Signals that somebody reads, by their position in a row.
-    pub(super) published: Vec<(usize, SignalReading)>,
+    /// Signals that somebody reads.
+    pub(super) published: Vec<PublishedSignal>,
     /// Positions of the signals that have to be finite, derived ones included.
     pub(super) checked: Vec<usize>,
     pub(super) ground: Ground,
@@ -45,7 +55,7 @@ impl LaneWorld {
         }
         let published = published(&layout, &rulebook);
         let derived = layout.sources.len()..layout.schema.len();
-        let checked = published.iter().map(|(position, _)| *position);
+        let checked = published.iter().map(|it| it.position);
         Some(LaneWorld {
             checked: checked.chain(derived).collect(),
             published,
@@ -63,8 +73,6 @@ impl LaneWorld {
 /// Returns whether nothing but the vehicles changes, and no start changes the world.
 fn has_constant_surroundings(layout: &DriveLayout) -> bool {
     let spec = &layout.spec;
-    // The gap of two bodies is that of a plant, which lanes do not have.
-    let has_gap = |it: &SignalReading| it.quantity.name == "gap";
     spec.plant == PlantKind::Kinematic
         && spec.lights.is_empty()
         && spec.weather.is_none()
@@ -73,7 +81,6 @@ fn has_constant_surroundings(layout: &DriveLayout) -> bool {
         && spec.wind.is_none()
         && spec.environment.is_empty()
         && spec.parameters.is_empty()
-        && !layout.sources.iter().any(has_gap)
 }
 
 /// Returns whether all road users are vehicles, without plans and trained ados, and
@@ -93,7 +100,7 @@ fn has_simple_cast(layout: &DriveLayout) -> bool {
 }
 
 /// Returns the signals that rules, expressions or the observation read.
-fn published(layout: &DriveLayout, rulebook: &Rulebook) -> Vec<(usize, SignalReading)> {
+fn published(layout: &DriveLayout, rulebook: &Rulebook) -> Vec<PublishedSignal> {
     let mut read = vec![false; layout.schema.len()];
     let rules = rulebook.rules.iter().map(|rule| &rule.monitor);
     let formulas = rules.chain([&rulebook.spec]);
@@ -103,7 +110,13 @@ fn published(layout: &DriveLayout, rulebook: &Rulebook) -> Vec<(usize, SignalRea
         read[signal] = true;
     }
     let sources = layout.sources.iter().copied().enumerate();
-    let is_needed =
-        |(i, it): &(usize, SignalReading)| read[*i] || !ALWAYS_FINITE.contains(&it.quantity.name);
-    sources.filter(is_needed).collect()
+    let published = sources.map(|(position, source)| PublishedSignal {
+        position,
+        source,
+        is_gap: source.quantity.name == "gap",
+    });
+    let is_needed = |it: &PublishedSignal| {
+        read[it.position] || !ALWAYS_FINITE.contains(&it.source.quantity.name)
+    };
+    published.filter(is_needed).collect()
 }

@@ -12,11 +12,12 @@ use super::StepInto;
 use super::eligible::LaneWorld;
 use super::run::Run;
 use crate::ego::{Actuator, Controller, Percept};
-use crate::road::LaneKeeper;
+use crate::road::{LaneKeeper, OnRoad};
 use crate::rulebook::{NewSamples, RunsJudge, Stop, Verdict};
 use crate::scene::drive::{Drive, Maneuver, SceneState, Sensing, blank_percept, fill_percept};
 use crate::seed::StartKey;
 use crate::sim::kinematic::KinematicLanes;
+use crate::sim::{BodyId, BodyState};
 use crate::stl::SampleColumns;
 
 /// Runs of one world side by side.
@@ -83,15 +84,19 @@ impl LaneRuns {
         let disturb = sensors.is_noisy() || sensors.delay_s != 0.0;
         let sensing = Sensing::new(sensors, spec.clock.sample_s);
         let block = world.samples_per_decision;
+        let mut scene = SceneState::new(Arc::clone(spec), Arc::clone(&layout.network));
+        scene.bodies.extend((0..spec.agents.len()).map(BodyId));
+        scene.states.resize(spec.agents.len(), BodyState::default());
+        scene.on_road.resize(spec.agents.len(), OnRoad::default());
         Some(LaneRuns {
-            runs: vec![Run::new(); runs],
+            runs: Run::several(runs, spec.clock.decisions()),
             plant: KinematicLanes::new(bodies, world.ground, runs)?,
             vehicles: spec.agents.iter().map(drivetrains).collect(),
             controllers: (0..runs).map(|_| controller()).collect(),
             sensing: vec![sensing; if disturb { runs } else { 0 }],
             samples: vec![0; runs],
             judge: RunsJudge::new(&world.rulebook, world.samples, runs)?,
-            scene: SceneState::new(Arc::clone(spec), Arc::clone(&layout.network)),
+            scene,
             percept: blank_percept(spec, layout.ego),
             columns: vec![vec![0.0; block]; layout.schema.len()],
             checks: vec![0.0; block],
@@ -206,14 +211,15 @@ impl LaneRuns {
     /// Reads the loaded run from the plant.
     #[inline]
     fn look(&mut self) {
-        let scene = &mut self.scene;
-        scene.states.clear();
-        scene.on_road.clear();
-        for vehicle in 0..self.vehicles.len() {
-            let state = self.plant.state(vehicle);
-            let at = self.world.layout.network.locate(vehicle, &state.pose);
-            scene.states.push(state);
-            scene.on_road.push(at);
+        let SceneState {
+            states,
+            on_road,
+            network,
+            ..
+        } = &mut self.scene;
+        for (vehicle, (state, at)) in states.iter_mut().zip(on_road).enumerate() {
+            *state = self.plant.state(vehicle);
+            *at = network.locate(vehicle, &state.pose);
         }
     }
 
@@ -252,8 +258,13 @@ impl LaneRuns {
     /// Writes the signals of the loaded run that somebody reads.
     #[inline]
     fn publish(&mut self, at: usize) {
-        for (position, source) in &self.world.published {
-            self.columns[*position][at] = source.value(&self.scene);
+        for it in &self.world.published {
+            // The scene's own plant is empty.
+            self.columns[it.position][at] = if it.is_gap {
+                self.plant.gap_m(it.source.whose)
+            } else {
+                it.source.value(&self.scene)
+            };
         }
     }
 

@@ -5,7 +5,7 @@ use crate::rulebook::{Rulebook, Verdict};
 use crate::seed::StartKey;
 
 /// Episode of one environment.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Run {
     /// Key of its start, `None` before the first episode.
     pub(super) key: Option<StartKey>,
@@ -19,11 +19,16 @@ pub(super) struct Run {
 }
 
 impl Run {
-    /// Creates a run that has not begun.
-    pub(super) fn new() -> Run {
+    /// Creates runs of at most `decisions` decisions that have not begun.
+    pub(super) fn several(runs: usize, decisions: usize) -> Vec<Run> {
+        // All lists of actions one after the other in memory, and none of them grows.
+        (0..runs).map(|_| Run::new(decisions)).collect()
+    }
+
+    fn new(decisions: usize) -> Run {
         Run {
             key: None,
-            actions: Vec::new(),
+            actions: Vec::with_capacity(decisions),
             verdict: None,
             is_over: true,
             robustness: f64::NAN,

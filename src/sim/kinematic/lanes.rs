@@ -200,6 +200,13 @@ impl KinematicLanes {
         state_of(&it.at, motion, it.front_ahead_m, it.accel_mps2)
     }
 
+    /// Returns the clearance of two vehicles in the loaded run.
+    pub(crate) fn gap_m(&self, [a, b]: [usize; 2]) -> f64 {
+        let (a, b) = (&self.vehicles[a], &self.vehicles[b]);
+        let (rect_a, rect_b) = (a.mover.rect(&a.at), b.mover.rect(&b.at));
+        a.mover.shape(&rect_a).gap_m(&b.mover.shape(&rect_b))
+    }
+
     /// Returns the memory of all runs.
     pub(crate) fn bytes(&self) -> usize {
         let columns = self.vehicles.iter().flat_map(|it| &it.columns);
