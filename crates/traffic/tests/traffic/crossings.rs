@@ -164,8 +164,8 @@ fn the_time_between_two_boxes_is_that_of_a_search_by_hand() {
             let corners = mover.corners(t);
             let side = |i: usize| {
                 let (a, b) = (corners[i], corners[(i + 1) % 4]);
-                (0..40).map(move |k| {
-                    let share = f64::from(k) / 40.0;
+                (0..24).map(move |k| {
+                    let share = f64::from(k) / 24.0;
                     [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
                 })
             };
