@@ -138,7 +138,7 @@ fn the_time_between_two_boxes_is_that_of_a_search_by_hand() {
         let crossing = found[0];
         assert_eq!((crossing.first, crossing.second), (0, 1));
         let steps = || (0..40_000).map(|i| 0.0005 * f64::from(i));
-        let leave_s = steps().filter(|t| first.is_in_strip_of(&second, *t)).last();
+        let leave_s = steps().rfind(|t| first.is_in_strip_of(&second, *t));
         let enter_s = steps().find(|t| second.is_in_strip_of(&first, *t));
         let pairs = [
             (crossing.leave_s, leave_s.expect("it passes")),
