@@ -245,16 +245,10 @@ fn show(analysis: &Analysis, map: &str) -> Result<(), Failure> {
         found.cut_ins.len(),
         found.overlapping_cut_ins,
     ))?;
-    terminal::data(&table_of(
-        ["crossing", "paths", "PET < 5 s", "least PET s", "least m"],
-        crossing_rows(analysis).iter().map(|it| {
-            let shown =
-                |value: Option<f64>| value.map_or("–".to_owned(), |it| format!("{it:.2}"));
-            let (kinds, least_s) = (it.classes.join(", "), shown(Some(it.least_pet_s)));
-            let (paths, close) = (format!("{}", it.paths), format!("{}", it.close));
-            [kinds, paths, close, least_s, shown(it.least_m)]
-        }),
-    ))
+    if analysis.crossings.is_empty() {
+        return Ok(());
+    }
+    show_crossings(analysis)
 }
 
 /// Crossing paths of two classes.
@@ -289,6 +283,21 @@ fn crossing_rows(analysis: &Analysis) -> Vec<CrossingRow> {
         row.least_m = clearances.min_by(f64::total_cmp);
     }
     rows.into_values().collect()
+}
+
+fn show_crossings(analysis: &Analysis) -> Result<(), Failure> {
+    let digits = |value: f64| format!("{value:.2}");
+    let rows = crossing_rows(analysis).into_iter().map(|it| {
+        [
+            it.classes.join(", "),
+            format!("{}", it.paths),
+            format!("{}", it.close),
+            digits(it.least_pet_s),
+            it.least_m.map_or("–".to_owned(), digits),
+        ]
+    });
+    let header = ["crossing", "paths", "PET < 5 s", "least PET s", "least m"];
+    terminal::data(&table_of(header, rows))
 }
 
 /// Returns a line on the corrections of a reading, `None` without any.

@@ -138,7 +138,7 @@ fn the_time_between_two_boxes_is_that_of_a_search_by_hand() {
         let crossing = found[0];
         assert_eq!((crossing.first, crossing.second), (0, 1));
         let steps = || (0..40_000).map(|i| 0.0005 * f64::from(i));
-        let leave_s = steps().filter(|t| first.is_in_strip_of(&second, *t)).last();
+        let leave_s = steps().rfind(|t| first.is_in_strip_of(&second, *t));
         let enter_s = steps().find(|t| second.is_in_strip_of(&first, *t));
         let pairs = [
             (crossing.leave_s, leave_s.expect("it passes")),
@@ -164,8 +164,8 @@ fn the_time_between_two_boxes_is_that_of_a_search_by_hand() {
             let corners = mover.corners(t);
             let side = |i: usize| {
                 let (a, b) = (corners[i], corners[(i + 1) % 4]);
-                (0..40).map(move |k| {
-                    let share = f64::from(k) / 40.0;
+                (0..24).map(move |k| {
+                    let share = f64::from(k) / 24.0;
                     [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
                 })
             };
