@@ -7,14 +7,13 @@ from typing import Any
 INTRODUCTION = """\
 # Speed beside other programs
 
-One command measures every figure on this page and writes the page:
+One command measures and writes this page:
 
 ```sh
 python3 python/benchmarks/compare.py
 ```
 
 It builds the wheel and installs the other programs below `target/`.
-You can give it the path of a wheel instead.
 
 Figures are processor time of one core: the fastest of several runs in which the programs take turns.
 A ratio above 1 means that brakecheck is faster.
@@ -24,13 +23,13 @@ STEPS = """\
 ## Environments
 
 The hand loop is [a Rust program](../../benches/hand_loop.rs) for the world `acc` on the kinematic plant only.
-It has the same motion, percept, trace and verdicts, but you cannot change its scene.
-Its ratio shows the price of worlds in files.
+It has the same motion, trace and verdicts, but a smaller percept, and you cannot change its scene.
+Its ratio is the price of worlds in files.
 """
 
 HIGHWAY = """\
-The scenes of highway-env have more vehicles and other physics.
-A vehicle-second is the motion of a vehicle for one second, which makes your comparison fairer:
+highway-env has more vehicles and other physics.
+Compare vehicle-seconds (simulated seconds of all vehicles) rather than steps:
 """
 
 LEARNING = """\
@@ -51,8 +50,8 @@ W is in samples.
 Online, your Python program passes one sample per call.
 brakecheck returns bounds of the whole formula.
 The others return the inner formula W samples later, and your program keeps its minimum.
-Offline, you pass 100,000 samples in each program's own form and get the robustness at every sample.
-A dash marks a formula that a program does not support, or a missing program.
+Offline, you get the robustness at each of 100,000 samples.
+A dash marks an unsupported formula or a missing program.
 """
 
 
