@@ -18,14 +18,14 @@ pub(super) fn behaviours(
     let ados =
         agents.filter(|(_, it)| matches!(it.drive, Drive::Ado { .. }) && !it.body.is_on_foot());
     let driving = ados.filter_map(|(agent, it)| {
-        let track = Track::new(world, trace, agent)?;
+        let track = AdoTrack::new(world, trace, agent)?;
         Some((it.name.clone(), track.behaviour(samples)?))
     });
     driving.collect()
 }
 
 /// Recorded motion of an ado beside the ego.
-struct Track<'a> {
+struct AdoTrack<'a> {
     world: &'a DriveWorld,
     agent: usize,
     ego: usize,
@@ -34,8 +34,8 @@ struct Track<'a> {
     sample_s: f64,
 }
 
-impl<'a> Track<'a> {
-    fn new(world: &'a DriveWorld, trace: &'a Trace, agent: usize) -> Option<Track<'a>> {
+impl<'a> AdoTrack<'a> {
+    fn new(world: &'a DriveWorld, trace: &'a Trace, agent: usize) -> Option<AdoTrack<'a>> {
         let spec = world.spec();
         let ego = spec.egos().next()?;
         let columns = |agent: usize| -> Option<[&'a [f64]; 4]> {
@@ -44,7 +44,7 @@ impl<'a> Track<'a> {
                 ["x", "y", "heading", "speed"].map(|it| trace.signal(&format!("{name}.{it}")));
             Some([x?, y?, heading?, speed?])
         };
-        Some(Track {
+        Some(AdoTrack {
             own: columns(agent)?,
             egos: columns(ego)?,
             sample_s: trace.dt_s(),

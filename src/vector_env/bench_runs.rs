@@ -1,7 +1,7 @@
 //! Environments on a test bench each, for every world.
 
 use super::StepInto;
-use super::run::Run;
+use super::run::EnvRun;
 use crate::seed::StartKey;
 use crate::stl::Scratch;
 use crate::testbench::{Aftermath, Testbench};
@@ -10,7 +10,7 @@ use crate::world::Scenario;
 /// Environments with a test bench each.
 pub(super) struct BenchRuns {
     benches: Vec<Testbench>,
-    runs: Vec<Run>,
+    runs: Vec<EnvRun>,
     scratch: Scratch,
 }
 
@@ -18,12 +18,12 @@ impl BenchRuns {
     pub(super) fn new(world: &Scenario, runs: usize) -> BenchRuns {
         BenchRuns {
             benches: (0..runs).map(|_| world.bench()).collect(),
-            runs: Run::several(runs, world.world().clock().decisions()),
+            runs: EnvRun::several(runs, world.world().clock().decisions()),
             scratch: Scratch::new(),
         }
     }
 
-    pub(super) fn run(&self, at: usize) -> &Run {
+    pub(super) fn run(&self, at: usize) -> &EnvRun {
         &self.runs[at]
     }
 

@@ -49,7 +49,7 @@ impl LaneWorld {
         let samples = layout.spec.clock.samples();
         // A limit depends on the course of the episode, which test benches follow.
         let is_limited = world.traffic().limit().is_some();
-        let fits = !is_limited && has_constant_surroundings(&layout) && has_simple_cast(&layout);
+        let fits = !is_limited && has_constant_surroundings(&layout) && has_only_vehicles(&layout);
         if !fits || RunsJudge::new(&rulebook, samples, 1).is_none() {
             return None;
         }
@@ -85,7 +85,7 @@ fn has_constant_surroundings(layout: &DriveLayout) -> bool {
 
 /// Returns whether all road users are vehicles, without plans and trained ados, and
 /// the ego is one of this crate.
-fn has_simple_cast(layout: &DriveLayout) -> bool {
+fn has_only_vehicles(layout: &DriveLayout) -> bool {
     let spec = &layout.spec;
     let is_simple = |agent: &Agent| {
         let drives = match &agent.drive {

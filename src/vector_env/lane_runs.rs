@@ -10,7 +10,7 @@ use rand::Rng;
 
 use super::StepInto;
 use super::eligible::LaneWorld;
-use super::run::Run;
+use super::run::EnvRun;
 use crate::ego::{Actuator, Controller, Percept};
 use crate::road::{LaneKeeper, OnRoad};
 use crate::rulebook::{NewSamples, RunsJudge, Stop, Verdict};
@@ -26,7 +26,7 @@ use crate::stl::SampleColumns;
 /// signals, rules, verdict.
 pub(super) struct LaneRuns {
     world: LaneWorld,
-    runs: Vec<Run>,
+    runs: Vec<EnvRun>,
     plant: KinematicLanes,
     vehicles: Vec<Drivetrains>,
     controllers: Vec<Box<dyn Controller>>,
@@ -52,7 +52,7 @@ struct Drivetrains {
 }
 
 /// Result of the motion of the loaded run for some samples.
-struct Driven {
+struct DrivenLane {
     /// Number of new samples.
     count: usize,
     /// Why no further sample follows.
@@ -89,7 +89,7 @@ impl LaneRuns {
         scene.states.resize(spec.agents.len(), BodyState::default());
         scene.on_road.resize(spec.agents.len(), OnRoad::default());
         Some(LaneRuns {
-            runs: Run::several(runs, spec.clock.decisions()),
+            runs: EnvRun::several(runs, spec.clock.decisions()),
             plant: KinematicLanes::new(bodies, world.ground, runs)?,
             vehicles: spec.agents.iter().map(drivetrains).collect(),
             controllers: (0..runs).map(|_| controller()).collect(),
@@ -104,7 +104,7 @@ impl LaneRuns {
         })
     }
 
-    pub(super) fn run(&self, at: usize) -> &Run {
+    pub(super) fn run(&self, at: usize) -> &EnvRun {
         &self.runs[at]
     }
 
@@ -134,7 +134,7 @@ impl LaneRuns {
         self.scene.touch = None;
         self.look();
         self.publish(0);
-        let first = Driven {
+        let first = DrivenLane {
             count: 1,
             stop: None,
             is_faulty: false,
@@ -174,13 +174,13 @@ impl LaneRuns {
     }
 
     /// Drives a run to its next decision, and publishes its samples.
-    fn drive(&mut self, run: usize) -> Driven {
+    fn drive(&mut self, run: usize) -> DrivenLane {
         let sample_s = self.world.layout.spec.clock.sample_s;
         self.plant.load(run);
         self.scene.sample = self.samples[run];
         self.scene.touch = None;
         self.look();
-        let mut driven = Driven {
+        let mut driven = DrivenLane {
             count: 0,
             stop: None,
             is_faulty: false,
@@ -269,8 +269,8 @@ impl LaneRuns {
     }
 
     /// Judges the new samples of a run, the first of which is its sample `first`.
-    fn conclude(&mut self, run: usize, first: usize, driven: &Driven, observation: &mut [f32]) {
-        let Driven {
+    fn conclude(&mut self, run: usize, first: usize, driven: &DrivenLane, observation: &mut [f32]) {
+        let DrivenLane {
             mut count,
             mut stop,
             mut is_faulty,
@@ -338,7 +338,7 @@ impl LaneRuns {
             + size_of_val(&*self.scene.on_road)
             + size_of_val(&*self.percept.others)
             + columns.sum::<usize>();
-        let runs = self.runs.iter().map(Run::bytes).sum::<usize>()
+        let runs = self.runs.iter().map(EnvRun::bytes).sum::<usize>()
             + size_of_val(&*self.sensing)
             + size_of_val(&*self.samples);
         let driven = self.plant.bytes() + vehicles.sum::<usize>() + controllers.sum::<usize>();

@@ -44,7 +44,7 @@ use crate::world::Scenario;
 use bench_runs::BenchRuns;
 use eligible::LaneWorld;
 use lane_runs::LaneRuns;
-use run::Run;
+use run::EnvRun;
 
 /// Environments that one structure of arrays holds.
 ///
@@ -175,7 +175,7 @@ impl VectorEnv {
         }
     }
 
-    fn run(&self, at: usize) -> &Run {
+    fn run(&self, at: usize) -> &EnvRun {
         match &self.groups[at / LANES] {
             Group::Lanes(lanes) => lanes.run(at % LANES),
             Group::Benches(benches) => benches.run(at % LANES),

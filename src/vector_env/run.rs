@@ -6,7 +6,7 @@ use crate::seed::StartKey;
 
 /// Episode of one environment.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct EnvRun {
     /// Key of its start, `None` before the first episode.
     pub(super) key: Option<StartKey>,
     /// Joint actions so far.
@@ -18,15 +18,15 @@ pub(super) struct Run {
     pub(super) robustness: f64,
 }
 
-impl Run {
+impl EnvRun {
     /// Creates runs of at most `decisions` decisions that have not begun.
-    pub(super) fn several(runs: usize, decisions: usize) -> Vec<Run> {
+    pub(super) fn several(runs: usize, decisions: usize) -> Vec<EnvRun> {
         // All lists of actions one after the other in memory, and none of them grows.
-        (0..runs).map(|_| Run::new(decisions)).collect()
+        (0..runs).map(|_| EnvRun::new(decisions)).collect()
     }
 
-    fn new(decisions: usize) -> Run {
-        Run {
+    fn new(decisions: usize) -> EnvRun {
+        EnvRun {
             key: None,
             actions: Vec::with_capacity(decisions),
             verdict: None,
@@ -58,6 +58,6 @@ impl Run {
     }
 
     pub(super) fn bytes(&self) -> usize {
-        size_of::<Run>() + self.actions.capacity() * size_of::<u32>()
+        size_of::<EnvRun>() + self.actions.capacity() * size_of::<u32>()
     }
 }

@@ -90,11 +90,11 @@ struct Way {
     y_m: Vec<f64>,
     time_s: Vec<f64>,
     s_m: Vec<f64>,
-    runs: Vec<Run>,
+    runs: Vec<PathRun>,
 }
 
 /// Some pieces of a path, with what bounds them.
-struct Run {
+struct PathRun {
     from: usize,
     to: usize,
     low_m: [f64; 2],
@@ -135,7 +135,7 @@ impl Way {
         way
     }
 
-    fn run(&self, from: usize, to: usize) -> Run {
+    fn run(&self, from: usize, to: usize) -> PathRun {
         let course_rad = self.course_rad(from);
         let turn = |i: usize| wrapped(self.course_rad(i) - course_rad).abs();
         let low = |values: &[f64]| {
@@ -150,7 +150,7 @@ impl Way {
                 .copied()
                 .fold(-f64::INFINITY, f64::max)
         };
-        Run {
+        PathRun {
             from,
             to,
             low_m: [low(&self.x_m), low(&self.y_m)],
@@ -209,7 +209,7 @@ fn line_angle(a_rad: f64, b_rad: f64) -> f64 {
 }
 
 /// Returns true if pieces of two runs may cross at a large angle.
-fn may_cross(run: &Run, other: &Run) -> bool {
+fn may_cross(run: &PathRun, other: &PathRun) -> bool {
     let is_apart = (0..2)
         .any(|axis| run.high_m[axis] < other.low_m[axis] || other.high_m[axis] < run.low_m[axis]);
     let angle_rad = line_angle(run.course_rad, other.course_rad);

@@ -219,7 +219,7 @@ fn text(name: &str, kind: SituationKind, situations: &[SituationPlan]) -> String
         all().map(|it| it.across.map_or(0.0, |it| it.ego_m)),
     );
     let ego_mps = table.number("ego.speed", all().map(|it| it.ego_mps));
-    let agent = PlannedAdo {
+    let agent = SituationAdo {
         name: ado,
         kind,
         situations,
@@ -285,13 +285,13 @@ fn sources(situations: &[SituationPlan]) -> String {
 }
 
 /// Road user with a plan from which it may stray.
-struct PlannedAdo<'a> {
+struct SituationAdo<'a> {
     name: &'a str,
     kind: SituationKind,
     situations: &'a [SituationPlan],
 }
 
-impl PlannedAdo<'_> {
+impl SituationAdo<'_> {
     fn to_ron(&self, table: &mut PointColumns) -> String {
         let (name, all) = (self.name, || self.situations.iter());
         let first = &self.situations[0];

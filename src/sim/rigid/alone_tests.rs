@@ -35,15 +35,15 @@ fn bits(motion: &ChassisMotion) -> Vec<u32> {
 }
 
 /// The same body moved by rapier's pipeline, and its car by rapier's controller.
-struct Reference {
+struct OwnReference {
     world: PhysicsWorld,
     handle: RigidBodyHandle,
     ground: Bvh,
     car: DynamicRayCastVehicleController,
 }
 
-impl Reference {
-    fn new(chassis: &Chassis, wheels: &[Wheel; 4]) -> Reference {
+impl OwnReference {
+    fn new(chassis: &Chassis, wheels: &[Wheel; 4]) -> OwnReference {
         let mut world = PhysicsWorld::new();
         world.gravity = vector(0.0, 0.0, -GRAVITY_MPS2);
         world.integration_parameters.num_solver_iterations = 1;
@@ -68,7 +68,7 @@ impl Reference {
             let made = car.add_wheel(wheel.hub, down, axle, wheel.rest_m, wheel.radius_m, &tuning);
             (made.engine_force, made.steering) = (wheel.engine_n, wheel.steering_rad);
         }
-        Reference {
+        OwnReference {
             world,
             handle,
             ground: Bvh::from_iter(BvhBuildStrategy::Binned, [(leaf as usize, aabb)]),
@@ -163,7 +163,7 @@ fn moves_alike(
     dt_s: f32,
 ) -> Result<(), TestCaseError> {
     chassis.set_force(force_n);
-    let mut reference = Reference::new(&chassis, &wheels);
+    let mut reference = OwnReference::new(&chassis, &wheels);
     for step in 0..STEPS {
         chassis.roll(&mut wheels, dt_s);
         reference.roll(dt_s);
