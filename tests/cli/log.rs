@@ -10,7 +10,13 @@ fn recording() -> String {
     let (mut lead_m, mut own_m) = (134.0, 100.0);
     for i in 0..300 {
         let time_s = 0.05 * f64::from(i);
-        let lead_mps = if (100..140).contains(&i) { 26.0 } else { 28.0 };
+        // It loses 2 m/s in a second, and gains them again after another.
+        let lead_mps = match i {
+            100..120 => 28.0 - 0.1 * f64::from(i - 99),
+            120..140 => 26.0,
+            140..160 => 26.0 + 0.1 * f64::from(i - 139),
+            _ => 28.0,
+        };
         text += &format!("{time_s:.2},lead,{lead_m:.3},0,0,{lead_mps},4,1.8\n");
         text += &format!("{time_s:.2},own,{own_m:.3},0,0,28,4,1.8\n");
         lead_m += 0.05 * lead_mps;
