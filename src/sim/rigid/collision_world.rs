@@ -262,3 +262,20 @@ fn set_velocity(body: &mut RigidBody, velocity: RigidBodyVelocity<f32>) {
     body.set_vels(other, true);
     body.set_vels(velocity, true);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_velocity_is_set_with_the_signs_of_its_zeros() {
+        let mut body = rapier3d::prelude::RigidBodyBuilder::dynamic().build();
+        for zero in [-0.0f32, 0.0] {
+            let velocity = RigidBodyVelocity::new(Vector::splat(zero), Vector::splat(zero));
+            set_velocity(&mut body, velocity);
+            let bits = |vector: Vector| vector.to_array().map(f32::to_bits);
+            assert_eq!(bits(body.linvel()), [zero.to_bits(); 3]);
+            assert_eq!(bits(body.angvel()), [zero.to_bits(); 3]);
+        }
+    }
+}
