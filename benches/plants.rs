@@ -1,8 +1,8 @@
 //! What the plants cost, beside bare rapier stepping of the same cars.
 //!
 //! `cargo bench --bench plants`; every line is one physics step of all cars,
-//! unless it says otherwise. `bare_lean` steps the very world that the rigid
-//! plant steps (wheel rays against the ground only, no chassis colliders);
+//! unless it says otherwise. `bare_lean` steps the cars of the rigid plant with
+//! rapier's pipeline and controller (rays against the ground only, no colliders);
 //! `bare_usual` is rapier as one would set it up first, colliders included.
 
 use brakecheck::internals::sim::{

@@ -1,4 +1,5 @@
-//! Bodies that move alone have the bits that rapier gives them.
+//! Bodies that move alone have the bits that rapier gives them, and keep them when they
+//! begin to collide.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d::query::DefaultQueryDispatcher;
@@ -10,10 +11,12 @@ use rapier3d::prelude::{
     QueryPipelineMut, RigidBodyHandle, SharedShape,
 };
 
-use super::chassis::Chassis;
+use super::chassis::{Chassis, ChassisId};
 use super::chassis_motion::{ChassisMotion, vector};
+use super::collision_world::CollisionWorld;
+use super::shape::CollisionShape;
 use super::wheels::Wheel;
-use crate::sim::GRAVITY_MPS2;
+use crate::sim::{Body, GRAVITY_MPS2};
 
 /// Steps that both ways of moving take.
 const STEPS: usize = 60;
@@ -245,5 +248,51 @@ fn bodies_with_numbers_that_are_not_finite_stop_as_in_rapier() {
         let chassis = chassis(turned(0.0, [0.0; 3]), [20.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let wheels = wheels(numbers, [0.1; 2], [100.0; 2]);
         moves_alike(chassis, wheels, Vector::X * force_n, 0.0125).expect("alike");
+    }
+}
+
+/// Tumbling boxes in rows above the ground.
+fn tumbling(index: usize) -> Chassis {
+    let (row, column) = ((index / 4) as f32, (index % 4) as f32);
+    let mut pose = turned(0.8 + 0.1 * column, [0.05 * column, 0.0, 0.1 * row]);
+    pose.translation += Vector::new(4.4 * row, 1.7 * column, 0.0);
+    let ahead_mps = 6.0 - 3.0 * row;
+    let mut chassis = chassis(pose, [ahead_mps, 0.0, 1.0, 0.3, -0.2, 0.1 * column]);
+    chassis.set_force(Vector::new(300.0 * column, -200.0, 0.0));
+    chassis
+}
+
+/// Lets bodies collide for a second and returns the bits of all motions.
+fn collide(mut world: CollisionWorld, bodies: usize) -> Vec<Vec<u32>> {
+    let sedan = Body::shipped("sedan").expect("shipped").expect("valid");
+    let shape = CollisionShape::of(&sedan);
+    world.set_friction(0.9);
+    for id in 0..bodies {
+        world.add_colliders(ChassisId(id), &sedan, shape.colliders(0.15));
+    }
+    let mut all = Vec::new();
+    for _ in 0..300 {
+        world.step(0.003);
+        all.extend((0..bodies).map(|id| bits(&world.motion(ChassisId(id)))));
+    }
+    all
+}
+
+#[test]
+fn bodies_that_begin_to_collide_go_on_as_if_rapier_had_moved_them_before() {
+    const BODIES: usize = 12;
+    for steps in [0, 1, 20] {
+        let mut alone: Vec<Chassis> = (0..BODIES).map(tumbling).collect();
+        let mut stepped = CollisionWorld::new(&alone, &[], parameters(0.0125));
+        for _ in 0..steps {
+            stepped.step(0.0125);
+            alone
+                .iter_mut()
+                .for_each(|one| one.step(&parameters(0.0125)));
+        }
+        let made = CollisionWorld::new(&alone, &[], parameters(0.0125));
+        let made = collide(made, BODIES);
+        let moved = made.first() != made.last();
+        assert!(moved && made == collide(stepped, BODIES), "{steps} steps");
     }
 }

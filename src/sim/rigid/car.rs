@@ -168,7 +168,7 @@ impl Car {
         if loads_n.iter().any(|load_n| 0.0 < *load_n) {
             return loads_n;
         }
-        // In the first step rapier has computed no suspension force yet.
+        // In the first step there is no suspension force yet.
         let weight_n = self.mass_kg * GRAVITY_MPS2;
         self.load_shares.map(|share| share * weight_n)
     }
@@ -344,7 +344,7 @@ impl Motor for Car {
         let loads_n = wheels.iter().map(|wheel| f64::from(wheel.load_n));
         let load_n: f64 = loads_n.sum();
         for (index, wheel) in wheels.iter_mut().enumerate() {
-            // In the first step rapier has computed no suspension force yet.
+            // In the first step there is no suspension force yet.
             let share = if 0.0 < load_n {
                 f64::from(wheel.load_n) / load_n
             } else {

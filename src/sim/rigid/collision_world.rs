@@ -16,19 +16,6 @@ use crate::sim::{Body, GRAVITY_MPS2};
 
 /// Iterations of rapier's solver over all contacts, once bodies collide.
 const CONTACT_ITERATIONS: usize = 16;
-/// Period in which rapier's broad phase looks after its tree.
-const BROAD_PHASE_PERIOD: u32 = 8;
-
-/// Event of the time before the first contact that rapier's sets depend on.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum WorldEvent {
-    /// Insertion of the next body.
-    Insert,
-    Remove(ChassisId),
-    /// Number of steps.
-    Steps(u32),
-}
-
 /// Sets of rapier, without its events and hooks.
 pub(super) struct CollisionWorld {
     /// Bodies in the order of their numbers.
@@ -48,14 +35,13 @@ pub(super) struct CollisionWorld {
 }
 
 impl CollisionWorld {
-    /// Creates the world of bodies that moved alone so far.
+    /// Creates the world of bodies that moved alone so far, some of which were removed.
     ///
-    /// The order in which rapier solves contacts depends on the order of the bodies in
-    /// its sets and on the age of its broad phase. Both are as if the pipeline had
-    /// stepped the bodies from the beginning, so steps of 0 s repeat the history.
+    /// rapier's sets have the bodies as if they had been there from the beginning. A step
+    /// of 0 s registers them, and a removed body leaves its place to the next one.
     pub(super) fn new(
         chassis: &[Chassis],
-        history: &[WorldEvent],
+        removed: &[ChassisId],
         parameters: IntegrationParameters,
     ) -> CollisionWorld {
         let mut colliders = ColliderSet::new();
@@ -74,18 +60,12 @@ impl CollisionWorld {
             parameters,
             pipeline: PhysicsPipeline::new(),
         };
-        for event in history {
-            match event {
-                WorldEvent::Insert => {
-                    world.insert(&chassis[world.handles.len()]);
-                }
-                WorldEvent::Remove(id) => world.remove(*id),
-                WorldEvent::Steps(count) => {
-                    for _ in 0..repeated(*count) {
-                        world.step(0.0);
-                    }
-                }
-            }
+        for one in chassis {
+            world.insert(one);
+        }
+        world.step(0.0);
+        for id in removed {
+            world.remove(*id);
         }
         // More substeps of the solver would apply the restitution more than once.
         world.parameters.num_internal_pgs_iterations = CONTACT_ITERATIONS;
@@ -271,14 +251,6 @@ impl Clone for CollisionWorld {
     }
 }
 
-/// Returns how many steps have the effect of a number of steps on rapier's sets.
-fn repeated(steps: u32) -> u32 {
-    if steps < BROAD_PHASE_PERIOD {
-        return steps;
-    }
-    BROAD_PHASE_PERIOD + steps % BROAD_PHASE_PERIOD
-}
-
 /// Sets a velocity, with the signs of its zeros.
 ///
 /// rapier's setters ignore equal numbers, and 0 equals -0.
@@ -289,4 +261,21 @@ fn set_velocity(body: &mut RigidBody, velocity: RigidBodyVelocity<f32>) {
     };
     body.set_vels(other, true);
     body.set_vels(velocity, true);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_velocity_is_set_with_the_signs_of_its_zeros() {
+        let mut body = rapier3d::prelude::RigidBodyBuilder::dynamic().build();
+        for zero in [-0.0f32, 0.0] {
+            let velocity = RigidBodyVelocity::new(Vector::splat(zero), Vector::splat(zero));
+            set_velocity(&mut body, velocity);
+            let bits = |vector: Vector| vector.to_array().map(f32::to_bits);
+            assert_eq!(bits(body.linvel()), [zero.to_bits(); 3]);
+            assert_eq!(bits(body.angvel()), [zero.to_bits(); 3]);
+        }
+    }
 }

@@ -11,7 +11,7 @@ use rapier3d::prelude::{IntegrationParameters, MassProperties};
 
 use super::chassis::{Chassis, ChassisId};
 use super::chassis_motion::{ChassisMotion, vector};
-use super::collision_world::{CollisionWorld, WorldEvent};
+use super::collision_world::CollisionWorld;
 use super::wheels::Wheel;
 use crate::sim::Body;
 use crate::sim::planar::Rect;
@@ -23,8 +23,7 @@ const GRID_M: f64 = 8.0;
 #[derive(Clone)]
 pub(super) struct RapierWorld {
     chassis: Vec<Chassis>,
-    /// Everything that has an effect on the order of bodies in rapier.
-    history: Vec<WorldEvent>,
+    removed: Vec<ChassisId>,
     parameters: IntegrationParameters,
     /// World in which bodies collide, from the first contact on.
     together: Option<Box<CollisionWorld>>,
@@ -35,7 +34,7 @@ impl RapierWorld {
     pub(super) fn new() -> RapierWorld {
         RapierWorld {
             chassis: Vec::new(),
-            history: Vec::new(),
+            removed: Vec::new(),
             // More solver iterations give a car at rest a phantom velocity.
             parameters: IntegrationParameters {
                 num_solver_iterations: 1,
@@ -48,7 +47,7 @@ impl RapierWorld {
     /// Removes all bodies.
     pub(super) fn clear(&mut self) {
         self.chassis.clear();
-        self.history.clear();
+        self.removed.clear();
         self.together = None;
     }
 
@@ -90,7 +89,6 @@ impl RapierWorld {
             return together.insert(&chassis);
         }
         self.chassis.push(chassis);
-        self.history.push(WorldEvent::Insert);
         ChassisId(self.chassis.len() - 1)
     }
 
@@ -98,10 +96,10 @@ impl RapierWorld {
     ///
     /// Bodies that slide on the ground have its friction or theirs, whichever is less.
     pub(super) fn solid(&mut self, friction: f64) {
-        let (chassis, history) = (&self.chassis, &self.history);
+        let (chassis, removed) = (&self.chassis, &self.removed);
         let parameters = self.parameters;
         self.together
-            .get_or_insert_with(|| Box::new(CollisionWorld::new(chassis, history, parameters)))
+            .get_or_insert_with(|| Box::new(CollisionWorld::new(chassis, removed, parameters)))
             .set_friction(friction);
     }
 
@@ -132,7 +130,7 @@ impl RapierWorld {
             return together.remove(id);
         }
         self.chassis[id.0].disable();
-        self.history.push(WorldEvent::Remove(id));
+        self.removed.push(id);
     }
 
     /// Lets a car's wheels act on its chassis for a step.
@@ -168,10 +166,6 @@ impl RapierWorld {
         }
         for chassis in &mut self.chassis {
             chassis.step(&self.parameters);
-        }
-        match self.history.last_mut() {
-            Some(WorldEvent::Steps(count)) => *count += 1,
-            _ => self.history.push(WorldEvent::Steps(1)),
         }
     }
 
