@@ -18,7 +18,6 @@ mod path;
 mod wheels;
 
 use self::approach::meet;
-use self::engine::Engine;
 use self::kinematic_playback::Passing;
 pub(crate) use self::lanes::KinematicLanes;
 use self::mover::Mover;
