@@ -159,8 +159,8 @@ fn repeats(episode: &Episode, name: &str, cars: &[Car], situation: &SituationPla
     let from_s = situation.time_s;
     let s_m = column(episode, &format!("{name}.s"));
     assert_eq!(s_m.len(), 201);
-    // Between rear bumper and front bumper, the recorded gap.
-    let rear_m = s_m[0] - situation.body.length_m - column(episode, "ego.s")[0];
+    // Between rear bumper and front bumper, the recorded gap. The ego's front is at 0.
+    let rear_m = s_m[0] - situation.body.length_m;
     let apart_m = 0.5 * (car.length_m + own.length_m);
     let off_m = rear_m + apart_m - (car.along_m(from_s) - own.along_m(from_s));
     assert!(off_m.abs() < 0.1, "the gap is {off_m} m off");
