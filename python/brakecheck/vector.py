@@ -153,8 +153,10 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         info["robustness"][ended] = robustness
         info["decisions"][ended] = decisions
         for at, episode in zip(ended, self._raw.episodes(ended)):
-            lazy = isinstance(episode, RawEpisode)
-            info["episode"][at] = _Episode(episode) if lazy else episode
+            if isinstance(episode, RawEpisode):
+                info["episode"][at] = _Episode(episode)
+            else:
+                info["episode"][at] = episode
         info.update({f"_{name}": mask for name in names})
         return info
 

@@ -153,3 +153,24 @@ def test_gymnasium_makes_the_vector_environment():
         "brakecheck/acc-v0", num_envs=4, vectorization_mode="vector_entry_point"
     )
     assert isinstance(env.unwrapped, VectorEnv) and env.num_envs == 4
+
+
+def test_natural_ados_are_limited_in_worlds_that_can_have_them():
+    free = World("acc", plant="kinematic")
+    limited = World("acc", plant="kinematic", natural=20.0)
+
+    def braking(world):
+        env = Env(world)
+        env.reset(seed=3)
+        for _ in range(10):
+            *_, terminated, truncated, _ = env.step(0)
+            if terminated or truncated:
+                break
+        return int((env.trace()["ado.accel"] < -2.5).sum())
+
+    assert 0 < braking(limited) < braking(free)
+    for wrong in ({"natural": 0.0}, {"natural": 1.0, "traffic": "none.ron"}):
+        with pytest.raises(InputError):
+            World("acc", **wrong)
+    with pytest.raises(InputError, match="no ado drives a vehicle"):
+        World("pedestrian", natural=1.0)
