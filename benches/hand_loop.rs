@@ -11,8 +11,9 @@ use std::hint::black_box;
 
 use brakecheck::rl::Env;
 use brakecheck::scene::Start;
-use brakecheck::seed::Purpose;
+use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Gym};
+use brakecheck::vector_env::VectorEnv;
 use brakecheck::world::{PlantKind, Scenario};
 use cpu_time::ProcessTime;
 
@@ -46,7 +47,9 @@ fn main() {
     for envs in [1, 64, 4096] {
         let hands: Box<dyn Batch> = Box::new(Hands::new(envs));
         let gyms: Box<dyn Batch> = Box::new(Gyms::new(&world, envs));
-        compare(envs, &["hand", "kinematic"], &mut [hands, gyms]);
+        let vector: Box<dyn Batch> = Box::new(Vector::new(&world, envs));
+        let names = ["hand", "kinematic", "vector"];
+        compare(envs, &names, &mut [hands, gyms, vector]);
     }
 }
 
@@ -425,6 +428,56 @@ impl Batch for Gyms {
             if black_box(gym.step(action, obs)).end.is_some() {
                 *episode += 1;
                 gym.reset(*episode, obs);
+            }
+        }
+    }
+}
+
+/// The same environments, stepped together.
+struct Vector {
+    env: VectorEnv,
+    observations: Vec<f32>,
+    rewards: Vec<f64>,
+    ends: Vec<Option<brakecheck::rl::End>>,
+    episodes: Vec<u64>,
+}
+
+impl Vector {
+    fn new(world: &Scenario, envs: usize) -> Vector {
+        let mut made = Vector {
+            env: VectorEnv::new(world, envs),
+            observations: vec![0.0; OBSERVED * envs],
+            rewards: vec![0.0; envs],
+            ends: vec![None; envs],
+            episodes: vec![0; envs],
+        };
+        (0..envs).for_each(|at| made.reset(at));
+        made
+    }
+
+    fn reset(&mut self, at: usize) {
+        let key = StartKey {
+            purpose: Purpose::Train,
+            seed: at as u64,
+            index: self.episodes[at],
+        };
+        let observation = &mut self.observations[OBSERVED * at..][..OBSERVED];
+        self.env.begin(at, key, observation);
+    }
+}
+
+impl Batch for Vector {
+    fn step(&mut self, actions: &[usize]) {
+        self.env.step(
+            actions,
+            &mut self.observations,
+            &mut self.rewards,
+            &mut self.ends,
+        );
+        for at in 0..self.ends.len() {
+            if black_box(self.ends[at]).is_some() {
+                self.episodes[at] += 1;
+                self.reset(at);
             }
         }
     }

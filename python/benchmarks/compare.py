@@ -106,7 +106,7 @@ def hand_loop() -> dict[str, float] | None:
     # It fails if the loop and the test bench move differently.
     ran = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     rows = [line.split() for line in ran.stdout.splitlines()]
-    loops = ("hand", "kinematic")
+    loops = ("hand", "kinematic", "vector")
     return {f"{row[0]} {row[1]}": float(row[2]) for row in rows if row and row[0] in loops}
 
 

@@ -105,6 +105,11 @@ def steps(found: dict[str, Any]) -> str:
             rate = hand.get(f"{plant} {envs}")
             if rate is not None:
                 rows.append(beside(f"{plant}, Rust `Gym` × {envs}", rate, hand, envs, plant))
+    for envs in ("1", "64", "4096"):
+        rate = hand.get(f"vector {envs}")
+        if rate is not None:
+            row = beside(f"kinematic, Rust `VectorEnv({envs})`", rate, hand, envs, "kinematic")
+            rows.append(row)
     return table("decisions per CPU-s | brakecheck | hand loop | ratio", rows)
 
 
