@@ -37,7 +37,7 @@ pub enum TrafficError {
         /// Name of the file.
         file: String,
         /// Underlying error.
-        source: ModelError,
+        source: Box<ModelError>,
     },
 }
 
@@ -75,7 +75,7 @@ pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario
     })?;
     let model = TrafficModel::parse(&text).map_err(|source| TrafficError::Model {
         file: file.to_owned(),
-        source,
+        source: Box::new(source),
     })?;
     Ok(world.in_traffic(Arc::new(model)))
 }

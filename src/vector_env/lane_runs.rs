@@ -144,15 +144,15 @@ impl LaneRuns {
 
     pub(super) fn step(&mut self, actions: &[usize], mut into: StepInto<'_>) {
         let count = self.runs.len();
-        for run in 0..count {
+        for (run, &action) in actions.iter().enumerate().take(count) {
             (into.rewards[run], into.ends[run]) = (0.0, None);
             if self.runs[run].is_over {
                 continue;
             }
-            self.runs[run].actions.push(actions[run] as u32);
+            self.runs[run].actions.push(action as u32);
             // The first sample may have decided the episode, which then stands still.
             if self.runs[run].verdict.is_none() {
-                self.decide(run, actions[run]);
+                self.decide(run, action);
                 let first = self.samples[run] + 1;
                 let driven = self.drive(run);
                 self.conclude(run, first, &driven, into.row(run, count));

@@ -3,7 +3,7 @@
 //! A [`VectorEnv`] plays the episodes of [`Gym`](crate::testbench::Gym), with the same
 //! bits, and keeps no trace of them. Worlds whose road users are vehicles on the
 //! kinematic plant are laid out as a structure of arrays, about 1 kB per environment.
-//! All other worlds play on a [`Testbench`](crate::testbench::Testbench) each.
+//! All other worlds play on a [`Testbench`] each.
 //! [`VectorEnv::layout`] says which.
 //!
 //! ```

@@ -48,8 +48,8 @@ fn naive(net: &Mlp, sizes: &[usize], x: &[f32], batch: usize, pull: &[f32]) -> [
         for row in values[i].chunks_exact(stride) {
             for q in 0..layer.width {
                 let mut sum = layer.bias[q];
-                for p in 0..layer.inputs {
-                    sum += row[p] * layer.weights[p * layer.width + q];
+                for (p, x) in row.iter().enumerate().take(layer.inputs) {
+                    sum += x * layer.weights[p * layer.width + q];
                 }
                 let is_hidden = i + 1 < layers.len();
                 out.push(if is_hidden && sum <= 0.0 { 0.0 } else { sum });
