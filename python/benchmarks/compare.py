@@ -27,8 +27,6 @@ ROOT = HERE.parent.parent
 OUTPUT = ROOT / "target" / "benchmarks"
 PAGE = ROOT / "docs" / "background" / "benchmarks.md"
 RIVALS = ["highway-env", "rtamt", "mstlo-python", "stable-baselines3"]
-#: Wheels of torch without CUDA are a tenth of the others.
-CPU_TORCH = ["--index-url", "https://download.pytorch.org/whl/cpu", "--retries", "0"]
 CARGO = os.environ.get("CARGO", "cargo")
 
 
@@ -80,9 +78,6 @@ def install(python: Path, wheel: Path) -> None:
         sys.exit(f"{wheel} cannot be installed")
     # Another build of the same version would be taken for installed.
     pip(python, "--force-reinstall", "--no-deps", str(wheel))
-    has_torch = [str(python), "-c", "import torch"]
-    if subprocess.run(has_torch, capture_output=True).returncode != 0:
-        pip(python, "torch", *CPU_TORCH)
     for rival in RIVALS:
         if not pip(python, rival):
             print(f"{rival} is missing", file=sys.stderr)

@@ -132,7 +132,7 @@ impl CheckedRecording {
     fn show(&self) -> Result<(), Failure> {
         let recording = &self.analysis.recording;
         terminal::data(&format!(
-            "{}, column map {}: {:.1} s, {:.1} km",
+            "{}, format {}: {:.1} s, {:.1} km",
             recording.name,
             self.map,
             recording.duration_s(),
