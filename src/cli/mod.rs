@@ -18,6 +18,7 @@ mod live;
 mod log;
 mod new;
 mod new_from_log;
+mod new_world;
 mod number_args;
 mod points;
 mod progress;
@@ -192,7 +193,11 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Sweep(args) => sweep::run(&args),
         Verb::Search(args) => search::run(&args),
         Verb::Replay(args) => replay::run(&args),
-        Verb::Stl(args) => stl::run(&args),
+        Verb::Stl(args) => match &args.trace {
+            Some(trace) => stl::run(&args, trace),
+            // Without a trace, the command line requires a recording.
+            None => stl_log::run(&args),
+        },
         Verb::Log(args) => log::run(&args),
         Verb::Report(args) => report::run(&args),
         Verb::Reproduce(args) => Err(reproduce::refusal(&args)),

@@ -6,14 +6,11 @@ use clap::Args;
 use serde_json::json;
 
 use super::new_from_log::{self, FromLogArgs};
-use super::{Common, Exit, Failure, print_json, terminal};
+use super::{Common, Exit, Failure, new_world, print_json, terminal};
 use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
 use crate::ron_file::file_text;
 use crate::run_dir::write_file;
 use crate::world::Scenario;
-
-/// Text of the new world, without its name.
-const WORLD: &str = include_str!("new_world.ron");
 
 #[derive(Args, Debug)]
 pub(super) struct NewArgs {
@@ -62,7 +59,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     }
     let name = args.name.strip_suffix(".ron").unwrap_or(&args.name);
     let file = format!("{name}.ron");
-    let text = check_name(name)?;
+    let text = new_world::text_named(name)?;
     let path = PathBuf::from(&file);
     // A dangling link counts as a file, too, because writing would replace it.
     if path.symlink_metadata().is_ok() {
@@ -80,22 +77,6 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         ))
     }?;
     Ok(Exit::Done)
-}
-
-/// Returns the text of a small world of this name.
-///
-/// # Errors
-/// The name cannot name a world.
-pub(super) fn check_name(name: &str) -> Result<String, Failure> {
-    let text = WORLD.replace("NAME", name);
-    // The checks of the world decide on valid names.
-    match Scenario::parse(name, &text) {
-        Ok(_) => Ok(text),
-        Err(_) => Err(Failure::input(
-            format!("`{name}` cannot name a world"),
-            "at most 64 letters, digits, _ and -: files are named after it",
-        )),
-    }
 }
 
 /// Writes the worlds of a protocol, or none if a file cannot be written.

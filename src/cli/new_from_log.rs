@@ -8,7 +8,7 @@ use brakecheck_traffic::{
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::new::check_name;
+use super::new_world;
 use super::{Exit, Failure, log, print_json, terminal};
 use crate::run_dir::{make_dir, write_file};
 use crate::world::Scenario;
@@ -74,7 +74,7 @@ impl FromLogArgs {
 pub(super) fn run(args: &FromLogArgs, name: &str, prints_json: bool) -> Result<Exit, Failure> {
     let kind = args.kind.unwrap_or(KindArg::Following).situations()?;
     let name = name.strip_suffix(".ron").unwrap_or(name);
-    check_name(name)?;
+    new_world::text_named(name)?;
     let recordings = log::read_all(&args.from_log, args.map.as_deref(), args.road.as_deref())?;
     let analyses: Vec<Analysis> = recordings.into_iter().map(|it| it.0).collect();
     let recorded = RecordedWorlds::of(name, kind, &analyses, usize::from(args.count.unwrap_or(24)));

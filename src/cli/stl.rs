@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, finite_or_word, print_json, stl_log, terminal};
+use super::{Common, Exit, Failure, finite_or_word, print_json, terminal};
 use crate::ron_file::{Problem, ScenarioError, file_text};
 use crate::run_dir::{trace_of_csv, write_file};
 use crate::stl::{
@@ -27,7 +27,7 @@ pub(super) struct StlArgs {
     pub(super) formula: String,
     /// The trace: a header of signal names, one line per sample; - is stdin.
     #[arg(long, value_name = "FILE.csv", required_unless_present = "log")]
-    trace: Option<String>,
+    pub(super) trace: Option<String>,
     /// Recorded traffic: evaluate the rules on every vehicle; repeat for several.
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["trace", "dt", "until", "end", "all", "explain"])]
     pub(super) log: Vec<PathBuf>,
@@ -87,11 +87,8 @@ enum EndArg {
     Strict,
 }
 
-pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
-    // Without a recording, the command line requires a trace.
-    let Some(trace) = &args.trace else {
-        return stl_log::run(args);
-    };
+/// Measures the formula on the trace in a file.
+pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
     let trace = read(args, trace)?;
     let in_formula = |error: StlError| placed("formula", &args.formula, &error);
     let formula: Formula = args.formula.parse().map_err(in_formula)?;
