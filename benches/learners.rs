@@ -123,6 +123,7 @@ impl Drift {
             observation: SIZES[0],
             actions: SIZES[3],
             neutral: 1,
+            parts: Vec::new(),
         };
         Drift {
             spaces,

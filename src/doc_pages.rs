@@ -61,6 +61,10 @@ pub mod training {}
 #[doc = include_str!("../docs/guide/goals.md")]
 pub mod goals {}
 
+/// Several ados: a policy for each, placed ados, drawn actions, earlier experience.
+#[doc = include_str!("../docs/guide/several-ados.md")]
+pub mod several_ados {}
+
 /// Reusing an ado on changed egos.
 #[doc = include_str!("../docs/guide/reuse.md")]
 pub mod reuse {}

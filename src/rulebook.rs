@@ -90,6 +90,25 @@ impl Rulebook {
         self.reward.of(verdict, self.rules.len())
     }
 
+    /// Returns the reward of one ado for a verdict, `None` for an invalid episode.
+    ///
+    /// It is Definition 4 with ψ_ego and the ado's own rules. `broken` are the rules that
+    /// the run broke. An ado without a rule among them has the reward of a run that barely
+    /// held, since the violation of another ado proves nothing about the ego.
+    pub fn reward_of_ado(&self, ado: &str, verdict: &Verdict, broken: &[usize]) -> Option<f64> {
+        if !verdict.is_foul() {
+            return self.reward_of(verdict);
+        }
+        let of_ado = |rule: &&Rule| rule.ado == ado;
+        let own = broken.iter().map(|&i| &self.rules[i]).filter(of_ado);
+        let Some(priority) = own.map(|rule| rule.priority).min() else {
+            return Some(self.reward.lawful(0.0));
+        };
+        let rules = self.rules.iter().filter(of_ado);
+        let forfeited = rules.clone().filter(|rule| priority <= rule.priority);
+        Some(self.reward.foul(forfeited.count(), rules.count()))
+    }
+
     /// Judges a finished trace as a whole, as the paper does.
     pub fn judge_whole(&self, trace: &Trace, scratch: &mut Scratch) -> Verdict {
         match self.first_broken(trace, scratch) {
@@ -193,6 +212,8 @@ pub enum Stop {
 pub struct Judge {
     spec: RunMonitor,
     rules: Vec<RunMonitor>,
+    /// Rules that no further sample can satisfy.
+    lost: Vec<bool>,
     spec_lost: bool,
     scratch: Scratch,
 }
@@ -207,6 +228,7 @@ impl Judge {
                 .iter()
                 .map(|rule| RunMonitor::new(&rule.monitor, samples))
                 .collect(),
+            lost: vec![false; rulebook.rules.len()],
             spec_lost: false,
             scratch: Scratch::default(),
         }
@@ -216,6 +238,7 @@ impl Judge {
     pub fn reset(&mut self) {
         self.spec.reset();
         self.rules.iter_mut().for_each(RunMonitor::reset);
+        self.lost.fill(false);
         self.spec_lost = false;
     }
 
@@ -270,12 +293,31 @@ impl Judge {
         }
     }
 
+    /// Returns all rules that a judged run broke, in the order of the rulebook.
+    ///
+    /// They are those that no further sample could satisfy, or else, in a run that ended,
+    /// those that are not strictly kept.
+    pub(crate) fn broken(&mut self, rulebook: &Rulebook, judged: &Trace) -> Vec<usize> {
+        let lost = self.lost.iter().enumerate();
+        let lost: Vec<usize> = lost.filter_map(|(i, lost)| lost.then_some(i)).collect();
+        if !lost.is_empty() {
+            return lost;
+        }
+        let rules = rulebook.rules.iter().enumerate();
+        let broken = rules.filter(|(_, rule)| {
+            let robustness = rule.monitor.robustness(judged, &mut self.scratch);
+            robustness <= 0.0
+        });
+        broken.map(|(i, _)| i).collect()
+    }
+
     /// Returns the most important rule that no further sample can satisfy.
     fn broken_at(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
         let mut broken: Option<usize> = None;
         for (i, rule) in self.rules.iter_mut().enumerate() {
             // An upper bound of 0 is enough, since "kept" is strict.
             if rule.push(row).hi <= 0.0 {
+                self.lost[i] = true;
                 broken = rulebook.more_important(broken, i);
             }
         }

@@ -288,6 +288,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
         Actions::Walks(list) => json!({ "along_mps": list[action].0, "left_mps": list[action].1 }),
         Actions::Rates(list) => json!(list[action]),
         Actions::Curvatures(list) => json!({ "curvature_per_m": list[action] }),
+        Actions::Turns(list) => json!({ "acts": list[action] }),
         Actions::Phases(list) => json!({ "advance": list[action] == PhaseAction::Advance }),
         Actions::Deviate(added) => {
             let (accel_mps2, left_mps) = added.at(action);

@@ -39,6 +39,8 @@ mod reuse;
 mod rivals;
 #[path = "cli/serve.rs"]
 mod serve;
+#[path = "cli/several_ados.rs"]
+mod several_ados;
 #[path = "cli/stl.rs"]
 mod stl;
 

@@ -11,6 +11,8 @@ mod golden;
 mod letter;
 #[path = "learners/lived.rs"]
 mod lived;
+#[path = "learners/per_ado.rs"]
+mod per_ado;
 #[path = "learners/schedules.rs"]
 mod schedules;
 #[path = "learners/scripted.rs"]
@@ -56,6 +58,7 @@ impl Corridor {
                 observation: 1,
                 actions: 3,
                 neutral: 1,
+                parts: Vec::new(),
             },
             cell: 0,
         }
@@ -109,6 +112,7 @@ impl OneStep {
             observation: 1,
             actions: 2,
             neutral: 0,
+            parts: Vec::new(),
         };
         OneStep {
             spaces,
@@ -319,6 +323,7 @@ fn a_checkpoint_of_another_learner_or_shape_is_refused() {
         observation: 2,
         actions: 3,
         neutral: 1,
+        parts: Vec::new(),
     };
     for ron in LEARNERS {
         let short = config(ron).with_decisions(1500).expect("in range");
@@ -377,6 +382,7 @@ impl Acc {
                 observation: 5,
                 actions: 3,
                 neutral: 1,
+                parts: Vec::new(),
             },
             stream,
             headway_m: 0.0,

@@ -8,6 +8,8 @@ mod aftermath;
 mod authoring;
 #[path = "worlds/carrying.rs"]
 mod carrying;
+#[path = "worlds/composed.rs"]
+mod composed;
 #[path = "worlds/conformance.rs"]
 mod conformance;
 #[path = "worlds/counting.rs"]

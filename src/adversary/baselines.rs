@@ -20,6 +20,8 @@ const REPLAYS: [usize; 2] = [1, 10];
 pub enum AdoKind {
     /// The trained policy.
     Trained,
+    /// The trained policy without each of its ados in turn, in worlds with several.
+    Without,
     /// A random action at each decision.
     Random,
     /// A random action, held for five decisions.
@@ -46,9 +48,10 @@ impl AdoKind {
     /// Returns the kinds that apply to a world, in the order of its rows.
     fn all(world: &Scenario) -> Vec<AdoKind> {
         use AdoKind::{
-            Chaser, Constant, Heuristic, Hold, Optimal, Random, Replays, Retrained, Switch, Trained,
+            Chaser, Constant, Heuristic, Hold, Optimal, Random, Replays, Retrained, Switch,
+            Trained, Without,
         };
-        let mut all = vec![Trained, Hold, Random, Constant];
+        let mut all = vec![Trained, Without, Hold, Random, Constant];
         all.extend(match world.kind() {
             ScenarioKind::Grid(_) => [Optimal, Chaser].as_slice(),
             ScenarioKind::Drive(_) => &[Switch, Heuristic, Replays, Retrained],

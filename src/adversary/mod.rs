@@ -8,6 +8,7 @@ mod nearest_replay;
 mod open_loop_baselines;
 pub(crate) mod rollout;
 mod threshold_rule;
+mod without_ado;
 
 pub use crate::grid_solver::exact::Indistinct;
 pub use baselines::AdoKind;

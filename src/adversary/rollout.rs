@@ -4,21 +4,23 @@ use std::sync::Arc;
 
 use super::nearest_replay::{NearestReplay, replay_nearest};
 use super::threshold_rule::Heuristic;
+use super::without_ado::WithoutAdo;
 use crate::ego::{Command, Fault};
 use crate::experiment::{CrashFeatures, badness, clusters, descending};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::natural::{NaturalnessOfRow, SuccessRarity};
-use crate::rl::Policy;
+use crate::rl::{Policy, Spaces};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
-    AdversaryId, ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row, StartRepeated, Stored,
+    AdversaryId, BrokenRule, ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row,
+    StartRepeated, Stored,
 };
 use crate::scene::Start;
 use crate::severity::Impact;
 use crate::stats::{Outcomes, StartOutcome, at_most, wilson};
 use crate::testbench::{
     Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay,
-    Testbench, count_faults, play,
+    SampledPolicy, Testbench, count_faults, play,
 };
 use crate::world::{Repeats, Scenario, TrainingEgos};
 
@@ -27,6 +29,12 @@ use crate::world::{Repeats, Scenario, TrainingEgos};
 pub enum Ado<'a> {
     /// A trained policy and the seed of its training.
     Trained(&'a dyn Policy, u64),
+    /// The policy of [`Ado::Trained`], with actions drawn at a temperature.
+    Sampled(&'a dyn Policy, u64, f64),
+    /// A trained policy whose ado of this name plays its action without effect.
+    Without(&'a dyn Policy, u64, &'a str),
+    /// The action without effect, beside the placed ados of the world.
+    Composed,
     /// A uniformly random action at each decision.
     Random,
     /// A uniformly random action, held for five decisions.
@@ -48,6 +56,9 @@ impl Ado<'_> {
     pub fn id(&self) -> AdversaryId {
         match *self {
             Ado::Trained(..) => AdversaryId::Trained,
+            Ado::Sampled(..) => AdversaryId::Sampled,
+            Ado::Without(_, _, name) => AdversaryId::without(name),
+            Ado::Composed => AdversaryId::Composed,
             Ado::Random => AdversaryId::Random,
             Ado::Held => AdversaryId::Hold,
             Ado::Constant(action) => AdversaryId::Constant { action },
@@ -60,10 +71,15 @@ impl Ado<'_> {
 
     fn method(&self, scenario: &Scenario) -> String {
         match self {
-            Ado::Trained(..) => match scenario.against {
+            Ado::Trained(..) | Ado::Without(..) => match scenario.against {
                 TrainingEgos::Nominal => scenario.learner.name().to_lowercase(),
                 family => format!("{}, {family}", scenario.learner.name().to_lowercase()),
             },
+            Ado::Sampled(_, _, temperature) => {
+                let name = scenario.learner.name().to_lowercase();
+                format!("{name}, drawn at temperature {temperature}")
+            }
+            Ado::Composed => format!("placed: {}", scenario.judged_ados().join(", ")),
             Ado::Random => "random".to_owned(),
             Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
             Ado::Constant(action) => scenario.action_label(*action),
@@ -74,10 +90,16 @@ impl Ado<'_> {
         }
     }
 
-    /// Returns the actor in episodes with a number of joint actions.
-    pub fn actor(&self, actions: usize) -> Box<dyn Actor + '_> {
+    /// Returns the actor of the `run`-th run of every episode, in a world of these spaces.
+    pub fn actor(&self, spaces: &Spaces, run: u64) -> Box<dyn Actor + '_> {
+        let actions = spaces.actions;
         match *self {
             Ado::Trained(policy, _) | Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
+            Ado::Sampled(policy, _, temperature) => {
+                Box::new(SampledPolicy::new(policy, temperature, run))
+            }
+            Ado::Without(policy, _, ado) => Box::new(WithoutAdo::new(policy, spaces, ado)),
+            Ado::Composed => Box::new(Constant(spaces.neutral)),
             Ado::Random => Box::new(Random::new(actions)),
             Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
             Ado::Constant(action) => Box::new(Constant(action)),
@@ -140,6 +162,8 @@ pub(crate) struct EpisodeResult {
     /// Failure of the ego, if it failed and counts.
     pub(super) failure: Option<RecordedFailure>,
     pub(super) fault: Option<Fault>,
+    /// Rules that were broken, if the outcome is a rule violation.
+    broken: Vec<usize>,
     pub(super) repeated: Option<StartRepeated>,
     pub(super) success: Option<RecordedSuccess>,
 }
@@ -295,6 +319,7 @@ impl RepeatedEpisode {
             },
             failure,
             fault: self.fault,
+            broken: episode.broken_rules,
             repeated: self.repeated,
             success: is_success.then(|| RecordedSuccess {
                 actions: episode.actions,
@@ -307,7 +332,7 @@ impl RepeatedEpisode {
 impl EvalRequest<'_> {
     /// Plays one start, to contact or the horizon after a success.
     pub fn play(&self, bench: &mut Testbench, index: usize) -> Episode {
-        self.attempt(bench, index).0
+        self.attempt(bench, index, 0).0
     }
 
     /// Plays one start as often as the world requires for egos that are not
@@ -316,8 +341,9 @@ impl EvalRequest<'_> {
         let Repeats { runs, gate } = self.scenario.repeats;
         let (mut simulations, mut physics_steps) = (0, 0);
         let mut episodes = Vec::with_capacity(runs as usize);
-        for _ in 0..runs.max(1) {
-            let (episode, more_simulations, more_steps) = self.attempt(bench, index);
+        for run in 0..runs.max(1) {
+            let (episode, more_simulations, more_steps) =
+                self.attempt(bench, index, u64::from(run));
             simulations += more_simulations;
             physics_steps += more_steps;
             episodes.push(episode);
@@ -333,12 +359,13 @@ impl EvalRequest<'_> {
     }
 
     /// Plays one run and returns it with its simulations and physics steps.
-    fn attempt(&self, bench: &mut Testbench, index: usize) -> (Episode, u64, u64) {
+    fn attempt(&self, bench: &mut Testbench, index: usize, run: u64) -> (Episode, u64, u64) {
         let (start, noise) = &self.starts.starts[index];
         if let Ado::Replays(stored, nearest) = self.ado {
             return replay_nearest(bench, (start, *noise), stored, nearest);
         }
-        let mut actor = self.ado.actor(bench.spaces().actions);
+        let spaces = bench.spaces().clone();
+        let mut actor = self.ado.actor(&spaces, run);
         let episode = play(bench, start, *noise, &mut *actor, Aftermath::Play);
         let physics_steps = episode.physics_steps;
         (episode, 1, physics_steps)
@@ -347,7 +374,9 @@ impl EvalRequest<'_> {
     pub(super) fn row(&self, played: &[Option<EpisodeResult>]) -> Row {
         let mut row = blank_row(self.scenario, (self.ego, self.ado.id()), self.starts);
         row.method = self.ado.method(self.scenario);
-        if let Ado::Trained(_, seed) = self.ado {
+        if let Ado::Trained(_, seed) | Ado::Sampled(_, seed, _) | Ado::Without(_, seed, _) =
+            self.ado
+        {
             row.train_seed = Some(seed);
         }
         let all = played.iter().flatten().map(|played| &played.outcome);
@@ -384,6 +413,8 @@ impl EvalRequest<'_> {
         let repeated = played.iter().map(|p| p.as_ref()?.repeated.as_ref());
         row.repeats = Repeated::of(self.scenario.repeats, repeated);
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
+        let broken = played.iter().flatten().map(|played| &played.broken[..]);
+        row.violations = BrokenRule::counted(self.scenario.rulebook(), broken);
         row.foul_rate = share(violations, row.starts);
         row.foul_before_contact_rate = Some(share(late_violations, row.starts));
         row.contact_rate = share(contacts.len(), row.starts);
@@ -452,6 +483,7 @@ pub(crate) fn blank_row(
         recall: None,
         beyond_search: None,
         foul_rate: 0.0,
+        violations: Vec::new(),
         uncounted: None,
         kinds: Vec::new(),
         distinct: None,

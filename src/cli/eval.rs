@@ -18,6 +18,7 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
     let given = [
         (!test.ado.is_empty(), "--ado"),
         (1 < test.tries, "--tries"),
+        (test.temperature.is_some(), "--temperature"),
         (0 < test.runs, "--runs"),
         // Points are played by the ego itself, so their failures can be kept.
         (test.keep.dir().is_some() && !has_points, "--keep"),

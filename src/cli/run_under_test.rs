@@ -107,6 +107,7 @@ impl<'a> RunUnderTest<'a> {
             starts: (test.starts, test.seed),
             search: test.search,
             tries: test.tries,
+            sampling: test.sampling(),
             runs: NonZeroU64::new(test.runs),
             unknown: &[],
             keeps: compares || test.keep.dir().is_some(),

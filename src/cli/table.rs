@@ -52,6 +52,17 @@ pub(super) fn remarks(rows: &[Row]) -> String {
             let kinds = kinds.join("; ");
             text.push_str(&format!("\nfailures: {}, {}: {kinds}", row.ego, row.ado));
         }
+        // With a single ado, `fouls` has it all.
+        let mut ados = row.violations.iter().map(|broken| &broken.ado);
+        let first = ados.next();
+        if ados.any(|ado| Some(ado) != first) {
+            let broken: Vec<String> = row.violations.iter().map(ToString::to_string).collect();
+            let broken = broken.join("; ");
+            text.push_str(&format!(
+                "\nrule violations: {}, {}: {broken}",
+                row.ego, row.ado
+            ));
+        }
         for fault in &row.faults {
             text.push_str(&format!("\ninvalid: {}, {}: {fault}", row.ego, row.ado));
         }

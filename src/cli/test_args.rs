@@ -9,6 +9,7 @@ use super::traffic_args::TrafficArgs;
 use super::{Common, one_of};
 use crate::adversary::AdoKind;
 use crate::ego::Process;
+use crate::evaluation::Sampling;
 use crate::experiment::{EgoError, EgoUnderTest, Watch};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
@@ -82,6 +83,12 @@ pub(super) struct TestArgs {
     /// Tries of the trained ado per start: the first greedy, the others exploring.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
     pub(super) tries: u64,
+    /// Also draw the trained ado's actions: softmax of its values over T.
+    #[arg(long, value_name = "T", value_parser = temperature)]
+    pub(super) temperature: Option<f64>,
+    /// Draws per start for `--temperature`.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000), requires = "temperature")]
+    pub(super) draws: u32,
     /// Runs of each ego to record and adapt the ado to: at least 10, 100 for most egos.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
     pub(super) runs: u64,
@@ -96,4 +103,22 @@ pub(super) struct TestArgs {
     pub(super) seed: u64,
     #[command(flatten)]
     pub(super) common: Common,
+}
+
+impl TestArgs {
+    /// Returns the requested drawing of actions.
+    pub(super) fn sampling(&self) -> Option<Sampling> {
+        let draws = self.draws;
+        self.temperature
+            .map(|temperature| Sampling { temperature, draws })
+    }
+}
+
+/// Reads a temperature, which divides values by neither zero nor infinity.
+fn temperature(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>();
+    value
+        .ok()
+        .filter(|value| (1e-6..=1e6).contains(value))
+        .ok_or_else(|| "give a number from 0.000001 to 1000000, such as 0.1".to_owned())
 }

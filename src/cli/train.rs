@@ -15,7 +15,7 @@ use super::{
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Row, TrainingEnd};
 use crate::sim::PlantKind;
-use crate::training::{TrainRequest, TrainSession, TrainingOutcome};
+use crate::training::{PerAdoMode, TrainRequest, TrainSession, TrainingOutcome};
 use crate::world::{Scenario, TrainingEgos};
 
 #[derive(Args, Debug)]
@@ -31,6 +31,9 @@ pub(super) struct TrainArgs {
     /// Which of the world's `learners` to train with, instead of its `learner`.
     #[arg(long, value_name = "NAME")]
     learner: Option<String>,
+    /// Give each ado a policy of its own, instead of one for all of them.
+    #[arg(long, value_name = "MODE", value_parser = one_of::<PerAdoMode>())]
+    per_ado: Option<PerAdoMode>,
     /// Reward severe or distinct failures, instead of the world's `goals`.
     #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL")]
     goals: Vec<TrainingGoal>,
@@ -52,6 +55,9 @@ pub(super) struct TrainArgs {
     /// Begin with the policy of another run and fine-tune it.
     #[arg(long, value_name = "RUN", conflicts_with = "resume")]
     from: Option<PathBuf>,
+    /// Learn from a run, or from kept counterexamples, of any ego; repeat for several.
+    #[arg(long, value_name = "RUN|DIR", conflicts_with = "resume")]
+    bank: Vec<PathBuf>,
     /// Test starts of the closing evaluation, always of seed 0.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
@@ -120,12 +126,14 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
         seed: args.seed,
         decisions: args.decisions,
         learner: args.learner.as_deref(),
+        per_ado: args.per_ado,
         goals: (!args.goals.is_empty()).then_some(&*args.goals),
         against: args.against,
         leave_out: args.leave_out.as_deref(),
         ego: args.ego.as_deref(),
         plant: args.plant,
         from: from.as_ref(),
+        bank: &args.bank,
     };
     Ok(if args.resume {
         TrainSession::resume(world, &path, &request)?

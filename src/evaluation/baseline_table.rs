@@ -1,6 +1,7 @@
 //! Baselines and search of a world, before any ado was trained in it.
 
 use super::blocking_rules::{RuleAblation, in_the_way};
+use super::composed::{composed, is_composed};
 use crate::experiment::{EgoError, EgoUnderTest, Watch, consent, test_starts};
 use crate::run_dir::Row;
 use crate::search::{Adversary, Experiment};
@@ -42,6 +43,15 @@ pub fn untrained(
         let Some((starts, alone)) = starts.for_ego(nominal, ego, None, watch) else {
             break;
         };
+        let alone = |row: Row| Row {
+            fails_alone: alone,
+            ..row
+        };
+        if is_composed(ego.scenario()) {
+            let rows = composed(ego, &starts, watch).into_iter();
+            all.rows.extend(rows.map(alone));
+            continue;
+        }
         let searched = [Adversary::switches(switches)].into_iter();
         let experiment = Experiment {
             ego,
@@ -59,10 +69,7 @@ pub fn untrained(
             let blocking = in_the_way(ego, &starts, switches, watch);
             all.in_the_way.extend(blocking);
         }
-        all.rows.extend(rows.into_iter().map(|row| Row {
-            fails_alone: alone,
-            ..row
-        }));
+        all.rows.extend(rows.into_iter().map(alone));
     }
     Ok(Some(all))
 }

@@ -9,6 +9,7 @@ use crate::run_dir::{AdversaryId, Row};
 use crate::search::{Adversary, ExperimentCell, Hold};
 use crate::surrogate::{AdaptedTo, LearnEgoRequest, learned};
 use crate::training::retrained;
+use crate::world::Repeats;
 
 /// Evaluation of all ados against an ego, row by row.
 pub(super) struct EgoEvaluation<'a> {
@@ -33,7 +34,11 @@ impl<'a> EgoEvaluation<'a> {
                 self.add(Adversary::Ado(ado));
             }
             match kind {
-                AdoKind::Trained | AdoKind::All => self.trained(),
+                AdoKind::Trained | AdoKind::All => {
+                    self.trained();
+                    self.sampled();
+                }
+                AdoKind::Without => self.without_each(),
                 AdoKind::Constant => self.add(Adversary::BestConstant),
                 AdoKind::Switch => self.add(Adversary::BestSwitch),
                 AdoKind::Retrained => self.retrained()?,
@@ -135,6 +140,42 @@ impl<'a> EgoEvaluation<'a> {
             ..cell.row.clone()
         });
         self.found = Some(cell);
+    }
+
+    /// Plays the trained ado with actions drawn at a temperature, if requested.
+    fn sampled(&mut self) {
+        let Some(sampling) = self.evaluation.sampling else {
+            return;
+        };
+        // Each draw is a run of the start, which is solved if any of them succeeds.
+        let ego = self
+            .ego
+            .in_world(self.ego.scenario().repeating_starts(Repeats {
+                runs: sampling.draws,
+                gate: 1,
+            }));
+        let seed = self.evaluation.run.manifest().seed;
+        let ado = Ado::Sampled(self.policy, seed, sampling.temperature);
+        let cell = Adversary::Ado(ado).play(&ego, self.starts, self.watch);
+        self.rows.extend(cell.map(|cell| cell.row));
+    }
+
+    /// Plays the trained ado without each of its ados in turn, if it has several.
+    fn without_each(&mut self) {
+        let (world, seed) = (self.ego.scenario(), self.evaluation.run.manifest().seed);
+        let parts = &world.spaces().parts;
+        for part in parts.iter().filter(|_| parts.len() > 1) {
+            self.add(Adversary::Ado(Ado::Without(self.policy, seed, &part.name)));
+        }
+        for placed in world.judged_ados() {
+            let others = self.ego.in_world(world.with_idle_ados(|ado| ado == placed));
+            let trained = Adversary::Ado(Ado::Trained(self.policy, seed));
+            let cell = trained.play(&others, self.starts, self.watch);
+            self.rows.extend(cell.map(|cell| Row {
+                ado: AdversaryId::without(placed),
+                ..cell.row
+            }));
+        }
     }
 
     /// Plays the ado that plans in a surrogate of this ego, unless stopped.

@@ -27,12 +27,23 @@ pub struct Evaluation<'a> {
     pub search: Option<usize>,
     /// Runs of the trained ado per start: the greedy run, then exploring runs.
     pub tries: u64,
+    /// Drawing of the trained ado's actions, for a row of its own.
+    pub sampling: Option<Sampling>,
     /// Runs of each ego from which a surrogate is learned. `None`: no surrogate.
     pub runs: Option<NonZeroU64>,
     /// Kinds of stock controllers that are not compared with an ego.
     pub unknown: &'a [&'a str],
     /// True if the results are kept in memory for [`super::table::EvaluationTable::keep`].
     pub keeps: bool,
+}
+
+/// Drawing of a policy's actions, several times per start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Temperature of the softmax over the values, above 0.
+    pub temperature: f64,
+    /// Draws per start, at least 1.
+    pub draws: u32,
 }
 
 impl Evaluation<'_> {

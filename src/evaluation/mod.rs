@@ -3,6 +3,7 @@
 mod baseline_table;
 mod blocking_rules;
 mod break_even;
+mod composed;
 mod ego_evaluation;
 mod error;
 mod evaluation_plan;
@@ -19,7 +20,7 @@ pub use crate::theorems::TheoremsError;
 pub use baseline_table::{BaselineTable, untrained};
 pub use break_even::{BreakEven, PerStart, break_even};
 pub use error::EvaluationError;
-pub use evaluation_plan::Evaluation;
+pub use evaluation_plan::{Evaluation, Sampling};
 pub(crate) use points::PointOutcome;
 pub use points::{PointResult, PointsRequest, PointsTable, VariedPoint, points};
 pub(crate) use regression_gate::{Gate, GateOn};

@@ -39,7 +39,8 @@ impl TrivialStarts {
         watch: &Watch<'_>,
     ) -> Option<TrivialStarts> {
         watch.phase("playing starts without an adversary");
-        let neutral = scenario.world().spaces().neutral;
+        let idle = &scenario.with_idle_ados(|_| true);
+        let neutral = idle.world().spaces().neutral;
         let all = EpisodeLoop::counted(watch, starts.len());
         let known = |index: usize| self.known.get(index).copied().flatten();
         let outcomes = all.run(
@@ -51,7 +52,7 @@ impl TrivialStarts {
                     watch.faults.note(turn.index as u64, None);
                     return Some((Some(known), None));
                 }
-                let bench = bench.get_or_insert_with(|| scenario.bench());
+                let bench = bench.get_or_insert_with(|| idle.bench());
                 let (from, mut coasting) = ((start, *noise), Constant(neutral));
                 let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
                 let ran = episode.fault.is_none();

@@ -64,6 +64,15 @@ pub(super) struct Demonstrations {
     replay: ReplayBuffer,
     /// Transitions of a batch that came from here.
     drawn: Batch,
+    guides: GuideMemory,
+}
+
+/// Recent successes along which episodes begin.
+pub(super) struct GuideMemory {
+    /// Share of the episodes that begin along a success.
+    guided: f64,
+    /// Greatest number of successes.
+    capacity: usize,
     episodes: Vec<Demonstration>,
     /// Slot of the next episode once the memory is full.
     oldest: usize,
@@ -84,8 +93,7 @@ impl Demonstrations {
             // Unbounded and separate, so failures never displace a success.
             replay: ReplayBuffer::new(observation, usize::MAX - 1, priority),
             drawn: Batch::default(),
-            episodes: Vec::new(),
-            oldest: 0,
+            guides: GuideMemory::new(imitation.guided, imitation.remembered),
         }
     }
 
@@ -110,13 +118,7 @@ impl Demonstrations {
             index,
             actions: buffer.actions.clone(),
         };
-        if self.episodes.len() < self.imitation.remembered {
-            self.episodes.push(episode);
-        } else {
-            // The ring displaces the oldest episode.
-            self.episodes[self.oldest] = episode;
-            self.oldest = (self.oldest + 1) % self.imitation.remembered;
-        }
+        self.guides.remember(episode);
         let replay = &mut self.replay;
         let width = replay.observation();
         let push = |transition: super::replay::Transition| replay.push(transition);
@@ -126,19 +128,7 @@ impl Demonstrations {
 
     /// Returns the beginning of a random success, in a share of the calls.
     pub(super) fn guide(&self, dice: &mut LearnerRng) -> Option<Guide> {
-        // An empty memory draws no number, so the random stream is that of plain deep
-        // Q-learning until the first success.
-        if self.episodes.is_empty() || self.imitation.guided <= dice.unit() {
-            return None;
-        }
-        let shown = &self.episodes[dice.below(self.episodes.len())];
-        let own = dice.unit() < 0.5;
-        // A strict prefix, so that the learner decides at least the last action.
-        let length = dice.below(shown.actions.len().max(1));
-        Some(Guide {
-            index: own.then_some(shown.index),
-            actions: shown.actions[..length].to_vec(),
-        })
+        self.guides.guide(dice)
     }
 
     /// Appends `size` transitions of successes to a batch.
@@ -182,6 +172,64 @@ impl Demonstrations {
     /// Writes everything into a checkpoint.
     pub(super) fn save(&self, bundle: &mut TensorFile) {
         self.replay.save("shown", bundle);
+        self.guides.save(bundle);
+    }
+
+    /// Fills an empty memory from a checkpoint.
+    ///
+    /// # Errors
+    /// A tensor is missing or misshapen, or an index is out of range.
+    pub(super) fn restore(
+        &mut self,
+        bundle: &TensorFile,
+        actions: usize,
+    ) -> Result<(), BundleError> {
+        self.replay.restore("shown", bundle, actions)?;
+        self.guides.restore(bundle, actions)
+    }
+}
+
+impl GuideMemory {
+    /// Creates an empty memory of at most `capacity` successes.
+    pub(super) fn new(guided: f64, capacity: usize) -> GuideMemory {
+        GuideMemory {
+            guided,
+            capacity,
+            episodes: Vec::new(),
+            oldest: 0,
+        }
+    }
+
+    /// Records an episode that succeeded.
+    pub(super) fn remember(&mut self, episode: Demonstration) {
+        if self.episodes.len() < self.capacity {
+            self.episodes.push(episode);
+        } else {
+            // The ring displaces the oldest episode.
+            self.episodes[self.oldest] = episode;
+            self.oldest = (self.oldest + 1) % self.capacity;
+        }
+    }
+
+    /// Returns the beginning of a random success, in a share of the calls.
+    pub(super) fn guide(&self, dice: &mut LearnerRng) -> Option<Guide> {
+        // An empty memory draws no number, so the random stream is that of plain deep
+        // Q-learning until the first success.
+        if self.episodes.is_empty() || self.guided <= dice.unit() {
+            return None;
+        }
+        let shown = &self.episodes[dice.below(self.episodes.len())];
+        let own = dice.unit() < 0.5;
+        // A strict prefix, so that the learner decides at least the last action.
+        let length = dice.below(shown.actions.len().max(1));
+        Some(Guide {
+            index: own.then_some(shown.index),
+            actions: shown.actions[..length].to_vec(),
+        })
+    }
+
+    /// Writes everything into a checkpoint.
+    pub(super) fn save(&self, bundle: &mut TensorFile) {
         let n = self.episodes.len();
         let indices = self.episodes.iter().map(|shown| shown.index).collect();
         bundle.put::<u64>("shown/starts", &[n], indices);
@@ -202,7 +250,6 @@ impl Demonstrations {
         bundle: &TensorFile,
         actions: usize,
     ) -> Result<(), BundleError> {
-        self.replay.restore("shown", bundle, actions)?;
         let indices = bundle.rows::<u64>("shown/starts", &[])?;
         let lengths = bundle.get::<u64>("shown/lengths", &[indices.len()])?;
         let followed = bundle.rows::<u32>("shown/followed", &[])?;
@@ -219,7 +266,7 @@ impl Demonstrations {
             let actions = these.iter().map(|&action| action as usize).collect();
             self.episodes.push(Demonstration { index, actions });
         }
-        let room = self.imitation.remembered;
+        let room = self.capacity;
         check(
             "number of demonstrations",
             indices.len(),

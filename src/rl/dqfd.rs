@@ -34,10 +34,18 @@ pub struct DqfdSettings {
     ///
     /// Narrower layers blur the sharp edges between starts.
     pub hidden: Vec<usize>,
+    /// Decisions between updates (2).
+    #[serde(skip_serializing_if = "is_default_spacing")]
+    pub update_every: u64,
     /// Use of successes.
     pub imitation: Imitation,
     /// Search for the first successes.
     pub seeding: Seeding,
+}
+
+/// Leaves the setting out of the text where it changes nothing, as earlier versions did.
+fn is_default_spacing(update_every: &u64) -> bool {
+    *update_every == DqnSettings::default().update_every
 }
 
 impl Default for DqfdSettings {
@@ -46,6 +54,7 @@ impl Default for DqfdSettings {
             decisions: 160_000,
             longest: 2.0,
             hidden: vec![96, 96, 96],
+            update_every: DqnSettings::default().update_every,
             imitation: Imitation::default(),
             seeding: Seeding::default(),
         }
@@ -57,6 +66,7 @@ impl DqfdSettings {
         DqnSettings {
             decisions: self.decisions,
             hidden: self.hidden.clone(),
+            update_every: self.update_every,
             ..DqnSettings::default()
         }
     }
@@ -77,6 +87,10 @@ impl LearnerKind for DqfdSettings {
         within("longest", self.longest, 1.0, 100.0)?;
         within("starts", self.seeding.starts as f64, 0.0, 1e6)?;
         within("simulations", self.seeding.simulations as f64, 0.0, 1e12)
+    }
+
+    fn space_updates(&mut self, times: u64) {
+        self.update_every = self.update_every.saturating_mul(times);
     }
 
     fn discount(&self) -> f64 {

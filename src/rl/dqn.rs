@@ -23,13 +23,13 @@ use super::bundle::{BundleError, TensorFile};
 use super::demonstrations::{Demonstrations, Imitation};
 use super::dice::LearnerRng;
 use super::learner::{
-    Built, ConfigError, Demonstration, Learner, LearnerKind, Shaped, TrainingCounters, epsilon,
-    expect_sizes, layers,
+    Built, Choice, ConfigError, Demonstration, EpisodePlan, Learner, LearnerKind, Shaped,
+    TrainingCounters, epsilon, expect_sizes, layers,
 };
-use super::nn::{Mlp, Tape, argmax, argmax_among};
+use super::nn::{Mlp, Tape, argmax, argmax_among, sample};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
 use super::starts::{EpisodeStart, StartPool};
-use super::{End, Env, Losses, Policy, Spaces};
+use super::{End, Env, Losses, Policy, Spaces, Step};
 
 /// Kind of a kept policy.
 pub(super) const POLICY: &str = "brakecheck dqn policy 1";
@@ -47,6 +47,10 @@ impl LearnerKind for DqnSettings {
 
     fn discount(&self) -> f64 {
         self.discount
+    }
+
+    fn space_updates(&mut self, times: u64) {
+        self.update_every = self.update_every.saturating_mul(times);
     }
 
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
@@ -84,7 +88,19 @@ pub(super) struct Dqn {
     /// Decision at which the schedule of step sizes restarts.
     since: u64,
     losses: Losses,
+    running: RunningEpisode,
     room: DqnWorkspace,
+}
+
+/// State of the running episode, empty between episodes.
+#[derive(Default)]
+struct RunningEpisode {
+    start: EpisodeStart,
+    /// Exploratory action, and the decisions for which it is still held.
+    held: usize,
+    holding: usize,
+    /// Last action, and the greedy action in its place.
+    last: (usize, usize),
 }
 
 /// Refuses a network for other observations or actions.
@@ -183,6 +199,7 @@ impl Dqn {
             tally: TrainingCounters::new(config.decisions),
             since: 0,
             losses: Losses::default(),
+            running: RunningEpisode::default(),
             room: DqnWorkspace {
                 batch: Batch::default(),
                 here: online.tape(config.batch),
@@ -236,6 +253,37 @@ impl Dqn {
         }
     }
 
+    /// Returns the action of an exploring decision.
+    fn explored(&mut self, greedy: usize) -> usize {
+        if self.running.holding == 0 && self.dice.unit() < self.exploration() {
+            self.running.held = self.dice.below(self.online.outputs());
+            self.running.holding = 1 + self.dice.below(self.config.hold);
+        }
+        let RunningEpisode { held, holding, .. } = self.running;
+        self.running.holding = holding.saturating_sub(1);
+        if 0 < holding { held } else { greedy }
+    }
+
+    /// Records an episode that has ended.
+    fn finish(&mut self, buffer: &EpisodeBuffer, end: End) {
+        if end == End::Aborted {
+            self.tally.aborted += 1;
+            return;
+        }
+        self.tally.episodes += 1;
+        if !self.config.newest {
+            self.remember(buffer, end);
+        }
+        // No verdict reaches a learner: a return of at most 0 counts as a failure,
+        // which under the default reward is exactly "no success".
+        let total: f32 = buffer.rewards.iter().sum();
+        if total <= 0.0 {
+            self.starts.failed(self.running.start)
+        } else {
+            self.succeeded(self.running.start.index, buffer)
+        }
+    }
+
     /// Records a successful episode as an example, if examples are kept.
     fn succeeded(&mut self, index: u64, buffer: &EpisodeBuffer) {
         let DqnSettings {
@@ -248,7 +296,7 @@ impl Dqn {
 }
 
 impl Learner for Dqn {
-    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+    fn plan(&mut self) -> EpisodePlan {
         // The guide is drawn before the start, since it may replace the start.
         let shown = self.shown.as_ref();
         let guide = shown.and_then(|shown| shown.guide(&mut self.dice));
@@ -256,68 +304,54 @@ impl Learner for Dqn {
             Some(index) => EpisodeStart::once(index),
             None => self.starts.pick(&mut self.dice),
         };
-        let mut led = guide.map_or(Vec::new(), |guide| guide.actions).into_iter();
-        let actions = self.online.outputs();
-        let mut obs = vec![0.0; self.online.inputs()];
-        let mut buffer = std::mem::take(&mut self.room.buffer);
-        env.reset(start.index, &mut obs);
-        buffer.begin(&obs);
-        let (mut held, mut holding) = (0, 0);
-        let end = loop {
-            // Computed while exploring as well: an n-step return may continue over an
-            // exploratory action that happens to be the greedy action.
-            let greedy = self.online.evaluate(&obs, argmax);
-            let action = if let Some(next) = led.next() {
-                next
-            } else {
-                if holding == 0 && self.dice.unit() < self.exploration() {
-                    held = self.dice.below(actions);
-                    holding = 1 + self.dice.below(self.config.hold);
-                }
-                let action = if 0 < holding { held } else { greedy };
-                holding = holding.saturating_sub(1);
-                action
-            };
-            let step = env.step(action, &mut obs);
-            buffer.note(action, action == greedy, step.reward, &obs);
-            self.tally.decisions += 1;
-            // Updates run during the episode. Its transitions are kept only at the end,
-            // since an aborted episode must leave nothing behind. With `newest` they are
-            // kept at once.
-            if self.config.newest {
-                self.remember_newest(&buffer, step.end);
-            }
-            if self
-                .tally
-                .decisions
-                .is_multiple_of(self.config.update_every)
-                && self.config.learning_starts <= self.replay.len()
-            {
-                self.update();
-            }
-            if let Some(end) = step.end {
-                break end;
-            }
+        let first = guide.map_or(Vec::new(), |guide| guide.actions);
+        EpisodePlan { start, first }
+    }
+
+    fn begin(&mut self, plan: &EpisodePlan, obs: &[f32]) {
+        self.room.buffer.begin(obs);
+        self.running = RunningEpisode {
+            start: plan.start,
+            ..RunningEpisode::default()
         };
-        let total: f32 = buffer.rewards.iter().sum();
-        match end {
-            End::Aborted => self.tally.aborted += 1,
-            End::Terminated | End::Truncated => {
-                self.tally.episodes += 1;
-                if !self.config.newest {
-                    self.remember(&buffer, end);
-                }
-                // No verdict reaches a learner: a return of at most 0 counts as a failure,
-                // which under the default reward is exactly "no success".
-                if total <= 0.0 {
-                    self.starts.failed(start)
-                } else {
-                    self.succeeded(start.index, &buffer)
-                }
-            }
+    }
+
+    fn act(&mut self, obs: &[f32], choice: Choice) -> usize {
+        // Computed while exploring as well: an n-step return may continue over an
+        // exploratory action that happens to be the greedy action.
+        let greedy = self.online.evaluate(obs, argmax);
+        let action = match choice {
+            Choice::Given(action) => action,
+            Choice::Greedy => greedy,
+            Choice::Own => self.explored(greedy),
+        };
+        self.running.last = (action, greedy);
+        action
+    }
+
+    fn learn(&mut self, step: Step, obs: &[f32]) {
+        let mut buffer = std::mem::take(&mut self.room.buffer);
+        let (action, greedy) = self.running.last;
+        buffer.note(action, action == greedy, step.reward, obs);
+        self.tally.decisions += 1;
+        // Updates run during the episode. Its transitions are kept only at the end,
+        // since an aborted episode must leave nothing behind. With `newest` they are
+        // kept at once.
+        if self.config.newest {
+            self.remember_newest(&buffer, step.end);
+        }
+        if self
+            .tally
+            .decisions
+            .is_multiple_of(self.config.update_every)
+            && self.config.learning_starts <= self.replay.len()
+        {
+            self.update();
+        }
+        if let Some(end) = step.end {
+            self.finish(&buffer, end);
         }
         self.room.buffer = buffer;
-        total
     }
 
     /// Plays every demonstration and keeps those that succeed here as well.
@@ -430,6 +464,11 @@ impl Policy for QPolicy {
     fn act_among(&self, obs: &[f32], allowed: &[bool]) -> usize {
         self.net
             .evaluate(obs, |values| argmax_among(values, allowed))
+    }
+
+    fn sample(&self, obs: &[f32], temperature: f64, units: &mut dyn FnMut() -> f64) -> usize {
+        self.net
+            .evaluate(obs, |values| sample(values, temperature, units))
     }
 
     fn value(&self, obs: &[f32]) -> f32 {

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
-use super::{Control, Env, LearnerReport, Losses, Policy, Spaces};
+use super::starts::EpisodeStart;
+use super::{Control, Env, LearnerReport, Losses, Policy, Spaces, Step};
 
 /// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,10 +57,81 @@ pub struct Demonstration {
     pub actions: Vec<usize>,
 }
 
+/// Beginning of an episode: its start and the actions that are played first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EpisodePlan {
+    pub(super) start: EpisodeStart,
+    /// Actions of the first decisions, in order.
+    pub(super) first: Vec<usize>,
+}
+
+impl EpisodePlan {
+    /// Creates the plan of an episode that a learner decides from its beginning.
+    pub(super) fn of(index: u64) -> EpisodePlan {
+        EpisodePlan {
+            start: EpisodeStart::once(index),
+            first: Vec::new(),
+        }
+    }
+}
+
+/// Choice of the action of one decision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// The learner's own action, which may be exploratory.
+    Own,
+    /// The best action it knows.
+    Greedy,
+    /// This action, which somebody else has chosen.
+    Given(usize),
+}
+
 /// Learner at work: a configuration with its training state.
+///
+/// An episode is [`Learner::plan`], [`Learner::begin`], and [`Learner::act`] and
+/// [`Learner::learn`] in turn. [`Learner::episode`] plays it in an environment.
 pub trait Learner: Send {
+    /// Chooses the start of the next episode.
+    fn plan(&mut self) -> EpisodePlan;
+
+    /// Begins an episode at its first observation.
+    fn begin(&mut self, plan: &EpisodePlan, obs: &[f32]);
+
+    /// Returns the action of a decision.
+    fn act(&mut self, obs: &[f32], choice: Choice) -> usize;
+
+    /// Learns from the result of the last decision and the observation after it.
+    fn learn(&mut self, step: Step, obs: &[f32]);
+
+    /// Rewards of the parts of the last decision, to be filled before it is learned.
+    ///
+    /// `None`: the learner uses the common reward.
+    fn part_rewards(&mut self) -> Option<&mut [f32]> {
+        None
+    }
+
     /// Plays an episode, learns on the way and returns the episode's return.
-    fn episode(&mut self, env: &mut dyn Env) -> f32;
+    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        let plan = self.plan();
+        let mut obs = vec![0.0; env.spaces().observation];
+        env.reset(plan.start.index, &mut obs);
+        self.begin(&plan, &obs);
+        let mut first = plan.first.iter();
+        let mut total = 0.0;
+        loop {
+            let choice = first.next().map_or(Choice::Own, |&it| Choice::Given(it));
+            let action = self.act(&obs, choice);
+            let step = env.step(action, &mut obs);
+            total += step.reward;
+            if let Some(rewards) = self.part_rewards() {
+                env.part_rewards(step, rewards);
+            }
+            self.learn(step, &obs);
+            if step.end.is_some() {
+                return total;
+            }
+        }
+    }
 
     /// Demonstrates successes to a learner before its first episode.
     ///
@@ -269,6 +341,9 @@ pub(super) trait LearnerKind {
 
     /// Restricts the training to exactly the configured decisions.
     fn fix(&mut self) {}
+
+    /// Makes `times` fewer updates in as many decisions.
+    fn space_updates(&mut self, _times: u64) {}
 
     /// Loads a kept policy, with its observation length and number of actions.
     fn load(&self, policy: &TensorFile) -> Shaped;

@@ -9,7 +9,9 @@ use super::bundle::{BundleError, TensorFile};
 use super::learner::{
     Built, ConfigError, Learner, LearnerKind, Seeding, Shaped, expect_kind, expect_sizes, within,
 };
-use super::{DqfdSettings, DqnSettings, Policy, PpoSettings, QTableSettings, Spaces};
+use super::{
+    DqfdSettings, DqnSettings, PerAdoSettings, Policy, PpoSettings, QTableSettings, Spaces,
+};
 
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
@@ -39,7 +41,13 @@ macro_rules! learners {
                 }
             }
 
-            fn kind(&self) -> &dyn LearnerKind {
+            pub(super) fn kind(&self) -> &dyn LearnerKind {
+                match self {
+                    $($(#[cfg($when)])? LearnerSettings::$name(settings) => settings,)+
+                }
+            }
+
+            pub(super) fn kind_mut(&mut self) -> &mut dyn LearnerKind {
                 match self {
                     $($(#[cfg($when)])? LearnerSettings::$name(settings) => settings,)+
                 }
@@ -52,7 +60,7 @@ macro_rules! learners {
             }
 
             /// Sets exactly this number of decisions, without extensions.
-            fn fix(&mut self, decisions: u64) {
+            pub(super) fn fix(&mut self, decisions: u64) {
                 match self {
                     $($(#[cfg($when)])? LearnerSettings::$name(own) => {
                         own.decisions = decisions;
@@ -73,6 +81,8 @@ learners! {
     QTable(QTableSettings),
     /// Proximal policy optimisation.
     Ppo(PpoSettings),
+    /// A learner per ado, for worlds with several.
+    PerAdo(PerAdoSettings),
     /// Example learner that repeats the most rewarded action.
     #[cfg(test)]
     Paid(super::example_learner::PaidSettings),
@@ -157,6 +167,11 @@ impl LearnerConfig {
         self.0.name()
     }
 
+    /// Returns whether it learns a policy per ado.
+    pub(crate) fn is_per_ado(&self) -> bool {
+        matches!(self.0, LearnerSettings::PerAdo(_))
+    }
+
     /// Discount γ: a reward after t decisions counts γ^t times.
     pub fn discount(&self) -> f64 {
         self.0.kind().discount()
@@ -234,7 +249,7 @@ pub fn load_policy_for(
     Ok(policy)
 }
 
-fn load_shaped(bundle: &TensorFile) -> Shaped {
+pub(super) fn load_shaped(bundle: &TensorFile) -> Shaped {
     let all = LearnerSettings::all();
     let policy = |learner: &LearnerSettings| learner.kind().bundles()[0];
     // `Dqfd` and `Dqn` share a kind of policy and its loader, so the first match

@@ -13,6 +13,7 @@
 //! | `dqfd`, `demonstrations` | deep Q-learning from demonstrations | Hester 2018 |
 //! | `q_table` | tabular Q-learning | Watkins 1989 |
 //! | `ppo` | clipped policy gradients with GAE | Schulman 2017, 2016 |
+//! | `per_ado` | a learner per ado | Tan 1993 |
 //! | `replay` | prioritised replay, n-step returns | Schaul 2016, Watkins 1989 |
 //! | `starts` | choice of the start of an episode | |
 //! | `kernel`, `transpose`, `loops` | matrix products, transposes, element-wise loops | |
@@ -38,6 +39,7 @@ pub(crate) mod list;
 mod loops;
 pub(crate) mod nn;
 mod orthogonal;
+mod per_ado;
 mod power;
 mod ppo;
 mod q_table;
@@ -51,11 +53,17 @@ pub use demonstrations::Imitation;
 pub use dice::LearnerRng;
 pub use dqfd::DqfdSettings;
 pub use dqn::{DqnSettings, Loss};
-pub use learner::{ConfigError, Demonstration, Learner, Seeding, TrainingCounters};
+pub use learner::{
+    Choice, ConfigError, Demonstration, EpisodePlan, Learner, Seeding, TrainingCounters,
+};
 pub use list::{LearnerConfig, LearnerSettings};
 pub(crate) use list::{fine_tuner, load_policy, load_policy_for};
+pub(crate) use per_ado::policy_of_part;
+pub use per_ado::{PerAdoObservation, PerAdoSettings, PerAdoTraining};
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};
+
+use serde::{Deserialize, Serialize};
 
 /// Shapes of a decision problem.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,6 +74,21 @@ pub struct Spaces {
     pub actions: usize,
     /// Action without effect (coast, stay).
     pub neutral: usize,
+    /// Ados of a joint action: the first is its lowest digit. Empty if unknown.
+    pub parts: Vec<PartSpaces>,
+}
+
+/// Shapes of one ado's share of a joint decision.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PartSpaces {
+    /// Name of the ado.
+    pub name: String,
+    /// Number of its actions.
+    pub actions: usize,
+    /// Its action without effect.
+    pub neutral: usize,
+    /// Positions of its observation in the joint observation.
+    pub observed: Vec<usize>,
 }
 
 /// Kind of end of an episode.
@@ -98,6 +121,13 @@ pub trait Env {
 
     /// Takes an action. Must not be called after an end without a reset.
     fn step(&mut self, action: usize, obs: &mut [f32]) -> Step;
+
+    /// Writes the reward of each ado for the decision that gave `step`.
+    ///
+    /// By default all have the common reward.
+    fn part_rewards(&self, step: Step, rewards: &mut [f32]) {
+        rewards.fill(step.reward);
+    }
 }
 
 /// Trained decision rule, a pure function of the observation.
@@ -107,6 +137,15 @@ pub trait Policy: Send + Sync {
 
     /// Returns the best action of those allowed, by default as if all were.
     fn act_among(&self, obs: &[f32], _allowed: &[bool]) -> usize {
+        self.act(obs)
+    }
+
+    /// Draws an action: the better it is valued, the likelier.
+    ///
+    /// Values are divided by `temperature` > 0 before the softmax, so a small one is
+    /// nearly greedy. At 1, a policy of PPO draws from its own distribution. `units`
+    /// draws from [0, 1). By default the greedy action is returned.
+    fn sample(&self, obs: &[f32], _temperature: f64, _units: &mut dyn FnMut() -> f64) -> usize {
         self.act(obs)
     }
 

@@ -9,7 +9,7 @@ use super::dice::LearnerRng;
 use super::replay::check;
 
 /// Start to play.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct EpisodeStart {
     /// Episode index with which to reset the environment.
     pub index: u64,

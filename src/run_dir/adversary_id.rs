@@ -13,6 +13,15 @@ use serde::{Deserialize, Serialize};
 pub enum AdversaryId {
     /// Policy of a run.
     Trained,
+    /// Actions drawn from the policy of a run, several times per start.
+    Sampled,
+    /// Placed ados of a world, all together.
+    Composed,
+    /// The same ados, or those of a policy, but for one that plays its neutral action.
+    Without {
+        /// Caption: `without` and the name of the ado that is left out.
+        name: String,
+    },
     /// Planner in a surrogate of the ego.
     Adapted,
     /// Policy trained for the changed ego.
@@ -70,7 +79,18 @@ impl AdversaryId {
             AdversaryId::Replays { nearest: 1 } => "replay",
             AdversaryId::Replays { .. } => "replays",
             AdversaryId::Search => "search",
-            AdversaryId::Named { name } => name,
+            AdversaryId::Sampled => "sampled",
+            AdversaryId::Composed => "composed",
+            AdversaryId::Named { name } | AdversaryId::Without { name } => name,
+        }
+    }
+}
+
+impl AdversaryId {
+    /// Returns the identity of several ados without one.
+    pub(crate) fn without(ado: &str) -> AdversaryId {
+        AdversaryId::Without {
+            name: format!("without {ado}"),
         }
     }
 }
@@ -87,6 +107,8 @@ impl From<&str> for AdversaryId {
         match name {
             "trained" => AdversaryId::Trained,
             "adapted" => AdversaryId::Adapted,
+            "sampled" => AdversaryId::Sampled,
+            "composed" => AdversaryId::Composed,
             "retrained" => AdversaryId::Retrained,
             "random" => AdversaryId::Random,
             "hold" => AdversaryId::Hold,

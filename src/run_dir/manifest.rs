@@ -148,6 +148,9 @@ pub struct Manifest {
     /// SHA-256 of `from.safetensors`, when fine-tuning.
     #[serde(default)]
     pub(crate) from_sha256: Option<String>,
+    /// SHA-256 of `bank.json`, when learning from other trainings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) bank_sha256: Option<String>,
     /// File of the checkpoint and its SHA-256, during training.
     #[serde(default)]
     pub checkpoint: Option<(String, String)>,

@@ -38,10 +38,11 @@ mod trained_policy;
 pub(crate) use trained_policy::trained_naturally;
 mod training_counterexamples;
 
+use std::fmt;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 pub use about::{
     About, Decisive, Effort, EgoRuns, LastChance, NotAsked, Persistence, Severity, Shrunk,
@@ -63,15 +64,16 @@ pub(crate) use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
-pub use row::{Anytime, FailsAlone, FailureKind, Row, Unconfirmed};
+pub use row::{Anytime, BrokenRule, FailsAlone, FailureKind, Row, Unconfirmed};
 pub use samples::{SamplesError, trace_of_csv};
 pub use training_counterexamples::Stored;
 pub(crate) use training_counterexamples::StoredCount;
 
 use crate::content_hash::sha256;
 use crate::natural::NaturalTraining;
-use crate::rl::{BundleError, TensorFile};
+use crate::rl::TensorFile;
 use crate::ron_file::file_bytes;
+use crate::testbench::KnownEpisode;
 use crate::world::Scenario;
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
@@ -79,11 +81,16 @@ use disk::{io_error, is_taken, lock, settings_of};
 /// Version of the layout. Other versions are refused.
 const FORMAT: u32 = 3;
 
+/// File with the episodes of other trainings.
+const BANK: &str = "bank.json";
+
 /// Optional start conditions of a training.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Beginning<'a> {
     /// Policy to fine-tune.
     pub(crate) from: Option<&'a TensorFile>,
+    /// Episodes of other trainings, to learn from.
+    pub(crate) bank: &'a [KnownEpisode],
     /// Changed ego to train against.
     pub(crate) ego: Option<ChangedEgo>,
 }
@@ -164,6 +171,7 @@ impl RunDir {
                 settings: serde_json::to_value(&scenario.learner).unwrap_or_default(),
                 ego: with.ego,
                 from_sha256: None,
+                bank_sha256: None,
                 checkpoint: None,
                 policy_sha256: None,
             },
@@ -178,6 +186,12 @@ impl RunDir {
             let bytes = from.to_bytes().map_err(run.damaged("from.safetensors"))?;
             run.write("from.safetensors", &bytes)?;
             run.manifest.from_sha256 = Some(sha256(&bytes));
+        }
+        if !with.bank.is_empty() {
+            let text = serde_json::to_string(with.bank);
+            let text = text.map_err(run.damaged(BANK))?;
+            run.write(BANK, text.as_bytes())?;
+            run.manifest.bank_sha256 = Some(sha256(text.as_bytes()));
         }
         run.write_manifest()?;
         Ok(run)
@@ -213,6 +227,9 @@ impl RunDir {
         self.read_verified("world.ron", Some(&manifest.world_sha256))?;
         if let Some(from) = &manifest.from_sha256 {
             self.read_verified("from.safetensors", Some(from))?;
+        }
+        if let Some(bank) = &manifest.bank_sha256 {
+            self.read_verified(BANK, Some(bank))?;
         }
         if let Some(policy) = &manifest.policy_sha256 {
             self.read_verified("policy.safetensors", Some(policy))?;
@@ -326,6 +343,21 @@ impl RunDir {
         TensorFile::from_bytes(&bytes)
             .map(Some)
             .map_err(self.damaged(name))
+    }
+
+    /// Returns the episodes of other trainings from which this one learns.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if their file is missing or damaged.
+    pub fn bank(&self) -> Result<Arc<[KnownEpisode]>, RunError> {
+        let Some(expected) = &self.manifest.bank_sha256 else {
+            return Ok(Arc::default());
+        };
+        let bytes = self.read_verified(BANK, Some(expected))?;
+        let known: Vec<KnownEpisode> =
+            serde_json::from_slice(&bytes).map_err(self.damaged(BANK))?;
+        Ok(known.into())
     }
 
     /// Returns the initial policy of a fine-tuning.
@@ -455,7 +487,7 @@ impl RunDir {
         }
     }
 
-    fn damaged(&self, name: &str) -> impl Fn(BundleError) -> RunError + use<> {
+    fn damaged<E: fmt::Display>(&self, name: &str) -> impl Fn(E) -> RunError + use<E> {
         let path = self.path.join(name);
         move |error| RunError::Damaged {
             path: path.clone(),

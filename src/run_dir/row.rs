@@ -10,7 +10,7 @@ use super::calibration::CalibrationWarning;
 use super::contact_severity::{ClosingSpeed, ContactSeverity};
 use super::repeated_runs::Repeated;
 use crate::natural::NaturalnessOfRow;
-use crate::rulebook::JudgeKind;
+use crate::rulebook::{JudgeKind, Rulebook};
 use crate::scene::Dynamics;
 use crate::stats::{Outcomes, StartOutcome};
 use crate::testbench::FaultCount;
@@ -67,6 +67,12 @@ pub struct Row {
     ///
     /// For a search it is the share of the tried sequences that broke a rule.
     pub foul_rate: f64,
+    /// Rules that were broken, with the ado that broke each, in the rulebook's order.
+    ///
+    /// A start counts for every rule that was broken at its verdict. Searches leave it
+    /// empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub violations: Vec<BrokenRule>,
     /// Starts on which ψ_ego was violated within the rules, but does not count.
     ///
     /// `None` if every violation counts in this world.
@@ -134,6 +140,45 @@ pub struct FailsAlone {
     pub starts: usize,
     /// True if these starts are left out. Otherwise those of the nominal ego are.
     pub left_out: bool,
+}
+
+/// Starts on which an ado broke one of its rules.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BrokenRule {
+    /// Name of the ado.
+    pub ado: String,
+    /// Name of the rule.
+    pub rule: String,
+    /// Number of starts.
+    pub starts: usize,
+}
+
+impl BrokenRule {
+    /// Counts the rules that were broken on each start. Rules that held are left out.
+    pub(crate) fn counted<'a>(
+        rulebook: &Rulebook,
+        broken: impl Iterator<Item = &'a [usize]>,
+    ) -> Vec<BrokenRule> {
+        let mut counts = vec![0; rulebook.rules.len()];
+        for &rule in broken.flatten() {
+            counts[rule] += 1;
+        }
+        let counted = rulebook.rules.iter().zip(counts);
+        let counted = counted.filter(|(_, starts)| *starts > 0);
+        counted
+            .map(|(rule, starts)| BrokenRule {
+                ado: rule.ado.clone(),
+                rule: rule.name.clone(),
+                starts,
+            })
+            .collect()
+    }
+}
+
+impl Display for BrokenRule {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} × {}: `{}`", self.starts, self.ado, self.rule)
+    }
 }
 
 /// Starts on which the ego failed in one way.
@@ -282,6 +327,11 @@ mod tests {
             recall: Some(0.0),
             beyond_search: Some(0),
             foul_rate: 0.0,
+            violations: vec![BrokenRule {
+                ado: String::new(),
+                rule: String::new(),
+                starts: 1,
+            }],
             uncounted: Some(0),
             foul_before_contact_rate: Some(0.0),
             contact_rate: 0.0,

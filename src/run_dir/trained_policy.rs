@@ -8,7 +8,7 @@ use brakecheck_traffic::{ModelError, TrafficModel};
 use super::disk::{io_error, make_dir, write_file};
 use super::{RunDir, RunError, manifest};
 use crate::natural::NaturalTraining;
-use crate::rl::{Policy, TensorFile, load_policy_for};
+use crate::rl::{LearnerConfig, Policy, TensorFile, load_policy_for};
 use crate::ron_file::LoadError;
 use crate::world::Scenario;
 
@@ -94,6 +94,13 @@ impl RunDir {
                 path: self.path.join("manifest.json"),
                 why: format!("its world lacks the family that the {against} ado was trained on"),
             });
+        }
+        // A policy per ado may be an option of the training, of which the world says nothing.
+        let settings = serde_json::from_value::<LearnerConfig>(self.manifest.settings.clone());
+        if let Ok(learner) = settings
+            && learner.is_per_ado()
+        {
+            return Ok(world.learning_with(learner));
         }
         let Some(name) = &self.manifest.learner else {
             return Ok(world);

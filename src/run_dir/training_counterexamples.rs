@@ -10,7 +10,7 @@ use super::append_log::verified;
 use super::{Grown, RunDir, RunError};
 use crate::scene::{Axis, Start};
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::Success;
+use crate::testbench::{FIRST_KNOWN, Success};
 
 pub(super) const FILE: &str = "counterexamples.jsonl";
 
@@ -165,6 +165,7 @@ impl RunDir {
         let scenario = self.scenario()?;
         let bench = scenario.bench();
         let spaces = bench.spaces();
+        let bank = self.bank()?;
         let mut all = Vec::with_capacity(count.kept as usize);
         for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
             let mut success: Success =
@@ -174,11 +175,15 @@ impl RunDir {
             }
             // JSON may lose the last bit of a number. The key restores it
             // exactly.
-            success.start = bench.draw(StartKey {
-                purpose: Purpose::Train,
-                seed: self.manifest.seed,
-                index: success.index,
-            });
+            let known = success.index.checked_sub(FIRST_KNOWN);
+            success.start = match known.and_then(|at| bank.get(at as usize)) {
+                Some(known) => known.start.clone(),
+                None => bench.draw(StartKey {
+                    purpose: Purpose::Train,
+                    seed: self.manifest.seed,
+                    index: success.index,
+                }),
+            };
             all.push(success);
         }
         Ok(Stored::new(all, bench.axes()))

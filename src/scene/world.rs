@@ -111,6 +111,20 @@ pub struct Derived {
     pub(crate) expr: crate::stl::Expr,
 }
 
+impl Derived {
+    /// Returns the signal with other names of itself and of those it mentions.
+    pub(crate) fn renamed(&self, new: &dyn Fn(&str) -> Option<String>) -> Derived {
+        let Signal {
+            name, unit, about, ..
+        } = &self.signal;
+        let name = new(name).unwrap_or_else(|| name.to_string());
+        Derived {
+            signal: Signal::real(name, unit.to_string(), about.to_string()),
+            expr: self.expr.renamed(new),
+        }
+    }
+}
+
 impl World {
     /// Returns the clocks.
     pub fn clock(&self) -> &Clock {

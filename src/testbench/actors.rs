@@ -36,6 +36,39 @@ impl Actor for PolicyActor<'_> {
     }
 }
 
+/// A trained policy whose actions are drawn: the better, the likelier.
+pub struct SampledPolicy<'a> {
+    policy: &'a dyn Policy,
+    temperature: f64,
+    draw: u64,
+    rng: ChaCha8Rng,
+}
+
+impl<'a> SampledPolicy<'a> {
+    /// Creates the `draw`-th draw of the actions of every episode.
+    ///
+    /// See [`Policy::sample`] for the temperature.
+    pub fn new(policy: &'a dyn Policy, temperature: f64, draw: u64) -> SampledPolicy<'a> {
+        SampledPolicy {
+            policy,
+            temperature,
+            draw,
+            rng: seed::generator("sampled policy", &[]),
+        }
+    }
+}
+
+impl Actor for SampledPolicy<'_> {
+    fn begin(&mut self, seed: u64, _start: &Start) {
+        self.rng = seed::generator("sampled policy", &[seed, self.draw]);
+    }
+
+    fn act(&mut self, obs: &[f32]) -> usize {
+        let mut units = || self.rng.random::<f64>();
+        self.policy.sample(obs, self.temperature, &mut units)
+    }
+}
+
 /// A constant action.
 pub struct Constant(pub usize);
 

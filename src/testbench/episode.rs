@@ -28,6 +28,10 @@ pub struct Episode {
     pub after_contact: Option<AfterContact>,
     /// After a success that ended in contact: rules kept or broken up to the contact.
     pub rules_until_contact: Option<RulesUntilContact>,
+    /// All rules that were broken, if the verdict is a rule violation.
+    ///
+    /// They are positions in the rulebook, in rising order.
+    pub broken_rules: Vec<usize>,
     /// Fault that made the verdict invalid.
     pub fault: Option<Fault>,
     /// Commands of an external ego, per sample.

@@ -1,5 +1,7 @@
 //! The test bench as an environment for learners.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::{Aftermath, Episode, FaultLog, Testbench};
@@ -24,6 +26,21 @@ pub struct Success {
     pub by: f64,
 }
 
+/// Episode that is known from elsewhere: its start and the ados' actions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownEpisode {
+    /// Start of the episode.
+    pub start: Start,
+    /// Seed of its noise.
+    pub noise: u64,
+    /// The ados' joint actions.
+    pub actions: Vec<usize>,
+}
+
+/// Index of the first known episode of a [`Gym`], above those of all streams.
+pub const FIRST_KNOWN: u64 = 1 << 42;
+
 /// The test bench as an environment: an episodic decision problem.
 ///
 /// Starts come from the stream (purpose, seed), and `reset(i)` begins its i-th.
@@ -33,6 +50,8 @@ pub struct Gym {
     seed: u64,
     /// Index of the running episode.
     index: u64,
+    /// Episodes beyond the stream, from index [`FIRST_KNOWN`] on.
+    known: Arc<[KnownEpisode]>,
     start: Start,
     actions: Vec<usize>,
     spent: Spent,
@@ -60,6 +79,7 @@ impl Gym {
             purpose,
             seed,
             index: 0,
+            known: Arc::default(),
             start: Start(Vec::new()),
             actions: Vec::new(),
             spent: Spent::default(),
@@ -84,7 +104,7 @@ impl Gym {
     /// Returns the record of the episode that has just ended.
     pub(crate) fn ended_episode(&self) -> Option<Episode> {
         self.bench.verdict()?;
-        let noise = self.bench.noise_of(self.key(self.index));
+        let (_, noise) = self.start_of(self.index);
         Some(self.bench.episode(&self.start, noise, self.actions.clone()))
     }
 
@@ -142,6 +162,23 @@ impl Gym {
         }
     }
 
+    /// Adds known episodes, whose starts follow [`FIRST_KNOWN`].
+    pub(crate) fn know(&mut self, known: Arc<[KnownEpisode]>) {
+        self.known = known;
+    }
+
+    /// Returns the start of an episode and the seed of its noise.
+    fn start_of(&self, index: u64) -> (Start, u64) {
+        let known = index.checked_sub(FIRST_KNOWN);
+        match known.and_then(|at| self.known.get(at as usize)) {
+            Some(known) => (known.start.clone(), known.noise),
+            None => {
+                let key = self.key(index);
+                (self.bench.draw(key), self.bench.noise_of(key))
+            }
+        }
+    }
+
     /// Returns the bench on which it plays.
     pub fn bench(&mut self) -> &mut Testbench {
         &mut self.bench
@@ -163,11 +200,10 @@ impl rl::Env for Gym {
     }
 
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
-        let key = self.key(index);
+        let (start, noise) = self.start_of(index);
         self.index = index;
-        self.start = self.bench.draw(key);
+        self.start = start;
         self.actions.clear();
-        let noise = self.bench.noise_of(key);
         self.bench.begin(&self.start, noise, self.aftermath);
         self.bench.observe(obs);
     }
@@ -201,6 +237,19 @@ impl rl::Env for Gym {
                 reward: 0.0,
                 end: Some(End::Aborted),
             },
+        }
+    }
+    fn part_rewards(&self, step: Step, rewards: &mut [f32]) {
+        rewards.fill(step.reward);
+        let verdict = self.bench.verdict().filter(|verdict| verdict.is_foul());
+        let Some(verdict) = verdict else {
+            return;
+        };
+        let rulebook = self.bench.rulebook();
+        for (part, reward) in self.bench.spaces().parts.iter().zip(rewards) {
+            let own = rulebook.reward_of_ado(&part.name, &verdict, self.bench.broken_rules());
+            // As the reward of all ados: the cast from rewards to learners.
+            *reward = own.unwrap_or_default() as f32;
         }
     }
 }

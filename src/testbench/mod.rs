@@ -18,13 +18,13 @@ use std::sync::Arc;
 use rand::Rng;
 
 pub(crate) use actors::HOLD_DECISIONS;
-pub use actors::{Actor, Constant, HeldRandom, PolicyActor, Random, Replay};
+pub use actors::{Actor, Constant, HeldRandom, PolicyActor, Random, Replay, SampledPolicy};
 pub use episode::{Aftermath, Episode};
 pub(crate) use faults::count_faults;
 pub use faults::{Complaint, FaultCount, FaultLog};
 pub(crate) use film::{Film, FilmAfterContact, film, film_beyond, joined};
 pub(crate) use gym::Spent;
-pub use gym::{Gym, Success};
+pub use gym::{FIRST_KNOWN, Gym, KnownEpisode, Success};
 pub use recording::motion_of;
 pub(crate) use recording::passage_of;
 pub(crate) use repeats::MAX_REPEATS;
@@ -57,6 +57,8 @@ pub struct Testbench {
     contact: Option<ContactEvent>,
     /// First rule violated after a success, with its time.
     lost: Option<(usize, f64)>,
+    /// Rules that the episode broke, if its verdict is a rule violation.
+    broken: Vec<usize>,
     fault: Option<Fault>,
     decisions: usize,
     advances: u64,
@@ -86,6 +88,7 @@ impl Testbench {
             judged: 0,
             contact: None,
             lost: None,
+            broken: Vec::new(),
             fault: None,
             decisions: 0,
             advances: 0,
@@ -186,6 +189,7 @@ impl Testbench {
         self.judged = 0;
         self.contact = None;
         self.lost = None;
+        self.broken.clear();
         self.fault = None;
         self.decisions = 0;
         self.advances = 0;
@@ -326,6 +330,13 @@ impl Testbench {
         })
     }
 
+    /// Returns all rules that the episode broke, if it is a rule violation.
+    ///
+    /// The verdict names only the most important one.
+    pub fn broken_rules(&self) -> &[usize] {
+        &self.broken
+    }
+
     /// Returns a copy that continues bit for bit, or `None` if the ego cannot fork.
     pub fn fork(&self) -> Option<Testbench> {
         Some(self.fork_around(self.trace.clone(), self.scene.fork()?))
@@ -362,6 +373,7 @@ impl Testbench {
             judged: self.judged,
             contact: self.contact.clone(),
             lost: self.lost,
+            broken: self.broken.clone(),
             fault: self.fault.clone(),
             decisions: self.decisions,
             advances: self.advances,
@@ -415,6 +427,10 @@ impl Testbench {
         self.verdict = verdict.map(|verdict| self.counted(verdict));
         if self.is_decided() {
             self.judged = self.trace.len();
+        }
+        if verdict.is_some_and(|verdict| verdict.is_foul()) {
+            // A violation ends the episode, so all samples are judged.
+            self.broken = self.judge.broken(&self.rulebook, &self.trace);
         }
     }
 
@@ -494,6 +510,7 @@ impl Testbench {
             contact: self.contact.clone(),
             after_contact: self.after_contact(),
             rules_until_contact: self.rules_until_contact(),
+            broken_rules: self.broken.clone(),
             fault: self.fault.clone(),
             commands: self.scene.commands().to_vec(),
             physics_steps: self.physics_steps(),

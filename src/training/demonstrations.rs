@@ -2,12 +2,15 @@
 //!
 //! They are searched before a training, and later where the ado fails.
 
+use std::sync::Arc;
+
 use super::rollout::successes;
 use super::training_search::{Scouted, SearchEffort, TrainingSearch};
 use crate::experiment::Watch;
 use crate::rl::{Demonstration, Policy, Seeding};
 use crate::run_dir::Sought;
 use crate::seed::Purpose;
+use crate::testbench::{FIRST_KNOWN, KnownEpisode};
 use crate::world::Scenario;
 
 /// First start that is searched, which no learner reaches by itself.
@@ -41,23 +44,36 @@ pub(super) struct Seeded {
 
 /// Searches training starts of `seed` for demonstrations. `None`: stopped.
 ///
+/// Episodes of a bank are played first. If some succeed again, they are changed on the
+/// training starts, instead of a search from nothing.
+///
 /// The search uses one switch of action first, then a harder search on unsolved starts. A
 /// training that may continue keeps half of the remaining budget for the starts on which
 /// its ado fails ([`seed_failures`]).
 pub(super) fn seed_training(
     scenario: &Scenario,
     seed: u64,
-    seeding: &Seeding,
+    (seeding, bank): (&Seeding, &Arc<[KnownEpisode]>),
     watch: &Watch<'_>,
 ) -> Option<Seeded> {
-    let training_search = TrainingSearch::new(scenario, Purpose::Train, seed);
+    let training_search = TrainingSearch::new(scenario, Purpose::Train, seed).knowing(bank);
     let most = most_simulations(scenario, &training_search, seeding);
     let indices: Vec<u64> = (0..seeding.starts as u64)
         .map(|i| FIRST_START + i)
         .collect();
     let mut seeded = Seeded::default();
+    let known: Vec<u64> = (0..bank.len() as u64).map(|i| FIRST_KNOWN + i).collect();
+    let played = training_search.play_known(&known, watch);
+    if watch.stopped() {
+        return None;
+    }
+    seeded.note(&known, played);
     let mut unsolved = Vec::new();
     for chunk in indices.chunks(CHUNK) {
+        // Successes of near starts are changed below, which needs fewer simulations.
+        if FEW <= seeded.demonstrations.len() && !bank.is_empty() {
+            break;
+        }
         let spent = seeded.sought.simulations;
         let tried = seeded.sought.starts as usize;
         let few = (seeded.demonstrations.len() as f64) < ENOUGH * tried as f64;

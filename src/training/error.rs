@@ -1,5 +1,6 @@
 //! Error of a training that cannot begin, continue or end.
 
+use super::bank::BankError;
 use super::train_loop::TrainError;
 use crate::experiment::EgoError;
 use crate::rl::ConfigError;
@@ -58,6 +59,9 @@ pub enum SessionError {
     /// Goals that the world cannot have.
     #[error("{}", .0.what)]
     Goals(ChangeError),
+    /// Bank of episodes that cannot be used.
+    #[error(transparent)]
+    Bank(#[from] BankError),
     /// Ego that cannot be tested.
     #[error(transparent)]
     Ego(#[from] EgoError),
@@ -86,7 +90,7 @@ pub enum OptionClash {
     #[error("`--against` trains on a family of egos, `--ego` on one of them")]
     FamilyAndEgo,
     /// Family beside a learner of the world.
-    #[error("`--learner` is for training against the nominal ego")]
+    #[error("`--learner` and `--per-ado` are for training against the nominal ego")]
     FamilyAndLearner,
     /// Family beside a plant.
     #[error("`--plant` is for training against one ego")]
@@ -149,6 +153,7 @@ impl SessionError {
             | SessionError::Train(_)
             | SessionError::Config(_)
             | SessionError::Kept(_) => return None,
+            SessionError::Bank(error) => return error.help(),
         })
     }
 }

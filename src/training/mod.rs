@@ -1,9 +1,11 @@
 //! Training of an ado, from a world to a run directory and its closing evaluation.
 
+mod bank;
 mod calibration;
 mod demonstrations;
 mod error;
 pub(crate) mod goals;
+mod per_ado_mode;
 mod retrain_baseline;
 mod rollout;
 mod session;
@@ -12,7 +14,9 @@ pub(crate) mod train_loop;
 pub(crate) mod training_egos;
 mod training_search;
 
+pub use bank::BankError;
 pub use error::{OptionClash, SessionError};
+pub use per_ado_mode::PerAdoMode;
 pub(crate) use retrain_baseline::retrained;
 pub use session::{Closing, TrainRequest, TrainSession};
 pub use train_loop::{TrainError, TrainingOutcome};

@@ -2,9 +2,11 @@
 //!
 //! It is new, resumed, or fine-tuned from another run.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use super::bank::gather;
 use super::error::{OptionClash, SessionError};
+use super::per_ado_mode::PerAdoMode;
 use super::train_loop::{TrainError, TrainingOutcome, steps, train};
 use crate::adversary::Ado;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant};
@@ -31,6 +33,8 @@ pub struct TrainRequest<'a> {
     pub decisions: Option<u64>,
     /// Name under the world's `learners`.
     pub learner: Option<&'a str>,
+    /// Training of a policy per ado, instead of one for all of them.
+    pub per_ado: Option<PerAdoMode>,
     /// Goals of the training, instead of those of the world.
     pub goals: Option<&'a [TrainingGoal]>,
     /// Training against the world's ego or its family.
@@ -43,6 +47,8 @@ pub struct TrainRequest<'a> {
     pub plant: Option<PlantKind>,
     /// Run whose policy is fine-tuned.
     pub from: Option<&'a RunDir>,
+    /// Runs and kept counterexamples, of any ego, to learn from.
+    pub bank: &'a [PathBuf],
 }
 
 /// Training with its run directory.
@@ -88,9 +94,14 @@ impl TrainSession {
             let fits = world.learner.build_from(world.spaces(), seed, bundle);
             fits.map_err(TrainError::from)?;
         }
+        let bank = gather(&world, request.bank)?;
         let begin = |ego| {
-            let from = from.as_ref();
-            RunDir::begin(path, &world, seed, Beginning { from, ego })
+            let with = Beginning {
+                from: from.as_ref(),
+                bank: &bank,
+                ego,
+            };
+            RunDir::begin(path, &world, seed, with)
         };
         TrainSession::with(world.clone(), ego, begin)
     }
@@ -231,6 +242,9 @@ impl TrainRequest<'_> {
             };
             world = world.learning_by(name).ok_or_else(none)?;
         }
+        if let Some(mode) = self.per_ado {
+            world = mode.in_world(&world)?;
+        }
         if self.leave_out.is_some() && self.against != TrainingEgos::Randomized {
             return Err(SessionError::Options(OptionClash::LeaveOut));
         }
@@ -248,7 +262,7 @@ impl TrainRequest<'_> {
         if self.ego.is_some() {
             return refused(OptionClash::FamilyAndEgo);
         }
-        if self.learner.is_some() {
+        if self.learner.is_some() || self.per_ado.is_some() {
             return refused(OptionClash::FamilyAndLearner);
         }
         if self.plant.is_some() {

@@ -1,5 +1,7 @@
 //! Training of an ado: testbench ⇄ learner → policy, kept in a run directory.
 
+use std::sync::Arc;
+
 use cpu_time::ThreadTime;
 
 use super::demonstrations::seed_training;
@@ -80,6 +82,8 @@ pub fn train(
     run.refuse(run.differences_in_learning(scenario)?)?;
     let seed = run.manifest().seed;
     let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
+    let bank = run.bank()?;
+    gym.inner().know(Arc::clone(&bank));
     let spaces = scenario.spaces();
     let checkpoint = run.checkpoint()?;
     if let Some(goals) = GoalTracker::of(scenario, checkpoint.as_ref())? {
@@ -100,7 +104,7 @@ pub fn train(
         && let Some(seeding) = scenario.learner.seeding()
     {
         watch.phase("searching training starts");
-        let seeded = own.aside(|| seed_training(scenario, seed, seeding, watch));
+        let seeded = own.aside(|| seed_training(scenario, seed, (seeding, &bank), watch));
         if let Some(seeded) = seeded {
             learner.demonstrate(&mut gym, &seeded.demonstrations);
             run.note_sought(seeded.sought);

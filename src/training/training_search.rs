@@ -3,6 +3,8 @@
 //! Its successes are demonstrations for learners, and its results show whether a trained
 //! ado has learned its world.
 
+use std::sync::Arc;
+
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::Demonstration;
 use crate::rulebook::Verdict;
@@ -12,7 +14,7 @@ use crate::search::{Tree, WalkControl};
 use crate::seed;
 use crate::seed::{Purpose, StartKey};
 use crate::sim::PlantKind;
-use crate::testbench::{Aftermath, Replay, Testbench, play};
+use crate::testbench::{Aftermath, FIRST_KNOWN, KnownEpisode, Replay, Testbench, play};
 use crate::world::Scenario;
 use rand::RngExt;
 
@@ -60,6 +62,8 @@ pub(super) struct TrainingSearch<'a> {
     cheap: Option<Scenario>,
     purpose: Purpose,
     seed: u64,
+    /// Episodes beyond the stream, from index [`FIRST_KNOWN`] on.
+    known: Arc<[KnownEpisode]>,
 }
 
 impl<'a> TrainingSearch<'a> {
@@ -75,7 +79,37 @@ impl<'a> TrainingSearch<'a> {
             cheap,
             purpose,
             seed,
+            known: Arc::default(),
         }
+    }
+
+    /// Returns the search with known episodes, whose starts follow [`FIRST_KNOWN`].
+    pub(super) fn knowing(mut self, known: &Arc<[KnownEpisode]>) -> TrainingSearch<'a> {
+        self.known = Arc::clone(known);
+        self
+    }
+
+    /// Returns a known episode by its index.
+    fn known(&self, index: u64) -> Option<&KnownEpisode> {
+        self.known.get(index.checked_sub(FIRST_KNOWN)? as usize)
+    }
+
+    /// Plays known episodes by their indices, one run each.
+    pub(super) fn play_known(&self, indices: &[u64], watch: &Watch<'_>) -> Vec<Option<Scouted>> {
+        let all = EpisodeLoop::counted(watch, indices.len());
+        let worker = || self.worker(watch);
+        all.run(indices, worker, |worker, &index, turn| {
+            let known = self.known(index)?;
+            let mut scouted = Scouted::default();
+            self.place_member(self.key(index), &mut worker.first, worker.target.as_mut());
+            let from = (&known.start, known.noise);
+            let bench = worker.target.as_mut().unwrap_or(&mut worker.first);
+            if confirms(bench, from, &known.actions, &mut scouted) {
+                scouted.actions = Some(known.actions.clone());
+            }
+            scouted.cpu_s = turn.cpu_s();
+            Some(scouted)
+        })
     }
 
     /// Returns whether the ego can be copied, which makes the search cheap.
@@ -341,7 +375,10 @@ impl SearchWorker<'_> {
     fn nearest(&self, start: &Start, known: &[Demonstration]) -> Vec<Vec<usize>> {
         let starts: Vec<Start> = known
             .iter()
-            .map(|shown| self.first.draw(self.training_search.key(shown.index)))
+            .map(|shown| match self.training_search.known(shown.index) {
+                Some(known) => known.start.clone(),
+                None => self.first.draw(self.training_search.key(shown.index)),
+            })
             .collect();
         let spread = |axis: usize| {
             let values = starts.iter().filter_map(|start| start.0.get(axis));

@@ -43,7 +43,10 @@ pub(super) fn check(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, bo
         }
         // Each rate has a range of its own, which `weather` checks.
         // `road_ado` checks curvatures.
-        Actions::Phases(_) | Actions::Rates(_) | Actions::Curvatures(_) => Vec::new(),
+        // `turns` checks the names in turns.
+        Actions::Phases(_) | Actions::Rates(_) | Actions::Curvatures(_) | Actions::Turns(_) => {
+            Vec::new()
+        }
         Actions::Deviate(added) => {
             let parts = [
                 ("accelerations", &added.accelerations),
@@ -90,6 +93,7 @@ pub(super) fn fits(actions: &Actions, body: ActsAs) -> bool {
         Actions::Phases(_) => body == ActsAs::Light,
         Actions::Rates(_) => body == ActsAs::Weather,
         Actions::Curvatures(_) => body == ActsAs::Road,
+        Actions::Turns(_) => body == ActsAs::Turns,
         // Deviations require a plan, and a plan belongs to one world.
         Actions::Deviate(_) => false,
     }
@@ -107,6 +111,9 @@ fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str
         }
         (Some(_), _) if body == ActsAs::Road => {
             Some(("a road has no way to plan", "leave `base` out"))
+        }
+        (Some(_), _) if body == ActsAs::Turns => {
+            Some(("turns have no way to plan", "leave `base` out"))
         }
         (None, Actions::Deviate(_)) => Some((
             "there is no plan from which to deviate",
@@ -128,6 +135,7 @@ pub(super) enum ActsAs {
     Light,
     Weather,
     Road,
+    Turns,
 }
 
 impl From<BodyControl> for ActsAs {
@@ -147,6 +155,7 @@ impl ActsAs {
             ActsAs::Light => "a traffic light",
             ActsAs::Weather => "weather",
             ActsAs::Road => "a road",
+            ActsAs::Turns => "an ado that gives turns",
         }
     }
 
@@ -163,6 +172,7 @@ impl ActsAs {
             ActsAs::Road => {
                 "write `Curvatures([-0.01, 0.0, 0.01])`: 1 / radius, positive to the left"
             }
+            ActsAs::Turns => "write `Turns([Nobody, All, Only(\"NAME\")])` with placed ados",
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
+use indexmap::IndexMap;
+
 use super::RuleSpec;
 use super::ado_actions::{self, ActsAs};
 use super::bodies;
@@ -16,14 +18,16 @@ use super::road_ado;
 use super::roads;
 use super::runs::WorldOrigin;
 use super::trained;
+use super::trained::rules::JudgedAdo;
 use super::trained::run::TrainedFile;
 use super::weather;
+use crate::rl::LearnerSettings;
 use crate::road::{Direction, PlacedRoads, Road};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{
     Agent, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, Range, RoadAdo,
-    StartPlace, TrainedAdo, Weather,
+    StartPlace, TrainedAdo, TurnsAdo, Weather,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
@@ -40,6 +44,8 @@ pub(super) struct Agents<'a> {
     /// Position of each light in the file's list.
     pub(super) light_entries: Vec<usize>,
     pub(super) weather: Option<Weather>,
+    /// Ado that gives turns, with its place in the file.
+    pub(super) turns: Option<(TurnsAdo, ValuePath)>,
     /// Road that an ado lays, with its place in the file.
     pub(super) road_ado: Option<(RoadAdo, ValuePath)>,
     pub(super) observed: Vec<(String, ValuePath)>,
@@ -47,8 +53,14 @@ pub(super) struct Agents<'a> {
     pub(super) observe: Option<ValuePath>,
     /// True if an ado has no `observe` and gets the default observation.
     pub(super) sees_usual: bool,
+    /// Signals that an ado lists for itself, by its name.
+    pub(super) own_observe: IndexMap<String, Vec<String>>,
+    /// Learners of single ados by name, with their places in the file.
+    pub(super) learners: Vec<(String, ValuePath, LearnerSettings)>,
     /// Rules of all ados, in the order of the file.
     pub(super) rules: Vec<RuleSpec>,
+    /// Trained ados whose rules are judged.
+    pub(super) judged: Vec<JudgedAdo>,
     /// Values to replace in the text.
     pub(super) written_out: Vec<(ValuePath, String)>,
     /// Names of the road users so far, including invalid agents.
@@ -75,10 +87,14 @@ impl Agents<'_> {
             light_entries: Vec::new(),
             weather: None,
             road_ado: None,
+            turns: None,
             observed: Vec::new(),
             observe: None,
             sees_usual: false,
+            own_observe: IndexMap::new(),
+            learners: Vec::new(),
             rules: Vec::new(),
+            judged: Vec::new(),
             written_out: Vec::new(),
             declared: Vec::new(),
             roads,
@@ -128,6 +144,20 @@ impl Agents<'_> {
                     let road = road_ado::read(problems, &path, file, entry);
                     if read.road_ado.replace((road, path.clone())).is_some() {
                         road_ado::second(problems, &path);
+                    }
+                }
+                AgentFile::Turns { name, drive } => {
+                    let place = path.to("drive");
+                    ado_actions::check(problems, &place, drive.ado(), ActsAs::Turns);
+                    read.rules_of(problems, &place, name, drive.ado());
+                    let turns = TurnsAdo {
+                        name: name.clone(),
+                        actions: drive.ado().actions.clone(),
+                        neutral: drive.ado().neutral,
+                    };
+                    if read.turns.replace((turns, path.clone())).is_some() {
+                        let what = "a world has at most one agent that gives turns".to_owned();
+                        problems.add(&path, what, "second one", None);
                     }
                 }
                 _ => {
@@ -232,7 +262,8 @@ impl Agents<'_> {
             AgentFile::Obstacle { .. }
             | AgentFile::Light { .. }
             | AgentFile::Weather(_)
-            | AgentFile::Road(_) => return None,
+            | AgentFile::Road(_)
+            | AgentFile::Turns { .. } => return None,
         };
         if let DriveFile::Ego(_) = drive {
             roads::ego_on_its_own(problems, path, entry);
@@ -301,7 +332,7 @@ impl Agents<'_> {
                 Drive::Scripted(script.clone())
             }
             DriveFile::Trained(file) => {
-                Drive::Trained(self.trained(problems, path, file, acts_as)?)
+                Drive::Trained(self.trained(problems, (path, name), file, acts_as)?)
             }
             DriveFile::Script(steps) => {
                 let plan = MotionPlan::Script(steps.clone());
@@ -337,13 +368,19 @@ impl Agents<'_> {
     fn trained(
         &mut self,
         problems: &mut Problems,
-        path: &ValuePath,
+        (path, name): (&ValuePath, &str),
         file: &TrainedFile,
         acts_as: ActsAs,
     ) -> Option<TrainedAdo> {
-        let (trained, written_out) = trained::open(problems, (path, self.origin), file, acts_as)?;
-        self.written_out.extend(written_out);
-        Some(trained)
+        let opened = trained::open(problems, (path, self.origin), file, acts_as)?;
+        self.written_out.extend(opened.written_out);
+        self.judged.extend(opened.home.map(|home| JudgedAdo {
+            name: name.to_owned(),
+            path: path.clone(),
+            trained: opened.trained.clone(),
+            home,
+        }));
+        Some(opened.trained)
     }
 
     fn light_drive(
@@ -356,7 +393,7 @@ impl Agents<'_> {
         let path = path.to("drive");
         Some(match drive {
             LightFile::Trained(file) => {
-                LightDrive::Trained(self.trained(problems, &path, file, ActsAs::Light)?)
+                LightDrive::Trained(self.trained(problems, (&path, name), file, ActsAs::Light)?)
             }
             LightFile::Schedule(schedule) => {
                 // Equal times would leave the order of phases open.
@@ -382,6 +419,14 @@ impl Agents<'_> {
     fn rules_of(&mut self, problems: &mut Problems, path: &ValuePath, name: &str, ado: &AdoFile) {
         self.observe.get_or_insert_with(|| path.to("observe"));
         self.sees_usual |= ado.observe.is_none();
+        if let Some(learner) = &ado.learner {
+            let place = path.to("learner");
+            self.learners
+                .push((name.to_owned(), place, learner.clone()));
+        }
+        if let Some(signals) = &ado.observe {
+            self.own_observe.insert(name.to_owned(), signals.clone());
+        }
         for (j, signal) in ado.observe.iter().flatten().enumerate() {
             self.observed
                 .push((signal.clone(), path.to("observe").at(j)));

@@ -11,8 +11,8 @@ use super::runs::{Assembled, RunSource, WorldOrigin};
 use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
-    Scenario, check, counting, dry_run, environment, family_check, kind_of_world, limits, plans,
-    points, road_ado, roads, slope_and_wind, starts, trained, vacuous,
+    Scenario, check, counting, dry_run, environment, family_check, kind_of_world, limits, per_ado,
+    plans, points, road_ado, roads, slope_and_wind, starts, trained, turns, vacuous,
 };
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
@@ -76,7 +76,7 @@ fn within(origin: WorldOrigin<'_>, text: &str) -> Assembled {
             let mut problems = Problems::new(text);
             limits::check(&mut problems, &parsed);
             problems.done()?;
-            Some(assemble(origin, text, parsed)?.1)
+            Some(assemble(origin, text, parsed)?)
         }
         kind_of_world::WorldKind::Grid => None,
     })
@@ -98,7 +98,6 @@ fn assemble(
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     counting::check(&mut problems, &top, &file);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
-    let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
     let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
     let constants = constants(
         &mut problems,
@@ -117,10 +116,14 @@ fn assemble(
         light_entries,
         weather,
         road_ado,
+        turns,
         mut observed,
         observe,
         sees_usual,
-        rules,
+        own_observe,
+        learners: own_learners,
+        mut rules,
+        judged,
         written_out,
         ..
     } = agents
@@ -129,6 +132,7 @@ fn assemble(
         return Err(Vec::new());
     };
 
+    let learner = per_ado::learner(&mut problems, &file, own_learners);
     let taken: Vec<&str> = constants.keys().map(String::as_str).collect();
     let place = top.to("parameters");
     let parameters = points::parameters(&mut problems, &place, &file.parameters, &taken);
@@ -149,18 +153,21 @@ fn assemble(
         weather,
         grades: nominal_grades(&file.grades),
         wind: file.wind.as_ref().map(WindFile::nominal),
+        turns: turns.as_ref().map(|(turns, _)| turns.clone()),
         road_ado: road_ado.as_ref().map(|(road, _)| road.clone()),
         sensors,
         extra: Vec::new(),
         derived: Vec::new(),
         constants: constants.clone(),
         observe: Vec::new(),
+        own_observe,
         parameters,
         formulas: Names::default(),
         environment: Vec::new(),
         points: Vec::new(),
     };
     spec.environment = environment::drawn(&file, &spec);
+    per_ado::names(&mut problems, &learner, &spec);
     let list = top.to("agents");
     starts::check(&mut problems, &list, &spec, &entries);
     starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
@@ -171,6 +178,9 @@ fn assemble(
         road_ado::check(&mut problems, places, &spec, (&entries, &light_entries));
     }
     trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
+    if let Some((turns, place)) = &turns {
+        turns::check(&mut problems, place, turns, &spec);
+    }
     let family = file.train_against.and_then(|family| {
         family_check::family(
             &mut problems,
@@ -189,8 +199,13 @@ fn assemble(
     let mut language = Language::new(spec.clock.sample_s, offers, constants);
     spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
     problems.done()?;
-    let (names, ego_spec) =
+    let (mut names, ego_spec) =
         language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
+    for ado in &judged {
+        let words = (&mut language, &mut names);
+        ado.judge(&mut problems, words, &mut spec, &mut rules);
+    }
+    problems.done()?;
     plans::bind(
         &mut problems,
         &mut language,

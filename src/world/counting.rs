@@ -38,6 +38,7 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
     let changing = file.agents.iter().find_map(|agent| match agent {
         AgentFile::Weather(_) => Some("weather that an ado changes"),
         AgentFile::Road(_) => Some("a road that an ado lays"),
+        AgentFile::Turns { .. } => None,
         _ => None,
     });
     if let (Counts::Preventable { .. }, Some(changing)) = (&file.counts, changing) {
@@ -102,7 +103,10 @@ fn is_other_with_a_body(agent: &AgentFile) -> bool {
             !matches!(drive, DriveFile::Ego(_))
         }
         AgentFile::Obstacle { .. } => true,
-        AgentFile::Light { .. } | AgentFile::Weather(_) | AgentFile::Road(_) => false,
+        AgentFile::Light { .. }
+        | AgentFile::Weather(_)
+        | AgentFile::Road(_)
+        | AgentFile::Turns { .. } => false,
     }
 }
 

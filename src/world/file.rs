@@ -169,6 +169,10 @@ pub(super) enum AgentFile {
     },
     Weather(WeatherFile),
     Road(RoadAgentFile),
+    Turns {
+        name: String,
+        drive: SceneAdoFile,
+    },
 }
 
 fn nothing() -> NumberOrRange {
@@ -186,6 +190,7 @@ impl AgentFile {
             | AgentFile::Pedestrian { name, .. }
             | AgentFile::Obstacle { name, .. }
             | AgentFile::Light { name, .. }
+            | AgentFile::Turns { name, .. }
             | AgentFile::Weather(WeatherFile { name, .. })
             | AgentFile::Road(RoadAgentFile { name, .. }) => name,
         }
@@ -215,7 +220,10 @@ impl AgentFile {
             AgentFile::Vehicle { road, .. }
             | AgentFile::Pedestrian { road, .. }
             | AgentFile::Obstacle { road, .. } => road.as_deref(),
-            AgentFile::Light { .. } | AgentFile::Weather(_) | AgentFile::Road(_) => None,
+            AgentFile::Light { .. }
+            | AgentFile::Weather(_)
+            | AgentFile::Road(_)
+            | AgentFile::Turns { .. } => None,
         }
     }
 }
@@ -332,6 +340,9 @@ pub(super) struct AdoFile {
     #[serde(default)]
     pub(super) observe: Option<Vec<String>>,
     pub(super) rulebook: Vec<RuleFile>,
+    /// Learner of this ado alone. The others then have a learner each, too.
+    #[serde(default)]
+    pub(super) learner: Option<LearnerSettings>,
     /// Time constant with which a vehicle's acceleration follows, in s.
     #[serde(default)]
     pub(super) lag_s: f64,

@@ -131,6 +131,20 @@ impl Language {
         Some(Derived { signal, expr })
     }
 
+    /// Adds a constant that no formula of the file names.
+    pub(super) fn constant(&mut self, name: String, value: f64) {
+        self.constants.insert(name, value);
+    }
+
+    /// Adds a derived signal that no formula of the file names.
+    pub(super) fn add(&mut self, derived: Derived) {
+        let name = derived.signal.name.to_string();
+        let mentioned = derived.expr.signals().into_iter();
+        self.used.extend(mentioned.map(str::to_owned));
+        self.ranges.insert(name, usual_range(&derived.signal.unit));
+        self.signals.push(derived.signal);
+    }
+
     /// Returns the constants and the named formulas of the file.
     pub(super) fn names(
         &self,

@@ -163,6 +163,7 @@ fn drive(problems: &mut Problems, path: &ValuePath, agent: &AgentFile) {
         },
         AgentFile::Weather(weather) => ado(problems, &path.at(0), weather.drive.ado()),
         AgentFile::Road(road) => ado(problems, &path.at(0), road.drive.ado()),
+        AgentFile::Turns { drive, .. } => ado(problems, &path.to("drive"), drive.ado()),
         AgentFile::Obstacle { .. } => {}
     }
 }
@@ -201,6 +202,7 @@ fn actions(actions: &Actions) -> usize {
         Actions::Phases(all) => all.len(),
         Actions::Rates(all) => all.len(),
         Actions::Curvatures(all) => all.len(),
+        Actions::Turns(all) => all.len(),
         Actions::Deviate(added) => {
             let lateral = added.lateral_mps.len();
             added.accelerations.len().saturating_mul(lateral)

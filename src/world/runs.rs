@@ -1,5 +1,6 @@
 //! Runs that a world file refers to, found by a source outside of this module.
 
+use super::scenario::Scenario;
 use crate::ron_file::Problem;
 use crate::scene::drive::DriveWorld;
 
@@ -56,7 +57,7 @@ impl RunSource for Nowhere {
 }
 
 /// World of a text. `None` for a grid.
-pub(super) type Assembled = Result<Option<DriveWorld>, Vec<Problem>>;
+pub(super) type Assembled = Result<Option<(Scenario, DriveWorld)>, Vec<Problem>>;
 
 /// Origin of a world: the name of its file, and the source of its runs.
 #[derive(Clone, Copy)]

@@ -248,7 +248,9 @@ impl Scenario {
         let planned = spec.agents.iter().filter(|agent| agent.plan().is_some());
         let acting = spec.action_sets().count();
         let strays = !spec.agents.iter().any(is_free) && acting <= planned.count();
-        !spec.points.is_empty() || acting == 0 || (spec.axes().is_empty() && strays)
+        // A placed ado whose rules are judged is an adversary, too.
+        let alone = acting == 0 && !spec.trained().any(|(_, trained)| trained.judged);
+        !spec.points.is_empty() || alone || (spec.axes().is_empty() && strays)
     }
 
     /// Returns true if each ego's own failures determine its trivial starts.

@@ -6,6 +6,7 @@
 //! a world are therefore self-contained.
 
 mod nested;
+pub(super) mod rules;
 pub(super) mod run;
 
 use std::fmt;
@@ -14,17 +15,28 @@ use std::sync::Arc;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
+use self::rules::{HomeRulebook, RulesFile};
 use self::run::{LoadedRun, RunFile, TrainedFile, opened};
 use super::ado_actions::{self, ActsAs};
+use super::check;
 use super::runs::{RunRefused, WorldOrigin, refused};
-use crate::rl::{Policy, TensorFile, load_policy_for};
-use crate::ron_file::Ordered;
+use super::scenario::Scenario;
+use crate::rl::{Policy, TensorFile, load_policy_for, policy_of_part};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::ron_file::{did_you_mean, known_names};
 use crate::scene::drive::{Drive, DriveSpec, DriveWorld, LightDrive, TrainedAdo, TrainedError};
 
-/// Returns a trained ado, and the text that replaces its directory.
+/// Trained ado of a world file.
+pub(super) struct OpenedAdo {
+    pub(super) trained: TrainedAdo,
+    /// Text that replaces its directory.
+    pub(super) written_out: Option<(ValuePath, String)>,
+    /// Its rules, if they are judged.
+    pub(super) home: Option<HomeRulebook>,
+}
+
+/// Returns a trained ado.
 ///
 /// `None` after a mistake, which is reported.
 pub(super) fn open(
@@ -32,22 +44,25 @@ pub(super) fn open(
     (path, origin): (&ValuePath, WorldOrigin<'_>),
     trained: &TrainedFile,
     acts_as: ActsAs,
-) -> Option<(TrainedAdo, Option<(ValuePath, String)>)> {
+) -> Option<OpenedAdo> {
     let place = path.to("run");
     let made = opened(&trained.run, origin).and_then(|run| {
         // Nesting is checked first, since assembling a run recurses into its
         // world.
         nested::check(&run, origin)?;
-        let drive = made_from(&run, &trained.names, origin)?;
-        Ok((run, drive))
+        let made = made_from(&run, trained, origin)?;
+        Ok((run, made))
     });
-    let (run, drive) = match made {
+    let (run, (drive, home)) = match made {
         Ok(made) => made,
         Err(refused) => {
             problems.add(&place, refused.what, "this run", Some(refused.help));
             return None;
         }
     };
+    if let Some(temperature) = trained.temperature {
+        check::within(problems, &path.to("temperature"), temperature, 1e-6, 1e6);
+    }
     if !ado_actions::fits(&drive.actions, acts_as) {
         let what = format!("{} cannot do what this ado does", acts_as.words());
         let help = "a vehicle takes a vehicle's place, a walker a walker's, a light a light's";
@@ -59,63 +74,108 @@ pub(super) fn open(
         RunFile::Directory(_) => Some((place, written(&run))),
         RunFile::Kept(_) => None,
     };
-    Some((drive, written_out))
+    let judged = trained.rules == RulesFile::Judged;
+    Some(OpenedAdo {
+        trained: drive,
+        written_out,
+        home: judged.then_some(home),
+    })
 }
 
 fn made_from(
     run: &LoadedRun,
-    names: &Ordered<String>,
+    file: &TrainedFile,
     origin: WorldOrigin<'_>,
-) -> Result<TrainedAdo, RunRefused> {
+) -> Result<(TrainedAdo, HomeRulebook), RunRefused> {
     let from = &run.from;
-    let world = world_of(run, origin)?;
+    let (scenario, world) = world_of(run, origin)?;
     let home = world.spec();
-    let mut sets = home.action_sets();
-    // The policy chooses joint actions, so it can only be placed if it was
-    // alone.
-    let (part, actions) = match (sets.next(), sets.next()) {
-        (Some((part, actions, _)), None) => (part.to_owned(), actions.clone()),
-        _ => {
-            return Err(refused(
-                format!("the run `{from}` has {} ados", home.action_sets().count()),
-                "one policy moves them all; only an ado that was alone can be placed",
-            ));
-        }
-    };
-    let bundle = TensorFile::from_bytes(&run.policy);
-    // The policy is checked against the spaces of its own world, where it was
-    // trained.
-    let policy = bundle.and_then(|bundle| load_policy_for(world.spaces(), &bundle));
-    let policy = policy.map_err(|error| {
+    let damaged = |error| {
         refused(
             format!("the policy of `{from}` is damaged: {error}"),
             "restore the run from a backup, or train again",
         )
-    })?;
-    Ok(TrainedAdo {
-        lag_s: lag_s(home),
+    };
+    let bundle = TensorFile::from_bytes(&run.policy).map_err(damaged)?;
+    let part = part_of(from, home, file.part.as_deref())?;
+    let mut training_world = home.training_world();
+    let policy = match home.action_sets().count() {
+        // The policy is checked against the spaces of its own world, where it was
+        // trained.
+        1 => load_policy_for(world.spaces(), &bundle).map_err(damaged)?,
+        ados => {
+            let own = policy_of_part(world.spaces(), &bundle, &part).map_err(damaged)?;
+            let Some((spaces, policy)) = own else {
+                return Err(refused(
+                    format!("the run `{from}` has {ados} ados with one common policy"),
+                    "train them with `train --per-ado independent`, which gives each its own",
+                ));
+            };
+            let observed = spaces.observed.iter();
+            let observed = observed.map(|&at| home.observe[at].clone());
+            training_world.observe = observed.collect();
+            policy
+        }
+    };
+    let actions = home.action_sets().find(|(name, ..)| *name == part);
+    // Invariant: `part_of` names one of them.
+    let Some((_, actions, neutral)) = actions else {
+        return Err(refused(format!("the run `{from}` has no `{part}`"), ""));
+    };
+    let rules = HomeRulebook::of(&scenario, &part);
+    let trained = TrainedAdo {
+        lag_s: lag_s(home, &part),
+        actions: actions.clone(),
         part,
-        actions,
         policy: Arc::<dyn Policy>::from(policy),
-        home: Arc::new(home.training_world()),
-        names: names.0.clone(),
-    })
+        home: Arc::new(training_world),
+        names: file.names.0.clone(),
+        neutral,
+        temperature: file.temperature,
+        judged: file.rules == RulesFile::Judged,
+        idle: false,
+    };
+    Ok((trained, rules))
 }
 
-fn lag_s(home: &DriveSpec) -> f64 {
-    let lags = home.agents.iter().filter_map(|agent| match agent.drive {
-        Drive::Ado { lag_s, .. } => Some(lag_s),
-        _ => None,
-    });
-    // Invariant: the home world has a single ado, so the sum is its lag, or 0
-    // for a light.
-    lags.sum()
+/// Returns the ado of a run that is placed.
+fn part_of(from: &str, home: &DriveSpec, part: Option<&str>) -> Result<String, RunRefused> {
+    let names: Vec<&str> = home.action_sets().map(|(name, ..)| name).collect();
+    match (part, &names[..]) {
+        (None, [only]) => Ok((*only).to_owned()),
+        (Some(part), _) if names.contains(&part) => Ok(part.to_owned()),
+        (None, _) => Err(refused(
+            format!("the run `{from}` has {} ados", names.len()),
+            &format!("choose one: {}", known_parts(&names)),
+        )),
+        (Some(part), _) => Err(refused(
+            format!("the run `{from}` has no ado `{part}`"),
+            &format!("choose one: {}", known_parts(&names)),
+        )),
+    }
+}
+
+fn known_parts(names: &[&str]) -> String {
+    let parts: Vec<String> = names.iter().map(|it| format!("`part: \"{it}\"`")).collect();
+    parts.join(" or ")
+}
+
+/// Returns the lag of an ado, 0 for a light.
+fn lag_s(home: &DriveSpec, part: &str) -> f64 {
+    let agent = home.agents.iter().find(|agent| agent.name == part);
+    match agent.map(|agent| &agent.drive) {
+        Some(Drive::Ado { lag_s, .. }) => *lag_s,
+        _ => 0.0,
+    }
 }
 
 /// Returns the run's world.
 ///
 /// Trial runs are omitted, because they took place before its training.
-fn world_of(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<DriveWorld, RunRefused> {
+fn world_of(
+    run: &LoadedRun,
+    origin: WorldOrigin<'_>,
+) -> Result<(Scenario, DriveWorld), RunRefused> {
     let name = run.world_name();
     // Runs of the inner world are searched beside the inner file.
     let inner = WorldOrigin {

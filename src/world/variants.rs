@@ -170,6 +170,37 @@ impl Scenario {
         self.redriven(|spec| spec.plant = plant)
     }
 
+    /// Returns the world with each start played several times.
+    pub(crate) fn repeating_starts(&self, repeats: Repeats) -> Scenario {
+        Scenario {
+            repeats,
+            ..self.clone()
+        }
+    }
+
+    /// Returns the names of the placed ados whose rules are judged.
+    pub fn judged_ados(&self) -> Vec<&str> {
+        let driving = self.drive();
+        let all = driving.iter().flat_map(|driving| driving.spec().trained());
+        let judged = all.filter(|(_, trained)| trained.judged);
+        judged.map(|(name, _)| name).collect()
+    }
+
+    /// Returns the world with some placed ados idle, and the others as before.
+    ///
+    /// An idle ado plays its action without effect throughout. Only ados whose rules are
+    /// judged become idle, since the others are traffic.
+    pub fn with_idle_ados(&self, idle: impl Fn(&str) -> bool) -> Scenario {
+        if self.judged_ados().is_empty() {
+            return self.clone();
+        }
+        self.redriven(|spec| {
+            for (name, trained) in spec.trained_mut() {
+                trained.idle = trained.judged && idle(name);
+            }
+        })
+    }
+
     /// Returns the world with the user's own controller as the ego.
     ///
     /// `name` is its name in rows and files. Its commands pass through the

@@ -223,6 +223,9 @@ impl Warnings {
                 AgentFile::Road(road) => {
                     self.driven_ado(&path.to("drive"), road.drive.ado());
                 }
+                AgentFile::Turns { drive, .. } => {
+                    self.driven_ado(&path.to("drive"), drive.ado());
+                }
                 AgentFile::Light { drive, .. } => {
                     if let LightFile::Ado(ado) = drive {
                         self.driven_ado(&path.to("drive"), ado);

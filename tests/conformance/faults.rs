@@ -183,6 +183,7 @@ impl World {
                 observation: 2,
                 actions: 2,
                 neutral,
+                parts: Vec::new(),
             },
             left: 0,
         }
@@ -263,6 +264,7 @@ fn a_policy_that_breaks_a_promise_is_caught() {
         observation: 2,
         actions: 2,
         neutral: 0,
+        parts: Vec::new(),
     };
     let cases = [
         (NoSuchAction, Promise::Spaces),

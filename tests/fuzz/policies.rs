@@ -28,6 +28,7 @@ impl Walk {
                 observation: 2,
                 actions: 3,
                 neutral: 1,
+                parts: Vec::new(),
             },
             place: 0,
             left: 0,

@@ -26,6 +26,7 @@ fn cases(text: &str) -> Vec<Case> {
                 observation: whole(&data["spaces"][0]),
                 actions: whole(&data["spaces"][1]),
                 neutral: 0,
+                parts: Vec::new(),
             },
             episode: Episode {
                 observations: list(&episode["observations"]).map(floats).collect(),

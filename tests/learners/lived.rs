@@ -13,6 +13,7 @@ fn spaces(actions: usize) -> Spaces {
         observation: 1,
         actions,
         neutral: 0,
+        parts: Vec::new(),
     }
 }
 

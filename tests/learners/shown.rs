@@ -29,6 +29,7 @@ impl Lock {
             observation: ACTIONS + 2,
             actions: ACTIONS,
             neutral: 0,
+            parts: Vec::new(),
         };
         Lock {
             spaces,

@@ -12,6 +12,7 @@ fn spaces() -> Spaces {
         observation: 1,
         actions: 2,
         neutral: 0,
+        parts: Vec::new(),
     }
 }
 

@@ -6,9 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;
-use super::learner::{Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, within};
+use super::learner::{
+    Built, Choice, ConfigError, EpisodePlan, Learner, LearnerKind, Shaped, TrainingCounters, within,
+};
 use super::nn::argmax;
-use super::{Env, Policy, Spaces};
+use super::{Policy, Spaces, Step};
 
 const POLICY: &str = "brakecheck paid policy 1";
 const CHECKPOINT: &str = "brakecheck paid checkpoint 1";
@@ -107,6 +109,9 @@ struct Learning {
     paid: Paid,
     dice: LearnerRng,
     tally: TrainingCounters,
+    /// Action of the running episode, and its return so far.
+    action: usize,
+    total: f32,
 }
 
 impl Learning {
@@ -116,27 +121,38 @@ impl Learning {
             paid,
             dice,
             tally: TrainingCounters::new(settings.decisions),
+            action: 0,
+            total: 0.0,
         }
     }
 }
 
 impl Learner for Learning {
-    fn episode(&mut self, env: &mut dyn Env) -> f32 {
-        let mut obs = vec![0.0; self.paid.observation];
-        env.reset(self.tally.begun(), &mut obs);
-        let action = self.dice.below(self.paid.each.len());
-        let mut total = 0.0;
-        loop {
-            let step = env.step(action, &mut obs);
-            self.tally.decisions += 1;
-            total += step.reward;
-            if step.end.is_some() {
-                break;
-            }
+    fn plan(&mut self) -> EpisodePlan {
+        EpisodePlan::of(self.tally.begun())
+    }
+
+    fn begin(&mut self, _: &EpisodePlan, _: &[f32]) {
+        self.total = 0.0;
+        self.action = self.dice.below(self.paid.each.len());
+    }
+
+    fn act(&mut self, obs: &[f32], choice: Choice) -> usize {
+        match choice {
+            Choice::Own => self.action,
+            Choice::Greedy => self.paid.act(obs),
+            Choice::Given(action) => action,
         }
-        self.tally.episodes += 1;
-        self.paid.each[action] += self.rate * (total - self.paid.each[action]);
-        total
+    }
+
+    fn learn(&mut self, step: Step, _: &[f32]) {
+        self.tally.decisions += 1;
+        self.total += step.reward;
+        if step.end.is_some() {
+            self.tally.episodes += 1;
+            let paid = &mut self.paid.each[self.action];
+            *paid += self.rate * (self.total - *paid);
+        }
     }
 
     fn tally(&self) -> &TrainingCounters {

@@ -188,3 +188,46 @@ fn definition_4_as_printed() {
     // At M = 1 the penalty is no tie with a lawful run at the clamp.
     assert!(reward.foul(1, 2) < reward.lawful(-1e9));
 }
+
+/// Lemma 2 for each ado of a composition, over all sets of broken rules.
+#[test]
+fn an_ado_that_breaks_a_rule_earns_less_than_one_that_breaks_none_or_a_lesser_one() {
+    use brakecheck::rulebook::Rulebook;
+    let world = brakecheck::world::Scenario::shipped("sandwich");
+    let world = world.expect("shipped").expect("sound");
+    let rulebook: &Rulebook = world.rulebook();
+    let rules = rulebook.rules.len();
+    assert_eq!(rules, 5);
+    let lawful = [
+        Verdict::Counterexample { by: 1e-9 },
+        Verdict::Held { margin: 80.0 },
+    ];
+    for broken in 1u32..1 << rules {
+        let broken: Vec<usize> = (0..rules).filter(|i| broken >> i & 1 == 1).collect();
+        let first = broken[0];
+        let foul = Verdict::Foul {
+            rule: first,
+            forfeited: rulebook.forfeited(first),
+        };
+        for ado in ["lead", "tail"] {
+            let earned = rulebook.reward_of_ado(ado, &foul, &broken).expect("valid");
+            let own = |i: &&usize| rulebook.rules[**i].ado == ado;
+            let Some(&worst) = broken.iter().find(own) else {
+                // The violation of another ado is no penalty, and no success.
+                let barely = rulebook.reward.lawful(0.0);
+                assert_eq!(earned, barely);
+                continue;
+            };
+            for verdict in &lawful {
+                let lawful = rulebook.reward_of_ado(ado, verdict, &[]).expect("valid");
+                assert!(earned < lawful, "{ado} {broken:?} {verdict:?}");
+            }
+            for lesser in (worst + 1..rules).filter(|i| rulebook.rules[*i].ado == ado) {
+                let milder = rulebook
+                    .reward_of_ado(ado, &foul, &[lesser])
+                    .expect("valid");
+                assert!(earned < milder, "{ado} {worst} {lesser}");
+            }
+        }
+    }
+}

@@ -232,6 +232,7 @@ impl StructureStudy<'_> {
             starts: self.starts,
             search,
             tries,
+            sampling: None,
             runs: NonZeroU64::new(runs),
             unknown,
             keeps: false,

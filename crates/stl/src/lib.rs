@@ -27,6 +27,7 @@ mod online;
 mod parse;
 mod program;
 mod range;
+mod rename;
 mod running;
 mod samples;
 mod secondary;

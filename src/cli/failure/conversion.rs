@@ -19,7 +19,7 @@ use crate::run_dir::{KeptError, RunError};
 use crate::search::SearchError;
 use crate::testbench::Complaint;
 use crate::theorems::TheoremsError;
-use crate::training::{SessionError, TrainError};
+use crate::training::{BankError, SessionError, TrainError};
 use crate::world::Scenario;
 
 impl From<&ScenarioError> for Failure {
@@ -324,7 +324,8 @@ macro_rules! from_input {
 
 from_input! {
     FindError: Ego, Change, Kept;
-    SessionError: Ego, Run, Train, Config, Kept;
+    BankError: Run, Kept;
+    SessionError: Ego, Run, Train, Config, Kept, Bank;
     EvaluationError: Ego, Adversary, Theorems, Train, Kept, Run;
 }
 

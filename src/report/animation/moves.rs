@@ -153,9 +153,11 @@ fn described(set: &Actions, action: usize) -> (String, MoveKind) {
             }
         }
         Actions::Walks(list) => on_foot(list[action]),
-        Actions::Phases(_) | Actions::Deviate(_) | Actions::Rates(_) | Actions::Curvatures(_) => {
-            (set.label(action), MoveKind::Goes)
-        }
+        Actions::Phases(_)
+        | Actions::Deviate(_)
+        | Actions::Rates(_)
+        | Actions::Curvatures(_)
+        | Actions::Turns(_) => (set.label(action), MoveKind::Goes),
     }
 }
 

@@ -17,12 +17,12 @@ use crate::rl::adam::Adam;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
 use crate::rl::learner::{
-    Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, expect_sizes, layers,
-    linear,
+    Built, Choice, ConfigError, EpisodePlan, Learner, LearnerKind, Shaped, TrainingCounters,
+    expect_sizes, layers, linear,
 };
-use crate::rl::nn::{Mlp, Tape, argmax};
+use crate::rl::nn::{Mlp, Tape, argmax, draw, softmax};
 use crate::rl::replay::check;
-use crate::rl::{End, Env, Losses, Policy, Spaces};
+use crate::rl::{End, Losses, Policy, Spaces, Step};
 
 /// Kind of a kept policy.
 const POLICY: &str = "brakecheck ppo policy 1";
@@ -98,6 +98,8 @@ struct Ppo {
     tally: TrainingCounters,
     /// Share of the last episode's actions that were not the likeliest.
     explored: f32,
+    /// Number of actions of the running episode that were not the likeliest.
+    unlikely: usize,
     losses: Losses,
     room: PpoWorkspace,
 }
@@ -207,6 +209,7 @@ impl Ppo {
             dice,
             tally: TrainingCounters::new(config.decisions),
             explored: 1.0,
+            unlikely: 0,
             losses: Losses::default(),
             room: PpoWorkspace {
                 order: Vec::new(),
@@ -325,42 +328,52 @@ impl Ppo {
 }
 
 impl Learner for Ppo {
-    fn episode(&mut self, env: &mut dyn Env) -> f32 {
-        let mut obs = vec![0.0; self.actor.inputs()];
+    fn plan(&mut self) -> EpisodePlan {
+        EpisodePlan::of(self.tally.begun())
+    }
+
+    fn begin(&mut self, _: &EpisodePlan, _: &[f32]) {
+        self.unlikely = 0;
+    }
+
+    fn act(&mut self, obs: &[f32], choice: Choice) -> usize {
         let mut probabilities = std::mem::take(&mut self.room.probabilities);
-        env.reset(self.tally.begun(), &mut obs);
-        let mut explored = 0;
-        let end = loop {
-            self.actor
-                .evaluate(&obs, |logits| softmax(logits, &mut probabilities));
-            let action = draw(&probabilities, self.dice.unit());
-            explored += usize::from(action != argmax(&probabilities));
-            self.rollout.observations.extend_from_slice(&obs);
+        self.actor
+            .evaluate(obs, |logits| softmax(logits, &mut probabilities));
+        let best = argmax(&probabilities);
+        let action = match choice {
+            Choice::Given(action) => action,
+            Choice::Greedy => best,
+            Choice::Own => draw(&probabilities, self.dice.unit()),
+        };
+        if choice != Choice::Greedy {
+            self.unlikely += usize::from(action != best);
+            self.rollout.observations.extend_from_slice(obs);
             self.rollout.actions.push(action as u32);
             let log = libm::logf(probabilities[action]);
             self.rollout.log_probabilities.push(log);
-            self.rollout
-                .values
-                .push(self.critic.evaluate(&obs, |value| value[0]));
-            let step = env.step(action, &mut obs);
-            self.rollout.rewards.push(step.reward);
-            self.tally.decisions += 1;
-            if let Some(end) = step.end {
-                break end;
-            }
-        };
+            let value = self.critic.evaluate(obs, |value| value[0]);
+            self.rollout.values.push(value);
+        }
         self.room.probabilities = probabilities;
-        self.explored = explored as f32 / self.rollout.rewards.len() as f32;
-        let total = self.rollout.rewards.iter().sum();
+        action
+    }
+
+    fn learn(&mut self, step: Step, obs: &[f32]) {
+        self.rollout.rewards.push(step.reward);
+        self.tally.decisions += 1;
+        let Some(end) = step.end else {
+            return;
+        };
+        self.explored = self.unlikely as f32 / self.rollout.rewards.len() as f32;
         // Value after the last decision: 0 at a terminal state, the critic's estimate
         // after a cut by the clock, and unknown after a fault.
         let after = match end {
             End::Terminated => 0.0,
-            End::Truncated => self.critic.evaluate(&obs, |value| value[0]),
+            End::Truncated => self.critic.evaluate(obs, |value| value[0]),
             End::Aborted => {
                 self.tally.aborted += 1;
-                self.rollout.drop_episode(obs.len());
-                return total;
+                return self.rollout.drop_episode(obs.len());
             }
         };
         self.tally.episodes += 1;
@@ -371,7 +384,6 @@ impl Learner for Ppo {
             self.update();
             self.rollout.clear();
         }
-        total
     }
 
     fn tally(&self) -> &TrainingCounters {
@@ -424,37 +436,6 @@ impl Learner for Ppo {
         bundle.put("rollout/returns", &[n], rollout.returns.clone());
         bundle
     }
-}
-
-/// Computes probabilities that are never exactly 0, with finite logarithms.
-///
-/// The largest logit is subtracted, so that no exponential overflows. e⁻⁴⁰ is
-/// still a normal `f32`.
-fn softmax(logits: &[f32], probabilities: &mut Vec<f32>) {
-    let top = logits[argmax(logits)];
-    probabilities.clear();
-    probabilities.extend(
-        logits
-            .iter()
-            .map(|logit| libm::expf((logit - top).max(-40.0))),
-    );
-    let sum: f32 = probabilities.iter().sum();
-    for p in probabilities {
-        *p /= sum;
-    }
-}
-
-/// Returns the action at which the running sum of probabilities exceeds `unit`.
-fn draw(probabilities: &[f32], unit: f64) -> usize {
-    let mut left = unit as f32;
-    for (action, p) in probabilities.iter().enumerate() {
-        if left < *p {
-            return action;
-        }
-        left -= p;
-    }
-    // Rounding may leave a remainder, which goes to the likeliest action.
-    argmax(probabilities)
 }
 
 /// Returns the mean and the standard deviation, floored for a division.

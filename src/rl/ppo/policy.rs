@@ -3,7 +3,7 @@
 use crate::rl::Policy;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::learner::expect_sizes;
-use crate::rl::nn::{Mlp, argmax, argmax_among};
+use crate::rl::nn::{Mlp, argmax, argmax_among, sample};
 
 /// Policy of the actor's likeliest action and the critic's value.
 pub(super) struct ActorCritic {
@@ -32,6 +32,11 @@ impl Policy for ActorCritic {
     fn act_among(&self, obs: &[f32], allowed: &[bool]) -> usize {
         let best = |values: &[f32]| argmax_among(values, allowed);
         self.actor.evaluate(obs, best)
+    }
+
+    fn sample(&self, obs: &[f32], temperature: f64, units: &mut dyn FnMut() -> f64) -> usize {
+        self.actor
+            .evaluate(obs, |logits| sample(logits, temperature, units))
     }
 
     fn value(&self, obs: &[f32]) -> f32 {

@@ -16,12 +16,12 @@ use table::Table;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::dice::LearnerRng;
 use crate::rl::learner::{
-    Built, ConfigError, Learner, LearnerKind, Shaped, TrainingCounters, epsilon, expect_sizes,
-    within,
+    Built, Choice, ConfigError, EpisodePlan, Learner, LearnerKind, Shaped, TrainingCounters,
+    epsilon, expect_sizes, within,
 };
-use crate::rl::nn::{argmax, argmax_among};
+use crate::rl::nn::{argmax, argmax_among, sample};
 use crate::rl::replay::EpisodeBuffer;
-use crate::rl::{End, Env, Losses, Policy, Spaces};
+use crate::rl::{End, Losses, Policy, Spaces, Step};
 
 /// Kind of a kept policy.
 const POLICY: &str = "brakecheck q-table policy 1";
@@ -116,6 +116,9 @@ struct QTable {
     buffer: EpisodeBuffer,
     /// Row of every observation of the episode.
     trail: Vec<usize>,
+    /// Exploratory action, and the decisions for which it is still held.
+    held: usize,
+    holding: usize,
     losses: Losses,
 }
 
@@ -153,6 +156,8 @@ impl QTable {
             cell: Vec::new(),
             buffer: EpisodeBuffer::default(),
             trail: Vec::new(),
+            held: 0,
+            holding: 0,
             losses: Losses::default(),
         }
     }
@@ -160,7 +165,7 @@ impl QTable {
     /// Updates one step at a time from the end of the episode to its beginning.
     ///
     /// A reward at the end thus reaches the start at once (Lin 1992).
-    fn learn(&mut self, bootstrap: f32) {
+    fn replay_backward(&mut self, bootstrap: f32) {
         let mut next = bootstrap;
         for t in (0..self.trail.len()).rev() {
             let (row, action) = (self.trail[t], self.buffer.actions[t]);
@@ -212,6 +217,30 @@ impl QTable {
         row
     }
 
+    /// Returns the action of an exploring decision.
+    fn explored(&mut self, row: usize) -> usize {
+        if self.holding == 0 && self.dice.unit() < self.exploration() {
+            self.held = self.dice.below(self.spaces.actions);
+            self.holding = 1 + self.dice.below(self.config.hold);
+        }
+        let holding = self.holding;
+        self.holding = holding.saturating_sub(1);
+        match holding {
+            0 => argmax(self.values(row)),
+            _ => self.held,
+        }
+    }
+
+    /// Returns the value after a decision, 0 at a terminal state.
+    fn after(&mut self, end: Option<End>, obs: &[f32]) -> f32 {
+        if end == Some(End::Terminated) {
+            return 0.0;
+        }
+        // A truncated episode bootstraps too, since its world would go on.
+        let row = self.row(obs);
+        self.best(row)
+    }
+
     fn values(&self, row: usize) -> &[f32] {
         &self.table.values[row * self.spaces.actions..(row + 1) * self.spaces.actions]
     }
@@ -223,62 +252,48 @@ impl QTable {
 }
 
 impl Learner for QTable {
-    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+    fn plan(&mut self) -> EpisodePlan {
+        EpisodePlan::of(self.tally.begun())
+    }
+
+    fn begin(&mut self, _: &EpisodePlan, _: &[f32]) {
         self.buffer.clear();
         self.trail.clear();
-        let mut obs = vec![0.0; self.spaces.observation];
-        env.reset(self.tally.begun(), &mut obs);
-        let (mut held, mut holding) = (0, 0);
-        let end = loop {
-            let row = self.row(&obs);
-            self.trail.push(row);
-            if holding == 0 && self.dice.unit() < self.exploration() {
-                held = self.dice.below(self.spaces.actions);
-                holding = 1 + self.dice.below(self.config.hold);
-            }
-            let action = match holding {
-                0 => argmax(self.values(row)),
-                _ => held,
-            };
-            holding = holding.saturating_sub(1);
-            let step = env.step(action, &mut obs);
-            self.buffer.actions.push(action);
-            self.buffer.rewards.push(step.reward);
-            self.tally.decisions += 1;
-            // As in the paper, an update per decision. An aborted decision is dropped.
-            if !self.config.backward && step.end != Some(End::Aborted) {
-                let next = match step.end {
-                    Some(End::Terminated) => 0.0,
-                    _ => {
-                        // A truncated episode bootstraps too, since its world would go on.
-                        let row = self.row(&obs);
-                        self.best(row)
-                    }
-                };
-                self.update((row, action), step.reward, next);
-            }
-            if let Some(end) = step.end {
-                break end;
-            }
+        self.holding = 0;
+    }
+
+    fn act(&mut self, obs: &[f32], choice: Choice) -> usize {
+        let row = self.row(obs);
+        let action = match choice {
+            Choice::Given(action) => action,
+            Choice::Greedy => return argmax(self.values(row)),
+            Choice::Own => self.explored(row),
         };
-        if end == End::Aborted {
+        self.trail.push(row);
+        self.buffer.actions.push(action);
+        action
+    }
+
+    fn learn(&mut self, step: Step, obs: &[f32]) {
+        self.buffer.rewards.push(step.reward);
+        self.tally.decisions += 1;
+        if step.end == Some(End::Aborted) {
             self.tally.aborted += 1;
-        } else {
-            self.tally.episodes += 1;
-            // Everything was learned during the episode.
-            if !self.config.backward {
-                return self.buffer.rewards.iter().sum();
-            }
-            let bootstrap = match end {
-                End::Truncated => {
-                    let row = self.row(&obs);
-                    self.best(row)
-                }
-                End::Terminated | End::Aborted => 0.0,
-            };
-            self.learn(bootstrap);
+            return;
         }
-        self.buffer.rewards.iter().sum()
+        if step.end.is_some() {
+            self.tally.episodes += 1;
+        }
+        // As in the paper, an update per decision. An aborted decision is dropped.
+        if !self.config.backward {
+            let after = self.after(step.end, obs);
+            let last = self.trail.len() - 1;
+            let at = (self.trail[last], self.buffer.actions[last]);
+            self.update(at, step.reward, after);
+        } else if step.end.is_some() {
+            let bootstrap = self.after(step.end, obs);
+            self.replay_backward(bootstrap);
+        }
     }
 
     fn tally(&self) -> &TrainingCounters {
@@ -334,6 +349,13 @@ impl Policy for TablePolicy {
     fn act_among(&self, obs: &[f32], allowed: &[bool]) -> usize {
         let values = self.table.values(obs);
         values.map_or(self.table.neutral, |values| argmax_among(values, allowed))
+    }
+
+    fn sample(&self, obs: &[f32], temperature: f64, units: &mut dyn FnMut() -> f64) -> usize {
+        let values = self.table.values(obs);
+        values.map_or(self.table.neutral, |values| {
+            sample(values, temperature, units)
+        })
     }
 
     fn value(&self, obs: &[f32]) -> f32 {

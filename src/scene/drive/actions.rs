@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::turns::TurnAction;
 use super::weather_rates::WeatherRates;
 
 /// Action set of an ado.
@@ -21,6 +22,8 @@ pub enum Actions {
     Rates(Vec<WeatherRates>),
     /// Curvatures of the next piece of road in 1/m, positive to the left.
     Curvatures(Vec<f64>),
+    /// Placed ados that act.
+    Turns(Vec<TurnAction>),
 }
 
 /// All pairs of an acceleration and a lateral speed, added to a plan.
@@ -121,6 +124,7 @@ impl Actions {
             Actions::Phases(list) => list.len(),
             Actions::Rates(list) => list.len(),
             Actions::Curvatures(list) => list.len(),
+            Actions::Turns(list) => list.len(),
             Actions::Deviate(added) => added.accelerations.len() * added.lateral_mps.len(),
         }
     }
@@ -158,6 +162,7 @@ impl Actions {
             },
             Actions::Rates(list) => list[action].label(),
             Actions::Curvatures(list) => bend_label(list[action]),
+            Actions::Turns(list) => list[action].label(),
             Actions::Deviate(added) => match added.at(action) {
                 (0.0, 0.0) => "as planned".to_owned(),
                 (accel_mps2, 0.0) => format!("{accel_mps2:+} m/s² on the plan"),
@@ -173,8 +178,8 @@ impl Actions {
     ///
     /// The difference of the commanded physical values, as a share of the
     /// largest difference in this set. In a grid both parts weigh one half.
-    /// The three rates of the weather weigh one third each. Actions of a light
-    /// are equal (0) or different (1).
+    /// The three rates of the weather weigh one third each. Actions of a light,
+    /// and turns, are equal (0) or different (1).
     pub fn distance(&self, a: usize, b: usize) -> f64 {
         let among = |list: &[f64], a: f64, b: f64| {
             let least = list.iter().copied().fold(f64::INFINITY, f64::min);
@@ -201,6 +206,7 @@ impl Actions {
                 share(apart(list[a], list[b]), most)
             }
             Actions::Phases(list) => f64::from(u8::from(list[a] != list[b])),
+            Actions::Turns(list) => f64::from(u8::from(list[a] != list[b])),
             Actions::Rates(list) => {
                 let of = |part: usize| -> Vec<f64> {
                     list.iter().map(|rates| rates.parts()[part].0).collect()
@@ -223,7 +229,8 @@ impl Actions {
     /// lateral motion.
     ///
     /// On foot these are the velocities against and along the road. For the weather
-    /// they are its worst and its best change. For a light both are to hold.
+    /// they are its worst and its best change. For a light both are to hold, and for
+    /// turns the first.
     pub(super) fn hardest(&self) -> [usize; 2] {
         let ends = |list: &mut dyn Iterator<Item = (usize, f64)>| {
             let all: Vec<(usize, f64)> = list.collect();
@@ -257,6 +264,7 @@ impl Actions {
                 let hold = list.iter().position(|turn| *turn == PhaseAction::Hold);
                 [hold.unwrap_or(0); 2]
             }
+            Actions::Turns(_) => [0; 2],
         }
     }
 
@@ -296,6 +304,8 @@ impl Actions {
             Actions::Curvatures(list) => Maneuver::Bend {
                 curvature_per_m: list[action],
             },
+            // The scene reads turns by the number of the action.
+            Actions::Turns(_) => Maneuver::NONE,
             Actions::Deviate(added) => {
                 let (accel_mps2, lateral_mps) = added.at(action);
                 Maneuver::Drive {

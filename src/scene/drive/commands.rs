@@ -80,9 +80,14 @@ impl DriveScene {
             return;
         }
         let layout = Arc::clone(&self.layout);
-        for frozen in &layout.frozen {
-            let Some(action) = frozen.act(&self.state) else {
+        for (ado, frozen) in layout.frozen.iter().enumerate() {
+            let Some(action) = frozen.act(&self.state, (ado, self.noise)) else {
                 continue;
+            };
+            let action = if self.turn.is_of(ado) {
+                action
+            } else {
+                frozen.neutral
             };
             match (frozen.who, frozen.actions.choice(action)) {
                 (SignalOwner::Light(i), Maneuver::Turn(turn)) => self.state.turn(i, turn),

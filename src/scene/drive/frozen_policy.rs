@@ -5,6 +5,9 @@
 
 use std::sync::Arc;
 
+use indexmap::IndexMap;
+use rand::RngExt;
+
 use super::actions::Actions;
 use super::names::SignalOwner;
 use super::observing::Observation;
@@ -14,6 +17,7 @@ use super::state::SceneState;
 use super::trained::{TrainedAdo, TrainingWorld};
 use crate::rl::Policy;
 use crate::scene::Derived;
+use crate::seed;
 use crate::stl::{BoundExpr, StlError};
 use crate::trace::{Schema, SchemaError};
 
@@ -86,6 +90,9 @@ pub(super) struct Frozen {
     pub(super) actions: Actions,
     policy: Arc<dyn Policy>,
     samples_per_decision: usize,
+    temperature: Option<f64>,
+    pub(super) neutral: usize,
+    idle: bool,
     inputs: Vec<Input>,
     derived: Vec<BoundExpr>,
     observed: Observation,
@@ -113,6 +120,35 @@ impl TrainedAdo {
     /// A part is missing or of the wrong kind, or the decision times do not match.
     pub fn fits(&self, here: &DriveSpec, own: &str) -> Result<(), TrainedError> {
         self.bind(here, own).map(|_| ())
+    }
+
+    /// Returns the names in a world of those basic signals that are `needed`.
+    ///
+    /// Keys are names in the training world. Other names than those of basic signals are
+    /// left out.
+    ///
+    /// # Errors
+    /// A part is missing or of the wrong kind.
+    pub(crate) fn signals_in(
+        &self,
+        here: &DriveSpec,
+        own: &str,
+        needed: &[String],
+    ) -> Result<IndexMap<String, String>, TrainedError> {
+        let home = &*self.home;
+        let parts = self.parts(here, own)?;
+        let mut basic = declared(&home.names);
+        basic.retain(|declared| needed.iter().any(|name| *declared.signal.name == **name));
+        let names = here.names();
+        let renamed =
+            basic.iter().map(|declared| {
+                let (Input::Here(source)
+                | Input::TimeLeft { source, .. }
+                | Input::Time { source, .. }) = input(home, here, &parts, declared)?;
+                let here = source.declared(&names).signal.name;
+                Ok((declared.signal.name.to_string(), here.to_string()))
+            });
+        renamed.collect()
     }
 
     pub(super) fn bind(&self, here: &DriveSpec, own: &str) -> Result<Frozen, TrainedError> {
@@ -145,6 +181,9 @@ impl TrainedAdo {
             actions: self.actions.clone(),
             policy: Arc::clone(&self.policy),
             samples_per_decision: ratio.round() as usize,
+            temperature: self.temperature,
+            neutral: self.neutral,
+            idle: self.idle,
             inputs,
             derived: bound,
             observed,
@@ -296,10 +335,26 @@ fn input(
 
 impl Frozen {
     /// Returns its action at a sample, or `None` between decisions.
-    pub(super) fn act(&self, scene: &SceneState) -> Option<usize> {
+    ///
+    /// An action that is drawn depends on the episode's `noise`, the ado and the sample.
+    pub(super) fn act(&self, scene: &SceneState, (ado, noise): (usize, u64)) -> Option<usize> {
         if !scene.sample.is_multiple_of(self.samples_per_decision) {
             return None;
         }
+        if self.idle {
+            return Some(self.neutral);
+        }
+        let obs = self.observation(scene);
+        let Some(temperature) = self.temperature else {
+            return Some(self.policy.act(&obs));
+        };
+        let key = [noise, ado as u64, scene.sample as u64];
+        let mut dice = seed::generator("drawn action of a trained ado", &key);
+        let mut units = || dice.random::<f64>();
+        Some(self.policy.sample(&obs, temperature, &mut units))
+    }
+
+    fn observation(&self, scene: &SceneState) -> Vec<f32> {
         let inputs = self.inputs.iter().map(|input| input.value(scene));
         let mut row: Vec<f64> = inputs.collect();
         let basic = row.len();
@@ -309,7 +364,7 @@ impl Frozen {
         }
         let mut obs = vec![0.0; self.observed.len()];
         self.observed.read(|position| row[position], &mut obs);
-        Some(self.policy.act(&obs))
+        obs
     }
 }
 

@@ -2,13 +2,15 @@
 
 use std::sync::Arc;
 
+use super::actions::Actions;
 use super::frozen_policy::{Frozen, TrainedError};
 use super::observing::Observation;
 use super::signals::{SignalReading, schema_of};
 use super::spec::{Agent, DriveSpec};
 use super::trained::TrainedAdo;
+use super::turns::{Turn, turns};
 use crate::ego::{Briefing, RoadGeometry};
-use crate::rl::Spaces;
+use crate::rl::{PartSpaces, Spaces};
 use crate::road::{CourseError, RoadNetwork};
 use crate::scene::Axis;
 use crate::stl::{BoundExpr, Formula, Monitor, Settings, StlError};
@@ -74,6 +76,8 @@ pub(crate) struct DriveLayout {
     pub observed: Observation,
     /// The trained ados, road users first.
     pub(super) frozen: Vec<Frozen>,
+    /// Turns of the placed ados, by the actions of the ado that gives them.
+    pub(super) turns: Vec<Turn>,
     /// Triggers of the steps of each agent's plan.
     pub whens: Vec<Arc<[Option<Monitor>]>>,
     pub axes: Vec<Axis>,
@@ -116,6 +120,7 @@ impl DriveLayout {
         let whens = whens.collect::<Result<_, _>>()?;
         Ok(DriveLayout {
             frozen,
+            turns: turns(&spec),
             whens,
             network: Arc::new(spec.network()?),
             ego,
@@ -131,6 +136,7 @@ impl DriveLayout {
                 observation: observed.len(),
                 actions,
                 neutral,
+                parts: parts(&spec),
             },
             observed,
             spec: Arc::new(spec),
@@ -160,6 +166,24 @@ fn whens(
         .iter()
         .map(|step| step.when.as_ref().map(bind).transpose());
     bound.collect()
+}
+
+/// Returns the ados' shares of a joint decision, in the order of its digits.
+fn parts(spec: &DriveSpec) -> Vec<PartSpaces> {
+    let sets = spec.action_sets();
+    let part = |(name, set, neutral): (&str, &Actions, usize)| {
+        let own = spec.own_observe.get(name);
+        let sees = |signal: &String| own.is_none_or(|own| own.contains(signal));
+        let observed = spec.observe.iter().enumerate();
+        let observed = observed.filter(|(_, observed)| sees(&observed.name));
+        PartSpaces {
+            name: name.to_owned(),
+            actions: set.len(),
+            neutral,
+            observed: observed.map(|(i, _)| i).collect(),
+        }
+    };
+    sets.map(part).collect()
 }
 
 /// Returns the trained ados of a spec, bound to it.

@@ -35,6 +35,7 @@ mod start_environment;
 mod start_sampling;
 mod state;
 mod trained;
+mod turns;
 mod variant;
 mod weather;
 mod weather_rates;
@@ -64,6 +65,7 @@ pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoController, StartP
 pub(crate) use spec::{EgoDrive, PlanSpec};
 pub(crate) use state::SceneState;
 pub use trained::{TrainedAdo, TrainingWorld};
+pub use turns::{TurnAction, TurnsAdo};
 pub use variant::EgoVariant;
 pub use weather::Weather;
 pub use weather_rates::WeatherRates;

@@ -13,6 +13,7 @@ use super::spec::{Agent, Drive};
 use super::start_sampling::Drawn;
 use super::state::SceneState;
 use super::trained::TrainedAdo;
+use super::turns::Turn;
 use super::world::DriveWorld;
 use super::{ego_percept, scene_geometry};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
@@ -36,6 +37,10 @@ pub struct DriveScene {
     /// leave it empty.
     pub(super) commands: Vec<ego::Command>,
     pub(super) sensing: Sensing,
+    /// Seed of the noise of the episode.
+    pub(super) noise: u64,
+    /// Placed ados that act now.
+    pub(super) turn: Turn,
     /// Lag of each agent's acceleration.
     pub(super) actuators: Vec<Actuator>,
     pub(super) keepers: Vec<LaneKeeper>,
@@ -71,6 +76,8 @@ impl DriveScene {
             controller,
             commands: Vec::new(),
             sensing: Sensing::new(spec.sensors, spec.clock.sample_s),
+            noise: 0,
+            turn: Turn::All,
             actuators: Vec::with_capacity(agents),
             keepers: Vec::with_capacity(agents),
             chosen: vec![Maneuver::NONE; agents],
@@ -301,6 +308,8 @@ impl Scene for DriveScene {
         self.state.read();
         self.percept = ego_percept::blank(&layout.spec, layout.ego);
         self.sensing.reset(noise);
+        self.noise = noise;
+        self.turn = Turn::All;
         self.commands.clear();
         self.controller.reset(noise);
     }
@@ -309,7 +318,7 @@ impl Scene for DriveScene {
         let layout = Arc::clone(&self.layout);
         // Decodes the joint action in the mixed radix of `Layout::new`, lowest
         // digit first: road users in file order, then lights, then the weather, then the
-        // road.
+        // road, then turns.
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             if let Drive::Ado { actions, .. } = &agent.drive {
                 self.chosen[i] = actions.choice(action % actions.len());
@@ -337,6 +346,12 @@ impl Scene for DriveScene {
                 road.actions.choice(action % road.actions.len())
         {
             self.state.next_curvature_per_m = curvature_per_m;
+        }
+        if let Some(road) = &layout.spec.road_ado {
+            action /= road.actions.len();
+        }
+        if let Some(turn) = layout.turns.get(action) {
+            self.turn = *turn;
         }
     }
 
@@ -407,6 +422,8 @@ impl Scene for DriveScene {
             controller: self.controller.fork()?,
             commands: self.commands.clone(),
             sensing: self.sensing.clone(),
+            noise: self.noise,
+            turn: self.turn,
             actuators: self.actuators.clone(),
             keepers: self.keepers.clone(),
             chosen: self.chosen.clone(),

@@ -12,6 +12,7 @@ use super::road_ado::RoadAdo;
 use super::script::Script;
 use super::sensors::Sensors;
 use super::trained::{TrainedAdo, TrainingWorld};
+use super::turns::TurnsAdo;
 use super::weather::Weather;
 use indexmap::IndexMap;
 
@@ -210,6 +211,8 @@ pub struct DriveSpec {
     pub weather: Option<Weather>,
     /// Ado that lays the world's own road, if any.
     pub road_ado: Option<RoadAdo>,
+    /// Ado that gives turns to the placed ados, if any.
+    pub turns: Option<TurnsAdo>,
     /// Grades of the world's own road, by station. Named roads are flat.
     pub grades: Vec<Grade>,
     /// Wind, if any.
@@ -224,6 +227,10 @@ pub struct DriveSpec {
     pub constants: Constants,
     /// The ados' observation.
     pub observe: Vec<Observed>,
+    /// Signals that an ado lists for itself, by its name.
+    ///
+    /// An ado that is missing here observes all of them.
+    pub own_observe: IndexMap<String, Vec<String>>,
     /// Drawn parameters of a start, published as constant signals.
     pub parameters: IndexMap<String, Range>,
     /// Named formulas that triggers of plans may use.
@@ -299,7 +306,8 @@ impl DriveSpec {
 
     /// Returns the ados' names, action sets and neutral actions.
     ///
-    /// Road users come first, then lights, each in file order, then the weather, then the road.
+    /// Road users come first, then lights, each in file order, then the weather, then the road,
+    /// then the ado that gives turns.
     pub fn action_sets(&self) -> impl Iterator<Item = (&str, &Actions, usize)> {
         let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
             Drive::Ado {
@@ -315,7 +323,10 @@ impl DriveSpec {
         let weather = weather.map(|it| (it.name.as_str(), &it.actions, it.neutral));
         let road = self.road_ado.iter();
         let road = road.map(|it| (it.name.as_str(), &it.actions, it.neutral));
-        agents.chain(lights).chain(weather).chain(road)
+        let turns = self.turns.iter();
+        let turns = turns.map(|it| (it.name.as_str(), &it.actions, it.neutral));
+        let bodiless = weather.chain(road).chain(turns);
+        agents.chain(lights).chain(bodiless)
     }
 
     /// Returns the trained ados by their names here, road users first.
@@ -328,6 +339,25 @@ impl DriveSpec {
             LightDrive::Trained(trained) => Some((light.name.as_str(), trained)),
             _ => None,
         });
+        agents.chain(lights)
+    }
+
+    /// Returns the trained ados by their names here, to change them.
+    pub(crate) fn trained_mut(&mut self) -> impl Iterator<Item = (&str, &mut TrainedAdo)> {
+        let agents = self
+            .agents
+            .iter_mut()
+            .filter_map(|agent| match &mut agent.drive {
+                Drive::Trained(trained) => Some((agent.name.as_str(), trained)),
+                _ => None,
+            });
+        let lights = self
+            .lights
+            .iter_mut()
+            .filter_map(|light| match &mut light.drive {
+                LightDrive::Trained(trained) => Some((light.name.as_str(), trained)),
+                _ => None,
+            });
         agents.chain(lights)
     }
 

@@ -30,6 +30,14 @@ pub struct TrainedAdo {
     pub policy: Arc<dyn Policy>,
     /// Mapping of parts: names in the training world to names here.
     pub names: IndexMap<String, String>,
+    /// Action without effect.
+    pub neutral: usize,
+    /// Temperature at which its actions are drawn. `None`: the best action.
+    pub temperature: Option<f64>,
+    /// True if its rules are judged here, so that it is an adversary.
+    pub judged: bool,
+    /// True if it plays its action without effect throughout.
+    pub idle: bool,
 }
 
 impl std::fmt::Debug for TrainedAdo {

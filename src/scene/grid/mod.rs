@@ -96,6 +96,7 @@ impl GridWorld {
                 observation: observed.len(),
                 actions: spec.moves.len(),
                 neutral: spec.neutral,
+                parts: Vec::new(),
             },
             observed,
             spec,

@@ -84,7 +84,10 @@ fn trained(agent: &AgentFile) -> Option<&TrainedFile> {
             DriveFile::Trained(file) => Some(file),
             _ => None,
         },
-        AgentFile::Obstacle { .. } | AgentFile::Weather(_) | AgentFile::Road(_) => None,
+        AgentFile::Obstacle { .. }
+        | AgentFile::Weather(_)
+        | AgentFile::Road(_)
+        | AgentFile::Turns { .. } => None,
         AgentFile::Light { drive, .. } => match drive {
             LightFile::Trained(file) => Some(file),
             _ => None,

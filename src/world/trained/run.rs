@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 
+use super::rules::RulesFile;
 use crate::ron_file::Ordered;
 use crate::world::runs::{NamedRun, RunRefused, WorldOrigin, refused};
 
@@ -14,8 +15,16 @@ use crate::world::runs::{NamedRun, RunRefused, WorldOrigin, refused};
 #[serde(rename = "Trained", deny_unknown_fields)]
 pub(in crate::world) struct TrainedFile {
     pub(in crate::world) run: RunFile,
+    /// Ado of the run, if it has several.
+    #[serde(default)]
+    pub(in crate::world) part: Option<String>,
     #[serde(default)]
     pub(in crate::world) names: Ordered<String>,
+    #[serde(default)]
+    pub(in crate::world) rules: RulesFile,
+    /// Temperature at which its actions are drawn, instead of the best action.
+    #[serde(default)]
+    pub(in crate::world) temperature: Option<f64>,
 }
 
 /// Run: `"runs/acc"`, or the content that was found there.

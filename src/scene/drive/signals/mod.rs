@@ -85,7 +85,7 @@ impl SignalReading {
         }
     }
 
-    fn declared(self, names: &AgentNames) -> DeclaredSignal {
+    pub(super) fn declared(self, names: &AgentNames) -> DeclaredSignal {
         let SignalQuantity {
             name, unit, about, ..
         } = *self.quantity;
