@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Path = str | os.PathLike[str]
+_Texts = tuple[list[str], NDArray[np.int64]]
 _Column = tuple[str, bool, NDArray[np.float64]]
 _Buffers = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]
 
@@ -94,6 +95,22 @@ class RawMonitor:
 class RawPolicy:
     def act(self, obs: NDArray[np.float32]) -> int: ...
     def value(self, obs: NDArray[np.float32]) -> float: ...
+
+def fit_traffic(name: str, recordings: list[RawRecording]) -> tuple[str, dict[str, Any]]: ...
+
+class RawRecording:
+    def __new__(
+        cls,
+        name: str,
+        ids: _Texts,
+        times_s: NDArray[np.float64],
+        places_m: tuple[NDArray[np.float64], NDArray[np.float64]],
+        more: dict[str, Any],
+    ) -> RawRecording: ...
+    def summary(self) -> dict[str, Any]: ...
+    def rules(self, text: str, is_file: bool) -> list[dict[str, Any]]: ...
+    def worlds(self, named: tuple[str, str], count: int, others: int) -> list[dict[str, Any]]: ...
+    def picture(self) -> str: ...
 
 class RawRun:
     def __new__(cls, path: _Path) -> RawRun: ...

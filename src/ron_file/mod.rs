@@ -12,7 +12,7 @@ pub(crate) mod read;
 pub use error::{LoadError, Problem, ScenarioError};
 pub(crate) use error::{did_you_mean, guessed, known_names};
 pub(crate) use locate::{ValuePath, first_word};
-pub(crate) use named_file::{file_bytes, file_text};
+pub(crate) use named_file::{file_bytes, file_text, open_file};
 pub(crate) use ordered::Ordered;
 pub use ordered::Patch;
 pub(crate) use problems::Problems;

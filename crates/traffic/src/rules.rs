@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::following::{LEAD_GAP_M, Leads, TTC_MAX_S};
 use crate::lane_frame::LaneFrame;
-use crate::recording::TrafficRecording;
+use crate::recording::{Class, TrafficRecording};
 
 /// Time within which violations of a rule are one episode.
 const SAME_EPISODE_S: f64 = 1.0;
@@ -303,6 +303,10 @@ impl BoundRules {
         for (track, placed) in frame.tracks.iter().enumerate() {
             let Some(placed) = placed else { continue };
             let own = &recording.tracks[track];
+            // Nobody drives it.
+            if own.class == Class::Trailer {
+                continue;
+            }
             columns.fill(own, placed, &leads.of[track]);
             let all = vec![
                 &own.speed_mps[..],

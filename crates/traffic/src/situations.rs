@@ -2,7 +2,7 @@
 
 use crate::following::{Lead, Leads};
 use crate::lane_frame::LaneFrame;
-use crate::recording::TrafficRecording;
+use crate::recording::{Class, TrafficRecording};
 
 /// Shortest following that counts, and the length of its windows, in seconds.
 pub const WINDOW_S: f64 = 10.0;
@@ -150,6 +150,10 @@ fn lane_changes(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<LaneChan
     let mut all = Vec::new();
     for (track, placed) in frame.tracks.iter().enumerate() {
         let Some(placed) = placed else { continue };
+        // It follows the vehicle that pulls it.
+        if recording.tracks[track].class == Class::Trailer {
+            continue;
+        }
         let mut current: Option<u8> = None;
         let mut at = 0;
         for stretch in placed.lane.chunk_by(|a, b| a == b) {
