@@ -56,7 +56,7 @@ impl TrafficError {
     }
 }
 
-/// Returns the world in a named traffic model, by default the shipped one.
+/// Returns the world in a named traffic model, by default its own or the shipped one.
 ///
 /// # Errors
 /// No ado drives a vehicle, or the file cannot be read or is no model.
@@ -65,6 +65,9 @@ pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario
         return Err(TrafficError::NoVehicle {
             world: world.name().to_owned(),
         });
+    }
+    if name.is_none() && world.traffic().is_declared {
+        return Ok(world.clone());
     }
     let Some(file) = name.filter(|name| *name != SHIPPED) else {
         return Ok(world.in_traffic(motorway()));

@@ -11,8 +11,8 @@ use super::runs::{Assembled, RunSource, WorldOrigin};
 use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
-    Scenario, check, counting, dry_run, environment, family_check, kind_of_world, limits, plans,
-    points, road_ado, roads, slope_and_wind, starts, trained, vacuous,
+    Scenario, check, counting, dry_run, environment, family_check, includes, kind_of_world, limits,
+    plans, points, road_ado, roads, slope_and_wind, starts, trained, vacuous,
 };
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
@@ -98,6 +98,7 @@ fn assemble(
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     counting::check(&mut problems, &top, &file);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
+    let traffic = includes::traffic(&mut problems, &file);
     let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
     let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
     let constants = constants(
@@ -252,7 +253,7 @@ fn assemble(
         world: World::Drive(world.clone()),
         rulebook: Arc::new(rulebook),
         programs_allowed: false,
-        traffic: Default::default(),
+        traffic,
     };
     Ok((scenario, world))
 }

@@ -28,6 +28,7 @@ mod family_file;
 mod file;
 mod grid;
 mod grid_change;
+mod includes;
 mod kind_of_world;
 mod language;
 mod limits;
@@ -39,6 +40,7 @@ mod preventability;
 mod quantity;
 mod road_ado;
 mod roads;
+mod rule_file;
 mod runs;
 mod scenario;
 pub(crate) mod scenario_kind;
@@ -115,7 +117,11 @@ impl Scenario {
         match kind_of_world::kind(text).map_err(one)? {
             kind_of_world::WorldKind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
-                build::build(file, runs, text, parsed).map_err(fail)
+                match includes::expanded((file, runs), text, &parsed).map_err(fail)? {
+                    // The places of mistakes are then those of the whole text.
+                    Some(whole) => Scenario::parse_with(file, &whole, runs),
+                    None => build::build(file, runs, text, parsed).map_err(fail),
+                }
             }
             kind_of_world::WorldKind::Grid => {
                 let parsed = read::parse(text).map_err(one)?;

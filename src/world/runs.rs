@@ -41,6 +41,20 @@ pub trait RunSource {
     ///
     /// Returns an error if the run is missing, unfinished or damaged.
     fn find(&self, name: &str, file: &str) -> Result<NamedRun, RunRefused>;
+
+    /// Returns the text of the file `name` that the world file `file` includes: a rule
+    /// file or a traffic model.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the file cannot be read. A source of runs only finds none.
+    fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
+        let _ = file;
+        Err(refused(
+            format!("the file `{name}` is not looked for: this world is a text without a file"),
+            "load the world from its file, or use `Scenario::parse_with`",
+        ))
+    }
 }
 
 /// Source without any run, for texts without a file.

@@ -137,22 +137,22 @@ fn world_of(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<DriveWorld, RunR
     })
 }
 
+/// Returns a text as a raw string of RON.
+pub(super) fn raw_text(text: &str) -> String {
+    // A raw string needs more hashes than follow any quote inside it.
+    let hashes = text.split('"').skip(1);
+    let leading = hashes.map(|after| after.len() - after.trim_start_matches('#').len());
+    let longest = leading.max().map_or(0, |most| most + 1);
+    let hashes = "#".repeat(longest.max(1));
+    format!("r{hashes}\"{text}\"{hashes}")
+}
+
 /// Run as a single RON value.
 fn written(run: &LoadedRun) -> String {
-    // A raw string needs more hashes than follow any quote inside it.
-    let longest = |text: &str| {
-        let hashes = text.split('"').skip(1);
-        let leading = hashes.map(|after| after.len() - after.trim_start_matches('#').len());
-        leading.max().map_or(0, |most| most + 1)
-    };
-    let raw = |text: &str| {
-        let hashes = "#".repeat(longest(text).max(1));
-        format!("r{hashes}\"{text}\"{hashes}")
-    };
     format!(
         "Kept(from: {}, world: {}, policy: \"{}\")",
-        raw(&run.from),
-        raw(&run.world),
+        raw_text(&run.from),
+        raw_text(&run.world),
         STANDARD.encode(&run.policy)
     )
 }

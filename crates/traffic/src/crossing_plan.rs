@@ -77,8 +77,8 @@ impl SituationPlan {
     ///
     /// Returns `None` if neither is a motor vehicle, if boxes overlap, if the paths are no
     /// roads, or if the two are not recorded from 2 s before the first leaves the place
-    /// until 1 s after the planned one has passed it. A state at the start must be
-    /// recorded, and the replaced road user moves there.
+    /// until 1 s after the planned one has passed it. The plan is at most 0.1 m off, both
+    /// states at the start are recorded, and the replaced road user moves there.
     pub fn crossing(analysis: &Analysis, crossing: &PathCrossing) -> Option<SituationPlan> {
         let recording = &analysis.recording;
         let dt_s = recording.dt_s;
@@ -113,7 +113,7 @@ impl SituationPlan {
         let body = StockBody::of(planned);
         let path = PlacedPath::fit(planned, body, other_at..other_at + window)?;
         let own_speed = SpeedPlan::fit(&ego.s_m[..ego.s_m.len().min(window)], dt_s)?;
-        let speed = SpeedPlan::fit(&path.s_m, dt_s)?;
+        let speed = SpeedPlan::fit(&path.s_m, dt_s).filter(SpeedPlan::repeats)?;
         let is_fast = body.most_mps().is_some_and(|it| it < speed.start_mps);
         if own_speed.start_mps < MOVING_MPS || is_fast {
             return None;

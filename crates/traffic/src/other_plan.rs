@@ -39,7 +39,7 @@ impl OtherPlan {
     ///
     /// `tracks` are those of the ego and of the ado. Road users behind the ego in its path
     /// are left out, because they would hit an ego that brakes. So are those that are
-    /// interpolated at the start, touch a body there, or are on no road.
+    /// interpolated at the start, touch a body there, or move as no plan does.
     pub(crate) fn nearest(
         analysis: &Analysis,
         tracks: [usize; 2],
@@ -98,7 +98,7 @@ impl OtherPlan {
 
     /// Fits the motion from a sample on, for at most 10 s.
     ///
-    /// Returns `None` if the path is no road.
+    /// Returns `None` if the path is no road, or no plan repeats the motion.
     fn of(track: &RoadUserTrack, at: usize, dt_s: f64) -> Option<OtherPlan> {
         let body = StockBody::of(track);
         let window = (WINDOW_S / dt_s).round() as usize + 1;
@@ -119,7 +119,7 @@ impl OtherPlan {
         let least = (PIECE_S / dt_s).round() as usize;
         let speed = (least < path.s_m.len()).then(|| SpeedPlan::fit(&path.s_m, dt_s))??;
         let is_fast = body.most_mps().is_some_and(|it| it < speed.start_mps);
-        (!is_fast).then(|| OtherPlan {
+        (!is_fast && speed.repeats()).then(|| OtherPlan {
             id: track.id.clone(),
             body,
             s_m: path.s_m[0] + speed.start_m + body.lever_m(),

@@ -52,6 +52,17 @@ fn lead() -> String {
     "lead".to_owned()
 }
 
+impl TrafficRule {
+    /// Returns the formula under an `always` over the whole trace.
+    ///
+    /// # Errors
+    /// The formula is invalid.
+    pub fn always(&self) -> Result<String, StlError> {
+        let formula: Formula = self.stl.parse()?;
+        Ok(format!("always ({})", without_always(formula)))
+    }
+}
+
 /// Error in a rule file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

@@ -119,16 +119,15 @@ pub enum RecordedPlace {
 impl SituationPlan {
     /// Fits a window of a following. The ego replaces the follower.
     ///
-    /// Returns `None` if a state at the start is interpolated or a vehicle stands.
+    /// Returns `None` if a state at the start is interpolated, a vehicle stands, or the
+    /// plan is more than 0.1 m from the recording.
     pub fn following(analysis: &Analysis, window: &RecordedFollowing) -> Option<SituationPlan> {
         let recording = &analysis.recording;
         let pair = RecordedPair::at(analysis, window.follower, window.lead, window.first_sample)?;
         // One more sample, so that the last piece is whole.
         let samples = window.samples + 1;
-        let speed = SpeedPlan::fit(
-            &own_way(pair.other, pair.other_at, samples, recording.dt_s)?,
-            recording.dt_s,
-        )?;
+        let way_m = own_way(pair.other, pair.other_at, samples, recording.dt_s)?;
+        let speed = SpeedPlan::fit(&way_m, recording.dt_s).filter(SpeedPlan::repeats)?;
         let gap_m = analysis.leads.of[window.follower][pair.own_at]?.gap_m;
         let placed = analysis.frame.tracks[window.follower].as_ref()?;
         let lane = usize::from(placed.lane[pair.own_at]?);
@@ -142,7 +141,7 @@ impl SituationPlan {
     /// Fits a cut-in from 2 s before its lane change. The ego replaces the follower.
     ///
     /// Returns `None` if a state at the start is interpolated, the changing vehicle is not
-    /// recorded until 10 s after the start, or the motion is not a single lane change: it
+    /// recorded until 10 s after the start, the plan is more than 0.1 m off, or the motion is not a single lane change: it
     /// is 0.5 m off at most, and the follower is in its lane.
     pub fn cut_in(analysis: &Analysis, cut_in: &RecordedCutIn) -> Option<SituationPlan> {
         let (recording, change) = (&analysis.recording, &cut_in.change);
@@ -188,7 +187,7 @@ impl SituationPlan {
         }
         let mut s_m = own_way(other, at, window, dt_s)?;
         along_the_road(&mut s_m, &shape, dt_s);
-        let speed = SpeedPlan::fit(&s_m, dt_s)?;
+        let speed = SpeedPlan::fit(&s_m, dt_s).filter(SpeedPlan::repeats)?;
 
         let pair = RecordedPair::at(
             analysis,

@@ -59,7 +59,7 @@ pub struct RecordedWorlds {
     /// Situations in the recordings.
     pub found: usize,
     /// Harder situations left out: the start is interpolated, a road user is recorded for
-    /// too short a time, a cut-in is not a single lane change, or a crossing has no motor
+    /// too short a time or moves as no plan does, a cut-in is not a single lane change, or a crossing has no motor
     /// vehicle.
     pub left_out: usize,
 }
