@@ -76,7 +76,7 @@ pub fn speed_series(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<Spee
     for (track, placed) in frame.tracks.iter().enumerate() {
         let Some(placed) = placed else { continue };
         let own = &recording.tracks[track];
-        // Nobody drives it.
+        // A trailer has no driver.
         if own.class == Class::Trailer {
             continue;
         }

@@ -49,8 +49,8 @@ impl Class {
 
     /// Returns true for everything that fills a lane: motor vehicles and trailers.
     ///
-    /// A trailer is the vehicle ahead of others. It has no vehicle ahead, because nobody
-    /// drives it.
+    /// A trailer is the vehicle ahead of others. It has no vehicle ahead, because it has no
+    /// driver.
     pub fn is_in_lanes(self) -> bool {
         self.is_motor_vehicle() || self == Class::Trailer
     }

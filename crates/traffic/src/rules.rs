@@ -314,7 +314,7 @@ impl BoundRules {
         for (track, placed) in frame.tracks.iter().enumerate() {
             let Some(placed) = placed else { continue };
             let own = &recording.tracks[track];
-            // Nobody drives it.
+            // A trailer has no driver.
             if own.class == Class::Trailer {
                 continue;
             }
