@@ -143,10 +143,11 @@ impl RawRecording {
     fn worlds<'py>(
         &self,
         py: Python<'py>,
-        (name, kind): (&str, &str),
+        named: (String, String),
         count: usize,
         others: usize,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let (name, kind) = (&*named.0, &*named.1);
         let kind = match kind {
             "following" => SituationKind::Following,
             "cut-in" => SituationKind::CutIn,
