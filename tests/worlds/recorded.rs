@@ -396,7 +396,9 @@ fn a_pedestrian_that_waits_crosses_as_recorded_among_others() {
 
 /// Two cars on a bend to the left with a radius of 300 m, the second 40 m behind.
 fn on_bend(at_m: f64, t: f64) -> ([f64; 2], f64) {
-    let course_rad = (at_m + 25.0 * t - 1.0 * (t - 5.0).clamp(0.0, 3.0).powi(2) / 2.0) / 300.0;
+    // Both brake by 1 m/s² from 5 s to 8 s.
+    let lost_m = (t - 5.0).clamp(0.0, 3.0).powi(2) / 2.0 + 3.0 * (t - 8.0).max(0.0);
+    let course_rad = (at_m + 25.0 * t - lost_m) / 300.0;
     let (sin, cos) = course_rad.sin_cos();
     ([300.0 * sin, 300.0 - 300.0 * cos], course_rad)
 }
