@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::environment_file::{OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
-use super::includes::NaturalFile;
+use super::natural_file::NaturalFile;
 pub(super) use super::number_or_range::NumberOrRange;
 pub(super) use super::rule_file::RuleFile;
 use super::trained::run::TrainedFile;

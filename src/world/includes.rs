@@ -7,10 +7,9 @@
 use std::sync::Arc;
 
 use brakecheck_traffic::{TrafficModel, TrafficRuleFile};
-use serde::Deserialize;
-use serde::de::{self, Deserializer, MapAccess, Visitor};
 
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile};
+use super::natural_file::{NaturalFile, SHIPPED, TrafficFile};
 use super::runs::{RunRefused, RunSource, refused};
 use super::trained::{raw_text, with_values};
 use crate::natural::{DeclaredTraffic, motorway};
@@ -19,73 +18,14 @@ use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 
 /// Name of the world file, and the source of the files that it includes.
-type Origin<'a> = (&'a str, &'a dyn RunSource);
-
-/// Name of the shipped traffic model.
-const SHIPPED: &str = "motorway";
-
-/// Limit on the ados of a world: `natural: (per_1000_km: 3.0, traffic: "roads.ron")`.
-#[derive(Deserialize)]
-#[serde(rename = "Natural", deny_unknown_fields)]
-pub(super) struct NaturalFile {
-    /// Least rate of an ado's events per 1,000 km. Without it, ados are only compared.
-    #[serde(default)]
-    per_1000_km: Option<f64>,
-    #[serde(default)]
-    traffic: TrafficFile,
-}
-
-/// Traffic model: `"motorway"`, a file, or the content that was found there.
-enum TrafficFile {
-    Named(String),
-    Kept(KeptTraffic),
-}
-
-/// Traffic model in the text of a world that was loaded before.
-#[derive(Deserialize)]
-#[serde(rename = "Kept", deny_unknown_fields)]
-struct KeptTraffic {
-    /// File of its origin.
-    from: String,
-    /// Model, verbatim.
-    model: String,
-}
-
-impl Default for TrafficFile {
-    fn default() -> TrafficFile {
-        TrafficFile::Named(SHIPPED.to_owned())
-    }
-}
-
-impl<'de> Deserialize<'de> for TrafficFile {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<TrafficFile, D::Error> {
-        struct TrafficVisitor;
-        impl<'de> Visitor<'de> for TrafficVisitor {
-            type Value = TrafficFile;
-
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                write!(f, "`\"motorway\"`, a file of `log --fit` or Kept(…)")
-            }
-
-            fn visit_str<E: de::Error>(self, v: &str) -> Result<TrafficFile, E> {
-                Ok(TrafficFile::Named(v.to_owned()))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TrafficFile, A::Error> {
-                let kept = KeptTraffic::deserialize(de::value::MapAccessDeserializer::new(map));
-                kept.map(TrafficFile::Kept)
-            }
-        }
-        deserializer.deserialize_any(TrafficVisitor)
-    }
-}
+type IncludingFile<'a> = (&'a str, &'a dyn RunSource);
 
 /// Returns the text with the content of all included files, `None` without any.
 ///
 /// # Errors
 /// A file is missing or invalid, with its place in the world file.
 pub(super) fn expanded(
-    origin: Origin<'_>,
+    origin: IncludingFile<'_>,
     text: &str,
     file: &ScenarioFile,
 ) -> Result<Option<String>, Vec<Problem>> {
@@ -136,7 +76,11 @@ fn ado_of(agent: &AgentFile) -> Option<&AdoFile> {
 }
 
 /// Returns the rules of a file as elements of a rulebook, on one line.
-fn rules_of(origin: Origin<'_>, name: &str, file: &ScenarioFile) -> Result<String, RunRefused> {
+fn rules_of(
+    origin: IncludingFile<'_>,
+    name: &str,
+    file: &ScenarioFile,
+) -> Result<String, RunRefused> {
     let text = origin.1.text(name, origin.0)?;
     let rules = TrafficRuleFile::parse(&text)
         .map_err(|error| refused(format!("`{name}`: {error}"), &error.help()))?;
@@ -164,7 +108,7 @@ fn rules_of(origin: Origin<'_>, name: &str, file: &ScenarioFile) -> Result<Strin
 }
 
 /// Returns a traffic model as the value that replaces its name.
-fn model_of(origin: Origin<'_>, name: &str) -> Result<String, RunRefused> {
+fn model_of(origin: IncludingFile<'_>, name: &str) -> Result<String, RunRefused> {
     let text = origin.1.text(name, origin.0)?;
     let (from, text) = (raw_text(name), raw_text(&model(name, &text)?.to_line()));
     Ok(format!("Kept(from: {from}, model: {text})"))

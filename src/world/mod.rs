@@ -32,6 +32,7 @@ mod includes;
 mod kind_of_world;
 mod language;
 mod limits;
+mod natural_file;
 mod number_or_range;
 mod obstacles;
 mod plans;

@@ -11,7 +11,7 @@ const EGO_LANE_M: f64 = 3.5;
 const CAREFUL: (f64, f64) = (0.75, 5.0);
 
 /// Deviations of a kind of road user from its recording.
-struct Stray {
+struct StrayLimit {
     /// Least and greatest acceleration in m/s².
     accel_mps2: f64,
     /// Distance along the path in metres.
@@ -85,17 +85,17 @@ Scenario(
 }
 
 /// Returns how far a road user may stray: less on foot than in a car.
-fn stray(plan: &SituationPlan) -> Stray {
+fn stray(plan: &SituationPlan) -> StrayLimit {
     match plan.body.name {
-        "pedestrian" => Stray {
+        "pedestrian" => StrayLimit {
             accel_mps2: 0.5,
             along_m: 3.0,
         },
-        "bicyclist" => Stray {
+        "bicyclist" => StrayLimit {
             accel_mps2: 0.5,
             along_m: 6.0,
         },
-        _ => Stray {
+        _ => StrayLimit {
             accel_mps2: 1.0,
             along_m: 10.0,
         },

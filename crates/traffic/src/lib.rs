@@ -18,6 +18,7 @@ mod calibration;
 mod column_map;
 mod columns;
 mod crossing_plan;
+mod crossing_roads;
 mod crossing_text;
 mod crossings;
 mod driving_data;
@@ -64,7 +65,7 @@ pub use column_map::{
     TimeColumn, VectorColumns, YAxis,
 };
 pub use columns::RecordingColumns;
-pub use crossing_plan::CrossingRoads;
+pub use crossing_roads::CrossingRoads;
 pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
@@ -82,13 +83,13 @@ pub use problem::{FilePlace, FileProblem};
 pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, RatedEvent, Surprise};
 pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
-pub use road_fit::{FittedRoad, RoadPiece};
+pub use road_fit::{FittedPiece, FittedRoad};
 pub use rules::{BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow};
 pub use situation_plan::{
     AcrossPlan, LANE_CHANGE_AT_S, LanePlace, RecordedPlace, SituationPlan, SituationRoad,
 };
 pub use situations::{
-    CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, Situations, WINDOW_S,
+    CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, SituationKind, Situations, WINDOW_S,
 };
 pub use starts::{StartRarity, StartState, StartTable};
 pub use stock_body::StockBody;
@@ -96,5 +97,5 @@ pub use summary::{
     CarriagewaySummary, CrossingSummary, LaneSummary, RecordingSummary, RuleSummary,
 };
 pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, RateSource, TailPoint};
-pub use world::{RecordedWorld, RecordedWorlds, SituationKind};
+pub use world::{RecordedWorld, RecordedWorlds};
 pub use xosc::read_xosc;

@@ -1,7 +1,7 @@
 //! Further road users around a recorded situation, as scripted traffic.
 
 use crate::analysis::Analysis;
-use crate::crossing_plan::PlacedPath;
+use crate::crossing_roads::PlacedPath;
 use crate::crossings::clearance_m;
 use crate::plan::{PIECE_S, SpeedPlan};
 use crate::recording::RoadUserTrack;

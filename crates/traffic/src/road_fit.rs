@@ -31,7 +31,7 @@ pub(crate) struct RoadFit {
 /// Piece of a fitted road.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct RoadPiece {
+pub struct FittedPiece {
     /// Length in metres.
     pub length_m: f64,
     /// Curvature in 1/m, positive to the left and 0 on a line.
@@ -49,7 +49,7 @@ pub struct FittedRoad {
     /// Direction at the start.
     pub heading_rad: f64,
     /// Pieces in order, empty for a straight road.
-    pub pieces: Vec<RoadPiece>,
+    pub pieces: Vec<FittedPiece>,
     /// Greatest distance of a point from the road in metres.
     pub worst_m: f64,
 }
@@ -99,8 +99,8 @@ impl FittedRoad {
         loop {
             let road = FittedRoad::of_pieces(&path, pieces);
             if road.worst_m <= how.tolerance_m || most <= pieces {
-                let sharpest = |it: &RoadPiece| it.curvature_per_m.abs();
-                let is_sharp = |it: &RoadPiece| how.most_per_m <= sharpest(it);
+                let sharpest = |it: &FittedPiece| it.curvature_per_m.abs();
+                let is_sharp = |it: &FittedPiece| how.most_per_m <= sharpest(it);
                 return (!road.pieces.iter().any(is_sharp)).then_some(road);
             }
             pieces = (2 * pieces).max(1).min(most);
@@ -165,7 +165,7 @@ impl FittedRoad {
             start_m: stations.first().copied().unwrap_or_default(),
             heading_rad: courses.first().copied().unwrap_or_default(),
             pieces: (0..pieces)
-                .map(|k| RoadPiece {
+                .map(|k| FittedPiece {
                     length_m,
                     curvature_per_m: turns(k),
                 })

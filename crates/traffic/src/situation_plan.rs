@@ -1,7 +1,7 @@
 //! Recorded situations as plans: the state at the start and the motion after it.
 
 use crate::analysis::Analysis;
-use crate::crossing_plan::CrossingRoads;
+use crate::crossing_roads::CrossingRoads;
 use crate::lane_change_plan::LaneChangePlan;
 use crate::lane_frame::PlacedTrack;
 use crate::other_plan::OtherPlan;

@@ -13,6 +13,17 @@ pub const CUT_IN_GAP_M: f64 = 100.0;
 /// Time for which the follower of a cut-in has been in its lane.
 const IN_LANE_BEFORE_S: f64 = 1.0;
 
+/// Kind of recorded situations that become worlds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SituationKind {
+    /// Windows of 10 s in which a vehicle follows the same lead.
+    Following,
+    /// Lane changes in front of a follower.
+    CutIn,
+    /// Paths that cross within a post-encroachment time of 10 s.
+    Crossing,
+}
+
 /// Unbroken stretch in which a vehicle has the same lead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]

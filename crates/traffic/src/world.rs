@@ -8,8 +8,8 @@ use crate::crossings::PathCrossing;
 use crate::other_plan::OtherPlan;
 use crate::road_fit::{FittedRoad, RoadFit};
 use crate::situation_plan::{LANE_WIDTH_M, SituationPlan, SituationRoad, slowing_mps};
-use crate::situations::{RecordedCutIn, RecordedFollowing};
-use crate::world_text::LaneWorld;
+use crate::situations::{RecordedCutIn, RecordedFollowing, SituationKind};
+use crate::world_text::LaneText;
 
 /// Roads along lanes of carriageways. Within the tolerance a road is straight.
 const LANE_FIT: RoadFit = RoadFit {
@@ -23,17 +23,6 @@ const LANE_FIT: RoadFit = RoadFit {
 /// and after such a part, in metres. Worlds have no start beyond 5 km.
 const SECTION_M: f64 = 2000.0;
 const BEYOND_M: [f64; 2] = [200.0, 700.0];
-
-/// Kind of recorded situations that become worlds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SituationKind {
-    /// Windows of 10 s in which a vehicle follows the same lead.
-    Following,
-    /// Lane changes in front of a follower.
-    CutIn,
-    /// Paths that cross within a post-encroachment time of 10 s.
-    Crossing,
-}
 
 /// World file of recorded situations.
 #[derive(Clone, Debug, PartialEq)]
@@ -187,7 +176,7 @@ impl SituationGroup {
     fn world(self, name: String, kind: SituationKind) -> RecordedWorld {
         let situations = self.situations;
         let text = match &self.road {
-            Some(road) => LaneWorld {
+            Some(road) => LaneText {
                 name: &name,
                 kind,
                 situations: &situations,

@@ -6,7 +6,7 @@ use crate::other_plan::OtherPlan;
 use crate::plan::{PIECE_S, SpeedPlan, rounded};
 use crate::road_fit::{FittedRoad, RoadPose};
 use crate::situation_plan::{LANE_CHANGE_AT_S, LANE_WIDTH_M, SituationPlan, SituationRoad};
-use crate::world::SituationKind;
+use crate::situations::SituationKind;
 
 /// Numbers of a world that differ between its points.
 #[derive(Default)]
@@ -70,7 +70,7 @@ pub(crate) fn plain(text: &str) -> String {
 }
 
 /// World of followings or cut-ins on one road.
-pub(crate) struct LaneWorld<'a> {
+pub(crate) struct LaneText<'a> {
     pub(crate) name: &'a str,
     pub(crate) kind: SituationKind,
     pub(crate) situations: &'a [SituationPlan],
@@ -78,9 +78,9 @@ pub(crate) struct LaneWorld<'a> {
     pub(crate) road: &'a FittedRoad,
 }
 
-impl LaneWorld<'_> {
+impl LaneText<'_> {
     pub(crate) fn to_ron(&self) -> String {
-        let LaneWorld {
+        let LaneText {
             name,
             kind,
             situations,
