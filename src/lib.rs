@@ -50,6 +50,7 @@ pub mod natural;
 #[doc(hidden)]
 pub mod internals;
 pub mod openx;
+pub mod population;
 pub mod preventability;
 pub mod report;
 pub mod rl;

@@ -15,7 +15,11 @@ use crate::rulebook::TrainingGoal;
 use crate::scene::Dynamics;
 use crate::world::{Change, TrainingEgos};
 
-pub(super) const FILE: &str = "manifest.json";
+pub(crate) const FILE: &str = "manifest.json";
+/// File that makes a directory a population of runs, in place of the manifest.
+pub(crate) const POPULATION: &str = "population.json";
+/// Directory of a population's runs, which are called `000`, `001` and so on.
+pub(crate) const MEMBERS: &str = "members";
 /// Separate file of the processor time, in which equal trainings differ.
 pub(super) const TIMING: &str = "timing.json";
 
@@ -232,6 +236,9 @@ impl Manifest {
             return Err(not_a_run(why.to_owned()));
         }
         let file = run.join(FILE);
+        if !file.is_file() && run.join(POPULATION).is_file() {
+            return Err(RunError::Population { path: run.into() });
+        }
         if !file.is_file() {
             return Err(not_a_run(format!("it has no `{FILE}`")));
         }

@@ -20,7 +20,7 @@
 
 mod about;
 mod adversary_id;
-mod append_log;
+pub(crate) mod append_log;
 pub(crate) mod cached_result;
 mod calibration;
 mod contact_severity;
@@ -59,8 +59,8 @@ pub use differences::{RequestedTraining, RunDifference};
 pub use disk::write_file;
 pub(crate) use disk::{WholeFile, file_name, make_dir};
 pub use error::RunError;
-pub(crate) use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
+pub(crate) use manifest::{FILE as MANIFEST, MEMBERS, POPULATION, Window};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
 pub use row::{Anytime, FailsAlone, FailureKind, Row, Unconfirmed};
@@ -465,7 +465,7 @@ impl RunDir {
 }
 
 /// Version of this program.
-fn version() -> String {
+pub(crate) fn version() -> String {
     env!("CARGO_PKG_VERSION").to_owned()
 }
 

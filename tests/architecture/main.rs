@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 42] = [
+const FLOORS: [(&str, u32); 43] = [
     ("seed", 0),
     ("content_hash", 0),
     ("visible", 0),
@@ -48,6 +48,7 @@ const FLOORS: [(&str, u32); 42] = [
     ("search", 12),
     ("crashes", 13),
     ("training", 14),
+    ("population", 15),
     ("surrogate", 15),
     ("theorems", 15),
     ("serving", 15),

@@ -75,6 +75,7 @@ impl From<&RunError> for Failure {
         match error {
             RunError::World(world) => Failure::from(&**world),
             RunError::NotARun { .. }
+            | RunError::Population { .. }
             | RunError::Exists { .. }
             | RunError::Differs { .. }
             | RunError::Conditional { .. }

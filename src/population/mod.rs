@@ -1,0 +1,18 @@
+//! Populations of ados: several runs in one directory, which differ on purpose.
+//!
+//! ```text
+//! RUN/population.json   what made the population, its members, its hash; sealed
+//! RUN/members/000       first member, an ordinary run directory
+//! RUN/members/001       second member, and so on
+//! RUN/lock              held while training
+//! ```
+//!
+//! The manifest lists a member once its training is finished, with the SHA-256 of its
+//! `manifest.json`. An interrupted population therefore keeps its finished members, and
+//! the member that was being trained continues from its own checkpoint.
+
+mod directory;
+mod manifest;
+
+pub use directory::PopulationDir;
+pub use manifest::{ArchiveSummary, PopulationManifest, PopulationMember, PopulationOrigin};
