@@ -21,6 +21,7 @@ mod new_from_log;
 mod new_world;
 mod number_args;
 mod points;
+mod population;
 mod progress;
 mod replay;
 mod report;

@@ -3,6 +3,7 @@
 mod interval;
 mod optimization;
 mod outcomes;
+mod species;
 
 pub(crate) use interval::predicted;
 pub use interval::{
@@ -13,3 +14,4 @@ pub(crate) use optimization::{
 };
 pub(crate) use outcomes::Flips;
 pub use outcomes::{Outcomes, StartOutcome};
+pub use species::{Incidence, KindsEstimate, NewKinds};

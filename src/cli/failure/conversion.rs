@@ -13,6 +13,7 @@ use crate::crashes::{
 use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::{EgoError, TrafficError};
 use crate::openx::OpenXError;
+use crate::population::PopulationError;
 use crate::rl::ConfigError;
 use crate::ron_file::{LoadError, ScenarioError, guessed};
 use crate::run_dir::{KeptError, RunError};
@@ -326,6 +327,7 @@ macro_rules! from_input {
 from_input! {
     FindError: Ego, Change, Kept;
     SessionError: Ego, Run, Train, Config, Kept;
+    PopulationError: Session, Run, Ego;
     EvaluationError: Ego, Adversary, Theorems, Train, Kept, Run;
 }
 
@@ -364,6 +366,7 @@ from_owned!(
     Inapplicable,
     KeptError,
     LoadError,
+    PopulationError,
     RegressionError,
     RunError,
     ScenarioError,
@@ -395,6 +398,7 @@ prints_as_on_the_command_line!(
     FindError,
     KeptError,
     LoadError,
+    PopulationError,
     RegressionError,
     RunError,
     ScenarioError,
