@@ -7,8 +7,13 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
+use super::{RunDir, RunError};
+use crate::content_hash::sha256;
 use crate::rl::Demonstration;
 use crate::severity::CrashKind;
+
+/// File of the failures that are known before a training.
+pub(super) const KNOWN: &str = "known.json";
 
 /// Width of the bins of closing speeds.
 pub const CLOSING_BIN_MPS: f64 = 2.0;
@@ -111,4 +116,39 @@ pub struct KnownFailures {
     pub cells: Vec<CellCount>,
     /// Failures that the learner is shown, on training starts of the run's seed.
     pub demonstrations: Vec<Demonstration>,
+}
+
+impl RunDir {
+    /// Writes the failures whose rarity is rewarded, if any, for the manifest that follows.
+    pub(super) fn write_known(&mut self, known: Option<&KnownFailures>) -> Result<(), RunError> {
+        let Some(known) = known else {
+            return Ok(());
+        };
+        let text = serde_json::to_string(known);
+        let text = text.map_err(|error| self.invalid(&error))?;
+        self.write(KNOWN, text.as_bytes())?;
+        self.manifest.known_sha256 = Some(sha256(text.as_bytes()));
+        Ok(())
+    }
+
+    /// Returns the failures whose rarity the training rewards. `None` if there are none.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if their file is missing or damaged.
+    pub fn known_failures(&self) -> Result<Option<KnownFailures>, RunError> {
+        let Some(expected) = &self.manifest.known_sha256 else {
+            return Ok(None);
+        };
+        let bytes = self.read_verified(KNOWN, Some(expected))?;
+        let known = serde_json::from_slice(&bytes);
+        known.map(Some).map_err(|error| self.invalid(&error))
+    }
+
+    fn invalid(&self, error: &serde_json::Error) -> RunError {
+        RunError::Damaged {
+            path: self.path.join(KNOWN),
+            why: error.to_string(),
+        }
+    }
 }

@@ -83,8 +83,6 @@ use disk::{io_error, is_taken, lock, settings_of};
 
 /// Version of the layout. Other versions are refused.
 const FORMAT: u32 = 3;
-/// Failures that are known before a training.
-const KNOWN: &str = "known.json";
 
 /// Optional start conditions of a training.
 #[derive(Clone, Debug, Default)]
@@ -189,12 +187,7 @@ impl RunDir {
             run.write("from.safetensors", &bytes)?;
             run.manifest.from_sha256 = Some(sha256(&bytes));
         }
-        if let Some(known) = with.known {
-            let text = serde_json::to_string(known);
-            let text = text.map_err(|error| run.invalid(KNOWN, &error.to_string()))?;
-            run.write(KNOWN, text.as_bytes())?;
-            run.manifest.known_sha256 = Some(sha256(text.as_bytes()));
-        }
+        run.write_known(with.known)?;
         run.write_manifest()?;
         Ok(run)
     }
@@ -230,8 +223,8 @@ impl RunDir {
         if let Some(from) = &manifest.from_sha256 {
             self.read_verified("from.safetensors", Some(from))?;
         }
-        if let (Some(known), true) = (&manifest.known_sha256, self.path.join(KNOWN).exists()) {
-            self.read_verified(KNOWN, Some(known))?;
+        if self.path.join(failure_cell::KNOWN).exists() {
+            self.known_failures()?;
         }
         if let Some(policy) = &manifest.policy_sha256 {
             self.read_verified("policy.safetensors", Some(policy))?;
@@ -362,22 +355,6 @@ impl RunDir {
             .map_err(self.damaged("from.safetensors"))
     }
 
-    /// Returns the failures whose rarity the training rewards. `None` if there are none.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if their file is missing or damaged.
-    pub fn known_failures(&self) -> Result<Option<KnownFailures>, RunError> {
-        let Some(expected) = &self.manifest.known_sha256 else {
-            return Ok(None);
-        };
-        let bytes = self.read_verified(KNOWN, Some(expected))?;
-        let known = serde_json::from_slice(&bytes);
-        known
-            .map(Some)
-            .map_err(|error| self.invalid(KNOWN, &error.to_string()))
-    }
-
     /// Stores a checkpoint and the progress of the training.
     ///
     /// # Errors
@@ -487,13 +464,6 @@ impl RunDir {
                 why: format!("SHA-256 is {found}, the manifest says {expected}"),
             }),
             _ => Ok(bytes),
-        }
-    }
-
-    fn invalid(&self, name: &str, why: &str) -> RunError {
-        RunError::Damaged {
-            path: self.path.join(name),
-            why: why.to_owned(),
         }
     }
 

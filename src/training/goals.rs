@@ -262,7 +262,7 @@ mod tests {
         );
         assert!(rare.take_physics_steps() > 0, "the cell takes replays");
         // A resumed training continues the counts.
-        let mut checkpoint = TensorFile::default();
+        let mut checkpoint = TensorFile::new("");
         rare.save(&mut checkpoint);
         let known = KnownFailures::default();
         let resumed = GoalTracker::beyond(&world, Some(&known), Some(&checkpoint));
