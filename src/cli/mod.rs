@@ -14,6 +14,7 @@ mod failure;
 mod gate;
 mod keep;
 mod last_resort;
+mod league;
 mod live;
 mod log;
 mod new;

@@ -15,9 +15,6 @@ use crate::run_dir::{
 };
 use crate::world::Scenario;
 
-/// Curve of the archive's coverage.
-const COVERAGE: &str = "coverage.jsonl";
-
 /// Open directory of a population.
 #[derive(Debug)]
 pub struct PopulationDir {
@@ -48,6 +45,7 @@ impl PopulationDir {
         }
         make_dir(path)?;
         let lock = lock(path)?;
+        let log = path.join(origin.log());
         let population = PopulationDir {
             path: path.into(),
             manifest: PopulationManifest {
@@ -65,7 +63,7 @@ impl PopulationDir {
                 coverage: Grown::default(),
                 finished: false,
             },
-            coverage: Growing::new(path.join(COVERAGE)),
+            coverage: Growing::new(log),
             _lock: Some(lock),
         };
         population.write_manifest()?;
@@ -80,7 +78,7 @@ impl PopulationDir {
         let manifest = PopulationManifest::read(path)?;
         let population = PopulationDir {
             path: path.into(),
-            coverage: Growing::new(path.join(COVERAGE)),
+            coverage: Growing::new(path.join(manifest.origin.log())),
             manifest,
             _lock: None,
         };
@@ -102,7 +100,8 @@ impl PopulationDir {
         population._lock = Some(lock);
         sweep(path);
         let known = &population.manifest.coverage;
-        population.coverage = Growing::cut_back(path.join(COVERAGE), known)?;
+        let log = path.join(population.manifest.origin.log());
+        population.coverage = Growing::cut_back(log, known)?;
         Ok(population)
     }
 
@@ -115,8 +114,26 @@ impl PopulationDir {
         if let Some(archive) = &manifest.archive {
             self.read_verified(&self.path.join(&archive.file), &archive.sha256)?;
         }
-        let coverage = self.path.join(COVERAGE);
-        verified(&coverage, &manifest.coverage, manifest.finished).map(|_| ())
+        self.log().map(|_| ())
+    }
+
+    /// Returns the valid part of the growing file.
+    ///
+    /// # Errors
+    /// It is missing or damaged.
+    pub(super) fn log(&self) -> Result<Vec<u8>, RunError> {
+        let manifest = &self.manifest;
+        let log = self.path.join(manifest.origin.log());
+        verified(&log, &manifest.coverage, manifest.finished)
+    }
+
+    /// Appends lines to the growing file and records them.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub(super) fn record(&mut self, lines: &str) -> Result<(), RunError> {
+        self.append_coverage(lines)?;
+        self.write_manifest()
     }
 
     fn read_verified(&self, file: &Path, expected: &str) -> Result<Vec<u8>, RunError> {
@@ -353,7 +370,7 @@ mod tests {
         let mut again = PopulationDir::resume(&path).expect("sound");
         again.append_coverage("[]\n").expect("written");
         again.finish().expect("written");
-        let text = std::fs::read_to_string(path.join(COVERAGE)).expect("a file");
+        let text = std::fs::read_to_string(path.join("coverage.jsonl")).expect("a file");
         assert_eq!(text, "{}\n[]\n");
         drop(again);
         PopulationDir::open(&path).expect("sound");

@@ -27,6 +27,21 @@ pub enum PopulationOrigin {
         /// Simulations of each search of the archive.
         simulations: u64,
     },
+    /// Alternating best responses of egos and ados.
+    League {
+        /// Rounds after the first ado.
+        rounds: usize,
+    },
+}
+
+impl PopulationOrigin {
+    /// Returns the name of the growing file.
+    pub(super) fn log(&self) -> &'static str {
+        match self {
+            PopulationOrigin::Distinct { .. } => "coverage.jsonl",
+            PopulationOrigin::League { .. } => "league.jsonl",
+        }
+    }
 }
 
 /// Finished member of a population.
@@ -80,7 +95,7 @@ pub struct PopulationManifest {
     /// Archive of failures. `None` if the process has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub archive: Option<ArchiveSummary>,
-    /// Valid part of `coverage.jsonl`.
+    /// Valid part of `coverage.jsonl`, or of a league's `league.jsonl`.
     #[serde(default, skip_serializing_if = "Grown::is_nothing")]
     pub(super) coverage: Grown,
     /// Whether the process has ended.

@@ -4,6 +4,7 @@
 //! RUN/population.json   what made the population, its members, its hash; sealed
 //! RUN/members/000       first member, an ordinary run directory
 //! RUN/members/001       second member, and so on
+//! RUN/league.jsonl      rounds of a league, in place of an archive
 //! RUN/lock              held while training
 //! ```
 //!
@@ -12,7 +13,9 @@
 //! the member that was being trained continues from its own checkpoint.
 
 mod directory;
+mod league;
 mod manifest;
 
 pub use directory::PopulationDir;
+pub use league::{LeagueError, LeagueRequest, LeagueResponse, LeagueRound, train_league};
 pub use manifest::{ArchiveSummary, PopulationManifest, PopulationMember, PopulationOrigin};

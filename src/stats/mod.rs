@@ -1,6 +1,7 @@
 //! Statistics of rates over starts and trainings, and the fits that use them.
 
 mod interval;
+mod matrix_game;
 mod optimization;
 mod outcomes;
 
@@ -8,6 +9,7 @@ pub(crate) use interval::predicted;
 pub use interval::{
     at_most, mcnemar, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
+pub(crate) use matrix_game::{Equilibrium, row_gains};
 pub(crate) use optimization::{
     CrossEntropySearch, SMALL_WEIGHTS, add_equation, descend, logistic, pick,
 };

@@ -215,7 +215,7 @@ impl TrainSession {
 
 impl TrainRequest<'_> {
     /// Returns the world with the requested options.
-    fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+    pub(crate) fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let mut world = match self.plant {
             Some(plant) => on_plant(world, plant)?,
             None => world.clone(),
@@ -262,7 +262,8 @@ impl TrainRequest<'_> {
             })
     }
 
-    fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+    /// Returns the world without the structure to leave out.
+    pub(crate) fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let Some(name) = self.leave_out else {
             return Ok(world.clone());
         };

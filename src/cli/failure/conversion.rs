@@ -13,6 +13,7 @@ use crate::crashes::{
 use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::{EgoError, TrafficError};
 use crate::openx::OpenXError;
+use crate::population::LeagueError;
 use crate::rl::ConfigError;
 use crate::ron_file::{LoadError, ScenarioError, guessed};
 use crate::run_dir::{KeptError, RunError};
@@ -327,6 +328,7 @@ from_input! {
     FindError: Ego, Change, Kept;
     SessionError: Ego, Run, Train, Config, Kept;
     EvaluationError: Ego, Adversary, Theorems, Train, Kept, Run;
+    LeagueError: Session, Train, Run, Ego;
 }
 
 /// Converts an error that is a wrong input and always has a help.
@@ -363,6 +365,7 @@ from_owned!(
     FindError,
     Inapplicable,
     KeptError,
+    LeagueError,
     LoadError,
     RegressionError,
     RunError,
@@ -394,6 +397,7 @@ prints_as_on_the_command_line!(
     EvaluationError,
     FindError,
     KeptError,
+    LeagueError,
     LoadError,
     RegressionError,
     RunError,
