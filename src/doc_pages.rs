@@ -61,6 +61,10 @@ pub mod training {}
 #[doc = include_str!("../docs/guide/goals.md")]
 pub mod goals {}
 
+/// Populations of ados for distinct failures, and estimates of unseen ones.
+#[doc = include_str!("../docs/guide/diversity.md")]
+pub mod diversity {}
+
 /// Reusing an ado on changed egos.
 #[doc = include_str!("../docs/guide/reuse.md")]
 pub mod reuse {}

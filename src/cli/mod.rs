@@ -22,6 +22,7 @@ mod new_from_log;
 mod new_world;
 mod number_args;
 mod points;
+mod population;
 mod progress;
 mod replay;
 mod report;

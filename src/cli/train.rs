@@ -10,9 +10,9 @@ use super::number_args::{STARTS, count, start_count};
 use super::traffic_args::TrafficArgs;
 use super::{
     Common, Exit, Failure, finished, interrupted_early, league, load_world, one_of, open_run,
-    print_json, progress, refuse_program, table, terminal,
+    population, print_json, progress, refuse_program, table, terminal,
 };
-use crate::population::LeagueRequest;
+use crate::population::{DistinctRequest, LeagueRequest};
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Row, RunDir, TrainingEnd};
 use crate::sim::PlantKind;
@@ -53,8 +53,11 @@ pub(super) struct TrainArgs {
     /// Begin with the policy of another run and fine-tune it.
     #[arg(long, value_name = "RUN", conflicts_with = "resume")]
     from: Option<PathBuf>,
+    /// Train N ados for distinct failures, without a closing evaluation.
+    #[arg(long, value_name = "N", value_parser = count(1..=1000))]
+    distinct: Option<u64>,
     /// Train ados against egos of the family that respond to them (experimental).
-    #[arg(long, value_name = "ROUNDS", value_parser = count(1..=1000))]
+    #[arg(long, value_name = "ROUNDS", conflicts_with = "distinct", value_parser = count(1..=1000))]
     league: Option<u64>,
     /// Test starts of the closing evaluation, always of seed 0.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
@@ -80,6 +83,9 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let world = args.traffic.limited(world)?;
     // A refused stream must leave no run directory, and a refused training no stream.
     args.live.check(args.common.json)?;
+    if let Some(members) = args.distinct {
+        return train_population(args, &world, members as usize);
+    }
     if let Some(rounds) = args.league {
         return train_league(args, &world, rounds as usize);
     }
@@ -114,6 +120,17 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         terminal::note(&format!("kept in {path}"));
     }
     Ok(finished(Exit::Done))
+}
+
+/// Trains several ados that fail the ego in different cells.
+fn train_population(args: &TrainArgs, world: &Scenario, members: usize) -> Result<Exit, Failure> {
+    let from = source(args)?;
+    let request = DistinctRequest::new(request(args, from.as_ref()), members);
+    let title = format!("training in {}", world.name);
+    let live = args.live.open(&title, Streamed::Training)?;
+    let path = output(args, world);
+    let shown = (&args.common, live.audience());
+    population::train(world, &path, (&request, args.resume), shown)
 }
 
 /// Trains egos and ados by alternating responses.

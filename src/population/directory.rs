@@ -276,10 +276,7 @@ mod tests {
     }
 
     fn create(path: &Path) -> PopulationDir {
-        let origin = PopulationOrigin::Distinct {
-            members: 2,
-            simulations: 10,
-        };
+        let origin = PopulationOrigin::Distinct { simulations: 10 };
         PopulationDir::create(path, &world(), 7, (origin, 2)).expect("created")
     }
 

@@ -22,8 +22,6 @@ pub(super) const FORMAT: u32 = 1;
 pub enum PopulationOrigin {
     /// Training of members that fail the ego in different cells.
     Distinct {
-        /// Number of members.
-        members: usize,
         /// Simulations of each search of the archive.
         simulations: u64,
     },

@@ -309,7 +309,8 @@ pub(crate) fn is_taken(path: &Path) -> bool {
         return false;
     };
     let begun = |name: &str| {
-        ["lock", "world.ron", "from.safetensors"].contains(&name) || name.starts_with(UNFINISHED)
+        ["lock", "world.ron", "from.safetensors", "known.json"].contains(&name)
+            || name.starts_with(UNFINISHED)
     };
     let mut names = entries.flatten().map(|entry| entry.file_name());
     names.any(|name| !begun(&name.to_string_lossy()))

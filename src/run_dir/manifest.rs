@@ -152,6 +152,9 @@ pub struct Manifest {
     /// SHA-256 of `from.safetensors`, when fine-tuning.
     #[serde(default)]
     pub(crate) from_sha256: Option<String>,
+    /// SHA-256 of `known.json`, if the training rewards rare failures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) known_sha256: Option<String>,
     /// File of the checkpoint and its SHA-256, during training.
     #[serde(default)]
     pub checkpoint: Option<(String, String)>,

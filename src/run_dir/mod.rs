@@ -6,6 +6,7 @@
 //! RUN/timing.json              processor time, sealed: the only difference of equal trainings
 //! RUN/policy.safetensors       the trained ado
 //! RUN/from.safetensors         the ado it was fine-tuned from, if any
+//! RUN/known.json               the failures whose rarity it rewards, if any
 //! RUN/progress.jsonl           one line per report of the learner
 //! RUN/counterexamples.jsonl    the successes of the training, at most 50000
 //! RUN/checkpoint-N.safetensors while training: the state for resuming after N decisions
@@ -28,6 +29,7 @@ pub(crate) mod counterexample;
 mod differences;
 pub(crate) mod disk;
 mod error;
+mod failure_cell;
 mod manifest;
 mod progress;
 mod repeated_runs;
@@ -59,6 +61,9 @@ pub use differences::{RequestedTraining, RunDifference};
 pub use disk::write_file;
 pub(crate) use disk::{WholeFile, file_name, make_dir};
 pub use error::RunError;
+pub use failure_cell::{
+    CLOSING_BIN_MPS, CellCount, CellFailure, DecisiveAction, FailureCell, KnownFailures,
+};
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
 pub(crate) use manifest::{FILE as MANIFEST, MEMBERS, POPULATION, Window};
 pub use progress::Progress;
@@ -78,6 +83,8 @@ use disk::{io_error, is_taken, lock, settings_of};
 
 /// Version of the layout. Other versions are refused.
 const FORMAT: u32 = 3;
+/// Failures that are known before a training.
+const KNOWN: &str = "known.json";
 
 /// Optional start conditions of a training.
 #[derive(Clone, Debug, Default)]
@@ -86,6 +93,8 @@ pub(crate) struct Beginning<'a> {
     pub(crate) from: Option<&'a TensorFile>,
     /// Changed ego to train against.
     pub(crate) ego: Option<ChangedEgo>,
+    /// Failures whose rarity is rewarded.
+    pub(crate) known: Option<&'a KnownFailures>,
 }
 
 /// Open run directory.
@@ -164,6 +173,7 @@ impl RunDir {
                 settings: serde_json::to_value(&scenario.learner).unwrap_or_default(),
                 ego: with.ego,
                 from_sha256: None,
+                known_sha256: None,
                 checkpoint: None,
                 policy_sha256: None,
             },
@@ -178,6 +188,12 @@ impl RunDir {
             let bytes = from.to_bytes().map_err(run.damaged("from.safetensors"))?;
             run.write("from.safetensors", &bytes)?;
             run.manifest.from_sha256 = Some(sha256(&bytes));
+        }
+        if let Some(known) = with.known {
+            let text = serde_json::to_string(known);
+            let text = text.map_err(|error| run.invalid(KNOWN, &error.to_string()))?;
+            run.write(KNOWN, text.as_bytes())?;
+            run.manifest.known_sha256 = Some(sha256(text.as_bytes()));
         }
         run.write_manifest()?;
         Ok(run)
@@ -213,6 +229,9 @@ impl RunDir {
         self.read_verified("world.ron", Some(&manifest.world_sha256))?;
         if let Some(from) = &manifest.from_sha256 {
             self.read_verified("from.safetensors", Some(from))?;
+        }
+        if let (Some(known), true) = (&manifest.known_sha256, self.path.join(KNOWN).exists()) {
+            self.read_verified(KNOWN, Some(known))?;
         }
         if let Some(policy) = &manifest.policy_sha256 {
             self.read_verified("policy.safetensors", Some(policy))?;
@@ -343,6 +362,22 @@ impl RunDir {
             .map_err(self.damaged("from.safetensors"))
     }
 
+    /// Returns the failures whose rarity the training rewards. `None` if there are none.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if their file is missing or damaged.
+    pub fn known_failures(&self) -> Result<Option<KnownFailures>, RunError> {
+        let Some(expected) = &self.manifest.known_sha256 else {
+            return Ok(None);
+        };
+        let bytes = self.read_verified(KNOWN, Some(expected))?;
+        let known = serde_json::from_slice(&bytes);
+        known
+            .map(Some)
+            .map_err(|error| self.invalid(KNOWN, &error.to_string()))
+    }
+
     /// Stores a checkpoint and the progress of the training.
     ///
     /// # Errors
@@ -452,6 +487,13 @@ impl RunDir {
                 why: format!("SHA-256 is {found}, the manifest says {expected}"),
             }),
             _ => Ok(bytes),
+        }
+    }
+
+    fn invalid(&self, name: &str, why: &str) -> RunError {
+        RunError::Damaged {
+            path: self.path.join(name),
+            why: why.to_owned(),
         }
     }
 

@@ -4,6 +4,7 @@ mod interval;
 mod matrix_game;
 mod optimization;
 mod outcomes;
+mod species;
 
 pub(crate) use interval::predicted;
 pub use interval::{
@@ -15,3 +16,4 @@ pub(crate) use optimization::{
 };
 pub(crate) use outcomes::Flips;
 pub use outcomes::{Outcomes, StartOutcome};
+pub use species::{Incidence, KindsEstimate, NewKinds};

@@ -154,6 +154,14 @@ pub(super) struct Budget {
 }
 
 impl Seeded {
+    /// Returns demonstrations that cost no search.
+    pub(super) fn known(demonstrations: Vec<Demonstration>) -> Seeded {
+        Seeded {
+            demonstrations,
+            ..Seeded::default()
+        }
+    }
+
     /// Searches in order the starts that one switch of action does not solve.
     ///
     /// Returns the number of searched starts. `None`: stopped.

@@ -28,7 +28,15 @@ pub(crate) fn retrained(
         Ok(own) => own,
         Err(RunError::NotARun { .. }) => {
             let ego = Some(ego.clone());
-            RunDir::begin(&path, changed, seed, Beginning { from: None, ego })?
+            RunDir::begin(
+                &path,
+                changed,
+                seed,
+                Beginning {
+                    ego,
+                    ..Beginning::default()
+                },
+            )?
         }
         Err(error) => return Err(error.into()),
     };

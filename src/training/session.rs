@@ -11,7 +11,8 @@ use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, consent_to_fam
 use crate::rl::LearnerConfig;
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{
-    Beginning, ChangedEgo, RequestedTraining, Row, RunDir, RunError, trained_naturally,
+    Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError,
+    trained_naturally,
 };
 use crate::search::{Adversary, Experiment, ExperimentCell};
 use crate::sim::PlantKind;
@@ -90,9 +91,40 @@ impl TrainSession {
         }
         let begin = |ego| {
             let from = from.as_ref();
-            RunDir::begin(path, &world, seed, Beginning { from, ego })
+            RunDir::begin(
+                path,
+                &world,
+                seed,
+                Beginning {
+                    from,
+                    ego,
+                    known: None,
+                },
+            )
         };
         TrainSession::with(world.clone(), ego, begin)
+    }
+
+    /// Creates a run directory for a training with the options and the seed of this one,
+    /// in which failures of rare cells earn more.
+    ///
+    /// # Errors
+    /// There is a run already, or the disk refuses.
+    pub(crate) fn begin_beyond(
+        &self,
+        path: &Path,
+        known: &KnownFailures,
+    ) -> Result<TrainSession, SessionError> {
+        let (begun, from) = (self.run.manifest(), self.run.from()?);
+        let begin = |ego| {
+            let with = Beginning {
+                from: from.as_ref(),
+                ego,
+                known: Some(known),
+            };
+            RunDir::begin(path, &self.world, begun.seed, with)
+        };
+        TrainSession::with(self.world.clone(), begun.ego.clone(), begin)
     }
 
     /// Opens a run directory to resume its training.
@@ -205,6 +237,11 @@ impl TrainSession {
     /// Returns the run directory.
     pub fn run(&self) -> &RunDir {
         &self.run
+    }
+
+    /// Returns the ego of the training, in its world.
+    pub(crate) fn ego(&self) -> &EgoUnderTest {
+        &self.ego
     }
 
     /// Returns the world with the learner, the plant and the egos of the training.

@@ -2,7 +2,7 @@
 
 use cpu_time::ThreadTime;
 
-use super::demonstrations::seed_training;
+use super::demonstrations::{Seeded, seed_training};
 use super::goals::GoalTracker;
 use super::stopping_rule::StoppingRule;
 use super::training_egos::TrainingGym;
@@ -82,7 +82,8 @@ pub fn train(
     let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
     let spaces = scenario.spaces();
     let checkpoint = run.checkpoint()?;
-    if let Some(goals) = GoalTracker::of(scenario, checkpoint.as_ref())? {
+    let known = run.known_failures()?;
+    if let Some(goals) = GoalTracker::beyond(scenario, known.as_ref(), checkpoint.as_ref())? {
         gym.reward_by(goals);
     }
     let mut learner = match (checkpoint, run.from()?) {
@@ -100,7 +101,13 @@ pub fn train(
         && let Some(seeding) = scenario.learner.seeding()
     {
         watch.phase("searching training starts");
-        let seeded = own.aside(|| seed_training(scenario, seed, seeding, watch));
+        let shown = known.map(|known| known.demonstrations).unwrap_or_default();
+        // Known failures make the search for first successes unnecessary.
+        let seeded = if shown.is_empty() {
+            own.aside(|| seed_training(scenario, seed, seeding, watch))
+        } else {
+            Some(Seeded::known(shown))
+        };
         if let Some(seeded) = seeded {
             learner.demonstrate(&mut gym, &seeded.demonstrations);
             run.note_sought(seeded.sought);

@@ -13,7 +13,7 @@ use crate::crashes::{
 use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::{EgoError, TrafficError};
 use crate::openx::OpenXError;
-use crate::population::LeagueError;
+use crate::population::{LeagueError, PopulationError};
 use crate::rl::ConfigError;
 use crate::ron_file::{LoadError, ScenarioError, guessed};
 use crate::run_dir::{KeptError, RunError};
@@ -327,6 +327,7 @@ macro_rules! from_input {
 from_input! {
     FindError: Ego, Change, Kept;
     SessionError: Ego, Run, Train, Config, Kept;
+    PopulationError: Session, Run, Ego;
     EvaluationError: Ego, Adversary, Theorems, Train, Kept, Run;
     LeagueError: Session, Train, Run, Ego;
 }
@@ -367,6 +368,7 @@ from_owned!(
     KeptError,
     LeagueError,
     LoadError,
+    PopulationError,
     RegressionError,
     RunError,
     ScenarioError,
@@ -399,6 +401,7 @@ prints_as_on_the_command_line!(
     KeptError,
     LeagueError,
     LoadError,
+    PopulationError,
     RegressionError,
     RunError,
     ScenarioError,
