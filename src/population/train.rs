@@ -138,15 +138,22 @@ fn resumed(
 ) -> Result<(PopulationDir, TrainSession), PopulationError> {
     let dir = PopulationDir::resume(path)?;
     let manifest = dir.manifest();
-    if manifest.requested != request.members {
-        return Err(PopulationError::Run(RunError::Differs {
+    let differs = |what: &str, begun: String, now: String| {
+        Err(PopulationError::Run(RunError::Differs {
             path: path.into(),
             differences: vec![RunDifference {
-                what: "members".to_owned(),
-                begun: manifest.requested.to_string(),
-                now: request.members.to_string(),
+                what: what.to_owned(),
+                begun,
+                now,
             }],
-        }));
+        }))
+    };
+    if !matches!(manifest.origin, PopulationOrigin::Distinct { .. }) {
+        return differs("process", "league".to_owned(), "distinct".to_owned());
+    }
+    if manifest.requested != request.members {
+        let (begun, now) = (manifest.requested, request.members);
+        return differs("members", begun.to_string(), now.to_string());
     }
     let training = TrainRequest {
         seed: request.training.seed.or(Some(manifest.seed)),
@@ -254,7 +261,10 @@ impl DistinctTraining {
     ) -> Result<bool, PopulationError> {
         watch.phase("filling the archive (simulations)");
         let scenario = session.ego().scenario();
-        let PopulationOrigin::Distinct { simulations } = self.dir.manifest().origin;
+        let PopulationOrigin::Distinct { simulations } = self.dir.manifest().origin else {
+            // Invariant: another process is refused when its directory is opened.
+            return Ok(false);
+        };
         let before = self.dir.manifest().archive.as_ref();
         let before = before.map_or(0, |archive| archive.simulations);
         let mut decisions = 0;
