@@ -16,7 +16,7 @@ use brakecheck::population::{
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::{RunDir, RunError};
 use brakecheck::search::{Adversary, Cem, Hold};
-use brakecheck::stats::{Outcomes, StartOutcome};
+use brakecheck::stats::StartOutcome;
 use brakecheck::training::TrainRequest;
 use brakecheck::world::Scenario;
 
@@ -132,7 +132,7 @@ impl LeagueStudy {
         let Some(starts) = test_starts(nominal, start_seed, starts, watch) else {
             return Ok(None);
         };
-        let play = |adversary| solved(adversary, (ego, &starts), watch);
+        let play = |adversary: Adversary<'_>| solved(adversary, (ego, &starts), watch);
         let budget = self.league.len() as u64;
         let stored = self.first.counterexamples()?;
         let trained = |policy: &dyn Policy| play(Adversary::Ado(Ado::Trained(policy, self.seed)));
@@ -181,9 +181,7 @@ fn solved(
     watch: &Watch<'_>,
 ) -> Vec<bool> {
     let cell = adversary.play(ego, starts, watch);
-    let outcomes = cell
-        .map(|cell| cell.row.solved)
-        .unwrap_or_else(Outcomes::default);
+    let outcomes = cell.map(|cell| cell.row.solved).unwrap_or_default();
     let solved = outcomes.iter().map(|it| *it == StartOutcome::Solved);
     solved.collect()
 }

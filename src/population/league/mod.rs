@@ -5,9 +5,6 @@
 //! and adds a best response of the ado: a double oracle (McMahan, Gordon, Blum 2003) with
 //! learned responses, or policy-space response oracles (Lanctot et al. 2017).
 //!
-//! // Paper: both sides respond to the same mixtures; here: one after the other, because
-//! the ado then trains against the latest ego.
-//!
 //! The payoff is the recall of an ado on common starts: of those that a search solves
 //! against the ego, the share that the ado solves. It is zero-sum, and unlike the success
 //! it gives the ego nothing for being safe, only for being unlike the egos before it.
@@ -19,6 +16,9 @@
 //!
 //! A round is recorded when its ado is trained. An interrupted round is begun again, with
 //! the same responses, and its ado continues from its checkpoint.
+
+// Paper: both sides respond to the same mixtures; here: one after the other, because the
+// ado then trains against the latest ego.
 
 mod ego_response;
 mod error;
@@ -35,7 +35,7 @@ use crate::stats::row_gains;
 use crate::training::TrainRequest;
 use crate::training::train_loop::train;
 use crate::world::Scenario;
-use crate::world::family::{EgoSample, Family};
+use crate::world::family::EgoSample;
 use ego_response::EgoResponse;
 pub use error::LeagueError;
 use payoff::{FreeDrive, LeagueEgo, PayoffStarts};
@@ -252,8 +252,8 @@ impl League<'_> {
             },
         };
         if 0 < number {
-            match self.answer_of_ego(&now, nominal, watch)? {
-                Some(answered) => now = answered,
+            match self.with_ego_response(&now, nominal, watch)? {
+                Some(extended) => now = extended,
                 None if watch.stopped() => return Ok(None),
                 None => watch.note("no member of the family keeps the constraints"),
             }
@@ -286,7 +286,7 @@ impl League<'_> {
     /// Returns the round with a best response of the ego.
     ///
     /// `None`: stopped, or no member of the family keeps the constraints.
-    fn answer_of_ego(
+    fn with_ego_response(
         &mut self,
         now: &LeagueRound,
         nominal: FreeDrive,
