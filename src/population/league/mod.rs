@@ -278,7 +278,9 @@ impl League<'_> {
                 response,
                 gain,
             });
-            round.exploitability = Some(gain + ego_response.map_or(0.0, |ego| ego.gain));
+            let ego_gain = ego_response.map_or(0.0, |ego| ego.gain);
+            // A mixture is a response to itself, without a gain.
+            round.exploitability = Some(gain.max(0.0) + ego_gain.max(0.0));
         }
         Ok(Some(round))
     }

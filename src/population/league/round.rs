@@ -45,7 +45,7 @@ pub struct LeagueRound {
     pub ego_response: Option<LeagueResponse>,
     /// Response of the ado to the ego mixture that includes the ego's response.
     pub ado_response: Option<LeagueResponse>,
-    /// Sum of the gains of both responses. `None` in round 0.
+    /// Sum of the gains of both responses, each at least 0. `None` in round 0.
     ///
     /// A lower bound of the exploitability, because a better response may exist.
     pub exploitability: Option<f64>,
