@@ -83,13 +83,16 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let world = args.traffic.limited(world)?;
     // A refused stream must leave no run directory, and a refused training no stream.
     args.live.check(args.common.json)?;
-    if let Some(members) = args.distinct {
-        return train_population(args, &world, members as usize);
+    match (args.distinct, args.league) {
+        (Some(members), _) => train_population(args, &world, members as usize),
+        (None, Some(rounds)) => train_league(args, &world, rounds as usize),
+        (None, None) => train_one(args, &world),
     }
-    if let Some(rounds) = args.league {
-        return train_league(args, &world, rounds as usize);
-    }
-    let mut session = session(args, &world)?;
+}
+
+/// Trains one ado and evaluates it.
+fn train_one(args: &TrainArgs, world: &Scenario) -> Result<Exit, Failure> {
+    let mut session = session(args, world)?;
     let title = format!("training in {}", world.name);
     let live = args.live.open(&title, Streamed::Training)?;
     let bar = progress::bar(&args.common, "");
