@@ -52,6 +52,7 @@ pub mod internals;
 pub mod openx;
 pub mod preventability;
 pub mod report;
+pub mod risk;
 pub mod rl;
 mod road;
 mod ron_file;

@@ -25,6 +25,7 @@ mod progress;
 mod replay;
 mod report;
 mod reproduce;
+mod risk;
 mod run_under_test;
 mod search;
 mod serve;
@@ -90,6 +91,9 @@ enum Verb {
     /// Search every start for action sequences that make the ego fail.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
+    /// Estimate how often an ego fails, in traffic that you declare.
+    #[command(after_help = examples::RISK)]
+    Risk(risk::RiskArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
     #[command(after_help = examples::REPLAY)]
     Replay(replay::ReplayArgs),
@@ -129,6 +133,7 @@ impl Verb {
             Verb::Gate(args) => args.test.common.clone(),
             Verb::Sweep(args) => args.test.common.clone(),
             Verb::Search(args) => args.common.clone(),
+            Verb::Risk(args) => args.common.clone(),
             // A verb that moved takes any words, so its common options are unknown.
             Verb::Reproduce(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
@@ -151,6 +156,7 @@ impl Verb {
                 | Verb::Gate(_)
                 | Verb::Sweep(_)
                 | Verb::Search(_)
+                | Verb::Risk(_)
                 | Verb::Report(_)
                 | Verb::Campaign(_)
         )
@@ -192,6 +198,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Gate(args) => gate::run(&args),
         Verb::Sweep(args) => sweep::run(&args),
         Verb::Search(args) => search::run(&args),
+        Verb::Risk(args) => risk::run(&args),
         Verb::Replay(args) => replay::run(&args),
         Verb::Stl(args) => match &args.trace {
             Some(trace) => stl::run(&args, trace),

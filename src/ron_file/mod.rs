@@ -16,4 +16,4 @@ pub(crate) use named_file::{file_bytes, file_text};
 pub(crate) use ordered::Ordered;
 pub use ordered::Patch;
 pub(crate) use problems::Problems;
-pub(crate) use read::read_file;
+pub(crate) use read::{parse as parse_ron, read_file};

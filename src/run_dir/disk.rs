@@ -336,7 +336,7 @@ pub(super) fn lock(path: &Path) -> Result<File, RunError> {
 /// # Errors
 ///
 /// Returns an error if the disk refuses, or the bytes are not UTF-8.
-pub(super) fn read_text(path: &Path) -> Result<String, RunError> {
+pub(crate) fn read_text(path: &Path) -> Result<String, RunError> {
     let bytes = file_bytes(path).map_err(io_error("reading", path))?;
     String::from_utf8(bytes).map_err(|error| RunError::Damaged {
         path: path.into(),

@@ -57,7 +57,7 @@ pub(crate) use counterexample::digests_of;
 pub use counterexample::{Counterexample, KeptError};
 pub use differences::{RequestedTraining, RunDifference};
 pub use disk::write_file;
-pub(crate) use disk::{WholeFile, file_name, make_dir};
+pub(crate) use disk::{WholeFile, file_name, make_dir, read_text};
 pub use error::RunError;
 pub(crate) use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};

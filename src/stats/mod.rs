@@ -1,9 +1,13 @@
 //! Statistics of rates over starts and trainings, and the fits that use them.
 
+mod distributions;
 mod interval;
 mod optimization;
 mod outcomes;
 
+pub(crate) use distributions::{
+    clopper_pearson_upper, normal_cdf, normal_quantile, pareto_shape, student_cdf, student_quantile,
+};
 pub(crate) use interval::predicted;
 pub use interval::{
     at_most, mcnemar, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,

@@ -13,6 +13,7 @@ use crate::crashes::{
 use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::{EgoError, TrafficError};
 use crate::openx::OpenXError;
+use crate::risk::RiskTrafficError;
 use crate::rl::ConfigError;
 use crate::ron_file::{LoadError, ScenarioError, guessed};
 use crate::run_dir::{KeptError, RunError};
@@ -60,6 +61,19 @@ impl From<&LoadError> for Failure {
 impl From<TrafficError> for Failure {
     fn from(error: TrafficError) -> Failure {
         Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<RiskTrafficError> for Failure {
+    fn from(error: RiskTrafficError) -> Failure {
+        match error {
+            RiskTrafficError::File(error) => Failure::from(&error),
+            RiskTrafficError::Model(error) => Failure::from(error),
+            RiskTrafficError::Grid { .. } => Failure::input(
+                error.to_string(),
+                "name a driving world; `brakecheck eval` measures grids on all starts",
+            ),
+        }
     }
 }
 
