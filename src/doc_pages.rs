@@ -73,6 +73,10 @@ pub mod adapting {}
 #[doc = include_str!("../docs/background/surrogate.md")]
 pub mod surrogate {}
 
+/// Probability of a failure in declared traffic.
+#[doc = include_str!("../docs/guide/risk.md")]
+pub mod risk {}
+
 /// Search without learning.
 #[doc = include_str!("../docs/guide/search.md")]
 pub mod search {}

@@ -5,8 +5,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::mixture::Mixture;
-use super::pool::{Round, bound, greatest_share, pareto_k, pooled};
-use super::run::{Run, RunEnd};
+use super::pool::{RiskEstimate, Round, bound, greatest_share, pareto_k, pooled};
+use super::record::{Run, RunEnd};
+use crate::stats::poisson_tail;
 
 /// Least effective number of failures.
 const LEAST_ESS: f64 = 50.0;
@@ -18,6 +19,10 @@ const MOST_K: f64 = 0.7;
 const COVERED: f64 = 10.0;
 /// Most counterexamples of a kind that may be uncovered.
 const UNCOVERED: f64 = 0.05;
+/// Probability of a false refusal because of natural failures.
+const FALSE_ALARM: f64 = 0.01;
+/// Share of the risk that may be beyond the weights of earlier rounds.
+const BEYOND: f64 = 0.05;
 /// Fewest counterexamples of a kind that are judged.
 const LEAST_PROBES: usize = 5;
 
@@ -51,7 +56,9 @@ pub struct Checks {
     pub greatest_share: f64,
     /// Known counterexamples that the proposals would play, and all of them.
     pub probes: [usize; 2],
-    /// Natural failures with weights above those of earlier rounds.
+    /// Failures among the natural runs before the rounds.
+    pub natural_failures: usize,
+    /// Number of them with weights above those of earlier rounds.
     pub natural_beyond: usize,
     /// Upper bound that holds whatever the proposals missed.
     pub bound: f64,
@@ -81,11 +88,12 @@ impl Checks {
     ) -> Checks {
         let played = natural.iter();
         let played = played.filter(|it| !matches!(it.end, RunEnd::Outside | RunEnd::Invalid));
-        let (mut n, mut beyond) = (0, 0);
+        let (mut n, mut failures, mut beyond) = (0, 0, 0);
         for run in played {
             n += 1;
-            let is_beyond = run.failure().is_some() && limit < mixture.weight_of(run);
-            beyond += usize::from(is_beyond);
+            let is_failure = run.failure().is_some();
+            failures += usize::from(is_failure);
+            beyond += usize::from(is_failure && limit < mixture.weight_of(run));
         }
         let none = Round {
             draws: vec![2],
@@ -94,8 +102,6 @@ impl Checks {
         let last = rounds.last().unwrap_or(&none);
         let estimate = pooled(rounds, |_| true);
         let covered = coverage(mixture, probes);
-        let of_last = last.failures.iter();
-        let natural_beyond = of_last.filter(|it| it.component == 0 && limit < it.weight);
         let mut checks = Checks {
             ess: estimate.map_or(0.0, |it| it.ess),
             hits: estimate.map_or(0, |it| it.hits),
@@ -104,11 +110,14 @@ impl Checks {
             probes: covered.values().fold([0; 2], |sum, [covered, all]| {
                 [sum[0] + covered, sum[1] + all]
             }),
-            natural_beyond: beyond + natural_beyond.count(),
+            natural_failures: failures,
+            natural_beyond: beyond,
             bound: bound(last, limit, (beyond, n)).min(1.0),
             refusals: Vec::new(),
         };
         checks.refusals = checks.found(rounds, &covered);
+        let disagreement = checks.disagreement(estimate, n);
+        checks.refusals.extend(disagreement);
         checks
     }
 
@@ -150,15 +159,25 @@ impl Checks {
                 all.push(Refusal::new(reason, more));
             }
         }
-        if 0 < self.natural_beyond {
-            let reason = format!(
-                "{} natural failures of a kind that the proposals miss",
-                self.natural_beyond
-            );
-            all.push(Refusal::new(reason, more));
-        }
         all.extend(invalid(rounds));
         all
+    }
+
+    /// Returns the refusal for natural failures that are too many for the estimate.
+    fn disagreement(&self, estimate: Option<RiskEstimate>, natural: usize) -> Option<Refusal> {
+        let risk = estimate?;
+        let n = natural as f64;
+        let (all, beyond) = (self.natural_failures, self.natural_beyond);
+        let too_many = |count, mean: f64| poisson_tail(count, n * mean) < FALSE_ALARM;
+        let reason = if too_many(beyond, BEYOND * risk.interval[1]) {
+            format!("{beyond} natural failures of kinds that the proposals play too rarely")
+        } else if too_many(all, risk.interval[1]) {
+            format!("{all} failures of {natural} natural runs, more than the estimate allows")
+        } else {
+            return None;
+        };
+        let fix = "raise `--budget`, and `--natural` if you can";
+        Some(Refusal::new(reason, fix))
     }
 }
 

@@ -2,35 +2,24 @@
 
 use std::path::PathBuf;
 
-use rand::RngExt;
-use rayon::prelude::*;
 use serde_json::json;
 
 use super::batch::{self, Content, Player};
 use super::checks::{Checks, Probe};
+use super::learning::Learning;
 use super::mixture::Mixture;
 use super::pool::{RiskEstimate, Round, WeightedFailure, pooled};
+use super::record::{Failure, KnownFailure, Run, RunEnd};
 use super::report::{EgoRisk, RiskCost, RiskReport};
-use super::run::{Failure, KnownFailure, RiskWorld, Run, RunEnd};
-use super::start_tree::StartTree;
+use super::run::RiskWorld;
 use super::traffic::RiskTraffic;
-use super::value::ValueNetwork;
 use crate::content_hash;
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{RunError, file_name};
-use crate::seed::generator;
 use crate::sim::PlantKind;
 
 /// Natural failures from which counting is enough.
 pub(super) const ENOUGH: usize = 100;
-/// Most kinds of failure with a proposal of their own.
-const MODES: usize = 4;
-/// Failures of a kind before it gets a proposal.
-const MODE_FAILURES: usize = 10;
-/// Starts by which the proposals of starts are fitted.
-const POOL: usize = 8192;
-/// Most runs of a fit, and most of them that fail.
-const FITTED: (usize, usize) = (15_000, 7_500);
 /// Runs of the first round. Rounds grow from the second one on.
 const FIRST_ROUND: usize = 5_000;
 /// Fewest runs of a round.
@@ -133,27 +122,18 @@ pub(super) struct Estimation<'a> {
     players: Vec<Player<'a>>,
     /// Players of runs that only learn, on a plant of their own.
     learners: Vec<Player<'a>>,
-    /// Share of the law of starts inside X_init.
-    inside: f64,
     stage: u64,
     natural: Vec<Vec<Run>>,
-    /// Runs of which V is learned, with the ego of each.
-    data: Vec<(usize, Run)>,
+    learning: Learning,
     probes: Vec<Probe>,
     impossible: usize,
-    modes: Vec<String>,
-    value: Option<ValueNetwork>,
     mixture: Mixture,
-    pool: Vec<(Vec<f64>, Option<FirstState>)>,
     rounds: Vec<Vec<Round>>,
     /// Greatest failing weight before the last round.
     limits: Vec<f64>,
     likeliest: Vec<(usize, f64, Run)>,
     cost: RiskCost,
 }
-
-/// Inputs of V and the law at the first decision of a start.
-type FirstState = (Vec<f32>, Vec<f64>);
 
 impl<'a> Estimation<'a> {
     fn begin(request: &'a RiskRequest<'a>, watch: &'a Watch<'a>) -> Result<Self, RunError> {
@@ -181,19 +161,18 @@ impl<'a> Estimation<'a> {
         let plant = request.settings.learn_on;
         let learners = plant.map(|plant| egos().map(|ego| player(ego, Some(plant))).collect());
         let dimensions = traffic.starts.dimensions();
+        let names = request.egos.iter().map(|ego| ego.name().to_owned());
+        let names = names.collect();
+        let learning = Learning::begin(&players[0].world, names, request.settings.seed);
         Ok(Estimation {
             natural: Vec::new(),
-            data: Vec::new(),
+            learning,
             probes: Vec::new(),
             impossible: 0,
-            modes: Vec::new(),
-            value: None,
             mixture: Mixture::natural(dimensions),
-            pool: Vec::new(),
             rounds: vec![Vec::new(); players.len()],
             limits: vec![0.0; players.len()],
             likeliest: Vec::new(),
-            inside: 1.0,
             stage: 0,
             cost: RiskCost::default(),
             learners: learners.unwrap_or_default(),
@@ -206,7 +185,6 @@ impl<'a> Estimation<'a> {
     /// Plays until an estimate is good enough or the budget is spent. `None`: stopped.
     fn run(&mut self) -> Result<Option<()>, RunError> {
         let settings = self.request.settings;
-        self.draw_pool();
         let natural = settings.natural.min(settings.budget);
         self.watch.phase("natural runs");
         let natural = Content::Natural(natural);
@@ -254,10 +232,9 @@ impl<'a> Estimation<'a> {
                 break;
             }
             self.watch.phase(&format!("round {}", round + 1));
-            let limits = (0..self.players.len())
-                .map(|ego| self.limit_of(ego))
-                .collect();
-            self.limits = limits;
+            let egos = 0..self.players.len();
+            let limits = egos.map(|ego| self.learning.limit(ego, &self.mixture));
+            self.limits = limits.collect();
             let Some(runs) = self.batches(Content::Round(n), false)? else {
                 return Ok(None);
             };
@@ -325,13 +302,13 @@ impl<'a> Estimation<'a> {
                 if is_known && run.failure().is_none() {
                     continue;
                 }
-                if run.failure().is_some() && run.component == 0 {
+                if run.failure().is_some() && run.component == 0 && run.is_possible() {
                     self.probes.push(Probe {
                         ego,
                         run: run.clone(),
                     });
                 }
-                self.data.push((ego, run));
+                self.learning.add(ego, run);
             }
         }
         // A part of many probes says the same.
@@ -371,7 +348,9 @@ impl<'a> Estimation<'a> {
             }
         }
         self.rounds[ego].push(round);
-        self.data.extend(runs.into_iter().map(|run| (ego, run)));
+        for run in runs {
+            self.learning.add(ego, run);
+        }
     }
 
     /// Keeps the likeliest failure of every mode.
@@ -389,126 +368,15 @@ impl<'a> Estimation<'a> {
         }
     }
 
-    fn label(&self, ego: usize, failure: &Failure) -> String {
-        if self.players.len() < 2 {
-            return failure.mode.clone();
-        }
-        format!("{}: {}", self.request.egos[ego].name(), failure.mode)
-    }
-
-    /// Refits V and the mixture. Returns false without a known failure.
+    /// Refits the proposals. Returns false without a known failure.
     fn refit(&mut self) -> bool {
-        self.add_modes();
-        let failed = |(_, run): &&(usize, Run)| run.failure().is_some();
-        let failing: Vec<&(usize, Run)> = self.data.iter().filter(failed).collect();
-        if failing.is_empty() {
-            return false;
-        }
-        let failing = &failing[failing.len().saturating_sub(FITTED.1)..];
-        let held = self.data.iter().filter(|it| !failed(it));
-        let held: Vec<&(usize, Run)> = held.filter(|(_, run)| !run.actions.is_empty()).collect();
-        let others = FITTED.0 - failing.len();
-        let held = &held[held.len().saturating_sub(others)..];
-        let fitted: Vec<(&Run, Vec<bool>)> = failing
-            .iter()
-            .chain(held)
-            .map(|(ego, run)| (run, self.heads_of(*ego, run)))
-            .collect();
-        let (inputs, actions) = (
-            self.players[0].world.inputs(),
-            self.players[0].world.scenario.spaces().actions,
-        );
-        let seed = self.request.settings.seed;
-        let heads = 1 + self.modes.len();
-        let fresh = || ValueNetwork::new(inputs, heads, actions, seed);
-        let mut value = self.value.clone().unwrap_or_else(fresh);
-        value.fit(&fitted, seed.wrapping_add(self.stage));
-        self.mixture = Mixture::of(value.clone(), self.start_trees(&value));
-        self.value = Some(value);
-        true
-    }
-
-    /// Adds kinds of failure with enough failures. V then begins anew.
-    fn add_modes(&mut self) {
-        let mut counts: indexmap::IndexMap<String, usize> = indexmap::IndexMap::new();
-        for (ego, run) in &self.data {
-            if let Some(failure) = run.failure() {
-                *counts.entry(self.label(*ego, failure)).or_default() += 1;
+        match self.learning.refit(self.stage) {
+            Some(mixture) => {
+                self.mixture = mixture;
+                true
             }
+            None => false,
         }
-        counts.retain(|mode, count| MODE_FAILURES <= *count && !self.modes.contains(mode));
-        counts.sort_by(|_, a, _, b| b.cmp(a));
-        let room = MODES.saturating_sub(self.modes.len());
-        let new: Vec<String> = counts.into_keys().take(room).collect();
-        if !new.is_empty() {
-            self.modes.extend(new);
-            self.value = None;
-        }
-    }
-
-    fn heads_of(&self, ego: usize, run: &Run) -> Vec<bool> {
-        let label = run.failure().map(|failure| self.label(ego, failure));
-        let modes = self.modes.iter();
-        let of_mode = modes.map(|mode| label.as_ref() == Some(mode));
-        std::iter::once(label.is_some()).chain(of_mode).collect()
-    }
-
-    /// Draws natural starts and their first states.
-    fn draw_pool(&mut self) {
-        let player = &self.players[0];
-        let law = &player.world.starts;
-        let seed = self.request.settings.seed;
-        let drawn = (0..POOL as u64).into_par_iter().map_init(
-            || player.world.scenario.bench(),
-            |bench, index| {
-                let mut rng = generator("risk-pool", &[seed, index]);
-                let shares = (0..law.dimensions()).map(|_| rng.random::<f64>());
-                let shares: Vec<f64> = shares.collect();
-                let state = law
-                    .start(&shares)
-                    .map(|start| player.world.first_state(bench, &start));
-                (shares, state)
-            },
-        );
-        self.pool = drawn.collect();
-        let inside = self
-            .pool
-            .iter()
-            .filter(|(_, state)| state.is_some())
-            .count();
-        self.inside = inside.max(1) as f64 / POOL as f64;
-    }
-
-    /// Fits the proposals of starts to V at the first decisions.
-    fn start_trees(&self, value: &ValueNetwork) -> Vec<StartTree> {
-        let actions = self.players[0].world.scenario.spaces().actions;
-        let rated = self.pool.par_iter().map(|(_, state)| match state {
-            None => vec![0.0; value.heads()],
-            Some((input, law)) => {
-                let values = value.values(input);
-                let mean = |own: &[f64]| own.iter().zip(law).map(|(v, p)| v * p).sum();
-                values.chunks(actions).map(mean).collect()
-            }
-        });
-        let rated: Vec<Vec<f64>> = rated.collect();
-        let dimensions = self.request.traffic.starts.dimensions();
-        let tree = |head: usize| {
-            let pairs = self.pool.iter().zip(&rated);
-            let pairs: Vec<(Vec<f64>, f64)> = pairs
-                .map(|((shares, _), values)| (shares.clone(), values[head]))
-                .collect();
-            StartTree::fit(&pairs, dimensions)
-        };
-        (0..value.heads()).map(tree).collect()
-    }
-
-    /// Returns the greatest weight of a failure that is known before a round.
-    fn limit_of(&self, ego: usize) -> f64 {
-        let known = self.data.iter().rev();
-        let known = known.filter(|(of, run)| *of == ego && run.failure().is_some());
-        let known: Vec<&Run> = known.map(|(_, run)| run).take(1000).collect();
-        let weights = known.par_iter().map(|run| self.mixture.weight_of(run));
-        weights.reduce(|| 0.0, f64::max)
     }
 
     fn checks(&self, ego: usize) -> Checks {
@@ -538,7 +406,23 @@ impl<'a> Estimation<'a> {
             _ => None,
         };
         self.cost.egos = all.len();
-        RiskReport::new(self.request, all, ratio, (self.cost, self.inside))
+        let scenario = self.request.egos[0].scenario();
+        let traffic = self.request.traffic;
+        let report = RiskReport {
+            world: scenario.name().to_owned(),
+            plant: scenario.plant().to_string(),
+            horizon_s: scenario.world().clock().horizon_s,
+            traffic: traffic.source.clone(),
+            uniform_axes: traffic.uniform_axes.clone(),
+            inside: self.learning.inside(),
+            exposure: traffic.exposure,
+            egos: all,
+            ratio,
+            cost: self.cost,
+        };
+        // A ratio of numbers that are no results is none either.
+        let ratio = report.ratio.filter(|_| report.is_result());
+        RiskReport { ratio, ..report }
     }
 
     fn ego_risk(&self, ego: usize) -> EgoRisk {
@@ -561,7 +445,7 @@ impl<'a> Estimation<'a> {
         let checks = self.checks(ego);
         EgoRisk::weighted(
             name,
-            (&self.rounds[ego], self.inside),
+            (&self.rounds[ego], self.learning.inside()),
             (checks, self.impossible),
             lawful,
             likeliest,

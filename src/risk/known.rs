@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::estimation::RiskRequest;
+use super::record::KnownFailure;
 use super::report::RiskReport;
-use super::run::KnownFailure;
 use crate::crashes::description;
 use crate::run_dir::{Counterexample, KeptError, RunDir, RunError, file_name, make_dir};
 use crate::scene::Start;

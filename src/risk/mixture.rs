@@ -1,6 +1,6 @@
 //! Mixture of proposals: natural traffic, and traffic tilted by V.
 
-use super::run::{Run, multiply};
+use super::record::{Run, multiply};
 use super::start_tree::StartTree;
 use super::value::ValueNetwork;
 

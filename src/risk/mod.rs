@@ -14,14 +14,19 @@ mod batch;
 mod checks;
 mod estimation;
 mod known;
+mod law_binding;
 mod law_file;
+mod learning;
 mod mixture;
 mod pool;
+mod record;
 mod report;
 mod run;
 mod run_file;
 mod start_law;
 mod start_tree;
+#[cfg(test)]
+mod tests;
 mod traffic;
 mod value;
 
@@ -29,6 +34,6 @@ pub use checks::{Checks, Refusal};
 pub use estimation::{RiskRequest, RiskSettings};
 pub use law_file::Exposure;
 pub use pool::RiskEstimate;
+pub use record::KnownFailure;
 pub use report::{EgoRisk, ModeRisk, RiskCost, RiskReport};
-pub use run::KnownFailure;
 pub use traffic::{RiskTraffic, RiskTrafficError};

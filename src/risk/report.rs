@@ -5,10 +5,9 @@ use std::fmt::{self, Display, Formatter};
 use serde::{Deserialize, Serialize};
 
 use super::checks::{Checks, Refusal};
-use super::estimation::RiskRequest;
 use super::law_file::Exposure;
 use super::pool::{RiskEstimate, Round, pooled};
-use super::run::{Run, RunEnd};
+use super::record::{Run, RunEnd};
 
 /// Runs behind a risk, per ego.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,7 +70,7 @@ pub struct EgoRisk {
     pub(super) likeliest: Vec<Run>,
 }
 
-/// Result of [`RiskRequest::estimate`].
+/// Result of [`RiskRequest::estimate`](super::RiskRequest::estimate).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct RiskReport {
@@ -215,29 +214,6 @@ impl EgoRisk {
 }
 
 impl RiskReport {
-    pub(super) fn new(
-        request: &RiskRequest<'_>,
-        egos: Vec<EgoRisk>,
-        ratio: Option<RiskEstimate>,
-        (cost, inside): (RiskCost, f64),
-    ) -> RiskReport {
-        let scenario = request.egos[0].scenario();
-        let refused = egos.iter().any(|ego| !ego.refusals().is_empty());
-        RiskReport {
-            world: scenario.name().to_owned(),
-            plant: scenario.plant().to_string(),
-            horizon_s: scenario.world().clock().horizon_s,
-            traffic: request.traffic.source.clone(),
-            uniform_axes: request.traffic.uniform_axes.clone(),
-            inside,
-            exposure: request.traffic.exposure,
-            // A ratio of numbers that are no results is none either.
-            ratio: ratio.filter(|_| !refused),
-            egos,
-            cost,
-        }
-    }
-
     /// Returns whether every ego has a result.
     pub fn is_result(&self) -> bool {
         self.egos.iter().all(|ego| ego.refusals().is_empty())
@@ -300,9 +276,10 @@ impl RiskReport {
         writeln!(
             f,
             "checks    k̂ {k}, {} failures, largest weight {:.1} %, probes {covered} of {probes} \
-             covered, natural failures beyond {}",
+             covered, natural failures {}, beyond {}",
             checks.hits,
             100.0 * checks.greatest_share,
+            checks.natural_failures,
             checks.natural_beyond
         )
     }

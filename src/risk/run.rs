@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 
 use super::action_law::ActionLaw;
 use super::mixture::Mixture;
+use super::record::{Failure, KnownFailure, Run, RunEnd, multiply};
 use super::start_law::StartLaw;
 use crate::experiment::CrashFeatures;
 use crate::rulebook::{Rulebook, Verdict};
@@ -27,53 +27,6 @@ pub(super) struct RiskWorld {
     pub(super) actions: ActionLaw,
 }
 
-/// Record of a run.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Run {
-    /// Uniform numbers behind the start.
-    pub(super) shares: Vec<f64>,
-    /// Seed of the noise.
-    pub(super) noise: u64,
-    /// Joint actions up to the verdict.
-    pub(super) actions: Vec<u32>,
-    /// Inputs of V, `[decisions, inputs]`.
-    pub(super) inputs: Vec<f32>,
-    /// Law of every decision, `[decisions, actions]`.
-    pub(super) laws: Vec<f32>,
-    /// Component that drew the run.
-    pub(super) component: usize,
-    /// Density ratio q / p of every component.
-    pub(super) ratios: Vec<f64>,
-    /// End of the run.
-    pub(super) end: RunEnd,
-}
-
-/// End of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) enum RunEnd {
-    /// The start is outside X_init, so nothing was played.
-    Outside,
-    /// The ego kept ψ_ego. `lawful` if it was determined.
-    Held { lawful: Option<bool> },
-    /// The ego violated ψ_ego.
-    Failed(Failure),
-    /// A fault of the ego or of the physics.
-    Invalid,
-    /// The traffic model gives an action of the run the probability 0.
-    Impossible,
-}
-
-/// Failure of the ego.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Failure {
-    /// Kind of failure: contact, and the state of the rules.
-    pub(super) mode: String,
-    /// True if every rule was kept up to the failure.
-    pub(super) lawful: bool,
-    /// Whether a reference driver avoids it. `None`: not determined.
-    pub(super) preventable: Option<bool>,
-}
-
 /// Source of a run's actions.
 pub(super) enum Source<'a> {
     /// A component of the mixture.
@@ -82,17 +35,6 @@ pub(super) enum Source<'a> {
     Held(usize),
     /// A recorded sequence, whose last action is held.
     Recorded(&'a KnownFailure),
-}
-
-/// Start, noise and joint actions of a counterexample from elsewhere.
-#[derive(Clone, Debug, PartialEq)]
-pub struct KnownFailure {
-    /// Start in the order of the axes.
-    pub start: Start,
-    /// Seed of the noise.
-    pub noise: u64,
-    /// Joint actions, of which the last one is held.
-    pub actions: Vec<usize>,
 }
 
 /// Request of a run.
@@ -106,28 +48,6 @@ pub(super) struct Order<'a> {
     pub(super) judge_held: bool,
     /// Determine whether a failure is preventable.
     pub(super) prevent: bool,
-}
-
-impl Run {
-    /// Returns the inputs of V at a decision.
-    pub(super) fn input(&self, decision: usize) -> &[f32] {
-        let width = self.inputs.len() / self.actions.len().max(1);
-        &self.inputs[decision * width..][..width]
-    }
-
-    /// Returns the law at a decision.
-    pub(super) fn law(&self, decision: usize) -> &[f32] {
-        let width = self.laws.len() / self.actions.len().max(1);
-        &self.laws[decision * width..][..width]
-    }
-
-    /// Returns the failure, if the run is one.
-    pub(super) fn failure(&self) -> Option<&Failure> {
-        match &self.end {
-            RunEnd::Failed(failure) => Some(failure),
-            _ => None,
-        }
-    }
 }
 
 impl RiskWorld {
@@ -176,7 +96,6 @@ impl RiskWorld {
         let mut chooser = Chooser::new(order, rng);
         let mut memory = self.actions.begin();
         let mut state = DecisionState::new(bench);
-        let mut impossible = false;
         while !bench.is_done() {
             if let (true, Some(last)) = (bench.is_decided(), played.last().copied()) {
                 // The aftermath only shows the contact.
@@ -190,15 +109,14 @@ impl RiskWorld {
             run.inputs.extend(&state.input);
             run.laws.extend(law.iter().map(|it| *it as f32));
             run.actions.push(action as u32);
-            impossible |= law[action] <= 0.0;
             multiply(&mut run.ratios, &proposals, &law, action);
             self.actions.note(&mut memory, action);
             played.push(action);
             bench.decide(action);
         }
         let failed = self.end(bench, &mut run, (order, &start, played));
-        // A held sequence explores on purpose. Only recorded ones are questions.
-        if impossible && matches!(order.source, Source::Recorded(..)) {
+        // Held actions explore beyond the law on purpose.
+        if !run.is_possible() && matches!(order.source, Source::Recorded(..)) {
             run.end = RunEnd::Impossible;
         }
         (run, failed)
@@ -376,17 +294,6 @@ impl<'a> Chooser<'a> {
                 action.copied().unwrap_or(0)
             }
         }
-    }
-}
-
-/// Multiplies density ratios by those of an action.
-pub(super) fn multiply(ratios: &mut [f64], proposals: &[Vec<f64>], law: &[f64], action: usize) {
-    for (ratio, proposal) in ratios.iter_mut().zip(proposals) {
-        *ratio = if 0.0 < law[action] {
-            *ratio * proposal[action] / law[action]
-        } else {
-            0.0
-        };
     }
 }
 

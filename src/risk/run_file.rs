@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::run::{Run, RunEnd};
+use super::record::{Run, RunEnd};
 use crate::rl::{BundleError, TensorFile};
 use crate::ron_file::file_bytes;
 use crate::run_dir::RunError;
@@ -107,7 +107,7 @@ fn taken<T: Clone>(list: &mut &[T], count: usize) -> Option<Vec<T>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::run::Failure;
+    use super::super::record::Failure;
     use super::*;
 
     #[test]

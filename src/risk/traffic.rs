@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::action_law::{ActionLaw, LawBinder};
+use super::action_law::ActionLaw;
+use super::law_binding::LawBinder;
 use super::law_file::{Exposure, TrafficFile};
 use super::start_law::StartLaw;
 use crate::content_hash::sha256;

@@ -6,7 +6,7 @@
 //! is replaced by its own target (tree backup, Precup et al. 2000). So a single failure
 //! moves the values of all states before it, with their right size.
 
-use super::run::Run;
+use super::record::Run;
 use crate::rl::LearnerRng;
 use crate::rl::adam::Adam;
 use crate::rl::nn::{Mlp, Tape};
@@ -15,10 +15,10 @@ use crate::rl::nn::{Mlp, Tape};
 const WIDTH: usize = 64;
 /// Rows of a batch.
 const BATCH: usize = 256;
-/// Batches of a sweep.
-const BATCHES: usize = 400;
+/// Fewest and most batches of a sweep. In between, a sweep reads every decision twice.
+const BATCHES: [usize; 2] = [40, 400];
 /// Sweeps of a fit.
-const SWEEPS: usize = 15;
+const SWEEPS: usize = 30;
 /// Learning rate of the first sweep, which falls to a tenth.
 const RATE: f64 = 2e-3;
 /// Least value, below which no failure is expected.
@@ -85,11 +85,12 @@ impl ValueNetwork {
         let mut dice = LearnerRng::new(seed);
         let mut adam = Adam::new(self.net.parameters().len());
         let mut step = FitStep::new(&self.net);
+        let batches = (2 * data.rows.len() / BATCH).clamp(BATCHES[0], BATCHES[1]);
         for sweep in 0..SWEEPS {
             let targets = data.targets(self);
             let done = sweep as f64 / SWEEPS as f64;
             let rate = (RATE * libm::pow(10.0, -done)) as f32;
-            for _ in 0..BATCHES {
+            for _ in 0..batches {
                 let rows = data.draw(&mut dice);
                 step.gradient(self, &data, &rows, &targets);
                 adam.step(self.net.parameters_mut(), &step.gradient, rate);

@@ -95,6 +95,16 @@ pub(crate) fn clopper_pearson_upper(hits: usize, n: usize, error: f64) -> f64 {
     })
 }
 
+/// Returns the probability of at least `count` events of a Poisson law.
+pub(crate) fn poisson_tail(count: usize, mean: f64) -> f64 {
+    let (mut term, mut below) = (libm::exp(-mean), 0.0);
+    for i in 0..count {
+        below += term;
+        term *= mean / (i as f64 + 1.0);
+    }
+    (1.0 - below).max(0.0)
+}
+
 /// Returns k̂, the shape of a generalized Pareto distribution of `excesses` above 0.
 ///
 /// It is the estimator of Zhang and Stephens (2009) with the prior of Vehtari et al.
@@ -164,6 +174,8 @@ mod tests {
             assert!((few - error).abs() < 1e-9, "{hits} of {n}: {few}");
         }
         assert_eq!(clopper_pearson_upper(0, 0, 0.05), 1.0);
+        assert_eq!(poisson_tail(0, 3.0), 1.0);
+        assert!((poisson_tail(2, 0.5) - (1.0 - 1.5 * libm::exp(-0.5))).abs() < 1e-12);
     }
 
     #[test]

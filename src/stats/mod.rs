@@ -6,7 +6,8 @@ mod optimization;
 mod outcomes;
 
 pub(crate) use distributions::{
-    clopper_pearson_upper, normal_cdf, normal_quantile, pareto_shape, student_cdf, student_quantile,
+    clopper_pearson_upper, normal_cdf, normal_quantile, pareto_shape, poisson_tail, student_cdf,
+    student_quantile,
 };
 pub(crate) use interval::predicted;
 pub use interval::{
