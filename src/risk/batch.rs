@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::mixture::Mixture;
-use super::record::{KnownFailure, Run, RunEnd};
-use super::run::{Order, RiskWorld, Source};
+use super::record::{KnownFailure, RiskRun, RunEnd};
+use super::run::{Order, RiskWorld, RunSource};
 use super::run_file;
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::run_dir::{RunError, make_dir, write_file};
@@ -59,7 +59,7 @@ impl Player<'_> {
         stage: u64,
         content: Content<'_>,
         mixture: &Mixture,
-    ) -> Result<Option<Vec<Run>>, RunError> {
+    ) -> Result<Option<Vec<RiskRun>>, RunError> {
         let total = content.len();
         let components = mixture.allocation(total);
         let work = EpisodeLoop::counted(self.watch, total);
@@ -87,7 +87,7 @@ impl Player<'_> {
                     Some(run)
                 },
             );
-            let piece: Option<Vec<Run>> = piece.into_iter().collect();
+            let piece: Option<Vec<RiskRun>> = piece.into_iter().collect();
             let Some(piece) = piece else {
                 return Ok(None);
             };
@@ -108,10 +108,10 @@ impl Player<'_> {
     ) -> Order<'b> {
         let all = self.world.scenario.world().clock().decisions();
         let source = match content {
-            Content::Natural(_) => Source::Component(0),
-            Content::Round(_) => Source::Component(component),
-            Content::Exploring(_) => Source::Held([1, 2, 4, 8, all.max(1)][index % 5]),
-            Content::Known(known) => Source::Recorded(&known[index]),
+            Content::Natural(_) => RunSource::Component(0),
+            Content::Round(_) => RunSource::Component(component),
+            Content::Exploring(_) => RunSource::Held([1, 2, 4, 8, all.max(1)][index % 5]),
+            Content::Known(known) => RunSource::Recorded(&known[index]),
         };
         let assessed = content.len().div_ceil(ASSESSED);
         Order {
@@ -136,7 +136,7 @@ impl Player<'_> {
 
 fn bench_fault<'a>(
     bench: &'a crate::testbench::Testbench,
-    run: &Run,
+    run: &RiskRun,
 ) -> Option<&'a crate::ego::Fault> {
     bench.fault().filter(|_| run.end == RunEnd::Invalid)
 }

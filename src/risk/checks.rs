@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mixture::Mixture;
 use super::pool::{RiskEstimate, Round, bound, greatest_share, pareto_k, pooled};
-use super::record::{Run, RunEnd};
+use super::record::{RiskRun, RunEnd};
 use crate::stats::poisson_tail;
 
 /// Least effective number of failures.
@@ -30,7 +30,7 @@ const LEAST_PROBES: usize = 5;
 #[derive(Clone, Debug)]
 pub(super) struct Probe {
     pub(super) ego: usize,
-    pub(super) run: Run,
+    pub(super) run: RiskRun,
 }
 
 /// Reason why no number is a result.
@@ -82,7 +82,7 @@ impl Checks {
     /// greatest failing weight before the last round.
     pub(super) fn of(
         rounds: &[Round],
-        (natural, limit): (&[Run], f64),
+        (natural, limit): (&[RiskRun], f64),
         mixture: &Mixture,
         probes: &[&Probe],
     ) -> Checks {

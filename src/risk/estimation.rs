@@ -9,7 +9,7 @@ use super::checks::{Checks, Probe};
 use super::learning::Learning;
 use super::mixture::Mixture;
 use super::pool::{RiskEstimate, Round, WeightedFailure, pooled};
-use super::record::{Failure, KnownFailure, Run, RunEnd};
+use super::record::{EgoFailure, KnownFailure, RiskRun, RunEnd};
 use super::report::{EgoRisk, RiskCost, RiskReport};
 use super::run::RiskWorld;
 use super::traffic::RiskTraffic;
@@ -123,7 +123,7 @@ pub(super) struct Estimation<'a> {
     /// Players of runs that only learn, on a plant of their own.
     learners: Vec<Player<'a>>,
     stage: u64,
-    natural: Vec<Vec<Run>>,
+    natural: Vec<Vec<RiskRun>>,
     learning: Learning,
     probes: Vec<Probe>,
     impossible: usize,
@@ -131,7 +131,7 @@ pub(super) struct Estimation<'a> {
     rounds: Vec<Vec<Round>>,
     /// Greatest failing weight before the last round.
     limits: Vec<f64>,
-    likeliest: Vec<(usize, f64, Run)>,
+    likeliest: Vec<(usize, f64, RiskRun)>,
     cost: RiskCost,
 }
 
@@ -267,7 +267,7 @@ impl<'a> Estimation<'a> {
         &mut self,
         content: Content<'_>,
         learning: bool,
-    ) -> Result<Option<Vec<Vec<Run>>>, RunError> {
+    ) -> Result<Option<Vec<Vec<RiskRun>>>, RunError> {
         let stage = self.stage;
         self.stage += 1;
         let players = if learning && !self.learners.is_empty() {
@@ -320,11 +320,11 @@ impl<'a> Estimation<'a> {
     }
 
     fn is_counted(&self) -> bool {
-        let hits = |runs: &Vec<Run>| runs.iter().filter(|run| run.failure().is_some()).count();
+        let hits = |runs: &Vec<RiskRun>| runs.iter().filter(|run| run.failure().is_some()).count();
         self.natural.iter().all(|runs| ENOUGH <= hits(runs))
     }
 
-    fn note_round(&mut self, ego: usize, runs: Vec<Run>) {
+    fn note_round(&mut self, ego: usize, runs: Vec<RiskRun>) {
         let mut round = Round {
             draws: vec![0; self.mixture.shares().len()],
             ..Round::default()
@@ -354,11 +354,11 @@ impl<'a> Estimation<'a> {
     }
 
     /// Keeps the likeliest failure of every mode.
-    fn note_likely(&mut self, ego: usize, failure: &Failure, run: &Run) {
+    fn note_likely(&mut self, ego: usize, failure: &EgoFailure, run: &RiskRun) {
         let taken = run.actions.iter().enumerate();
         let taken = taken.map(|(at, action)| f64::from(run.law(at)[*action as usize]));
         let log: f64 = taken.map(libm::log).sum();
-        let same = |(other, _, known): &&mut (usize, f64, Run)| {
+        let same = |(other, _, known): &&mut (usize, f64, RiskRun)| {
             *other == ego && known.failure().is_some_and(|it| it.mode == failure.mode)
         };
         match self.likeliest.iter_mut().find(same) {
@@ -427,8 +427,8 @@ impl<'a> Estimation<'a> {
 
     fn ego_risk(&self, ego: usize) -> EgoRisk {
         let name = self.request.egos[ego].name();
-        let valid = |run: &&Run| !matches!(run.end, RunEnd::Outside | RunEnd::Invalid);
-        let natural: Vec<&Run> = self.natural[ego].iter().filter(valid).collect();
+        let valid = |run: &&RiskRun| !matches!(run.end, RunEnd::Outside | RunEnd::Invalid);
+        let natural: Vec<&RiskRun> = self.natural[ego].iter().filter(valid).collect();
         if self.is_counted() {
             return EgoRisk::counted(name, &natural);
         }

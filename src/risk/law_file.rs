@@ -12,7 +12,7 @@ pub(super) struct TrafficFile {
     pub(super) source: String,
     /// Number of encounters like a run.
     #[serde(default)]
-    pub(super) exposure: Option<Exposure>,
+    pub(super) exposure: Option<EncounterRate>,
     /// Model of recorded traffic for `Fitted` laws: `motorway`, or a file.
     #[serde(default)]
     pub(super) model: Option<String>,
@@ -25,26 +25,26 @@ pub(super) struct TrafficFile {
 
 /// Number of encounters, by which a risk per run becomes a rate.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, serde::Serialize)]
-pub enum Exposure {
+pub enum EncounterRate {
     /// Encounters per hour.
     PerHour(f64),
     /// Encounters per 1,000 km.
     Per1000Km(f64),
 }
 
-impl Exposure {
+impl EncounterRate {
     /// Returns the encounters per unit.
     pub fn encounters(self) -> f64 {
         match self {
-            Exposure::PerHour(n) | Exposure::Per1000Km(n) => n,
+            EncounterRate::PerHour(n) | EncounterRate::Per1000Km(n) => n,
         }
     }
 
     /// Returns the unit in words.
     pub fn unit(self) -> &'static str {
         match self {
-            Exposure::PerHour(_) => "per hour",
-            Exposure::Per1000Km(_) => "per 1,000 km",
+            EncounterRate::PerHour(_) => "per hour",
+            EncounterRate::Per1000Km(_) => "per 1,000 km",
         }
     }
 }

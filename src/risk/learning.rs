@@ -5,7 +5,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::mixture::Mixture;
-use super::record::{Failure, Run};
+use super::record::{EgoFailure, RiskRun};
 use super::run::RiskWorld;
 use super::start_tree::StartTree;
 use super::value::ValueNetwork;
@@ -26,7 +26,7 @@ type FirstState = (Vec<f32>, Vec<f64>);
 /// Runs of which V is learned, and V.
 pub(super) struct Learning {
     /// Runs with the number of the ego of each.
-    data: Vec<(usize, Run)>,
+    data: Vec<(usize, RiskRun)>,
     egos: Vec<String>,
     /// Kinds of failure with a head of their own.
     modes: Vec<String>,
@@ -73,7 +73,7 @@ impl Learning {
     }
 
     /// Adds a run of an ego.
-    pub(super) fn add(&mut self, ego: usize, run: Run) {
+    pub(super) fn add(&mut self, ego: usize, run: RiskRun) {
         // A start outside X_init has no decision to learn from.
         if !run.actions.is_empty() {
             self.data.push((ego, run));
@@ -97,7 +97,7 @@ impl Learning {
         let others = FITTED.0 - failing.len();
         let held = &held[held.len().saturating_sub(others)..];
         let fitted = failing.iter().chain(held);
-        let fitted: Vec<(&Run, Vec<bool>)> = fitted
+        let fitted: Vec<(&RiskRun, Vec<bool>)> = fitted
             .map(|(ego, run)| (run, self.heads_of(*ego, run)))
             .collect();
         let (inputs, actions) = self.sizes;
@@ -139,14 +139,14 @@ impl Learning {
         }
     }
 
-    fn label(&self, ego: usize, failure: &Failure) -> String {
+    fn label(&self, ego: usize, failure: &EgoFailure) -> String {
         match &self.egos[..] {
             [_] => failure.mode.clone(),
             egos => format!("{}: {}", egos[ego], failure.mode),
         }
     }
 
-    fn heads_of(&self, ego: usize, run: &Run) -> Vec<bool> {
+    fn heads_of(&self, ego: usize, run: &RiskRun) -> Vec<bool> {
         let label = run.failure().map(|failure| self.label(ego, failure));
         let modes = self.modes.iter();
         let of_mode = modes.map(|mode| label.as_ref() == Some(mode));
@@ -175,15 +175,15 @@ impl Learning {
 
     /// Returns the greatest weight of an ego's failures so far, under a mixture.
     pub(super) fn limit(&self, ego: usize, mixture: &Mixture) -> f64 {
-        let fails = |run: &Run| run.failure().is_some() && run.is_possible();
+        let fails = |run: &RiskRun| run.failure().is_some() && run.is_possible();
         let known = self
             .data
             .iter()
             .filter(|(of, run)| *of == ego && fails(run));
-        let known: Vec<&Run> = known.map(|(_, run)| run).collect();
+        let known: Vec<&RiskRun> = known.map(|(_, run)| run).collect();
         // Evenly over all rounds, because the weights of earlier ones are larger.
         let step = known.len().div_ceil(4000).max(1);
-        let known: Vec<&Run> = known.into_iter().step_by(step).collect();
+        let known: Vec<&RiskRun> = known.into_iter().step_by(step).collect();
         let weights = known.par_iter().map(|run| mixture.weight_of(run));
         weights.reduce(|| 0.0, f64::max)
     }

@@ -1,6 +1,6 @@
 //! Mixture of proposals: natural traffic, and traffic tilted by V.
 
-use super::record::{Run, multiply};
+use super::record::{RiskRun, multiply};
 use super::start_tree::StartTree;
 use super::value::ValueNetwork;
 
@@ -79,7 +79,7 @@ impl Mixture {
     }
 
     /// Returns the weight of a recorded run, whatever drew it.
-    pub(super) fn weight_of(&self, run: &Run) -> f64 {
+    pub(super) fn weight_of(&self, run: &RiskRun) -> f64 {
         let mut ratios = self.start_ratios(&run.shares);
         for (decision, action) in run.actions.iter().enumerate() {
             let law: Vec<f64> = run.law(decision).iter().map(|it| f64::from(*it)).collect();

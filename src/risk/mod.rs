@@ -32,7 +32,7 @@ mod value;
 
 pub use checks::{Checks, Refusal};
 pub use estimation::{RiskRequest, RiskSettings};
-pub use law_file::Exposure;
+pub use law_file::EncounterRate;
 pub use pool::RiskEstimate;
 pub use record::KnownFailure;
 pub use report::{EgoRisk, ModeRisk, RiskCost, RiskReport};

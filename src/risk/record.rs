@@ -6,7 +6,7 @@ use crate::scene::Start;
 
 /// Record of a run.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Run {
+pub(super) struct RiskRun {
     /// Uniform numbers behind the start.
     pub(super) shares: Vec<f64>,
     /// Seed of the noise.
@@ -33,7 +33,7 @@ pub(super) enum RunEnd {
     /// The ego kept ψ_ego. `lawful` if it was determined.
     Held { lawful: Option<bool> },
     /// The ego violated ψ_ego.
-    Failed(Failure),
+    Failed(EgoFailure),
     /// A fault of the ego or of the physics.
     Invalid,
     /// The traffic model gives an action of the run the probability 0.
@@ -42,7 +42,7 @@ pub(super) enum RunEnd {
 
 /// Failure of the ego.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Failure {
+pub(super) struct EgoFailure {
     /// Kind of failure: contact, and the state of the rules.
     pub(super) mode: String,
     /// True if every rule was kept up to the failure.
@@ -62,7 +62,7 @@ pub struct KnownFailure {
     pub actions: Vec<usize>,
 }
 
-impl Run {
+impl RiskRun {
     /// Returns the inputs of V at a decision.
     pub(super) fn input(&self, decision: usize) -> &[f32] {
         let width = self.inputs.len() / self.actions.len().max(1);
@@ -81,7 +81,7 @@ impl Run {
     }
 
     /// Returns the failure, if the run is one.
-    pub(super) fn failure(&self) -> Option<&Failure> {
+    pub(super) fn failure(&self) -> Option<&EgoFailure> {
         match &self.end {
             RunEnd::Failed(failure) => Some(failure),
             _ => None,

@@ -5,9 +5,9 @@ use std::fmt::{self, Display, Formatter};
 use serde::{Deserialize, Serialize};
 
 use super::checks::{Checks, Refusal};
-use super::law_file::Exposure;
+use super::law_file::EncounterRate;
 use super::pool::{RiskEstimate, Round, pooled};
-use super::record::{Run, RunEnd};
+use super::record::{RiskRun, RunEnd};
 
 /// Runs behind a risk, per ego.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,7 +67,7 @@ pub struct EgoRisk {
     pub crude_runs: Option<f64>,
     /// Likeliest failure of every kind.
     #[serde(skip)]
-    pub(super) likeliest: Vec<Run>,
+    pub(super) likeliest: Vec<RiskRun>,
 }
 
 /// Result of [`RiskRequest::estimate`](super::RiskRequest::estimate).
@@ -87,7 +87,7 @@ pub struct RiskReport {
     /// Share of the law of starts inside X_init, to which all numbers refer.
     pub inside: f64,
     /// Encounters by which a risk becomes a rate, if declared.
-    pub exposure: Option<Exposure>,
+    pub exposure: Option<EncounterRate>,
     /// Risk per ego.
     pub egos: Vec<EgoRisk>,
     /// Ratio of the first ego's risk to the second's.
@@ -108,7 +108,7 @@ impl EgoRisk {
     }
 
     /// Counts natural runs.
-    pub(super) fn counted(ego: &str, natural: &[&Run]) -> EgoRisk {
+    pub(super) fn counted(ego: &str, natural: &[&RiskRun]) -> EgoRisk {
         let n = natural.len();
         let failures = || natural.iter().filter_map(|run| run.failure());
         let counted = |hits: usize| RiskEstimate::counted(hits, n);
@@ -154,7 +154,7 @@ impl EgoRisk {
         (rounds, inside): (&[Round], f64),
         (checks, impossible): (Checks, usize),
         lawful: RiskEstimate,
-        likeliest: Vec<Run>,
+        likeliest: Vec<RiskRun>,
     ) -> EgoRisk {
         let mut risk = EgoRisk {
             ego: ego.to_owned(),
@@ -292,6 +292,20 @@ impl Display for RiskReport {
             "{}, {}, runs of {} s, traffic: {}",
             self.world, self.plant, self.horizon_s, self.traffic
         )?;
+        if !self.uniform_axes.is_empty() {
+            let axes = self.uniform_axes.join(", ");
+            writeln!(
+                f,
+                "starts uniform over the world's ranges, without a law: {axes}"
+            )?;
+        }
+        if self.inside < 0.999 {
+            let share = 100.0 * self.inside;
+            writeln!(
+                f,
+                "{share:.1} % of the law of starts is inside the world's ranges"
+            )?;
+        }
         for ego in &self.egos {
             writeln!(f)?;
             if ego.refusals().is_empty() {
@@ -302,6 +316,13 @@ impl Display for RiskReport {
             match &ego.checks {
                 Some(checks) => self.checked(f, checks)?,
                 None => writeln!(f, "counted among {} natural runs", self.cost.natural)?,
+            }
+            if 0 < ego.impossible {
+                let n = ego.impossible;
+                writeln!(
+                    f,
+                    "warning: {n} known counterexamples have probability 0 here"
+                )?;
             }
             if let Some(crude) = ego.crude_runs.filter(|_| ego.is_weighted()) {
                 writeln!(

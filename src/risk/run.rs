@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::action_law::ActionLaw;
 use super::mixture::Mixture;
-use super::record::{Failure, KnownFailure, Run, RunEnd, multiply};
+use super::record::{EgoFailure, KnownFailure, RiskRun, RunEnd, multiply};
 use super::start_law::StartLaw;
 use crate::experiment::CrashFeatures;
 use crate::rulebook::{Rulebook, Verdict};
@@ -28,7 +28,7 @@ pub(super) struct RiskWorld {
 }
 
 /// Source of a run's actions.
-pub(super) enum Source<'a> {
+pub(super) enum RunSource<'a> {
     /// A component of the mixture.
     Component(usize),
     /// Random actions, each held for a number of decisions, to find failures.
@@ -43,7 +43,7 @@ pub(super) struct Order<'a> {
     /// Number of the batch, by which streams differ.
     pub(super) stage: u64,
     pub(super) index: u64,
-    pub(super) source: Source<'a>,
+    pub(super) source: RunSource<'a>,
     /// Determine whether a run without a failure keeps the rules.
     pub(super) judge_held: bool,
     /// Determine whether a failure is preventable.
@@ -75,7 +75,12 @@ impl RiskWorld {
     }
 
     /// Plays a run.
-    pub(super) fn play(&self, bench: &mut Testbench, mixture: &Mixture, order: &Order<'_>) -> Run {
+    pub(super) fn play(
+        &self,
+        bench: &mut Testbench,
+        mixture: &Mixture,
+        order: &Order<'_>,
+    ) -> RiskRun {
         self.play_recorded(bench, mixture, order).0
     }
 
@@ -85,7 +90,7 @@ impl RiskWorld {
         bench: &mut Testbench,
         mixture: &Mixture,
         order: &Order<'_>,
-    ) -> (Run, Option<Episode>) {
+    ) -> (RiskRun, Option<Episode>) {
         let mut rng = generator("risk", &[order.seed, order.stage, order.index]);
         let mut run = self.begin(mixture, order, &mut rng);
         let Some(start) = self.start_of(order, &run) else {
@@ -116,13 +121,13 @@ impl RiskWorld {
         }
         let failed = self.end(bench, &mut run, (order, &start, played));
         // Held actions explore beyond the law on purpose.
-        if !run.is_possible() && matches!(order.source, Source::Recorded(..)) {
+        if !run.is_possible() && matches!(order.source, RunSource::Recorded(..)) {
             run.end = RunEnd::Impossible;
         }
         (run, failed)
     }
 
-    fn begin(&self, mixture: &Mixture, order: &Order<'_>, rng: &mut ChaCha8Rng) -> Run {
+    fn begin(&self, mixture: &Mixture, order: &Order<'_>, rng: &mut ChaCha8Rng) -> RiskRun {
         let which = rng.random::<f64>();
         let uniform: Vec<f64> = (0..self.starts.dimensions())
             .map(|_| rng.random::<f64>())
@@ -130,20 +135,20 @@ impl RiskWorld {
         let noise = rng.next_u64();
         let (component, shares) = match order.source {
             // All of natural traffic is one box.
-            Source::Component(0) | Source::Held(_) => (0, Some(uniform)),
-            Source::Component(component) => {
+            RunSource::Component(0) | RunSource::Held(_) => (0, Some(uniform)),
+            RunSource::Component(component) => {
                 let shares = mixture.tree(component).draw(which, &uniform);
                 (component, Some(shares))
             }
-            Source::Recorded(known) => (0, self.starts.shares(&known.start)),
+            RunSource::Recorded(known) => (0, self.starts.shares(&known.start)),
         };
         let noise = match order.source {
-            Source::Recorded(known) => known.noise,
+            RunSource::Recorded(known) => known.noise,
             _ => noise,
         };
         let is_known = shares.is_some();
         let shares = shares.unwrap_or_default();
-        Run {
+        RiskRun {
             ratios: mixture.start_ratios(&shares),
             shares,
             noise,
@@ -159,10 +164,10 @@ impl RiskWorld {
         }
     }
 
-    fn start_of(&self, order: &Order<'_>, run: &Run) -> Option<Start> {
+    fn start_of(&self, order: &Order<'_>, run: &RiskRun) -> Option<Start> {
         match order.source {
-            Source::Recorded(_) if run.end == RunEnd::Impossible => None,
-            Source::Recorded(known) => Some(known.start.clone()),
+            RunSource::Recorded(_) if run.end == RunEnd::Impossible => None,
+            RunSource::Recorded(known) => Some(known.start.clone()),
             _ => self.starts.start(&run.shares),
         }
     }
@@ -171,7 +176,7 @@ impl RiskWorld {
     fn end(
         &self,
         bench: &Testbench,
-        run: &mut Run,
+        run: &mut RiskRun,
         (order, start, played): (&Order<'_>, &Start, Vec<usize>),
     ) -> Option<Episode> {
         let verdict = bench.verdict().unwrap_or(Verdict::Invalid);
@@ -195,7 +200,7 @@ impl RiskWorld {
         }
     }
 
-    fn failure(&self, episode: &Episode, prevent: bool) -> Failure {
+    fn failure(&self, episode: &Episode, prevent: bool) -> EgoFailure {
         let mut judged = episode.trace.clone();
         judged.truncate(episode.judged);
         let broken = self.broken(&judged);
@@ -208,7 +213,7 @@ impl RiskWorld {
             let assessed = self.scenario.preventability(episode);
             assessed.human_model_avoids().unwrap_or(false)
         };
-        Failure {
+        EgoFailure {
             mode: format!("{}, {rules}", class.contact_in_words()),
             lawful: broken.is_none(),
             preventable: prevent.then(avoided),
@@ -262,7 +267,7 @@ impl DecisionState {
 
 /// Choice of the actions of a run.
 struct Chooser<'a> {
-    source: &'a Source<'a>,
+    source: &'a RunSource<'a>,
     rng: ChaCha8Rng,
     next: usize,
     last: usize,
@@ -282,14 +287,16 @@ impl<'a> Chooser<'a> {
         let at = self.next;
         self.next += 1;
         match self.source {
-            Source::Component(component) => draw(&proposals[*component], self.rng.random::<f64>()),
-            Source::Held(hold) => {
+            RunSource::Component(component) => {
+                draw(&proposals[*component], self.rng.random::<f64>())
+            }
+            RunSource::Held(hold) => {
                 if at.is_multiple_of(*hold) {
                     self.last = self.rng.random_range(0..proposals[0].len());
                 }
                 self.last
             }
-            Source::Recorded(known) => {
+            RunSource::Recorded(known) => {
                 let action = known.actions.get(at).or(known.actions.last());
                 action.copied().unwrap_or(0)
             }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::record::{Run, RunEnd};
+use super::record::{RiskRun, RunEnd};
 use crate::rl::{BundleError, TensorFile};
 use crate::ron_file::file_bytes;
 use crate::run_dir::RunError;
@@ -18,7 +18,7 @@ fn damaged(path: &Path, why: impl ToString) -> RunError {
 ///
 /// # Errors
 /// The runs do not fit into a file, whose name is `path`.
-pub(super) fn bytes(runs: &[Run], path: &Path) -> Result<Vec<u8>, RunError> {
+pub(super) fn bytes(runs: &[RiskRun], path: &Path) -> Result<Vec<u8>, RunError> {
     let ends: Vec<&RunEnd> = runs.iter().map(|run| &run.end).collect();
     let meta = serde_json::to_string(&ends).map_err(|error| damaged(path, error))?;
     let mut file = TensorFile::new(meta);
@@ -54,7 +54,7 @@ pub(super) fn bytes(runs: &[Run], path: &Path) -> Result<Vec<u8>, RunError> {
 ///
 /// # Errors
 /// The file cannot be read, or is damaged.
-pub(super) fn read(path: &Path) -> Result<Option<Vec<Run>>, RunError> {
+pub(super) fn read(path: &Path) -> Result<Option<Vec<RiskRun>>, RunError> {
     if !path.exists() {
         return Ok(None);
     }
@@ -67,7 +67,7 @@ pub(super) fn read(path: &Path) -> Result<Option<Vec<Run>>, RunError> {
     Ok(Some(runs))
 }
 
-fn runs_of(file: &TensorFile, ends: Vec<RunEnd>) -> Result<Option<Vec<Run>>, BundleError> {
+fn runs_of(file: &TensorFile, ends: Vec<RunEnd>) -> Result<Option<Vec<RiskRun>>, BundleError> {
     let sizes: &[u64] = file.get("sizes", &[ends.len(), 6])?;
     let noise: &[u64] = file.get("noise", &[ends.len()])?;
     let mut shares: &[f64] = file.rows("shares", &[])?;
@@ -79,7 +79,7 @@ fn runs_of(file: &TensorFile, ends: Vec<RunEnd>) -> Result<Option<Vec<Run>>, Bun
     for ((end, noise), sizes) in ends.into_iter().zip(noise).zip(sizes.chunks(6)) {
         let size = |at: usize| sizes[at] as usize;
         let run = (|| {
-            Some(Run {
+            Some(RiskRun {
                 shares: taken(&mut shares, size(0))?,
                 noise: *noise,
                 actions: taken(&mut actions, size(1))?,
@@ -107,17 +107,17 @@ fn taken<T: Clone>(list: &mut &[T], count: usize) -> Option<Vec<T>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::Failure;
+    use super::super::record::EgoFailure;
     use super::*;
 
     #[test]
     fn stored_runs_are_read_with_the_same_bits_and_damage_is_an_error() {
-        let failure = Failure {
+        let failure = EgoFailure {
             mode: "rear-end of ego and ado, lawful".to_owned(),
             lawful: true,
             preventable: Some(false),
         };
-        let run = |end| Run {
+        let run = |end| RiskRun {
             shares: vec![0.1, 1.0 / 3.0],
             noise: u64::MAX - 5,
             actions: vec![1, 2],
@@ -127,7 +127,7 @@ mod tests {
             ratios: vec![1.0, 1e-300, 2.5e7],
             end,
         };
-        let empty = Run {
+        let empty = RiskRun {
             shares: Vec::new(),
             actions: Vec::new(),
             inputs: Vec::new(),

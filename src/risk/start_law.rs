@@ -148,7 +148,7 @@ impl StartLaw {
     ) -> StartLaw {
         let (axes, place) = (world.axes(), ValuePath::top().to("starts"));
         let points = world.starts().unwrap_or_default();
-        let mut binder = Binder {
+        let mut binder = AxisBinder {
             axes: &axes,
             constants: &world.names().constants,
             known: vec![false; axes.len()],
@@ -244,7 +244,7 @@ impl AxisLaw {
 }
 
 /// Binds laws, axis by axis.
-struct Binder<'a, 'b> {
+struct AxisBinder<'a, 'b> {
     axes: &'a [Axis],
     constants: &'a Constants,
     /// Axes that are drawn before the next one.
@@ -252,7 +252,7 @@ struct Binder<'a, 'b> {
     problems: &'a mut Problems<'b>,
 }
 
-impl Binder<'_, '_> {
+impl AxisBinder<'_, '_> {
     fn axis_law(&mut self, place: &ValuePath, name: &str, law: &StartLawFile) -> Option<AxisLaw> {
         let Some(axis) = self.axes.iter().position(|axis| axis.name == name) else {
             let names: Vec<&str> = self.axes.iter().map(|axis| axis.name.as_str()).collect();

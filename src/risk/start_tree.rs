@@ -12,11 +12,11 @@ const LEAST_STARTS: usize = 24;
 /// Boxes have known sizes, so the density needs no normalisation by draws.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StartTree {
-    leaves: Vec<Leaf>,
+    leaves: Vec<StartBox>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Leaf {
+struct StartBox {
     ends: Vec<[f64; 2]>,
     /// Density against the law, 1 for the law itself.
     density: f64,
@@ -24,7 +24,7 @@ struct Leaf {
 }
 
 /// Box with the starts in it.
-struct Cell {
+struct StartCell {
     ends: Vec<[f64; 2]>,
     starts: Vec<usize>,
     volume: f64,
@@ -36,7 +36,7 @@ impl StartTree {
     /// Returns the law of the starts itself.
     pub(super) fn natural(dimensions: usize) -> StartTree {
         StartTree {
-            leaves: vec![Leaf {
+            leaves: vec![StartBox {
                 ends: vec![[0.0, 1.0]; dimensions],
                 density: 1.0,
                 volume: 1.0,
@@ -49,7 +49,7 @@ impl StartTree {
     /// Its variance is least if the density of a box is the root of the mean squared
     /// value. Boxes are halved where that helps most.
     pub(super) fn fit(starts: &[(Vec<f64>, f64)], dimensions: usize) -> StartTree {
-        let whole = Cell::new(
+        let whole = StartCell::new(
             vec![[0.0, 1.0]; dimensions],
             (0..starts.len()).collect(),
             starts,
@@ -74,7 +74,7 @@ impl StartTree {
             cells.push(high);
         }
         let sum: f64 = cells.iter().map(|cell| cell.cost).sum();
-        let leaf = |cell: Cell| Leaf {
+        let leaf = |cell: StartCell| StartBox {
             density: NATURAL + (1.0 - NATURAL) * cell.cost / (sum * cell.volume),
             volume: cell.volume,
             ends: cell.ends,
@@ -86,7 +86,7 @@ impl StartTree {
 
     /// Returns the density of a start against the law.
     pub(super) fn density(&self, shares: &[f64]) -> f64 {
-        let holds = |leaf: &&Leaf| {
+        let holds = |leaf: &&StartBox| {
             let mut all = leaf.ends.iter().zip(shares);
             // The last box of an axis includes its end.
             all.all(|([lo, hi], it)| lo <= it && (it < hi || *hi == 1.0))
@@ -113,12 +113,12 @@ impl StartTree {
     }
 }
 
-impl Cell {
-    fn new(ends: Vec<[f64; 2]>, starts: Vec<usize>, all: &[(Vec<f64>, f64)]) -> Cell {
+impl StartCell {
+    fn new(ends: Vec<[f64; 2]>, starts: Vec<usize>, all: &[(Vec<f64>, f64)]) -> StartCell {
         let volume: f64 = ends.iter().map(|[lo, hi]| hi - lo).product();
         let squares = starts.iter().map(|at| all[*at].1 * all[*at].1);
         let mean = squares.sum::<f64>() / starts.len().max(1) as f64;
-        Cell {
+        StartCell {
             ends,
             starts,
             volume,
@@ -127,7 +127,7 @@ impl Cell {
     }
 
     /// Returns the halves that lower the cost most, with the gain.
-    fn best_halves(&self, all: &[(Vec<f64>, f64)]) -> Option<(f64, [Cell; 2])> {
+    fn best_halves(&self, all: &[(Vec<f64>, f64)]) -> Option<(f64, [StartCell; 2])> {
         let halves = (0..self.ends.len()).filter_map(|axis| {
             let [lo, hi] = self.ends[axis];
             let middle = 0.5 * (lo + hi);
@@ -140,7 +140,7 @@ impl Cell {
             let half = |starts: Vec<usize>, ends: [f64; 2]| {
                 let mut own = self.ends.clone();
                 own[axis] = ends;
-                Cell::new(own, starts, all)
+                StartCell::new(own, starts, all)
             };
             let pair = [half(low, [lo, middle]), half(high, [middle, hi])];
             Some((self.cost - pair[0].cost - pair[1].cost, pair))

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::mixture::Mixture;
 use super::record::KnownFailure;
-use super::run::{Order, RiskWorld, Source};
+use super::run::{Order, RiskWorld, RunSource};
 use super::{RiskReport, RiskRequest, RiskSettings, RiskTraffic};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::sim::PlantKind;
@@ -92,7 +92,7 @@ fn exact(world: &Scenario, traffic: &RiskTraffic) -> f64 {
                 seed: 0,
                 stage: 0,
                 index: 0,
-                source: Source::Recorded(&known),
+                source: RunSource::Recorded(&known),
                 judge_held: false,
                 prevent: false,
             };

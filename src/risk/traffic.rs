@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::action_law::ActionLaw;
 use super::law_binding::LawBinder;
-use super::law_file::{Exposure, TrafficFile};
+use super::law_file::{EncounterRate, TrafficFile};
 use super::start_law::StartLaw;
 use crate::content_hash::sha256;
 use crate::experiment::{TrafficError, traffic_model};
@@ -24,7 +24,7 @@ pub struct RiskTraffic {
     /// Origin of the laws.
     pub source: String,
     /// Number of encounters like a run, if declared.
-    pub exposure: Option<Exposure>,
+    pub exposure: Option<EncounterRate>,
     /// Axes of X_init that are uniform, because no law is declared for them.
     pub uniform_axes: Vec<String>,
     pub(super) starts: StartLaw,

@@ -6,7 +6,7 @@
 //! is replaced by its own target (tree backup, Precup et al. 2000). So a single failure
 //! moves the values of all states before it, with their right size.
 
-use super::record::Run;
+use super::record::RiskRun;
 use crate::rl::LearnerRng;
 use crate::rl::adam::Adam;
 use crate::rl::nn::{Mlp, Tape};
@@ -42,7 +42,7 @@ pub(super) struct ValueNetwork {
 
 /// Decisions of runs as a table, with targets.
 struct Decisions<'a> {
-    runs: &'a [(&'a Run, Vec<bool>)],
+    runs: &'a [(&'a RiskRun, Vec<bool>)],
     /// Run and decision of each row.
     rows: Vec<(usize, usize)>,
     /// First row of each run.
@@ -77,7 +77,7 @@ impl ValueNetwork {
     }
 
     /// Fits the network to runs, each with whether it is a failure of every head.
-    pub(super) fn fit(&mut self, runs: &[(&Run, Vec<bool>)], seed: u64) {
+    pub(super) fn fit(&mut self, runs: &[(&RiskRun, Vec<bool>)], seed: u64) {
         let data = Decisions::of(runs);
         if data.rows.is_empty() {
             return;
@@ -105,7 +105,7 @@ fn value_of(output: f32) -> f64 {
 }
 
 impl<'a> Decisions<'a> {
-    fn of(runs: &'a [(&'a Run, Vec<bool>)]) -> Decisions<'a> {
+    fn of(runs: &'a [(&'a RiskRun, Vec<bool>)]) -> Decisions<'a> {
         let (mut rows, mut first, mut failing) = (Vec::new(), Vec::new(), Vec::new());
         for (run, (played, fails)) in runs.iter().enumerate() {
             first.push(rows.len());
