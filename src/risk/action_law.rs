@@ -144,7 +144,7 @@ impl ActionLaw {
 }
 
 impl MarkovLaw {
-    fn probabilities(&self, row: &[f64], last: usize) -> Vec<f64> {
+    pub(super) fn probabilities(&self, row: &[f64], last: usize) -> Vec<f64> {
         let mut next = self.transitions[last].clone();
         // `max` turns an undefined rate into 0.
         let rates = self
@@ -168,7 +168,12 @@ impl MarkovLaw {
 }
 
 impl FittedLaw {
-    fn probabilities(&self, row: &[f64], [before, last]: [usize; 2], decisions: usize) -> Vec<f64> {
+    pub(super) fn probabilities(
+        &self,
+        row: &[f64],
+        [before, last]: [usize; 2],
+        decisions: usize,
+    ) -> Vec<f64> {
         let count = self.accelerations_mps2.len();
         let along = if decisions.is_multiple_of(self.hold) {
             let [b, a] = [before, last].map(|it| self.accelerations_mps2[it % count]);
