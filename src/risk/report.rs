@@ -283,10 +283,8 @@ impl RiskReport {
             checks.natural_beyond
         )
     }
-}
 
-impl Display for RiskReport {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+    fn origin(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
             "{}, {}, runs of {} s, traffic: {}",
@@ -306,6 +304,31 @@ impl Display for RiskReport {
                 "{share:.1} % of the law of starts is inside the world's ranges"
             )?;
         }
+        Ok(())
+    }
+
+    fn runs(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let RiskCost {
+            natural,
+            exploring,
+            rounds,
+            learning,
+            ..
+        } = self.cost;
+        write!(
+            f,
+            "\nruns per ego: {natural} natural, {exploring} exploring, {rounds} in rounds"
+        )?;
+        if 0 < learning {
+            write!(f, ", {learning} on another plant")?;
+        }
+        writeln!(f)
+    }
+}
+
+impl Display for RiskReport {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.origin(f)?;
         for ego in &self.egos {
             writeln!(f)?;
             if ego.refusals().is_empty() {
@@ -342,21 +365,7 @@ impl Display for RiskReport {
                 ratio.interval[1]
             )?;
         }
-        let RiskCost {
-            natural,
-            exploring,
-            rounds,
-            learning,
-            ..
-        } = self.cost;
-        write!(
-            f,
-            "\nruns per ego: {natural} natural, {exploring} exploring, {rounds} in rounds"
-        )?;
-        if 0 < learning {
-            write!(f, ", {learning} on another plant")?;
-        }
-        writeln!(f)
+        self.runs(f)
     }
 }
 
