@@ -134,7 +134,11 @@ mod tests {
             laws: Vec::new(),
             ..run(RunEnd::Outside)
         };
-        let runs = vec![run(RunEnd::Failed(failure)), empty, run(RunEnd::Invalid)];
+        let runs = vec![
+            run(RunEnd::Failed(failure)),
+            empty.clone(),
+            run(RunEnd::Invalid),
+        ];
         let dir = std::env::temp_dir().join(format!("brakecheck-runs-{}", std::process::id()));
         std::fs::create_dir_all(&dir).expect("a directory");
         let path = dir.join("a.runs");
@@ -144,6 +148,10 @@ mod tests {
         std::fs::write(&path, &bytes[..bytes.len() - 4]).expect("written");
         assert!(read(&path).is_err());
         assert_eq!(read(&dir.join("b.runs")).expect("none"), None);
+        // A piece of natural runs without a failure has no decisions.
+        let bytes = super::bytes(std::slice::from_ref(&empty), &path).expect("fits");
+        std::fs::write(&path, &bytes).expect("written");
+        assert_eq!(read(&path).expect("sound"), Some(vec![empty]));
         std::fs::remove_dir_all(&dir).expect("removed");
     }
 }
