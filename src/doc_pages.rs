@@ -64,6 +64,9 @@ pub mod goals {}
 /// Several ados: a policy for each, placed ados, drawn actions, earlier experience.
 #[doc = include_str!("../docs/guide/several-ados.md")]
 pub mod several_ados {}
+/// Populations of ados for distinct failures, and estimates of unseen ones.
+#[doc = include_str!("../docs/guide/diversity.md")]
+pub mod diversity {}
 
 /// Reusing an ado on changed egos.
 #[doc = include_str!("../docs/guide/reuse.md")]
@@ -73,9 +76,9 @@ pub mod reuse {}
 #[doc = include_str!("../docs/guide/adapting.md")]
 pub mod adapting {}
 
-/// Stages in which an ado learns an ego.
-#[doc = include_str!("../docs/background/surrogate.md")]
-pub mod surrogate {}
+/// Probability of a failure in declared traffic.
+#[doc = include_str!("../docs/guide/risk.md")]
+pub mod risk {}
 
 /// Search without learning.
 #[doc = include_str!("../docs/guide/search.md")]

@@ -109,3 +109,8 @@ pub mod world {
     pub use crate::world::family::{EgoSample, Family};
     pub use crate::world::scenario_kind::GridScenario;
 }
+
+/// Returns the limit on how rare the driving of a world's ados may become.
+pub fn ado_limit(world: &crate::world::Scenario) -> Option<crate::natural::AdoLimit> {
+    world.traffic().limit()
+}

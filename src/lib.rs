@@ -50,8 +50,10 @@ pub mod natural;
 #[doc(hidden)]
 pub mod internals;
 pub mod openx;
+pub mod population;
 pub mod preventability;
 pub mod report;
+pub mod risk;
 pub mod rl;
 mod road;
 mod ron_file;

@@ -101,6 +101,7 @@ impl Rulebook {
         }
         let of_ado = |rule: &&Rule| rule.ado == ado;
         let own = broken.iter().map(|&i| &self.rules[i]).filter(of_ado);
+        // By priority and not by position, since equal ranks count together.
         let Some(priority) = own.map(|rule| rule.priority).min() else {
             return Some(self.reward.lawful(0.0));
         };

@@ -30,6 +30,8 @@ mod families;
 mod goals;
 #[path = "worlds/imports.rs"]
 mod imports;
+#[path = "worlds/including.rs"]
+mod including;
 #[path = "worlds/judging.rs"]
 mod judging;
 #[path = "worlds/learned.rs"]

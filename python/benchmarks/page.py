@@ -1,4 +1,4 @@
-"""The page docs/background/benchmarks.md from the measurements."""
+"""The page lab/benchmarks.md from the measurements."""
 
 from __future__ import annotations
 

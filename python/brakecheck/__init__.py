@@ -30,6 +30,7 @@ from brakecheck.errors import (
     InputError,
     NotIdenticalError,
 )
+from brakecheck.recordings import Recording, fit_traffic
 from brakecheck.registration import register_all
 from brakecheck.results import Ado, Replayed, Rows, Run
 from brakecheck.worlds import World
@@ -56,6 +57,7 @@ __all__ = [
     "Own",
     "ParallelEnv",
     "Percept",
+    "Recording",
     "Replayed",
     "Rows",
     "Run",
@@ -66,6 +68,7 @@ __all__ = [
     "errors",
     "eval",
     "export",
+    "fit_traffic",
     "replay",
     "report",
     "search",

@@ -33,11 +33,13 @@ def train(
     seed: int | None = None,
     decisions: int | None = None,
     learner: str | None = None,
+    per_ado: str | None = None,
     goals: Sequence[str] | None = None,
     against: str = "nominal",
     leave_out: str | None = None,
     plant: str | None = None,
     from_run: Path | None = None,
+    bank: Sequence[Path] = (),
     resume: bool = False,
     starts: int = 300,
     jobs: int | None = None,
@@ -55,11 +57,13 @@ def train(
         seed: of the training, and of its test starts; 0 without it, or as begun.
         decisions: how long to train, instead of the world's number.
         learner: one of the world's `learners`.
+        per_ado: `"independent"` or `"alternating"`: a policy for each ado.
         goals: `"severe"` and `"distinct"` failures to look for, instead of the world's.
         against: `"nominal"`, or `"wide"`: the world's family.
         leave_out: a structure of the family that a wide ado never meets.
         plant: the physics to train in.
         from_run: a run whose policy is fine-tuned.
+        bank: runs and kept failures, of any ego, to learn from.
         resume: go on with an interrupted training in `output`.
         starts: test starts of the closing evaluation.
         jobs: threads; one per core without it, 1 where Python plays.
@@ -82,11 +86,13 @@ def train(
         "seed": seed,
         "decisions": decisions,
         "learner": learner,
+        "per_ado": per_ado,
         "goals": None if goals is None else list(goals),
         "against": against,
         "leave_out": leave_out,
         "plant": plant,
         "from_run": None if from_run is None else os.fspath(from_run),
+        "bank": [os.fspath(path) for path in bank],
         "resume": resume,
         "starts": starts,
     }
@@ -104,6 +110,8 @@ def eval(
     plant: str | None = None,
     search: int | None = None,
     tries: int = 1,
+    temperature: float | None = None,
+    draws: int = 5,
     runs: int = 0,
     keep: Path | None = None,
     keep_most: int | None = 10,
@@ -128,6 +136,8 @@ def eval(
         plant: the physics to test in.
         search: also search with this many switches of action, which gives `recall`.
         tries: runs of the trained ado per start.
+        temperature: also draw the trained ado's actions, the better the likelier.
+        draws: draws per start.
         runs: runs of the ego that the ado may learn it from: at least 10, 100 for
             most egos.
         keep: a directory for counterexamples.
@@ -153,6 +163,8 @@ def eval(
             "plant": plant,
             "search": search,
             "tries": tries,
+            "temperature": temperature,
+            "draws": draws,
             "runs": runs,
             "keep": keeping,
             "allow_programs": allow_programs,

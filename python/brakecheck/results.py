@@ -155,6 +155,17 @@ class Ado:
     def __call__(self, obs: ArrayLike) -> int:
         return self._raw.act(np.ascontiguousarray(obs, np.float32))
 
+    def sample(self, obs: ArrayLike, temperature: float, unit: float) -> int:
+        """An action drawn with `unit` in [0, 1): the better it is, the likelier.
+
+        Args:
+            obs: the observation.
+            temperature: divides the values before the softmax; a small one is greedy.
+            unit: the random number; where each of several ados has a policy, they
+                share it.
+        """
+        return self._raw.sample(np.ascontiguousarray(obs, np.float32), temperature, unit)
+
     def value(self, obs: ArrayLike) -> float:
         """The return it expects from here."""
         return self._raw.value(np.ascontiguousarray(obs, np.float32))

@@ -94,6 +94,26 @@ impl RawPolicy {
         Ok(self.policy.act(self.checked(&obs)?))
     }
 
+    /// An action drawn at a temperature, the same for the same `unit` in [0, 1).
+    ///
+    /// Where several ados have policies of their own, all use the one number.
+    fn sample(
+        &self,
+        obs: PyReadonlyArray1<'_, f32>,
+        temperature: f64,
+        unit: f64,
+    ) -> PyResult<usize> {
+        if !(1e-6..=1e6).contains(&temperature) || !(0.0..1.0).contains(&unit) {
+            return Err(wrong(
+                format!("a draw at temperature {temperature} with {unit}"),
+                "give a temperature above 0 and a number in [0, 1)",
+            ));
+        }
+        Ok(self
+            .policy
+            .sample(self.checked(&obs)?, temperature, &mut || unit))
+    }
+
     /// The expected return from here.
     fn value(&self, obs: PyReadonlyArray1<'_, f32>) -> PyResult<f32> {
         Ok(self.policy.value(self.checked(&obs)?))

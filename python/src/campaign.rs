@@ -6,12 +6,14 @@ use std::sync::Arc;
 
 use brakecheck::adversary::{Ado, AdoKind};
 use brakecheck::crashes::{CrashSelection, Form, KeepSettings};
-use brakecheck::evaluation::{Evaluation, GivenRows, ReportRequest, SearchCampaign, untrained};
+use brakecheck::evaluation::{
+    Evaluation, GivenRows, ReportRequest, Sampling, SearchCampaign, untrained,
+};
 use brakecheck::experiment::{consent, on_plant, test_starts};
 use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{Row, RunDir};
 use brakecheck::search::{Adversary, BUDGET, Experiment, Method, MethodSettings};
-use brakecheck::training::{TrainRequest, TrainSession};
+use brakecheck::training::{PerAdoMode, TrainRequest, TrainSession};
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 use pyo3::types::PyString;
@@ -63,6 +65,8 @@ pub(crate) struct TrainOptions {
     leave_out: Option<String>,
     plant: Option<String>,
     from_run: Option<PathBuf>,
+    per_ado: Option<String>,
+    bank: Vec<PathBuf>,
     resume: bool,
     starts: usize,
 }
@@ -104,6 +108,12 @@ pub(crate) fn train_ado<'py>(
         goals.iter().map(goal).collect::<PyResult<Vec<_>>>()
     });
     let goals = goals.transpose()?;
+    let per_ado = options.per_ado.as_deref().map(|word| {
+        let what = || format!("`per_ado={word:?}` is not known");
+        let mode = word.parse::<PerAdoMode>();
+        mode.map_err(|_| wrong(what(), "known: independent, alternating"))
+    });
+    let per_ado = per_ado.transpose()?;
     let from = options.from_run.as_deref().map(RunDir::open).transpose();
     let from = from.map_err(failed)?;
     let found = running.watched(py, move |watch| {
@@ -116,6 +126,8 @@ pub(crate) fn train_ado<'py>(
             leave_out: options.leave_out.as_deref(),
             ego: name.as_deref(),
             plant,
+            per_ado,
+            bank: &options.bank,
             from: from.as_ref(),
         };
         let mut session = if options.resume {
@@ -152,6 +164,8 @@ pub(crate) struct EvalOptions {
     plant: Option<String>,
     search: Option<usize>,
     tries: u64,
+    temperature: Option<f64>,
+    draws: u32,
     runs: u64,
     keep: Option<Keeping>,
     allow_programs: bool,
@@ -175,6 +189,17 @@ pub(crate) fn eval_run<'py>(
         kind.map_err(|_| wrong(format!("there is no ado `{word}`"), known()))
     });
     let ados = ados.collect::<PyResult<Vec<_>>>()?;
+    let temperature = options.temperature;
+    if temperature.is_some_and(|it| !(1e-6..=1e6).contains(&it)) || options.draws == 0 {
+        return Err(wrong(
+            "a temperature or a number of draws is out of range",
+            "give a temperature such as 0.1, and at least one draw",
+        ));
+    }
+    let sampling = temperature.map(|temperature| Sampling {
+        temperature,
+        draws: options.draws,
+    });
     let rows = running.watched(py, move |watch| {
         let evaluation = Evaluation {
             run: &run,
@@ -184,6 +209,7 @@ pub(crate) fn eval_run<'py>(
             starts: (options.starts, options.seed),
             search: options.search,
             tries: options.tries,
+            sampling,
             runs: NonZeroU64::new(options.runs),
             unknown: &[],
             keeps: options.keep.is_some(),

@@ -15,6 +15,7 @@ mod interrupt;
 mod kept;
 mod percept;
 mod python_thread;
+mod recording;
 mod run;
 mod stl;
 mod vector;
@@ -39,6 +40,8 @@ mod _brakecheck {
     use super::percept::{Command, Own, Percept, Seen, SeenLight};
     #[pymodule_export]
     use super::python_thread::{Mailbox, exit_threads};
+    #[pymodule_export]
+    use super::recording::{RawRecording, fit_traffic};
     #[pymodule_export]
     use super::run::RawRun;
     #[pymodule_export]

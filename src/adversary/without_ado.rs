@@ -16,6 +16,7 @@ pub(super) struct WithoutAdo<'a> {
 impl<'a> WithoutAdo<'a> {
     /// Creates the actor without the ado `left_out`. An unknown name leaves out none.
     pub(super) fn new(policy: &'a dyn Policy, spaces: &Spaces, left_out: &str) -> WithoutAdo<'a> {
+        // The first ado is the lowest digit of a joint action.
         let mut unit = 1;
         for part in &spaces.parts {
             if part.name == left_out {

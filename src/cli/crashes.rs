@@ -47,7 +47,8 @@ impl KilledVerb<'_> {
     /// Returns the current command line, which resumes a training that was begun.
     fn now(&self, dir: &Path) -> Vec<String> {
         let mut command = (self.command)(dir);
-        if command[0] == "train" && dir.join("run/manifest.json").exists() {
+        let begun = ["manifest.json", "population.json"].map(|file| dir.join("run").join(file));
+        if command[0] == "train" && begun.iter().any(|file| file.exists()) {
             // A training that was killed before its manifest is begun again.
             command.push("--resume".to_owned());
         }
@@ -241,6 +242,8 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
 
     let on_a_grid = |dir: &Path| train(dir, &grid, "--decisions 1100 --seed 5");
     let on_a_road = |dir: &Path| train(dir, &acc, short);
+    let distinct = "--plant kinematic --decisions 500 --seed 3 --distinct 2";
+    let population = |dir: &Path| train(dir, &acc, distinct);
     let from = format!("{short} --ego longer~gap --from {}", nominal.display());
     let fine_tuned = |dir: &Path| {
         if dir.join("run/manifest.json").exists() {
@@ -279,10 +282,11 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         copied(&whole.join("plan"), &dir.join("plan"));
         words(&format!("campaign merge {}", dir.join("plan").display()))
     };
-    let cases: [(&str, CommandBuilder<'_>); 7] = [
+    let cases: [(&str, CommandBuilder<'_>); 8] = [
         ("train, grid", &on_a_grid),
         ("train, acc", &on_a_road),
         ("train --from", &fine_tuned),
+        ("train --distinct", &population),
         ("eval --keep", &kept),
         ("campaign plan", &planned),
         ("campaign run", &pieces),

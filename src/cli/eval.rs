@@ -6,8 +6,8 @@ use super::eval_args::EvalArgs;
 use super::run_under_test::{RunUnderTest, Supplement, is_world, rows_of};
 use super::test_args::note_program_costs;
 use super::{
-    Exit, Failure, exit_of, interrupted_early, load_world, points, print_json, progress, table,
-    theorems,
+    Exit, Failure, exit_of, interrupted_early, load_world, points, population, print_json,
+    progress, table, theorems,
 };
 use crate::evaluation::{EvaluationTable, TheoremsChecked, untrained};
 use crate::experiment::{Watch, on_plant};
@@ -78,6 +78,9 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
+    if let Some(members) = args.members {
+        return population::eval(args, members);
+    }
     if is_world(&args.run) {
         return of_world(args);
     }

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::Failure;
 use super::live::{Live, Streamed};
+use super::number_args::whole_number;
 use super::test_args::{EgoArgs, TestArgs};
 use crate::world::Scenario;
 
@@ -19,11 +20,25 @@ pub(super) struct EvalArgs {
     /// Also check the paper's theorems: 1 to 3 on a grid, 3 and Lemma 1 on the road.
     #[arg(long)]
     pub(super) theorems: bool,
+    /// Test the first N members of a population, and count their cells of failures.
+    #[arg(long, value_name = "all|N", value_parser = members)]
+    pub(super) members: Option<usize>,
     /// Exit with 1 if any ado makes an ego fail.
     #[arg(long)]
     pub(super) fail_on_counterexample: bool,
     #[command(flatten)]
     pub(super) test: TestArgs,
+}
+
+/// Parses a number of members, `usize::MAX` for all.
+fn members(text: &str) -> Result<usize, &'static str> {
+    if text == "all" {
+        return Ok(usize::MAX);
+    }
+    let number = whole_number(text).filter(|number| 0 < *number);
+    number
+        .and_then(|number| usize::try_from(number).ok())
+        .ok_or("all, or a number of members from 1")
 }
 
 impl EvalArgs {

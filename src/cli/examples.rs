@@ -6,7 +6,7 @@ Exit codes:
   0    done
   1    a counterexample (--fail-on-counterexample), a kept one that still fails, or a failed gate
   2    invalid input: the message shows the place and a fix
-  3    the ego, the disk or the program failed
+  3    the ego, the disk or the program failed, or a risk was refused
   4    a replay differs from what was recorded
   130  interrupted; finished work is kept
 
@@ -26,6 +26,7 @@ pub(super) const GATE: &str = "Examples:\n  brakecheck gate runs/acc --ego new.r
 pub(super) const SWEEP: &str = "Example:\n  brakecheck sweep runs/acc --over ego.time_gap_s=0.3..1.5:7 --curve curve.svg\n\nDocuments: docs/background/claims.md";
 pub(super) const SEARCH: &str =
     "Example:\n  brakecheck search worlds/acc.ron --starts 50\n\nDocuments: docs/guide/search.md";
+pub(super) const RISK: &str = "Example:\n  brakecheck risk acc --traffic examples/traffic/acc.ron --plant kinematic --budget 50000\n\nDocuments: docs/guide/risk.md";
 pub(super) const REPLAY: &str =
     "Example:\n  brakecheck replay kept --expect recorded\n\nDocuments: docs/guide/crashes.md";
 pub(super) const STL: &str = "Examples:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n  brakecheck stl motorway --log tracks.csv --junit rules.xml\n\nDocuments: docs/reference/stl.md, docs/guide/recordings.md";

@@ -1,20 +1,20 @@
 //! `brakecheck log`: recorded traffic, its situations and models of it.
 
-use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, Class, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TrafficModel,
-    TrafficRecording, read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc,
+    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TrafficModel,
+    TrafficRecording, read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc, svg_instant,
+    svg_overview,
 };
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::{Common, Exit, Failure, print_json, table_of, terminal};
 use crate::openx::import::driven_lanes;
-use crate::ron_file::file_text;
+use crate::ron_file::{file_text, open_file};
 use crate::run_dir::write_file;
 
 #[derive(Args, Debug)]
@@ -42,6 +42,20 @@ pub(super) struct LogArgs {
     /// Fit a naturalness model, print its calibration and write it.
     #[arg(long, value_name = "FILE.ron")]
     fit: Option<PathBuf>,
+    /// Draw the recording from above, with its lanes, paths and crossings.
+    #[arg(long, value_name = "FILE.svg")]
+    picture: Option<PathBuf>,
+    /// Draw this instant instead, in seconds from the first row.
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        requires = "picture",
+        requires = "around"
+    )]
+    at: Option<f64>,
+    /// Road user in the middle of the instant.
+    #[arg(long, value_name = "ID", requires = "at")]
+    around: Option<String>,
     /// Print one JSON object on stdout instead of tables.
     #[arg(long)]
     json: bool,
@@ -58,10 +72,14 @@ impl LogArgs {
 
 pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
     let recordings = read_all(&args.files, args.map.as_deref(), args.road.as_deref())?;
+    // Tables come first, so that they are shown even if a file cannot be written.
     if !args.json {
         for (analysis, map) in &recordings {
             show(analysis, map)?;
         }
+    }
+    if let Some(path) = &args.picture {
+        draw(args, path, &recordings)?;
     }
     let reports = recordings
         .iter()
@@ -78,6 +96,51 @@ pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
         print_json(&json!({ "recordings": reports, "model": model.map(|it| json!(it)) }))?;
     }
     Ok(Exit::Done)
+}
+
+/// Draws the only recording, or an instant of it.
+fn draw(args: &LogArgs, path: &Path, recordings: &[(Analysis, String)]) -> Result<(), Failure> {
+    let [(analysis, _)] = recordings else {
+        return Err(Failure::input(
+            format!("--picture draws one recording, not {}", recordings.len()),
+            "name one file",
+        ));
+    };
+    let svg = match (args.at, &args.around) {
+        (Some(at_s), Some(id)) => instant(analysis, id, at_s)?,
+        _ => svg_overview(analysis),
+    };
+    write_file(path, svg.as_bytes())?;
+    if !args.json {
+        terminal::note(&format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+fn instant(analysis: &Analysis, id: &str, at_s: f64) -> Result<String, Failure> {
+    let recording = &analysis.recording;
+    let sample = (at_s / recording.dt_s).round().max(0.0) as usize;
+    // An identity may have several tracks, because long holes split them.
+    let drawn = recording.tracks.iter().enumerate().find_map(|(i, track)| {
+        let title = format!("{}: {id} at {at_s} s", recording.name);
+        let is_it = track.id == id;
+        is_it.then(|| svg_instant(analysis, i, sample, &title))?
+    });
+    drawn.ok_or_else(|| {
+        let tracks = recording.tracks.iter().filter(|it| it.id == id);
+        let spans = tracks.map(|it| {
+            let from_s = it.first_sample as f64 * recording.dt_s;
+            let to_s = (it.end_sample() - 1) as f64 * recording.dt_s;
+            format!("{from_s:.2} to {to_s:.2} s")
+        });
+        let spans: Vec<String> = spans.collect();
+        let help = if spans.is_empty() {
+            format!("name a road user of `{}`", recording.name)
+        } else {
+            format!("it is recorded from {}", spans.join(" and from "))
+        };
+        Failure::input(format!("no road user `{id}` at {at_s} s"), help)
+    })
 }
 
 /// Reads recordings and finds their lanes and situations, each with its column map.
@@ -159,6 +222,7 @@ fn read(
 ) -> Result<(TrafficRecording, String), Failure> {
     let (name, rows) = (file.display().to_string(), open(file)?);
     let format = file.extension().and_then(OsStr::to_str).unwrap_or_default();
+    // Some recorders write endings in capitals.
     let format = format.to_ascii_lowercase();
     let recording = match &*format {
         "xosc" => read_xosc(rows, &name),
@@ -166,6 +230,7 @@ fn read(
         "mcap" => read_mcap(rows, &name),
         _ => return read_rows(rows, &name, map),
     };
+    // A column map without effect would hide a mistake.
     if map.is_some() {
         return Err(Failure::input(
             format!("`{name}` is not CSV, so it has no column map"),
@@ -190,7 +255,7 @@ fn read_rows(
 }
 
 fn open(file: &Path) -> Result<File, Failure> {
-    File::open(file).map_err(|error| {
+    open_file(file).map_err(|error| {
         Failure::input(
             format!("cannot read `{}`: {error}", file.display()),
             "name a readable file",
@@ -245,53 +310,20 @@ fn show(analysis: &Analysis, map: &str) -> Result<(), Failure> {
         found.cut_ins.len(),
         found.overlapping_cut_ins,
     ))?;
+    // Motorways have no crossings, so their reports have no table of them.
     if analysis.crossings.is_empty() {
         return Ok(());
     }
     show_crossings(analysis)
 }
 
-/// Crossing paths of two classes.
-struct CrossingRow {
-    classes: [&'static str; 2],
-    paths: usize,
-    /// Those with a post-encroachment time below 5 s.
-    close: usize,
-    least_pet_s: f64,
-    /// Least clearance at one instant.
-    least_m: Option<f64>,
-}
-
-/// Counts the crossing paths of a recording by the classes of the two road users.
-fn crossing_rows(analysis: &Analysis) -> Vec<CrossingRow> {
-    let class = |track: usize| analysis.recording.tracks[track].class;
-    let mut rows: BTreeMap<[Class; 2], CrossingRow> = BTreeMap::new();
-    for crossing in &analysis.crossings {
-        let (first, second) = (class(crossing.first), class(crossing.second));
-        let classes = [first.min(second), first.max(second)];
-        let row = rows.entry(classes).or_insert(CrossingRow {
-            classes: classes.map(Class::name),
-            paths: 0,
-            close: 0,
-            least_pet_s: f64::INFINITY,
-            least_m: None,
-        });
-        row.paths += 1;
-        row.close += usize::from(crossing.pet_s() < 5.0);
-        row.least_pet_s = row.least_pet_s.min(crossing.pet_s());
-        let clearances = row.least_m.into_iter().chain(crossing.least_m);
-        row.least_m = clearances.min_by(f64::total_cmp);
-    }
-    rows.into_values().collect()
-}
-
 fn show_crossings(analysis: &Analysis) -> Result<(), Failure> {
     let digits = |value: f64| format!("{value:.2}");
-    let rows = crossing_rows(analysis).into_iter().map(|it| {
+    let rows = analysis.crossing_summaries().into_iter().map(|it| {
         [
             it.classes.join(", "),
             format!("{}", it.paths),
-            format!("{}", it.close),
+            format!("{}", it.pet_below_5_s),
             digits(it.least_pet_s),
             it.least_m.map_or("–".to_owned(), digits),
         ]
@@ -329,38 +361,14 @@ fn corrections(recording: &TrafficRecording) -> Option<String> {
 }
 
 fn report(analysis: &Analysis, map: &str) -> Value {
-    let recording = &analysis.recording;
-    let lanes = analysis.frame.carriageways.iter().map(|it| {
-        let lanes = it.lanes.iter().map(|lane| {
-            json!({ "offset_m": lane.offset_m, "share": lane.share, "wander_m": lane.wander_m })
-        });
-        json!({ "vehicles": it.tracks.len(), "outside": it.outside, "lanes": lanes.collect::<Vec<_>>() })
-    });
-    let found = &analysis.situations;
-    let crossings = crossing_rows(analysis).into_iter().map(|it| {
-        json!({
-            "classes": it.classes, "paths": it.paths, "pet_below_5_s": it.close,
-            "least_pet_s": it.least_pet_s, "least_m": it.least_m,
-        })
-    });
-    json!({
-        "file": recording.name,
-        "map": map,
-        "counts": recording.counts,
-        "road_users": recording.road_users(),
-        "duration_s": recording.duration_s(),
-        "dt_s": recording.dt_s,
-        "distance_km": recording.distance_km(),
-        "carriageways": lanes.collect::<Vec<_>>(),
-        "followings": found.long_followings(recording).count(),
-        "windows": found.windows(recording).len(),
-        "lane_changes": found.lane_changes.len(),
-        "cut_ins": found.cut_ins.len(),
-        "crossings": crossings.collect::<Vec<_>>(),
-    })
+    let mut report = json!(analysis.summary());
+    report["file"] = json!(analysis.recording.name);
+    report["map"] = json!(map);
+    report
 }
 
 fn fit(args: &LogArgs, path: &Path, analyses: &[Analysis]) -> Result<TrafficModel, Failure> {
+    // A model names its sources by their hashes, for which the files are read again.
     let mut sources = Vec::new();
     for file in &args.files {
         let name = file.display().to_string();

@@ -14,6 +14,7 @@ mod failure;
 mod gate;
 mod keep;
 mod last_resort;
+mod league;
 mod live;
 mod log;
 mod new;
@@ -21,10 +22,12 @@ mod new_from_log;
 mod new_world;
 mod number_args;
 mod points;
+mod population;
 mod progress;
 mod replay;
 mod report;
 mod reproduce;
+mod risk;
 mod run_under_test;
 mod search;
 mod serve;
@@ -90,6 +93,9 @@ enum Verb {
     /// Search every start for action sequences that make the ego fail.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
+    /// Estimate how often an ego fails, in traffic that you declare.
+    #[command(after_help = examples::RISK)]
+    Risk(risk::RiskArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
     #[command(after_help = examples::REPLAY)]
     Replay(replay::ReplayArgs),
@@ -129,6 +135,7 @@ impl Verb {
             Verb::Gate(args) => args.test.common.clone(),
             Verb::Sweep(args) => args.test.common.clone(),
             Verb::Search(args) => args.common.clone(),
+            Verb::Risk(args) => args.common.clone(),
             // A verb that moved takes any words, so its common options are unknown.
             Verb::Reproduce(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
@@ -151,6 +158,7 @@ impl Verb {
                 | Verb::Gate(_)
                 | Verb::Sweep(_)
                 | Verb::Search(_)
+                | Verb::Risk(_)
                 | Verb::Report(_)
                 | Verb::Campaign(_)
         )
@@ -192,6 +200,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Gate(args) => gate::run(&args),
         Verb::Sweep(args) => sweep::run(&args),
         Verb::Search(args) => search::run(&args),
+        Verb::Risk(args) => risk::run(&args),
         Verb::Replay(args) => replay::run(&args),
         Verb::Stl(args) => match &args.trace {
             Some(trace) => stl::run(&args, trace),

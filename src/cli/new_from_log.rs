@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
     Analysis, RecordedPlace, RecordedWorld, RecordedWorlds, SituationKind, SituationPlan,
+    SituationRoad,
 };
 use clap::{Args, ValueEnum};
 use serde_json::json;
@@ -36,6 +37,10 @@ pub(super) struct FromLogArgs {
     /// Number of situations, the hardest first [default: 24].
     #[arg(long, value_name = "N", requires = "from_log", value_parser = clap::value_parser!(u16).range(1..=10_000))]
     count: Option<u16>,
+    /// Nearest other road users as scripted traffic [default: 0]. A situation then has a
+    /// world of its own.
+    #[arg(long, value_name = "N", requires = "from_log", value_parser = clap::value_parser!(u8).range(0..=90))]
+    others: Option<u8>,
     /// Directory of the worlds [default: the working directory].
     #[arg(short, long, value_name = "DIR", requires = "from_log")]
     output: Option<PathBuf>,
@@ -47,19 +52,16 @@ enum KindArg {
     Following,
     /// The ego replaces the follower of a lane change in front of it.
     CutIn,
-    /// Paths that cross: not available yet.
+    /// The ego replaces a vehicle whose path another road user crosses.
     Crossing,
 }
 
 impl KindArg {
-    fn situations(self) -> Result<SituationKind, Failure> {
+    fn situations(self) -> SituationKind {
         match self {
-            KindArg::Following => Ok(SituationKind::Following),
-            KindArg::CutIn => Ok(SituationKind::CutIn),
-            KindArg::Crossing => Err(Failure::input(
-                "worlds of kind `crossing` are not available yet",
-                "use `--kind following` or `--kind cut-in`",
-            )),
+            KindArg::Following => SituationKind::Following,
+            KindArg::CutIn => SituationKind::CutIn,
+            KindArg::Crossing => SituationKind::Crossing,
         }
     }
 }
@@ -72,12 +74,14 @@ impl FromLogArgs {
 
 /// Writes the worlds of the recordings, or none if a file is there already.
 pub(super) fn run(args: &FromLogArgs, name: &str, prints_json: bool) -> Result<Exit, Failure> {
-    let kind = args.kind.unwrap_or(KindArg::Following).situations()?;
+    let kind = args.kind.unwrap_or(KindArg::Following).situations();
     let name = name.strip_suffix(".ron").unwrap_or(name);
     new_world::text_named(name)?;
     let recordings = log::read_all(&args.from_log, args.map.as_deref(), args.road.as_deref())?;
     let analyses: Vec<Analysis> = recordings.into_iter().map(|it| it.0).collect();
-    let recorded = RecordedWorlds::of(name, kind, &analyses, usize::from(args.count.unwrap_or(24)));
+    let most = usize::from(args.count.unwrap_or(24));
+    let others = usize::from(args.others.unwrap_or(0));
+    let recorded = RecordedWorlds::with_others(name, kind, &analyses, most, others);
     if recorded.worlds.is_empty() {
         return Err(nothing(args, kind, &recorded));
     }
@@ -113,6 +117,7 @@ fn nothing(args: &FromLogArgs, kind: SituationKind, recorded: &RecordedWorlds) -
     let what = match kind {
         SituationKind::Following => "following of 10 s",
         SituationKind::CutIn => "cut-in that is recorded from 2 s before it to 8 s after it",
+        SituationKind::Crossing => "crossing that is recorded from 2 s before it to 1 s after it",
     };
     let files: Vec<String> = args
         .from_log
@@ -163,6 +168,15 @@ fn in_words(world: &RecordedWorld) -> String {
     let Some(first) = world.situations.first() else {
         return count;
     };
+    let others = match first.others.len() {
+        0 => String::new(),
+        others => format!(", {others} others"),
+    };
+    if let SituationRoad::Crossing(roads) = &first.road {
+        let (pet_s, angle_deg) = (roads.pet_s, roads.angle_rad.to_degrees());
+        let body = first.body.name;
+        return format!("{body} crosses at {angle_deg:.0}°, PET {pet_s:.2} s{others}");
+    }
     let side = match first.across.map(|_| first.is_from_left()) {
         None => "",
         Some(true) => " from the left",
@@ -173,7 +187,21 @@ fn in_words(world: &RecordedWorld) -> String {
         RecordedPlace::Beside => "beside the ego",
         RecordedPlace::Behind => "behind the ego",
     };
-    format!("{count}, {}{side}, {place} at the start", first.body.name)
+    let bend = match world.road_m {
+        0.0 => String::new(),
+        road_m => format!(", road within {road_m:.2} m of the lane"),
+    };
+    format!(
+        "{count}, {}{side}, {place} at the start{bend}{others}",
+        first.body.name
+    )
+}
+
+fn pet_s(situation: &SituationPlan) -> Option<f64> {
+    match &situation.road {
+        SituationRoad::Crossing(roads) => Some(roads.pet_s),
+        _ => None,
+    }
 }
 
 fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<Exit, Failure> {
@@ -185,6 +213,8 @@ fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Resul
                 "replaced": it.replaced, "planned": it.planned,
                 "worst_m": it.speed.worst_m, "hardest_mps2": it.speed.hardest_mps2(),
                 "worst_lateral_m": it.across.map(|it| it.worst_m),
+                "pet_s": pet_s(it),
+                "others": it.others.iter().map(|it| &it.id).collect::<Vec<_>>(),
             })
         });
         json!({ "file": file, "situations": situations.collect::<Vec<_>>() })

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use brakecheck_traffic::{
-    Analysis, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow,
+    Analysis, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow, svg_instant,
 };
 use serde_json::{Value, json};
 
 use super::stl::{StlArgs, constants, placed};
 use super::{Exit, Failure, log, table_of, terminal};
-use crate::report::{recorded_rules_junit, worst_instant};
+use crate::report::recorded_rules_junit;
 use crate::run_dir::{make_dir, write_file};
 
 /// Recording with the results of the rules on it.
@@ -165,11 +165,9 @@ impl CheckedRecording {
         let recording = &self.analysis.recording;
         let rules = self.results.iter().zip(&self.pictures);
         let rules = rules.map(|(it, picture)| {
-            json!({
-                "rule": it.rule, "share": it.share(), "vehicles": it.vehicles,
-                "episodes": it.episodes, "per_1000_km": it.per_1000_km(),
-                "left_out": it.doubtful, "worst": it.worst, "picture": picture,
-            })
+            let mut rule = json!(it.summary());
+            rule["picture"] = json!(picture);
+            rule
         });
         json!({
             "file": recording.name,
@@ -179,6 +177,19 @@ impl CheckedRecording {
             "rules": rules.collect::<Vec<_>>(),
         })
     }
+}
+
+/// Returns a picture of a rule's worst instant, `None` for a rule without a violation.
+fn worst_instant(analysis: &Analysis, rule: &RuleResult) -> Option<String> {
+    let worst = rule.worst.as_ref()?;
+    let sample = (worst.time_s / analysis.recording.dt_s).round() as usize;
+    let lead = worst.lead.as_ref();
+    let lead = lead.map_or(String::new(), |lead| format!(" behind {lead}"));
+    let title = format!(
+        "{}: ρ = {:.2} at {:.2} s, {}{lead}",
+        rule.rule, worst.robustness, worst.time_s, worst.id
+    );
+    svg_instant(analysis, worst.track, sample, &title)
 }
 
 fn worst_in_words(worst: &WorstRow) -> String {

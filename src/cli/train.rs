@@ -9,11 +9,12 @@ use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::traffic_args::TrafficArgs;
 use super::{
-    Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
-    progress, refuse_program, table, terminal,
+    Common, Exit, Failure, finished, interrupted_early, league, load_world, one_of, open_run,
+    population, print_json, progress, refuse_program, table, terminal,
 };
+use crate::population::{DistinctRequest, LeagueRequest};
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{Row, TrainingEnd};
+use crate::run_dir::{Row, RunDir, TrainingEnd};
 use crate::sim::PlantKind;
 use crate::training::{PerAdoMode, TrainRequest, TrainSession, TrainingOutcome};
 use crate::world::{Scenario, TrainingEgos};
@@ -58,6 +59,12 @@ pub(super) struct TrainArgs {
     /// Learn from a run, or from kept counterexamples, of any ego; repeat for several.
     #[arg(long, value_name = "RUN|DIR", conflicts_with = "resume")]
     bank: Vec<PathBuf>,
+    /// Train N ados for distinct failures, without a closing evaluation.
+    #[arg(long, value_name = "N", value_parser = count(1..=1000))]
+    distinct: Option<u64>,
+    /// Train ados against egos of the family that respond to them (experimental).
+    #[arg(long, value_name = "ROUNDS", conflicts_with = "distinct", value_parser = count(1..=1000))]
+    league: Option<u64>,
     /// Test starts of the closing evaluation, always of seed 0.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
@@ -82,7 +89,16 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let world = args.traffic.limited(world)?;
     // A refused stream must leave no run directory, and a refused training no stream.
     args.live.check(args.common.json)?;
-    let mut session = session(args, &world)?;
+    match (args.distinct, args.league) {
+        (Some(members), _) => train_population(args, &world, members as usize),
+        (None, Some(rounds)) => train_league(args, &world, rounds as usize),
+        (None, None) => train_one(args, &world),
+    }
+}
+
+/// Trains one ado and evaluates it.
+fn train_one(args: &TrainArgs, world: &Scenario) -> Result<Exit, Failure> {
+    let mut session = session(args, world)?;
     let title = format!("training in {}", world.name);
     let live = args.live.open(&title, Streamed::Training)?;
     let bar = progress::bar(&args.common, "");
@@ -115,14 +131,41 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     Ok(finished(Exit::Done))
 }
 
-/// Begins a training or goes on with one.
-fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> {
+/// Trains several ados that fail the ego in different cells.
+fn train_population(args: &TrainArgs, world: &Scenario, members: usize) -> Result<Exit, Failure> {
+    let from = source(args)?;
+    let request = DistinctRequest::new(request(args, from.as_ref()), members);
+    let title = format!("training in {}", world.name);
+    let live = args.live.open(&title, Streamed::Training)?;
+    let path = output(args, world);
+    let shown = (&args.common, live.audience());
+    population::train(world, &path, (&request, args.resume), shown)
+}
+
+/// Trains egos and ados by alternating responses.
+fn train_league(args: &TrainArgs, world: &Scenario, rounds: usize) -> Result<Exit, Failure> {
+    let from = source(args)?;
+    let request = LeagueRequest::new(request(args, from.as_ref()), rounds);
+    let title = format!("training in {}", world.name);
+    let live = args.live.open(&title, Streamed::Training)?;
+    let shown = (&args.common, live.audience());
+    league::train(world, &output(args, world), (&request, args.resume), shown)
+}
+
+/// Returns the run directory.
+fn output(args: &TrainArgs, world: &Scenario) -> PathBuf {
     let default = || PathBuf::from(format!("runs/{}-{}", world.name, args.seed.unwrap_or(0)));
-    let path = args.output.clone().unwrap_or_else(default);
+    args.output.clone().unwrap_or_else(default)
+}
+
+/// Opens the run to fine-tune.
+fn source(args: &TrainArgs) -> Result<Option<RunDir>, Failure> {
     let from = args.from.as_ref();
-    // The source run is opened first, so a damaged run leaves no new directory.
-    let from = from.map(|from| open_run(from, &args.common)).transpose()?;
-    let request = TrainRequest {
+    Ok(from.map(|from| open_run(from, &args.common)).transpose()?)
+}
+
+fn request<'a>(args: &'a TrainArgs, from: Option<&'a RunDir>) -> TrainRequest<'a> {
+    TrainRequest {
         seed: args.seed,
         decisions: args.decisions,
         learner: args.learner.as_deref(),
@@ -132,9 +175,17 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
         leave_out: args.leave_out.as_deref(),
         ego: args.ego.as_deref(),
         plant: args.plant,
-        from: from.as_ref(),
+        from,
         bank: &args.bank,
-    };
+    }
+}
+
+/// Begins a training or goes on with one.
+fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> {
+    let path = output(args, world);
+    // The source run is opened first, so a damaged run leaves no new directory.
+    let from = source(args)?;
+    let request = request(args, from.as_ref());
     Ok(if args.resume {
         TrainSession::resume(world, &path, &request)?
     } else {

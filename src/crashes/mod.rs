@@ -1,6 +1,7 @@
 //! Crashes: saved, minimized, explained, replayed, exported and drawn.
 
 pub(crate) mod export;
+mod failure_cell;
 mod find;
 mod highlights;
 pub(crate) mod minimize;
@@ -14,6 +15,7 @@ pub(crate) mod save_crashes;
 
 pub use export::{ExportRefusal, Exports, NotExported, export};
 pub(crate) use export::{openx, write_openx};
+pub use failure_cell::CellFinder;
 pub use find::FindError;
 pub(crate) use highlights::highlights;
 pub use picture::{Inapplicable, UnknownViewKind, ViewKind, picture};

@@ -47,6 +47,15 @@ pub(crate) struct CrashClass {
 }
 
 impl CrashClass {
+    /// Returns the kind of contact in words.
+    pub(crate) fn contact_in_words(&self) -> String {
+        match (&self.with, self.kind) {
+            (None, _) => "no contact".to_owned(),
+            (Some((a, b)), Some(kind)) => format!("{} of {a} and {b}", kind.word()),
+            (Some((a, b)), None) => format!("contact of {a} and {b}"),
+        }
+    }
+
     /// Returns the violated leaf of ψ_ego and the agents in contact.
     pub(crate) fn leaf_and_contact(&self) -> (String, Option<(String, String)>) {
         (self.leaf.clone(), self.with.clone())

@@ -31,5 +31,6 @@ pub(crate) use failed_leaf::{leaf, violated};
 pub use progress::{Remark, StepPlace, Watch};
 pub use test_starts::{TestStarts, test_starts};
 pub(crate) use test_starts::{drawn_starts, test_noise, untried_starts};
+pub(crate) use traffic::traffic_model;
 pub use traffic::{TrafficError, in_named_traffic};
 pub(crate) use trivial_starts::TrivialStarts;

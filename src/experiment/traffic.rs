@@ -56,7 +56,7 @@ impl TrafficError {
     }
 }
 
-/// Returns the world in a named traffic model, by default the shipped one.
+/// Returns the world in a named traffic model, by default its own or the shipped one.
 ///
 /// # Errors
 /// No ado drives a vehicle, or the file cannot be read or is no model.
@@ -66,8 +66,19 @@ pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario
             world: world.name().to_owned(),
         });
     }
+    if name.is_none() && world.traffic().is_declared {
+        return Ok(world.clone());
+    }
+    Ok(world.in_traffic(traffic_model(name)?))
+}
+
+/// Returns a named traffic model, by default the shipped one.
+///
+/// # Errors
+/// The file cannot be read or is no model.
+pub(crate) fn traffic_model(name: Option<&str>) -> Result<Arc<TrafficModel>, TrafficError> {
     let Some(file) = name.filter(|name| *name != SHIPPED) else {
-        return Ok(world.in_traffic(motorway()));
+        return Ok(motorway());
     };
     let text = file_text(Path::new(file)).map_err(|source| TrafficError::Read {
         file: file.to_owned(),
@@ -77,7 +88,7 @@ pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario
         file: file.to_owned(),
         source: Box::new(source),
     })?;
-    Ok(world.in_traffic(Arc::new(model)))
+    Ok(Arc::new(model))
 }
 
 /// Returns whether an ado drives a vehicle.

@@ -35,7 +35,7 @@ pub(crate) use animation::{Beside, looping_picture};
 pub(crate) use campaign::CampaignPage;
 pub(crate) use figures::sweep_curve;
 pub(crate) use points::{PointCase, PointsPage};
-pub(crate) use recorded_rules::{recorded_rules_junit, worst_instant};
+pub(crate) use recorded_rules::recorded_rules_junit;
 pub(crate) use start_map::{CellState, MapCell, StartMap};
 pub(crate) use table::TextTable;
 pub(crate) use verdict::outcome_in_words;

@@ -49,7 +49,8 @@ impl TrainingCounters {
 }
 
 /// Successful episode: its start and its actions.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Demonstration {
     /// Episode index with which to reset the environment.
     pub index: u64,

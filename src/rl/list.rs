@@ -3,15 +3,15 @@
 //! A new learner is one module beside this one, whose settings implement
 //! `learner::LearnerKind`, and one line in the list.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
 use super::learner::{
     Built, ConfigError, Learner, LearnerKind, Seeding, Shaped, expect_kind, expect_sizes, within,
 };
-use super::{
-    DqfdSettings, DqnSettings, PerAdoSettings, Policy, PpoSettings, QTableSettings, Spaces,
-};
+use super::{DqfdSettings, DqnSettings, PartSpaces, Policy, PpoSettings, QTableSettings, Spaces};
 
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
@@ -86,6 +86,107 @@ learners! {
     /// Example learner that repeats the most rewarded action.
     #[cfg(test)]
     Paid(super::example_learner::PaidSettings),
+}
+
+/// Which ados learn from an episode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum PerAdoTraining {
+    /// All of them, each from its own reward.
+    #[default]
+    Independent,
+    /// One at a time, in turn: a best response to the others.
+    Alternating {
+        /// Turns of each ado.
+        rounds: u32,
+    },
+}
+
+/// Signals that each ado observes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum PerAdoObservation {
+    /// Those of all ados, as a common learner.
+    #[default]
+    Shared,
+    /// Those that it lists itself, so that its policy can act without the others.
+    Own,
+}
+
+/// Settings of a learner per ado.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "PerAdoConfig", deny_unknown_fields, default)]
+pub struct PerAdoSettings {
+    /// Decisions to train for (160000).
+    pub decisions: u64,
+    /// Factor on `decisions` up to which an unsuccessful training goes on (2).
+    ///
+    /// `--decisions` sets it to 1.
+    pub longest: f64,
+    /// Which ados learn from an episode (all: `Independent`).
+    pub training: PerAdoTraining,
+    /// Signals that each ado observes (`Shared`).
+    pub observe: PerAdoObservation,
+    /// Learner of every ado that `ados` leaves out (`Dqfd()`).
+    pub learner: Box<LearnerSettings>,
+    /// Learners of ados, by name.
+    pub ados: BTreeMap<String, LearnerSettings>,
+    /// Share of the episodes that begin along a success (0.2).
+    pub guided: f64,
+    /// Successes kept for guidance (5000).
+    pub remembered: usize,
+    /// Search for the first successes.
+    pub seeding: Seeding,
+}
+
+impl Default for PerAdoSettings {
+    fn default() -> Self {
+        PerAdoSettings {
+            decisions: 160_000,
+            longest: 2.0,
+            training: PerAdoTraining::default(),
+            observe: PerAdoObservation::default(),
+            learner: Box::new(LearnerSettings::Dqfd(DqfdSettings::default())),
+            ados: BTreeMap::new(),
+            guided: 0.2,
+            remembered: 5000,
+            seeding: Seeding::default(),
+        }
+    }
+}
+
+impl PerAdoSettings {
+    /// Returns the settings of an ado's learner, for its share of the training.
+    ///
+    /// Its updates are spaced so that all of `ados` together make as many as a common
+    /// learner.
+    pub(super) fn learner_of(&self, part: &PartSpaces, ados: usize) -> LearnerSettings {
+        let own = self.ados.get(&part.name).unwrap_or(&self.learner);
+        let mut own = own.clone();
+        // Every learner takes part in each decision, so all have the whole number.
+        own.fix(self.decisions);
+        own.kind_mut().space_updates(ados as u64);
+        own
+    }
+
+    /// Returns the ados of a world, or one that takes all its actions.
+    pub(super) fn parts_of(&self, spaces: &Spaces) -> Vec<PartSpaces> {
+        let all: Vec<usize> = (0..spaces.observation).collect();
+        let mut parts = spaces.parts.clone();
+        if parts.is_empty() {
+            parts.push(PartSpaces {
+                name: "ado".to_owned(),
+                actions: spaces.actions,
+                neutral: spaces.neutral,
+                observed: all.clone(),
+            });
+        }
+        // `Shared` shows each ado the joint observation, in its order.
+        if self.observe == PerAdoObservation::Shared {
+            for part in &mut parts {
+                part.observed.clone_from(&all);
+            }
+        }
+        parts
+    }
 }
 
 impl Default for LearnerSettings {

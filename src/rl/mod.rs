@@ -56,10 +56,9 @@ pub use dqn::{DqnSettings, Loss};
 pub use learner::{
     Choice, ConfigError, Demonstration, EpisodePlan, Learner, Seeding, TrainingCounters,
 };
-pub use list::{LearnerConfig, LearnerSettings};
+pub use list::{LearnerConfig, LearnerSettings, PerAdoObservation, PerAdoSettings, PerAdoTraining};
 pub(crate) use list::{fine_tuner, load_policy, load_policy_for};
 pub(crate) use per_ado::policy_of_part;
-pub use per_ado::{PerAdoObservation, PerAdoSettings, PerAdoTraining};
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};
 

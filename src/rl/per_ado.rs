@@ -9,14 +9,12 @@
 //! All ados play the same episodes. A joint action of a hundred is then a choice
 //! of five and a choice of twenty, and each policy is one of its own ado.
 
+mod one_part;
 mod policy;
 
-use std::collections::BTreeMap;
-
-use serde::{Deserialize, Serialize};
-
-use self::policy::PerAdoPolicy;
+use self::one_part::OnePart;
 pub(crate) use self::policy::policy_of_part;
+use self::policy::{POLICY, PerAdoPolicy};
 use super::bundle::{BundleError, TensorFile};
 use super::demonstrations::GuideMemory;
 use super::dice::LearnerRng;
@@ -24,116 +22,15 @@ use super::learner::{
     Built, Choice, ConfigError, Demonstration, EpisodePlan, Learner, LearnerKind, Seeding, Shaped,
     TrainingCounters, within,
 };
-use super::list::LearnerSettings;
+use super::list::{LearnerSettings, PerAdoSettings, PerAdoTraining};
 use super::starts::{EpisodeStart, StartPool};
-use super::{DqfdSettings, End, Env, Losses, PartSpaces, Policy, Spaces, Step};
+use super::{End, Env, Losses, PartSpaces, Policy, Spaces, Step};
 
-/// Kind of a kept policy.
-const POLICY: &str = "brakecheck per-ado policy 1";
 /// Kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck per-ado checkpoint 1";
 
 /// Failed starts that are played again: share of the episodes, number kept, retries.
 const RESTART: (f64, usize, u32) = (0.5, 400, 4);
-
-/// Which ados learn from an episode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum PerAdoTraining {
-    /// All of them, each from its own reward.
-    #[default]
-    Independent,
-    /// One at a time, in turn: a best response to the others.
-    Alternating {
-        /// Turns of each ado.
-        rounds: u32,
-    },
-}
-
-/// Signals that each ado observes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum PerAdoObservation {
-    /// Those of all ados, as a common learner.
-    #[default]
-    Shared,
-    /// Those that it lists itself, so that its policy can act without the others.
-    Own,
-}
-
-/// Settings of a learner per ado.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename = "PerAdoConfig", deny_unknown_fields, default)]
-pub struct PerAdoSettings {
-    /// Decisions to train for (160000).
-    pub decisions: u64,
-    /// Factor on `decisions` up to which an unsuccessful training goes on (2).
-    ///
-    /// `--decisions` sets it to 1.
-    pub longest: f64,
-    /// Which ados learn from an episode (all: `Independent`).
-    pub training: PerAdoTraining,
-    /// Signals that each ado observes (`Shared`).
-    pub observe: PerAdoObservation,
-    /// Learner of every ado that `ados` leaves out (`Dqfd()`).
-    pub learner: Box<LearnerSettings>,
-    /// Learners of ados, by name.
-    pub ados: BTreeMap<String, LearnerSettings>,
-    /// Share of the episodes that begin along a success (0.2).
-    pub guided: f64,
-    /// Successes kept for guidance (5000).
-    pub remembered: usize,
-    /// Search for the first successes.
-    pub seeding: Seeding,
-}
-
-impl Default for PerAdoSettings {
-    fn default() -> Self {
-        PerAdoSettings {
-            decisions: 160_000,
-            longest: 2.0,
-            training: PerAdoTraining::default(),
-            observe: PerAdoObservation::default(),
-            learner: Box::new(LearnerSettings::Dqfd(DqfdSettings::default())),
-            ados: BTreeMap::new(),
-            guided: 0.2,
-            remembered: 5000,
-            seeding: Seeding::default(),
-        }
-    }
-}
-
-impl PerAdoSettings {
-    /// Returns the settings of an ado's learner, for its share of the training.
-    ///
-    /// Its updates are spaced so that all of `ados` together make as many as a common
-    /// learner.
-    fn learner_of(&self, part: &PartSpaces, ados: usize) -> LearnerSettings {
-        let own = self.ados.get(&part.name).unwrap_or(&self.learner);
-        let mut own = own.clone();
-        own.fix(self.decisions);
-        own.kind_mut().space_updates(ados as u64);
-        own
-    }
-
-    /// Returns the ados of a world, or one that takes all its actions.
-    fn parts_of(&self, spaces: &Spaces) -> Vec<PartSpaces> {
-        let all: Vec<usize> = (0..spaces.observation).collect();
-        let mut parts = spaces.parts.clone();
-        if parts.is_empty() {
-            parts.push(PartSpaces {
-                name: "ado".to_owned(),
-                actions: spaces.actions,
-                neutral: spaces.neutral,
-                observed: all.clone(),
-            });
-        }
-        if self.observe == PerAdoObservation::Shared {
-            for part in &mut parts {
-                part.observed.clone_from(&all);
-            }
-        }
-        parts
-    }
-}
 
 /// Returns the spaces of an ado's own decision problem.
 fn own_spaces(part: &PartSpaces) -> Spaces {
@@ -189,7 +86,7 @@ impl LearnerKind for PerAdoSettings {
         let parts = parts.map(|(i, part)| {
             let learner = self.learner_of(&part, ados);
             let learner = learner.kind().build(&own_spaces(&part), seed_of(seed, i));
-            Part::new(part, learner)
+            AdoLearner::new(part, learner)
         });
         Box::new(PerAdo::of(
             self,
@@ -209,9 +106,9 @@ impl LearnerKind for PerAdoSettings {
             let kind = kind.kind();
             super::learner::expect_kind(&bundle, kind.bundles()[0])?;
             let learner = kind.build_from(&own_spaces(&part), seed_of(seed, i), &bundle)?;
-            Ok(Part::new(part, learner))
+            Ok(AdoLearner::new(part, learner))
         });
-        let parts = parts.collect::<Result<Vec<Part>, BundleError>>()?;
+        let parts = parts.collect::<Result<Vec<AdoLearner>, BundleError>>()?;
         Ok(Box::new(PerAdo::of(
             self,
             spaces,
@@ -230,9 +127,9 @@ impl LearnerKind for PerAdoSettings {
             let kind = kind.kind();
             super::learner::expect_kind(&bundle, kind.bundles()[1])?;
             let learner = kind.restore(&own_spaces(&part), &bundle)?;
-            Ok(Part::new(part, learner))
+            Ok(AdoLearner::new(part, learner))
         });
-        let parts = parts.collect::<Result<Vec<Part>, BundleError>>()?;
+        let parts = parts.collect::<Result<Vec<AdoLearner>, BundleError>>()?;
         let mut learner = PerAdo::of(self, spaces, parts, LearnerRng::restore(checkpoint)?);
         learner.starts.restore(checkpoint)?;
         learner.guides.restore(checkpoint, spaces.actions)?;
@@ -262,7 +159,7 @@ impl LearnerKind for PerAdoSettings {
 }
 
 /// One ado with its learner.
-struct Part {
+struct AdoLearner {
     spaces: PartSpaces,
     learner: Box<dyn Learner>,
     /// Its observation of the current state.
@@ -271,9 +168,9 @@ struct Part {
     learns: bool,
 }
 
-impl Part {
-    fn new(spaces: PartSpaces, learner: Box<dyn Learner>) -> Part {
-        Part {
+impl AdoLearner {
+    fn new(spaces: PartSpaces, learner: Box<dyn Learner>) -> AdoLearner {
+        AdoLearner {
             obs: vec![0.0; spaces.observed.len()],
             spaces,
             learner,
@@ -293,17 +190,17 @@ struct PerAdo {
     training: PerAdoTraining,
     observation: usize,
     actions: usize,
-    parts: Vec<Part>,
+    parts: Vec<AdoLearner>,
     starts: StartPool,
     guides: GuideMemory,
     dice: LearnerRng,
     tally: TrainingCounters,
-    running: RunningEpisode,
+    running: JointEpisode,
 }
 
 /// State of the running episode, empty between episodes.
 #[derive(Default)]
-struct RunningEpisode {
+struct JointEpisode {
     start: EpisodeStart,
     actions: Vec<usize>,
     /// Reward of each part for the last decision.
@@ -315,7 +212,7 @@ impl PerAdo {
     fn of(
         settings: &PerAdoSettings,
         spaces: &Spaces,
-        parts: Vec<Part>,
+        parts: Vec<AdoLearner>,
         dice: LearnerRng,
     ) -> PerAdo {
         let (restart, pool, tries) = RESTART;
@@ -323,9 +220,9 @@ impl PerAdo {
             training: settings.training,
             observation: spaces.observation,
             actions: spaces.actions,
-            running: RunningEpisode {
+            running: JointEpisode {
                 rewards: vec![0.0; parts.len()],
-                ..RunningEpisode::default()
+                ..JointEpisode::default()
             },
             parts,
             starts: StartPool::new(restart, pool, tries),
@@ -390,6 +287,7 @@ impl Learner for PerAdo {
             let part = &mut self.parts[i];
             part.learns = learns;
             part.see(obs);
+            // A frozen learner that saw this beginning would wait for its end.
             if learns {
                 part.learner.begin(plan, &part.obs);
             }
@@ -420,6 +318,7 @@ impl Learner for PerAdo {
             unit *= actions;
         }
         self.running.actions.push(joint);
+        // An environment that fills in no rewards must not repeat the last ones.
         self.running.rewards.fill(0.0);
         joint
     }
@@ -443,6 +342,7 @@ impl Learner for PerAdo {
             Some(End::Aborted) => self.tally.aborted += 1,
             Some(End::Terminated | End::Truncated) => {
                 self.tally.episodes += 1;
+                // The common return decides: a success is one of all ados or of none.
                 if self.running.total <= 0.0 {
                     self.starts.failed(self.running.start);
                 } else {
@@ -456,6 +356,7 @@ impl Learner for PerAdo {
     }
 
     fn demonstrate(&mut self, env: &mut dyn Env, shown: &[Demonstration]) -> usize {
+        // Played once for all: a learner that keeps no demonstrations cannot tell.
         let succeed = shown.iter().filter(|shown| self.succeeds(env, shown));
         let succeed: Vec<Demonstration> = succeed.cloned().collect();
         let (mut unit, parts) = (1, self.parts.len());
@@ -543,52 +444,5 @@ impl Learner for PerAdo {
         self.tally.save(&mut bundle);
         bundle.put("asked", &[1], vec![self.tally.requested]);
         bundle
-    }
-}
-
-/// Decision problem of one ado while the others play a demonstration.
-struct OnePart<'a> {
-    env: &'a mut dyn Env,
-    spaces: Spaces,
-    part: usize,
-    observed: Vec<usize>,
-    /// Joint actions of the demonstration.
-    actions: Vec<usize>,
-    at: usize,
-    joint: Vec<f32>,
-    rewards: Vec<f32>,
-}
-
-impl OnePart<'_> {
-    fn see(&self, obs: &mut [f32]) {
-        for (own, &at) in obs.iter_mut().zip(&self.observed) {
-            *own = self.joint[at];
-        }
-    }
-}
-
-impl Env for OnePart<'_> {
-    fn spaces(&self) -> &Spaces {
-        &self.spaces
-    }
-
-    fn reset(&mut self, index: u64, obs: &mut [f32]) {
-        self.at = 0;
-        self.env.reset(index, &mut self.joint);
-        self.see(obs);
-    }
-
-    /// Plays the joint action of the demonstration, of which the own action is a part.
-    fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
-        // Invariant: a learner demonstrates the actions it was given, in order.
-        let joint = self.actions.get(self.at).copied().unwrap_or(action);
-        self.at += 1;
-        let step = self.env.step(joint, &mut self.joint);
-        self.env.part_rewards(step, &mut self.rewards);
-        self.see(obs);
-        Step {
-            reward: self.rewards[self.part],
-            ..step
-        }
     }
 }

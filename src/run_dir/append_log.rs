@@ -26,14 +26,14 @@ pub(crate) struct Grown {
 }
 
 impl Grown {
-    pub(super) fn is_nothing(&self) -> bool {
+    pub(crate) fn is_nothing(&self) -> bool {
         self.bytes == 0
     }
 }
 
 /// Growing file, hashed as it grows.
 #[derive(Clone, Debug)]
-pub(super) struct Growing {
+pub(crate) struct Growing {
     path: PathBuf,
     bytes: u64,
     hash: Sha256,
@@ -41,7 +41,7 @@ pub(super) struct Growing {
 
 impl Growing {
     /// Returns a file that does not exist yet.
-    pub(super) fn new(path: PathBuf) -> Growing {
+    pub(crate) fn new(path: PathBuf) -> Growing {
         Growing {
             path,
             bytes: 0,
@@ -54,7 +54,7 @@ impl Growing {
     /// # Errors
     ///
     /// Returns an error if the disk refuses, or valid bytes are missing.
-    pub(super) fn cut_back(path: PathBuf, known: &Grown) -> Result<Growing, RunError> {
+    pub(crate) fn cut_back(path: PathBuf, known: &Grown) -> Result<Growing, RunError> {
         let Counting { text, hash } = counting(&path, known)?;
         if known.bytes < text.len() as u64 {
             cut(&path, known.bytes)?;
@@ -71,7 +71,7 @@ impl Growing {
     /// # Errors
     ///
     /// Returns an error if the disk refuses.
-    pub(super) fn append(&mut self, text: &str) -> Result<(), RunError> {
+    pub(crate) fn append(&mut self, text: &str) -> Result<(), RunError> {
         append(&self.path, text.as_bytes())?;
         self.bytes += text.len() as u64;
         self.hash.update(text);
@@ -79,7 +79,7 @@ impl Growing {
     }
 
     /// Returns the entry of the manifest for the current state.
-    pub(super) fn now(&self) -> Grown {
+    pub(crate) fn now(&self) -> Grown {
         Grown {
             bytes: self.bytes,
             sha256: in_digits(&self.hash.clone().finalize()),
@@ -129,7 +129,7 @@ fn counting(path: &Path, known: &Grown) -> Result<Counting, RunError> {
 /// # Errors
 ///
 /// Returns an error if the disk refuses, or the file differs from the manifest.
-pub(super) fn verified(path: &Path, known: &Grown, is_whole: bool) -> Result<Vec<u8>, RunError> {
+pub(crate) fn verified(path: &Path, known: &Grown, is_whole: bool) -> Result<Vec<u8>, RunError> {
     let Counting { mut text, .. } = counting(path, known)?;
     if is_whole && known.bytes < text.len() as u64 {
         return Err(RunError::Damaged {

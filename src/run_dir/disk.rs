@@ -242,7 +242,7 @@ pub(super) fn cut(path: &Path, bytes: u64) -> Result<(), RunError> {
 }
 
 /// Removes a file. A missing file is no error.
-pub(super) fn remove(path: &Path) -> io::Result<()> {
+pub(crate) fn remove(path: &Path) -> io::Result<()> {
     step(path)?;
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
@@ -253,7 +253,7 @@ pub(super) fn remove(path: &Path) -> io::Result<()> {
 /// Removes leftovers of killed writers from a directory, as far as possible.
 ///
 /// A file that is still being written is locked.
-pub(super) fn sweep(dir: &Path) {
+pub(crate) fn sweep(dir: &Path) {
     for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
         if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
             let path = entry.path();
@@ -304,12 +304,19 @@ fn parent(path: &Path) -> &Path {
 }
 
 /// Returns true if a directory contains more than the beginning of a run.
-pub(super) fn is_taken(path: &Path) -> bool {
+pub(crate) fn is_taken(path: &Path) -> bool {
     let Ok(entries) = fs::read_dir(path) else {
         return false;
     };
     let begun = |name: &str| {
-        ["lock", "world.ron", "from.safetensors", "bank.json"].contains(&name)
+        [
+            "lock",
+            "world.ron",
+            "from.safetensors",
+            "bank.json",
+            "known.json",
+        ]
+        .contains(&name)
             || name.starts_with(UNFINISHED)
     };
     let mut names = entries.flatten().map(|entry| entry.file_name());
@@ -317,7 +324,7 @@ pub(super) fn is_taken(path: &Path) -> bool {
 }
 
 /// Locks a run directory for one process.
-pub(super) fn lock(path: &Path) -> Result<File, RunError> {
+pub(crate) fn lock(path: &Path) -> Result<File, RunError> {
     let file_path = path.join("lock");
     let failed = io_error("creating", &file_path);
     step(&file_path).map_err(&failed)?;
@@ -337,7 +344,7 @@ pub(super) fn lock(path: &Path) -> Result<File, RunError> {
 /// # Errors
 ///
 /// Returns an error if the disk refuses, or the bytes are not UTF-8.
-pub(super) fn read_text(path: &Path) -> Result<String, RunError> {
+pub(crate) fn read_text(path: &Path) -> Result<String, RunError> {
     let bytes = file_bytes(path).map_err(io_error("reading", path))?;
     String::from_utf8(bytes).map_err(|error| RunError::Damaged {
         path: path.into(),
@@ -346,7 +353,7 @@ pub(super) fn read_text(path: &Path) -> Result<String, RunError> {
 }
 
 /// Returns a disk error with the attempted operation and the path.
-pub(super) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) -> RunError + use<> {
+pub(crate) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) -> RunError + use<> {
     let path = path.to_owned();
     move |source| RunError::Io {
         verb,

@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::RunDifference;
+use super::manifest::MEMBERS;
 use crate::ron_file::ScenarioError;
 
 /// Failure to use a run directory.
@@ -30,6 +31,12 @@ pub enum RunError {
         path: PathBuf,
         /// Missing or invalid content.
         why: String,
+    },
+    /// The directory contains a population of runs.
+    #[error("`{path}` is a population of runs, and no single run")]
+    Population {
+        /// Directory.
+        path: PathBuf,
     },
     /// The training was interrupted.
     #[error("the training in `{path}` has not finished ({done} of {requested} decisions)")]
@@ -99,6 +106,11 @@ impl RunError {
             RunError::NotARun { .. } => {
                 Some("make one with `brakecheck train WORLD -o RUN`".to_owned())
             }
+            RunError::Population { path } => Some(format!(
+                "name one of its members, such as `{}`, or test all with `brakecheck eval {} --members all`",
+                path.join(MEMBERS).join("000").display(),
+                path.display(),
+            )),
             RunError::Unfinished { .. } => {
                 Some("go on with `brakecheck train WORLD -o RUN --resume`".to_owned())
             }

@@ -15,7 +15,11 @@ use crate::rulebook::TrainingGoal;
 use crate::scene::Dynamics;
 use crate::world::{Change, TrainingEgos};
 
-pub(super) const FILE: &str = "manifest.json";
+pub(crate) const FILE: &str = "manifest.json";
+/// File that makes a directory a population of runs, in place of the manifest.
+pub(crate) const POPULATION: &str = "population.json";
+/// Directory of a population's runs, which are called `000`, `001` and so on.
+pub(crate) const MEMBERS: &str = "members";
 /// Separate file of the processor time, in which equal trainings differ.
 pub(super) const TIMING: &str = "timing.json";
 
@@ -151,6 +155,9 @@ pub struct Manifest {
     /// SHA-256 of `bank.json`, when learning from other trainings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) bank_sha256: Option<String>,
+    /// SHA-256 of `known.json`, if the training rewards rare failures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) known_sha256: Option<String>,
     /// File of the checkpoint and its SHA-256, during training.
     #[serde(default)]
     pub checkpoint: Option<(String, String)>,
@@ -235,6 +242,9 @@ impl Manifest {
             return Err(not_a_run(why.to_owned()));
         }
         let file = run.join(FILE);
+        if !file.is_file() && run.join(POPULATION).is_file() {
+            return Err(RunError::Population { path: run.into() });
+        }
         if !file.is_file() {
             return Err(not_a_run(format!("it has no `{FILE}`")));
         }

@@ -6,6 +6,7 @@
 //! RUN/timing.json              processor time, sealed: the only difference of equal trainings
 //! RUN/policy.safetensors       the trained ado
 //! RUN/from.safetensors         the ado it was fine-tuned from, if any
+//! RUN/known.json               the failures whose rarity it rewards, if any
 //! RUN/progress.jsonl           one line per report of the learner
 //! RUN/counterexamples.jsonl    the successes of the training, at most 50000
 //! RUN/checkpoint-N.safetensors while training: the state for resuming after N decisions
@@ -20,7 +21,7 @@
 
 mod about;
 mod adversary_id;
-mod append_log;
+pub(crate) mod append_log;
 pub(crate) mod cached_result;
 mod calibration;
 mod contact_severity;
@@ -28,6 +29,7 @@ pub(crate) mod counterexample;
 mod differences;
 pub(crate) mod disk;
 mod error;
+mod failure_cell;
 mod manifest;
 mod progress;
 mod repeated_runs;
@@ -58,10 +60,13 @@ pub(crate) use counterexample::digests_of;
 pub use counterexample::{Counterexample, KeptError};
 pub use differences::{RequestedTraining, RunDifference};
 pub use disk::write_file;
-pub(crate) use disk::{WholeFile, file_name, make_dir};
+pub(crate) use disk::{WholeFile, file_name, make_dir, read_text};
 pub use error::RunError;
-pub(crate) use manifest::Window;
+pub use failure_cell::{
+    CLOSING_BIN_MPS, CellCount, CellFailure, DecisiveAction, FailureCell, KnownFailures,
+};
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
+pub(crate) use manifest::{FILE as MANIFEST, MEMBERS, POPULATION, Window};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
 pub use row::{Anytime, BrokenRule, FailsAlone, FailureKind, Row, Unconfirmed};
@@ -93,6 +98,8 @@ pub(crate) struct Beginning<'a> {
     pub(crate) bank: &'a [KnownEpisode],
     /// Changed ego to train against.
     pub(crate) ego: Option<ChangedEgo>,
+    /// Failures whose rarity is rewarded.
+    pub(crate) known: Option<&'a KnownFailures>,
 }
 
 /// Open run directory.
@@ -172,6 +179,7 @@ impl RunDir {
                 ego: with.ego,
                 from_sha256: None,
                 bank_sha256: None,
+                known_sha256: None,
                 checkpoint: None,
                 policy_sha256: None,
             },
@@ -193,6 +201,7 @@ impl RunDir {
             run.write(BANK, text.as_bytes())?;
             run.manifest.bank_sha256 = Some(sha256(text.as_bytes()));
         }
+        run.write_known(with.known)?;
         run.write_manifest()?;
         Ok(run)
     }
@@ -230,6 +239,9 @@ impl RunDir {
         }
         if let Some(bank) = &manifest.bank_sha256 {
             self.read_verified(BANK, Some(bank))?;
+        }
+        if self.path.join(failure_cell::KNOWN).exists() {
+            self.known_failures()?;
         }
         if let Some(policy) = &manifest.policy_sha256 {
             self.read_verified("policy.safetensors", Some(policy))?;
@@ -497,7 +509,7 @@ impl RunDir {
 }
 
 /// Version of this program.
-fn version() -> String {
+pub(crate) fn version() -> String {
     env!("CARGO_PKG_VERSION").to_owned()
 }
 

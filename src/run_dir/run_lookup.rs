@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{RunDir, RunError};
-use crate::ron_file::LoadError;
+use crate::ron_file::{LoadError, file_text};
 use crate::world::{NamedRun, RunRefused, RunSource, Scenario};
 
 /// Source of runs as directories.
@@ -25,6 +25,20 @@ impl RunSource for RunsOnDisk {
             });
         };
         read(&dir).map_err(|error| refused(name, &error))
+    }
+
+    fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
+        let own = PathBuf::from(name);
+        let beside = Path::new(file).parent().map(|dir| dir.join(name));
+        // Without either, the error is that of the name as it is written.
+        let path = match beside {
+            Some(beside) if !own.exists() && beside.exists() => beside,
+            _ => own,
+        };
+        file_text(&path).map_err(|error| RunRefused {
+            what: format!("cannot read `{name}`: {error}"),
+            help: "files are looked for from here and beside the world file".to_owned(),
+        })
     }
 }
 

@@ -43,6 +43,13 @@ impl CrossEntropySearch {
         elite: 8,
         wide: 0.8,
     };
+    /// Search of the whole box for costs that take many simulations.
+    pub(crate) const COARSE: CrossEntropySearch = CrossEntropySearch {
+        generations: 5,
+        population: 20,
+        elite: 5,
+        wide: 0.8,
+    };
     /// Search around a point that is nearly right.
     pub(crate) const NEAR: CrossEntropySearch = CrossEntropySearch {
         generations: 10,

@@ -60,6 +60,7 @@ impl<'a> SampledPolicy<'a> {
 
 impl Actor for SampledPolicy<'_> {
     fn begin(&mut self, seed: u64, _start: &Start) {
+        // Draws of one start differ, and are the same on any number of threads.
         self.rng = seed::generator("sampled policy", &[seed, self.draw]);
     }
 

@@ -94,6 +94,7 @@ pub(super) fn gather(world: &Scenario, paths: &[PathBuf]) -> Result<Vec<KnownEpi
         };
         all.extend(known);
     }
+    // Evenly and not the first ones, which an early and weak ado has found.
     let every = all.len().div_ceil(MOST).max(1);
     Ok(all.into_iter().step_by(every).collect())
 }
@@ -168,6 +169,7 @@ fn fits(world: &Scenario, theirs: &Scenario, path: &Path) -> Result<(), BankErro
         let axes = world.axes().into_iter();
         axes.map(|axis| axis.name).collect()
     };
+    // By name and order: a start is a list of numbers without names.
     let (ours, others) = (names(world), names(theirs));
     if ours != others {
         return unlike(format!(

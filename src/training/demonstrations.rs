@@ -63,6 +63,7 @@ pub(super) fn seed_training(
         .collect();
     let mut seeded = Seeded::default();
     let known: Vec<u64> = (0..bank.len() as u64).map(|i| FIRST_KNOWN + i).collect();
+    // Against this ego first: what made another one fail may not work here.
     let played = training_search.play_known(&known, watch);
     if watch.stopped() {
         return None;
@@ -170,6 +171,14 @@ pub(super) struct Budget {
 }
 
 impl Seeded {
+    /// Returns demonstrations that cost no search.
+    pub(super) fn known(demonstrations: Vec<Demonstration>) -> Seeded {
+        Seeded {
+            demonstrations,
+            ..Seeded::default()
+        }
+    }
+
     /// Searches in order the starts that one switch of action does not solve.
     ///
     /// Returns the number of searched starts. `None`: stopped.

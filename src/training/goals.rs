@@ -6,9 +6,13 @@
 //! Richardson, "Genetic algorithms with sharing for multimodal function optimization",
 //! ICGA 1987) with counts in place of a population.
 
+use std::collections::BTreeMap;
+
+use crate::crashes::CellFinder;
 use crate::experiment::{CrashClass, CrashFeatures};
 use crate::rl::{BundleError, TensorFile};
 use crate::rulebook::TrainingGoal;
+use crate::run_dir::{CellCount, FailureCell, KnownFailures};
 use crate::testbench::Episode;
 use crate::world::Scenario;
 
@@ -18,6 +22,44 @@ pub struct GoalTracker {
     /// First success of each group, with the number of its successes.
     groups: Vec<(CrashFeatures, u64)>,
     successes: u64,
+    /// Rarity among the failures that a population knows, as a further goal.
+    rarity: Option<CellRarity>,
+}
+
+/// Counts of the failures that are known, of this training and of those before it.
+struct CellRarity {
+    cells: BTreeMap<FailureCell, u64>,
+    failures: u64,
+    finder: CellFinder,
+}
+
+impl CellRarity {
+    fn of(scenario: &Scenario, cells: &[CellCount]) -> CellRarity {
+        let cells = cells.iter().map(|one| (one.cell.clone(), one.failures));
+        let cells: BTreeMap<FailureCell, u64> = cells.collect();
+        CellRarity {
+            failures: cells.values().sum(),
+            cells,
+            finder: CellFinder::new(scenario),
+        }
+    }
+
+    /// Counts a failure in its cell and returns the share of the goal.
+    fn share(&mut self, cell: FailureCell) -> f64 {
+        let seen = self.cells.entry(cell).or_default();
+        *seen += 1;
+        let seen = *seen;
+        self.failures += 1;
+        TrainingGoal::distinct_share(seen, self.failures as f64 / self.cells.len() as f64)
+    }
+
+    fn counts(&self) -> Vec<CellCount> {
+        let counts = self.cells.iter().map(|(cell, failures)| CellCount {
+            cell: cell.clone(),
+            failures: *failures,
+        });
+        counts.collect()
+    }
 }
 
 impl GoalTracker {
@@ -31,18 +73,44 @@ impl GoalTracker {
         scenario: &Scenario,
         checkpoint: Option<&TensorFile>,
     ) -> Result<Option<GoalTracker>, BundleError> {
-        if scenario.goals().is_empty() {
+        GoalTracker::beyond(scenario, None, checkpoint)
+    }
+
+    /// Creates the goals as [`GoalTracker::of`], with the rarity among known failures as
+    /// a further goal.
+    ///
+    /// # Errors
+    /// The checkpoint holds no counts, or damaged ones.
+    pub fn beyond(
+        scenario: &Scenario,
+        known: Option<&KnownFailures>,
+        checkpoint: Option<&TensorFile>,
+    ) -> Result<Option<GoalTracker>, BundleError> {
+        if scenario.goals().is_empty() && known.is_none() {
             return Ok(None);
         }
         let mut tracker = GoalTracker {
             goals: scenario.goals().to_vec(),
             groups: Vec::new(),
             successes: 0,
+            rarity: known.map(|known| CellRarity::of(scenario, &known.cells)),
         };
         if let Some(checkpoint) = checkpoint {
             tracker.restore(checkpoint)?;
+            // The checkpoint also counts what was known before the training.
+            if tracker.rarity.is_some() {
+                let counts = checkpoint.rows::<u8>("goals/cells", &[])?;
+                let counts: Vec<CellCount> = from_json(counts)?;
+                tracker.rarity = Some(CellRarity::of(scenario, &counts));
+            }
         }
         Ok(Some(tracker))
+    }
+
+    /// Returns the physics steps of replays since the last call.
+    pub fn take_physics_steps(&mut self) -> u64 {
+        let finder = self.rarity.as_mut().map(|rarity| &mut rarity.finder);
+        finder.map_or(0, |finder| std::mem::take(&mut finder.physics_steps))
     }
 
     /// Counts a success and returns its mean share of the goals, in [0, 1].
@@ -53,12 +121,18 @@ impl GoalTracker {
         if episode.is_foul_before_contact() {
             return 0.0;
         }
+        // Copied, because `distinct` changes the tracker.
         let goals = self.goals.clone();
         let shares = goals.iter().map(|goal| match goal {
             TrainingGoal::Severe => severe(episode),
             TrainingGoal::Distinct => self.distinct(CrashFeatures::of(scenario, episode)),
         });
-        shares.sum::<f64>() / goals.len() as f64
+        let sum: f64 = shares.sum();
+        let Some(rarity) = &mut self.rarity else {
+            return sum / goals.len() as f64;
+        };
+        let cell = rarity.finder.cell(scenario, episode);
+        (sum + rarity.share(cell)) / (goals.len() + 1) as f64
     }
 
     fn distinct(&mut self, shape: CrashFeatures) -> f64 {
@@ -89,16 +163,19 @@ impl GoalTracker {
         bundle.put("goals/signals", &[n, width], signals);
         let counts = self.groups.iter().map(|(_, count)| *count).collect();
         bundle.put::<u64>("goals/counts", &[n], counts);
+        if let Some(rarity) = &self.rarity {
+            // Invariant: cells are words and numbers, which serde_json always writes.
+            let cells = serde_json::to_vec(&rarity.counts()).unwrap_or_default();
+            bundle.put("goals/cells", &[cells.len()], cells);
+        }
     }
 
     fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
         let classes = bundle.rows::<u8>("goals/stories", &[])?;
-        let classes: Vec<CrashClass> =
-            serde_json::from_slice(classes).map_err(|error| BundleError::Format {
-                why: error.to_string(),
-            })?;
+        let classes: Vec<CrashClass> = from_json(classes)?;
         let n = classes.len();
         let counts = bundle.get::<u64>("goals/counts", &[n])?;
+        // Without groups, there are no rows that state a width.
         let width = match bundle.shape("goals/signals") {
             Some([_, width]) => *width,
             _ => 0,
@@ -114,6 +191,12 @@ impl GoalTracker {
     }
 }
 
+fn from_json<T: serde::de::DeserializeOwned>(text: &[u8]) -> Result<T, BundleError> {
+    serde_json::from_slice(text).map_err(|error| BundleError::Format {
+        why: error.to_string(),
+    })
+}
+
 /// Returns the share of `Severe`, 0 without a contact of the ego.
 fn severe(episode: &Episode) -> f64 {
     let touch = episode.contact.as_ref();
@@ -121,4 +204,75 @@ fn severe(episode: &Episode) -> f64 {
     touch.map_or(0.0, |touch| {
         TrainingGoal::severe_share(touch.closing_speed_mps)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run_dir::CellFailure;
+    use crate::seed::{Purpose, StartKey};
+    use crate::sim::PlantKind;
+    use crate::testbench::{Aftermath, Constant, play};
+
+    /// A success in which the lead brakes hardest throughout.
+    fn success(world: &Scenario) -> Episode {
+        let mut bench = world.bench();
+        let key = |index| StartKey {
+            purpose: Purpose::Train,
+            seed: 5,
+            index,
+        };
+        let mut episodes = (0..200).map(|index| {
+            let (start, noise) = (bench.draw(key(index)), bench.noise_of(key(index)));
+            play(&mut bench, &start, noise, &mut Constant(0), Aftermath::Play)
+        });
+        let found = episodes.find(|it| it.verdict.is_success() && !it.is_foul_before_contact());
+        found.expect("the lead's braking fails the ego from some start")
+    }
+
+    #[test]
+    fn a_failure_of_a_rare_cell_earns_more_and_less_each_time() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = world.on(PlantKind::Kinematic);
+        let episode = success(&world);
+        let cell = CellFinder::new(&world).cell(&world, &episode);
+        let other = FailureCell {
+            failure: CellFailure::Violation {
+                leaf: "another".to_owned(),
+            },
+            decisive: None,
+        };
+        let tracker = |own: u64, others: u64| {
+            let count = |cell: &FailureCell, failures| CellCount {
+                cell: cell.clone(),
+                failures,
+            };
+            let known = KnownFailures {
+                cells: vec![count(&cell, own), count(&other, others)],
+                demonstrations: Vec::new(),
+            };
+            let tracker = GoalTracker::beyond(&world, Some(&known), None);
+            tracker.expect("no checkpoint").expect("a goal")
+        };
+        let (mut rare, mut frequent) = (tracker(1, 1000), tracker(1000, 1));
+        let shares: Vec<f64> = (0..20).map(|_| rare.share(&world, &episode)).collect();
+        assert!(shares.is_sorted_by(|a, b| b < a), "{shares:?}");
+        let frequent = frequent.share(&world, &episode);
+        assert!(
+            shares[0] > 0.99 && frequent < 0.34,
+            "{} {frequent}",
+            shares[0]
+        );
+        assert!(rare.take_physics_steps() > 0, "the cell takes replays");
+        // A resumed training continues the counts.
+        let mut checkpoint = TensorFile::new("goals");
+        rare.save(&mut checkpoint);
+        let known = KnownFailures::default();
+        let resumed = GoalTracker::beyond(&world, Some(&known), Some(&checkpoint));
+        let mut resumed = resumed.expect("sound").expect("a goal");
+        assert_eq!(
+            resumed.share(&world, &episode),
+            rare.share(&world, &episode)
+        );
+    }
 }

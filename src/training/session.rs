@@ -13,7 +13,8 @@ use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, consent_to_fam
 use crate::rl::LearnerConfig;
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{
-    Beginning, ChangedEgo, RequestedTraining, Row, RunDir, RunError, trained_naturally,
+    Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError,
+    trained_naturally,
 };
 use crate::search::{Adversary, Experiment, ExperimentCell};
 use crate::sim::PlantKind;
@@ -99,11 +100,35 @@ impl TrainSession {
             let with = Beginning {
                 from: from.as_ref(),
                 bank: &bank,
+                known: None,
                 ego,
             };
             RunDir::begin(path, &world, seed, with)
         };
         TrainSession::with(world.clone(), ego, begin)
+    }
+
+    /// Creates a run directory for a training with the options and the seed of this one,
+    /// in which failures of rare cells earn more.
+    ///
+    /// # Errors
+    /// There is a run already, or the disk refuses.
+    pub(crate) fn begin_beyond(
+        &self,
+        path: &Path,
+        known: &KnownFailures,
+    ) -> Result<TrainSession, SessionError> {
+        let (begun, from) = (self.run.manifest(), self.run.from()?);
+        let begin = |ego| {
+            let with = Beginning {
+                from: from.as_ref(),
+                known: Some(known),
+                ego,
+                ..Beginning::default()
+            };
+            RunDir::begin(path, &self.world, begun.seed, with)
+        };
+        TrainSession::with(self.world.clone(), begun.ego.clone(), begin)
     }
 
     /// Opens a run directory to resume its training.
@@ -218,6 +243,11 @@ impl TrainSession {
         &self.run
     }
 
+    /// Returns the ego of the training, in its world.
+    pub(crate) fn ego(&self) -> &EgoUnderTest {
+        &self.ego
+    }
+
     /// Returns the world with the learner, the plant and the egos of the training.
     pub fn world(&self) -> &Scenario {
         &self.world
@@ -226,7 +256,7 @@ impl TrainSession {
 
 impl TrainRequest<'_> {
     /// Returns the world with the requested options.
-    fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+    pub(crate) fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let mut world = match self.plant {
             Some(plant) => on_plant(world, plant)?,
             None => world.clone(),
@@ -276,7 +306,8 @@ impl TrainRequest<'_> {
             })
     }
 
-    fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+    /// Returns the world without the structure to leave out.
+    pub(crate) fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let Some(name) = self.leave_out else {
             return Ok(world.clone());
         };

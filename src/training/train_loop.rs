@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use cpu_time::ThreadTime;
 
-use super::demonstrations::seed_training;
+use super::demonstrations::{Seeded, seed_training};
 use super::goals::GoalTracker;
 use super::stopping_rule::StoppingRule;
 use super::training_egos::TrainingGym;
@@ -86,7 +86,8 @@ pub fn train(
     gym.inner().know(Arc::clone(&bank));
     let spaces = scenario.spaces();
     let checkpoint = run.checkpoint()?;
-    if let Some(goals) = GoalTracker::of(scenario, checkpoint.as_ref())? {
+    let known = run.known_failures()?;
+    if let Some(goals) = GoalTracker::beyond(scenario, known.as_ref(), checkpoint.as_ref())? {
         gym.reward_by(goals);
     }
     let mut learner = match (checkpoint, run.from()?) {
@@ -104,7 +105,13 @@ pub fn train(
         && let Some(seeding) = scenario.learner.seeding()
     {
         watch.phase("searching training starts");
-        let seeded = own.aside(|| seed_training(scenario, seed, (seeding, &bank), watch));
+        let shown = known.map(|known| known.demonstrations).unwrap_or_default();
+        // Known failures make the search for first successes unnecessary.
+        let seeded = if shown.is_empty() {
+            own.aside(|| seed_training(scenario, seed, (seeding, &bank), watch))
+        } else {
+            Some(Seeded::known(shown))
+        };
         if let Some(seeded) = seeded {
             learner.demonstrate(&mut gym, &seeded.demonstrations);
             run.note_sought(seeded.sought);

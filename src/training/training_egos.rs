@@ -110,6 +110,9 @@ impl Env for TrainingGym<'_> {
             && let Some(episode) = self.gym.success()
         {
             step.reward = self.gym.reward_for(goals.share(self.scenario, &episode));
+            let mut spent = self.gym.spent();
+            spent.physics_steps += goals.take_physics_steps();
+            self.gym.count_from(spent);
         }
         if step.end == Some(End::Terminated)
             && let Some(audience) = self.audience.filter(|audience| audience.is_ready())

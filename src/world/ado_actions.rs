@@ -172,7 +172,7 @@ impl ActsAs {
             ActsAs::Road => {
                 "write `Curvatures([-0.01, 0.0, 0.01])`: 1 / radius, positive to the left"
             }
-            ActsAs::Turns => "write `Turns([Nobody, All, Only(\"NAME\")])` with placed ados",
+            ActsAs::Turns => "write `Turns([Idle, All, Only(\"NAME\")])` with placed ados",
         }
     }
 }

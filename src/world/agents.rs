@@ -422,7 +422,7 @@ impl Agents<'_> {
         if let Some(learner) = &ado.learner {
             let place = path.to("learner");
             self.learners
-                .push((name.to_owned(), place, learner.clone()));
+                .push((name.to_owned(), place, (**learner).clone()));
         }
         if let Some(signals) = &ado.observe {
             self.own_observe.insert(name.to_owned(), signals.clone());

@@ -7,12 +7,12 @@ use super::environment_file::{WindFile, nominal_grades};
 use super::family::TrainingEgos;
 use super::file::ScenarioFile;
 use super::language::{Judging, Language, constants, rulebook};
-use super::runs::{Assembled, RunSource, WorldOrigin};
+use super::runs::{Assembled, InnerWorld, RunSource, WorldOrigin};
 use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
-    Scenario, check, counting, dry_run, environment, family_check, kind_of_world, limits, per_ado,
-    plans, points, road_ado, roads, slope_and_wind, starts, trained, turns, vacuous,
+    Scenario, check, counting, dry_run, environment, family_check, includes, kind_of_world, limits,
+    per_ado, plans, points, road_ado, roads, slope_and_wind, starts, trained, turns, vacuous,
 };
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
@@ -76,7 +76,12 @@ fn within(origin: WorldOrigin<'_>, text: &str) -> Assembled {
             let mut problems = Problems::new(text);
             limits::check(&mut problems, &parsed);
             problems.done()?;
-            Some(assemble(origin, text, parsed)?)
+            let (scenario, world) = assemble(origin, text, parsed)?;
+            Some(InnerWorld {
+                world,
+                rules: scenario.rules,
+                names: scenario.names,
+            })
         }
         kind_of_world::WorldKind::Grid => None,
     })
@@ -98,6 +103,7 @@ fn assemble(
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     counting::check(&mut problems, &top, &file);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
+    let traffic = includes::traffic(&mut problems, &file);
     let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
     let constants = constants(
         &mut problems,
@@ -267,7 +273,7 @@ fn assemble(
         world: World::Drive(world.clone()),
         rulebook: Arc::new(rulebook),
         programs_allowed: false,
-        traffic: Default::default(),
+        traffic,
     };
     Ok((scenario, world))
 }

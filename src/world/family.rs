@@ -23,6 +23,7 @@ use crate::ron_file::Patch;
 use crate::scene::drive::EgoVariant;
 use crate::seed::StartKey;
 use crate::sim::PlantKind;
+use crate::stats::pick;
 
 /// Share of the members that are nominal in every quantity.
 const PURE: f64 = 0.15;
@@ -68,7 +69,8 @@ impl TrainingEgos {
 }
 
 /// Ego on a plant, with a value for every quantity of the family.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct EgoSample {
     /// Values in the order of [`Family::quantities`].
     pub values: Vec<f64>,
@@ -77,6 +79,7 @@ pub struct EgoSample {
     /// Controller of another structure in place of the world's own.
     ///
     /// It lacks the parameters of the world's own controller among `values`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controller: Option<Actuated<ControllerSpec>>,
 }
 
@@ -94,6 +97,9 @@ pub struct Family {
     pub nominal_share: f64,
     /// Learner of a wide ado.
     pub wide: LearnerConfig,
+    /// Members with their probabilities, drawn instead of any other. Empty for all.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) mixture: Vec<(f64, EgoSample)>,
     /// World's own ego.
     pub(super) base: EgoVariant,
 }
@@ -113,8 +119,14 @@ impl Family {
     /// 15 % of the members are nominal in every quantity. In the others each
     /// quantity is nominal with the family's probability, and otherwise uniform
     /// in its range. The plant is drawn by the weights of all plants. Each of
-    /// `n` other structures is drawn in one episode of `n + 1`.
+    /// `n` other structures is drawn in one episode of `n + 1`. A family with a
+    /// mixture gives its members only, by their probabilities.
     pub fn draw(&self, world: &str, key: StartKey) -> EgoSample {
+        if !self.mixture.is_empty() {
+            let shares: Vec<f64> = self.mixture.iter().map(|(share, _)| *share).collect();
+            let at = pick(&shares, &mut key.generator(world, "mixture"));
+            return self.mixture[at].1.clone();
+        }
         let mut member = self.draw_own(world, key);
         if !self.structures.is_empty() {
             // A separate stream, so that an additional structure changes no
@@ -161,6 +173,40 @@ impl Family {
             left -= weight;
         }
         self.base.plant
+    }
+
+    /// Returns the number of varied quantities of the world's own structure, or of
+    /// another one by its position.
+    pub(crate) fn dimensions(&self, structure: Option<usize>) -> usize {
+        self.varied(structure).len()
+    }
+
+    /// Returns the member at a point of the ranges, in −1 to 1 per varied quantity.
+    ///
+    /// Missing coordinates are nominal, or those of the structure in the file.
+    pub(crate) fn at(
+        &self,
+        structure: Option<usize>,
+        point: &[f64],
+        plant: PlantKind,
+    ) -> EgoSample {
+        let mut member = self.nominal(plant);
+        let values = self.varied(structure).iter().zip(point);
+        let values = values.map(|(q, x)| q.fit(q.lo + 0.5 * (x + 1.0) * (q.hi - q.lo)));
+        match structure.and_then(|at| self.structures.get(at)) {
+            Some(other) => member.controller = Some(other.at(values)),
+            None => {
+                for (own, value) in member.values.iter_mut().zip(values) {
+                    *own = value;
+                }
+            }
+        }
+        member
+    }
+
+    fn varied(&self, structure: Option<usize>) -> &[Quantity] {
+        let other = structure.and_then(|at| self.structures.get(at));
+        other.map_or(&self.quantities, |other| &other.quantities)
     }
 
     /// Returns the ego of a member.

@@ -99,6 +99,7 @@ pub(super) fn family(
         plants,
         nominal_share: file.nominal,
         wide,
+        mixture: Vec::new(),
         base: EgoVariant {
             controller,
             sensors: spec.sensors,

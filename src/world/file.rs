@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::environment_file::{OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
+use super::natural_file::NaturalFile;
 pub(super) use super::number_or_range::NumberOrRange;
+pub(super) use super::rule_file::RuleFile;
 use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::LearnerSettings;
@@ -84,6 +86,9 @@ pub(super) struct ScenarioFile {
     pub(super) allow: Vec<String>,
     #[serde(default)]
     pub(super) reuse: Ordered<Change>,
+    /// Traffic in which the ados drive, and a limit on how rare their driving becomes.
+    #[serde(default)]
+    pub(super) natural: Option<NaturalFile>,
 }
 
 fn rigid() -> PlantKind {
@@ -342,7 +347,7 @@ pub(super) struct AdoFile {
     pub(super) rulebook: Vec<RuleFile>,
     /// Learner of this ado alone. The others then have a learner each, too.
     #[serde(default)]
-    pub(super) learner: Option<LearnerSettings>,
+    pub(super) learner: Option<Box<LearnerSettings>>,
     /// Time constant with which a vehicle's acceleration follows, in s.
     #[serde(default)]
     pub(super) lag_s: f64,
@@ -358,17 +363,6 @@ pub(super) struct PointsFile {
     /// Names of the columns: every range of the world, in any order.
     pub(super) axes: Vec<String>,
     pub(super) rows: Vec<Vec<f64>>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename = "Rule", deny_unknown_fields)]
-pub(super) struct RuleFile {
-    pub(super) name: String,
-    pub(super) stl: String,
-    #[serde(default)]
-    pub(super) requirement: Option<String>,
-    #[serde(default)]
-    pub(super) priority: Option<usize>,
 }
 
 /// Change of a world: content of `reuse` and `--ego FILE`.

@@ -9,7 +9,7 @@ use super::family::TrainingEgos;
 use super::file::{GridChange, RuleFile, SignalFile};
 use super::language::{Judging, Language, constants, rule_of, rulebook};
 use super::warnings::Warnings;
-use super::{Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, limits};
+use super::{Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, includes, limits};
 use crate::rl::LearnerSettings;
 use crate::ron_file::Ordered;
 use crate::ron_file::Problem;
@@ -113,6 +113,7 @@ fn too_much(problems: &mut Problems, file: &GridFile) {
     let ado = top.to("ado");
     let observed = file.ado.observe.len();
     limits::within(problems, &ado.to("observe"), observed, limits::OBSERVED);
+    includes::refuse(problems, &ado.to("rulebook"), &file.ado.rulebook);
     limits::rules(problems, &ado.to("rulebook"), &file.ado.rulebook);
     limits::texts(problems, &file.formulas, &file.signals);
 }

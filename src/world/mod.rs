@@ -28,9 +28,11 @@ mod family_file;
 mod file;
 mod grid;
 mod grid_change;
+mod includes;
 mod kind_of_world;
 mod language;
 mod limits;
+mod natural_file;
 mod number_or_range;
 mod obstacles;
 mod per_ado;
@@ -40,6 +42,8 @@ mod preventability;
 mod quantity;
 mod road_ado;
 mod roads;
+mod rule_file;
+mod rule_spec;
 mod runs;
 mod scenario;
 pub(crate) mod scenario_kind;
@@ -66,8 +70,9 @@ pub use crate::sim::PlantKind;
 pub use crate::testbench::Repeats;
 pub use family::TrainingEgos;
 pub use file::{Change, GridChange};
+pub use rule_spec::RuleSpec;
 pub use runs::{NamedRun, RunRefused, RunSource};
-pub use scenario::{ChangeError, RuleSpec, Scenario};
+pub use scenario::{ChangeError, Scenario};
 pub use scenario_kind::NotAGrid;
 pub(crate) use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
 
@@ -117,7 +122,11 @@ impl Scenario {
         match kind_of_world::kind(text).map_err(one)? {
             kind_of_world::WorldKind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
-                build::build(file, runs, text, parsed).map_err(fail)
+                match includes::expanded((file, runs), text, &parsed).map_err(fail)? {
+                    // The places of mistakes are then those of the whole text.
+                    Some(whole) => Scenario::parse_with(file, &whole, runs),
+                    None => build::build(file, runs, text, parsed).map_err(fail),
+                }
             }
             kind_of_world::WorldKind::Grid => {
                 let parsed = read::parse(text).map_err(one)?;

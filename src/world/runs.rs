@@ -1,8 +1,9 @@
 //! Runs that a world file refers to, found by a source outside of this module.
 
-use super::scenario::Scenario;
+use super::rule_spec::RuleSpec;
 use crate::ron_file::Problem;
 use crate::scene::drive::DriveWorld;
+use crate::stl::Names;
 
 /// Parts of a finished run that a world requires.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,6 +43,20 @@ pub trait RunSource {
     ///
     /// Returns an error if the run is missing, unfinished or damaged.
     fn find(&self, name: &str, file: &str) -> Result<NamedRun, RunRefused>;
+
+    /// Returns the text of the file `name` that the world file `file` includes: a rule
+    /// file or a traffic model.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the file cannot be read. A source of runs only finds none.
+    fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
+        let _ = file;
+        Err(refused(
+            format!("the file `{name}` is not looked for: this world is a text without a file"),
+            "load the world from its file, or use `Scenario::parse_with`",
+        ))
+    }
 }
 
 /// Source without any run, for texts without a file.
@@ -56,8 +71,15 @@ impl RunSource for Nowhere {
     }
 }
 
+/// World of a run, with its rules and the names that they use.
+pub(super) struct InnerWorld {
+    pub(super) world: DriveWorld,
+    pub(super) rules: Vec<RuleSpec>,
+    pub(super) names: Names,
+}
+
 /// World of a text. `None` for a grid.
-pub(super) type Assembled = Result<Option<(Scenario, DriveWorld)>, Vec<Problem>>;
+pub(super) type Assembled = Result<Option<InnerWorld>, Vec<Problem>>;
 
 /// Origin of a world: the name of its file, and the source of its runs.
 #[derive(Clone, Copy)]

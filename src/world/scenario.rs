@@ -6,6 +6,7 @@ use indexmap::IndexMap;
 
 use super::family::{Family, TrainingEgos};
 use super::file::Change;
+use super::rule_spec::RuleSpec;
 use crate::ego::{Actuated, ControllerSpec, Process, StockController};
 use crate::natural::DeclaredTraffic;
 use crate::rl::{LearnerConfig, Spaces};
@@ -72,23 +73,6 @@ impl std::fmt::Debug for Scenario {
         let mut shown = f.debug_struct("Scenario");
         shown.field("name", &self.name).finish_non_exhaustive()
     }
-}
-
-/// Rule in the form of the file.
-#[derive(Clone, Debug)]
-pub struct RuleSpec {
-    /// Name of the rule.
-    pub name: String,
-    /// Ado that must keep the rule.
-    pub ado: String,
-    /// Priority, with 0 as the most important.
-    pub priority: usize,
-    /// Formula, which is kept if its robustness is above 0.
-    pub formula: Formula,
-    /// Requirement that it expresses, such as a paragraph of a regulation.
-    pub requirement: Option<String>,
-    /// Place of the formula in the file.
-    pub(super) place: ValuePath,
 }
 
 impl Scenario {

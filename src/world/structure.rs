@@ -19,14 +19,19 @@ pub struct Structure {
 impl Structure {
     /// Returns an ego of this structure, every quantity uniform in its range.
     pub(super) fn draw(&self, rng: &mut impl Rng) -> Actuated<ControllerSpec> {
+        self.at(self.quantities.iter().map(|quantity| quantity.draw(rng)))
+    }
+
+    /// Returns the ego with values of its quantities, in their order.
+    pub(super) fn at(&self, values: impl Iterator<Item = f64>) -> Actuated<ControllerSpec> {
         // Parameters without a range keep the value of the file.
-        let mut drawn = self.controller.clone();
-        for quantity in &self.quantities {
-            let set = drawn.set(quantity.varied.name(), quantity.draw(rng));
+        let mut ego = self.controller.clone();
+        for (quantity, value) in self.quantities.iter().zip(values) {
+            let set = ego.set(quantity.varied.name(), value);
             // Invariant: checked at load against this controller.
             debug_assert!(set.is_ok(), "{:?} is a parameter", quantity.varied);
         }
-        drawn
+        ego
     }
 
     /// Returns true for a controller of this kind with all parameters in their ranges.

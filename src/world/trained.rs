@@ -15,17 +15,16 @@ use std::sync::Arc;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use self::rules::{HomeRulebook, RulesFile};
-use self::run::{LoadedRun, RunFile, TrainedFile, opened};
+use self::rules::HomeRulebook;
+use self::run::{LoadedRun, RulesFile, RunFile, TrainedFile, opened};
 use super::ado_actions::{self, ActsAs};
 use super::check;
-use super::runs::{RunRefused, WorldOrigin, refused};
-use super::scenario::Scenario;
+use super::runs::{InnerWorld, RunRefused, WorldOrigin, refused};
 use crate::rl::{Policy, TensorFile, load_policy_for, policy_of_part};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::ron_file::{did_you_mean, known_names};
-use crate::scene::drive::{Drive, DriveSpec, DriveWorld, LightDrive, TrainedAdo, TrainedError};
+use crate::scene::drive::{Drive, DriveSpec, LightDrive, TrainedAdo, TrainedError};
 
 /// Trained ado of a world file.
 pub(super) struct OpenedAdo {
@@ -88,7 +87,8 @@ fn made_from(
     origin: WorldOrigin<'_>,
 ) -> Result<(TrainedAdo, HomeRulebook), RunRefused> {
     let from = &run.from;
-    let (scenario, world) = world_of(run, origin)?;
+    let inner = world_of(run, origin)?;
+    let world = &inner.world;
     let home = world.spec();
     let damaged = |error| {
         refused(
@@ -122,7 +122,7 @@ fn made_from(
     let Some((_, actions, neutral)) = actions else {
         return Err(refused(format!("the run `{from}` has no `{part}`"), ""));
     };
-    let rules = HomeRulebook::of(&scenario, &part);
+    let rules = HomeRulebook::of(&inner, &part);
     let trained = TrainedAdo {
         lag_s: lag_s(home, &part),
         actions: actions.clone(),
@@ -172,10 +172,7 @@ fn lag_s(home: &DriveSpec, part: &str) -> f64 {
 /// Returns the run's world.
 ///
 /// Trial runs are omitted, because they took place before its training.
-fn world_of(
-    run: &LoadedRun,
-    origin: WorldOrigin<'_>,
-) -> Result<(Scenario, DriveWorld), RunRefused> {
+fn world_of(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<InnerWorld, RunRefused> {
     let name = run.world_name();
     // Runs of the inner world are searched beside the inner file.
     let inner = WorldOrigin {
@@ -197,22 +194,22 @@ fn world_of(
     })
 }
 
+/// Returns a text as a raw string of RON.
+pub(super) fn raw_text(text: &str) -> String {
+    // A raw string needs more hashes than follow any quote inside it.
+    let hashes = text.split('"').skip(1);
+    let leading = hashes.map(|after| after.len() - after.trim_start_matches('#').len());
+    let longest = leading.max().map_or(0, |most| most + 1);
+    let hashes = "#".repeat(longest.max(1));
+    format!("r{hashes}\"{text}\"{hashes}")
+}
+
 /// Run as a single RON value.
 fn written(run: &LoadedRun) -> String {
-    // A raw string needs more hashes than follow any quote inside it.
-    let longest = |text: &str| {
-        let hashes = text.split('"').skip(1);
-        let leading = hashes.map(|after| after.len() - after.trim_start_matches('#').len());
-        leading.max().map_or(0, |most| most + 1)
-    };
-    let raw = |text: &str| {
-        let hashes = "#".repeat(longest(text).max(1));
-        format!("r{hashes}\"{text}\"{hashes}")
-    };
     format!(
         "Kept(from: {}, world: {}, policy: \"{}\")",
-        raw(&run.from),
-        raw(&run.world),
+        raw_text(&run.from),
+        raw_text(&run.world),
         STANDARD.encode(&run.policy)
     )
 }

@@ -3,6 +3,7 @@
 use std::path::Path as FilePath;
 use std::sync::Arc;
 
+use super::family::EgoSample;
 use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
 use super::{ChangeError, DriveScenario, Repeats, Scenario, ScenarioKind, TrainingEgos};
@@ -112,6 +113,23 @@ impl Scenario {
         Some(Scenario {
             learner,
             against,
+            ..self.clone()
+        })
+    }
+
+    /// Returns the world with a mixture of egos as the training opponent.
+    ///
+    /// Each member has a probability. The learner is that of a nominal ado. `None` if
+    /// the world has no family.
+    pub(crate) fn training_against_mixture(
+        &self,
+        mixture: Vec<(f64, EgoSample)>,
+    ) -> Option<Scenario> {
+        let mut family = self.family()?.clone();
+        family.mixture = mixture;
+        Some(Scenario {
+            against: TrainingEgos::Randomized,
+            family: Some(Arc::new(family)),
             ..self.clone()
         })
     }

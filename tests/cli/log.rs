@@ -99,7 +99,7 @@ fn worlds_that_a_recording_does_not_have_are_refused() {
         refused(&args, says);
     };
     from("cut", "cut-in", "no cut-in");
-    from("cross", "crossing", "are not available yet");
+    from("cross", "crossing", "no crossing");
     from("a/b", "following", "cannot name a world");
     refused(&["new", "a", "--from-log", &file], "--kind");
     assert!(!folder.path().join("worlds").exists());
@@ -165,18 +165,18 @@ fn rules_on_a_recording_are_those_of_a_count_by_hand() {
     assert!(junit.contains("name=\"10 m\"></testcase>"), "{junit}");
     let picture = broken["picture"].as_str().expect("a picture");
     assert!(found[1]["picture"].is_null());
-    // Both cars, the red one behind the orange one.
+    // Both cars, the one with the red edge behind its lead.
     let picture = read(picture);
     assert_eq!(picture.matches("<polygon").count(), 2, "{picture}");
-    let x = |colour: &str| -> f64 {
-        let (_, rest) = picture
-            .split_once(&format!("fill=\"{colour}\" points=\""))
-            .expect(colour);
+    let x = |is_own: bool| -> f64 {
+        let mut boxes = picture.lines().filter(|it| it.starts_with("<polygon"));
+        let own = boxes.find(|it| it.contains("#e03131") == is_own);
+        let (_, rest) = own.expect("a box").split_once("points=\"").expect("points");
         rest[..rest.find(',').expect("a number")]
             .parse()
             .expect("a number")
     };
-    assert!(x("#c62828") + 6.0 * 26.0 < x("#ef8f00"));
+    assert!(x(true) + 7.0 * 26.0 < x(false));
 }
 
 #[test]
@@ -381,4 +381,56 @@ fn lanes_may_come_from_a_map() {
     write(&far, road(500.0).as_bytes());
     let far = far.display().to_string();
     refused(&["log", &file, "--road", &far], "no vehicle of");
+}
+
+#[test]
+fn a_recording_and_an_instant_of_it_are_drawn() {
+    let (folder, file) = folder();
+    let picture = folder.path().join("all.svg").display().to_string();
+    let read = || std::fs::read_to_string(&picture).expect("a picture");
+    let output = brakecheck(&["log", &file, "--picture", &picture]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let all = read();
+    assert!(all.contains("2 road users in 15 s"), "{all}");
+    let output = brakecheck(&[
+        "log",
+        &file,
+        "--picture",
+        &picture,
+        "--at",
+        "3",
+        "--around",
+        "own",
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let instant = read();
+    assert_eq!(instant.matches("<polygon").count(), 2, "{instant}");
+    assert_eq!(
+        instant.matches("stroke=\"#e03131\"").count(),
+        1,
+        "{instant}"
+    );
+    let at = ["log", &file, "--picture", &picture, "--at"];
+    let refused_at = |more: &[&str], says: &str| refused(&[&at[..], more].concat(), says);
+    let said = refused_at(&["99", "--around", "own"], "no road user `own` at 99 s");
+    assert!(said.contains("from 0.00 to 14.95 s"), "{said}");
+    refused_at(&["3", "--around", "nobody"], "no road user `nobody`");
+    refused_at(&["3"], "--around");
+    refused(
+        &["log", &file, &file, "--picture", &picture],
+        "--picture draws one recording, not 2",
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused_instead_of_awaited() {
+    let (folder, _) = folder();
+    let pipe = folder.path().join("pipe.csv");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.is_ok_and(|it| it.success()));
+    refused(
+        &["log", &pipe.display().to_string()],
+        "it is no ordinary file: a pipe",
+    );
 }

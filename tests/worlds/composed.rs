@@ -167,7 +167,7 @@ fn drawn_actions_depend_on_the_noise_of_an_episode_alone() {
     let differ = first.iter().zip(&other).filter(|(a, b)| a != b).count();
     assert!(differ >= 4, "{differ} of 6 differ");
     let hot = read(dir.path(), &together("rules: Judged, temperature: 0.0"));
-    let refused = hot.err().expect("refused").to_string();
+    let refused = hot.expect_err("refused").to_string();
     assert!(refused.contains("0 is outside of"), "{refused}");
 }
 
@@ -240,7 +240,7 @@ fn an_ado_of_several_is_placed_by_its_part_if_it_has_a_policy_of_its_own() {
             "--per-ado independent",
         ),
     ] {
-        let refused = placed(run, part).err().expect("refused").to_string();
+        let refused = placed(run, part).expect_err("refused").to_string();
         assert!(
             refused.contains(what) && refused.contains(help),
             "{refused}"
@@ -254,7 +254,7 @@ fn an_ado_gives_turns_to_the_placed_ones() {
     let dir = tempfile::tempdir().expect("a directory");
     trained(dir.path());
     let turns = r#"Turns(name: "turns", drive: Ado(
-        actions: Turns([Nobody, Only("blocker"), All]), neutral: 0, rulebook: [],
+        actions: Turns([Idle, Only("blocker"), All]), neutral: 0, rulebook: [],
     )),
         Light(name: "light""#;
     let text = together("rules: Judged").replace("Light(name: \"light\"", turns);
@@ -296,7 +296,7 @@ fn an_ado_gives_turns_to_the_placed_ones() {
         ("Only(\"other\")", "no placed ado `other`"),
     ] {
         let text = text.replace("Only(\"blocker\")", turns);
-        let refused = read(dir.path(), &text).err().expect("refused").to_string();
+        let refused = read(dir.path(), &text).expect_err("refused").to_string();
         assert!(refused.contains(what), "{refused}");
     }
     let none = text.replace("Trained(run: \"acc\"", "Trained(run: \"gone\"");

@@ -3,10 +3,12 @@
 use core::f64::consts::PI;
 
 use brakecheck::rulebook::Verdict;
+use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
 use brakecheck_traffic::{
-    Analysis, ColumnMap, RecordedWorld, RecordedWorlds, SituationKind, SituationPlan, read_csv,
+    Analysis, Class, ColumnMap, RecordedWorld, RecordedWorlds, RecordingColumns, SituationKind,
+    SituationPlan, SituationRoad, TrafficRecording, read_csv,
 };
 
 /// Course of the road in the recording's frame.
@@ -132,7 +134,9 @@ fn parsed(world: &RecordedWorld) -> Scenario {
 /// Plays every situation of a world with one action.
 fn played(world: &RecordedWorld, action: usize) -> Vec<Episode> {
     let scenario = parsed(world);
-    let starts = scenario.starts().expect("a table of starts");
+    // A world of one situation has a start without numbers, and no table.
+    let only = || vec![Start(Vec::new())];
+    let starts = scenario.starts().unwrap_or_else(only);
     assert_eq!(starts.len(), world.situations.len());
     let episodes = starts.iter().map(|start| {
         let mut bench = scenario.bench();
@@ -234,5 +238,199 @@ fn the_ado_may_stray_only_as_far_as_its_rules_allow() {
             };
             assert_eq!(scenario.rules()[*rule].name, name);
         }
+    }
+}
+
+/// Place and course of a road user at a time.
+type Motion = fn(f64) -> ([f64; 2], f64);
+
+/// Recording of road users on their paths, with 2 cm of noise.
+fn on_paths(users: &[(&'static str, Class, [f64; 2], Motion)], seconds: usize) -> Analysis {
+    let mut noise = 1_u32;
+    let mut off_m = || {
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        0.04 * (f64::from(noise >> 8) / f64::from(1 << 24) - 0.5)
+    };
+    let (mut ids, mut times_s, mut classes): (Vec<&str>, Vec<f64>, Vec<Class>) = Default::default();
+    let [mut x_m, mut y_m, mut heading_rad, mut length_m, mut width_m]: [Vec<f64>; 5] =
+        Default::default();
+    for i in 0..20 * seconds {
+        let t = 0.05 * i as f64;
+        for (id, class, [length, width], motion) in users {
+            let ([x, y], course_rad) = motion(t);
+            ids.push(id);
+            times_s.push(t);
+            classes.push(*class);
+            x_m.push(x + off_m());
+            y_m.push(y + off_m());
+            heading_rad.push(course_rad);
+            length_m.push(*length);
+            width_m.push(*width);
+        }
+    }
+    let mut columns = RecordingColumns::new(&ids, &times_s, &x_m, &y_m);
+    columns.heading_rad = Some(&heading_rad);
+    columns.size_m = Some((&length_m, &width_m));
+    columns.classes = Some(&classes);
+    Analysis::of(TrafficRecording::from_columns("arrays", &columns).expect("valid arrays"))
+}
+
+/// A car that goes north, 8 m/s.
+fn northward(t: f64) -> ([f64; 2], f64) {
+    ([0.0, -76.0 + 8.0 * t], 0.5 * PI)
+}
+
+/// A bicycle that goes east, and turns left by 0.8 rad with a radius of 20 m, 4 m/s.
+fn turning(t: f64) -> ([f64; 2], f64) {
+    let s = 4.0 * t - 4.0;
+    if s < 0.0 {
+        return ([-20.0 + s, -20.0], 0.0);
+    }
+    let turn_rad = (s / 20.0).min(0.8);
+    let (sin, cos) = turn_rad.sin_cos();
+    let beyond_m = (s - 20.0 * turn_rad).max(0.0);
+    let place = [
+        -20.0 + 20.0 * sin + beyond_m * cos,
+        20.0 - 20.0 * cos - 20.0 + beyond_m * sin,
+    ];
+    (place, turn_rad)
+}
+
+/// A pedestrian that goes west and waits from 4 s to 6 s, 1.5 m/s.
+fn walking(t: f64) -> ([f64; 2], f64) {
+    let walked_s = t.min(4.0) + (t - 6.0).max(0.0);
+    ([9.0 - 1.5 * walked_s, 0.0], PI)
+}
+
+/// A parked car, and one that comes towards the ego.
+fn parked(_: f64) -> ([f64; 2], f64) {
+    ([4.0, -30.0], 0.5 * PI)
+}
+
+fn oncoming(t: f64) -> ([f64; 2], f64) {
+    ([-4.0, 60.0 - 9.0 * t], -0.5 * PI)
+}
+
+const CAR_M: [f64; 2] = [4.5, 1.8];
+
+/// Checks that an agent of an episode repeats a motion, in the frame of the world.
+#[track_caller]
+fn repeats_motion(episode: &Episode, name: &str, ahead_m: f64, from_s: f64, motion: Motion) {
+    // Frame of the world: the first place and course of the ego, which goes north.
+    let [x, y, heading] = ["x", "y", "heading"].map(|it| column(episode, &format!("ego.{it}"))[0]);
+    let (own, course_rad) = northward(from_s);
+    let turned_rad = heading - course_rad;
+    // The box centre of the ego is half a length behind its front.
+    let own_m = [x - 2.27 * heading.cos(), y - 2.27 * heading.sin()];
+    let (sin, cos) = turned_rad.sin_cos();
+    let signals = ["x", "y", "heading"].map(|it| column(episode, &format!("{name}.{it}")));
+    for i in 0..signals[0].len() {
+        let ([u, v], _) = motion(from_s + 0.05 * i as f64);
+        let (dx, dy) = (u - own[0], v - own[1]);
+        let expected = [
+            own_m[0] + cos * dx - sin * dy,
+            own_m[1] + sin * dx + cos * dy,
+        ];
+        let [front_x, front_y, heading] = signals.map(|it| it[i]);
+        let centre = [
+            front_x - ahead_m * heading.cos(),
+            front_y - ahead_m * heading.sin(),
+        ];
+        let off_m = (centre[0] - expected[0]).hypot(centre[1] - expected[1]);
+        assert!(off_m < 0.25, "{name} is {off_m} m off at sample {i}");
+    }
+}
+
+#[test]
+fn a_bicycle_that_turns_crosses_as_recorded() {
+    let bicycle = ("bicycle", Class::Bicycle, [1.75, 0.6], turning as Motion);
+    let recording = [on_paths(
+        &[("car", Class::Car, CAR_M, northward), bicycle],
+        18,
+    )];
+    let recorded = RecordedWorlds::of("cross", SituationKind::Crossing, &recording, 24);
+    let [world] = &recorded.worlds[..] else {
+        panic!("{recorded:?}");
+    };
+    let situation = &world.situations[0];
+    assert_eq!(
+        (&*situation.planned, &*situation.replaced),
+        ("bicycle", "car")
+    );
+    let SituationRoad::Crossing(roads) = &situation.road else {
+        panic!("{situation:?}");
+    };
+    assert!(roads.ego.pieces.is_empty() && !roads.other.pieces.is_empty());
+    let episodes = played(world, 1);
+    repeats_motion(&episodes[0], "ado", 0.875, situation.time_s, turning);
+    // Faster and slower, it leaves its recording.
+    assert!(matches!(
+        played(world, 2)[0].verdict,
+        Verdict::Foul { rule: 0, .. } | Verdict::Foul { rule: 1, .. }
+    ));
+}
+
+#[test]
+fn a_pedestrian_that_waits_crosses_as_recorded_among_others() {
+    let users = [
+        ("car", Class::Car, CAR_M, northward as Motion),
+        ("pedestrian", Class::Pedestrian, [0.5, 0.6], walking),
+        ("parked", Class::Car, CAR_M, parked),
+        ("oncoming", Class::Car, CAR_M, oncoming),
+    ];
+    let recording = [on_paths(&users, 14)];
+    let kind = SituationKind::Crossing;
+    let recorded = RecordedWorlds::with_others("cross", kind, &recording, 24, 5);
+    let world = &recorded.worlds[0];
+    let situation = &world.situations[0];
+    assert_eq!(&*situation.planned, "pedestrian", "{recorded:?}");
+    let others: Vec<&str> = situation.others.iter().map(|it| &*it.id).collect();
+    assert_eq!(others, ["parked", "oncoming"]);
+    let episode = &played(world, 1)[0];
+    repeats_motion(episode, "ado", 0.25, situation.time_s, walking);
+    repeats_motion(episode, "other1", 2.27, situation.time_s, parked);
+    repeats_motion(episode, "other2", 2.27, situation.time_s, oncoming);
+    let alone = RecordedWorlds::of("cross", kind, &recording, 24);
+    assert!(alone.worlds[0].situations[0].others.is_empty());
+}
+
+/// Two cars on a bend to the left with a radius of 300 m, the second 40 m behind.
+fn on_bend(at_m: f64, t: f64) -> ([f64; 2], f64) {
+    // Both brake by 1 m/s² from 5 s to 8 s.
+    let lost_m = (t - 5.0).clamp(0.0, 3.0).powi(2) / 2.0 + 3.0 * (t - 8.0).max(0.0);
+    let course_rad = (at_m + 25.0 * t - lost_m) / 300.0;
+    let (sin, cos) = course_rad.sin_cos();
+    ([300.0 * sin, 300.0 - 300.0 * cos], course_rad)
+}
+
+#[test]
+fn a_following_in_a_bend_has_a_road_with_the_bend() {
+    let lead = ("lead", Class::Car, CAR_M, (|t| on_bend(40.0, t)) as Motion);
+    let own = ("own", Class::Car, CAR_M, (|t| on_bend(0.0, t)) as Motion);
+    let recording = [on_paths(&[lead, own], 11)];
+    let recorded = RecordedWorlds::of("bend", SituationKind::Following, &recording, 24);
+    let [world] = &recorded.worlds[..] else {
+        panic!("{recorded:?}");
+    };
+    assert!(world.text.contains("road: Curved("), "{}", world.text);
+    assert!(world.road_m < 0.3, "{}", world.road_m);
+    let episode = &played(world, 1)[0];
+    let from_s = world.situations[0].time_s;
+    // The ego has no plan, but both begin where they were recorded.
+    let [x, y] = ["x", "y"].map(|it| column(episode, &format!("lead.{it}")));
+    let radius_m = |a: usize, b: usize, c: usize| {
+        let side = |i: usize, k: usize| (x[i] - x[k]).hypot(y[i] - y[k]);
+        let (p, q, r) = (side(a, b), side(b, c), side(a, c));
+        let half = 0.5 * (p + q + r);
+        let area = (half * (half - p) * (half - q) * (half - r)).sqrt();
+        p * q * r / (4.0 * area)
+    };
+    let bend_m = radius_m(0, 100, 200);
+    assert!((bend_m - 300.0).abs() < 10.0, "{bend_m}");
+    let ([x0, y0], _) = on_bend(40.0, from_s);
+    for i in 0..x.len() {
+        let ([u, v], _) = on_bend(40.0, from_s + 0.05 * i as f64);
+        let off_m = (x[i] - x[0]).hypot(y[i] - y[0]) - (u - x0).hypot(v - y0);
+        assert!(off_m.abs() < 0.15, "{off_m} m off at sample {i}");
     }
 }

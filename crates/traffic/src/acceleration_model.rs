@@ -75,7 +75,8 @@ impl AccelerationModel {
         libm::lgamma(0.5 * (nu + 1.0)) - libm::lgamma(0.5 * nu) - 0.5 * libm::log(nu * PI)
     }
 
-    fn centre_and_scale(&self, [b, a]: [f64; 2]) -> (f64, f64) {
+    /// Returns centre and scale of the next acceleration in m/s², `before` it two others.
+    pub fn centre_and_scale(&self, [b, a]: [f64; 2]) -> (f64, f64) {
         let centre = self.mean + self.carry[0] * a + self.carry[1] * b;
         let scale = self.scale[0] + self.scale[1] * a.abs() + self.scale[2] * (a - b).abs();
         (centre, scale)

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::lane_frame::LaneFrame;
-use crate::recording::TrafficRecording;
+use crate::recording::{Class, TrafficRecording};
 
 /// Length of a decision in seconds. All statistics are of such decisions.
 pub const DECISION_S: f64 = 0.5;
@@ -76,6 +76,10 @@ pub fn speed_series(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<Spee
     for (track, placed) in frame.tracks.iter().enumerate() {
         let Some(placed) = placed else { continue };
         let own = &recording.tracks[track];
+        // A trailer has no driver.
+        if own.class == Class::Trailer {
+            continue;
+        }
         let mut at = 0;
         for stretch in own.filled.chunk_by(|a, b| a == b) {
             let range = at..at + stretch.len();

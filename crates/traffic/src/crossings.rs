@@ -311,7 +311,7 @@ fn least_clearance_m(a: &RoadUserTrack, b: &RoadUserTrack) -> Option<f64> {
 }
 
 /// Returns the clearance of two boxes, each given by its track and sample.
-fn clearance_m(a: (&RoadUserTrack, usize), b: (&RoadUserTrack, usize)) -> f64 {
+pub(crate) fn clearance_m(a: (&RoadUserTrack, usize), b: (&RoadUserTrack, usize)) -> f64 {
     let (of_a, is_left) = from_box(a, b);
     let (of_b, is_right) = from_box(b, a);
     // Without an axis that separates them the boxes overlap, even if no corner is inside.

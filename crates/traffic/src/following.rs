@@ -1,7 +1,7 @@
 //! The vehicle ahead of every vehicle, at every sample.
 
 use crate::lane_frame::LaneFrame;
-use crate::recording::TrafficRecording;
+use crate::recording::{Class, TrafficRecording};
 
 /// Greatest gap at which a vehicle ahead counts as the lead.
 pub const LEAD_GAP_M: f64 = 120.0;
@@ -83,7 +83,8 @@ impl Leads {
             for pair in row.windows(2) {
                 let (own, lead) = (pair[0], pair[1]);
                 let gap_m = lead.2 - recording.tracks[lead.3].length_m - own.2;
-                if (own.0, own.1) != (lead.0, lead.1) || LEAD_GAP_M < gap_m {
+                let is_towed = recording.tracks[own.3].class == Class::Trailer;
+                if is_towed || (own.0, own.1) != (lead.0, lead.1) || LEAD_GAP_M < gap_m {
                     continue;
                 }
                 let speed = |i: usize| {

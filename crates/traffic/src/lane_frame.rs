@@ -96,7 +96,7 @@ impl LaneFrame {
     /// A recording without a track of 100 m has none.
     pub fn fit(recording: &TrafficRecording) -> LaneFrame {
         let mut free: Vec<usize> = (0..recording.tracks.len())
-            .filter(|i| recording.tracks[*i].class.is_motor_vehicle())
+            .filter(|i| recording.tracks[*i].class.is_in_lanes())
             .collect();
         let mut fitted: Vec<(Path, Vec<usize>)> = Vec::new();
         while let Some(path) = chained(recording, &free) {
@@ -133,7 +133,7 @@ impl LaneFrame {
             tracks: vec![None; recording.tracks.len()],
         };
         let mut free: Vec<usize> = (0..recording.tracks.len())
-            .filter(|i| recording.tracks[*i].class.is_motor_vehicle())
+            .filter(|i| recording.tracks[*i].class.is_in_lanes())
             .collect();
         for way in map {
             let (members, others): (Vec<usize>, Vec<usize>) = free

@@ -17,6 +17,9 @@ mod braking;
 mod calibration;
 mod column_map;
 mod columns;
+mod crossing_plan;
+mod crossing_roads;
+mod crossing_text;
 mod crossings;
 mod driving_data;
 mod error;
@@ -29,6 +32,7 @@ mod mcap;
 mod model;
 mod osi;
 mod osi_message;
+mod other_plan;
 mod path;
 mod picture;
 mod plan;
@@ -36,15 +40,19 @@ mod problem;
 mod rarity;
 mod read;
 mod recording;
+mod road_fit;
 mod rules;
 mod simplex;
 mod situation_plan;
 mod situations;
 mod starts;
+mod stock_body;
+mod summary;
 mod svg;
 mod tail;
 mod timestamp;
 mod world;
+mod world_text;
 mod xosc;
 mod xosc_entity;
 
@@ -57,6 +65,7 @@ pub use column_map::{
     TimeColumn, VectorColumns, YAxis,
 };
 pub use columns::RecordingColumns;
+pub use crossing_roads::CrossingRoads;
 pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
@@ -66,6 +75,7 @@ pub use limit::NaturalLimit;
 pub use mcap::read_mcap;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use osi::read_osi;
+pub use other_plan::OtherPlan;
 pub use path::{Path, PathPlace};
 pub use picture::{svg_instant, svg_overview};
 pub use plan::{PIECE_S, SpeedPlan};
@@ -73,12 +83,19 @@ pub use problem::{FilePlace, FileProblem};
 pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, RatedEvent, Surprise};
 pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
+pub use road_fit::{FittedPiece, FittedRoad};
 pub use rules::{BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow};
-pub use situation_plan::{AcrossPlan, LANE_CHANGE_AT_S, RecordedPlace, SituationPlan, StockBody};
+pub use situation_plan::{
+    AcrossPlan, LANE_CHANGE_AT_S, LanePlace, RecordedPlace, SituationPlan, SituationRoad,
+};
 pub use situations::{
-    CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, Situations, WINDOW_S,
+    CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, SituationKind, Situations, WINDOW_S,
 };
 pub use starts::{StartRarity, StartState, StartTable};
+pub use stock_body::StockBody;
+pub use summary::{
+    CarriagewaySummary, CrossingSummary, LaneSummary, RecordingSummary, RuleSummary,
+};
 pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, RateSource, TailPoint};
-pub use world::{RecordedWorld, RecordedWorlds, SituationKind};
+pub use world::{RecordedWorld, RecordedWorlds};
 pub use xosc::read_xosc;

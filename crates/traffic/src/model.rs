@@ -235,6 +235,12 @@ impl TrafficModel {
         ron::ser::to_string_pretty(self, style).unwrap_or_default()
     }
 
+    /// Returns the RON text of the model on one line.
+    pub fn to_line(&self) -> String {
+        // Invariant: as in `to_ron`.
+        ron::ser::to_string(self).unwrap_or_default()
+    }
+
     /// Returns the least rate per 1,000 km that the data supports.
     ///
     /// By the rule of three, an event that was never seen may occur this often.

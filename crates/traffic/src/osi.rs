@@ -312,8 +312,7 @@ fn size(base: &OsiBase, owner: &dyn Fn() -> String) -> Result<Option<[f64; 2]>, 
 
 /// Returns the class of an object, `None` if its type is unknown.
 ///
-/// A vehicle of no stated type is a car. Trailers are none of the motor vehicles, since
-/// they would follow their tractor without a gap.
+/// A vehicle of no stated type is a car.
 fn class_of(object: &OsiMovingObject) -> Option<Class> {
     let vehicle = object.vehicle.as_ref().and_then(|it| it.kind);
     Some(match object.kind? {
@@ -321,10 +320,11 @@ fn class_of(object: &OsiMovingObject) -> Option<Class> {
             0 | 2..=5 => Class::Car,
             6 => Class::Van,
             7 | 12 | 16 => Class::Truck,
+            8 | 9 => Class::Trailer,
             10 => Class::Motorcycle,
             11 | 17 | 18 => Class::Bicycle,
             15 => Class::Pedestrian,
-            1 | 8 | 9 | 13 | 14 | 19..=22 => Class::Other,
+            1 | 13 | 14 | 19..=22 => Class::Other,
             _ => return None,
         },
         3 => Class::Pedestrian,

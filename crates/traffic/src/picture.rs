@@ -55,6 +55,10 @@ pub fn svg_overview(analysis: &Analysis) -> String {
         .crossings
         .iter()
         .filter(|it| it.pet_s() < CLOSE_PET_S);
+    let circles = match close.clone().count() {
+        0 => String::new(),
+        count => format!(", circles: {count} crossings with a PET below {CLOSE_PET_S} s"),
+    };
     for crossing in close {
         let style = "fill=\"none\" stroke=\"#e03131\" stroke-width=\"1.5\"";
         canvas.circle(crossing.point_m, 5.0, style);
@@ -64,7 +68,7 @@ pub fn svg_overview(analysis: &Analysis) -> String {
     let legend: Vec<(Class, String)> = counts.iter().map(entry).collect();
     canvas.legend(&legend);
     canvas.finish(&format!(
-        "{}: {} road users in {:.0} s",
+        "{}: {} road users in {:.0} s{circles}",
         recording.name,
         recording.road_users(),
         recording.duration_s()

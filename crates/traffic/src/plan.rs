@@ -6,7 +6,10 @@ pub const PIECE_S: f64 = 0.5;
 /// Least change of speed of a piece in m/s: world files need a rate of 0.001 m/s².
 const LEAST_CHANGE_MPS: f64 = 6e-4;
 
-/// Weight against accelerations, which keeps the system of equations regular.
+/// Distance from the recording of a plan that repeats it, in metres.
+const REPLAY_M: f64 = 0.1;
+
+/// Weight against speeds, which keeps the system of equations regular.
 const RIDGE: f64 = 1e-9;
 
 /// Plan of pieces with constant acceleration, fitted to recorded positions.
@@ -39,13 +42,11 @@ impl SpeedPlan {
         let first_m = s_m[0];
         let rows = s_m[..=last.min(s_m.len() - 1)].iter().enumerate();
         let rows: Vec<(f64, f64)> = rows.map(|(i, s)| (i as f64 * dt_s, s - first_m)).collect();
-        let solution = least_squares(&rows, pieces)?;
-        let (start_m, start_mps) = (solution[0], rounded(solution[1].max(0.0)));
+        let (start_m, fitted_mps) = least_squares(&rows, pieces)?;
+        let start_mps = rounded(fitted_mps[0]);
         let mut speed_mps = start_mps;
-        let mut fitted_mps = solution[1];
-        let to_mps = solution[2..].iter().map(|accel| {
-            fitted_mps += accel * PIECE_S;
-            let to = rounded(fitted_mps.max(0.0));
+        let to_mps = fitted_mps[1..].iter().map(|fitted_mps| {
+            let to = rounded(*fitted_mps);
             // A piece without a change would end at once. The least change goes
             // towards the fit, so that no error adds up.
             let is_steady = (to - speed_mps).abs() < LEAST_CHANGE_MPS;
@@ -65,6 +66,13 @@ impl SpeedPlan {
         let off = |(t, s): &(f64, f64)| (plan.position_m(*t) - s).abs();
         plan.worst_m = rows.iter().map(off).fold(0.0, f64::max);
         Some(plan)
+    }
+
+    /// Returns true if the plan is within 0.1 m of the recording.
+    ///
+    /// Others are of vehicles that the recorder moves backwards or makes jump.
+    pub fn repeats(&self) -> bool {
+        self.worst_m <= REPLAY_M
     }
 
     /// Returns the position at a time, relative to the first recorded one.
@@ -100,8 +108,11 @@ pub(crate) fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
 
-/// Solves for start, speed and accelerations of the pieces.
-fn least_squares(rows: &[(f64, f64)], pieces: usize) -> Option<Vec<f64>> {
+/// Solves for the start and the speeds at the joints of the pieces, which are not negative.
+///
+/// Without that bound, the fit of a vehicle that stops reverses in its last pieces. Speeds
+/// cut off at 0 afterwards would then end decimetres from the recording.
+fn least_squares(rows: &[(f64, f64)], pieces: usize) -> Option<(f64, Vec<f64>)> {
     let n = pieces + 2;
     let (mut matrix, mut right) = (vec![vec![0.0; n]; n], vec![0.0; n]);
     for (t, s) in rows {
@@ -113,27 +124,64 @@ fn least_squares(rows: &[(f64, f64)], pieces: usize) -> Option<Vec<f64>> {
             }
         }
     }
-    for (i, row) in matrix.iter_mut().enumerate().skip(2) {
+    for (i, row) in matrix.iter_mut().enumerate().skip(1) {
         row[i] += RIDGE;
+    }
+    // An active set: speeds at 0, until none of the others is negative, and none at 0
+    // would rise.
+    let mut is_zero = vec![false; n];
+    let mut solution = bounded(&matrix, &right, &is_zero)?;
+    for _ in 0..4 * n {
+        let lowest = (1..n).min_by(|a, b| solution[*a].total_cmp(&solution[*b]))?;
+        if solution[lowest] < 0.0 {
+            is_zero[lowest] = true;
+        } else {
+            let rise = |i: usize| -> f64 {
+                let now: f64 = (0..n).map(|k| matrix[i][k] * solution[k]).sum();
+                right[i] - now
+            };
+            let rising = (1..n).filter(|i| is_zero[*i]);
+            let most = rising.max_by(|a, b| rise(*a).total_cmp(&rise(*b)));
+            match most.filter(|i| 1e-6 < rise(*i)) {
+                Some(i) => is_zero[i] = false,
+                None => break,
+            }
+        }
+        solution = bounded(&matrix, &right, &is_zero)?;
+    }
+    let speeds_mps = solution[1..].iter().map(|it| it.max(0.0));
+    Some((solution[0], speeds_mps.collect()))
+}
+
+/// Solves a system of equations in which some unknowns are 0.
+fn bounded(matrix: &[Vec<f64>], right: &[f64], is_zero: &[bool]) -> Option<Vec<f64>> {
+    let (mut matrix, mut right) = (matrix.to_vec(), right.to_vec());
+    for i in (0..right.len()).filter(|i| is_zero[*i]) {
+        matrix[i].fill(0.0);
+        matrix[i][i] = 1.0;
+        right[i] = 0.0;
     }
     solved(matrix, right)
 }
 
-/// Returns the position at a time per unit of an unknown.
+/// Returns the position at a time per unit of an unknown: the start, or the speed at a joint.
 fn basis(unknown: usize, time_s: f64) -> f64 {
-    match unknown {
-        0 => 1.0,
-        1 => time_s,
-        _ => {
-            let after_s = time_s - (unknown - 2) as f64 * PIECE_S;
-            let within_s = after_s.clamp(0.0, PIECE_S);
-            within_s * (after_s.max(0.0) - 0.5 * within_s)
-        }
-    }
+    let Some(joint) = unknown.checked_sub(1) else {
+        return 1.0;
+    };
+    // The speed rises linearly before its joint and falls after it.
+    let from_s = time_s - (joint as f64 - 1.0) * PIECE_S;
+    let rises_s = if joint == 0 {
+        0.0
+    } else {
+        from_s.clamp(0.0, PIECE_S)
+    };
+    let falls_s = (from_s - PIECE_S).clamp(0.0, PIECE_S);
+    0.5 * rises_s * rises_s / PIECE_S + falls_s * (1.0 - 0.5 * falls_s / PIECE_S)
 }
 
 /// Solves a system of equations by elimination with pivots.
-fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Option<Vec<f64>> {
+pub(crate) fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Option<Vec<f64>> {
     let n = right.len();
     for i in 0..n {
         let pivot = (i..n).max_by(|a, b| matrix[*a][i].abs().total_cmp(&matrix[*b][i].abs()))?;
@@ -156,4 +204,42 @@ fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Option<Vec<f64>> {
         right[i] = (right[i] - known) / matrix[i][i];
     }
     Some(right)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Positions of a vehicle that brakes with 2.3 m/s² from 6 m/s until it stands.
+    fn stopping(jitter_m: f64) -> Vec<f64> {
+        let stop_s = 6.0 / 2.3;
+        (0..=200)
+            .map(|i| {
+                let t = f64::min(0.05 * f64::from(i), stop_s);
+                6.0 * t - 1.15 * t * t + jitter_m * f64::from(i * 29 % 7 - 3) / 3.0
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_vehicle_that_stops_is_repeated_to_its_stop() {
+        for jitter_m in [0.0, 0.01] {
+            let s_m = stopping(jitter_m);
+            let plan = SpeedPlan::fit(&s_m, 0.05).expect("a plan");
+            assert!(plan.worst_m < 0.06, "{jitter_m}: {}", plan.worst_m);
+            let off_m = plan.position_m(10.0) - s_m[200];
+            assert!(off_m.abs() < 0.02, "{jitter_m}: {off_m} m at the end");
+            assert!(plan.to_mps.iter().all(|it| (0.0..6.1).contains(it)));
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_the_recorder_moves_back_has_no_plan_that_repeats_it() {
+        let back: Vec<f64> = (0..=200).map(|i| -0.005 * f64::from(i)).collect();
+        let plan = SpeedPlan::fit(&back, 0.05).expect("a plan");
+        assert!(
+            !plan.repeats() && plan.to_mps.iter().all(|it| *it < 0.01),
+            "{plan:?}"
+        );
+    }
 }

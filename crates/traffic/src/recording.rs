@@ -20,19 +20,22 @@ pub enum Class {
     Van,
     /// Truck or bus.
     Truck,
+    /// Trailer that the recording lists apart from the vehicle that pulls it.
+    Trailer,
     /// Anything else.
     Other,
 }
 
 impl Class {
     /// Every class, in the order of the enum.
-    pub const ALL: [Class; 7] = [
+    pub const ALL: [Class; 8] = [
         Class::Pedestrian,
         Class::Bicycle,
         Class::Motorcycle,
         Class::Car,
         Class::Van,
         Class::Truck,
+        Class::Trailer,
         Class::Other,
     ];
 
@@ -44,6 +47,14 @@ impl Class {
         )
     }
 
+    /// Returns true for everything that fills a lane: motor vehicles and trailers.
+    ///
+    /// A trailer is the vehicle ahead of others. It has no vehicle ahead, because it has no
+    /// driver.
+    pub fn is_in_lanes(self) -> bool {
+        self.is_motor_vehicle() || self == Class::Trailer
+    }
+
     /// Returns the length and width in metres that are assumed without a recorded size.
     pub fn usual_size_m(self) -> [f64; 2] {
         match self {
@@ -53,6 +64,7 @@ impl Class {
             Class::Car | Class::Other => [4.5, 1.8],
             Class::Van => [5.5, 2.0],
             Class::Truck => [10.0, 2.5],
+            Class::Trailer => [8.0, 2.5],
         }
     }
 
@@ -65,6 +77,7 @@ impl Class {
             Class::Car => "car",
             Class::Van => "van",
             Class::Truck => "truck",
+            Class::Trailer => "trailer",
             Class::Other => "other",
         }
     }

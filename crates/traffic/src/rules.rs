@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::following::{LEAD_GAP_M, Leads, TTC_MAX_S};
 use crate::lane_frame::LaneFrame;
-use crate::recording::TrafficRecording;
+use crate::recording::{Class, TrafficRecording};
 
 /// Time within which violations of a rule are one episode.
 const SAME_EPISODE_S: f64 = 1.0;
@@ -50,6 +50,17 @@ fn ego() -> String {
 
 fn lead() -> String {
     "lead".to_owned()
+}
+
+impl TrafficRule {
+    /// Returns the formula under an `always` over the whole trace.
+    ///
+    /// # Errors
+    /// The formula is invalid.
+    pub fn always(&self) -> Result<String, StlError> {
+        let formula: Formula = self.stl.parse()?;
+        Ok(format!("always ({})", without_always(formula)))
+    }
 }
 
 /// Error in a rule file.
@@ -303,6 +314,10 @@ impl BoundRules {
         for (track, placed) in frame.tracks.iter().enumerate() {
             let Some(placed) = placed else { continue };
             let own = &recording.tracks[track];
+            // A trailer has no driver.
+            if own.class == Class::Trailer {
+                continue;
+            }
             columns.fill(own, placed, &leads.of[track]);
             let all = vec![
                 &own.speed_mps[..],

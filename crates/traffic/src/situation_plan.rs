@@ -1,11 +1,15 @@
 //! Recorded situations as plans: the state at the start and the motion after it.
 
 use crate::analysis::Analysis;
+use crate::crossing_roads::CrossingRoads;
 use crate::lane_change_plan::LaneChangePlan;
+use crate::lane_frame::PlacedTrack;
+use crate::other_plan::OtherPlan;
 use crate::path::Path;
 use crate::plan::{SpeedPlan, rounded};
-use crate::recording::{Class, RoadUserTrack};
+use crate::recording::RoadUserTrack;
 use crate::situations::{RecordedCutIn, RecordedFollowing, WINDOW_S};
+use crate::stock_body::{EGO_BODY, StockBody};
 
 /// Time from the start of a planned cut-in to its lane change.
 pub const LANE_CHANGE_AT_S: f64 = 2.0;
@@ -25,9 +29,8 @@ const EGO_LANE_M: f64 = 0.9;
 /// Greatest distance from the recorded offsets of a plan that is one lane change.
 const ACROSS_M: f64 = 0.5;
 
-/// Least lateral distance of a road user beside the ego, and the ego's length.
+/// Least lateral distance of a road user beside the ego.
 const BESIDE_M: f64 = 3.2;
-const EGO_LENGTH_M: f64 = 4.54;
 
 /// Clearance along the road at the start that is not beside the ego.
 const CLEAR_M: f64 = 0.1;
@@ -48,15 +51,46 @@ pub struct SituationPlan {
     pub body: StockBody,
     /// Speed of the ego at the start in m/s.
     pub ego_mps: f64,
-    /// Distance at the start from the ego's front to the other's rear in metres.
+    /// Distance at the start from the ego's front to the other's rear in metres, and
+    /// between the boxes in a crossing.
     pub gap_m: f64,
     /// Motion along the road.
     pub speed: SpeedPlan,
-    /// Motion across the road, `None` in a following.
+    /// Motion across the road, `None` without a lane change.
     pub across: Option<AcrossPlan>,
-    /// Speed that the lead loses, or deceleration that a cut-in requires, by which the
-    /// hardest situation is found.
+    /// Road of the situation.
+    pub road: SituationRoad,
+    /// Tracks of the replaced and of the planned road user.
+    pub tracks: [usize; 2],
+    /// Further road users, empty unless they were requested.
+    pub others: Vec<OtherPlan>,
+    /// Speed that the lead loses, deceleration that a cut-in requires, or the negative
+    /// post-encroachment time of a crossing, by which the hardest situation is found.
     pub hardness: f64,
+}
+
+/// Road of a recorded situation.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum SituationRoad {
+    /// Lanes of a carriageway.
+    Lanes(LanePlace),
+    /// Paths that cross.
+    Crossing(Box<CrossingRoads>),
+}
+
+/// Place of a situation on the lanes of its recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct LanePlace {
+    /// Position of the carriageway in the frame.
+    pub carriageway: usize,
+    /// Offset of the middle of the world's right lane from the carriageway's line.
+    pub right_lane_m: f64,
+    /// Front bumper of the replaced road user along the carriageway's line.
+    pub s_m: f64,
+    /// Front bumper of the replaced road user in the recording's frame.
+    pub front_m: [f64; 2],
 }
 
 /// Motion across the road in a cut-in, relative to the middle of the ego's lane.
@@ -82,62 +116,32 @@ pub enum RecordedPlace {
     Behind,
 }
 
-/// Body of world files that stands in for a recorded road user.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct StockBody {
-    /// Name in world files.
-    pub name: &'static str,
-    /// Length in metres.
-    pub length_m: f64,
-    /// Distance from the rear bumper to the rear axle, which plans move.
-    pub rear_overhang_m: f64,
-}
-
-impl StockBody {
-    /// Returns the stock body for a class and a length.
-    pub fn nearest(class: Class, length_m: f64) -> StockBody {
-        let (name, length_m, rear_overhang_m) = match class {
-            Class::Motorcycle => ("motorcycle", 2.10, 0.34),
-            Class::Van => ("van", 5.93, 1.27),
-            Class::Truck if length_m < 12.5 => ("truck", 9.20, 2.50),
-            Class::Truck => ("semitrailer", 16.50, 5.60),
-            _ => ("sedan", 4.54, 0.92),
-        };
-        StockBody {
-            name,
-            length_m,
-            rear_overhang_m,
-        }
-    }
-}
-
 impl SituationPlan {
     /// Fits a window of a following. The ego replaces the follower.
     ///
-    /// Returns `None` if a state at the start is interpolated or a vehicle stands.
+    /// Returns `None` if a state at the start is interpolated, a vehicle stands, or the
+    /// plan is more than 0.1 m from the recording.
     pub fn following(analysis: &Analysis, window: &RecordedFollowing) -> Option<SituationPlan> {
         let recording = &analysis.recording;
         let pair = RecordedPair::at(analysis, window.follower, window.lead, window.first_sample)?;
         // One more sample, so that the last piece is whole.
         let samples = window.samples + 1;
-        let speed = SpeedPlan::fit(
-            &own_way(pair.other, pair.other_at, samples, recording.dt_s)?,
-            recording.dt_s,
-        )?;
+        let way_m = own_way(pair.other, pair.other_at, samples, recording.dt_s)?;
+        let speed = SpeedPlan::fit(&way_m, recording.dt_s).filter(SpeedPlan::repeats)?;
         let gap_m = analysis.leads.of[window.follower][pair.own_at]?.gap_m;
-        pair.plan(
-            analysis,
-            (gap_m, speed),
-            None,
-            slowing_mps(analysis, window),
-        )
+        let placed = analysis.frame.tracks[window.follower].as_ref()?;
+        let lane = usize::from(placed.lane[pair.own_at]?);
+        let lanes = &analysis.frame.carriageways[placed.carriageway].lanes;
+        let place = pair.lane_place(placed, lanes.get(lane)?.offset_m);
+        let mut plan = pair.plan(analysis, (gap_m, speed), None, place)?;
+        plan.hardness = slowing_mps(analysis, window);
+        Some(plan)
     }
 
     /// Fits a cut-in from 2 s before its lane change. The ego replaces the follower.
     ///
     /// Returns `None` if a state at the start is interpolated, the changing vehicle is not
-    /// recorded until 10 s after the start, or the motion is not a single lane change: it
+    /// recorded until 10 s after the start, the plan is more than 0.1 m off, or the motion is not a single lane change: it
     /// is 0.5 m off at most, and the follower is in its lane.
     pub fn cut_in(analysis: &Analysis, cut_in: &RecordedCutIn) -> Option<SituationPlan> {
         let (recording, change) = (&analysis.recording, &cut_in.change);
@@ -145,6 +149,7 @@ impl SituationPlan {
         let other = &recording.tracks[change.track];
         let placed = analysis.frame.tracks[change.track].as_ref()?;
         let lanes = &analysis.frame.carriageways[placed.carriageway].lanes;
+        // A plan has one change to a neighbouring lane, and needs recorded rows.
         if change.from.abs_diff(change.to) != 1 || cut_in.is_filled {
             return None;
         }
@@ -165,7 +170,7 @@ impl SituationPlan {
         }
 
         // A plan moves the rear axle, which follows the box centre along the path.
-        let body = StockBody::nearest(other.class, other.length_m);
+        let body = StockBody::of(other);
         let behind_m = 0.5 * other.length_m - body.rear_overhang_m;
         let later = behind_m / (other.speed_mps[line].max(1.0) * dt_s);
         let begin = (from + shape.first_sample) as f64 + later.round();
@@ -182,8 +187,10 @@ impl SituationPlan {
             return None;
         }
         let mut s_m = own_way(other, at, window, dt_s)?;
+        // Along the path of its lane change, a vehicle drives farther than along the
+        // road.
         along_the_road(&mut s_m, &shape, dt_s);
-        let speed = SpeedPlan::fit(&s_m, dt_s)?;
+        let speed = SpeedPlan::fit(&s_m, dt_s).filter(SpeedPlan::repeats)?;
 
         let pair = RecordedPair::at(
             analysis,
@@ -198,8 +205,17 @@ impl SituationPlan {
             ego_m: follower.lateral_m[pair.own_at] - middle_m,
             worst_m,
         };
-        let needed_mps2 = cut_in.at_line.needed_mps2();
-        let plan = pair.plan(analysis, (gap_m, speed), Some(across), needed_mps2)?;
+        // The right one of the two lanes that the world has.
+        let is_from_left = shape.to_m < shape.from_m;
+        let right_lane_m = if is_from_left {
+            middle_m
+        } else {
+            middle_m - LANE_WIDTH_M
+        };
+        let place = pair.lane_place(follower, right_lane_m);
+        let mut plan = pair.plan(analysis, (gap_m, speed), Some(across), place)?;
+        plan.hardness = cut_in.at_line.needed_mps2();
+        // Bodies that overlap at the start are no situation.
         let is_clear = plan.place() != RecordedPlace::Beside || BESIDE_M <= shape.from_m.abs();
         (is_clear && across.ego_m.abs() <= EGO_LANE_M).then_some(plan)
     }
@@ -214,7 +230,7 @@ impl SituationPlan {
         let headway_m = self.headway_m();
         if self.body.length_m + CLEAR_M < headway_m {
             RecordedPlace::Ahead
-        } else if headway_m < -EGO_LENGTH_M - CLEAR_M {
+        } else if headway_m < -EGO_BODY.length_m - CLEAR_M {
             RecordedPlace::Behind
         } else {
             RecordedPlace::Beside
@@ -228,8 +244,12 @@ impl SituationPlan {
     }
 }
 
+/// Width of the lanes of a generated world in metres.
+pub(crate) const LANE_WIDTH_M: f64 = 3.75;
+
 /// Two road users at a sample.
 struct RecordedPair<'a> {
+    tracks: [usize; 2],
     own: &'a RoadUserTrack,
     other: &'a RoadUserTrack,
     own_at: usize,
@@ -245,12 +265,13 @@ impl<'a> RecordedPair<'a> {
         other: usize,
         sample: usize,
     ) -> Option<RecordedPair<'a>> {
-        let tracks = &analysis.recording.tracks;
-        let (own, other) = (&tracks[own], &tracks[other]);
+        let both = [own, other];
+        let [own, other] = both.map(|i| &analysis.recording.tracks[i]);
         let own_at = sample.checked_sub(own.first_sample)?;
         let other_at = sample.checked_sub(other.first_sample)?;
         let is_filled = *own.filled.get(own_at)? || *other.filled.get(other_at)?;
         (!is_filled).then_some(RecordedPair {
+            tracks: both,
             own,
             other,
             own_at,
@@ -259,12 +280,25 @@ impl<'a> RecordedPair<'a> {
         })
     }
 
+    fn lane_place(&self, placed: &PlacedTrack, right_lane_m: f64) -> LanePlace {
+        let (sin, cos) = libm::sincos(self.own.heading_rad[self.own_at]);
+        let ahead_m = 0.5 * self.own.length_m;
+        let (x, y) = (self.own.x_m[self.own_at], self.own.y_m[self.own_at]);
+        LanePlace {
+            carriageway: placed.carriageway,
+            right_lane_m,
+            s_m: placed.s_m[self.own_at],
+            front_m: [x + ahead_m * cos, y + ahead_m * sin],
+        }
+    }
+
+    /// Returns a plan that is not yet rated.
     fn plan(
         &self,
         analysis: &Analysis,
         (gap_m, speed): (f64, SpeedPlan),
         across: Option<AcrossPlan>,
-        hardness: f64,
+        place: LanePlace,
     ) -> Option<SituationPlan> {
         let recording = &analysis.recording;
         let samples = (WINDOW_S / recording.dt_s).round() as usize + 1;
@@ -275,13 +309,16 @@ impl<'a> RecordedPair<'a> {
             time_s: self.sample as f64 * recording.dt_s,
             replaced: self.own.id.clone(),
             planned: self.other.id.clone(),
-            body: StockBody::nearest(self.other.class, self.other.length_m),
+            body: StockBody::of(self.other),
             ego_mps: own.start_mps,
             // Fitted positions at the start on both sides.
             gap_m: gap_m + speed.start_m - own.start_m,
             speed,
             across,
-            hardness,
+            road: SituationRoad::Lanes(place),
+            tracks: self.tracks,
+            others: Vec::new(),
+            hardness: 0.0,
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::following::{Lead, Leads};
 use crate::lane_frame::LaneFrame;
-use crate::recording::TrafficRecording;
+use crate::recording::{Class, TrafficRecording};
 
 /// Shortest following that counts, and the length of its windows, in seconds.
 pub const WINDOW_S: f64 = 10.0;
@@ -12,6 +12,17 @@ pub const CUT_IN_GAP_M: f64 = 100.0;
 
 /// Time for which the follower of a cut-in has been in its lane.
 const IN_LANE_BEFORE_S: f64 = 1.0;
+
+/// Kind of recorded situations that become worlds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SituationKind {
+    /// Windows of 10 s in which a vehicle follows the same lead.
+    Following,
+    /// Lane changes in front of a follower.
+    CutIn,
+    /// Paths that cross within a post-encroachment time of 10 s.
+    Crossing,
+}
 
 /// Unbroken stretch in which a vehicle has the same lead.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,6 +161,10 @@ fn lane_changes(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<LaneChan
     let mut all = Vec::new();
     for (track, placed) in frame.tracks.iter().enumerate() {
         let Some(placed) = placed else { continue };
+        // It follows the vehicle that pulls it.
+        if recording.tracks[track].class == Class::Trailer {
+            continue;
+        }
         let mut current: Option<u8> = None;
         let mut at = 0;
         for stretch in placed.lane.chunk_by(|a, b| a == b) {

@@ -209,6 +209,7 @@ pub(crate) fn colour(class: Class) -> &'static str {
         Class::Car => "#1971c2",
         Class::Van => "#0b7285",
         Class::Truck => "#8d5524",
+        Class::Trailer => "#b08968",
         Class::Other => "#868e96",
     }
 }

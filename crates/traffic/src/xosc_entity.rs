@@ -43,7 +43,8 @@ pub(crate) fn class_of_vehicle(category: &str) -> Option<Class> {
         "motorbike" => Class::Motorcycle,
         "bicycle" => Class::Bicycle,
         "wheelchair" => Class::Pedestrian,
-        "trailer" | "semitrailer" | "train" | "tram" => Class::Other,
+        "trailer" | "semitrailer" => Class::Trailer,
+        "train" | "tram" => Class::Other,
         _ => return None,
     })
 }
@@ -61,6 +62,7 @@ pub(crate) fn class_of_catalog(catalog: &str, entry: &str) -> Option<Class> {
                 "car" | "sedan" | "suv" => Class::Car,
                 "van" => Class::Van,
                 "truck" | "lorry" | "bus" => Class::Truck,
+                "trailer" | "semitrailer" => Class::Trailer,
                 _ => return None,
             })
         });

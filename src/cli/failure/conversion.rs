@@ -13,6 +13,8 @@ use crate::crashes::{
 use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::{EgoError, TrafficError};
 use crate::openx::OpenXError;
+use crate::population::{LeagueError, PopulationError};
+use crate::risk::RiskTrafficError;
 use crate::rl::ConfigError;
 use crate::ron_file::{LoadError, ScenarioError, guessed};
 use crate::run_dir::{KeptError, RunError};
@@ -63,6 +65,19 @@ impl From<TrafficError> for Failure {
     }
 }
 
+impl From<RiskTrafficError> for Failure {
+    fn from(error: RiskTrafficError) -> Failure {
+        match error {
+            RiskTrafficError::File(error) => Failure::from(&error),
+            RiskTrafficError::Model(error) => Failure::from(error),
+            RiskTrafficError::Grid { .. } => Failure::input(
+                error.to_string(),
+                "name a driving world; `brakecheck eval` measures grids on all starts",
+            ),
+        }
+    }
+}
+
 impl From<&ConfigError> for Failure {
     fn from(error: &ConfigError) -> Failure {
         Failure::input(error.what(), &error.help)
@@ -75,6 +90,7 @@ impl From<&RunError> for Failure {
         match error {
             RunError::World(world) => Failure::from(&**world),
             RunError::NotARun { .. }
+            | RunError::Population { .. }
             | RunError::Exists { .. }
             | RunError::Differs { .. }
             | RunError::Conditional { .. }
@@ -326,7 +342,9 @@ from_input! {
     FindError: Ego, Change, Kept;
     BankError: Run, Kept;
     SessionError: Ego, Run, Train, Config, Kept, Bank;
+    PopulationError: Session, Run, Ego;
     EvaluationError: Ego, Adversary, Theorems, Train, Kept, Run;
+    LeagueError: Session, Train, Run, Ego;
 }
 
 /// Converts an error that is a wrong input and always has a help.
@@ -363,7 +381,9 @@ from_owned!(
     FindError,
     Inapplicable,
     KeptError,
+    LeagueError,
     LoadError,
+    PopulationError,
     RegressionError,
     RunError,
     ScenarioError,
@@ -394,7 +414,9 @@ prints_as_on_the_command_line!(
     EvaluationError,
     FindError,
     KeptError,
+    LeagueError,
     LoadError,
+    PopulationError,
     RegressionError,
     RunError,
     ScenarioError,

@@ -1,8 +1,10 @@
 //! Policy of all ados, made of a policy per ado.
 
-use super::POLICY;
 use crate::rl::bundle::{BundleError, TensorFile};
 use crate::rl::{PartSpaces, Policy, Spaces};
+
+/// Kind of a kept policy.
+pub(super) const POLICY: &str = "brakecheck per-ado policy 1";
 
 /// Policy of one ado in a joint observation.
 struct PartPolicy {
@@ -120,6 +122,9 @@ impl Policy for PerAdoPolicy {
     }
 }
 
+/// Policy of one ado, with its place in the joint observation.
+type OwnPolicy = (PartSpaces, Box<dyn Policy>);
+
 /// Returns the policy of the ado `name` in a joint policy for a world with these spaces.
 ///
 /// Its observation is its own part of the joint one. `None`: the bundle is no policy per
@@ -131,7 +136,7 @@ pub(crate) fn policy_of_part(
     spaces: &Spaces,
     bundle: &TensorFile,
     name: &str,
-) -> Result<Option<(PartSpaces, Box<dyn Policy>)>, BundleError> {
+) -> Result<Option<OwnPolicy>, BundleError> {
     if bundle.meta() != POLICY {
         return Ok(None);
     }
@@ -178,6 +183,7 @@ fn read(bundle: &TensorFile) -> Result<(usize, Vec<(PartSpaces, TensorFile)>), B
     let text = bundle.rows::<u8>("parts", &[])?;
     let spaces: Vec<PartSpaces> =
         serde_json::from_slice(text).map_err(|error| damaged(&error.to_string()))?;
+    // Checked, because the file may name sets whose product overflows.
     let mut product = Some(1usize);
     for part in &spaces {
         product = product.and_then(|product| product.checked_mul(part.actions));

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::turns::TurnAction;
+use super::turn_action::TurnAction;
 use super::weather_rates::WeatherRates;
 
 /// Action set of an ado.

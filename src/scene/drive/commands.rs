@@ -84,6 +84,7 @@ impl DriveScene {
             let Some(action) = frozen.act(&self.state, (ado, self.noise)) else {
                 continue;
             };
+            // Its policy is read in any case, so that a turn changes no random draw.
             let action = if self.turn.is_of(ado) {
                 action
             } else {

@@ -12,7 +12,7 @@ use super::road_ado::RoadAdo;
 use super::script::Script;
 use super::sensors::Sensors;
 use super::trained::{TrainedAdo, TrainingWorld};
-use super::turns::TurnsAdo;
+use super::turns_ado::TurnsAdo;
 use super::weather::Weather;
 use indexmap::IndexMap;
 

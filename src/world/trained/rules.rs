@@ -5,23 +5,13 @@
 //! training world get names that begin with the ado's own.
 
 use indexmap::IndexMap;
-use serde::Deserialize;
 
 use crate::ron_file::{Problems, ValuePath};
 use crate::scene::drive::{DriveSpec, TrainedAdo};
 use crate::stl::Names;
 use crate::world::language::Language;
-use crate::world::scenario::{RuleSpec, Scenario};
-
-/// Whether the rules of a trained ado count in the world in which it acts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-pub(in crate::world) enum RulesFile {
-    /// It is traffic, and its rules are not judged.
-    #[default]
-    Unjudged,
-    /// Its rules belong to the rulebook, as those of any ado.
-    Judged,
-}
+use crate::world::rule_spec::RuleSpec;
+use crate::world::runs::InnerWorld;
 
 /// Rulebook of a training world, as far as it concerns one ado.
 pub(in crate::world) struct HomeRulebook {
@@ -39,7 +29,7 @@ pub(in crate::world) struct JudgedAdo {
 }
 
 impl HomeRulebook {
-    pub(super) fn of(home: &Scenario, part: &str) -> HomeRulebook {
+    pub(super) fn of(home: &InnerWorld, part: &str) -> HomeRulebook {
         let rules = home.rules.iter().filter(|rule| rule.ado == part);
         HomeRulebook {
             rules: rules.cloned().collect(),
@@ -74,6 +64,7 @@ impl JudgedAdo {
                 language.constant(name, *value);
             }
         }
+        // In the order of their world, since a signal mentions earlier ones only.
         for derived in &self.trained.home.derived {
             if used.iter().any(|used| *used == *derived.signal.name) {
                 let derived = derived.renamed(&new);
@@ -86,6 +77,7 @@ impl JudgedAdo {
                 names.formulas.insert(name, formula.renamed(&new));
             }
         }
+        // Lower than every rule of the file, and in their own order.
         let below = rules.iter().map(|rule| rule.priority + 1).max();
         let below = below.unwrap_or(0);
         rules.extend(self.home.rules.iter().map(|rule| RuleSpec {

@@ -7,9 +7,18 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 
-use super::rules::RulesFile;
 use crate::ron_file::Ordered;
 use crate::world::runs::{NamedRun, RunRefused, WorldOrigin, refused};
+
+/// Whether the rules of a trained ado count in the world in which it acts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub(in crate::world) enum RulesFile {
+    /// It is traffic, and its rules are not judged.
+    #[default]
+    Unjudged,
+    /// Its rules belong to the rulebook, as those of any ado.
+    Judged,
+}
 
 #[derive(Deserialize)]
 #[serde(rename = "Trained", deny_unknown_fields)]

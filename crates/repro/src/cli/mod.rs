@@ -5,6 +5,7 @@ mod driving;
 mod figures;
 mod fitted;
 mod grids;
+mod league;
 mod letter;
 mod near;
 mod paper;
@@ -69,6 +70,9 @@ struct ReproduceArgs {
     /// Test starts per world, by default as many as the published tables have.
     #[arg(long, value_name = "N", default_value_t = 500, value_parser = start_count())]
     starts: usize,
+    /// Play the leagues on the world's own variants of its ego instead, to tune settings.
+    #[arg(long)]
+    variants: bool,
     /// Refused, with what to use instead.
     #[arg(long, hide = true, value_name = "N")]
     seed: Option<u64>,
@@ -121,6 +125,9 @@ enum What {
     /// Controllers of structures that no ado met in training, each learned from 100 runs of it
     /// (at most 2 trainings and 100 starts).
     Structures,
+    /// Leagues of egos and ados on controllers of structures that no ado met in training
+    /// (kinematic plant, at most 10 leagues and 200 starts).
+    League,
     /// Euro NCAP's frontal collisions of 2026: points each ego passes, and lawful variations of
     /// them that make it fail.
     Ncap,
@@ -200,6 +207,7 @@ impl What {
             What::NearStarts => &[near::run],
             What::Crashes => &[crashes::run],
             What::Structures => &[structures::run],
+            What::League => &[league::run],
             What::Ncap => &[protocols::ncap],
             What::R157 => &[protocols::r157],
             What::Plants => &[plants::run],
@@ -213,6 +221,7 @@ impl What {
                 near::run,
                 crashes::run,
                 structures::run,
+                league::run,
                 protocols::ncap,
                 protocols::r157,
                 plants::run,

@@ -73,3 +73,43 @@ fn every_mistake_names_its_array_and_index() {
     let error = TrafficRecording::from_columns("arrays", &empty).expect_err("empty");
     assert_eq!(error.to_string(), "`arrays`: no road user has two rows");
 }
+
+#[test]
+fn a_trailer_is_ahead_of_others_and_follows_nobody() {
+    let (mut ids, mut times_s, mut x_m, mut classes) = (vec![], vec![], vec![], vec![]);
+    let users = [
+        ("car", 0.0, Class::Car),
+        ("trailer", 40.0, Class::Trailer),
+        ("tractor", 48.0, Class::Truck),
+    ];
+    for i in 0..240 {
+        for (id, at_m, class) in users {
+            ids.push(id);
+            times_s.push(0.05 * f64::from(i));
+            x_m.push(at_m + f64::from(i));
+            classes.push(class);
+        }
+    }
+    let y_m = vec![0.0; x_m.len()];
+    let (lengths_m, widths_m) = (vec![6.0; x_m.len()], vec![2.0; x_m.len()]);
+    let mut columns = RecordingColumns::new(&ids, &times_s, &x_m, &y_m);
+    columns.classes = Some(&classes);
+    columns.size_m = Some((&lengths_m, &widths_m));
+    let analysis = brakecheck_traffic::Analysis::of(
+        TrafficRecording::from_columns("arrays", &columns).expect("valid"),
+    );
+    let lead = |i: usize| analysis.leads.of[i][100].map(|it| (it.track, it.gap_m));
+    let (track, gap_m) = lead(0).expect("the trailer");
+    assert_eq!(track, 1);
+    assert!((gap_m - 34.0).abs() < 0.1, "{gap_m}");
+    assert_eq!((lead(1), lead(2)), (None, None));
+    // Only the two that are driven count in rules.
+    let rule = brakecheck_traffic::TrafficRule {
+        name: "slow".to_owned(),
+        stl: "always (ego.speed <= 1)".to_owned(),
+    };
+    let rules = brakecheck_traffic::TrafficRuleFile::of(vec![rule]);
+    let rules = rules.bind(&analysis.recording).expect("a rule");
+    let results = rules.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
+    assert_eq!(results[0].vehicles, 2);
+}

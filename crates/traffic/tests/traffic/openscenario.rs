@@ -108,7 +108,7 @@ fn classes_come_from_definitions_and_words_of_catalog_entries() {
     let cases = [
         (vehicle("bicycle"), Class::Bicycle, true),
         (vehicle("bus"), Class::Truck, true),
-        (vehicle("semitrailer"), Class::Other, true),
+        (vehicle("semitrailer"), Class::Trailer, true),
         (vehicle("hovercraft"), Class::Car, false),
         (
             "<Pedestrian pedestrianCategory=\"pedestrian\"/>".to_owned(),

@@ -1,0 +1,74 @@
+//! Leagues of egos and ados in `train --league`.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use super::{Common, Exit, Failure, finished, print_json, progress, table_of, terminal};
+use crate::experiment::Audience;
+use crate::population::{LeagueRequest, LeagueResponse, LeagueRound, PopulationDir, train_league};
+use crate::world::Scenario;
+
+/// Trains a league, or continues one.
+pub(super) fn train(
+    world: &Scenario,
+    path: &Path,
+    (request, resume): (&LeagueRequest<'_>, bool),
+    (common, audience): (&Common, Option<&dyn Audience>),
+) -> Result<Exit, Failure> {
+    let bar = progress::bar(common, "");
+    let watch = bar.watch().shown_to(audience);
+    let rounds = train_league(world, path, request, resume, &watch)?;
+    drop(bar);
+    // Round 0 precedes the requested rounds, so a whole league has one more.
+    if rounds.len() <= request.rounds {
+        terminal::note(&format!(
+            "stopped after {} of {} rounds; go on with the same command and `--resume` in {}",
+            rounds.len().saturating_sub(1),
+            request.rounds,
+            path.display(),
+        ));
+        return Ok(finished(Exit::Fault));
+    }
+    if common.json {
+        let dir = PopulationDir::open(path)?;
+        print_json(&json!({
+            "run": path.display().to_string(),
+            "population": dir.manifest(),
+            "rounds": rounds,
+        }))?;
+    } else {
+        terminal::data(&rounds_table(&rounds))?;
+        terminal::note(&format!("kept in {}", path.display()));
+    }
+    Ok(finished(Exit::Done))
+}
+
+fn rounds_table(rounds: &[LeagueRound]) -> String {
+    let gain = |response: &Option<LeagueResponse>| {
+        response.map_or("–".to_owned(), |it| format!("{:+.3}", it.gain))
+    };
+    let header = [
+        "round",
+        "egos",
+        "ados",
+        "recall",
+        "ego gain",
+        "ado gain",
+        "exploitability",
+    ];
+    let lines = rounds.iter().map(|round| {
+        [
+            round.round.to_string(),
+            round.egos.len().to_string(),
+            round.payoffs.len().to_string(),
+            format!("{:.3}", round.value),
+            gain(&round.ego_response),
+            gain(&round.ado_response),
+            round
+                .exploitability
+                .map_or("–".to_owned(), |it| format!("{it:.3}")),
+        ]
+    });
+    table_of(header, lines)
+}

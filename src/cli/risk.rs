@@ -1,0 +1,181 @@
+//! `brakecheck risk`: the probability of a failure in declared traffic.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::number_args::count;
+use super::test_args::EgoArgs;
+use super::{
+    Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
+    progress, terminal,
+};
+use crate::experiment::{EgoUnderTest, consent_to, on_plant};
+use crate::risk::{KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic};
+use crate::sim::PlantKind;
+use crate::world::Scenario;
+
+#[derive(Args, Debug)]
+pub(super) struct RiskArgs {
+    /// A world file, or the name of a shipped world.
+    #[arg(value_name = "WORLD")]
+    world: PathBuf,
+    /// Laws of starts and actions: a file with `Traffic(…)`, a model of `log --fit`, or motorway.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    traffic: String,
+    /// Run of a trained ado, whose counterexamples show the proposals what to play.
+    #[arg(long, value_name = "RUN")]
+    run: Option<PathBuf>,
+    /// Kept counterexamples, or directories of them, with the same use.
+    #[arg(long, value_name = "FILE|DIR")]
+    known: Vec<PathBuf>,
+    #[command(flatten)]
+    ego: EgoArgs,
+    /// An earlier ego, for the ratio of both risks on the same draws.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    baseline_ego: Option<String>,
+    /// Exit with 1 unless the ratio is below this at 95 %.
+    #[arg(long, value_name = "RATIO", requires = "baseline_ego")]
+    at_most: Option<f64>,
+    /// Most runs of each ego.
+    #[arg(long, value_name = "N", default_value_t = RiskSettings::default().budget as u64,
+        value_parser = count(1_000..=1_000_000_000))]
+    budget: u64,
+    /// Natural runs, which come first and are counted if 100 of them fail.
+    #[arg(long, value_name = "N", default_value_t = RiskSettings::default().natural as u64,
+        value_parser = count(100..=1_000_000_000))]
+    natural: u64,
+    /// Half-width of the interval to stop at, as a share of the risk.
+    #[arg(long, value_name = "SHARE", default_value_t = RiskSettings::default().width)]
+    width: f64,
+    /// The physics to measure in, instead of the world's.
+    #[arg(long, value_parser = one_of::<PlantKind>())]
+    plant: Option<PlantKind>,
+    /// The physics to learn proposals in, instead of the measured one.
+    #[arg(long, value_parser = one_of::<PlantKind>())]
+    learn_on: Option<PlantKind>,
+    /// Directory of finished runs, from which the same command continues.
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Keep the likeliest lawful failure of each kind as a file.
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
+    /// Seed of all draws.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
+    seed: u64,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
+    let world = load_world(&args.world, &args.common)?;
+    let world = match args.plant {
+        Some(plant) => on_plant(&world, plant)?,
+        None => world,
+    };
+    let traffic = RiskTraffic::read(&world, &args.traffic)?;
+    let egos = egos(args, &world)?;
+    // Egos may be programs, which start only with consent.
+    consent_to(&egos)?;
+    let known = known(args, &world)?;
+    let mut request = RiskRequest::new(&traffic, &egos);
+    request.settings = settings(args);
+    request.known = &known;
+    request.dir.clone_from(&args.out);
+    // The cost is announced before the first run, because all runs may take hours.
+    if !args.common.json {
+        terminal::note(&request.announced());
+    }
+    let bar = progress::bar(&args.common, "");
+    let report = request.estimate(&bar.watch())?;
+    // The bar must not overwrite the report.
+    drop(bar);
+    let Some(report) = report else {
+        return interrupted_early(&args.common);
+    };
+    show(args, &report)?;
+    if let Some(dir) = &args.keep {
+        for line in request.keep(&report, dir)? {
+            terminal::note(&line);
+        }
+    }
+    Ok(finished(exit_of(args, &report)))
+}
+
+fn settings(args: &RiskArgs) -> RiskSettings {
+    RiskSettings {
+        budget: args.budget as usize,
+        natural: args.natural as usize,
+        width: args.width,
+        seed: args.seed,
+        learn_on: args.learn_on,
+    }
+}
+
+/// Returns the ego under test, and the baseline ego below it.
+fn egos(args: &RiskArgs, world: &Scenario) -> Result<Vec<EgoUnderTest>, Failure> {
+    let one = |egos: Vec<EgoUnderTest>, option: &str| match <[EgoUnderTest; 1]>::try_from(egos) {
+        Ok([ego]) => Ok(ego),
+        Err(_) => Err(Failure::input(
+            format!("`{option} all` is more than one ego"),
+            "name one ego, and run it again for each other one",
+        )),
+    };
+    let mut egos = vec![one(args.ego.find(world)?, "--ego")?];
+    if let Some(name) = &args.baseline_ego {
+        let baseline = one(EgoUnderTest::find(world, name)?, "--baseline-ego")?;
+        // The ratio of an ego to itself is 1 on the same draws.
+        if baseline.name() == egos[0].name() {
+            return Err(Failure::input(
+                format!("`{name}` is compared with itself"),
+                "name another ego with `--ego`",
+            ));
+        }
+        egos.push(baseline);
+    }
+    Ok(egos)
+}
+
+/// Returns the counterexamples of a training and of kept files.
+fn known(args: &RiskArgs, world: &Scenario) -> Result<Vec<KnownFailure>, Failure> {
+    let mut all = Vec::new();
+    if let Some(run) = &args.run {
+        let run = open_run(run, &args.common)?;
+        all.extend(KnownFailure::of_run(world, &run)?);
+    }
+    for path in &args.known {
+        all.extend(KnownFailure::of_files(world, path)?);
+    }
+    Ok(all)
+}
+
+fn show(args: &RiskArgs, report: &RiskReport) -> Result<(), Failure> {
+    if args.common.json {
+        return print_json(&json!(report));
+    }
+    terminal::data(&report.to_string())?;
+    for ego in &report.egos {
+        for Refusal { reason, fix } in ego.refusals() {
+            terminal::note(&format!(
+                "no result for `{}`: {reason}\n  help: {fix}",
+                ego.ego
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn exit_of(args: &RiskArgs, report: &RiskReport) -> Exit {
+    // Without a result, no ratio may decide.
+    if !report.is_result() {
+        return Exit::Fault;
+    }
+    // The upper end decides, so that chance alone rarely passes the limit.
+    let above = |limit: f64| report.ratio.is_none_or(|it| limit < it.interval[1]);
+    if args.at_most.is_some_and(above) {
+        Exit::Counterexample
+    } else {
+        Exit::Done
+    }
+}

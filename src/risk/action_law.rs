@@ -1,0 +1,207 @@
+//! Law of the ados' joint action at every decision.
+
+use crate::stats::student_cdf;
+use crate::stl::BoundExpr;
+use brakecheck_traffic::AccelerationModel;
+
+/// Law of the joint action: a product over the ados.
+#[derive(Clone, Debug)]
+pub(super) struct ActionLaw {
+    pub(super) ados: Vec<AdoLaw>,
+}
+
+/// Law of one ado's actions.
+#[derive(Clone, Debug)]
+pub(super) struct AdoLaw {
+    pub(super) actions: usize,
+    pub(super) neutral: usize,
+    pub(super) kind: LawKind,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum LawKind {
+    Markov(MarkovLaw),
+    Fitted(FittedLaw),
+}
+
+/// Actions of the ados so far, on which the next ones depend.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LawMemory {
+    /// Action before the last one, and the last one, per ado.
+    pub(super) last: Vec<[usize; 2]>,
+    decisions: usize,
+}
+
+/// Next action by the last one, interrupted by onsets.
+#[derive(Clone, Debug)]
+pub(super) struct MarkovLaw {
+    /// Probabilities `[last, next]`.
+    pub(super) transitions: Vec<Vec<f64>>,
+    pub(super) onsets: Vec<Onset>,
+    pub(super) decision_s: f64,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Onset {
+    pub(super) rate_per_s: BoundExpr,
+    pub(super) to: Vec<f64>,
+}
+
+/// Accelerations by the model of recorded traffic.
+///
+/// An action has the probability of all accelerations that are nearest to its own. The
+/// model has decisions of 0.5 s, so shorter decisions repeat the action in between.
+#[derive(Clone, Debug)]
+pub(super) struct FittedLaw {
+    pub(super) model: AccelerationModel,
+    pub(super) accelerations_mps2: Vec<f64>,
+    /// Ends of the accelerations that each action represents.
+    pub(super) cells: Vec<[f64; 2]>,
+    /// Decisions for which an action is repeated.
+    pub(super) hold: usize,
+    /// Law of the lateral moves, if the set has any.
+    pub(super) lateral: Option<MarkovLaw>,
+}
+
+impl LawMemory {
+    /// Writes a one-hot code of the last actions, as inputs of V.
+    pub(super) fn features(&self, law: &ActionLaw, into: &mut Vec<f32>) {
+        for (ado, last) in law.ados.iter().zip(&self.last) {
+            let reach = 2 - ado.reach();
+            for action in &last[reach..] {
+                into.extend((0..ado.actions).map(|it| if it == *action { 1.0 } else { 0.0 }));
+            }
+        }
+    }
+}
+
+impl AdoLaw {
+    /// Number of earlier actions on which the next one depends.
+    fn reach(&self) -> usize {
+        match &self.kind {
+            LawKind::Markov(_) => 1,
+            LawKind::Fitted(_) => 2,
+        }
+    }
+
+    /// Number of decisions for which an action is repeated.
+    fn hold(&self) -> usize {
+        match &self.kind {
+            LawKind::Markov(_) => 1,
+            LawKind::Fitted(law) => law.hold,
+        }
+    }
+
+    pub(super) fn probabilities(
+        &self,
+        row: &[f64],
+        last: [usize; 2],
+        decisions: usize,
+    ) -> Vec<f64> {
+        match &self.kind {
+            LawKind::Markov(law) => law.probabilities(row, last[1]),
+            LawKind::Fitted(law) => law.probabilities(row, last, decisions),
+        }
+    }
+}
+
+impl ActionLaw {
+    /// Returns the number of inputs that [`LawMemory::features`] writes.
+    pub(super) fn features(&self) -> usize {
+        self.ados.iter().map(|ado| ado.reach() * ado.actions).sum()
+    }
+
+    /// Returns the memory before the first decision.
+    pub(super) fn begin(&self) -> LawMemory {
+        LawMemory {
+            last: self.ados.iter().map(|ado| [ado.neutral; 2]).collect(),
+            decisions: 0,
+        }
+    }
+
+    /// Notes a joint action.
+    pub(super) fn note(&self, memory: &mut LawMemory, joint: usize) {
+        let mut rest = joint;
+        for (ado, last) in self.ados.iter().zip(&mut memory.last) {
+            // The model looks back by its own period, not by a shorter decision.
+            let before = if memory.decisions.is_multiple_of(ado.hold()) {
+                last[1]
+            } else {
+                last[0]
+            };
+            *last = [before, rest % ado.actions];
+            rest /= ado.actions;
+        }
+        memory.decisions += 1;
+    }
+
+    /// Returns the probability of every joint action in a row of signals.
+    ///
+    /// The first ado is the lowest digit of a joint action, as in the scene.
+    pub(super) fn probabilities(&self, row: &[f64], memory: &LawMemory) -> Vec<f64> {
+        let mut joint = vec![1.0];
+        for (ado, last) in self.ados.iter().zip(&memory.last) {
+            let own = ado.probabilities(row, *last, memory.decisions);
+            let times = |share: &f64| joint.iter().map(|it| it * share).collect::<Vec<f64>>();
+            joint = own.iter().flat_map(times).collect();
+        }
+        joint
+    }
+}
+
+impl MarkovLaw {
+    pub(super) fn probabilities(&self, row: &[f64], last: usize) -> Vec<f64> {
+        let mut next = self.transitions[last].clone();
+        // `max` turns an undefined rate into 0.
+        let rates = self
+            .onsets
+            .iter()
+            .map(|it| it.rate_per_s.eval(row).max(0.0));
+        let rates: Vec<f64> = rates.map(|rate| rate.min(1e9)).collect();
+        let all: f64 = rates.iter().sum();
+        if all <= 0.0 {
+            return next;
+        }
+        // Rates are constant during a decision, so the wait for an event is exponential.
+        let none = libm::exp(-all * self.decision_s);
+        next.iter_mut().for_each(|it| *it *= none);
+        for (onset, rate) in self.onsets.iter().zip(&rates) {
+            // `expm1` keeps the digits of small probabilities.
+            let share = -libm::expm1(-all * self.decision_s) * rate / all;
+            let to = next.iter_mut().zip(&onset.to);
+            to.for_each(|(it, weight)| *it += share * weight);
+        }
+        next
+    }
+}
+
+impl FittedLaw {
+    pub(super) fn probabilities(
+        &self,
+        row: &[f64],
+        [before, last]: [usize; 2],
+        decisions: usize,
+    ) -> Vec<f64> {
+        let count = self.accelerations_mps2.len();
+        let along = if decisions.is_multiple_of(self.hold) {
+            let [b, a] = [before, last].map(|it| self.accelerations_mps2[it % count]);
+            let (centre, scale) = self.model.centre_and_scale([b, a]);
+            let below = |x: f64| student_cdf((x - centre) / scale, self.model.freedom);
+            self.cells
+                .iter()
+                .map(|[lo, hi]| below(*hi) - below(*lo))
+                .collect()
+        } else {
+            let mut same = vec![0.0; count];
+            same[last % count] = 1.0;
+            same
+        };
+        let Some(lateral) = &self.lateral else {
+            return along;
+        };
+        // Actions are numbered with the lateral move as the higher digit.
+        let aside = lateral.probabilities(row, last / count);
+        let times = |share: &f64| along.iter().map(|it| it * share).collect::<Vec<f64>>();
+        aside.iter().flat_map(times).collect()
+    }
+}

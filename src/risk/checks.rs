@@ -1,0 +1,220 @@
+//! Checks of an estimate, and the refusals that follow from them.
+
+use indexmap::IndexMap;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::mixture::Mixture;
+use super::pool::{RiskEstimate, Round, bound, greatest_share, pareto_k, pooled};
+use super::record::{RiskRun, RunEnd};
+use crate::stats::poisson_tail;
+
+/// Least effective number of failures.
+const LEAST_ESS: f64 = 50.0;
+/// Fewest failures.
+const LEAST_HITS: usize = 25;
+/// Shape of the tail from which its variance is not known to exist.
+const MOST_K: f64 = 0.7;
+/// Least density ratio q / p at which a counterexample counts as covered.
+const COVERED: f64 = 10.0;
+/// Most counterexamples of a kind that may be uncovered.
+const UNCOVERED: f64 = 0.05;
+/// Probability of a false refusal because of natural failures.
+const FALSE_ALARM: f64 = 0.01;
+/// Share of the risk that may be beyond the weights of earlier rounds.
+const BEYOND: f64 = 0.05;
+/// Fewest counterexamples of a kind that are judged.
+const LEAST_PROBES: usize = 5;
+
+/// Counterexample by which proposals are checked.
+#[derive(Clone, Debug)]
+pub(super) struct Probe {
+    pub(super) ego: usize,
+    pub(super) run: RiskRun,
+}
+
+/// Reason why no number is a result.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// Statement of the problem with its value.
+    pub reason: String,
+    /// Fix in the imperative.
+    pub fix: String,
+}
+
+/// Checks of an estimate from weighted runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Checks {
+    /// Effective number of failures.
+    pub ess: f64,
+    /// Number of failures.
+    pub hits: usize,
+    /// Shape k̂ of the tail of the weights. `None` for too few failures.
+    pub pareto_k: Option<f64>,
+    /// Share of the largest weight.
+    pub greatest_share: f64,
+    /// Known counterexamples that the proposals would play, and all of them.
+    pub probes: [usize; 2],
+    /// Failures among the natural runs before the rounds.
+    pub natural_failures: usize,
+    /// Number of them with weights above those of earlier rounds.
+    pub natural_beyond: usize,
+    /// Upper bound that holds whatever the proposals missed.
+    pub bound: f64,
+    /// Reasons why the estimate is no result. Empty if it is one.
+    pub refusals: Vec<Refusal>,
+}
+
+impl Refusal {
+    fn new(reason: impl Into<String>, fix: &str) -> Refusal {
+        Refusal {
+            reason: reason.into(),
+            fix: fix.to_owned(),
+        }
+    }
+}
+
+impl Checks {
+    /// Checks the rounds of an ego.
+    ///
+    /// `natural` has its natural runs, which no proposal has learned from, and the
+    /// greatest failing weight before the last round.
+    pub(super) fn of(
+        rounds: &[Round],
+        (natural, limit): (&[RiskRun], f64),
+        mixture: &Mixture,
+        probes: &[&Probe],
+    ) -> Checks {
+        // Starts outside X_init and faults say nothing about the ego.
+        let played = natural.iter();
+        let played = played.filter(|it| !matches!(it.end, RunEnd::Outside | RunEnd::Invalid));
+        let (mut n, mut failures, mut beyond) = (0, 0, 0);
+        for run in played {
+            n += 1;
+            let is_failure = run.failure().is_some();
+            failures += usize::from(is_failure);
+            beyond += usize::from(is_failure && limit < mixture.weight_of(run));
+        }
+        // Two draws avoid a division by 0 in the bound.
+        let none = Round {
+            draws: vec![2],
+            ..Round::default()
+        };
+        let last = rounds.last().unwrap_or(&none);
+        let estimate = pooled(rounds, |_| true);
+        let covered = coverage(mixture, probes);
+        let mut checks = Checks {
+            ess: estimate.map_or(0.0, |it| it.ess),
+            hits: estimate.map_or(0, |it| it.hits),
+            pareto_k: pareto_k(rounds),
+            greatest_share: greatest_share(rounds),
+            probes: covered.values().fold([0; 2], |sum, [covered, all]| {
+                [sum[0] + covered, sum[1] + all]
+            }),
+            natural_failures: failures,
+            natural_beyond: beyond,
+            bound: bound(last, limit, (beyond, n)).min(1.0),
+            refusals: Vec::new(),
+        };
+        checks.refusals = checks.found(rounds, &covered);
+        let disagreement = checks.disagreement(estimate, n);
+        checks.refusals.extend(disagreement);
+        checks
+    }
+
+    fn found(&self, rounds: &[Round], covered: &IndexMap<&str, [usize; 2]>) -> Vec<Refusal> {
+        let more = "raise `--budget`, so that the proposals are fitted to more failures";
+        let learn = "name a run of a trained ado with `--run`, or raise `--budget`";
+        let mut all = Vec::new();
+        // Further refusals would only repeat that there is no failure.
+        if self.hits == 0 {
+            let reason = "no failure is known in this traffic";
+            return vec![Refusal::new(reason, learn)];
+        }
+        if self.hits < LEAST_HITS {
+            let reason = format!("{} failures, fewer than {LEAST_HITS}", self.hits);
+            all.push(Refusal::new(reason, more));
+        }
+        if self.ess < LEAST_ESS {
+            let reason = format!("an effective number of {:.0} failures", self.ess);
+            all.push(Refusal::new(format!("{reason}, below {LEAST_ESS}"), more));
+        }
+        match self.pareto_k {
+            Some(k) if k < MOST_K => {}
+            Some(k) => {
+                let reason =
+                    format!("a heavy tail of the weights: k̂ is {k:.2}, not below {MOST_K}");
+                all.push(Refusal::new(reason, more));
+            }
+            None => all.push(Refusal::new(
+                "too few failures for the tail of the weights",
+                more,
+            )),
+        }
+        for (mode, [covered, probes]) in covered {
+            let missed = (probes - covered) as f64 / (*probes).max(1) as f64;
+            if LEAST_PROBES <= *probes && UNCOVERED < missed {
+                let reason = format!(
+                    "the proposals would not play {} of {probes} known counterexamples ({mode})",
+                    probes - covered
+                );
+                all.push(Refusal::new(reason, more));
+            }
+        }
+        all.extend(invalid(rounds));
+        all
+    }
+
+    /// Returns the refusal for natural failures that are too many for the estimate.
+    fn disagreement(&self, estimate: Option<RiskEstimate>, natural: usize) -> Option<Refusal> {
+        let risk = estimate?;
+        let n = natural as f64;
+        let (all, beyond) = (self.natural_failures, self.natural_beyond);
+        // The upper end of the interval is the most that the estimate allows.
+        let too_many = |count, mean: f64| poisson_tail(count, n * mean) < FALSE_ALARM;
+        let reason = if too_many(beyond, BEYOND * risk.interval[1]) {
+            format!("{beyond} natural failures of kinds that the proposals play too rarely")
+        } else if too_many(all, risk.interval[1]) {
+            format!("{all} failures of {natural} natural runs, more than the estimate allows")
+        } else {
+            return None;
+        };
+        let fix = "raise `--budget`, and `--natural` if you can";
+        Some(Refusal::new(reason, fix))
+    }
+}
+
+/// Returns the refusal for invalid runs that could change the estimate.
+fn invalid(rounds: &[Round]) -> Option<Refusal> {
+    let estimate = pooled(rounds, |_| true)?;
+    let last = rounds.last()?;
+    let share = last.invalid / last.len() as f64;
+    // Faults must weigh less than what the estimate claims to know.
+    let half = estimate.probability * estimate.half_width();
+    (half < share).then(|| {
+        Refusal::new(
+            format!("invalid runs have a weight of {share:.1e}, above the half-width {half:.1e}"),
+            "mend the ego, whose faults are listed above",
+        )
+    })
+}
+
+/// Returns the counterexamples that a mixture covers, and all of them, by mode.
+fn coverage<'a>(mixture: &Mixture, probes: &[&'a Probe]) -> IndexMap<&'a str, [usize; 2]> {
+    let rated = probes.par_iter().map(|probe| {
+        let covered = 1.0 / mixture.weight_of(&probe.run) >= COVERED;
+        (probe.run.failure().map(|it| it.mode.as_str()), covered)
+    });
+    let rated: Vec<(Option<&str>, bool)> = rated.collect();
+    // In the order of the probes, so that equal estimates have equal refusals.
+    let mut all: IndexMap<&str, [usize; 2]> = IndexMap::new();
+    for (mode, covered) in rated {
+        if let Some(mode) = mode {
+            let [sum, count] = all.entry(mode).or_default();
+            *sum += usize::from(covered);
+            *count += 1;
+        }
+    }
+    all
+}

@@ -1,0 +1,353 @@
+//! Binding of declared laws of actions to a world.
+
+use std::sync::Arc;
+
+use super::action_law::{ActionLaw, AdoLaw, FittedLaw, LawKind, MarkovLaw, Onset};
+use super::law_file::{AdoLawFile, FittedFile, MarkovFile, OnsetFile};
+use crate::ron_file::{Ordered, Problems, ValuePath};
+use crate::scene::drive::{Actions, DriveSpec};
+use crate::stl::Expr;
+use crate::trace::Schema;
+use brakecheck_traffic::{DECISION_S, TrafficModel};
+
+/// Context of the binding of laws.
+pub(super) struct LawBinder<'a, 'b> {
+    pub(super) spec: &'a DriveSpec,
+    pub(super) schema: &'a Schema,
+    pub(super) model: Option<Arc<TrafficModel>>,
+    pub(super) problems: &'a mut Problems<'b>,
+}
+
+impl LawBinder<'_, '_> {
+    /// Binds the law of every ado. Without a file, all are fitted.
+    pub(super) fn bind(&mut self, file: Option<&Ordered<AdoLawFile>>) -> Option<ActionLaw> {
+        let place = ValuePath::top().to("ados");
+        let sets: Vec<(String, Actions, usize)> = self
+            .spec
+            .action_sets()
+            .map(|(name, set, neutral)| (name.to_owned(), set.clone(), neutral))
+            .collect();
+        let known = |name: &String| sets.iter().any(|(known, ..)| known == name);
+        let unknown = file.and_then(|file| file.0.keys().find(|name| !known(name)));
+        if let Some(name) = unknown {
+            let names: Vec<&str> = sets.iter().map(|(name, ..)| name.as_str()).collect();
+            let help = format!("the ados of the world are {}", names.join(", "));
+            let what = format!("unknown ado `{name}`");
+            self.problems
+                .add(&place.to(name), what, "not an ado", Some(help));
+        }
+        let mut ados = Vec::new();
+        for (name, set, neutral) in sets {
+            let law = match file {
+                None => self.fitted(&place, &name, &set, None),
+                Some(file) => match file.0.get(&name) {
+                    Some(law) => self.law(&place.to(&name), &name, &set, law),
+                    None => self.missing(&place, &name),
+                },
+            };
+            ados.extend(law.map(|kind| AdoLaw {
+                actions: set.len(),
+                neutral,
+                kind,
+            }));
+        }
+        self.problems.is_empty().then_some(ActionLaw { ados })
+    }
+
+    fn missing(&mut self, place: &ValuePath, name: &str) -> Option<LawKind> {
+        let what = format!("the ado `{name}` has no law of actions");
+        let help = format!("add `\"{name}\": Markov(stay: […], leave: […])`, or `Fitted()`");
+        self.problems.add(place, what, "missing law", Some(help));
+        None
+    }
+
+    fn law(
+        &mut self,
+        place: &ValuePath,
+        name: &str,
+        set: &Actions,
+        law: &AdoLawFile,
+    ) -> Option<LawKind> {
+        match law {
+            AdoLawFile::Markov(file) => {
+                let labels: Vec<String> = (0..set.len()).map(|it| set.label(it)).collect();
+                self.markov(place, &labels, file).map(LawKind::Markov)
+            }
+            AdoLawFile::Fitted(file) => self.fitted(place, name, set, Some(file)),
+        }
+    }
+
+    fn markov(
+        &mut self,
+        place: &ValuePath,
+        labels: &[String],
+        file: &MarkovFile,
+    ) -> Option<MarkovLaw> {
+        let transitions = match transitions(file, labels.len()) {
+            Ok(transitions) => transitions,
+            Err(what) => {
+                let help = format!("the actions are {}", labels.join(", "));
+                self.problems.add(place, what, "not a law", Some(help));
+                return None;
+            }
+        };
+        let place = place.to("onsets");
+        let onsets = file.onsets.0.iter();
+        let onsets = onsets.map(|(name, onset)| self.onset(&place.to(name), labels, onset));
+        Some(MarkovLaw {
+            transitions,
+            onsets: onsets.collect::<Option<Vec<Onset>>>()?,
+            decision_s: self.spec.clock.decision_s,
+        })
+    }
+
+    fn onset(&mut self, place: &ValuePath, labels: &[String], file: &OnsetFile) -> Option<Onset> {
+        let mut to = vec![0.0; labels.len()];
+        for (name, weight) in &file.to.0 {
+            // The comparison also refuses NaN.
+            let Some(action) = action_named(labels, name).filter(|_| *weight >= 0.0) else {
+                let what = format!("unknown action `{name}`, or a weight below 0");
+                let help = format!("the actions are {}", labels.join(", "));
+                let place = place.to("to").to(name);
+                self.problems.add(&place, what, "not an action", Some(help));
+                return None;
+            };
+            to[action] += weight;
+        }
+        let Some(to) = shares(&to) else {
+            let what = "an onset leads to no action";
+            self.problems.add(&place.to("to"), what, "no weight", None);
+            return None;
+        };
+        let constants = &self.spec.constants;
+        let expr: Result<Expr, _> = file.rate_per_s.parse();
+        match expr.and_then(|expr| expr.bind(self.schema, constants)) {
+            Ok(rate_per_s) => Some(Onset { rate_per_s, to }),
+            Err(error) => {
+                self.problems.stl(&place.to("rate_per_s"), &error);
+                None
+            }
+        }
+    }
+
+    fn fitted(
+        &mut self,
+        place: &ValuePath,
+        name: &str,
+        set: &Actions,
+        file: Option<&FittedFile>,
+    ) -> Option<LawKind> {
+        let mut refuse = |what: String, help: &str| {
+            self.problems
+                .add(place, what, "no fitted law", Some(help.to_owned()));
+            None
+        };
+        let (accelerations, moves) = match set {
+            Actions::Accelerations(list) => (list, Vec::new()),
+            Actions::Grid(grid) => (&grid.accelerations, grid.lateral.clone()),
+            _ => {
+                let what = format!("models of traffic have no law for the actions of `{name}`");
+                return refuse(what, "declare a `Markov` law for it");
+            }
+        };
+        let Some(model) = &self.model else {
+            let what = "a `Fitted` law requires a model".to_owned();
+            return refuse(what, "add `model: \"motorway\"`, or a file of `log --fit`");
+        };
+        let decision_s = self.spec.clock.decision_s;
+        let hold = libm::round(DECISION_S / decision_s);
+        // A tolerance, since 0.1 s and its multiples are no binary fractions.
+        if hold < 1.0 || 1e-9 < (hold * decision_s - DECISION_S).abs() {
+            let what = format!("decisions of {decision_s} s do not divide the model's 0.5 s");
+            return refuse(what, "declare a `Markov` law");
+        }
+        let model = model.driver;
+        let lateral = file.and_then(|file| file.lateral.as_ref());
+        let lateral = match (moves.is_empty(), lateral) {
+            (true, None) => None,
+            (false, Some(file)) => {
+                let labels = moves.iter().map(|it| format!("{it:?}").to_lowercase());
+                let labels: Vec<String> = labels.collect();
+                Some(self.markov(&place.to("lateral"), &labels, file)?)
+            }
+            (true, Some(_)) => {
+                let what = format!("`{name}` has no lateral moves");
+                return refuse(what, "leave `lateral` out");
+            }
+            (false, None) => {
+                let what = format!("the lateral moves of `{name}` have no law");
+                return refuse(what, "add `lateral: (stay: […], leave: […])`");
+            }
+        };
+        Some(LawKind::Fitted(FittedLaw {
+            model,
+            cells: cells(accelerations),
+            accelerations_mps2: accelerations.clone(),
+            hold: hold as usize,
+            lateral,
+        }))
+    }
+}
+
+/// Returns the rows of a law, each of sum 1.
+pub(super) fn transitions(file: &MarkovFile, actions: usize) -> Result<Vec<Vec<f64>>, String> {
+    match (&file.stay, &file.leave, &file.transitions) {
+        (None, None, Some(rows)) => {
+            if rows.len() != actions || rows.iter().any(|row| row.len() != actions) {
+                return Err(format!(
+                    "`transitions` has {actions} rows of {actions} weights"
+                ));
+            }
+            let rows = rows.iter().map(|row| shares(row));
+            let rows: Option<Vec<Vec<f64>>> = rows.collect();
+            rows.ok_or_else(|| "a row of `transitions` has no weight, or one below 0".to_owned())
+        }
+        (Some(stay), Some(leave), None) => {
+            let inside = stay.iter().all(|it| (0.0..=1.0).contains(it));
+            if [stay.len(), leave.len()] != [actions; 2] || !inside {
+                return Err(format!(
+                    "`stay` has {actions} probabilities, and `leave` {actions} weights"
+                ));
+            }
+            let row = |last: usize| {
+                let mut others = leave.clone();
+                // An action cannot leave to itself, so its own weight has no effect.
+                others[last] = 0.0;
+                // An action that leaves to no other one is kept.
+                let Some(mut row) = shares(&others) else {
+                    let mut same = vec![0.0; actions];
+                    same[last] = 1.0;
+                    return same;
+                };
+                row.iter_mut().for_each(|it| *it *= 1.0 - stay[last]);
+                row[last] = stay[last];
+                row
+            };
+            if leave.iter().any(|it| *it < 0.0) {
+                return Err("a weight of `leave` is below 0".to_owned());
+            }
+            Ok((0..actions).map(row).collect())
+        }
+        _ => Err("a Markov law has either `stay` and `leave`, or `transitions`".to_owned()),
+    }
+}
+
+/// Returns weights as shares of their sum. `None`: there is none, or one is below 0.
+fn shares(weights: &[f64]) -> Option<Vec<f64>> {
+    let sum: f64 = weights.iter().sum();
+    let fits = 0.0 < sum && weights.iter().all(|it| 0.0 <= *it);
+    fits.then(|| weights.iter().map(|it| it / sum).collect())
+}
+
+/// Returns the action of a label, of which the unit may be left out.
+fn action_named(labels: &[String], name: &str) -> Option<usize> {
+    let exact = labels.iter().position(|label| label == name);
+    let begins = |label: &String| {
+        label
+            .strip_prefix(name)
+            .is_some_and(|it| it.starts_with(' '))
+    };
+    // An abbreviation that fits several actions would be a guess.
+    let mut short = (0..labels.len()).filter(|action| begins(&labels[*action]));
+    let first = short.next().filter(|_| short.next().is_none());
+    exact.or(first)
+}
+
+/// Returns the accelerations that are nearest to each of a list.
+pub(super) fn cells(accelerations: &[f64]) -> Vec<[f64; 2]> {
+    // Accelerations are listed in any order, but cells lie between neighbours.
+    let mut sorted = accelerations.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    let cell = |own: &f64| {
+        let at = sorted.partition_point(|it| it < own);
+        let lo = at.checked_sub(1).map(|it| 0.5 * (sorted[it] + own));
+        let hi = sorted.get(at + 1).map(|it| 0.5 * (it + own));
+        [lo.unwrap_or(f64::NEG_INFINITY), hi.unwrap_or(f64::INFINITY)]
+    };
+    accelerations.iter().map(cell).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::Signal;
+
+    fn markov() -> MarkovLaw {
+        let schema = Schema::new(0.5, [Signal::real("v", "m/s", "speed")]).expect("sound");
+        let rate: Expr = "0.1 * v".parse().expect("sound");
+        let file = MarkovFile {
+            stay: Some(vec![0.5, 0.9, 0.2]),
+            leave: Some(vec![0.0, 3.0, 1.0]),
+            transitions: None,
+            onsets: crate::ron_file::Ordered::default(),
+        };
+        MarkovLaw {
+            transitions: transitions(&file, 3).expect("fits"),
+            onsets: vec![Onset {
+                rate_per_s: rate.bind(&schema, &Default::default()).expect("sound"),
+                to: vec![1.0, 0.0, 0.0],
+            }],
+            decision_s: 0.5,
+        }
+    }
+
+    #[test]
+    fn a_markov_law_stays_leaves_and_is_interrupted_by_onsets() {
+        let law = markov();
+        assert_eq!(law.probabilities(&[0.0], 0), [0.5, 0.375, 0.125]);
+        assert_eq!(law.probabilities(&[-5.0], 1), [0.0, 0.9, 1.0 - 0.9]);
+        assert_eq!(law.probabilities(&[f64::NAN], 1)[0], 0.0);
+        let interrupted = law.probabilities(&[4.0], 1);
+        let none = libm::exp(-0.2);
+        assert!((interrupted[0] - (1.0 - none)).abs() < 1e-12);
+        assert!((interrupted[1] - 0.9 * none).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_joint_law_is_a_product_with_the_first_ado_as_the_lowest_digit() {
+        let ado = |neutral| AdoLaw {
+            actions: 3,
+            neutral,
+            kind: LawKind::Markov(markov()),
+        };
+        let law = ActionLaw {
+            ados: vec![ado(0), ado(1)],
+        };
+        let mut memory = law.begin();
+        let joint = law.probabilities(&[0.0], &memory);
+        assert_eq!(joint.len(), 9);
+        assert!((joint.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        // The first ado takes action 2, the second one repeats action 1.
+        assert!((joint[2 + 3] - 0.125 * 0.9).abs() < 1e-12);
+        law.note(&mut memory, 2 + 3);
+        assert_eq!(memory.last, [[0, 2], [1, 1]]);
+    }
+
+    #[test]
+    fn fitted_probabilities_add_to_one_and_prefer_the_model_s_centre() {
+        let model = TrafficModel::motorway().driver;
+        let list = vec![0.5, 0.0, -0.5, -3.0];
+        let law = FittedLaw {
+            model,
+            cells: cells(&list),
+            accelerations_mps2: list,
+            hold: 2,
+            lateral: None,
+        };
+        let kept = law.probabilities(&[], [3, 2], 1);
+        assert_eq!(kept, [0.0, 0.0, 1.0, 0.0]);
+        let next = law.probabilities(&[], [1, 1], 2);
+        assert!((next.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!(0.8 < next[1] && next[3] < 1e-3, "{next:?}");
+    }
+
+    #[test]
+    fn labels_may_leave_their_unit_out_if_one_action_is_meant() {
+        let labels = ["-3 m/s²", "-3 m/s² right", "+0 m/s²"].map(str::to_owned);
+        assert_eq!(action_named(&labels, "+0"), Some(2));
+        assert_eq!(action_named(&labels, "-3"), None);
+        assert_eq!(action_named(&labels, "-3 m/s²"), Some(0));
+        assert_eq!(action_named(&labels, "-"), None);
+    }
+}

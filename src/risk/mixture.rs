@@ -1,0 +1,177 @@
+//! Mixture of proposals: natural traffic, and traffic tilted by V.
+
+use super::record::{RiskRun, multiply};
+use super::start_tree::StartTree;
+use super::value::ValueNetwork;
+
+/// Least multiplier of an action, as a share of the best one.
+const FLOOR: f64 = 1e-6;
+/// Share of natural runs, which bounds every weight by its reciprocal.
+const NATURAL: f64 = 0.1;
+/// Share of the proposal by the root of V, which forgives a V that misses failures.
+const SOFT: f64 = 0.3;
+/// Share of the proposal for all failures.
+const ALL: f64 = 0.2;
+
+/// Mixture of natural traffic and a proposal per head of V.
+///
+/// A proposal q takes an action with p · V / Σ p · V, which has no variance if V is exact.
+/// Component 0 is natural, and component 1 tilts by √V of all failures.
+#[derive(Clone, Debug)]
+pub(super) struct Mixture {
+    value: Option<ValueNetwork>,
+    /// Starts of each component.
+    trees: Vec<StartTree>,
+    /// Share of each component.
+    shares: Vec<f64>,
+}
+
+impl Mixture {
+    /// Returns natural traffic alone.
+    pub(super) fn natural(dimensions: usize) -> Mixture {
+        Mixture {
+            value: None,
+            trees: vec![StartTree::natural(dimensions)],
+            shares: vec![1.0],
+        }
+    }
+
+    /// Returns the mixture of a fitted V. Head 0 is for all failures, the others for modes.
+    pub(super) fn of(value: ValueNetwork, trees: Vec<StartTree>) -> Mixture {
+        let modes = value.heads() - 1;
+        let mut shares = vec![NATURAL, SOFT];
+        let rest = 1.0 - NATURAL - SOFT;
+        if modes == 0 {
+            shares.push(rest);
+        } else {
+            shares.push(ALL);
+            shares.extend(vec![(rest - ALL) / modes as f64; modes]);
+        }
+        // Component 0 draws from the law itself, which needs no boxes.
+        let natural = StartTree::natural(0);
+        Mixture {
+            value: Some(value),
+            trees: std::iter::once(natural).chain(trees).collect(),
+            shares,
+        }
+    }
+
+    /// Returns the share of each component.
+    pub(super) fn shares(&self) -> &[f64] {
+        &self.shares
+    }
+
+    /// Returns the starts of a component.
+    pub(super) fn tree(&self, component: usize) -> &StartTree {
+        &self.trees[component]
+    }
+
+    /// Returns the density ratio q / p of every component for a start.
+    pub(super) fn start_ratios(&self, shares: &[f64]) -> Vec<f64> {
+        let tilted = self.trees.iter().skip(1).map(|it| it.density(shares));
+        std::iter::once(1.0).chain(tilted).collect()
+    }
+
+    /// Returns the action probabilities of every component in a state.
+    pub(super) fn proposals(&self, input: &[f32], law: &[f64]) -> Vec<Vec<f64>> {
+        let mut all = vec![law.to_vec()];
+        if let Some(value) = &self.value {
+            let values = value.values(input);
+            let softened = softened(&values[..law.len()]);
+            all.push(tilted(law, &softened));
+            all.extend(values.chunks(law.len()).map(|own| tilted(law, own)));
+        }
+        all
+    }
+
+    /// Returns the weight of a recorded run, whatever drew it.
+    pub(super) fn weight_of(&self, run: &RiskRun) -> f64 {
+        let mut ratios = self.start_ratios(&run.shares);
+        for (decision, action) in run.actions.iter().enumerate() {
+            let law: Vec<f64> = run.law(decision).iter().map(|it| f64::from(*it)).collect();
+            let proposals = self.proposals(run.input(decision), &law);
+            multiply(&mut ratios, &proposals, &law, *action as usize);
+        }
+        self.weight(&ratios)
+    }
+
+    /// Returns the weight p / q of a run from the density ratios of all components.
+    ///
+    /// It is the balance heuristic (Veach and Guibas 1995).
+    pub(super) fn weight(&self, ratios: &[f64]) -> f64 {
+        let pairs = self.shares.iter().zip(ratios);
+        1.0 / pairs.map(|(share, ratio)| share * ratio).sum::<f64>()
+    }
+
+    /// Returns the component of each of `n` runs, in proportion to the shares.
+    pub(super) fn allocation(&self, n: usize) -> Vec<usize> {
+        let mut all = Vec::with_capacity(n);
+        let mut sum = 0.0;
+        for (component, share) in self.shares.iter().enumerate() {
+            sum += share;
+            let end = libm::round(sum * n as f64) as usize;
+            all.resize(end.min(n), component);
+        }
+        // Rounding of the shares leaves at most one run over.
+        all.resize(n, self.shares.len() - 1);
+        all
+    }
+}
+
+/// Returns the roots of values, with the floor of the values themselves.
+fn softened(values: &[f64]) -> Vec<f64> {
+    let best = values.iter().copied().fold(0.0, f64::max);
+    let floored = values.iter().map(|value| value.max(FLOOR * best));
+    floored.map(libm::sqrt).collect()
+}
+
+/// Returns the law tilted by values.
+fn tilted(law: &[f64], values: &[f64]) -> Vec<f64> {
+    // An impossible action must not set the floor for the others.
+    let possible = law.iter().zip(values).filter(|(p, _)| 0.0 < **p);
+    let best = possible.map(|(_, v)| *v).fold(0.0, f64::max);
+    let pairs = law.iter().zip(values);
+    let raw: Vec<f64> = pairs.map(|(p, v)| p * v.max(FLOOR * best)).collect();
+    let sum: f64 = raw.iter().sum();
+    // Values of 0 prefer no action to another.
+    if 0.0 < sum {
+        raw.iter().map(|it| it / sum).collect()
+    } else {
+        law.to_vec()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn allocations_follow_the_shares_and_weights_are_bounded() {
+        let value = ValueNetwork::new(3, 3, 2, 1);
+        let trees = vec![StartTree::natural(0); 4];
+        let mixture = Mixture::of(value, trees);
+        let sum: f64 = mixture.shares().iter().sum();
+        assert!((sum - 1.0).abs() < 1e-12);
+        let all = mixture.allocation(1000);
+        let of = |component| all.iter().filter(|it| **it == component).count();
+        assert_eq!([0, 1, 2, 3, 4].map(of), [100, 300, 200, 200, 200]);
+        // A run that no proposal would play still has a bounded weight.
+        assert!((mixture.weight(&[1.0, 0.0, 0.0, 0.0, 0.0]) - 10.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_root_tilts_less_than_the_value() {
+        let law = [0.5, 0.5];
+        let values = [0.01, 0.0001];
+        let [hard, soft] = [tilted(&law, &values), tilted(&law, &softened(&values))];
+        assert!((hard[1] - 1.0 / 101.0).abs() < 1e-12);
+        assert!((soft[1] - 1.0 / 11.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn tilting_keeps_impossible_actions_impossible() {
+        let q = tilted(&[0.5, 0.0, 0.5], &[0.1, 1.0, 0.3]);
+        assert!((q[0] - 0.25).abs() < 1e-12 && q[1] == 0.0);
+        assert_eq!(tilted(&[0.5, 0.5], &[0.0, 0.0]), [0.5, 0.5]);
+    }
+}

@@ -1,0 +1,39 @@
+//! Risk: the probability that an ego fails, in traffic that you declare.
+//!
+//! A [`RiskTraffic`] has a law of the starts and a law of the ados' actions. A
+//! [`RiskRequest`] estimates the probability that a run violates ψ_ego. Natural runs are
+//! counted if they hold enough failures. Otherwise V, the probability of a failure, is
+//! learned from runs, and runs are drawn from a mixture of natural traffic and traffic
+//! tilted by V. Weights make the estimate unbiased whatever V is. Checks refuse estimates
+//! that rest on too little.
+//!
+//! Architecture Invariant: no result depends on V or on modes except by its variance.
+
+mod action_law;
+mod batch;
+mod checks;
+mod estimation;
+mod known;
+mod law_binding;
+mod law_file;
+mod learning;
+mod mixture;
+mod pool;
+mod record;
+mod report;
+mod run;
+mod run_file;
+mod start_law;
+mod start_tree;
+#[cfg(test)]
+mod tests;
+mod traffic;
+mod value;
+
+pub use checks::{Checks, Refusal};
+pub use estimation::{RiskRequest, RiskSettings};
+pub use law_file::EncounterRate;
+pub use pool::RiskEstimate;
+pub use record::KnownFailure;
+pub use report::{EgoRisk, ModeRisk, RiskCost, RiskReport};
+pub use traffic::{RiskTraffic, RiskTrafficError};

@@ -1,0 +1,356 @@
+//! Estimates from rounds of weighted runs, with their intervals.
+
+use serde::{Deserialize, Serialize};
+
+use crate::stats::{clopper_pearson_upper, pareto_shape, student_quantile, wilson};
+
+/// Probability that an interval does not hold.
+const ERROR: f64 = 0.05;
+
+/// Failure with its weight.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct WeightedFailure {
+    /// Position in the round, equal for all egos on the same draws.
+    pub(super) index: usize,
+    pub(super) component: usize,
+    /// Weight p / q.
+    pub(super) weight: f64,
+    pub(super) mode: String,
+    pub(super) lawful: bool,
+    pub(super) preventable: Option<bool>,
+}
+
+/// Round of independent draws from one mixture, in fixed numbers per component.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Round {
+    /// Draws per component.
+    pub(super) draws: Vec<usize>,
+    pub(super) failures: Vec<WeightedFailure>,
+    /// Sum of the weights of invalid runs.
+    pub(super) invalid: f64,
+}
+
+/// Estimate of a probability per run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RiskEstimate {
+    /// Probability per run.
+    pub probability: f64,
+    /// 95 % interval.
+    pub interval: [f64; 2],
+    /// Effective number of failures behind it.
+    pub ess: f64,
+    /// Number of failures behind it.
+    pub hits: usize,
+}
+
+impl RiskEstimate {
+    /// Returns the greater distance of an end from the estimate, as a share of it.
+    pub fn half_width(&self) -> f64 {
+        self.interval[1] / self.probability - 1.0
+    }
+
+    /// Returns the estimate of a rate of natural runs.
+    pub(super) fn counted(hits: usize, n: usize) -> RiskEstimate {
+        RiskEstimate {
+            probability: hits as f64 / n.max(1) as f64,
+            interval: wilson(hits, n),
+            ess: hits as f64,
+            hits,
+        }
+    }
+
+    /// Returns the estimate times a rate that is measured independently.
+    ///
+    /// The widths are added as squares on the logarithmic scale.
+    pub(super) fn times(&self, other: &RiskEstimate) -> RiskEstimate {
+        let probability = self.probability * other.probability;
+        let spread = |side: usize| {
+            let of = |it: &RiskEstimate| libm::log(it.interval[side] / it.probability);
+            libm::hypot(of(self), of(other))
+        };
+        RiskEstimate {
+            probability,
+            interval: [
+                probability * libm::exp(-spread(0)),
+                probability * libm::exp(spread(1)),
+            ],
+            ..*self
+        }
+    }
+
+    /// Returns the estimate divided by an exact or independently measured rate.
+    pub(super) fn over(&self, other: &RiskEstimate) -> RiskEstimate {
+        let [lo, hi] = other.interval.map(|end| 1.0 / end);
+        self.times(&RiskEstimate {
+            probability: 1.0 / other.probability,
+            interval: [hi, lo],
+            ..*other
+        })
+    }
+
+    /// Returns the estimate times a number.
+    pub(super) fn scaled(&self, by: f64) -> RiskEstimate {
+        RiskEstimate {
+            probability: by * self.probability,
+            interval: self.interval.map(|end| by * end),
+            ..*self
+        }
+    }
+}
+
+impl Round {
+    /// Returns the number of draws.
+    pub(super) fn len(&self) -> usize {
+        self.draws.iter().sum()
+    }
+
+    /// Returns the mean of values per draw, and its variance, stratified by component.
+    ///
+    /// `values` has component and value of all draws that are not 0.
+    pub(super) fn mean(&self, values: impl Iterator<Item = (usize, f64)>) -> (f64, f64) {
+        let mut sums = vec![[0.0; 2]; self.draws.len()];
+        for (component, value) in values {
+            sums[component][0] += value;
+            sums[component][1] += value * value;
+        }
+        let n = self.len() as f64;
+        let mean = sums.iter().map(|[sum, _]| sum).sum::<f64>() / n;
+        let variance = sums.iter().zip(&self.draws).map(|([sum, squares], draws)| {
+            let draws = *draws as f64;
+            // Cancellation may leave a small negative number.
+            let spread = (squares - sum * sum / draws.max(1.0)).max(0.0);
+            draws * spread / (draws - 1.0).max(1.0)
+        });
+        (mean, variance.sum::<f64>() / (n * n))
+    }
+}
+
+/// Returns the share of each round in a pooled estimate.
+///
+/// It is the square-root rule of Owen and Zhou: round k has n √k. Later rounds have better
+/// proposals, and shares that knew the results would bias the estimate.
+fn round_shares(rounds: &[Round]) -> Vec<f64> {
+    let raw = rounds.iter().zip(1..).map(|(round, k)| {
+        let k: u32 = k;
+        round.len() as f64 * libm::sqrt(f64::from(k))
+    });
+    let raw: Vec<f64> = raw.collect();
+    let sum: f64 = raw.iter().sum();
+    raw.iter().map(|it| it / sum).collect()
+}
+
+/// Returns the contributions of the counted failures to the pooled estimate.
+fn contributions(rounds: &[Round], counts: impl Fn(&WeightedFailure) -> bool) -> Vec<f64> {
+    let shares = round_shares(rounds);
+    let all = rounds.iter().zip(&shares).flat_map(|(round, share)| {
+        let each = share / round.len() as f64;
+        let counted = round.failures.iter().filter(|it| counts(it));
+        counted.map(move |it| each * it.weight)
+    });
+    all.collect()
+}
+
+/// Returns the pooled estimate of the counted failures. `None` without one.
+pub(super) fn pooled(
+    rounds: &[Round],
+    counts: impl Fn(&WeightedFailure) -> bool,
+) -> Option<RiskEstimate> {
+    let parts = contributions(rounds, &counts);
+    let squares: f64 = parts.iter().map(|it| it * it).sum();
+    let (mut probability, mut variance) = (0.0, 0.0);
+    for (round, share) in rounds.iter().zip(round_shares(rounds)) {
+        let counted = round.failures.iter().filter(|it| counts(it));
+        let (mean, spread) = round.mean(counted.map(|it| (it.component, it.weight)));
+        probability += share * mean;
+        variance += share * share * spread;
+    }
+    // Without a failure, there is no spread for an interval.
+    if probability <= 0.0 {
+        return None;
+    }
+    let ess = probability * probability / squares;
+    // On the logarithmic scale, and with Student's t, because few heavy weights skew the
+    // estimate.
+    let t = student_quantile(1.0 - 0.5 * ERROR, (ess - 1.0).max(1.0));
+    let factor = libm::exp(t * libm::sqrt(variance) / probability);
+    Some(RiskEstimate {
+        probability,
+        interval: [probability / factor, (probability * factor).min(1.0)],
+        ess,
+        hits: parts.len(),
+    })
+}
+
+/// Returns k̂ of the largest contributions to the pooled estimate.
+pub(super) fn pareto_k(rounds: &[Round]) -> Option<f64> {
+    let mut parts = contributions(rounds, |_| true);
+    parts.sort_by(|a, b| b.total_cmp(a));
+    let hits = parts.len() as f64;
+    // The size of the tail is that of Pareto-smoothed importance sampling.
+    let tail = (0.2 * hits).min(3.0 * libm::sqrt(hits)).max(5.0) as usize;
+    let threshold = *parts.get(tail)?;
+    let excesses: Vec<f64> = parts[..tail].iter().map(|it| it - threshold).collect();
+    pareto_shape(&excesses)
+}
+
+/// Returns the share of the greatest contribution.
+pub(super) fn greatest_share(rounds: &[Round]) -> f64 {
+    let parts = contributions(rounds, |_| true);
+    let sum: f64 = parts.iter().sum();
+    parts.iter().copied().fold(0.0, f64::max) / sum.max(f64::MIN_POSITIVE)
+}
+
+/// Upper bound that holds whatever the proposals missed.
+///
+/// Up to the weight `limit`, which earlier runs fixed, the empirical Bernstein bound of
+/// Maurer and Pontil (2009) holds for the last round. Above it, only natural runs count,
+/// of which `beyond` of `natural` failed. Both parts share the error.
+pub(super) fn bound(last: &Round, limit: f64, (beyond, natural): (usize, usize)) -> f64 {
+    let n = last.len() as f64;
+    let inside = last.failures.iter().filter(|it| it.weight <= limit);
+    let sums = inside.fold([0.0; 2], |[sum, squares], it| {
+        [sum + it.weight, squares + it.weight * it.weight]
+    });
+    let mean = sums[0] / n;
+    // It is the variance of the mean, so the bound has no further division by n.
+    let variance = (sums[1] - n * mean * mean).max(0.0) / (n * (n - 1.0));
+    let log = libm::log(4.0 / ERROR);
+    let inside = mean + libm::sqrt(2.0 * variance * log) + 7.0 * limit * log / (3.0 * (n - 1.0));
+    inside + clopper_pearson_upper(beyond, natural, 0.5 * ERROR)
+}
+
+/// Ratio of two risks on the same draws.
+///
+/// The interval is for the ratio of the first to the second. `None` without failures.
+pub(super) fn ratio(first: &[Round], second: &[Round]) -> Option<RiskEstimate> {
+    let [a, b] = [pooled(first, |_| true)?, pooled(second, |_| true)?];
+    let mut variance = 0.0;
+    let shares = round_shares(first);
+    for ((own, other), share) in first.iter().zip(second).zip(shares) {
+        let side = |round: &Round, by: f64| -> Vec<(usize, usize, f64)> {
+            let all = round.failures.iter();
+            all.map(|it| (it.index, it.component, it.weight / by))
+                .collect()
+        };
+        // Draws on which both egos fail cancel out, as far as they weigh the same.
+        let mut values = side(own, a.probability);
+        values.extend(side(other, -b.probability));
+        values.sort_by_key(|(index, ..)| *index);
+        let paired = values.chunk_by(|a, b| a.0 == b.0);
+        let sums = paired.map(|of| (of[0].1, of.iter().map(|it| it.2).sum::<f64>()));
+        variance += share * share * own.mean(sums).1;
+    }
+    let probability = a.probability / b.probability;
+    // The weaker of both estimates limits the ratio.
+    let ess = a.ess.min(b.ess);
+    let t = student_quantile(1.0 - 0.5 * ERROR, (ess - 1.0).max(1.0));
+    let factor = libm::exp(t * libm::sqrt(variance));
+    Some(RiskEstimate {
+        probability,
+        interval: [probability / factor, probability * factor],
+        ess,
+        hits: a.hits.min(b.hits),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::generator;
+    use rand::RngExt;
+
+    /// Failures of a chain of two steps with exact probability 0.02 · 0.1.
+    ///
+    /// Component 0 is natural. Component 1 takes the rare step with 0.5 and the second
+    /// one with 0.8.
+    fn rounds(seed: u64, sizes: &[usize]) -> Vec<Round> {
+        let mut rng = generator("pool", &[seed]);
+        let shares = [0.1, 0.9];
+        let round = |n: &usize| {
+            let draws = [n / 10, n - n / 10];
+            let mut failures = Vec::new();
+            for index in 0..*n {
+                let component = usize::from(draws[0] <= index);
+                let q = [[0.02, 0.1], [0.5, 0.8]][component];
+                if rng.random::<f64>() < q[0] && rng.random::<f64>() < q[1] {
+                    let ratio = 0.5 * 0.8 / (0.02 * 0.1);
+                    failures.push(WeightedFailure {
+                        index,
+                        component,
+                        weight: 1.0 / (shares[0] + shares[1] * ratio),
+                        mode: String::new(),
+                        lawful: index % 2 == 0,
+                        preventable: None,
+                    });
+                }
+            }
+            Round {
+                draws: draws.to_vec(),
+                failures,
+                invalid: 0.0,
+            }
+        };
+        sizes.iter().map(round).collect()
+    }
+
+    #[test]
+    fn pooled_estimates_are_unbiased_and_their_intervals_cover() {
+        let truth = 0.002;
+        let (mut sum, mut squares, mut covered, mut unweighted) = (0.0, 0.0, 0, 0.0);
+        let repeats = 200;
+        for seed in 0..repeats {
+            let rounds = rounds(seed, &[500, 1000]);
+            let found = pooled(&rounds, |_| true).expect("failures");
+            let [lo, hi] = found.interval;
+            covered += usize::from((lo..=hi).contains(&truth));
+            sum += found.probability;
+            squares += found.probability * found.probability;
+            let mut blind = rounds.clone();
+            for round in &mut blind {
+                round.failures.iter_mut().for_each(|it| it.weight = 1.0);
+            }
+            unweighted += pooled(&blind, |_| true).expect("failures").probability;
+        }
+        let n = repeats as f64;
+        let mean = sum / n;
+        let error = libm::sqrt((squares / n - mean * mean) / n);
+        assert!((mean - truth).abs() < 3.0 * error, "{mean} ± {error}");
+        assert!(180 <= covered, "{covered} of 200 intervals cover");
+        // Without weights the estimate is that of the proposal.
+        assert!(0.3 < unweighted / n);
+    }
+
+    #[test]
+    fn an_ego_has_the_ratio_one_to_itself_with_no_width() {
+        let own = rounds(7, &[1000]);
+        let found = ratio(&own, &own).expect("failures");
+        assert!((found.probability - 1.0).abs() < 1e-12 && found.half_width() < 1e-9);
+        let mut fewer = own.clone();
+        fewer[0].failures.retain(|it| it.lawful);
+        let found = ratio(&fewer, &own).expect("failures");
+        let [lo, hi] = found.interval;
+        assert!(lo < 0.5 && 0.5 < hi && hi < 0.6, "{found:?}");
+    }
+
+    #[test]
+    fn the_bound_is_above_the_estimate_and_grows_with_failures_beyond() {
+        let rounds = rounds(3, &[2000]);
+        let limit = rounds[0].failures[0].weight;
+        let none = bound(&rounds[0], limit, (0, 10_000));
+        let two = bound(&rounds[0], limit, (2, 10_000));
+        assert!(0.002 < none && none < two, "{none} {two}");
+        // Weights beyond the limit leave the first part.
+        assert!(bound(&rounds[0], 0.5 * limit, (0, 10_000)) < none);
+    }
+
+    #[test]
+    fn a_rate_divides_and_multiplies_with_its_width() {
+        let risk = RiskEstimate::counted(100, 10_000);
+        let rate = RiskEstimate::counted(900, 1000);
+        let over = risk.over(&rate);
+        assert!((over.probability - 0.01 / 0.9).abs() < 1e-12);
+        assert!(risk.half_width() < over.half_width());
+        let back = over.times(&rate);
+        assert!((back.probability - 0.01).abs() < 1e-12);
+    }
+}

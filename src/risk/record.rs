@@ -1,0 +1,103 @@
+//! Records of runs under declared traffic.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scene::Start;
+
+/// Record of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct RiskRun {
+    /// Uniform numbers behind the start.
+    pub(super) shares: Vec<f64>,
+    /// Seed of the noise.
+    pub(super) noise: u64,
+    /// Joint actions up to the verdict.
+    pub(super) actions: Vec<u32>,
+    /// Inputs of V, `[decisions, inputs]`.
+    pub(super) inputs: Vec<f32>,
+    /// Law of every decision, `[decisions, actions]`.
+    pub(super) laws: Vec<f32>,
+    /// Component that drew the run.
+    pub(super) component: usize,
+    /// Density ratio q / p of every component.
+    pub(super) ratios: Vec<f64>,
+    /// End of the run.
+    pub(super) end: RunEnd,
+}
+
+/// End of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum RunEnd {
+    /// The start is outside X_init, so nothing was played.
+    Outside,
+    /// The ego kept ψ_ego. `lawful` if it was determined.
+    Held { lawful: Option<bool> },
+    /// The ego violated ψ_ego.
+    Failed(EgoFailure),
+    /// A fault of the ego or of the physics.
+    Invalid,
+    /// The traffic model gives an action of the run the probability 0.
+    Impossible,
+}
+
+/// Failure of the ego.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct EgoFailure {
+    /// Kind of failure: contact, and the state of the rules.
+    pub(super) mode: String,
+    /// True if every rule was kept up to the failure.
+    pub(super) lawful: bool,
+    /// Whether a reference driver avoids it. `None`: not determined.
+    pub(super) preventable: Option<bool>,
+}
+
+/// Start, noise and joint actions of a counterexample from elsewhere.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownFailure {
+    /// Start in the order of the axes.
+    pub start: Start,
+    /// Seed of the noise.
+    pub noise: u64,
+    /// Joint actions, of which the last one is held.
+    pub actions: Vec<usize>,
+}
+
+impl RiskRun {
+    /// Returns the inputs of V at a decision.
+    pub(super) fn input(&self, decision: usize) -> &[f32] {
+        let width = self.inputs.len() / self.actions.len().max(1);
+        &self.inputs[decision * width..][..width]
+    }
+
+    /// Returns the law at a decision.
+    pub(super) fn law(&self, decision: usize) -> &[f32] {
+        let width = self.laws.len() / self.actions.len().max(1);
+        &self.laws[decision * width..][..width]
+    }
+
+    /// Returns whether the law of the actions can produce the run.
+    pub(super) fn is_possible(&self) -> bool {
+        // Component 0 has the ratio 1 as long as the law allows every action.
+        self.end != RunEnd::Impossible && self.ratios.first().is_some_and(|it| 0.0 < *it)
+    }
+
+    /// Returns the failure, if the run is one.
+    pub(super) fn failure(&self) -> Option<&EgoFailure> {
+        match &self.end {
+            RunEnd::Failed(failure) => Some(failure),
+            _ => None,
+        }
+    }
+}
+
+/// Multiplies density ratios by those of an action.
+pub(super) fn multiply(ratios: &mut [f64], proposals: &[Vec<f64>], law: &[f64], action: usize) {
+    for (ratio, proposal) in ratios.iter_mut().zip(proposals) {
+        // No proposal takes an action that the law excludes.
+        *ratio = if 0.0 < law[action] {
+            *ratio * proposal[action] / law[action]
+        } else {
+            0.0
+        };
+    }
+}
