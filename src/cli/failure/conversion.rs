@@ -68,6 +68,10 @@ impl From<TrafficError> for Failure {
 impl From<RiskTrafficError> for Failure {
     fn from(error: RiskTrafficError) -> Failure {
         match error {
+            RiskTrafficError::File(LoadError::Io { .. }) => Failure::input(
+                error.to_string(),
+                "name a traffic file (examples/traffic has some), or `motorway`",
+            ),
             RiskTrafficError::File(error) => Failure::from(&error),
             RiskTrafficError::Model(error) => Failure::from(error),
             RiskTrafficError::Grid { .. } => Failure::input(
