@@ -50,6 +50,7 @@ pub(super) fn in_the_way(
     if rules.is_empty() || few.starts.is_empty() {
         return None;
     }
+    watch.phase("searching without rules, one rule left out at a time");
     let solved = |world: Scenario| {
         let search = Adversary::switches(switches);
         let cell = search.play(&ego.in_world(world), &few, &watch.quiet());
@@ -94,7 +95,11 @@ impl fmt::Display for RuleAblation {
                 switches_in_words(self.switches)
             )?;
             return match self.uncounted {
-                None | Some(0) => Ok(()),
+                None | Some(0) => write!(
+                    f,
+                    "; look at the starts: are agents near enough to the ego to reach it \
+                     within the horizon?"
+                ),
                 Some(some) => write!(
                     f,
                     "; from {some} of them it violates its specification, but not in a way that \

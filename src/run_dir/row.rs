@@ -261,9 +261,14 @@ impl Row {
 
     /// Fills recall and `beyond_search` from the row of a search.
     ///
-    /// Both rows must be over the same starts.
+    /// Both rows must be over the same starts. An interrupted search fills neither, because
+    /// the starts that it finishes first are the easy ones.
     pub fn compare_with_search(&mut self, search_solved: &Outcomes) {
-        use StartOutcome::{Solved, Unsolved};
+        use StartOutcome::{NotReached, Solved, Unsolved};
+        let mut pairs = self.solved.iter().zip(search_solved.iter());
+        if pairs.any(|(mine, theirs)| *theirs == NotReached && *mine != NotReached) {
+            return;
+        }
         let pairs = self.solved.iter().zip(search_solved.iter());
         let (mut both, mut search, mut beyond) = (0usize, 0usize, 0usize);
         for (mine, theirs) in pairs {
@@ -406,6 +411,24 @@ mod tests {
             keys.push(key.clone());
         }
         keys
+    }
+
+    #[test]
+    fn an_interrupted_search_gives_no_recall() {
+        let marks = |text: &str| text.parse::<Outcomes>().expect("marks");
+        let compared = |search: &str| {
+            let mut row = Row {
+                solved: marks("1010t"),
+                recall: None,
+                beyond_search: None,
+                ..complete()
+            };
+            row.compare_with_search(&marks(search));
+            (row.recall, row.beyond_search)
+        };
+        assert_eq!(compared("1100t"), (Some(0.5), Some(1)));
+        assert_eq!(compared("110-t"), (None, None));
+        assert_eq!(compared("0000t"), (None, Some(2)));
     }
 
     #[test]
