@@ -48,6 +48,11 @@ impl Adam {
         }
     }
 
+    /// Forgets the gradients of a parameter that has a new value.
+    pub fn forget(&mut self, at: usize) {
+        (self.mean[at], self.square[at]) = (0.0, 0.0);
+    }
+
     /// Moves the parameters against the gradient.
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f32) {
         // m̂ = m / (1 − β₁ᵗ) and v̂ = v / (1 − β₂ᵗ). The corrections are moved out of

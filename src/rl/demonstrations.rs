@@ -12,8 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;
-use super::learner::{ConfigError, Demonstration, within};
+use super::learner::{ConfigError, Demonstration, EpisodePlan, within};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, check};
+use super::starts::{EpisodeStart, StartPool};
 
 /// Use of demonstrations by a learner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,10 +80,26 @@ pub(super) struct GuideMemory {
 }
 
 /// Beginning of a guided episode.
-pub(super) struct Guide {
+struct Guide {
     /// Start of the demonstration, `None` for any other start.
-    pub index: Option<u64>,
-    pub actions: Vec<usize>,
+    index: Option<u64>,
+    actions: Vec<usize>,
+}
+
+/// Returns the beginning of the next episode: along a success, or from a start of the pool.
+pub(super) fn plan(
+    guides: Option<&GuideMemory>,
+    starts: &mut StartPool,
+    dice: &mut LearnerRng,
+) -> EpisodePlan {
+    // The guide is drawn before the start, since it may replace the start.
+    let guide = guides.and_then(|guides| guides.guide(dice));
+    let start = match guide.as_ref().and_then(|guide| guide.index) {
+        Some(index) => EpisodeStart::once(index),
+        None => starts.pick(dice),
+    };
+    let first = guide.map_or(Vec::new(), |guide| guide.actions);
+    EpisodePlan { start, first }
 }
 
 impl Demonstrations {
@@ -126,9 +143,9 @@ impl Demonstrations {
         buffer.n_step(width, steps, discount, Tail::Terminal, push);
     }
 
-    /// Returns the beginning of a random success, in a share of the calls.
-    pub(super) fn guide(&self, dice: &mut LearnerRng) -> Option<Guide> {
-        self.guides.guide(dice)
+    /// Returns the successes along which episodes begin.
+    pub(super) fn guides(&self) -> &GuideMemory {
+        &self.guides
     }
 
     /// Appends `size` transitions of successes to a batch.
@@ -212,7 +229,7 @@ impl GuideMemory {
     }
 
     /// Returns the beginning of a random success, in a share of the calls.
-    pub(super) fn guide(&self, dice: &mut LearnerRng) -> Option<Guide> {
+    fn guide(&self, dice: &mut LearnerRng) -> Option<Guide> {
         // An empty memory draws no number, so the random stream is that of plain deep
         // Q-learning until the first success.
         if self.episodes.is_empty() || self.guided <= dice.unit() {

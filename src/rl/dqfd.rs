@@ -26,7 +26,7 @@ const KINDS: [&str; 2] = [dqn::POLICY, CHECKPOINT];
 pub struct DqfdSettings {
     /// Decisions to train for (160000).
     pub decisions: u64,
-    /// Factor on `decisions` up to which an unsuccessful training goes on (2).
+    /// Factor on `decisions` up to which an unsuccessful training goes on (4).
     ///
     /// `--decisions` sets it to 1.
     pub longest: f64,
@@ -52,7 +52,7 @@ impl Default for DqfdSettings {
     fn default() -> Self {
         DqfdSettings {
             decisions: 160_000,
-            longest: 2.0,
+            longest: 4.0,
             hidden: vec![96, 96, 96],
             update_every: DqnSettings::default().update_every,
             imitation: Imitation::default(),

@@ -20,7 +20,7 @@ pub use settings::{DqnSettings, Loss};
 
 use super::adam::Adam;
 use super::bundle::{BundleError, TensorFile};
-use super::demonstrations::{Demonstrations, Imitation};
+use super::demonstrations::{self, Demonstrations, Imitation};
 use super::dice::LearnerRng;
 use super::learner::{
     Built, Choice, ConfigError, Demonstration, EpisodePlan, Learner, LearnerKind, Shaped,
@@ -297,15 +297,8 @@ impl Dqn {
 
 impl Learner for Dqn {
     fn plan(&mut self) -> EpisodePlan {
-        // The guide is drawn before the start, since it may replace the start.
-        let shown = self.shown.as_ref();
-        let guide = shown.and_then(|shown| shown.guide(&mut self.dice));
-        let start = match guide.as_ref().and_then(|guide| guide.index) {
-            Some(index) => EpisodeStart::once(index),
-            None => self.starts.pick(&mut self.dice),
-        };
-        let first = guide.map_or(Vec::new(), |guide| guide.actions);
-        EpisodePlan { start, first }
+        let guides = self.shown.as_ref().map(Demonstrations::guides);
+        demonstrations::plan(guides, &mut self.starts, &mut self.dice)
     }
 
     fn begin(&mut self, plan: &EpisodePlan, obs: &[f32]) {
@@ -388,19 +381,6 @@ impl Learner for Dqn {
     fn extend(&mut self, decisions: u64) {
         self.tally.requested += decisions;
         self.since = self.tally.decisions;
-    }
-
-    fn renew(&mut self) {
-        // The configured sizes, even if the learner started from another network.
-        let [inputs, outputs] = self.online.ends();
-        let sizes = layers(inputs, &self.config.hidden, outputs);
-        let gain = self.config.last_gain as f32;
-        self.online = Mlp::orthogonal(&sizes, gain, &mut self.dice);
-        self.target = self.online.clone();
-        self.adam = Adam::new(self.online.parameters().len());
-        self.room.here = self.online.tape(self.config.batch);
-        self.room.there = self.online.tape(self.config.batch);
-        self.room.gradient = vec![0.0; self.online.parameters().len()];
     }
 
     fn tally(&self) -> &TrainingCounters {

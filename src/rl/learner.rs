@@ -83,7 +83,7 @@ pub enum Choice {
     Own,
     /// The best action it knows.
     Greedy,
-    /// This action, which somebody else has chosen.
+    /// This action, of the beginning of a success or of a demonstration.
     Given(usize),
 }
 
@@ -146,11 +146,6 @@ pub trait Learner: Send {
     ///
     /// Learners that cannot adapt their schedule ignore it.
     fn extend(&mut self, _decisions: u64) {}
-
-    /// Discards the learned values but keeps the replay and the successes.
-    ///
-    /// A training without progress restarts with all its experience.
-    fn renew(&mut self) {}
 
     /// Returns the progress so far.
     fn tally(&self) -> &TrainingCounters;

@@ -117,7 +117,7 @@ pub enum PerAdoObservation {
 pub struct PerAdoSettings {
     /// Decisions to train for (160000).
     pub decisions: u64,
-    /// Factor on `decisions` up to which an unsuccessful training goes on (2).
+    /// Factor on `decisions` up to which an unsuccessful training goes on (4).
     ///
     /// `--decisions` sets it to 1.
     pub longest: f64,
@@ -141,7 +141,7 @@ impl Default for PerAdoSettings {
     fn default() -> Self {
         PerAdoSettings {
             decisions: 160_000,
-            longest: 2.0,
+            longest: 4.0,
             training: PerAdoTraining::default(),
             observe: PerAdoObservation::default(),
             learner: Box::new(LearnerSettings::Dqfd(DqfdSettings::default())),

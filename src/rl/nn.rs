@@ -11,6 +11,10 @@
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;
 use super::kernel::{LANES, Loop, Product, padded};
+mod dead_units;
+
+pub(super) use dead_units::UsedUnits;
+
 use super::loops::{Blend, Mask, Relu};
 use super::orthogonal::orthogonal_matrix;
 use super::transpose::transpose;
@@ -119,6 +123,12 @@ impl Mlp {
             }
         }
         net
+    }
+
+    /// Returns the biases of the outputs.
+    pub fn output_biases_mut(&mut self) -> &mut [f32] {
+        let Layer { bias, outputs, .. } = *self.last();
+        &mut self.parameters[bias..bias + outputs]
     }
 
     /// Returns the length of an input.

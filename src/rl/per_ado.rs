@@ -16,7 +16,7 @@ use self::one_part::OnePart;
 pub(crate) use self::policy::policy_of_part;
 use self::policy::{POLICY, PerAdoPolicy};
 use super::bundle::{BundleError, TensorFile};
-use super::demonstrations::GuideMemory;
+use super::demonstrations::{self, GuideMemory};
 use super::dice::LearnerRng;
 use super::learner::{
     Built, Choice, ConfigError, Demonstration, EpisodePlan, Learner, LearnerKind, Seeding, Shaped,
@@ -269,13 +269,7 @@ impl PerAdo {
 
 impl Learner for PerAdo {
     fn plan(&mut self) -> EpisodePlan {
-        let guide = self.guides.guide(&mut self.dice);
-        let start = match guide.as_ref().and_then(|guide| guide.index) {
-            Some(index) => EpisodeStart::once(index),
-            None => self.starts.pick(&mut self.dice),
-        };
-        let first = guide.map_or(Vec::new(), |guide| guide.actions);
-        EpisodePlan { start, first }
+        demonstrations::plan(Some(&self.guides), &mut self.starts, &mut self.dice)
     }
 
     fn begin(&mut self, plan: &EpisodePlan, obs: &[f32]) {
@@ -394,12 +388,6 @@ impl Learner for PerAdo {
         self.tally.requested += decisions;
         for part in &mut self.parts {
             part.learner.extend(decisions);
-        }
-    }
-
-    fn renew(&mut self) {
-        for part in &mut self.parts {
-            part.learner.renew();
         }
     }
 

@@ -118,6 +118,16 @@ impl ReplayBuffer {
         self.priorities.set(slot, self.largest);
     }
 
+    /// Returns the mean reward of the transitions at which episodes ended, if there are any.
+    pub fn mean_end(&self) -> Option<f32> {
+        let rows = self.rows.chunks_exact(self.width());
+        let ends = rows
+            .filter(|row| row[1] == 0.0)
+            .map(|row| f64::from(row[0]));
+        let (sum, count) = ends.fold((0.0, 0u64), |(sum, count), end| (sum + end, count + 1));
+        (0 < count).then(|| (sum / count as f64) as f32)
+    }
+
     /// Fills `batch` with `size` draws. β is the strength of the correction.
     pub fn sample(&self, size: usize, beta: f64, dice: &mut LearnerRng, batch: &mut Batch) {
         batch.clear();

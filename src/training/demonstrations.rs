@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use super::near_starts::NearStarts;
 use super::rollout::successes;
 use super::training_search::{Scouted, SearchEffort, TrainingSearch};
 use crate::experiment::Watch;
@@ -17,6 +18,8 @@ use crate::world::Scenario;
 const FIRST_START: u64 = 1 << 40;
 /// First start that an ado plays before the search.
 const FIRST_PLAYED: u64 = 1 << 41;
+/// First start near a success that is searched.
+const FIRST_NEAR: u64 = 3 << 40;
 /// Starts that an ado plays at a time.
 const PLAYED: u64 = 300;
 /// Starts that are searched between two checks of the budget.
@@ -71,17 +74,19 @@ pub(super) fn seed_training(
     seeded.note(&known, played);
     let mut unsolved = Vec::new();
     for chunk in indices.chunks(CHUNK) {
-        // Successes of near starts are changed below, which needs fewer simulations.
-        if FEW <= seeded.demonstrations.len() && !bank.is_empty() {
-            break;
-        }
         let spent = seeded.sought.simulations;
         let tried = seeded.sought.starts as usize;
+        // Successes of near starts are changed below, which needs fewer simulations.
+        let dear = most < 2 * spent / (tried as u64).max(1) * indices.len() as u64;
+        if FEW <= seeded.demonstrations.len() && (dear || !bank.is_empty()) {
+            break;
+        }
         let few = (seeded.demonstrations.len() as f64) < ENOUGH * tried as f64;
         if most <= spent || (TRIED <= tried && few) {
             break;
         }
-        let each = ((most - spent) / CHUNK as u64).max(1);
+        let each = UNEVEN * (most - spent) / (indices.len() - tried) as u64;
+        let each = each.min((most - spent) / CHUNK as u64).max(1);
         let progress = (tried, indices.len());
         let effort = SearchEffort::Walk { switches: 1 };
         let found = training_search.search(chunk, (effort, each), progress, watch);
@@ -95,6 +100,10 @@ pub(super) fn seed_training(
     let reached = seeded.sought.starts as usize;
     let again = unsolved.len();
     unsolved.extend(&indices[reached..]);
+    if FEW <= seeded.demonstrations.len() && bank.is_empty() {
+        let left = most.saturating_sub(seeded.sought.simulations);
+        seeded.search_near(&training_search, left / 2, watch)?;
+    }
     let left = most.saturating_sub(seeded.sought.simulations);
     let keeps = scenario.learner.decisions() < scenario.learner.longest();
     let budget = Budget {
@@ -225,6 +234,49 @@ impl Seeded {
             done += chunk.len();
         }
         Some(done)
+    }
+
+    /// Searches starts near those that are solved, nearest first, by changes of their
+    /// successes.
+    ///
+    /// `None`: stopped.
+    pub(super) fn search_near(
+        &mut self,
+        training_search: &TrainingSearch<'_>,
+        simulations: u64,
+        watch: &Watch<'_>,
+    ) -> Option<()> {
+        let until = self.sought.simulations + simulations;
+        let total = 2 * simulations / MUTATIONS;
+        let candidates = FIRST_NEAR..FIRST_NEAR + total;
+        let starts = training_search.starts(candidates.clone());
+        let mut near = NearStarts::new(candidates, starts);
+        let mut noted = 0;
+        loop {
+            let new = self.demonstrations[noted..].iter();
+            for solved in training_search.starts(new.map(|shown| shown.index)) {
+                near.note_solved(&solved);
+            }
+            noted = self.demonstrations.len();
+            let left = until.saturating_sub(self.sought.simulations);
+            let most = MUTATIONS.min(left / CHUNK as u64);
+            let chunk = near.take(CHUNK);
+            if most == 0 || chunk.is_empty() {
+                return Some(());
+            }
+            let known = self.demonstrations.clone();
+            let effort = SearchEffort::Mutate {
+                known: &known,
+                switches: usize::MAX,
+            };
+            let progress = (total as usize - near.len(), total as usize);
+            let found = training_search.search(&chunk, (effort, most), progress, watch);
+            if watch.stopped() {
+                return None;
+            }
+            self.sought.starts += chunk.len() as u64;
+            self.note(&chunk, found);
+        }
     }
 
     /// Records the results of some starts and returns those without a success.

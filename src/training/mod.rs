@@ -5,6 +5,7 @@ mod calibration;
 mod demonstrations;
 mod error;
 pub(crate) mod goals;
+mod near_starts;
 mod per_ado_mode;
 mod retrain_baseline;
 mod rollout;

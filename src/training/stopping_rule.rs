@@ -12,15 +12,14 @@ use crate::run_dir::{Calibration, Manifest, Sought, TrainingEnd};
 use crate::seed::Purpose;
 use crate::world::Scenario;
 
-/// Share of the requested decisions after which a stuck training begins anew. Earlier it
-/// is too soon, because good trainings may learn nothing in the first quarter.
+/// Share of the requested decisions after which starts are searched on which the ado
+/// fails. Earlier it is too soon, because good trainings may learn nothing in the first
+/// quarter.
 const LOOK: f64 = 0.4;
-/// Recall below which a training is stuck.
-const STUCK: f64 = 0.5;
 /// Share of the requested decisions by which a training is extended at a time.
-const EXTENSION: f64 = 0.5;
+const EXTENSION: f64 = 1.0;
 
-/// Rule that decides when a training begins anew, continues, and ends.
+/// Rule that decides when a training continues and ends.
 pub(super) struct StoppingRule<'a> {
     scenario: &'a Scenario,
     seed: u64,
@@ -84,10 +83,9 @@ impl<'a> StoppingRule<'a> {
         self.requested < self.longest
     }
 
-    /// Shows a learner successes where it fails, and restarts a stuck training once.
+    /// Shows a learner successes where it fails, once in a training that may continue.
     ///
-    /// A restarted training keeps its experience. Returns whether a check was made.
-    /// `None`: stopped during the check, with nothing changed.
+    /// Returns whether this was done. `None`: stopped, with nothing changed.
     pub(super) fn look(&mut self, learner: &mut dyn Learner) -> Option<bool> {
         let (before, now) = (self.looked, learner.decisions());
         let look = self.first_look();
@@ -95,17 +93,8 @@ impl<'a> StoppingRule<'a> {
             self.looked = now;
             return Some(false);
         }
-        let calibration = self.calibrate(&*learner)?;
         self.study(learner)?;
         self.looked = now;
-        if calibration.recall().is_some_and(|recall| recall < STUCK) {
-            learner.renew();
-            learner.extend(look.min(self.longest - self.requested));
-            self.watch.note(&format!(
-                "begun anew after {now} decisions: the ado solved {} of the {} calibration starts that a search solves",
-                calibration.both, calibration.searched,
-            ));
-        }
         Some(true)
     }
 

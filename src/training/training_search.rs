@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use super::near_starts::Spreads;
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::Demonstration;
 use crate::rulebook::Verdict;
@@ -110,6 +111,16 @@ impl<'a> TrainingSearch<'a> {
             scouted.cpu_s = turn.cpu_s();
             Some(scouted)
         })
+    }
+
+    /// Returns the starts of some indices.
+    pub(super) fn starts(&self, indices: impl Iterator<Item = u64>) -> Vec<Start> {
+        let scene = self.scenario.world().scene();
+        let drawn = indices.map(|index| match self.known(index) {
+            Some(known) => known.start.clone(),
+            None => scene.draw(self.key(index)),
+        });
+        drawn.collect()
     }
 
     /// Returns whether the ego can be copied, which makes the search cheap.
@@ -373,27 +384,10 @@ impl SearchWorker<'_> {
 
     /// Returns the sequences of the nearest starts, with each axis scaled by its spread.
     fn nearest(&self, start: &Start, known: &[Demonstration]) -> Vec<Vec<usize>> {
-        let starts: Vec<Start> = known
-            .iter()
-            .map(|shown| match self.training_search.known(shown.index) {
-                Some(known) => known.start.clone(),
-                None => self.first.draw(self.training_search.key(shown.index)),
-            })
-            .collect();
-        let spread = |axis: usize| {
-            let values = starts.iter().filter_map(|start| start.0.get(axis));
-            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
-                (low.min(x), high.max(x))
-            });
-            (high - low).max(1e-9)
-        };
-        let spreads: Vec<f64> = (0..start.0.len()).map(spread).collect();
-        let distance = |other: &Start| -> f64 {
-            let pairs = start.0.iter().zip(&other.0).zip(&spreads);
-            pairs
-                .map(|((a, b), spread)| ((a - b) / spread).powi(2))
-                .sum()
-        };
+        let indices = known.iter().map(|shown| shown.index);
+        let starts = self.training_search.starts(indices);
+        let spreads = Spreads::of(&starts);
+        let distance = |other: &Start| spreads.distance(start, other);
         let mut ranked: Vec<(f64, usize)> = starts.iter().map(distance).zip(0..).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let near = ranked.into_iter().take(HINTS);

@@ -2,10 +2,15 @@
 
 use super::{Dqn, DqnWorkspace};
 use crate::rl::learner::linear;
-use crate::rl::nn::argmax;
+use crate::rl::nn::{UsedUnits, argmax};
 
 /// First step size of an extension, as a share of the configured size.
 const AGAIN: f64 = 0.3;
+
+/// Steps of Adam between two searches for units that are never on.
+const RENEWAL: u64 = 1000;
+/// Batches in which such a unit is never on.
+const RENEWAL_BATCHES: usize = 16;
 
 /// Multiple of rows that the products of all layers compute without a rest.
 const STRIP: usize = 8;
@@ -29,8 +34,54 @@ impl Dqn {
         )
     }
 
+    /// Sets the values of an untrained network to the mean return so far.
+    ///
+    /// If nearly all returns are −1, the first steps otherwise lower the outputs by
+    /// all weights at once, and most units of the last hidden layer never recover.
+    fn begin_at_mean(&mut self) {
+        // Only an untrained network has outputs without bias.
+        let untrained = self.adam.steps == 0
+            && self
+                .online
+                .output_biases_mut()
+                .iter()
+                .all(|bias| *bias == 0.0);
+        if !untrained || self.shown.is_none() {
+            return;
+        }
+        if let Some(mean) = self.replay.mean_end() {
+            self.online.output_biases_mut().fill(mean);
+            self.target.output_biases_mut().fill(mean);
+        }
+    }
+
+    /// Gives hidden units that are never on new weights, now and then.
+    ///
+    /// Units die where nearly all returns are equal, as in worlds of few successes.
+    fn renew_unused(&mut self) {
+        let due = 0 < self.adam.steps && self.adam.steps.is_multiple_of(RENEWAL);
+        if !due || self.shown.is_none() {
+            return;
+        }
+        let DqnWorkspace { batch, here, .. } = &mut self.room;
+        let size = self.config.batch;
+        let mut used = UsedUnits::of(&self.online);
+        for _ in 0..RENEWAL_BATCHES {
+            self.replay.sample(size, 0.0, &mut self.dice, batch);
+            self.online.forward(&batch.observations, size, here);
+            used.note(&self.online, here, size);
+        }
+        let changed = self.online.renew_unused(&used, &mut self.dice);
+        for at in changed {
+            self.target.parameters_mut()[at] = self.online.parameters()[at];
+            self.adam.forget(at);
+        }
+    }
+
     /// Runs a step of Adam on a prioritised batch, then updates the target network.
     pub(super) fn update(&mut self) {
+        self.begin_at_mean();
+        self.renew_unused();
         let rate = self.learning_rate() as f32;
         let DqnWorkspace {
             batch,
