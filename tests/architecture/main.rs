@@ -52,7 +52,7 @@ const FLOORS: [(&str, u32); 44] = [
     ("surrogate", 15),
     ("theorems", 15),
     ("serving", 15),
-    ("risk", 15),
+    ("risk", 16),
     ("evaluation", 16),
     ("campaign", 17),
     ("internals", 18),
