@@ -62,8 +62,10 @@ impl<'a> Estimation<'a> {
             let (starts, actions) = (traffic.starts.clone(), traffic.actions.clone());
             // Files of both plants are in one directory.
             let on = if learns { "learning-" } else { "" };
+            let world = RiskWorld::new(scenario, starts, actions);
             Player {
-                world: RiskWorld::new(scenario, starts, actions),
+                has_lanes: world.lanes().is_some(),
+                world,
                 seed: request.settings.seed,
                 name: format!("{at}-{on}{}", file_name(request.egos[at].name())),
                 dir: request.dir.clone(),

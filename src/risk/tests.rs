@@ -303,3 +303,39 @@ fn a_table_estimates_the_same_risk() {
     assert!(100.0 < found.ess, "{found:?}");
     std::fs::remove_dir_all(&dir).expect("removed");
 }
+
+#[test]
+fn natural_runs_side_by_side_have_the_bits_of_single_ones() {
+    let (world, dir) = (world(), directory("risk-lanes"));
+    let traffic = traffic(&world, &dir);
+    let risk = RiskWorld::new(&world, traffic.starts.clone(), traffic.actions.clone());
+    let (mixture, mut bench) = (Mixture::natural(1), risk.scenario.bench());
+    let mut lanes = risk.lanes().expect("a kinematic world of vehicles");
+    let (mut failed, mut held) = (0, 0);
+    // Twice, so that lanes are used again.
+    for group in 0..60 {
+        let order = |index| Order {
+            seed: 5,
+            stage: 0,
+            index: 64 * group + index,
+            source: EpisodeSource::Component(0),
+            judge_held: false,
+            prevent: false,
+        };
+        let orders: Vec<Order<'_>> = (0..64).map(order).collect();
+        let found = risk.play_lanes(&mut lanes, &mixture, &orders);
+        for (found, order) in found.into_iter().zip(&orders) {
+            let mut single = risk.play(&mut bench, &mixture, order);
+            let Some(found) = found else {
+                assert!(single.failure().is_some());
+                failed += 1;
+                continue;
+            };
+            (single.actions, single.inputs, single.laws) = Default::default();
+            assert_eq!(found, single);
+            held += 1;
+        }
+    }
+    assert!(0 < failed && 3_000 < held, "{failed} failed, {held} held");
+    std::fs::remove_dir_all(&dir).expect("removed");
+}
