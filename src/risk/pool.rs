@@ -218,14 +218,21 @@ fn beyond_greatest(k: f64, reach: f64) -> f64 {
     slope * (libm::pow(reach, 1.0 - slope) - 1.0) / (1.0 - slope)
 }
 
-/// Returns k̂ of the largest of sorted contributions.
+/// Returns k̂ of the largest of sorted contributions. `None` for too few.
 fn pareto_k(parts: &[f64]) -> Option<f64> {
     let hits = parts.len() as f64;
     // The size of the tail is that of Pareto-smoothed importance sampling.
     let tail = (0.2 * hits).min(3.0 * libm::sqrt(hits)).max(5.0) as usize;
     let threshold = *parts.get(tail)?;
-    let excesses: Vec<f64> = parts[..tail].iter().map(|it| it - threshold).collect();
-    pareto_shape(&excesses)
+    let excesses = parts[..tail].iter().map(|it| it - threshold);
+    // Equal weights, as in worlds with few paths, have no tail.
+    let excesses: Vec<f64> = excesses.filter(|it| 0.0 < *it).collect();
+    match excesses.len() {
+        0 => Some(0.0),
+        // Too few for a fit, so the shape is that of a mean that barely exists.
+        1..=4 => Some(1.0),
+        _ => pareto_shape(&excesses),
+    }
 }
 
 /// Returns the share of the greatest contribution.

@@ -346,6 +346,21 @@ impl RiskReport {
         Ok(())
     }
 
+    /// Writes what the result supports, since a risk is easy to overstate.
+    fn claims(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let said = if self.is_result() {
+            "in this traffic model, on this plant, the ego fails in this share of runs"
+        } else {
+            "in this traffic model, on this plant, the ego fails at most as often as the bound"
+        };
+        writeln!(f, "you may say      {said}")?;
+        writeln!(
+            f,
+            "you may not say  a rate on the road, safe below it, or better by two intervals \
+             (docs/background/claims.md)"
+        )
+    }
+
     fn runs(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let RiskCost {
             natural,
@@ -407,7 +422,8 @@ impl Display for RiskReport {
                 ratio.interval[1]
             )?;
         }
-        self.runs(f)
+        self.runs(f)?;
+        self.claims(f)
     }
 }
 

@@ -187,28 +187,28 @@ impl ActionValues for ValueTable {
     }
 }
 
-/// Returns an input with bins of equally many decisions.
+/// Returns an input with bins between quantiles of failing and of all decisions.
 fn column(input: usize, sample: &[(&[f32], bool)]) -> TableColumn {
-    // Bins by failing runs, since few other decisions are where failures begin.
-    let of = |wanted: bool| {
-        let chosen = sample.iter().filter(move |(_, fails)| *fails || !wanted);
-        chosen.map(|(row, _)| row[input]).collect::<Vec<f32>>()
-    };
-    let mut values = of(true);
-    if values.is_empty() {
-        values = of(false);
-    }
-    values.sort_by(f32::total_cmp);
-    let quantile = |bin: usize| values[bin * values.len() / BINS];
-    let mut ends: Vec<f32> = (1..BINS).map(quantile).collect();
+    // Failing runs need fine bins where they are, and others where failures begin.
+    let mut ends = quantiles(sample.iter().map(|(row, _)| row[input]));
+    let failing = sample.iter().filter(|(_, fails)| *fails);
+    ends.extend(quantiles(failing.map(|(row, _)| row[input])));
+    ends.sort_by(f32::total_cmp);
     ends.dedup();
     // Nothing is above the greatest value.
-    ends.retain(|end| Some(end) != values.last());
-    // An input of two values has its lower one as the only end.
-    if let (true, Some(least)) = (ends.is_empty(), values.first()) {
-        ends.extend((Some(least) != values.last()).then_some(*least));
-    }
+    let all = sample.iter().map(|(row, _)| row[input]);
+    let greatest = all.fold(f32::MIN, f32::max);
+    ends.retain(|end| *end < greatest);
     TableColumn { input, ends }
+}
+
+/// Returns the least value and the quantiles of half as many bins as an input has.
+fn quantiles(values: impl Iterator<Item = f32>) -> Vec<f32> {
+    let mut values: Vec<f32> = values.collect();
+    values.sort_by(f32::total_cmp);
+    let parts = 0..BINS / 2;
+    let quantile = parts.map(|part| values.get(part * values.len() / (BINS / 2)));
+    quantile.flatten().copied().collect()
 }
 
 /// Returns half the distance between the shares of bins in failing and in other runs.
