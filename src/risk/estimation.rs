@@ -22,6 +22,11 @@ const FIRST_ROUND: usize = 5_000;
 const LEAST_ROUND: usize = 500;
 /// Rounds that only learn, where learning has a plant of its own.
 const LEARNING: [usize; 3] = [5_000, 5_000, 10_000];
+/// Rounds that only learn on the plant of the ego.
+///
+/// Proposals from random actions alone may miss a part of the failures, with a narrow
+/// interval.
+const LEARNING_ON_OWN: [usize; 1] = [5_000];
 
 /// State of an estimation.
 pub(super) struct Estimation<'a> {
@@ -143,15 +148,17 @@ impl<'a> Estimation<'a> {
         if self.learn(known, known_on_own)?.is_none() {
             return Ok(None);
         }
-        if !on_own {
-            for size in LEARNING {
-                self.watch.phase("learning rounds");
-                if !self.refit() {
-                    break;
-                }
-                if self.learn(Content::Round(size), false)?.is_none() {
-                    return Ok(None);
-                }
+        let sizes: &[usize] = if on_own { &LEARNING_ON_OWN } else { &LEARNING };
+        for size in sizes {
+            self.watch.phase("learning rounds");
+            if !self.refit() {
+                break;
+            }
+            // A small budget is for the estimate, above all.
+            let most = if on_own { settings.budget / 10 } else { *size };
+            let content = Content::Round(most.min(*size));
+            if self.learn(content, on_own)?.is_none() {
+                return Ok(None);
             }
         }
         self.rounds_within(settings.budget)

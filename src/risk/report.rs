@@ -15,7 +15,7 @@ use crate::world::EncounterRate;
 pub struct RiskCost {
     /// Natural runs.
     pub natural: usize,
-    /// Runs with random actions and counterexamples from elsewhere, to find failures.
+    /// Runs to find failures: random actions, counterexamples from elsewhere, a first round.
     pub exploring: usize,
     /// Runs of the estimate.
     pub rounds: usize,

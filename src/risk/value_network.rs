@@ -20,7 +20,10 @@ const RATE: f64 = 2e-3;
 const MIDDLE: f64 = -9.0;
 const STEP: f64 = 4.0;
 /// Limit on the pull of a target that is far above its value.
-const PULL: f64 = 20.0;
+///
+/// V collapses where failures are rarer than its reciprocal among the drawn decisions,
+/// and then the proposals hardly play some failures.
+const PULL: f64 = 1000.0;
 
 /// Network of V, with a head per kind of failure.
 ///
