@@ -122,9 +122,9 @@ impl<'a> Estimation<'a> {
     /// Plays until an estimate is good enough or the budget is spent. `None`: stopped.
     pub(super) fn run(&mut self) -> Result<Option<()>, RunError> {
         let settings = self.request.settings;
-        let natural = settings.natural.min(settings.budget);
+        let natural_runs = settings.natural.min(settings.budget);
         self.watch.phase("natural runs");
-        let natural = Content::Natural(natural);
+        let natural = Content::Natural(natural_runs);
         let Some(natural) = self.batches(natural, false)? else {
             return Ok(None);
         };
@@ -135,8 +135,9 @@ impl<'a> Estimation<'a> {
             return Ok(Some(()));
         }
         self.watch.phase("exploration");
+        let left = settings.budget - natural_runs;
         // At most a fifth, because explored runs are not part of the estimate.
-        let exploring = 5_000.min(settings.budget / 5);
+        let exploring = 5_000.min(left / 5);
         // Runs on another plant do not count against the budget of an ego.
         let on_own = self.learners.is_empty();
         if self.learn(Content::Exploring(exploring), on_own)?.is_none() {
@@ -155,7 +156,7 @@ impl<'a> Estimation<'a> {
                 break;
             }
             // A small budget is for the estimate, above all.
-            let most = if on_own { settings.budget / 10 } else { *size };
+            let most = if on_own { left / 10 } else { *size };
             let content = Content::Round(most.min(*size));
             if self.learn(content, on_own)?.is_none() {
                 return Ok(None);
