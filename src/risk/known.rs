@@ -162,8 +162,13 @@ impl RiskRequest<'_> {
             let seconds: f64 = programs.iter().map(|it| self.seconds_per_run(it)).sum();
             let threads = rayon::current_num_threads();
             let hours = settings.budget as f64 * seconds / threads as f64 / 3600.0;
+            let time = if hours < 1.0 {
+                format!("{:.0} min", (60.0 * hours).ceil())
+            } else {
+                format!("{hours:.1} h")
+            };
             text.push_str(&format!(
-                ", {seconds:.3} s per run of a program: at most {hours:.1} h on {threads} processes"
+                ", {seconds:.3} s per run of a program: at most {time} on {threads} processes"
             ));
         }
         text
