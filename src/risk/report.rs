@@ -348,12 +348,12 @@ impl RiskReport {
 
     /// Writes what the result supports, since a risk is easy to overstate.
     fn claims(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let said = if self.is_result() {
+        let claim = if self.is_result() {
             "in this traffic model, on this plant, the ego fails in this share of runs"
         } else {
             "in this traffic model, on this plant, the ego fails at most as often as the bound"
         };
-        writeln!(f, "you may say      {said}")?;
+        writeln!(f, "you may say      {claim}")?;
         writeln!(
             f,
             "you may not say  a rate on the road, safe below it, or better by two intervals \

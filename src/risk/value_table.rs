@@ -233,7 +233,7 @@ mod tests {
     /// Runs of one decision, of which action 1 fails where the second input is high.
     fn runs() -> Vec<RiskRun> {
         let run = |i: u32| {
-            let (noise, state) = ((i * 7 % 11) as f32, (i % 4) as f32);
+            let [noise, state] = [i * 7 % 11, i % 4].map(|it| f32::from(it as u8));
             let action = i / 4 % 2;
             let failure = EgoFailure {
                 mode: "contact".to_owned(),

@@ -343,7 +343,7 @@ const MAY_CAST: [&str; 14] = [
     "src/conformance/policy.rs",
     "src/grid_solver/",
     "src/risk/run.rs",
-    "src/risk/value.rs",
+    "src/risk/value_network.rs",
     "src/rl/",
     "src/scene/drive/observing.rs",
     "src/scene/grid/",
