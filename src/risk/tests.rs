@@ -313,7 +313,7 @@ fn natural_runs_side_by_side_have_the_bits_of_single_ones() {
     let mut lanes = risk.lanes().expect("a kinematic world of vehicles");
     let (mut failed, mut held) = (0, 0);
     // Twice, so that lanes are used again.
-    for group in 0..150 {
+    for group in 0..150_u64 {
         let order = |index| Order {
             seed: 5,
             stage: 0,
