@@ -50,6 +50,9 @@ pub mod report {
     pub use crate::report::figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
     pub use crate::report::table::{TextTable, WIDTH, terminal_table};
 }
+pub mod risk {
+    pub use crate::risk::unchecked_estimate;
+}
 pub mod rl {
     pub use crate::rl::list::{load_policy, load_policy_for};
     pub mod nn {

@@ -12,7 +12,11 @@ use super::{
     progress, terminal,
 };
 use crate::experiment::{EgoUnderTest, consent_to, on_plant};
-use crate::risk::{KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic};
+use crate::risk::{
+    KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic, ValueKind,
+};
+use crate::rl::Policy;
+use crate::run_dir::RunDir;
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -21,9 +25,11 @@ pub(super) struct RiskArgs {
     /// A world file, or the name of a shipped world.
     #[arg(value_name = "WORLD")]
     world: PathBuf,
-    /// Laws of starts and actions: a file with `Traffic(…)`, a model of `log --fit`, or motorway.
+    /// Laws of starts and actions, instead of the world's own `traffic`.
+    ///
+    /// A file with `Traffic(…)`, a model of `log --fit`, or motorway.
     #[arg(long, value_name = "NAME|FILE.ron")]
-    traffic: String,
+    traffic: Option<String>,
     /// Run of a trained ado, whose counterexamples show the proposals what to play.
     #[arg(long, value_name = "RUN")]
     run: Option<PathBuf>,
@@ -55,6 +61,14 @@ pub(super) struct RiskArgs {
     /// The physics to learn proposals in, instead of the measured one.
     #[arg(long, value_parser = one_of::<PlantKind>())]
     learn_on: Option<PlantKind>,
+    /// Learn proposals in a model of the ego that is fitted to N runs of it.
+    ///
+    /// For slow programs. The risk itself is measured on the ego only.
+    #[arg(long, value_name = "N", value_parser = count(10..=1_000_000))]
+    surrogate: Option<u64>,
+    /// Form of the failure probability by which traffic is tilted.
+    #[arg(long, default_value = "network", value_parser = one_of::<ValueKind>())]
+    value: ValueKind,
     /// Directory of finished runs, from which the same command continues.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -74,12 +88,18 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
         Some(plant) => on_plant(&world, plant)?,
         None => world,
     };
-    let traffic = RiskTraffic::read(&world, &args.traffic)?;
+    let traffic = traffic(args, &world)?;
     let egos = egos(args, &world)?;
     // Egos may be programs, which start only with consent.
     consent_to(&egos)?;
-    let known = known(args, &world)?;
+    let run = match &args.run {
+        Some(run) => Some(open_run(run, &args.common)?),
+        None => None,
+    };
+    let known = known(args, &world, run.as_ref())?;
+    let policy = policy(args, run.as_ref())?;
     let mut request = RiskRequest::new(&traffic, &egos);
+    request.policy = policy.as_deref();
     request.settings = settings(args);
     request.known = &known;
     request.dir.clone_from(&args.out);
@@ -103,6 +123,18 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     Ok(finished(exit_of(args, &report)))
 }
 
+fn traffic(args: &RiskArgs, world: &Scenario) -> Result<RiskTraffic, Failure> {
+    if let Some(name) = &args.traffic {
+        return Ok(RiskTraffic::read(world, name)?);
+    }
+    RiskTraffic::of_world(world)?.ok_or_else(|| {
+        Failure::input(
+            format!("`{}` declares no traffic", world.name()),
+            "name a file with `--traffic`, or add `traffic: Traffic(…)` to the world",
+        )
+    })
+}
+
 fn settings(args: &RiskArgs) -> RiskSettings {
     RiskSettings {
         budget: args.budget as usize,
@@ -110,6 +142,8 @@ fn settings(args: &RiskArgs) -> RiskSettings {
         width: args.width,
         seed: args.seed,
         learn_on: args.learn_on,
+        surrogate: args.surrogate,
+        value: args.value,
     }
 }
 
@@ -138,16 +172,27 @@ fn egos(args: &RiskArgs, world: &Scenario) -> Result<Vec<EgoUnderTest>, Failure>
 }
 
 /// Returns the counterexamples of a training and of kept files.
-fn known(args: &RiskArgs, world: &Scenario) -> Result<Vec<KnownFailure>, Failure> {
+fn known(
+    args: &RiskArgs,
+    world: &Scenario,
+    run: Option<&RunDir>,
+) -> Result<Vec<KnownFailure>, Failure> {
     let mut all = Vec::new();
-    if let Some(run) = &args.run {
-        let run = open_run(run, &args.common)?;
-        all.extend(KnownFailure::of_run(world, &run)?);
+    if let Some(run) = run {
+        all.extend(KnownFailure::of_run(world, run)?);
     }
     for path in &args.known {
         all.extend(KnownFailure::of_files(world, path)?);
     }
     Ok(all)
+}
+
+/// Returns the policy of a trained ado, if a surrogate can use one.
+fn policy(args: &RiskArgs, run: Option<&RunDir>) -> Result<Option<Box<dyn Policy>>, Failure> {
+    match run.filter(|_| args.surrogate.is_some()) {
+        Some(run) => Ok(Some(run.policy()?)),
+        None => Ok(None),
+    }
 }
 
 fn show(args: &RiskArgs, report: &RiskReport) -> Result<(), Failure> {

@@ -111,6 +111,16 @@ impl ActionLaw {
         self.ados.iter().map(|ado| ado.reach() * ado.actions).sum()
     }
 
+    /// Returns the positions of the signals on which rates depend.
+    pub(super) fn signals(&self) -> Vec<usize> {
+        let laws = self.ados.iter().filter_map(|ado| match &ado.kind {
+            LawKind::Markov(law) => Some(law),
+            LawKind::Fitted(law) => law.lateral.as_ref(),
+        });
+        let onsets = laws.flat_map(|law| &law.onsets);
+        onsets.flat_map(|it| it.rate_per_s.signals()).collect()
+    }
+
     /// Returns the memory before the first decision.
     pub(super) fn begin(&self) -> LawMemory {
         LawMemory {

@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use super::mixture::Mixture;
+use super::natural_runs::LANES;
 use super::record::{KnownFailure, RiskRun, RunEnd};
 use super::run::{EpisodeSource, Order, RiskWorld};
 use super::run_file;
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::run_dir::{RunError, make_dir, write_file};
+use crate::testbench::Testbench;
 
 /// Runs of a piece, which is stored as a whole.
 const PIECE: usize = 500;
@@ -32,6 +34,8 @@ pub(super) enum Content<'a> {
 /// Player of batches for one ego.
 pub(super) struct Player<'a> {
     pub(super) world: RiskWorld,
+    /// True if natural runs can be played side by side.
+    pub(super) has_lanes: bool,
     pub(super) seed: u64,
     /// Name of the ego's files.
     pub(super) name: String,
@@ -71,23 +75,20 @@ impl Player<'_> {
                 all.extend(piece);
                 continue;
             }
-            let piece = work.each(
-                &items,
-                || self.world.scenario.bench(),
-                |bench, index, _| {
-                    let order = self.order(stage, *index, &content, components[*index]);
-                    let mut run = self.world.play(bench, mixture, &order);
-                    if matches!(content, Content::Natural(_)) && run.failure().is_none() {
-                        // Millions of them are counted, and nothing is learned from them.
-                        (run.actions, run.inputs, run.laws) = Default::default();
-                    }
-                    self.watch
-                        .faults
-                        .note(*index as u64, bench_fault(bench, &run));
-                    Some(run)
-                },
-            );
-            let piece: Option<Vec<RiskRun>> = piece.into_iter().collect();
+            let order = |index: usize| self.order(stage, index, &content, components[index]);
+            let is_counted = matches!(content, Content::Natural(_));
+            // The first natural runs are judged by the rules, of which lanes know nothing.
+            let piece = if is_counted && self.has_lanes && JUDGED <= first {
+                let piece = self.lanes_piece(mixture, &items, order);
+                (self.watch.progress)((first + items.len()) as u64, total as u64);
+                piece
+            } else {
+                let bench = || self.world.scenario.bench();
+                let played = work.each(&items, bench, |bench, index, _| {
+                    Some(self.one(bench, mixture, (&order(*index), is_counted)))
+                });
+                played.into_iter().collect()
+            };
             let Some(piece) = piece else {
                 return Ok(None);
             };
@@ -99,6 +100,47 @@ impl Player<'_> {
             all.extend(piece);
         }
         Ok(Some(all))
+    }
+
+    /// Plays a run on a bench. `is_counted`: only its failure is of use.
+    fn one(
+        &self,
+        bench: &mut Testbench,
+        mixture: &Mixture,
+        (order, is_counted): (&Order<'_>, bool),
+    ) -> RiskRun {
+        let mut run = self.world.play(bench, mixture, order);
+        if is_counted && run.failure().is_none() {
+            // Millions of them are counted, and nothing is learned from them.
+            (run.actions, run.inputs, run.laws) = Default::default();
+        }
+        let fault = bench.fault().filter(|_| run.end == RunEnd::Invalid);
+        self.watch.faults.note(order.index, fault);
+        run
+    }
+
+    /// Plays a piece of natural runs side by side. `None`: stopped.
+    fn lanes_piece<'b>(
+        &self,
+        mixture: &Mixture,
+        items: &[usize],
+        order: impl Fn(usize) -> Order<'b> + Sync,
+    ) -> Option<Vec<RiskRun>> {
+        let groups: Vec<&[usize]> = items.chunks(LANES).collect();
+        let work = EpisodeLoop::uncounted(self.watch);
+        let worker = || (self.world.lanes(), self.world.scenario.bench());
+        let played = work.each(&groups, worker, |(lanes, bench), group, _| {
+            let orders: Vec<Order<'_>> = group.iter().map(|index| order(*index)).collect();
+            let ends = self.world.play_lanes(lanes.as_mut()?, mixture, &orders);
+            let ends = ends.into_iter().zip(orders);
+            let runs = ends.map(|(run, order)| match run {
+                Some(run) => run,
+                None => self.one(bench, mixture, (&order, true)),
+            });
+            Some(runs.collect::<Vec<RiskRun>>())
+        });
+        let played: Option<Vec<Vec<RiskRun>>> = played.into_iter().collect();
+        Some(played?.concat())
     }
 
     fn order<'b>(
@@ -136,13 +178,6 @@ impl Player<'_> {
         let dir = self.dir.as_ref()?;
         Some(dir.join(format!("{}-{stage:03}-{first:07}.runs", self.name)))
     }
-}
-
-fn bench_fault<'a>(
-    bench: &'a crate::testbench::Testbench,
-    run: &RiskRun,
-) -> Option<&'a crate::ego::Fault> {
-    bench.fault().filter(|_| run.end == RunEnd::Invalid)
 }
 
 /// Opens the directory of a request, whose fingerprint its files must have.

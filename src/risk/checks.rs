@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::mixture::Mixture;
-use super::pool::{RiskEstimate, Round, bound, greatest_share, pareto_k, pooled};
+use super::pool::{RiskEstimate, Round, WeightTail, bound, greatest_share, pooled, weight_tail};
 use super::record::{RiskRun, RunEnd};
 use crate::stats::poisson_tail;
 
@@ -15,6 +15,8 @@ const LEAST_ESS: f64 = 50.0;
 const LEAST_HITS: usize = 25;
 /// Shape of the tail from which its variance is not known to exist.
 const MOST_K: f64 = 0.7;
+/// Share of the risk that may be in weights above all seen, where the tail is heavy.
+const UNSEEN: f64 = 0.1;
 /// Least density ratio q / p at which a counterexample counts as covered.
 const COVERED: f64 = 10.0;
 /// Most counterexamples of a kind that may be uncovered.
@@ -52,6 +54,8 @@ pub struct Checks {
     pub hits: usize,
     /// Shape k̂ of the tail of the weights. `None` for too few failures.
     pub pareto_k: Option<f64>,
+    /// Expected share of weights above all seen, by a tail of shape k̂.
+    pub unseen_share: Option<f64>,
     /// Share of the largest weight.
     pub greatest_share: f64,
     /// Known counterexamples that the proposals would play, and all of them.
@@ -104,10 +108,12 @@ impl Checks {
         let last = rounds.last().unwrap_or(&none);
         let estimate = pooled(rounds, |_| true);
         let covered = coverage(mixture, probes);
+        let tail = weight_tail(rounds, mixture.greatest_weight());
         let mut checks = Checks {
             ess: estimate.map_or(0.0, |it| it.ess),
             hits: estimate.map_or(0, |it| it.hits),
-            pareto_k: pareto_k(rounds),
+            pareto_k: tail.map(|it| it.k),
+            unseen_share: tail.map(|it| it.unseen),
             greatest_share: greatest_share(rounds),
             probes: covered.values().fold([0; 2], |sum, [covered, all]| {
                 [sum[0] + covered, sum[1] + all]
@@ -117,13 +123,18 @@ impl Checks {
             bound: bound(last, limit, (beyond, n)).min(1.0),
             refusals: Vec::new(),
         };
-        checks.refusals = checks.found(rounds, &covered);
+        checks.refusals = checks.found(rounds, tail, &covered);
         let disagreement = checks.disagreement(estimate, n);
         checks.refusals.extend(disagreement);
         checks
     }
 
-    fn found(&self, rounds: &[Round], covered: &IndexMap<&str, [usize; 2]>) -> Vec<Refusal> {
+    fn found(
+        &self,
+        rounds: &[Round],
+        tail: Option<WeightTail>,
+        covered: &IndexMap<&str, [usize; 2]>,
+    ) -> Vec<Refusal> {
         let more = "raise `--budget`, so that the proposals are fitted to more failures";
         let learn = "name a run of a trained ado with `--run`, or raise `--budget`";
         let mut all = Vec::new();
@@ -140,11 +151,14 @@ impl Checks {
             let reason = format!("an effective number of {:.0} failures", self.ess);
             all.push(Refusal::new(format!("{reason}, below {LEAST_ESS}"), more));
         }
-        match self.pareto_k {
-            Some(k) if k < MOST_K => {}
-            Some(k) => {
-                let reason =
-                    format!("a heavy tail of the weights: k̂ is {k:.2}, not below {MOST_K}");
+        match tail {
+            Some(tail) if tail.k < MOST_K || tail.unseen < UNSEEN => {}
+            Some(WeightTail { k, unseen }) => {
+                let share = 100.0 * unseen.min(1.0);
+                let reason = format!(
+                    "a heavy tail of the weights: k̂ is {k:.2}, and failures above all seen \
+                     weights may be {share:.0} % of the risk"
+                );
                 all.push(Refusal::new(reason, more));
             }
             None => all.push(Refusal::new(

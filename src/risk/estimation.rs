@@ -1,22 +1,18 @@
 //! The estimation: natural runs, exploration, then rounds with refitted proposals.
 
-use std::path::PathBuf;
-
-use serde_json::json;
-
 use super::batch::{self, Content, Player};
 use super::checks::{Checks, Probe};
 use super::learning::Learning;
 use super::mixture::Mixture;
 use super::pool::{RiskEstimate, Round, WeightedFailure, pooled};
-use super::record::{EgoFailure, KnownFailure, RiskRun, RunEnd};
+use super::record::{EgoFailure, RiskRun, RunEnd};
 use super::report::{EgoRisk, RiskCost, RiskReport};
+use super::request::RiskRequest;
 use super::run::RiskWorld;
-use super::traffic::RiskTraffic;
-use crate::content_hash;
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{RunError, file_name};
-use crate::sim::PlantKind;
+use crate::surrogate::SurrogateWorld;
+use crate::world::Scenario;
 
 /// Natural failures from which counting is enough.
 pub(super) const ENOUGH: usize = 100;
@@ -26,95 +22,11 @@ const FIRST_ROUND: usize = 5_000;
 const LEAST_ROUND: usize = 500;
 /// Rounds that only learn, where learning has a plant of its own.
 const LEARNING: [usize; 3] = [5_000, 5_000, 10_000];
-
-/// Request of a risk.
-#[derive(Clone)]
-#[non_exhaustive]
-pub struct RiskRequest<'a> {
-    /// Laws of the traffic.
-    pub traffic: &'a RiskTraffic,
-    /// Egos. The ratio of two is of the first to the second.
-    pub egos: &'a [EgoUnderTest],
-    /// Counterexamples from elsewhere.
-    pub known: &'a [KnownFailure],
-    /// Numbers of runs.
-    pub settings: RiskSettings,
-    /// Directory of finished runs, to be resumed from.
-    pub dir: Option<PathBuf>,
-}
-
-/// Numbers of runs of a risk.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-#[non_exhaustive]
-pub struct RiskSettings {
-    /// Most runs of an ego.
-    pub budget: usize,
-    /// Natural runs before all others.
-    pub natural: usize,
-    /// Half-width of the interval at which it stops, as a share of the estimate.
-    pub width: f64,
-    /// Seed of all draws.
-    pub seed: u64,
-    /// Plant on which proposals are learned, if not the plant of the egos.
-    pub learn_on: Option<PlantKind>,
-}
-
-impl Default for RiskSettings {
-    fn default() -> RiskSettings {
-        RiskSettings {
-            budget: 100_000,
-            natural: 10_000,
-            width: 0.25,
-            seed: 0,
-            learn_on: None,
-        }
-    }
-}
-
-impl<'a> RiskRequest<'a> {
-    /// Creates a request with 100,000 runs per ego and a half-width of 25 %.
-    pub fn new(traffic: &'a RiskTraffic, egos: &'a [EgoUnderTest]) -> RiskRequest<'a> {
-        RiskRequest {
-            traffic,
-            egos,
-            known: &[],
-            settings: RiskSettings::default(),
-            dir: None,
-        }
-    }
-
-    /// Returns what the runs depend on, as the SHA-256 of JSON.
-    fn fingerprint(&self) -> String {
-        // A name alone would not reveal an ego that has changed.
-        let egos = self.egos.iter().map(|ego| {
-            let scenario = ego.scenario();
-            json!([ego.name(), ego.change(), scenario.text(), scenario.plant()])
-        });
-        let known = self.known.iter();
-        let known = known.map(|it| json!([it.start, it.noise, it.actions]));
-        content_hash::fingerprint(&json!({
-            "version": env!("CARGO_PKG_VERSION"),
-            "egos": egos.collect::<Vec<_>>(),
-            "traffic": self.traffic.sha256,
-            "known": known.collect::<Vec<_>>(),
-            "settings": self.settings,
-        }))
-    }
-
-    /// Estimates the risk of every ego. `None`: stopped.
-    ///
-    /// Every round uses proposals from earlier runs only, so its estimate is unbiased.
-    ///
-    /// # Errors
-    /// The disk refuses, or the directory belongs to another request.
-    pub fn estimate(&self, watch: &Watch<'_>) -> Result<Option<RiskReport>, RunError> {
-        let mut estimation = Estimation::begin(self, watch)?;
-        if estimation.run()?.is_none() {
-            return Ok(None);
-        }
-        Ok(Some(estimation.report()))
-    }
-}
+/// Rounds that only learn on the plant of the ego.
+///
+/// Proposals from random actions alone may miss a part of the failures, with a narrow
+/// interval.
+const LEARNING_ON_OWN: [usize; 1] = [5_000];
 
 /// State of an estimation.
 pub(super) struct Estimation<'a> {
@@ -128,56 +40,78 @@ pub(super) struct Estimation<'a> {
     learning: Learning,
     probes: Vec<Probe>,
     impossible: usize,
+    /// Kinds of the counterexamples from elsewhere, by ego.
+    known_modes: Vec<(usize, String)>,
     mixture: Mixture,
     rounds: Vec<Vec<Round>>,
     /// Greatest failing weight before the last round.
     limits: Vec<f64>,
     likeliest: Vec<(usize, f64, RiskRun)>,
+    /// Error of the surrogate of every ego, if it has one, m.
+    surrogate_errors_m: Vec<Option<f64>>,
     cost: RiskCost,
 }
 
 impl<'a> Estimation<'a> {
-    fn begin(request: &'a RiskRequest<'a>, watch: &'a Watch<'a>) -> Result<Self, RunError> {
+    pub(super) fn begin(
+        request: &'a RiskRequest<'a>,
+        models: Vec<Option<SurrogateWorld>>,
+        watch: &'a Watch<'a>,
+    ) -> Result<Self, RunError> {
         let traffic = request.traffic;
         // Stored runs of another request would be counted as runs of this one.
         if let Some(dir) = &request.dir {
             batch::open(dir, &request.fingerprint())?;
         }
-        let player = |(at, ego): (usize, &EgoUnderTest), plant: Option<PlantKind>| {
-            let scenario = match plant {
-                Some(plant) => ego.scenario().on(plant),
-                None => ego.scenario().clone(),
-            };
+        let player = |at: usize, scenario: &Scenario, learns: bool| {
             let (starts, actions) = (traffic.starts.clone(), traffic.actions.clone());
             // Files of both plants are in one directory.
-            let on = if plant.is_some() { "learning-" } else { "" };
+            let on = if learns { "learning-" } else { "" };
+            let world = RiskWorld::new(scenario, starts, actions);
             Player {
-                world: RiskWorld::new(&scenario, starts, actions),
+                has_lanes: world.lanes().is_some(),
+                world,
                 seed: request.settings.seed,
-                name: format!("{at}-{on}{}", file_name(ego.name())),
+                name: format!("{at}-{on}{}", file_name(request.egos[at].name())),
                 dir: request.dir.clone(),
                 watch,
             }
         };
-        let egos = || request.egos.iter().enumerate();
-        let players: Vec<Player<'a>> = egos().map(|ego| player(ego, None)).collect();
+        let egos = request.egos.iter().map(EgoUnderTest::scenario).enumerate();
+        let players = egos.clone().map(|(at, ego)| player(at, ego, false));
+        let players: Vec<Player<'a>> = players.collect();
         let plant = request.settings.learn_on;
-        let learners = plant.map(|plant| egos().map(|ego| player(ego, Some(plant))).collect());
+        let learners = egos.map(|(at, ego)| match (&models[at], plant) {
+            (Some(model), _) => Some(player(at, &model.scenario, true)),
+            (None, Some(plant)) => Some(player(at, &ego.on(plant), true)),
+            (None, None) => None,
+        });
+        // Egos learn from the same draws, so all have a learner or none has.
+        let learners: Option<Vec<Player<'a>>> = learners.collect();
+        let mut cost = RiskCost::default();
+        if models.iter().any(Option::is_some) {
+            cost.surrogate = request.settings.surrogate.unwrap_or(0) as usize;
+        }
+        let errors = models.iter().map(|model| model.as_ref()?.error);
+        let surrogate_errors_m = errors.map(|it| it.map(|it| it.rms_m)).collect();
         let dimensions = traffic.starts.dimensions();
         let names = request.egos.iter().map(|ego| ego.name().to_owned());
         let names = names.collect();
-        let learning = Learning::begin(&players[0].world, names, request.settings.seed);
+        let kind = (!request.state_blind).then_some(request.settings.value);
+        let learning = Learning::begin(&players[0].world, names, (kind, request.settings.seed));
         Ok(Estimation {
             natural: Vec::new(),
             learning,
             probes: Vec::new(),
             impossible: 0,
+            known_modes: Vec::new(),
             mixture: Mixture::natural(dimensions),
             rounds: vec![Vec::new(); players.len()],
             limits: vec![0.0; players.len()],
             likeliest: Vec::new(),
             stage: 0,
-            cost: RiskCost::default(),
+            cost,
+            surrogate_errors_m,
             learners: learners.unwrap_or_default(),
             players,
             request,
@@ -186,11 +120,11 @@ impl<'a> Estimation<'a> {
     }
 
     /// Plays until an estimate is good enough or the budget is spent. `None`: stopped.
-    fn run(&mut self) -> Result<Option<()>, RunError> {
+    pub(super) fn run(&mut self) -> Result<Option<()>, RunError> {
         let settings = self.request.settings;
-        let natural = settings.natural.min(settings.budget);
+        let natural_runs = settings.natural.min(settings.budget);
         self.watch.phase("natural runs");
-        let natural = Content::Natural(natural);
+        let natural = Content::Natural(natural_runs);
         let Some(natural) = self.batches(natural, false)? else {
             return Ok(None);
         };
@@ -201,28 +135,31 @@ impl<'a> Estimation<'a> {
             return Ok(Some(()));
         }
         self.watch.phase("exploration");
+        let left = settings.budget - natural_runs;
         // At most a fifth, because explored runs are not part of the estimate.
-        let exploring = 5_000.min(settings.budget / 5);
+        let exploring = 5_000.min(left / 5);
         // Runs on another plant do not count against the budget of an ego.
         let on_own = self.learners.is_empty();
         if self.learn(Content::Exploring(exploring), on_own)?.is_none() {
             return Ok(None);
         }
-        if self
-            .learn(Content::Known(self.request.known), on_own)?
-            .is_none()
-        {
+        // A surrogate need not fail where its ego does.
+        let known_on_own = on_own || settings.surrogate.is_some();
+        let known = Content::Known(self.request.known);
+        if self.learn(known, known_on_own)?.is_none() {
             return Ok(None);
         }
-        if !on_own {
-            for size in LEARNING {
-                self.watch.phase("learning rounds");
-                if !self.refit() {
-                    break;
-                }
-                if self.learn(Content::Round(size), false)?.is_none() {
-                    return Ok(None);
-                }
+        let sizes: &[usize] = if on_own { &LEARNING_ON_OWN } else { &LEARNING };
+        for size in sizes {
+            self.watch.phase("learning rounds");
+            if !self.refit() {
+                break;
+            }
+            // A small budget is for the estimate, above all.
+            let most = if on_own { left / 10 } else { *size };
+            let content = Content::Round(most.min(*size));
+            if self.learn(content, on_own)?.is_none() {
+                return Ok(None);
             }
         }
         self.rounds_within(settings.budget)
@@ -292,7 +229,7 @@ impl<'a> Estimation<'a> {
     /// Plays a batch of which V is learned, and which is not counted.
     fn learn(&mut self, content: Content<'_>, on_own: bool) -> Result<Option<()>, RunError> {
         let is_known = matches!(content, Content::Known(_));
-        let Some(all) = self.batches(content, true)? else {
+        let Some(all) = self.batches(content, !on_own)? else {
             return Ok(None);
         };
         let runs = all.first().map_or(0, Vec::len);
@@ -312,13 +249,16 @@ impl<'a> Estimation<'a> {
                 if is_known && run.failure().is_none() {
                     continue;
                 }
+                if let Some(failure) = run.failure().filter(|_| is_known) {
+                    self.known_modes.push((ego, failure.mode.clone()));
+                }
                 if run.failure().is_some() && run.component == 0 && run.is_possible() {
                     self.probes.push(Probe {
                         ego,
                         run: run.clone(),
                     });
                 }
-                self.learning.add(ego, run);
+                self.add(ego, run);
             }
         }
         // A part of many probes says the same.
@@ -360,6 +300,15 @@ impl<'a> Estimation<'a> {
         self.rounds[ego].push(round);
         // Only later rounds learn from these runs, which keeps each estimate unbiased.
         for run in runs {
+            self.add(ego, run);
+        }
+    }
+
+    /// Adds a run to learn from.
+    fn add(&mut self, ego: usize, run: RiskRun) {
+        let is_hidden = |mode: &str| self.request.blind_to.is_some_and(|it| mode.contains(it));
+        let is_hidden = run.failure().is_some_and(|it| is_hidden(&it.mode));
+        if !is_hidden {
             self.learning.add(ego, run);
         }
     }
@@ -404,7 +353,7 @@ impl<'a> Estimation<'a> {
         )
     }
 
-    fn report(mut self) -> RiskReport {
+    pub(super) fn report(mut self) -> RiskReport {
         let all = (0..self.players.len()).map(|ego| self.ego_risk(ego));
         let all: Vec<EgoRisk> = all.collect();
         // Egos share their draws in rounds, which makes the ratio of rounds narrower.
@@ -431,6 +380,7 @@ impl<'a> Estimation<'a> {
             exposure: traffic.exposure,
             egos: all,
             ratio,
+            surrogate_errors_m: self.surrogate_errors_m,
             cost: self.cost,
         };
         // A ratio of numbers that are no results is none either.
@@ -456,6 +406,8 @@ impl<'a> Estimation<'a> {
         let hits = lawful.iter().filter(|it| **it).count();
         let lawful = RiskEstimate::counted(hits, lawful.len());
         let checks = self.checks(ego);
+        let known = self.known_modes.iter().filter(|(of, _)| *of == ego);
+        let known: Vec<&str> = known.map(|(_, mode)| mode.as_str()).collect();
         EgoRisk::weighted(
             name,
             (&self.rounds[ego], self.learning.inside()),
@@ -463,5 +415,6 @@ impl<'a> Estimation<'a> {
             lawful,
             likeliest,
         )
+        .with_known(&known)
     }
 }

@@ -1,12 +1,18 @@
 //! Counterexamples from elsewhere, and counterexamples to keep.
 
 use std::path::Path;
+use std::time::Instant;
 
-use super::estimation::RiskRequest;
+use super::mixture::Mixture;
 use super::record::KnownFailure;
 use super::report::RiskReport;
-use crate::crashes::description;
-use crate::run_dir::{Counterexample, KeptError, RunDir, RunError, file_name, make_dir};
+use super::request::RiskRequest;
+use super::run::{EpisodeSource, Order, RiskWorld};
+use crate::crashes::{RegressionError, Regressions, description, picture};
+use crate::experiment::EgoUnderTest;
+use crate::run_dir::{
+    Counterexample, KeptError, RunDir, RunError, file_name, make_dir, write_file,
+};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Replay, play};
@@ -14,6 +20,8 @@ use crate::world::Scenario;
 
 /// Most counterexamples of a training that are used.
 const MOST: usize = 1000;
+/// Runs of a program that are timed before the estimation.
+const TIMED: u64 = 4;
 
 impl KnownFailure {
     /// Returns counterexamples of a training, evenly over its course.
@@ -81,16 +89,28 @@ impl KnownFailure {
     }
 }
 
+/// Writes the picture of a kept file beside it.
+fn draw(file: &Path, ego: &str) -> Result<(), RegressionError> {
+    for replayed in Regressions::load(file)?.replay_recorded()? {
+        // Only a reference driver beside the ego can be inapplicable.
+        if let Ok(svg) = picture(&replayed, ego, None) {
+            let path = file.with_extension("svg");
+            write_file(&path, svg.as_bytes()).map_err(KeptError::from)?;
+        }
+    }
+    Ok(())
+}
+
 impl RiskRequest<'_> {
     /// Keeps the likeliest failure of every kind in a directory.
     ///
-    /// Failures that break a rule are no counterexamples of the world and are left out.
-    /// Returns a line per kind.
+    /// Each has a picture beside it. Failures that break a rule are no counterexamples of
+    /// the world and are left out. Returns a line per kind.
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn keep(&self, report: &RiskReport, dir: &Path) -> Result<Vec<String>, KeptError> {
-        make_dir(dir)?;
+    pub fn keep(&self, report: &RiskReport, dir: &Path) -> Result<Vec<String>, RegressionError> {
+        make_dir(dir).map_err(KeptError::from)?;
         let mut lines = Vec::new();
         for (ego, risk) in self.egos.iter().zip(&report.egos) {
             // The ego's own world, in which the rules count again.
@@ -118,6 +138,7 @@ impl RiskRequest<'_> {
                 kept.about = Some(description(scenario, &episode));
                 let stem = file_name(&format!("{name} {}", failure.mode));
                 let file = kept.save_as(dir, &stem, &episode.trace)?;
+                draw(&file, name)?;
                 lines.push(format!("{}: likeliest {}", file.display(), failure.mode));
             }
         }
@@ -125,21 +146,52 @@ impl RiskRequest<'_> {
     }
 
     /// Returns the cost of the estimation in words, before it begins.
+    ///
+    /// Some natural runs of a program are timed, since its runs may take seconds.
     pub fn announced(&self) -> String {
         let settings = &self.settings;
-        let programs = self
-            .egos
-            .iter()
-            .filter(|ego| ego.scenario().program().is_some());
-        let programs = match programs.count() {
-            0 => String::new(),
-            n => format!("; {n} of the egos is a program"),
-        };
-        format!(
-            "at most {} runs of {} s with each of {} egos{programs}",
+        let scenarios = self.egos.iter().map(EgoUnderTest::scenario);
+        let programs: Vec<&Scenario> = scenarios.filter(|it| it.program().is_some()).collect();
+        let mut text = format!(
+            "at most {} runs of {} s with each of {} egos",
             settings.budget,
             self.egos[0].scenario().world().clock().horizon_s,
             self.egos.len()
-        )
+        );
+        if !programs.is_empty() {
+            let seconds: f64 = programs.iter().map(|it| self.seconds_per_run(it)).sum();
+            let threads = rayon::current_num_threads();
+            let hours = settings.budget as f64 * seconds / threads as f64 / 3600.0;
+            let time = if hours < 1.0 {
+                format!("{:.0} min", (60.0 * hours).ceil())
+            } else {
+                format!("{hours:.1} h")
+            };
+            text.push_str(&format!(
+                ", {seconds:.3} s per run of a program: at most {time} on {threads} processes"
+            ));
+        }
+        text
+    }
+
+    fn seconds_per_run(&self, ego: &Scenario) -> f64 {
+        let (starts, actions) = (self.traffic.starts.clone(), self.traffic.actions.clone());
+        let mixture = Mixture::natural(starts.dimensions());
+        let world = RiskWorld::new(ego, starts, actions);
+        let mut bench = world.scenario.bench();
+        let begun = Instant::now();
+        for index in 0..TIMED {
+            let order = Order {
+                seed: self.settings.seed,
+                // A stage of its own, although no result depends on these runs.
+                stage: u64::MAX,
+                index,
+                source: EpisodeSource::Component(0),
+                judge_held: false,
+                prevent: false,
+            };
+            world.play(&mut bench, &mixture, &order);
+        }
+        begun.elapsed().as_secs_f64() / TIMED as f64
     }
 }

@@ -3,17 +3,19 @@
 use std::sync::Arc;
 
 use super::action_law::{ActionLaw, AdoLaw, FittedLaw, LawKind, MarkovLaw, Onset};
-use super::law_file::{AdoLawFile, FittedFile, MarkovFile, OnsetFile};
 use crate::ron_file::{Ordered, Problems, ValuePath};
 use crate::scene::drive::{Actions, DriveSpec};
 use crate::stl::Expr;
 use crate::trace::Schema;
+use crate::world::{AdoLawFile, FittedFile, MarkovFile, OnsetFile};
 use brakecheck_traffic::{DECISION_S, TrafficModel};
 
 /// Context of the binding of laws.
 pub(super) struct LawBinder<'a, 'b> {
     pub(super) spec: &'a DriveSpec,
     pub(super) schema: &'a Schema,
+    /// Place of the traffic in its file.
+    pub(super) top: ValuePath,
     pub(super) model: Option<Arc<TrafficModel>>,
     pub(super) problems: &'a mut Problems<'b>,
 }
@@ -21,7 +23,7 @@ pub(super) struct LawBinder<'a, 'b> {
 impl LawBinder<'_, '_> {
     /// Binds the law of every ado. Without a file, all are fitted.
     pub(super) fn bind(&mut self, file: Option<&Ordered<AdoLawFile>>) -> Option<ActionLaw> {
-        let place = ValuePath::top().to("ados");
+        let place = self.top.to("ados");
         let sets: Vec<(String, Actions, usize)> = self
             .spec
             .action_sets()

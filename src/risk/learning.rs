@@ -8,7 +8,7 @@ use super::mixture::Mixture;
 use super::record::{EgoFailure, RiskRun};
 use super::run::RiskWorld;
 use super::start_tree::StartTree;
-use super::value::ValueNetwork;
+use super::value::{Value, ValueKind};
 use crate::seed::generator;
 
 /// Most kinds of failure with a proposal of their own.
@@ -30,18 +30,24 @@ pub(super) struct Learning {
     egos: Vec<String>,
     /// Kinds of failure with a head of their own.
     modes: Vec<String>,
-    value: Option<ValueNetwork>,
+    value: Option<Value>,
     /// Natural starts with their first states, `None` outside X_init.
     pool: Vec<(Vec<f64>, Option<FirstState>)>,
     /// Inputs of V, and joint actions.
     sizes: (usize, usize),
     dimensions: usize,
+    /// Form of V. `None`: over the remaining time alone.
+    kind: Option<ValueKind>,
     seed: u64,
 }
 
 impl Learning {
     /// Draws natural starts, from which the tilted starts are fitted.
-    pub(super) fn begin(world: &RiskWorld, egos: Vec<String>, seed: u64) -> Learning {
+    pub(super) fn begin(
+        world: &RiskWorld,
+        egos: Vec<String>,
+        (kind, seed): (Option<ValueKind>, u64),
+    ) -> Learning {
         let law = &world.starts;
         // No episode is played, so one bench is fast enough.
         let mut bench = world.scenario.bench();
@@ -61,6 +67,7 @@ impl Learning {
             pool: drawn.collect(),
             sizes: (world.inputs(), world.scenario.spaces().actions),
             dimensions: law.dimensions(),
+            kind,
             seed,
         }
     }
@@ -102,7 +109,8 @@ impl Learning {
             .collect();
         let (inputs, actions) = self.sizes;
         let heads = 1 + self.modes.len();
-        let fresh = || ValueNetwork::new(inputs, heads, actions, self.seed);
+        let sizes = [inputs, heads, actions];
+        let fresh = || Value::new(self.kind, sizes, self.seed);
         // The last network is close already, so a fit continues from it.
         let mut value = self.value.clone().unwrap_or_else(fresh);
         value.fit(&fitted, self.seed.wrapping_add(stage));
@@ -156,7 +164,7 @@ impl Learning {
     }
 
     /// Fits the proposals of starts to V at the first decisions.
-    fn start_trees(&self, value: &ValueNetwork) -> Vec<StartTree> {
+    fn start_trees(&self, value: &Value) -> Vec<StartTree> {
         let actions = self.sizes.1;
         let rated = self.pool.par_iter().map(|(_, state)| match state {
             // A start outside X_init cannot fail.

@@ -2,10 +2,12 @@
 
 use super::record::{RiskRun, multiply};
 use super::start_tree::StartTree;
-use super::value::ValueNetwork;
+use super::value::Value;
 
 /// Least multiplier of an action, as a share of the best one.
 const FLOOR: f64 = 1e-6;
+/// Share of the law in every tilted decision, which bounds the weight of a surprise.
+const LAW: f64 = 0.05;
 /// Share of natural runs, which bounds every weight by its reciprocal.
 const NATURAL: f64 = 0.1;
 /// Share of the proposal by the root of V, which forgives a V that misses failures.
@@ -16,10 +18,11 @@ const ALL: f64 = 0.2;
 /// Mixture of natural traffic and a proposal per head of V.
 ///
 /// A proposal q takes an action with p · V / Σ p · V, which has no variance if V is exact.
+/// A share of it is p, so that a single action that V misses does not cost the whole run.
 /// Component 0 is natural, and component 1 tilts by √V of all failures.
 #[derive(Clone, Debug)]
 pub(super) struct Mixture {
-    value: Option<ValueNetwork>,
+    value: Option<Value>,
     /// Starts of each component.
     trees: Vec<StartTree>,
     /// Share of each component.
@@ -37,7 +40,7 @@ impl Mixture {
     }
 
     /// Returns the mixture of a fitted V. Head 0 is for all failures, the others for modes.
-    pub(super) fn of(value: ValueNetwork, trees: Vec<StartTree>) -> Mixture {
+    pub(super) fn of(value: Value, trees: Vec<StartTree>) -> Mixture {
         let modes = value.heads() - 1;
         let mut shares = vec![NATURAL, SOFT];
         let rest = 1.0 - NATURAL - SOFT;
@@ -59,6 +62,11 @@ impl Mixture {
     /// Returns the share of each component.
     pub(super) fn shares(&self) -> &[f64] {
         &self.shares
+    }
+
+    /// Returns the greatest weight of a run, which the natural share bounds.
+    pub(super) fn greatest_weight(&self) -> f64 {
+        1.0 / self.shares[0]
     }
 
     /// Returns the starts of a component.
@@ -135,7 +143,10 @@ fn tilted(law: &[f64], values: &[f64]) -> Vec<f64> {
     let sum: f64 = raw.iter().sum();
     // Values of 0 prefer no action to another.
     if 0.0 < sum {
-        raw.iter().map(|it| it / sum).collect()
+        let pairs = raw.iter().zip(law);
+        pairs
+            .map(|(it, p)| LAW * p + (1.0 - LAW) * it / sum)
+            .collect()
     } else {
         law.to_vec()
     }
@@ -143,11 +154,12 @@ fn tilted(law: &[f64], values: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::value::ValueKind;
     use super::*;
 
     #[test]
     fn allocations_follow_the_shares_and_weights_are_bounded() {
-        let value = ValueNetwork::new(3, 3, 2, 1);
+        let value = Value::new(Some(ValueKind::Network), [3, 3, 2], 1);
         let trees = vec![StartTree::natural(0); 4];
         let mixture = Mixture::of(value, trees);
         let sum: f64 = mixture.shares().iter().sum();
@@ -164,14 +176,15 @@ mod tests {
         let law = [0.5, 0.5];
         let values = [0.01, 0.0001];
         let [hard, soft] = [tilted(&law, &values), tilted(&law, &softened(&values))];
-        assert!((hard[1] - 1.0 / 101.0).abs() < 1e-12);
-        assert!((soft[1] - 1.0 / 11.0).abs() < 1e-12);
+        let with_law = |tilted: f64| 0.05 * 0.5 + 0.95 * tilted;
+        assert!((hard[1] - with_law(1.0 / 101.0)).abs() < 1e-12);
+        assert!((soft[1] - with_law(1.0 / 11.0)).abs() < 1e-12);
     }
 
     #[test]
     fn tilting_keeps_impossible_actions_impossible() {
         let q = tilted(&[0.5, 0.0, 0.5], &[0.1, 1.0, 0.3]);
-        assert!((q[0] - 0.25).abs() < 1e-12 && q[1] == 0.0);
+        assert!((q[0] - 0.2625).abs() < 1e-12 && q[1] == 0.0);
         assert_eq!(tilted(&[0.5, 0.5], &[0.0, 0.0]), [0.5, 0.5]);
     }
 }

@@ -12,15 +12,17 @@
 mod action_law;
 mod batch;
 mod checks;
+mod decisions;
 mod estimation;
 mod known;
 mod law_binding;
-mod law_file;
 mod learning;
 mod mixture;
+mod natural_runs;
 mod pool;
 mod record;
 mod report;
+mod request;
 mod run;
 mod run_file;
 mod start_law;
@@ -29,11 +31,16 @@ mod start_tree;
 mod tests;
 mod traffic;
 mod value;
+mod value_network;
+mod value_table;
 
+pub use crate::world::EncounterRate;
 pub use checks::{Checks, Refusal};
-pub use estimation::{RiskRequest, RiskSettings};
-pub use law_file::EncounterRate;
 pub use pool::RiskEstimate;
 pub use record::KnownFailure;
+#[doc(hidden)]
+pub use report::unchecked_estimate;
 pub use report::{EgoRisk, ModeRisk, RiskCost, RiskReport};
+pub use request::{RiskRequest, RiskSettings};
 pub use traffic::{RiskTraffic, RiskTrafficError};
+pub use value::ValueKind;

@@ -181,16 +181,58 @@ pub(super) fn pooled(
     })
 }
 
-/// Returns k̂ of the largest contributions to the pooled estimate.
-pub(super) fn pareto_k(rounds: &[Round]) -> Option<f64> {
+/// Tail of the weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct WeightTail {
+    /// Shape k̂ of the largest contributions.
+    pub(super) k: f64,
+    /// Expected share of weights that are greater than all so far.
+    pub(super) unseen: f64,
+}
+
+/// Returns the tail of the contributions to the pooled estimate.
+///
+/// `cap` is the greatest weight that a proposal allows. A fitted tail has no end, and k̂ of
+/// few or equal weights is often large by chance. So k̂ alone would refuse estimates
+/// whose largest weights carry nothing.
+pub(super) fn weight_tail(rounds: &[Round], cap: f64) -> Option<WeightTail> {
     let mut parts = contributions(rounds, |_| true);
     parts.sort_by(|a, b| b.total_cmp(a));
+    let k = pareto_k(&parts)?;
+    let weights = rounds.iter().flat_map(|round| &round.failures);
+    let greatest = weights.map(|it| it.weight).fold(0.0, f64::max);
+    Some(WeightTail {
+        k,
+        unseen: greatest_share(rounds) * beyond_greatest(k, (cap / greatest).max(1.0)),
+    })
+}
+
+/// Returns the mean sum of Pareto weights from the greatest seen to `reach` times it.
+///
+/// One weight is expected above the greatest, with the density of shape k.
+fn beyond_greatest(k: f64, reach: f64) -> f64 {
+    let slope = 1.0 / k.max(0.01);
+    if (slope - 1.0).abs() < 1e-6 {
+        return libm::log(reach);
+    }
+    slope * (libm::pow(reach, 1.0 - slope) - 1.0) / (1.0 - slope)
+}
+
+/// Returns k̂ of the largest of sorted contributions. `None` for too few.
+fn pareto_k(parts: &[f64]) -> Option<f64> {
     let hits = parts.len() as f64;
     // The size of the tail is that of Pareto-smoothed importance sampling.
     let tail = (0.2 * hits).min(3.0 * libm::sqrt(hits)).max(5.0) as usize;
     let threshold = *parts.get(tail)?;
-    let excesses: Vec<f64> = parts[..tail].iter().map(|it| it - threshold).collect();
-    pareto_shape(&excesses)
+    let excesses = parts[..tail].iter().map(|it| it - threshold);
+    // Equal weights, as in worlds with few paths, have no tail.
+    let excesses: Vec<f64> = excesses.filter(|it| 0.0 < *it).collect();
+    match excesses.len() {
+        0 => Some(0.0),
+        // Too few for a fit, so the shape is that of a mean that barely exists.
+        1..=4 => Some(1.0),
+        _ => pareto_shape(&excesses),
+    }
 }
 
 /// Returns the share of the greatest contribution.
@@ -341,6 +383,39 @@ mod tests {
         assert!(0.002 < none && none < two, "{none} {two}");
         // Weights beyond the limit leave the first part.
         assert!(bound(&rounds[0], 0.5 * limit, (0, 10_000)) < none);
+    }
+
+    #[test]
+    fn heavy_tails_matter_as_far_as_they_carry_something() {
+        // The mean of a Pareto density between 1 and 10, in closed form for k = 1/2.
+        assert!((beyond_greatest(0.5, 10.0) - 1.8).abs() < 1e-12);
+        assert!((beyond_greatest(1.0, 10.0) - libm::log(10.0)).abs() < 1e-9);
+        assert_eq!(beyond_greatest(2.0, 1.0), 0.0);
+        let round = |weights: &[f64]| Round {
+            draws: vec![20_000],
+            failures: weights
+                .iter()
+                .enumerate()
+                .map(|(index, weight)| WeightedFailure {
+                    index,
+                    component: 0,
+                    weight: *weight,
+                    mode: String::new(),
+                    lawful: true,
+                    preventable: None,
+                })
+                .collect(),
+            invalid: 0.0,
+        };
+        // Quantiles of a Pareto density of shape 1.2, alone and beside many equal weights.
+        let heavy = |i: u32| 1e-4 * libm::pow((f64::from(i) + 0.5) / 200.0, -1.2);
+        let alone: Vec<f64> = (0..200).map(heavy).collect();
+        let found = weight_tail(&[round(&alone)], 10.0).expect("enough");
+        assert!(0.7 < found.k && 0.3 < found.unseen, "{found:?}");
+        let mut beside = alone;
+        beside.extend([1e-3; 4000]);
+        let found = weight_tail(&[round(&beside)], 10.0).expect("enough");
+        assert!(found.unseen < 0.2, "{found:?}");
     }
 
     #[test]

@@ -5,9 +5,9 @@ use std::fmt::{self, Display, Formatter};
 use serde::{Deserialize, Serialize};
 
 use super::checks::{Checks, Refusal};
-use super::law_file::EncounterRate;
 use super::pool::{RiskEstimate, Round, pooled};
 use super::record::{RiskRun, RunEnd};
+use crate::world::EncounterRate;
 
 /// Runs behind a risk, per ego.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,11 +15,13 @@ use super::record::{RiskRun, RunEnd};
 pub struct RiskCost {
     /// Natural runs.
     pub natural: usize,
-    /// Runs with random actions and counterexamples from elsewhere, to find failures.
+    /// Runs to find failures: random actions, counterexamples from elsewhere, a first round.
     pub exploring: usize,
     /// Runs of the estimate.
     pub rounds: usize,
-    /// Runs on another plant, of which only the proposals are learned.
+    /// Runs from which a surrogate of the ego was fitted.
+    pub surrogate: usize,
+    /// Runs on another plant or in the surrogate, of which only the proposals are learned.
     pub learning: usize,
     /// Number of egos.
     pub egos: usize,
@@ -28,7 +30,7 @@ pub struct RiskCost {
 impl RiskCost {
     /// Returns the runs of one ego on its own plant.
     pub fn of_ego(&self) -> usize {
-        self.natural + self.exploring + self.rounds
+        self.natural + self.exploring + self.surrogate + self.rounds
     }
 }
 
@@ -59,6 +61,8 @@ pub struct EgoRisk {
     pub fails_preventable: Option<RiskEstimate>,
     /// Shares of the kinds of failure, the greatest first.
     pub modes: Vec<ModeRisk>,
+    /// Share of the risk of kinds that a counterexample from elsewhere has shown.
+    pub known_share: Option<f64>,
     /// Checks. `None` if natural runs were counted.
     pub checks: Option<Checks>,
     /// Known counterexamples that the traffic model cannot produce.
@@ -68,6 +72,9 @@ pub struct EgoRisk {
     /// Likeliest failure of every kind.
     #[serde(skip)]
     pub(super) likeliest: Vec<RiskRun>,
+    /// Estimate before the checks, to measure them.
+    #[serde(skip)]
+    pub(super) unchecked: Option<RiskEstimate>,
 }
 
 /// Result of [`RiskRequest::estimate`](super::RiskRequest::estimate).
@@ -92,11 +99,24 @@ pub struct RiskReport {
     pub egos: Vec<EgoRisk>,
     /// Ratio of the first ego's risk to the second's.
     pub ratio: Option<RiskEstimate>,
+    /// Root mean square error of the surrogate of each ego, two seconds ahead, m.
+    pub surrogate_errors_m: Vec<Option<f64>>,
     /// Runs.
     pub cost: RiskCost,
 }
 
 impl EgoRisk {
+    /// Adds the share of kinds that counterexamples from elsewhere have shown, if any.
+    pub(super) fn with_known(self, known: &[&str]) -> EgoRisk {
+        let of_known = self.modes.iter();
+        let of_known = of_known.filter(|it| known.contains(&it.mode.as_str()));
+        let share = of_known.map(|it| it.share).sum();
+        EgoRisk {
+            known_share: (!known.is_empty() && self.fails.is_some()).then_some(share),
+            ..self
+        }
+    }
+
     /// Returns whether it comes from weighted runs, and not from counted ones.
     pub fn is_weighted(&self) -> bool {
         self.checks.is_some()
@@ -138,10 +158,12 @@ impl EgoRisk {
             fails_given_lawful: (0 < rate.hits).then(|| counted(lawful).over(&rate)),
             fails_preventable: Some(counted(prevented)),
             modes: modes.collect(),
+            known_share: None,
             checks: None,
             impossible: 0,
             crude_runs: Some(n as f64),
             likeliest: Vec::new(),
+            unchecked: Some(counted(hits)),
         }
     }
 
@@ -164,9 +186,11 @@ impl EgoRisk {
             fails_preventable: None,
             modes: Vec::new(),
             impossible,
+            known_share: None,
             crude_runs: None,
             checks: None,
             likeliest,
+            unchecked: pooled(rounds, |_| true).map(|it| it.scaled(1.0 / inside)),
         };
         // A refused estimate has no number that could be quoted.
         if checks.refusals.is_empty() {
@@ -216,6 +240,11 @@ impl EgoRisk {
     }
 }
 
+/// Returns the estimate of an ego as if no check had refused it.
+pub fn unchecked_estimate(risk: &EgoRisk) -> Option<RiskEstimate> {
+    risk.unchecked
+}
+
 impl RiskReport {
     /// Returns whether every ego has a result.
     pub fn is_result(&self) -> bool {
@@ -251,6 +280,10 @@ impl RiskReport {
                 mode.mode
             )?;
         }
+        if let Some(share) = ego.known_share {
+            let share = 100.0 * share;
+            writeln!(f, "{share:5.1} %  of kinds that known counterexamples show")?;
+        }
         if let (Some(exposure), Some(risk)) = (self.exposure, ego.fails) {
             let rate = risk.scaled(exposure.encounters());
             writeln!(
@@ -269,6 +302,7 @@ impl RiskReport {
         let k = checks
             .pareto_k
             .map_or("none".to_owned(), |k| format!("{k:.2}"));
+        let unseen = checks.unseen_share.unwrap_or(0.0).min(1.0);
         let [covered, probes] = checks.probes;
         writeln!(
             f,
@@ -278,8 +312,9 @@ impl RiskReport {
         )?;
         writeln!(
             f,
-            "checks    k̂ {k}, {} failures, largest weight {:.1} %, probes {covered} of {probes} \
+            "checks    k̂ {k}, unseen weights {:.1} %, {} failures, largest {:.1} %, probes {covered} of {probes} \
              covered, natural failures {}, beyond {}",
+            100.0 * unseen,
             checks.hits,
             100.0 * checks.greatest_share,
             checks.natural_failures,
@@ -311,11 +346,27 @@ impl RiskReport {
         Ok(())
     }
 
+    /// Writes what the result supports, since a risk is easy to overstate.
+    fn claims(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let claim = if self.is_result() {
+            "in this traffic model, on this plant, the ego fails in this share of runs"
+        } else {
+            "in this traffic model, on this plant, the ego fails at most as often as the bound"
+        };
+        writeln!(f, "you may say      {claim}")?;
+        writeln!(
+            f,
+            "you may not say  a rate on the road, safe below it, or better by two intervals \
+             (docs/background/claims.md)"
+        )
+    }
+
     fn runs(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let RiskCost {
             natural,
             exploring,
             rounds,
+            surrogate,
             learning,
             ..
         } = self.cost;
@@ -323,7 +374,9 @@ impl RiskReport {
             f,
             "\nruns per ego: {natural} natural, {exploring} exploring, {rounds} in rounds"
         )?;
-        if 0 < learning {
+        if 0 < surrogate {
+            write!(f, ", {surrogate} for its surrogate, {learning} in it")?;
+        } else if 0 < learning {
             write!(f, ", {learning} on another plant")?;
         }
         writeln!(f)
@@ -369,7 +422,8 @@ impl Display for RiskReport {
                 ratio.interval[1]
             )?;
         }
-        self.runs(f)
+        self.runs(f)?;
+        self.claims(f)
     }
 }
 

@@ -128,7 +128,12 @@ impl RiskWorld {
         (run, failed)
     }
 
-    fn begin(&self, mixture: &Mixture, order: &Order<'_>, rng: &mut ChaCha8Rng) -> RiskRun {
+    pub(super) fn begin(
+        &self,
+        mixture: &Mixture,
+        order: &Order<'_>,
+        rng: &mut ChaCha8Rng,
+    ) -> RiskRun {
         // Drawn for every source alike, so that equal indices share starts and noise.
         let which = rng.random::<f64>();
         let uniform: Vec<f64> = (0..self.starts.dimensions())
@@ -167,7 +172,7 @@ impl RiskWorld {
         }
     }
 
-    fn start_of(&self, order: &Order<'_>, run: &RiskRun) -> Option<Start> {
+    pub(super) fn start_of(&self, order: &Order<'_>, run: &RiskRun) -> Option<Start> {
         match order.source {
             EpisodeSource::Recorded(_) if run.end == RunEnd::Impossible => None,
             EpisodeSource::Recorded(known) => Some(known.start.clone()),
@@ -311,7 +316,7 @@ impl<'a> Chooser<'a> {
 }
 
 /// Returns the action at a share of the probability.
-fn draw(probabilities: &[f64], share: f64) -> usize {
+pub(super) fn draw(probabilities: &[f64], share: f64) -> usize {
     let mut left = share;
     let mut last = 0;
     for (action, p) in probabilities.iter().enumerate() {

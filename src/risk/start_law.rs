@@ -1,12 +1,11 @@
 //! Law of the starts: from uniform numbers to a start, and back.
 
-use super::law_file::StartLawFile;
 use crate::ron_file::{Ordered, Problems, ValuePath};
 use crate::scene::{Axis, Start};
 use crate::stats::{normal_cdf, normal_quantile};
 use crate::stl::{BoundExpr, Constants, Expr};
 use crate::trace::{Schema, Signal};
-use crate::world::Scenario;
+use crate::world::{Scenario, StartLawFile};
 
 /// Law of the starts of a world.
 ///
@@ -144,10 +143,10 @@ impl StartLaw {
     /// Binds the laws of a file. Axes without a law are uniform, as in the world.
     pub(super) fn bind(
         world: &Scenario,
-        file: &Ordered<StartLawFile>,
+        (top, file): (&ValuePath, &Ordered<StartLawFile>),
         problems: &mut Problems<'_>,
     ) -> StartLaw {
-        let (axes, place) = (world.axes(), ValuePath::top().to("starts"));
+        let (axes, place) = (world.axes(), top.to("starts"));
         let points = world.starts().unwrap_or_default();
         let mut binder = AxisBinder {
             axes: &axes,

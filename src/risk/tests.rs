@@ -5,10 +5,13 @@ use std::path::Path;
 use super::mixture::Mixture;
 use super::record::KnownFailure;
 use super::run::{EpisodeSource, Order, RiskWorld};
-use super::{RiskReport, RiskRequest, RiskSettings, RiskTraffic};
+use super::{
+    RiskReport, RiskRequest, RiskSettings, RiskTraffic, RiskTrafficError, ValueKind,
+    unchecked_estimate,
+};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::sim::PlantKind;
-use crate::world::Scenario;
+use crate::world::{LoadError, Scenario};
 
 const TRAFFIC: &str = r#"Traffic(
     source: "test",
@@ -19,6 +22,15 @@ const TRAFFIC: &str = r#"Traffic(
         onsets: { "brake": (rate_per_s: "0.02 * (1 + ado.speed / 25)", to: { "-3": 1.0 }) },
     ) },
 )"#;
+
+/// The same world, which declares the traffic itself.
+fn declaring(traffic: &str) -> Result<Scenario, crate::world::ScenarioError> {
+    let text = world().text().to_owned();
+    // The last parenthesis closes the scenario.
+    let end = text.trim_end().len() - 1;
+    let text = format!("{}    traffic: {traffic},\n)\n", &text[..end]);
+    Ok(Scenario::parse("acc.ron", &text)?.on(PlantKind::Kinematic))
+}
 
 /// Following of a braking car for 2.5 s: 243 sequences of actions, and one axis of starts.
 fn world() -> Scenario {
@@ -54,7 +66,7 @@ fn settings(seed: u64) -> RiskSettings {
         natural: 400,
         width: 0.1,
         seed,
-        learn_on: None,
+        ..RiskSettings::default()
     }
 }
 
@@ -242,5 +254,88 @@ fn mistakes_in_traffic_have_a_place_and_a_fix() {
         let found = refused(from, to);
         assert!(found.contains(says), "{found}");
     }
+    std::fs::remove_dir_all(&dir).expect("removed");
+}
+
+#[test]
+fn a_world_can_declare_its_traffic() {
+    let declared = declaring(TRAFFIC).expect("sound");
+    let own = RiskTraffic::of_world(&declared).expect("fits");
+    let own = own.expect("declared");
+    let named = RiskTraffic::parse(&declared, "traffic.ron", TRAFFIC).expect("fits");
+    let counted = |traffic: &RiskTraffic| {
+        let mut few = settings(1);
+        few.natural = 20_000;
+        let egos = [EgoUnderTest::nominal(&declared)];
+        let report = estimated(traffic, &egos, few);
+        serde_json::to_string(&report).expect("JSON")
+    };
+    assert_eq!(counted(&own), counted(&named));
+    let none = RiskTraffic::of_world(&world()).expect("nothing to fit");
+    assert!(none.is_none());
+    // The mistake is in the world's own text.
+    let wrong = declaring(&TRAFFIC.replace("0.7, 0.95, 0.5", "0.7, 0.95")).expect("sound");
+    let error = RiskTraffic::of_world(&wrong).expect_err("two probabilities");
+    let RiskTrafficError::File(LoadError::Scenario(placed)) = &error else {
+        panic!("{error}");
+    };
+    let span = placed.problems[0].span.clone();
+    assert!(
+        placed.text[span.clone()].contains("stay: [0.7, 0.95]"),
+        "{span:?}"
+    );
+}
+
+#[test]
+fn a_table_estimates_the_same_risk() {
+    let (world, dir) = (world(), directory("risk-table"));
+    let traffic = traffic(&world, &dir);
+    let exact = exact(&world, &traffic);
+    let mut by_table = settings(0);
+    by_table.value = ValueKind::Table;
+    let report = estimated(&traffic, &[EgoUnderTest::nominal(&world)], by_table);
+    let found = unchecked_estimate(&report.egos[0]).expect("failures");
+    assert!(
+        (found.probability / exact - 1.0).abs() < 0.15,
+        "{found:?} instead of {exact}"
+    );
+    // Counting the same number of runs would find about twelve failures.
+    assert!(100.0 < found.ess, "{found:?}");
+    std::fs::remove_dir_all(&dir).expect("removed");
+}
+
+#[test]
+fn natural_runs_side_by_side_have_the_bits_of_single_ones() {
+    let (world, dir) = (world(), directory("risk-lanes"));
+    let traffic = traffic(&world, &dir);
+    let risk = RiskWorld::new(&world, traffic.starts.clone(), traffic.actions.clone());
+    let (mixture, mut bench) = (Mixture::natural(1), risk.scenario.bench());
+    let mut lanes = risk.lanes().expect("a kinematic world of vehicles");
+    let (mut failed, mut held) = (0, 0);
+    // Twice, so that lanes are used again.
+    for group in 0..150_u64 {
+        let order = |index| Order {
+            seed: 5,
+            stage: 0,
+            index: 64 * group + index,
+            source: EpisodeSource::Component(0),
+            judge_held: false,
+            prevent: false,
+        };
+        let orders: Vec<Order<'_>> = (0..64).map(order).collect();
+        let found = risk.play_lanes(&mut lanes, &mixture, &orders);
+        for (found, order) in found.into_iter().zip(&orders) {
+            let mut single = risk.play(&mut bench, &mixture, order);
+            let Some(found) = found else {
+                assert!(single.failure().is_some());
+                failed += 1;
+                continue;
+            };
+            (single.actions, single.inputs, single.laws) = Default::default();
+            assert_eq!(found, single);
+            held += 1;
+        }
+    }
+    assert!(0 < failed && 9_000 < held, "{failed} failed, {held} held");
     std::fs::remove_dir_all(&dir).expect("removed");
 }

@@ -5,20 +5,21 @@ use std::sync::Arc;
 
 use super::action_law::ActionLaw;
 use super::law_binding::LawBinder;
-use super::law_file::{DeclaredTrafficFile, EncounterRate};
 use super::start_law::StartLaw;
 use crate::content_hash::sha256;
 use crate::experiment::{TrafficError, traffic_model};
 use crate::ron_file::{
-    LoadError, Ordered, Problem, Problems, ScenarioError, file_text, first_word, parse_ron,
+    LoadError, Ordered, Problem, Problems, ScenarioError, ValuePath, file_text, first_word,
+    parse_ron,
 };
 use crate::scene::drive::DriveWorld;
-use crate::world::Scenario;
+use crate::world::{DeclaredTrafficFile, EncounterRate, Scenario};
 use brakecheck_traffic::TrafficModel;
 
 /// Laws of the starts and of the ados' actions in a world.
 ///
-/// Read one with [`RiskTraffic::read`].
+/// Read one with [`RiskTraffic::read`], or take that of a world with
+/// [`RiskTraffic::of_world`].
 #[derive(Clone, Debug)]
 pub struct RiskTraffic {
     /// Origin of the laws.
@@ -60,12 +61,6 @@ impl RiskTraffic {
     /// # Errors
     /// The file cannot be read, does not fit the world, or leaves an ado without a law.
     pub fn read(world: &Scenario, name: &str) -> Result<RiskTraffic, RiskTrafficError> {
-        let Some(driving) = world.drive() else {
-            return Err(RiskTrafficError::Grid {
-                world: world.name().to_owned(),
-            });
-        };
-        let driving = driving.world();
         let text = match name {
             // The shipped model has no file to read.
             "motorway" => String::new(),
@@ -76,22 +71,44 @@ impl RiskTraffic {
         };
         let is_model = first_word(&text).is_none_or(|it| &text[it] == "TrafficModel");
         if is_model {
-            let model = traffic_model(Some(name))?;
-            let bound = bind((world, driving), Laws::fitted(model), "");
-            return Ok(bound.map_err(|problems| placed(name, "", problems))?);
+            let laws = Laws::fitted(traffic_model(Some(name))?);
+            return laws.bound(world, name, &text);
         }
+        RiskTraffic::parse(world, name, &text)
+    }
+
+    /// Reads the text of a file with `Traffic(…)`, whose name is for messages only.
+    ///
+    /// # Errors
+    /// The text does not fit the world, or leaves an ado without a law.
+    pub fn parse(
+        world: &Scenario,
+        name: &str,
+        text: &str,
+    ) -> Result<RiskTraffic, RiskTrafficError> {
         let file: DeclaredTrafficFile =
-            parse_ron(&text).map_err(|problem| placed(name, &text, vec![problem]))?;
-        let model = file.model.as_deref();
-        let model = model.map(|model| traffic_model(Some(model))).transpose()?;
-        let bound = bind((world, driving), Laws::declared(file, model), &text);
-        Ok(bound.map_err(|problems| placed(name, &text, problems))?)
+            parse_ron(text).map_err(|problem| placed(name, text, vec![problem]))?;
+        Laws::declared(file, ValuePath::top())?.bound(world, name, text)
+    }
+
+    /// Returns the traffic that a world declares as its `traffic`. `None` without one.
+    ///
+    /// # Errors
+    /// The laws do not fit the world, or leave an ado without a law.
+    pub fn of_world(world: &Scenario) -> Result<Option<RiskTraffic>, RiskTrafficError> {
+        let Some(file) = world.declared_laws() else {
+            return Ok(None);
+        };
+        let laws = Laws::declared(file.clone(), ValuePath::top().to("traffic"))?;
+        laws.bound(world, world.name(), world.text()).map(Some)
     }
 }
 
 /// Laws before they are bound to a world.
 struct Laws {
     file: Option<DeclaredTrafficFile>,
+    /// Place of the file in the text.
+    top: ValuePath,
     model: Option<Arc<TrafficModel>>,
 }
 
@@ -99,15 +116,35 @@ impl Laws {
     fn fitted(model: Arc<TrafficModel>) -> Laws {
         Laws {
             file: None,
+            top: ValuePath::top(),
             model: Some(model),
         }
     }
 
-    fn declared(file: DeclaredTrafficFile, model: Option<Arc<TrafficModel>>) -> Laws {
-        Laws {
+    fn declared(file: DeclaredTrafficFile, top: ValuePath) -> Result<Laws, TrafficError> {
+        let model = file.model.as_deref();
+        let model = model.map(|model| traffic_model(Some(model))).transpose()?;
+        Ok(Laws {
             file: Some(file),
+            top,
             model,
-        }
+        })
+    }
+
+    /// Binds the laws to a world, with mistakes placed in a text.
+    fn bound(
+        self,
+        world: &Scenario,
+        name: &str,
+        text: &str,
+    ) -> Result<RiskTraffic, RiskTrafficError> {
+        let Some(driving) = world.drive() else {
+            return Err(RiskTrafficError::Grid {
+                world: world.name().to_owned(),
+            });
+        };
+        let bound = bind((world, driving.world()), self, text);
+        Ok(bound.map_err(|problems| placed(name, text, problems))?)
     }
 
     fn source(&self) -> String {
@@ -136,13 +173,14 @@ fn bind(
     let mut problems = Problems::new(text);
     let none = Ordered::default();
     let declared = laws.file.as_ref().map_or(&none, |file| &file.starts);
-    let starts = StartLaw::bind(world, declared, &mut problems);
+    let starts = StartLaw::bind(world, (&laws.top, declared), &mut problems);
     let uniform = world.axes().into_iter().map(|axis| axis.name);
     let uniform = uniform.filter(|axis| !declared.0.contains_key(axis));
     let bench = world.bench();
     let actions = LawBinder {
         spec: driving.spec(),
         schema: bench.schema(),
+        top: laws.top.clone(),
         model: laws.model.clone(),
         problems: &mut problems,
     }

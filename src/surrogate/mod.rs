@@ -40,7 +40,9 @@ mod strategy;
 mod surrogate_error;
 mod surrogate_fit;
 mod surrogate_sim;
+mod surrogate_world;
 
 pub use adapted_policy::AdaptedTo;
 pub(crate) use adapted_policy::learned;
 pub(crate) use learn::{LEAST_RUNS, LearnEgoRequest};
+pub(crate) use surrogate_world::SurrogateWorld;

@@ -2,6 +2,7 @@
 
 use super::StepInto;
 use super::run::EnvRun;
+use crate::scene::Start;
 use crate::seed::StartKey;
 use crate::stl::Scratch;
 use crate::testbench::{Aftermath, Testbench};
@@ -28,10 +29,21 @@ impl BenchRuns {
     }
 
     pub(super) fn begin(&mut self, at: usize, key: StartKey, observation: &mut [f32]) {
-        let (bench, run) = (&mut self.benches[at], &mut self.runs[at]);
-        run.begin(key);
+        let bench = &mut self.benches[at];
         let (start, noise) = (bench.draw(key), bench.noise_of(key));
-        bench.begin(&start, noise, Aftermath::Skip);
+        self.begin_at(at, (&start, noise), observation);
+        self.runs[at].key = Some(key);
+    }
+
+    pub(super) fn begin_at(
+        &mut self,
+        at: usize,
+        (start, noise): (&Start, u64),
+        observation: &mut [f32],
+    ) {
+        let (bench, run) = (&mut self.benches[at], &mut self.runs[at]);
+        run.begin(None);
+        bench.begin(start, noise, Aftermath::Skip);
         run.verdict = bench.verdict();
         bench.observe(observation);
     }

@@ -40,7 +40,9 @@ const ALWAYS_FINITE: [&str; 6] = ["time_left", "contact", "x", "y", "heading", "
 
 impl LaneWorld {
     /// Returns the data of a world, `None` if it needs test benches.
-    pub(super) fn of(world: &Scenario) -> Option<LaneWorld> {
+    ///
+    /// `rows` has the positions of signals that rows contain besides.
+    pub(super) fn of(world: &Scenario, rows: &[usize]) -> Option<LaneWorld> {
         let World::Drive(drive) = world.world() else {
             return None;
         };
@@ -53,7 +55,7 @@ impl LaneWorld {
         if !fits || RunsJudge::new(&rulebook, samples, 1).is_none() {
             return None;
         }
-        let published = published(&layout, &rulebook);
+        let published = published(&layout, &rulebook, rows);
         let derived = layout.sources.len()..layout.schema.len();
         let checked = published.iter().map(|it| it.position);
         Some(LaneWorld {
@@ -100,13 +102,18 @@ fn has_only_vehicles(layout: &DriveLayout) -> bool {
 }
 
 /// Returns the signals that rules, expressions or the observation read.
-fn published(layout: &DriveLayout, rulebook: &Rulebook) -> Vec<PublishedSignal> {
+fn published(layout: &DriveLayout, rulebook: &Rulebook, rows: &[usize]) -> Vec<PublishedSignal> {
     let mut read = vec![false; layout.schema.len()];
     let rules = rulebook.rules.iter().map(|rule| &rule.monitor);
     let formulas = rules.chain([&rulebook.spec]);
     let derived = layout.derived.iter().flat_map(|expr| expr.signals());
     let all = formulas.flat_map(|monitor| monitor.signals());
-    for signal in all.chain(derived).chain(layout.observed.positions()) {
+    let in_rows = rows.iter().copied();
+    for signal in all
+        .chain(derived)
+        .chain(layout.observed.positions())
+        .chain(in_rows)
+    {
         read[signal] = true;
     }
     let sources = layout.sources.iter().copied().enumerate();

@@ -14,6 +14,7 @@ use super::run::EnvRun;
 use crate::ego::{Actuator, Controller, Percept};
 use crate::road::{LaneKeeper, OnRoad};
 use crate::rulebook::{NewSamples, RunsJudge, Stop, Verdict};
+use crate::scene::Start;
 use crate::scene::drive::{Drive, Maneuver, SceneState, Sensing, blank_percept, fill_percept};
 use crate::seed::StartKey;
 use crate::sim::kinematic::KinematicLanes;
@@ -42,6 +43,8 @@ pub(super) struct LaneRuns {
     columns: Vec<Vec<f64>>,
     /// 0 for each new sample that has finite numbers only.
     checks: Vec<f64>,
+    /// Newest row of each run, `[runs, signals]`, empty if nobody reads rows.
+    rows: Vec<f64>,
 }
 
 /// Actuators, lane keepers and actions of one vehicle in every run.
@@ -63,7 +66,9 @@ struct DrivenLane {
 
 impl LaneRuns {
     /// Creates runs that have not begun, `None` if the world does not fit.
-    pub(super) fn new(world: &LaneWorld, runs: usize) -> Option<LaneRuns> {
+    ///
+    /// `has_rows`: keep the newest row of each run.
+    pub(super) fn new(world: &LaneWorld, runs: usize, has_rows: bool) -> Option<LaneRuns> {
         let layout = &world.layout;
         let spec = &layout.spec;
         let bodies = spec.agents.iter().map(|agent| &agent.body);
@@ -100,6 +105,14 @@ impl LaneRuns {
             percept: blank_percept(spec, layout.ego),
             columns: vec![vec![0.0; block]; layout.schema.len()],
             checks: vec![0.0; block],
+            rows: vec![
+                0.0;
+                if has_rows {
+                    runs * layout.schema.len()
+                } else {
+                    0
+                }
+            ],
             world: world.clone(),
         })
     }
@@ -109,10 +122,21 @@ impl LaneRuns {
     }
 
     pub(super) fn begin(&mut self, run: usize, key: StartKey, observation: &mut [f32]) {
+        let noise = key.generator("", "noise").next_u64();
+        let start = self.world.layout.draw(key);
+        self.begin_at(run, (&start, noise), observation);
+        self.runs[run].key = Some(key);
+    }
+
+    pub(super) fn begin_at(
+        &mut self,
+        run: usize,
+        (start, noise): (&Start, u64),
+        observation: &mut [f32],
+    ) {
         let layout = Arc::clone(&self.world.layout);
         let spec = &layout.spec;
-        let noise = key.generator("", "noise").next_u64();
-        let drawn = spec.drawn(&layout.draw(key));
+        let drawn = spec.drawn(start);
         for (i, (agent, at)) in spec.agents.iter().zip(&drawn).enumerate() {
             let pose = layout.start_pose(agent, (at.front_m, at.lateral_m));
             let body = (i, &agent.body, self.world.ground);
@@ -127,7 +151,7 @@ impl LaneRuns {
             sensing.reset(noise);
         }
         self.controllers[run].reset(noise);
-        self.runs[run].begin(key);
+        self.runs[run].begin(None);
         self.judge.begin(run);
         self.samples[run] = 0;
         self.scene.sample = 0;
@@ -140,6 +164,11 @@ impl LaneRuns {
             is_faulty: false,
         };
         self.conclude(run, 0, &first, observation);
+    }
+
+    /// Returns the newest row of a run, empty if rows are not kept.
+    pub(super) fn row(&self, run: usize) -> &[f64] {
+        self.rows.chunks(self.columns.len()).nth(run).unwrap_or(&[])
     }
 
     pub(super) fn step(&mut self, actions: &[usize], mut into: StepInto<'_>) {
@@ -301,6 +330,11 @@ impl LaneRuns {
         if let Some(last) = last {
             let observed = &self.world.layout.observed;
             observed.read(|position| self.columns[position][last], observation);
+            let width = self.columns.len();
+            let row = self.rows.chunks_mut(width).nth(run);
+            for (to, column) in row.into_iter().flatten().zip(&self.columns) {
+                *to = column[last];
+            }
         }
     }
 
@@ -337,6 +371,7 @@ impl LaneRuns {
             + size_of_val(&*self.scene.states)
             + size_of_val(&*self.scene.on_road)
             + size_of_val(&*self.percept.others)
+            + size_of_val(&*self.rows)
             + columns.sum::<usize>();
         let runs = self.runs.iter().map(EnvRun::bytes).sum::<usize>()
             + size_of_val(&*self.sensing)

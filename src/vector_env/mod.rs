@@ -37,6 +37,7 @@ mod run;
 
 use crate::rl::{End, Spaces};
 use crate::rulebook::Verdict;
+use crate::scene::Start;
 use crate::seed::StartKey;
 use crate::testbench::{Aftermath, Testbench};
 use crate::world::Scenario;
@@ -82,10 +83,23 @@ enum Group {
 impl VectorEnv {
     /// Creates `count` environments of a world, none of which has begun.
     pub fn new(world: &Scenario, count: usize) -> VectorEnv {
-        let lanes = LaneWorld::of(world);
+        VectorEnv::build(world, count, None)
+    }
+
+    /// Creates environments whose newest rows can be read, in the layout of lanes.
+    ///
+    /// `signals` has the positions of signals that rows contain besides those that
+    /// rules, derived signals and the observation read.
+    pub(crate) fn with_rows(world: &Scenario, count: usize, signals: &[usize]) -> VectorEnv {
+        VectorEnv::build(world, count, Some(signals))
+    }
+
+    fn build(world: &Scenario, count: usize, signals: Option<&[usize]>) -> VectorEnv {
+        let lanes = LaneWorld::of(world, signals.unwrap_or(&[]));
         let group = |first: usize| {
             let runs = LANES.min(count - first);
-            let lanes = lanes.as_ref().and_then(|it| LaneRuns::new(it, runs));
+            let lanes = lanes.as_ref();
+            let lanes = lanes.and_then(|it| LaneRuns::new(it, runs, signals.is_some()));
             match lanes {
                 Some(lanes) => Group::Lanes(Box::new(lanes)),
                 None => Group::Benches(BenchRuns::new(world, runs)),
@@ -129,6 +143,26 @@ impl VectorEnv {
         match &mut self.groups[at / LANES] {
             Group::Lanes(lanes) => lanes.begin(at % LANES, key, observation),
             Group::Benches(benches) => benches.begin(at % LANES, key, observation),
+        }
+    }
+
+    /// Begins an episode from a start, with the seed of its noise.
+    ///
+    /// It has no key, so [`VectorEnv::play_again`] cannot play it.
+    pub(crate) fn begin_at(&mut self, at: usize, from: (&Start, u64), observation: &mut [f32]) {
+        match &mut self.groups[at / LANES] {
+            Group::Lanes(lanes) => lanes.begin_at(at % LANES, from, observation),
+            Group::Benches(benches) => benches.begin_at(at % LANES, from, observation),
+        }
+    }
+
+    /// Returns the newest row of signals of an environment with rows, else none.
+    ///
+    /// Signals that nobody reads are 0.
+    pub(crate) fn row(&self, at: usize) -> &[f64] {
+        match &self.groups[at / LANES] {
+            Group::Lanes(lanes) => lanes.row(at % LANES),
+            Group::Benches(_) => &[],
         }
     }
 

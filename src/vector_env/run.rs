@@ -7,7 +7,7 @@ use crate::seed::StartKey;
 /// Episode of one environment.
 #[derive(Debug)]
 pub(super) struct EnvRun {
-    /// Key of its start, `None` before the first episode.
+    /// Key of its start, `None` before the first episode and for a start without one.
     pub(super) key: Option<StartKey>,
     /// Joint actions so far.
     pub(super) actions: Vec<u32>,
@@ -35,9 +35,9 @@ impl EnvRun {
         }
     }
 
-    /// Begins the episode of a key.
-    pub(super) fn begin(&mut self, key: StartKey) {
-        self.key = Some(key);
+    /// Begins an episode, of a key if it has one.
+    pub(super) fn begin(&mut self, key: Option<StartKey>) {
+        self.key = key;
         self.actions.clear();
         self.verdict = None;
         self.is_over = false;

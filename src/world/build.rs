@@ -274,6 +274,7 @@ fn assemble(
         rulebook: Arc::new(rulebook),
         programs_allowed: false,
         traffic,
+        laws: file.traffic.map(Arc::new),
     };
     Ok((scenario, world))
 }

@@ -5,6 +5,7 @@ use std::fmt;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::declared_traffic_file::DeclaredTrafficFile;
 use super::environment_file::{OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
 use super::natural_file::NaturalFile;
@@ -89,6 +90,9 @@ pub(super) struct ScenarioFile {
     /// Traffic in which the ados drive, and a limit on how rare their driving becomes.
     #[serde(default)]
     pub(super) natural: Option<NaturalFile>,
+    /// Laws of the starts and of the ados' actions, for the probability of a failure.
+    #[serde(default)]
+    pub(super) traffic: Option<DeclaredTrafficFile>,
 }
 
 fn rigid() -> PlantKind {

@@ -222,6 +222,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         rulebook: Arc::new(rulebook),
         programs_allowed: false,
         traffic: Default::default(),
+        laws: None,
     };
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
     dry_run::begins_well(&mut problems, &top, &scenario);

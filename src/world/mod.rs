@@ -19,6 +19,7 @@ mod build;
 mod changed;
 mod check;
 mod counting;
+mod declared_traffic_file;
 mod dry_run;
 mod environment;
 mod environment_file;
@@ -68,6 +69,10 @@ pub use crate::scene::drive::Sensors;
 pub use crate::scene::grid::{AtWall, Horizon, Starts};
 pub use crate::sim::PlantKind;
 pub use crate::testbench::Repeats;
+pub use declared_traffic_file::EncounterRate;
+pub(crate) use declared_traffic_file::{
+    AdoLawFile, DeclaredTrafficFile, FittedFile, MarkovFile, OnsetFile, StartLawFile,
+};
 pub use family::TrainingEgos;
 pub use file::{Change, GridChange};
 pub use rule_spec::RuleSpec;

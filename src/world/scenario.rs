@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use indexmap::IndexMap;
 
+use super::declared_traffic_file::DeclaredTrafficFile;
 use super::family::{Family, TrainingEgos};
 use super::file::Change;
 use super::rule_spec::RuleSpec;
@@ -66,6 +67,8 @@ pub struct Scenario {
     pub(super) programs_allowed: bool,
     /// Traffic in which the ados drive, with a limit on their rarity if any.
     pub(super) traffic: DeclaredTraffic,
+    /// Laws of the starts and of the ados' actions, if declared.
+    pub(super) laws: Option<Arc<DeclaredTrafficFile>>,
 }
 
 impl std::fmt::Debug for Scenario {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use brakecheck_traffic::TrafficModel;
 
 use super::Scenario;
+use super::declared_traffic_file::DeclaredTrafficFile;
 use crate::natural::{DeclaredTraffic, Naturalness, SuccessRarity};
 use crate::testbench::Episode;
 
@@ -40,6 +41,11 @@ impl Scenario {
     /// Returns the traffic of the world.
     pub(crate) fn traffic(&self) -> &DeclaredTraffic {
         &self.traffic
+    }
+
+    /// Returns the declared laws of the starts and of the ados' actions.
+    pub(crate) fn declared_laws(&self) -> Option<&DeclaredTrafficFile> {
+        self.laws.as_deref()
     }
 
     /// Returns the rarest driving of an ado in an episode, up to its verdict.

@@ -16,6 +16,7 @@ mod paper_rows;
 mod plants;
 mod protocols;
 mod reuse_study;
+mod risk;
 mod structures;
 mod table1;
 #[cfg(test)]
@@ -37,5 +38,9 @@ pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
 pub use plants::{PlantOutcomes, PlantRow, plant_row, plants_markdown, with_validated_bodies};
 pub use protocols::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
 pub use reuse_study::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
+pub use risk::{
+    COUNTED_PIECE, CountedRuns, ProposalFault, RiskCase, RiskSeed, RiskStudy, counted_piece,
+    risk_markdown, risk_seed,
+};
 pub use structures::{RUNS, StructureRow, StructureStudy, other_structures, structures_markdown};
 pub use table1::{Table1, Table1Error, table1, table1_markdown};

@@ -9,6 +9,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, failure, print_json, terminal};
+use crate::risk::{RiskTraffic, RiskTrafficError};
 use crate::ron_file::LoadError;
 use crate::world::Scenario;
 
@@ -61,6 +62,13 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         }
     };
     let scenario = scenario.allow_programs(args.allow_programs);
+    // Worlds know no probabilities, so their traffic is bound to them here.
+    if let Err(error) = RiskTraffic::of_world(&scenario) {
+        if let (true, RiskTrafficError::File(error)) = (args.json, &error) {
+            print_json(&problems(error))?;
+        }
+        return Err(error.into());
+    }
     let named = programs::tried(&scenario, args.allow_programs);
     if args.json {
         let mut listing = listing(&scenario);

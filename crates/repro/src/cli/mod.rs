@@ -12,6 +12,7 @@ mod paper;
 mod plants;
 mod protocols;
 mod reuse;
+mod risk;
 mod structures;
 
 use std::path::{Path, PathBuf};
@@ -133,6 +134,8 @@ enum What {
     Ncap,
     /// The same of UN R157's scenarios for lane keeping systems.
     R157,
+    /// Risks in declared traffic, beside counted natural runs: 20,000 for each of the starts.
+    Risk,
     /// Starts whose outcome depends on the plant, with stock and with validated bodies (at most
     /// 100 starts).
     Plants,
@@ -210,6 +213,7 @@ impl What {
             What::League => &[league::run],
             What::Ncap => &[protocols::ncap],
             What::R157 => &[protocols::r157],
+            What::Risk => &[risk::run],
             What::Plants => &[plants::run],
             What::Figures => &[figures::run],
             What::All => &[

@@ -1,0 +1,155 @@
+//! Request of a risk, with its settings.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::estimation::Estimation;
+use super::record::KnownFailure;
+use super::report::RiskReport;
+use super::traffic::RiskTraffic;
+use super::value::ValueKind;
+use crate::content_hash;
+use crate::experiment::{EgoUnderTest, Watch};
+use crate::rl::Policy;
+use crate::run_dir::RunError;
+use crate::sim::PlantKind;
+use crate::surrogate::SurrogateWorld;
+
+/// Request of a risk.
+#[derive(Clone)]
+#[non_exhaustive]
+pub struct RiskRequest<'a> {
+    /// Laws of the traffic.
+    pub traffic: &'a RiskTraffic,
+    /// Egos. The ratio of two is of the first to the second.
+    pub egos: &'a [EgoUnderTest],
+    /// Counterexamples from elsewhere.
+    pub known: &'a [KnownFailure],
+    /// Numbers of runs.
+    pub settings: RiskSettings,
+    /// Policy of a trained ado, by which a surrogate sees more dangerous situations.
+    pub policy: Option<&'a dyn Policy>,
+    /// Kind of failure that no proposal learns, to measure the checks.
+    #[doc(hidden)]
+    pub blind_to: Option<&'a str>,
+    /// Learn V over the remaining time alone, to measure the checks.
+    #[doc(hidden)]
+    pub state_blind: bool,
+    /// Directory of finished runs, to be resumed from.
+    pub dir: Option<PathBuf>,
+}
+
+/// Numbers of runs of a risk.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct RiskSettings {
+    /// Most runs of an ego.
+    pub budget: usize,
+    /// Natural runs before all others.
+    pub natural: usize,
+    /// Half-width of the interval at which it stops, as a share of the estimate.
+    pub width: f64,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Plant on which proposals are learned, if not the plant of the egos.
+    pub learn_on: Option<PlantKind>,
+    /// Runs of the ego from which a surrogate is fitted, to learn the proposals in.
+    pub surrogate: Option<u64>,
+    /// Form of V.
+    pub value: ValueKind,
+}
+
+impl Default for RiskSettings {
+    fn default() -> RiskSettings {
+        RiskSettings {
+            budget: 100_000,
+            natural: 10_000,
+            width: 0.25,
+            seed: 0,
+            learn_on: None,
+            surrogate: None,
+            value: ValueKind::Network,
+        }
+    }
+}
+
+impl<'a> RiskRequest<'a> {
+    /// Creates a request with 100,000 runs per ego and a half-width of 25 %.
+    pub fn new(traffic: &'a RiskTraffic, egos: &'a [EgoUnderTest]) -> RiskRequest<'a> {
+        RiskRequest {
+            traffic,
+            egos,
+            known: &[],
+            settings: RiskSettings::default(),
+            policy: None,
+            blind_to: None,
+            state_blind: false,
+            dir: None,
+        }
+    }
+
+    /// Returns what the runs depend on, as the SHA-256 of JSON.
+    pub(super) fn fingerprint(&self) -> String {
+        // A name alone would not reveal an ego that has changed.
+        let egos = self.egos.iter().map(|ego| {
+            let scenario = ego.scenario();
+            json!([ego.name(), ego.change(), scenario.text(), scenario.plant()])
+        });
+        let known = self.known.iter();
+        let known = known.map(|it| json!([it.start, it.noise, it.actions]));
+        content_hash::fingerprint(&json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "egos": egos.collect::<Vec<_>>(),
+            "traffic": self.traffic.sha256,
+            "known": known.collect::<Vec<_>>(),
+            "settings": self.settings,
+            "naive": (self.blind_to, self.state_blind),
+        }))
+    }
+
+    /// Returns the worlds with a surrogate of every ego, if any. `None`: stopped.
+    ///
+    /// A world whose starts differ with a surrogate has none, and neither has an ego that
+    /// never ran.
+    fn surrogates(&self, watch: &Watch<'_>) -> Option<Vec<Option<SurrogateWorld>>> {
+        let RiskSettings {
+            surrogate,
+            seed,
+            learn_on,
+            ..
+        } = self.settings;
+        let Some(runs) = surrogate else {
+            return Some(vec![None; self.egos.len()]);
+        };
+        // The quickest plant, unless another one is named.
+        let plant = learn_on.unwrap_or(PlantKind::Kinematic);
+        let learned = self.egos.iter().map(|ego| {
+            watch.phase(&format!("learning {}", ego.name()));
+            let settings = (runs, seed, plant);
+            let world = ego.scenario();
+            let found = SurrogateWorld::learned(world, self.policy, settings, &watch.quiet());
+            // Sensors of a surrogate are exact, so starts may have no axes of sensors.
+            found.filter(|it| it.scenario.axes() == world.axes())
+        });
+        let learned = learned.collect();
+        (!watch.stopped()).then_some(learned)
+    }
+
+    /// Estimates the risk of every ego. `None`: stopped.
+    ///
+    /// Every round uses proposals from earlier runs only, so its estimate is unbiased.
+    ///
+    /// # Errors
+    /// The disk refuses, or the directory belongs to another request.
+    pub fn estimate(&self, watch: &Watch<'_>) -> Result<Option<RiskReport>, RunError> {
+        let Some(models) = self.surrogates(watch) else {
+            return Ok(None);
+        };
+        let mut estimation = Estimation::begin(self, models, watch)?;
+        if estimation.run()?.is_none() {
+            return Ok(None);
+        }
+        Ok(Some(estimation.report()))
+    }
+}
