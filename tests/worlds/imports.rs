@@ -123,6 +123,9 @@ fn import(files: &[(&str, String)]) -> Result<Imported, ImportError> {
         skips_broken: false,
         name: "small",
         ado: None,
+        ego: None,
+        leaves_ego: false,
+        maps: &[],
     };
     import.read(&|path| {
         let found = files.iter().find(|(name, _)| Path::new(name) == path);

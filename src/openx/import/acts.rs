@@ -38,9 +38,14 @@ pub(super) fn acts(
         scripts: entities.iter().map(EntityScript::of).collect(),
         gone: Vec::new(),
         relative: Vec::new(),
+        begun: Vec::new(),
     };
-    for act in board.all("Story").flat_map(|story| story.all("Act")) {
-        reader.act(act, scope)?;
+    for story in board.all("Story") {
+        let declared = story.child("ParameterDeclarations");
+        let own = ParameterScope::declared(declared, scope, &[])?;
+        for act in story.all("Act") {
+            reader.act(act, &own)?;
+        }
     }
     // Checked last, since a later act may contain the lane change.
     reader.lanes_stay()?;
@@ -73,6 +78,8 @@ struct EntityScript {
     ended: Vec<StoryElement>,
     /// Place of the act of the previous step.
     act: usize,
+    /// Time in seconds at which the previous step ends, if it is known before the run.
+    ends_s: Option<f64>,
 }
 
 impl EntityScript {
@@ -82,6 +89,7 @@ impl EntityScript {
             placed: entity.placed.clone(),
             speeds: Speeds {
                 now_mps: Some(entity.speed_mps),
+                most_mps: entity.body.most_mps,
                 most_mps2: entity.body.most_mps2,
             },
             lane: entity.placed.lane.as_ref().map(|at| at.lane),
@@ -93,6 +101,7 @@ impl EntityScript {
             has_begun: false,
             ended: Vec::new(),
             act: 0,
+            ends_s: Some(0.0),
         }
     }
 }
@@ -116,6 +125,8 @@ struct Reader<'a> {
     gone: Vec<String>,
     /// Entities to whose lane a target is relative, with the error if they leave it.
     relative: Vec<(String, ImportError)>,
+    /// Elements with the times in seconds at which they begin, as far as known.
+    begun: Vec<(StoryElement, f64)>,
 }
 
 impl Reader<'_> {
@@ -128,7 +139,10 @@ impl Reader<'_> {
             let names = names.collect::<Result<Vec<_>, _>>()?;
             for it in &group.children {
                 let (maneuver, own) = match it.name.as_str() {
-                    "Maneuver" => (it.clone(), scope.clone()),
+                    "Maneuver" => {
+                        let declared = it.child("ParameterDeclarations");
+                        (it.clone(), ParameterScope::declared(declared, scope, &[])?)
+                    }
                     "CatalogReference" => {
                         self.ground.catalogs.entry(it, scope, self.ground.files)?
                     }
@@ -138,7 +152,7 @@ impl Reader<'_> {
             }
         }
         // Weather moves no entity, so it is checked in every act that begins.
-        let begins = starts(act, scope, 0.0);
+        let begins = starts(act, scope, 0.0, (self.ground, &self.begun));
         if !matches!(begins, Ok(StartTrigger::Never)) {
             for (_, _, maneuver, scope) in &context {
                 for event in maneuver.all("Event") {
@@ -151,7 +165,7 @@ impl Reader<'_> {
         let mut moves = false;
         for (_, actors, maneuver, _) in &context {
             for event in maneuver.all("Event") {
-                moves |= !moving(event, actors)?.is_empty();
+                moves |= !moving(event, actors, &self.ground.ego.name)?.is_empty();
             }
         }
         // The trigger of an act without moving events has no effect and is not
@@ -161,7 +175,11 @@ impl Reader<'_> {
         }
         let begins_s = match begins? {
             StartTrigger::Never => return Ok(()),
-            StartTrigger::At(at_s) => at_s,
+            StartTrigger::At(at_s) => {
+                let element = StoryElement::of("act", act);
+                self.begun.extend(element.map(|element| (element, at_s)));
+                at_s
+            }
             StartTrigger::After { .. } | StartTrigger::When { .. } => {
                 let help = "begin the act by a time, and its events by what they wait for";
                 return Err(act.refused("an act that waits for something is not read", help));
@@ -192,7 +210,7 @@ impl Reader<'_> {
     }
 
     fn event(&mut self, context: &EventContext<'_>) -> Result<(), ImportError> {
-        let actions = moving(context.event, context.actors)?;
+        let actions = moving(context.event, context.actors, &self.ground.ego.name)?;
         if actions.is_empty() {
             return Ok(());
         }
@@ -214,10 +232,14 @@ impl Reader<'_> {
             return Ok(());
         }
         for actor in context.actors {
-            if actor == "Ego" {
-                let help = "let the ego keep its speed: your controller drives it";
-                let what = "an ego with a motion of its own is not read";
-                return Err(moved[0].refused(what, help));
+            if *actor == self.ground.ego.name {
+                if !self.ground.ego.is_left {
+                    let help = "--leave-ego leaves its events to your controller and lists them";
+                    let what = "the ego has a motion of its own";
+                    return Err(moved[0].refused(what, help));
+                }
+                self.ground.ego.leave(context.event);
+                continue;
             }
             let known = self.scripts.iter().position(|it| it.name == *actor);
             let known = known
@@ -251,7 +273,12 @@ impl Reader<'_> {
                 "leave it out, or delete an entity instead",
             ));
         }
-        match starts(context.event, context.scope, context.begins_s)? {
+        match starts(
+            context.event,
+            context.scope,
+            context.begins_s,
+            (self.ground, &self.begun),
+        )? {
             // A deletion at the start equals a file without the entity.
             StartTrigger::At(at_s) if at_s <= 0.0 => {
                 self.gone.push(context.scope.text(it, "entityRef")?)
@@ -286,9 +313,18 @@ impl Reader<'_> {
         // A later act may begin after an element of another act has ended. Its
         // trigger would then miss that end.
         let in_time = context.begins_s == 0.0 || script.act == context.act.place;
-        match starts(event, context.scope, context.begins_s)? {
+        match starts(
+            event,
+            context.scope,
+            context.begins_s,
+            (self.ground, &self.begun),
+        )? {
             StartTrigger::Never => return Ok(()),
             StartTrigger::At(at_s) if is_first => step.after_s = at_s,
+            // A time after the end of the event before it.
+            StartTrigger::At(at_s) if script.ends_s.is_some_and(|ends_s| ends_s <= at_s) => {
+                step.after_s = at_s - script.ends_s.unwrap_or(0.0);
+            }
             StartTrigger::After { element, delay_s }
                 if script.ended.contains(&element) && in_time =>
             {
@@ -326,6 +362,8 @@ impl Reader<'_> {
         self.scripts[who].act = context.act.place;
         // Some actions are only read at the start of the run.
         let at_start = is_first && step.when.is_none() && step.after_s <= SOON_S;
+        let script = &self.scripts[who];
+        let (from_mps, from_m) = (script.speeds.now_mps, (script.t_m, script.changed_m));
         for action in actions {
             self.action(who, context, action, at_start, &mut step)?;
         }
@@ -335,6 +373,27 @@ impl Reader<'_> {
             let help = "let the SynchronizeAction be the only action of the entity";
             return Err(event.refused("an action beside a meeting is not read", help));
         }
+        let lasts_s = step.laws.iter().map(|law| law.lasts_s(from_mps, from_m));
+        let lasts_s = lasts_s.reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)));
+        let lasts_s = lasts_s.unwrap_or(Some(0.0));
+        let begins_s = script.ends_s.filter(|_| step.when.is_none());
+        if let Some(begins_s) = begins_s {
+            let elements = [
+                StoryElement::of("event", event),
+                StoryElement::of("maneuver", context.maneuver),
+            ];
+            let begun = elements.into_iter().flatten();
+            let begun = begun.map(|element| (element, begins_s + step.after_s));
+            // The first event of a maneuver begins it.
+            for (element, at_s) in begun.collect::<Vec<_>>() {
+                if self.begun.iter().all(|(known, _)| *known != element) {
+                    self.begun.push((element, at_s));
+                }
+            }
+        }
+        script.ends_s = begins_s
+            .zip(lasts_s)
+            .map(|(at_s, lasts_s)| at_s + step.after_s + lasts_s);
         // Actions at the start that change the initial state need no step.
         if !step.laws.is_empty() {
             script.steps.push(step);
@@ -369,7 +428,7 @@ impl Reader<'_> {
             // The gap becomes part of the initial state.
             "LongitudinalDistanceAction" if at_start && step.after_s == 0.0 => {
                 let now_mps = script.speeds.now_mps.unwrap_or(0.0);
-                script.gap_m = Some(gap_of(it, scope, now_mps)?);
+                script.gap_m = Some(gap_of(it, scope, (now_mps, &ground.ego.name))?);
             }
             "SynchronizeAction" if at_start => {
                 // A meeting accelerates the entity itself, and its approach
@@ -406,8 +465,9 @@ impl Reader<'_> {
 fn moving<'a>(
     event: &'a XmlNode,
     actors: &[String],
+    ego: &str,
 ) -> Result<Vec<(&'a XmlNode, &'a XmlNode)>, ImportError> {
-    let is_for_ego = actors.iter().all(|it| it == "Ego");
+    let is_for_ego = actors.iter().all(|it| it == ego);
     let mut moving = Vec::new();
     for action in event.all("Action") {
         let kind = action.only()?;

@@ -18,6 +18,8 @@ pub(super) struct ImportedBody {
     /// Distance from the reference point to the front, in metres.
     pub front_m: f64,
     pub on_foot: bool,
+    /// Greatest speed, in m/s.
+    pub most_mps: f64,
     /// Greatest acceleration and deceleration, in m/s².
     pub most_mps2: (f64, f64),
 }
@@ -87,6 +89,7 @@ impl ImportedBody {
         };
         let most_mps2 = (most("maxAcceleration")?, most("maxDeceleration")?);
         Ok(ImportedBody {
+            most_mps: most("maxSpeed")?,
             most_mps2,
             name: name.to_lowercase(),
             ron,

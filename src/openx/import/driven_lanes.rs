@@ -47,7 +47,7 @@ fn lanes_of(
     road: &ImportedRoad,
     side: i32,
 ) -> Result<Option<DrivenLanes>, ImportError> {
-    let lanes = road.driven_beside(side).into_iter();
+    let lanes = road.driven_beside(side, 0.0).into_iter();
     let middles = lanes.map(|(lane, _)| road.middle_m(node, lane));
     let middles: Vec<f64> = middles.collect::<Result<_, _>>()?;
     let Some(&right_m) = middles.first() else {

@@ -54,9 +54,9 @@ pub(super) fn begins(
     private: &XmlNode,
     scope: &ParameterScope,
     ground: PositionContext<'_>,
-) -> Result<Placed, ImportError> {
+) -> Result<(Placed, Vec<String>), ImportError> {
     let mut at = None;
-    let is_ego = private.raw("entityRef") == Some("Ego");
+    let is_ego = private.raw("entityRef") == Some(ground.ego.name.as_str());
     // Routes are checked last, since the place may follow in the file.
     let mut routes = Vec::new();
     for action in private.all("PrivateAction") {
@@ -88,10 +88,11 @@ pub(super) fn begins(
             "place it in Init by a `TeleportAction`",
         )
     })?;
+    let mut turns = Vec::new();
     for route in routes {
-        ground.leads_on(route, scope, &at)?;
+        turns = ground.turns_of(route, scope, &at)?;
     }
-    Ok(at)
+    Ok((at, turns))
 }
 
 fn on_trajectory(
@@ -99,7 +100,7 @@ fn on_trajectory(
     scope: &ParameterScope,
     ground: PositionContext<'_>,
 ) -> Result<Placed, ImportError> {
-    let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
+    let (trajectory, own) = ground.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
     let mut on = ground.way(&trajectory, &own)?;
     on.move_on(it, scope.number_or_zero(it, "initialDistanceOffset")?)?;
     if it
@@ -166,11 +167,11 @@ pub(super) fn first_speed_mps(
 pub(super) fn first_gap_m(
     private: &XmlNode,
     scope: &ParameterScope,
-    speed_mps: f64,
+    (speed_mps, ego): (f64, &str),
 ) -> Result<Option<f64>, ImportError> {
     let mut gap_m = None;
     for action in longitudinal(private, "LongitudinalDistanceAction") {
-        gap_m = Some(gap_of(action, scope, speed_mps)?);
+        gap_m = Some(gap_of(action, scope, (speed_mps, ego))?);
     }
     Ok(gap_m)
 }

@@ -1,53 +1,47 @@
-//! Roads from OpenDRIVE: lines, arcs and spirals, with lanes of constant width.
+//! Roads from OpenDRIVE: reference lines with lanes.
 //!
 //! Unsupported content of a road is an error only if an entity is on the road.
 
+use core::cmp::Ordering;
+use core::f64::consts::PI;
 use std::collections::{BTreeMap, HashMap};
 
 use super::error::ImportError;
+use super::lane_drive::{Junctions, RoadLink};
+use super::lanes::RoadLanes;
+use super::places::OnLane;
+use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
 use super::surface::Surface;
 use super::tree::XmlNode;
-use super::ways::{Bend, Spiral};
 use crate::sim::{Pose, wrapped};
 
-/// Lateral distance in metres up to which lanes stay near their spirals.
-const LANES_M: f64 = 12.0;
-/// Tolerances within which consecutive pieces of a reference line connect.
-const MEET_M: f64 = 0.01;
-const MEET_RAD: f64 = 1e-3;
 /// A carriageway without lanes is about as wide as a car.
 const LEAST_WIDTH_M: f64 = 2.0;
 /// Places of a road that are looked at for whether it meets itself.
 const MOST_SAMPLES: f64 = 20_000.0;
 
-/// Piece of a reference line.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ReferenceSegment {
-    pub s_m: f64,
-    start: Pose,
-    pub length_m: f64,
-    pub per_m: f64,
-}
-
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]
 pub(super) struct ImportedRoad {
-    node: XmlNode,
+    pub node: XmlNode,
     pub length_m: f64,
     pub pieces: Vec<ReferenceSegment>,
     /// First unsupported content, returned when an entity is on the road.
     refused: Option<ImportError>,
-    offset_m: f64,
-    /// Number, width in metres, and true for a driving lane.
-    lanes: Vec<(i32, f64, bool)>,
+    pub lanes: RoadLanes,
+    /// Roads or junctions before and after it.
+    pub links: [Option<RoadLink>; 2],
     /// Friction and speed limits.
     pub surface: Surface,
 }
 
 /// Roads of a file by their id.
-#[derive(Clone, Debug)]
-pub(super) struct RoadMap(BTreeMap<String, ImportedRoad>);
+#[derive(Clone, Debug, Default)]
+pub(super) struct RoadMap {
+    roads: BTreeMap<String, ImportedRoad>,
+    pub junctions: Junctions,
+}
 
 impl RoadMap {
     pub(super) fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
@@ -55,17 +49,25 @@ impl RoadMap {
             let id = road.need("id")?.to_owned();
             Ok((id, ImportedRoad::of(road)?))
         });
-        Ok(RoadMap(roads.collect::<Result<_, ImportError>>()?))
+        Ok(RoadMap {
+            roads: roads.collect::<Result<_, ImportError>>()?,
+            junctions: Junctions::of(root)?,
+        })
     }
 
     /// Returns a road by its id.
     pub(super) fn get(&self, id: &str) -> Option<&ImportedRoad> {
-        self.0.get(id)
+        self.roads.get(id)
     }
 
-    /// Returns all roads.
-    pub(super) fn all(&self) -> impl Iterator<Item = &ImportedRoad> {
-        self.0.values()
+    /// Returns whether there is no road at all.
+    pub(super) fn is_empty(&self) -> bool {
+        self.roads.is_empty()
+    }
+
+    /// Returns all roads with their ids.
+    pub(super) fn all(&self) -> impl Iterator<Item = (&String, &ImportedRoad)> {
+        self.roads.iter()
     }
 
     /// Friction of a road. Without a road, the common friction of all roads.
@@ -92,7 +94,7 @@ impl RoadMap {
         of: impl Fn(&Surface) -> Result<T, ImportError>,
     ) -> Result<T, ImportError> {
         let is_wanted = |(id, _): &(&String, &ImportedRoad)| road.is_none_or(|road| road == *id);
-        let mut roads = self.0.iter().filter(is_wanted).map(|(_, line)| line);
+        let mut roads = self.roads.iter().filter(is_wanted).map(|(_, line)| line);
         let Some(first) = roads.next() else {
             // A file without roads has the default surface.
             return of(&Surface::default());
@@ -108,11 +110,49 @@ impl RoadMap {
         Ok(value)
     }
 
+    /// Returns the driving lane on which a place is, and the direction of its travel.
+    ///
+    /// Where lanes overlap, as in junctions, the direction of the place decides if
+    /// it has one, and then its distance from the middle.
+    pub(super) fn nearest_lane(&self, spot: &Pose, is_turned: bool) -> Option<(OnLane, f64)> {
+        let on_lane = |(id, road): (&String, &ImportedRoad)| {
+            let (s_m, t_m) = road.nearest(spot)?;
+            let (section, lanes) = road.lanes.section(s_m)?;
+            let here = lanes.lanes.iter().filter(|lane| lane.drives);
+            let here = here.filter_map(|lane| {
+                let (middle_m, slope) = road.lanes.middle((section, s_m), lane.id)?;
+                let off_m = (t_m - middle_m).abs();
+                let is_on = off_m <= 0.5 * road.lanes.width_m(s_m, lane.id)?;
+                let turn_rad = if 0 < lane.id { PI } else { 0.0 };
+                let slant_rad = libm::atan2(slope, 1.0 - road.per_m(s_m) * t_m);
+                let along_rad = road.at(s_m, 0.0).heading_rad + turn_rad + slant_rad;
+                let turned_rad = wrapped(spot.heading_rad - along_rad).abs();
+                let rank = if is_turned {
+                    (turned_rad * 100.0).floor()
+                } else {
+                    0.0
+                };
+                let at = OnLane {
+                    road: id.clone(),
+                    lane: lane.id,
+                    s_m,
+                    t_m,
+                };
+                is_on.then_some(((rank, off_m), (at, wrapped(along_rad))))
+            });
+            here.min_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal))
+        };
+        let known = self.roads.iter().filter(|(_, road)| road.refused.is_none());
+        let found = known.filter_map(on_lane);
+        let found = found.min_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+        found.map(|(_, at)| at)
+    }
+
     /// Returns a road by its id, if it is supported.
     ///
     /// `asks` is the element that refers to the road.
     pub(super) fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
-        let road = self.0.get(id);
+        let road = self.roads.get(id);
         let road = road.ok_or_else(|| asks.error(format!("there is no road `{id}`")))?;
         match &road.refused {
             Some(error) => Err(error.clone()),
@@ -132,53 +172,7 @@ impl ImportedRoad {
             refused = Some(road.refused("left-hand traffic is not read", help));
         }
         let length_m = plain.number(road, "length")?;
-        let mut pieces: Vec<ReferenceSegment> = Vec::new();
-        for geometry in road.inner("planView")?.all("geometry") {
-            let shape = geometry.only()?;
-            let length_m = plain.number(geometry, "length")?;
-            let before = pieces.last().map(ReferenceSegment::end);
-            let bend = |per_m| vec![Bend { length_m, per_m }];
-            let bends = match shape.name.as_str() {
-                "line" => bend(0.0),
-                "arc" => bend(plain.number(shape, "curvature")?),
-                "spiral" => {
-                    let spiral = Spiral {
-                        length_m,
-                        from_per_m: plain.number(shape, "curvStart")?,
-                        to_per_m: plain.number(shape, "curvEnd")?,
-                    };
-                    spiral.arcs(LANES_M)
-                }
-                other => {
-                    let what =
-                        format!("a road with a `{other}`: only lines, arcs and spirals are read");
-                    refused.get_or_insert_with(|| shape.error(what));
-                    // The shape is replaced by a line. No entity can be on it.
-                    bend(0.0)
-                }
-            };
-            let mut s_m = plain.number(geometry, "s")?;
-            let mut start = Pose {
-                x_m: plain.number(geometry, "x")?,
-                y_m: plain.number(geometry, "y")?,
-                heading_rad: plain.number(geometry, "hdg")?,
-            };
-            // After an unsupported piece, the start of the next piece cannot be
-            // checked.
-            if refused.is_none() {
-                refused = joins(geometry, before, (s_m, start)).err();
-            }
-            for Bend { length_m, per_m } in bends {
-                pieces.push(ReferenceSegment {
-                    s_m,
-                    start,
-                    length_m,
-                    per_m,
-                });
-                s_m += length_m;
-                start = start.bent(length_m, per_m);
-            }
-        }
+        let pieces = pieces_of(road.inner("planView")?, &mut refused)?;
         if pieces.is_empty() {
             return Err(road.error("a road without geometry"));
         }
@@ -191,39 +185,14 @@ impl ImportedRoad {
             refused.get_or_insert_with(|| road.refused(what, help));
         }
         let lanes = road.inner("lanes")?;
-        let offset_m = lane_offset_m(lanes, &mut refused)?;
-        let mut sections = lanes.all("laneSection");
-        let first = sections.next();
-        if let Some(second) = sections.next() {
-            let what = "a road whose lanes change along it is not read";
-            let help = "keep one laneSection: cut the road where its lanes change";
-            refused.get_or_insert_with(|| second.refused(what, help));
-        }
-        let mut all = Vec::new();
-        let sides = first.into_iter().flat_map(|it| &it.children);
-        for lane in sides.flat_map(|side| side.all("lane")) {
-            let id = plain.number(lane, "id")? as i32;
-            let mut widths = lane.all("width");
-            let mut width_m = 0.0;
-            if let Some(width) = widths.next() {
-                width_m = plain.number(width, "a")?;
-                refuse_changes(width, &mut refused)?;
-            }
-            if let Some(second) = widths.next().or_else(|| lane.child("border")) {
-                let what = "a lane that changes its width is not read";
-                let help = "give the lane one `width` with b, c and d of 0";
-                refused.get_or_insert_with(|| second.refused(what, help));
-            }
-            all.push((id, width_m, lane.raw("type") == Some("driving")));
-        }
         let mut line = ImportedRoad {
-            surface: Surface::of(road, first)?,
+            surface: Surface::of(road, lanes.child("laneSection"))?,
             node: road.clone(),
             length_m,
             pieces,
+            lanes: RoadLanes::of(lanes, &mut refused)?,
+            links: RoadLink::both(road)?,
             refused,
-            offset_m,
-            lanes: all,
         };
         if line.refused.is_none()
             && let Some((s_m, again_m)) = line.crosses_itself()
@@ -244,8 +213,10 @@ impl ImportedRoad {
             return None;
         }
         let side_m = |sign: i32| {
-            let lanes = self.lanes.iter().filter(|(id, ..)| *id * sign > 0);
-            lanes.map(|(_, width_m, _)| width_m).sum::<f64>()
+            let lanes = self.lanes.sections.iter().take(1).flat_map(|it| &it.lanes);
+            let ids = lanes.map(|lane| lane.id).filter(|id| id * sign > 0);
+            ids.filter_map(|id| self.lanes.width_m(0.0, id))
+                .sum::<f64>()
         };
         let near_m = (side_m(1) + side_m(-1)).max(LEAST_WIDTH_M);
         let apart_m = (self.length_m / MOST_SAMPLES).max(0.25 * near_m);
@@ -280,6 +251,16 @@ impl ImportedRoad {
         pieces.all(|it| it.per_m == 0.0)
     }
 
+    /// Nearest station to a place and the distance to its left, if it is beside the road.
+    fn nearest(&self, spot: &Pose) -> Option<(f64, f64)> {
+        let beside = self.pieces.iter().filter_map(|piece| {
+            let (along_m, left_m) = piece.sees(spot);
+            let is_beside = (-MEET_M..=piece.length_m + MEET_M).contains(&along_m);
+            is_beside.then_some((piece.s_m + along_m, left_m))
+        });
+        beside.min_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))
+    }
+
     /// Place at a station, `t_m` to the left of the reference line.
     pub(super) fn at(&self, s_m: f64, t_m: f64) -> Pose {
         // A station on a joint belongs to the later piece.
@@ -305,101 +286,57 @@ impl ImportedRoad {
     ///
     /// # Errors
     ///
-    /// Returns an error for an unknown lane.
+    /// Returns an error for an unknown lane, and for one that moves along the road.
     pub(super) fn middle_m(&self, asks: &XmlNode, lane: i32) -> Result<f64, ImportError> {
-        let width_of = |id: i32| {
-            let found = self.lanes.iter().find(|(known, ..)| *known == id);
-            found.map(|(_, width_m, _)| *width_m).ok_or_else(|| {
+        self.middle_at(asks, 0.0, lane)?;
+        match self.lanes.fixed_m(lane) {
+            Some(fixed_m) => Ok(fixed_m),
+            None => {
                 let road = self.node.raw("id").unwrap_or_default();
-                asks.error(format!("the road `{road}` has no lane {id}"))
-            })
-        };
-        // All lanes between the reference line and the lane add up, driven or
-        // not.
-        let mut edge_m = 0.0;
-        for id in 1..lane.abs() {
-            edge_m += width_of(id * lane.signum())?;
+                let what = format!("lane {lane} of road `{road}` changes its place along it");
+                Err(asks.refused(what, "keep its widths, its offset and its sections alike"))
+            }
         }
-        let middle_m = edge_m + 0.5 * width_of(lane)?;
-        Ok(self.offset_m + middle_m * f64::from(lane.signum()))
+    }
+
+    /// Lateral position of the middle of a lane at a station, and its slope.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a lane that is not there.
+    pub(super) fn middle_at(
+        &self,
+        asks: &XmlNode,
+        s_m: f64,
+        lane: i32,
+    ) -> Result<(f64, f64), ImportError> {
+        let section = self.lanes.section(s_m).map_or(0, |(section, _)| section);
+        self.lanes.middle((section, s_m), lane).ok_or_else(|| {
+            let road = self.node.raw("id").unwrap_or_default();
+            asks.error(format!("the road `{road}` has no lane {lane}"))
+        })
     }
 
     /// Driving lanes on the side of a lane with their widths, the outermost first.
-    pub(super) fn driven_beside(&self, lane: i32) -> Vec<(i32, f64)> {
-        let side = self.lanes.iter();
-        let side = side.filter(|(id, _, drives)| *drives && *id * lane > 0);
-        let mut side: Vec<(i32, f64)> = side.map(|(id, width_m, _)| (*id, *width_m)).collect();
+    pub(super) fn driven_beside(&self, lane: i32, s_m: f64) -> Vec<(i32, f64)> {
+        let section = self.lanes.section(s_m);
+        let side = section.into_iter().flat_map(|(_, it)| &it.lanes);
+        let side = side.filter(|it| it.drives && it.id * lane > 0);
+        let mut side: Vec<(i32, f64)> = side
+            .filter_map(|it| Some((it.id, self.lanes.width_m(s_m, it.id)?)))
+            .collect();
         side.sort_by_key(|(id, _)| -id.abs());
         side
+    }
+
+    /// Curvature of the reference line at a station.
+    pub(super) fn per_m(&self, s_m: f64) -> f64 {
+        let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
+        before.unwrap_or(&self.pieces[0]).per_m
     }
 
     /// Returns true for a single straight piece.
     pub(super) fn is_straight(&self) -> bool {
         self.pieces.len() == 1 && self.pieces[0].per_m == 0.0
     }
-}
-
-impl ReferenceSegment {
-    /// Station and place of its end.
-    fn end(&self) -> (f64, Pose) {
-        let end = self.start.bent(self.length_m, self.per_m);
-        (self.s_m + self.length_m, end)
-    }
-}
-
-/// Refuses a piece that does not start at the end of the previous piece.
-fn joins(
-    geometry: &XmlNode,
-    before: Option<(f64, Pose)>,
-    (s_m, start): (f64, Pose),
-) -> Result<(), ImportError> {
-    let (ends_m, end) = before.unwrap_or((0.0, start));
-    let off_m = libm::hypot(start.x_m - end.x_m, start.y_m - end.y_m);
-    let turned_rad = wrapped(start.heading_rad - end.heading_rad).abs();
-    let fits = (s_m - ends_m).abs() <= MEET_M && off_m <= MEET_M && turned_rad <= MEET_RAD;
-    if fits {
-        Ok(())
-    } else {
-        let what = format!(
-            "it begins {off_m:.3} m and {turned_rad:.4} rad off the end of the piece before \
-                 it, at s = {s_m} m instead of {ends_m} m"
-        );
-        let help = "make the pieces of the planView meet";
-        Err(geometry.refused(what, help))
-    }
-}
-
-/// Lateral offset of all lanes in metres.
-fn lane_offset_m(lanes: &XmlNode, refused: &mut Option<ImportError>) -> Result<f64, ImportError> {
-    let plain = ParameterScope::default();
-    let mut offset_m = 0.0;
-    for (i, offset) in lanes.all("laneOffset").enumerate() {
-        let before_m = offset_m;
-        offset_m = plain.number_or_zero(offset, "a")?;
-        let begins_m = plain.number(offset, "s")?;
-        // A repeated offset changes nothing and is accepted.
-        if offset_m != before_m && (0 < i || begins_m != 0.0) {
-            let what = "lanes whose offset changes along the road are not read";
-            let help = "keep one laneOffset from s = 0 on: cut the road where it changes";
-            refused.get_or_insert_with(|| offset.refused(what, help));
-        }
-        refuse_changes(offset, refused)?;
-    }
-    Ok(offset_m)
-}
-
-fn refuse_changes(width: &XmlNode, refused: &mut Option<ImportError>) -> Result<(), ImportError> {
-    let plain = ParameterScope::default();
-    for term in ["b", "c", "d"] {
-        if plain.number_or_zero(width, term)? != 0.0 {
-            let help = "only a may differ from 0";
-            let what = "a width that changes is not read";
-            refused.get_or_insert_with(|| width.refused(what, help));
-        }
-    }
-    if width.raw("sOffset").is_some() && plain.number(width, "sOffset")? != 0.0 {
-        let what = "a width that begins on the way is not read";
-        refused.get_or_insert_with(|| width.refused(what, "begin it at sOffset=\"0\""));
-    }
-    Ok(())
 }

@@ -56,6 +56,11 @@ impl EntityInFrame<'_> {
         }
     }
 
+    /// Initial lateral position on its own road, in metres.
+    pub(super) fn start_t_m(&self) -> f64 {
+        self.entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m)
+    }
+
     pub(super) fn stands(&self) -> bool {
         let entity = self.entity;
         entity.speed_mps == 0.0 && entity.steps.is_empty() && entity.approach.is_none()
@@ -85,7 +90,7 @@ pub(super) fn seen<'a>(
 ) -> Result<EntityInFrame<'a>, ImportError> {
     let spot = concrete.in_frame(&entity.placed)?;
     let refused = |what: String| entity.at.error(what);
-    let moves = entity.speed_mps != 0.0 || !entity.steps.is_empty() || entity.approach.is_some();
+    let moves = entity.moves();
     // A pedestrian walks in the direction of its path, whatever its own
     // heading.
     let heading_rad = match (&entity.placed.way, entity.body.on_foot) {

@@ -4,6 +4,7 @@
 
 use super::error::ImportError;
 use super::tree::XmlNode;
+use crate::road::{Course, Piece};
 use crate::sim::Pose;
 
 /// Greatest distance in metres of the arcs from their spiral.
@@ -36,6 +37,8 @@ pub(super) struct OnWay {
     pub along_m: f64,
     /// Station at which the file ends the path. The path continues straight after it.
     pub ends_m: f64,
+    /// True for a way along lanes, which ends with them.
+    pub is_lane: bool,
 }
 
 /// Clothoid: a piece whose curvature changes linearly.
@@ -89,6 +92,31 @@ impl ImportedPath {
     /// Removes lines at the end, since a path continues straight after its pieces.
     pub(super) fn end_straight(&mut self) {
         while self.pieces.pop_if(|last| last.per_m == 0.0).is_some() {}
+    }
+
+    /// Returns the path as the course of a road.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message for pieces that a world refuses.
+    pub(super) fn course(&self) -> Result<Course, String> {
+        let pieces = self.pieces.iter().copied().flat_map(laid);
+        let pieces: Vec<Piece> = pieces
+            .map(|Bend { length_m, per_m }| {
+                if per_m == 0.0 {
+                    Piece::Line { length_m }
+                } else {
+                    let radius_m = 1.0 / per_m;
+                    Piece::Arc { length_m, radius_m }
+                }
+            })
+            .collect();
+        let Pose {
+            x_m,
+            y_m,
+            heading_rad,
+        } = self.begins;
+        Course::placed((x_m, y_m), heading_rad, &pieces, 0.0).map_err(|error| error.what)
     }
 
     /// Place on the path, with the direction of the path.

@@ -3,7 +3,7 @@
 use super::{EntityScript, Reader};
 use crate::openx::import::entity::ImportedLaw;
 use crate::openx::import::error::ImportError;
-use crate::openx::import::laws::dynamics;
+use crate::openx::import::laws::lane_change;
 use crate::openx::import::places::{OnLane, lane_beside};
 use crate::openx::import::scope::ParameterScope;
 use crate::openx::import::tree::XmlNode;
@@ -25,14 +25,14 @@ impl Reader<'_> {
         };
         let line = ground.roads.road(it, &on.road)?;
         let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
-        // The rate of a sinusoidal change is its greatest lateral speed.
-        let rate_mps = dynamics(it.inner("LaneChangeActionDynamics")?, scope, "rate")?;
         let script = &mut self.scripts[who];
         let by_m = to_m - script.t_m;
+        let dynamics = it.inner("LaneChangeActionDynamics")?;
+        let law = lane_change(dynamics, scope, (by_m, script.speeds.now_mps))?;
         script.lane = Some(to);
         script.t_m = to_m;
         script.changed_m += by_m;
-        Ok(ImportedLaw::LaneChange { by_m, rate_mps })
+        Ok(law)
     }
 
     pub(super) fn lane_offset(
