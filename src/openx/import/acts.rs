@@ -5,12 +5,18 @@
 //! decide, and a script has none.
 
 mod lanes;
+mod script;
 
-use super::entity::{Approached, ImportedEntity, ImportedStep};
+use std::collections::BTreeMap;
+
+use script::{EntityScript, ended, happens_once};
+
+use super::ends::to_mps;
+use super::entity::{ImportedEntity, ImportedStep, WatchedCondition};
 use super::error::ImportError;
-use super::laws::{Speeds, approached, gap_of, speed, walked};
+use super::laws::{approached, gap_of, speed, walked};
 use super::motion::{friction_of, is_still};
-use super::places::{Placed, PositionContext};
+use super::places::PositionContext;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
 use super::triggers::{StartTrigger, StoryElement, starts};
@@ -60,56 +66,12 @@ pub(super) fn acts(
     Ok(())
 }
 
-/// Steps of one entity, as far as they have been read.
-struct EntityScript {
-    name: String,
-    placed: Placed,
-    speeds: Speeds,
-    /// Lane, lateral offset, and the sum of its lane changes.
-    lane: Option<i32>,
-    t_m: f64,
-    changed_m: f64,
-    steps: Vec<ImportedStep>,
-    approach: Option<Approached>,
-    gap_m: Option<f64>,
-    /// True once an event of the entity has been read.
-    has_begun: bool,
-    /// Elements that end together with the previous step.
-    ended: Vec<StoryElement>,
-    /// Place of the act of the previous step.
-    act: usize,
-    /// Time in seconds at which the previous step ends, if it is known before the run.
-    ends_s: Option<f64>,
-}
-
-impl EntityScript {
-    fn of(entity: &ImportedEntity) -> EntityScript {
-        EntityScript {
-            name: entity.name.clone(),
-            placed: entity.placed.clone(),
-            speeds: Speeds {
-                now_mps: Some(entity.speed_mps),
-                most_mps: entity.body.most_mps,
-                most_mps2: entity.body.most_mps2,
-            },
-            lane: entity.placed.lane.as_ref().map(|at| at.lane),
-            t_m: entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m),
-            changed_m: 0.0,
-            steps: Vec::new(),
-            approach: None,
-            gap_m: entity.gap_m,
-            has_begun: false,
-            ended: Vec::new(),
-            act: 0,
-            ends_s: Some(0.0),
-        }
-    }
-}
-
 /// Event with its surrounding elements.
 struct EventContext<'a> {
     act: &'a XmlNode,
     begins_s: f64,
+    /// Condition of the act with its delay, if the act waits for one.
+    waits: Option<&'a (WatchedCondition, f64)>,
     group: &'a XmlNode,
     maneuver: &'a XmlNode,
     event: &'a XmlNode,
@@ -168,6 +130,7 @@ impl Reader<'_> {
                 moves |= !moving(event, actors, &self.ground.ego.name)?.is_empty();
             }
         }
+        let mut waits = None;
         // The trigger of an act without moving events has no effect and is not
         // checked.
         if !moves {
@@ -180,9 +143,13 @@ impl Reader<'_> {
                 self.begun.extend(element.map(|element| (element, at_s)));
                 at_s
             }
-            StartTrigger::After { .. } | StartTrigger::When { .. } => {
+            StartTrigger::When { watch, delay_s } => {
+                waits = Some((watch, delay_s));
+                0.0
+            }
+            StartTrigger::After { .. } => {
                 let help = "begin the act by a time, and its events by what they wait for";
-                return Err(act.refused("an act that waits for something is not read", help));
+                return Err(act.refused("an act that waits for an element is not read", help));
             }
         };
         if let Some(stop) = act
@@ -197,6 +164,7 @@ impl Reader<'_> {
                 let context = EventContext {
                     act,
                     begins_s,
+                    waits: waits.as_ref(),
                     group,
                     maneuver,
                     event,
@@ -247,6 +215,15 @@ impl Reader<'_> {
             self.step(known, context, &moved)?;
         }
         Ok(())
+    }
+
+    /// Speeds of the entities whose speed has not changed so far.
+    ///
+    /// A later change would be that of an event, which is read in the same order.
+    fn constant_speeds(&self) -> BTreeMap<String, f64> {
+        let constant = self.scripts.iter().filter(|it| it.steps.is_empty());
+        let speeds = constant.filter_map(|it| Some((it.name.clone(), it.speeds.now_mps?)));
+        speeds.collect()
     }
 
     /// Refuses weather that changes the friction after the Init.
@@ -309,10 +286,20 @@ impl Reader<'_> {
             when: None,
             after_s: 0.0,
             laws: Vec::new(),
+            overlaps: false,
         };
+        let mut rest = None;
         // A later act may begin after an element of another act has ended. Its
         // trigger would then miss that end.
         let in_time = context.begins_s == 0.0 || script.act == context.act.place;
+        let in_time = in_time && (context.waits.is_none() || script.act == context.act.place);
+        // The first event of an act waits for what the act waits for.
+        let waits = context.waits.filter(|_| script.act != context.act.place);
+        if waits.is_some() && !is_first {
+            let what =
+                "an act that waits for something, after other events of an agent, is not read";
+            return Err(event.refused(what, "let the act begin by a time"));
+        }
         match starts(
             event,
             context.scope,
@@ -320,20 +307,40 @@ impl Reader<'_> {
             (self.ground, &self.begun),
         )? {
             StartTrigger::Never => return Ok(()),
-            StartTrigger::At(at_s) if is_first => step.after_s = at_s,
+            StartTrigger::At(at_s) if is_first => {
+                step.after_s = at_s;
+                if let Some((watch, delay_s)) = waits {
+                    // A time of its own would count from another instant.
+                    if at_s != 0.0 {
+                        let what = "a time beside an act that waits for something is not read";
+                        return Err(event.refused(what, "let the act begin by a time"));
+                    }
+                    step.when = Some(watch.clone());
+                    step.after_s = *delay_s;
+                }
+            }
             // A time after the end of the event before it.
-            StartTrigger::At(at_s) if script.ends_s.is_some_and(|ends_s| ends_s <= at_s) => {
+            StartTrigger::At(at_s)
+                if script.aside_s <= at_s && script.ends_s.is_some_and(|ends_s| ends_s <= at_s) =>
+            {
                 step.after_s = at_s - script.ends_s.unwrap_or(0.0);
             }
+            StartTrigger::At(at_s)
+                if let Some((after_s, left)) =
+                    self.scripts[who].overlap(at_s, directions(actions)) =>
+            {
+                step.after_s = after_s;
+                rest = left;
+            }
             StartTrigger::After { element, delay_s }
-                if script.ended.contains(&element) && in_time =>
+                if self.scripts[who].ended.contains(&element) && in_time =>
             {
                 step.after_s = delay_s;
             }
             // An edge that rises before the act begins would be missed by a
             // player.
             StartTrigger::When { watch, .. }
-                if is_first && watch.rises && 0.0 < context.begins_s =>
+                if is_first && watch.rises && (0.0 < context.begins_s || waits.is_some()) =>
             {
                 let help = "begin the act at 0 s, or write conditionEdge=\"none\"";
                 let what = "a rising edge in an act that begins later is not read";
@@ -342,7 +349,14 @@ impl Reader<'_> {
             StartTrigger::When { watch, delay_s } if is_first => {
                 // A condition is only observed once its act has begun, so an
                 // empty step waits for it.
-                if 0.0 < context.begins_s {
+                if let Some((act_watch, act_delay_s)) = waits {
+                    self.scripts[who].steps.push(ImportedStep {
+                        when: Some(act_watch.clone()),
+                        after_s: *act_delay_s,
+                        laws: Vec::new(),
+                        overlaps: false,
+                    });
+                } else if 0.0 < context.begins_s {
                     self.scripts[who].steps.push(ImportedStep {
                         after_s: context.begins_s,
                         ..step.clone()
@@ -368,6 +382,11 @@ impl Reader<'_> {
             self.action(who, context, action, at_start, &mut step)?;
         }
         let script = &mut self.scripts[who];
+        if let Some(rest) = rest {
+            // The change of speed goes on beside what the step does.
+            script.speeds.now_mps = to_mps(&rest, 0.0);
+            step.laws.push(rest);
+        }
         script.ended = ended(context, actions.len());
         if script.approach.is_some() && !step.laws.is_empty() {
             let help = "let the SynchronizeAction be the only action of the entity";
@@ -377,6 +396,8 @@ impl Reader<'_> {
         let lasts_s = lasts_s.reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)));
         let lasts_s = lasts_s.unwrap_or(Some(0.0));
         let begins_s = script.ends_s.filter(|_| step.when.is_none());
+        // What follows a step of an act that waits has no known time.
+        let begins_s = begins_s.filter(|_| context.waits.is_none());
         if let Some(begins_s) = begins_s {
             let elements = [
                 StoryElement::of("event", event),
@@ -391,6 +412,7 @@ impl Reader<'_> {
                 }
             }
         }
+        script.last = begins_s.map(|at_s| (at_s + step.after_s, from_mps));
         script.ends_s = begins_s
             .zip(lasts_s)
             .map(|(at_s, lasts_s)| at_s + step.after_s + lasts_s);
@@ -416,7 +438,12 @@ impl Reader<'_> {
         };
         let script = &mut self.scripts[who];
         match it.name.as_str() {
-            "SpeedAction" => step.laws.push(speed(it, scope, &mut script.speeds)?),
+            "SpeedAction" => {
+                let constant = self.constant_speeds();
+                let speeds = &mut self.scripts[who].speeds;
+                let of = |name: &str| constant.get(name).copied();
+                step.laws.push(speed(it, scope, speeds, of)?);
+            }
             "LaneChangeAction" => {
                 let law = self.lane_change(who, it, scope)?;
                 step.laws.push(law);
@@ -470,7 +497,10 @@ fn moving<'a>(
     let is_for_ego = actors.iter().all(|it| it == ego);
     let mut moving = Vec::new();
     for action in event.all("Action") {
-        let kind = action.only()?;
+        // An action without content does nothing.
+        let Some(kind) = action.children.first() else {
+            continue;
+        };
         let inner = kind.only()?;
         if !is_still(inner, is_for_ego)? {
             moving.push((kind, inner));
@@ -479,43 +509,8 @@ fn moving<'a>(
     Ok(moving)
 }
 
-/// Refuses repeated events, and actors that are selected during the scenario.
-fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError> {
-    for node in [context.event, context.group] {
-        let often = context
-            .scope
-            .number_or_zero(node, "maximumExecutionCount")?;
-        if node.raw("maximumExecutionCount").is_some() && often != 1.0 {
-            let what = format!("it is carried out {often} times: only 1 is read");
-            let help = "write an event for each time, each after the end of the one before";
-            return Err(node.refused(what, help));
-        }
-    }
-    let actors = context.group.child("Actors");
-    let selected = actors.and_then(|it| it.raw("selectTriggeringEntities"));
-    if let (Some(actors), Some("true")) = (actors, selected) {
-        let what = "actors who are those that trigger it are not read";
-        let help = "name them by EntityRef, with selectTriggeringEntities=\"false\"";
-        return Err(actors.refused(what, help));
-    }
-    Ok(())
-}
-
-/// Elements that end with the event: those without other activity.
-fn ended(context: &EventContext<'_>, moving: usize) -> Vec<StoryElement> {
-    let mut ended = Vec::new();
-    // With several actors, the element ends with the slowest of them.
-    if context.actors.len() != 1 {
-        return ended;
-    }
-    ended.extend(StoryElement::of("event", context.event));
-    let actions: Vec<&XmlNode> = context.event.all("Action").collect();
-    if let ([action], 1) = (&actions[..], moving) {
-        ended.extend(StoryElement::of("action", action));
-    }
-    // A maneuver with several events ends with the last of them.
-    if context.maneuver.all("Event").count() == 1 {
-        ended.extend(StoryElement::of("maneuver", context.maneuver));
-    }
-    ended
+/// Whether actions of an event act along the path and across it.
+fn directions(actions: &[&XmlNode]) -> (bool, bool) {
+    let has = |name: &str| actions.iter().any(|action| action.name == name);
+    (has("LongitudinalAction"), has("LateralAction"))
 }

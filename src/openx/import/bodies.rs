@@ -8,6 +8,9 @@ use super::scope::ParameterScope;
 use super::tree::XmlNode;
 use crate::sim::Body;
 
+/// Greatest wheelbase as a share of the body's length.
+const MOST_WHEELBASE: f64 = 0.95;
+
 /// Body in the form of a world file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ImportedBody {
@@ -66,13 +69,20 @@ impl ImportedBody {
                     0.5 * height_m
                 )
             }
-            "Vehicle" if entity.raw("vehicleCategory") == Some("bicycle") => {
+            "Vehicle" if is_bicycle(entity, scope, length_m)? => {
                 bicycle(entity, scope, &sizes, (height_m, mass_kg), front_m)?
             }
             "Vehicle" => {
                 let axles = entity.inner("Axles")?;
                 let front = axles.inner("FrontAxle")?;
-                let wheelbase_m = scope.number(front, "positionX")?;
+                // Files give small bodies the axles of a car. The motion only depends
+                // on the rear axle.
+                let most_m = MOST_WHEELBASE * front_m.min(length_m);
+                let wheelbase_m = scope.number(front, "positionX")?.min(most_m);
+                if wheelbase_m <= 0.0 {
+                    let what = "its front is behind its rear axle";
+                    return Err(bounds.refused(what, "move its box or its axles"));
+                }
                 let wheel_m = 0.5 * scope.number(front, "wheelDiameter")?;
                 let track_m = scope.number(front, "trackWidth")?;
                 on_wheels(wheelbase_m, wheel_m, track_m)
@@ -99,6 +109,19 @@ impl ImportedBody {
             on_foot,
         })
     }
+}
+
+/// Returns whether a vehicle is a bicycle with the axles of one.
+fn is_bicycle(
+    entity: &XmlNode,
+    scope: &ParameterScope,
+    length_m: f64,
+) -> Result<bool, ImportError> {
+    if entity.raw("vehicleCategory") != Some("bicycle") {
+        return Ok(false);
+    }
+    let front = entity.inner("Axles")?.inner("FrontAxle")?;
+    Ok(scope.number(front, "positionX")? < length_m)
 }
 
 /// Bicyclist of the file's size, with the limits of the stock body.
@@ -174,7 +197,7 @@ fn vehicle(it: ImportedVehicle<'_>) -> String {
     };
     // Files give two-wheelers no track, and a narrow body needs stiff springs
     // to stay upright.
-    let track_m = if 0.1 < it.track_m {
+    let track_m = if (0.1..it.width_m).contains(&it.track_m) {
         it.track_m
     } else {
         0.8 * it.width_m

@@ -167,6 +167,9 @@ impl Journey {
                 ImportedLaw::Walk { .. } => return Some(f64::INFINITY),
             }
         }
+        if step.overlaps {
+            aside_s = 0.0;
+        }
         // Laws of one step run at the same time, so the longer one determines
         // its duration.
         let ramp = self.go_on(ramp_s, ends_mps);

@@ -55,6 +55,8 @@ pub(super) struct ImportedStep {
     pub when: Option<WatchedCondition>,
     pub after_s: f64,
     pub laws: Vec<ImportedLaw>,
+    /// True if the next step may begin while a law across the path goes on.
+    pub overlaps: bool,
 }
 
 /// Quantity that a condition compares with a value.

@@ -1,5 +1,6 @@
 //! Frame of the ego's road, and the ways of entities that leave it.
 
+use super::ends::to_mps;
 use super::entity::ImportedEntity;
 use super::error::ImportError;
 use super::places::{OnLane, Placed, is_along};
@@ -17,6 +18,9 @@ const SAME_M: f64 = 0.005;
 const SAME_RAD: f64 = 0.002;
 /// Distance in metres of the places at which two ways are compared.
 const STEP_M: f64 = 2.0;
+/// Longest run in seconds for which ways are read, and their length beyond it.
+const USUAL_S: f64 = 60.0;
+const BEYOND_M: f64 = 200.0;
 /// Usual width of a lane in metres, where the file has none.
 const USUAL_WIDTH_M: f64 = 3.5;
 
@@ -50,8 +54,9 @@ impl FrameOfEgo {
     pub(super) fn of(
         asks: &XmlNode,
         roads: &RoadMap,
-        entities: &mut [ImportedEntity],
+        (entities, stop_s): (&mut [ImportedEntity], Option<f64>),
     ) -> Result<FrameOfEgo, ImportError> {
+        let reach_m = reach_m(entities, stop_s);
         let Some(ego) = entities.iter().position(|it| it.is_ego) else {
             return Err(asks.error("the ego is deleted"));
         };
@@ -61,10 +66,10 @@ impl FrameOfEgo {
         };
         let it = match own_road {
             Some(it) => it,
-            None => FrameOfEgo::of_way(asks, roads, &mut entities[ego])?,
+            None => FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m))?,
         };
         for entity in entities.iter_mut().filter(|it| !it.is_ego) {
-            it.place(asks, roads, entity)?;
+            it.place(asks, roads, (entity, reach_m))?;
         }
         Ok(it)
     }
@@ -126,7 +131,7 @@ impl FrameOfEgo {
     fn of_way(
         asks: &XmlNode,
         roads: &RoadMap,
-        ego: &mut ImportedEntity,
+        (ego, reach_m): (&mut ImportedEntity, f64),
     ) -> Result<FrameOfEgo, ImportError> {
         let Some(at) = ego.placed.lane.clone() else {
             return Err(asks.error("the ego is on no lane and on no way"));
@@ -138,7 +143,11 @@ impl FrameOfEgo {
             s_m: first.1,
             ..at.clone()
         };
-        let drive = roads.lane_drive(asks, &from, &ego.route)?;
+        let drive = roads.lane_drive(
+            asks,
+            &from,
+            (&ego.route, reach_m + (from.s_m - at.s_m).abs()),
+        )?;
         let on = roads.lane_way(asks, &drive, 0.0)?;
         let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
         // The lanes of the first road are drawn where the ego's way has them
@@ -172,10 +181,10 @@ impl FrameOfEgo {
         &self,
         asks: &XmlNode,
         roads: &RoadMap,
-        entity: &mut ImportedEntity,
+        (entity, reach_m): (&mut ImportedEntity, f64),
     ) -> Result<(), ImportError> {
         let RoadFrame::Along(way) = &self.frame else {
-            return self.place_beside(asks, roads, entity);
+            return self.place_beside(asks, roads, (entity, reach_m));
         };
         let frame = OnWay {
             way: way.clone(),
@@ -191,7 +200,7 @@ impl FrameOfEgo {
             entity.placed.way = frame.located(asks, &entity.placed.spot).ok();
             return Ok(());
         }
-        let own = own_way(asks, roads, entity)?;
+        let own = own_way(asks, roads, (entity, reach_m))?;
         entity.placed.way = Some(frame.shared_by(asks, &own).unwrap_or(own));
         Ok(())
     }
@@ -201,7 +210,7 @@ impl FrameOfEgo {
         &self,
         asks: &XmlNode,
         roads: &RoadMap,
-        entity: &mut ImportedEntity,
+        (entity, reach_m): (&mut ImportedEntity, f64),
     ) -> Result<(), ImportError> {
         let has_way = entity.placed.way.is_some() || entity.body.on_foot || !entity.moves();
         let RoadFrame::Straight(origin) = &self.frame else {
@@ -218,10 +227,21 @@ impl FrameOfEgo {
         let along = origin.sees(&entity.placed.spot).heading_rad;
         let is_beside = is_along(along, 0.0) || is_along(along, core::f64::consts::PI);
         if !(is_straight && is_beside && entity.route.is_empty()) {
-            entity.placed.way = Some(own_way(asks, roads, entity)?);
+            entity.placed.way = Some(own_way(asks, roads, (entity, reach_m))?);
         }
         Ok(())
     }
+}
+
+/// Length in metres of the ways that a run needs at most.
+fn reach_m(entities: &[ImportedEntity], stop_s: Option<f64>) -> f64 {
+    let speeds = entities.iter().flat_map(|it| {
+        let laws = it.steps.iter().flat_map(|step| &step.laws);
+        let later = laws.filter_map(|law| to_mps(law, it.speed_mps));
+        later.chain([it.speed_mps])
+    });
+    let fastest_mps = speeds.fold(0.0, f64::max);
+    fastest_mps * stop_s.unwrap_or(USUAL_S).min(USUAL_S) + BEYOND_M
 }
 
 /// Returns whether the ego stays on one road whose lanes a world can express.
@@ -257,10 +277,14 @@ fn keeps_road(
 }
 
 /// Way of an entity along its own lane, from its place on.
-fn own_way(asks: &XmlNode, roads: &RoadMap, entity: &ImportedEntity) -> Result<OnWay, ImportError> {
+fn own_way(
+    asks: &XmlNode,
+    roads: &RoadMap,
+    (entity, reach_m): (&ImportedEntity, f64),
+) -> Result<OnWay, ImportError> {
     let at = entity.placed.lane.as_ref().filter(|at| at.lane != 0);
     let at = at.ok_or_else(|| entity.at.error("it moves on no lane and on no way"))?;
-    let drive = roads.lane_drive(asks, at, &entity.route)?;
+    let drive = roads.lane_drive(asks, at, (&entity.route, reach_m))?;
     let line = roads.road(asks, &at.road)?;
     let (middle_m, _) = line.middle_at(asks, at.s_m, at.lane)?;
     let left_m = (at.t_m - middle_m) * -f64::from(at.lane.signum());

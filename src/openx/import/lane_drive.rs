@@ -116,20 +116,26 @@ impl RoadMap {
         &self,
         asks: &XmlNode,
         at: &OnLane,
-        route: &[String],
+        (route, reach_m): (&[String], f64),
     ) -> Result<Vec<LaneStretch>, ImportError> {
-        let mut all = Vec::new();
+        let mut all: Vec<LaneStretch> = Vec::new();
         let mut next = Some((at.road.clone(), at.lane, Some(at.s_m)));
-        let mut left_m = MOST_M;
+        let mut left_m = reach_m.min(MOST_M);
         let mut route = route.iter().skip_while(|id| **id == at.road).peekable();
         while let Some((id, lane, from_m)) = next.take() {
             let road = self.road(asks, &id)?;
             while route.next_if(|wanted| **wanted == id).is_some() {}
             let (stretches, end_lane) = through(road, &id, lane, from_m);
-            left_m -= stretches.iter().map(LaneStretch::length_m).sum::<f64>();
-            all.extend(stretches);
+            for stretch in stretches {
+                let stretch = stretch.cut(left_m);
+                left_m -= stretch.length_m();
+                all.push(stretch);
+                if left_m <= 0.0 {
+                    return Ok(all);
+                }
+            }
             let wanted = route.peek().map(|id| id.as_str());
-            if let Some(lane) = end_lane.filter(|_| 0.0 < left_m) {
+            if let Some(lane) = end_lane {
                 next = self.after(road, (&id, lane), wanted);
             }
         }
@@ -312,6 +318,12 @@ fn through(
 impl LaneStretch {
     fn length_m(&self) -> f64 {
         (self.to_m - self.from_m).abs()
+    }
+
+    /// The stretch up to a length.
+    fn cut(self, most_m: f64) -> LaneStretch {
+        let to_m = self.station_m(self.length_m().min(most_m));
+        LaneStretch { to_m, ..self }
     }
 
     fn station_m(&self, along_m: f64) -> f64 {

@@ -65,21 +65,18 @@ pub(super) fn speed(
     it: &XmlNode,
     scope: &ParameterScope,
     speeds: &mut Speeds,
+    of: impl Fn(&str) -> Option<f64>,
 ) -> Result<ImportedLaw, ImportError> {
     let target = it.inner("SpeedActionTarget")?.only()?;
-    let to_mps = scope.number(target, "value")?;
-    let relative_to = match target.name.as_str() {
-        "AbsoluteTargetSpeed" if to_mps < 0.0 => {
-            let what = format!("a speed of {to_mps} m/s");
-            return Err(target.refused(what, "reversing is not read: a speed is at least 0"));
-        }
-        "AbsoluteTargetSpeed" => None,
-        "RelativeTargetSpeed" => {
-            is_delta(target)?;
-            Some(scope.text(target, "entityRef")?)
-        }
+    let (to_mps, relative_to) = match target.name.as_str() {
+        "AbsoluteTargetSpeed" => (scope.number(target, "value")?, None),
+        "RelativeTargetSpeed" => relative_speed(target, scope, of)?,
         _ => return Err(unknown_target(target)),
     };
+    if relative_to.is_none() && to_mps < 0.0 {
+        let what = format!("a speed of {to_mps} m/s");
+        return Err(target.refused(what, "reversing is not read: a speed is at least 0"));
+    }
     let dynamics = it.inner("SpeedActionDynamics")?;
     keeps_place(dynamics)?;
     let value = scope.number_or_zero(dynamics, "value")?;
@@ -172,14 +169,31 @@ pub(super) fn unknown_target(target: &XmlNode) -> ImportError {
     target.refused("a target speed of this kind is not read", help)
 }
 
-/// Refuses a relative speed other than a sum that is taken once.
-pub(super) fn is_delta(target: &XmlNode) -> Result<(), ImportError> {
+/// Speed relative to another entity's, as a sum, a factor or for ever.
+///
+/// `of` is the constant speed of the other entity, if it is known. Returns the
+/// target, and the entity to whose speed a world adds it.
+pub(super) fn relative_speed(
+    target: &XmlNode,
+    scope: &ParameterScope,
+    of: impl Fn(&str) -> Option<f64>,
+) -> Result<(f64, Option<String>), ImportError> {
+    let value = scope.number(target, "value")?;
+    let name = scope.text(target, "entityRef")?;
     let is = |name: &str, value: &str| target.raw(name).is_none_or(|it| it == value);
     if is("continuous", "false") && is("speedTargetValueType", "delta") {
-        Ok(())
-    } else {
+        return Ok((value, Some(name)));
+    }
+    // Beside a speed that never changes, a factor is a speed, and to keep a speed
+    // is to reach it.
+    let of_mps = of(&name).ok_or_else(|| {
         let help = "use continuous=\"false\" and speedTargetValueType=\"delta\"";
-        Err(target.refused("a target speed of this kind is not read", help))
+        let what = format!("a target speed that depends on how `{name}` drives");
+        target.refused(what, help)
+    })?;
+    match target.raw("speedTargetValueType") {
+        Some("factor") => Ok((value * of_mps, None)),
+        _ => Ok((value + of_mps, None)),
     }
 }
 

@@ -1,9 +1,9 @@
 //! Init of a storyboard: initial places, initial speeds and the end of the run.
 
 use super::dropped::lone_time;
-use super::entity::ImportedEntity;
+use super::entity::{ImportedEntity, ImportedLaw};
 use super::error::ImportError;
-use super::laws::{gap_of, is_delta, unknown_target};
+use super::laws::{Speeds, gap_of, relative_speed, speed, unknown_target};
 use super::places::{Placed, PositionContext};
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
@@ -123,39 +123,50 @@ fn longitudinal<'a>(private: &'a XmlNode, name: &'a str) -> impl Iterator<Item =
     along.filter_map(move |it| it.child(name))
 }
 
-/// Initial speed of an entity, in m/s.
+/// Initial speed of an entity in m/s, and the change with which it begins.
 pub(super) fn first_speed_mps(
     private: &XmlNode,
     scope: &ParameterScope,
-    before: &[ImportedEntity],
-) -> Result<f64, ImportError> {
+    (before, most_mps2): (&[ImportedEntity], (f64, f64)),
+) -> Result<(f64, Option<ImportedLaw>), ImportError> {
     let mut speed_mps = 0.0;
+    let mut ramp = None;
     for action in longitudinal(private, "SpeedAction") {
         let dynamics = action.inner("SpeedActionDynamics")?;
         // A change in no time equals a step.
         let lasts = scope.number_or_zero(dynamics, "value")? != 0.0;
         if dynamics.raw("dynamicsShape") != Some("step") && lasts {
-            let what = "a speed that is only reached after the start is not read in Init";
-            let help = "state the first speed as a step in Init, and the change as an event";
-            return Err(dynamics.refused(what, help));
+            let mut speeds = Speeds {
+                now_mps: Some(speed_mps),
+                most_mps: f64::INFINITY,
+                most_mps2,
+            };
+            let law = speed(action, scope, &mut speeds, |_| None)?;
+            if ramp.replace(law).is_some() {
+                let what = "a second speed that is only reached after the start";
+                return Err(dynamics.refused(what, "keep one of them in Init"));
+            }
+            continue;
         }
         let target = action.inner("SpeedActionTarget")?.only()?;
-        let value_mps = scope.number(target, "value")?;
+        let of = |name: &str| before.iter().find(|it| it.name == name);
         speed_mps = match target.name.as_str() {
-            "AbsoluteTargetSpeed" => value_mps,
+            "AbsoluteTargetSpeed" => scope.number(target, "value")?,
             "RelativeTargetSpeed" => {
-                is_delta(target)?;
-                let name = scope.text(target, "entityRef")?;
-                let other = before.iter().find(|it| it.name == name);
-                let other =
-                    other.ok_or_else(|| target.error(format!("`{name}` is not placed before")))?;
-                other.speed_mps + value_mps
+                let of_mps = |name: &str| of(name).map(|it| it.speed_mps);
+                match relative_speed(target, scope, of_mps)? {
+                    (value_mps, None) => value_mps,
+                    (value_mps, Some(name)) => {
+                        let what = format!("`{name}` is not placed before");
+                        of_mps(&name).ok_or_else(|| target.error(what))? + value_mps
+                    }
+                }
             }
             _ => return Err(unknown_target(target)),
         };
     }
     if 0.0 <= speed_mps {
-        Ok(speed_mps)
+        Ok((speed_mps, ramp))
     } else {
         Err(private.error(format!(
             "it starts at {speed_mps} m/s: reversing is not read"

@@ -19,7 +19,7 @@ pub(super) fn plan(
     concrete: &Concrete,
     all: &[EntityInFrame],
     it: &EntityInFrame,
-    trigger: &mut Option<(String, f64)>,
+    triggers: &mut Vec<(String, f64)>,
 ) -> Result<(), ImportError> {
     let name = &it.name;
     if let Some(approach) = &it.entity.approach {
@@ -55,7 +55,7 @@ pub(super) fn plan(
     }
     draft.text("Script([");
     for (step, number) in it.entity.steps.iter().zip(1..) {
-        step_of(draft, concrete, all, it, (step, number), trigger)?;
+        step_of(draft, concrete, all, it, (step, number), triggers)?;
     }
     draft.text(if it.entity.steps.is_empty() {
         "])"
@@ -71,21 +71,19 @@ fn step_of(
     all: &[EntityInFrame],
     it: &EntityInFrame,
     (step, number): (&ImportedStep, usize),
-    trigger: &mut Option<(String, f64)>,
+    triggers: &mut Vec<(String, f64)>,
 ) -> Result<(), ImportError> {
     // Names of axes start with the entity and the number of the step, so they are
     // unique.
     let axis = |what: &str| format!("{}.step{number}.{what}", it.name);
     draft.text("\n                (");
     if let Some(watch) = &step.when {
-        let parameter = format!("{}_trigger", it.name);
-        // A world has one trigger parameter, which all its points share.
-        if trigger.is_some() {
-            let help = "let one event only wait for a distance";
-            let what = "several steps that wait for another agent are not read";
-            return Err(watch.at.error(what).helped(help));
-        }
-        *trigger = Some((parameter.clone(), watch.value));
+        // All points of a world share the names of its parameters.
+        let parameter = match triggers.len() {
+            0 => format!("{}_trigger", it.name),
+            before => format!("{}_trigger_{}", it.name, before + 1),
+        };
+        triggers.push((parameter.clone(), watch.value));
         let formula = formula(concrete, all, watch, (&parameter, number == 1))?;
         draft.text(&format!("when: \"{formula}\", "));
     }
@@ -101,7 +99,11 @@ fn step_of(
         }
         law_of(draft, concrete, it, law, &axis);
     }
-    draft.text("]),");
+    draft.text(if step.overlaps {
+        "], overlaps: true),"
+    } else {
+        "]),"
+    });
     Ok(())
 }
 

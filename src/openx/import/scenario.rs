@@ -11,7 +11,7 @@ use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
-use super::entity::ImportedEntity;
+use super::entity::{ImportedEntity, ImportedStep};
 use super::error::{At, ImportError};
 use super::files::Files;
 use super::frame::{FrameOfEgo, RoadFrame};
@@ -165,9 +165,7 @@ impl Protocol {
                 return Err(object.error("it is not placed"));
             }
         }
-        // In the order of the Init, since a place may be relative to earlier
-        // entities.
-        for begun in &privates {
+        for begun in ordered(&privates) {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
             let object = object.ok_or_else(|| begun.error("no agent has this name"))?;
@@ -189,7 +187,22 @@ impl Protocol {
             // `ground` borrows the places so far, so an entity cannot refer to
             // a later entity.
             let (at, route) = motion::begins(begun, scope, ground)?;
-            let speed_mps = motion::first_speed_mps(begun, scope, &entities)?;
+            let before = (&entities[..], body.most_mps2);
+            let (speed_mps, ramp) = motion::first_speed_mps(begun, scope, before)?;
+            let is_ego = name == self.ego.name;
+            if is_ego && ramp.is_some() && !self.ego.is_left {
+                let help = "--leave-ego leaves its events to your controller and lists them";
+                return Err(begun.refused("the ego begins with a change of speed", help));
+            }
+            if is_ego && ramp.is_some() {
+                self.ego.leave(begun);
+            }
+            let first = ramp.filter(|_| !is_ego).map(|law| ImportedStep {
+                when: None,
+                after_s: 0.0,
+                laws: vec![law],
+                overlaps: false,
+            });
             let gap_m = motion::first_gap_m(begun, scope, (speed_mps, &self.ego.name))?;
             placed.insert(name.to_owned(), at.clone());
             entities.push(ImportedEntity {
@@ -198,7 +211,7 @@ impl Protocol {
                 body,
                 placed: at,
                 speed_mps,
-                steps: Vec::new(),
+                steps: first.into_iter().collect(),
                 approach: None,
                 route,
                 gap_m,
@@ -227,12 +240,13 @@ impl Protocol {
         };
         // The road of the ego decides: one world has one friction and one speed
         // limit.
+        let stop_s = motion::stop_s(board, scope)?;
         let FrameOfEgo {
             frame,
             zero_m,
             lanes,
             lane_width_m,
-        } = FrameOfEgo::of(asks, &roads, &mut entities)?;
+        } = FrameOfEgo::of(asks, &roads, (&mut entities, stop_s))?;
         let ego = entities.iter().find(|it| it.is_ego);
         let ego = ego.ok_or_else(|| asks.error("the ego is deleted"))?;
         let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
@@ -248,7 +262,7 @@ impl Protocol {
             straight_zero_m: zero_m,
             lanes,
             lane_width_m,
-            stop_s: motion::stop_s(board, scope)?,
+            stop_s,
             at: At::file(self.root.file()),
             entities,
             roads,
@@ -436,4 +450,25 @@ impl Concrete {
         }
         pieces
     }
+}
+
+/// Orders the entities of an Init so that each follows those to which it is relative.
+fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
+    fn refers_to(node: &XmlNode, name: &str) -> bool {
+        let here = node.name != "Private" && node.raw("entityRef") == Some(name);
+        here || node.children.iter().any(|child| refers_to(child, name))
+    }
+    let mut left = privates.to_vec();
+    let mut all = Vec::new();
+    while !left.is_empty() {
+        let name = |it: &XmlNode| it.raw("entityRef").unwrap_or_default().to_owned();
+        let is_free = |it: &&XmlNode| {
+            let mut others = left.iter().filter(|other| name(other) != name(it));
+            !others.any(|other| refers_to(it, &name(other)))
+        };
+        // Places that refer to each other in a circle are refused later.
+        let next = left.iter().position(is_free).unwrap_or(0);
+        all.push(left.remove(next));
+    }
+    all
 }

@@ -29,7 +29,8 @@ impl ParameterScope {
             .into_iter()
             .flat_map(|it| it.all("ParameterDeclaration"));
         for declaration in declarations {
-            let name = declaration.need("name")?;
+            // Some writers put the sign of a reference into the name.
+            let name = declaration.need("name")?.trim_start_matches('$');
             // The last assignment of a name counts.
             let given = set.iter().rev().find(|(known, _)| known == name);
             let value = match given {
@@ -110,7 +111,8 @@ impl ParameterScope {
             .into_iter()
             .flat_map(|it| it.all("ParameterDeclaration"));
         for declaration in declarations {
-            let value = self.get(declaration.need("name")?).unwrap_or_default();
+            let value = self.get(declaration.need("name")?.trim_start_matches('$'));
+            let value = value.unwrap_or_default();
             let mut groups = declaration.all("ConstraintGroup").peekable();
             let mut holds = groups.peek().is_none();
             for group in groups {

@@ -195,6 +195,8 @@ fn time_s(
         // `greaterOrEqual` does.
         Some("greaterThan") => at_s < from_s,
         Some("greaterOrEqual") => at_s <= from_s,
+        // The first instant is the only one that is met exactly.
+        Some("equalTo") if at_s == 0.0 && from_s == 0.0 => false,
         _ => {
             let what = "only times that have come are read";
             return Err(by.refused(what, "use the rule greaterThan or greaterOrEqual"));

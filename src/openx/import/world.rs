@@ -102,18 +102,22 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
             .filter(|it| it.stands() && !it.entity.body.on_foot)
             .count()
             > 1;
-    let mut trigger = None;
+    let mut triggers = Vec::new();
     // The ego comes first, since plans of later agents may refer to it.
     for it in std::iter::once(&all[ego]).chain(all.iter().filter(|it| !it.entity.is_ego)) {
-        agent(&mut draft, concrete, &all, it, ado, &mut trigger)?;
+        agent(&mut draft, concrete, &all, it, ado, &mut triggers)?;
     }
     draft.text("    ],\n");
     if hides {
         draft.text("    sensors: (line_of_sight: true),\n");
     }
-    if let Some((name, value)) = trigger {
-        draft.text(&format!("    parameters: {{ \"{name}\": "));
-        draft.hole(&name, value);
+    if !triggers.is_empty() {
+        draft.text("    parameters: {");
+        for (i, (name, value)) in triggers.iter().enumerate() {
+            let before = if i == 0 { "" } else { "," };
+            draft.text(&format!("{before} \"{name}\": "));
+            draft.hole(name, *value);
+        }
         draft.text(" },\n");
     }
     let others = all.iter().filter(|it| !it.entity.is_ego);
@@ -319,7 +323,7 @@ fn agent(
     all: &[EntityInFrame],
     it: &EntityInFrame,
     ado: Option<&str>,
-    trigger: &mut Option<(String, f64)>,
+    triggers: &mut Vec<(String, f64)>,
 ) -> Result<(), ImportError> {
     let (name, body) = (&it.name, &it.entity.body);
     let (x, lateral, speed) = (
@@ -393,7 +397,7 @@ fn agent(
     if is_ado {
         draft.text("Ado(\n                base: ");
     }
-    plan(draft, concrete, all, it, trigger)?;
+    plan(draft, concrete, all, it, triggers)?;
     if is_ado {
         draft.text(&format!(
             // The default tolerances of the rules are a start, to be replaced

@@ -21,7 +21,7 @@ impl Reader<'_> {
         let value = scope.number(target, "value")? as i32;
         let to = match target.name.as_str() {
             "AbsoluteTargetLane" => value,
-            _ => lane_beside(&self.lane_of(target, scope)?, value),
+            _ => lane_beside(&self.lane_of(who, target, scope)?, value),
         };
         let line = ground.roads.road(it, &on.road)?;
         let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
@@ -53,7 +53,7 @@ impl Reader<'_> {
         let lane = self.scripts[who].lane.unwrap_or(on.lane);
         let middle_m = line.middle_m(it, lane)?;
         if target.name == "RelativeTargetLaneOffset" {
-            let other = self.lane_of(target, scope)?;
+            let other = self.lane_of(who, target, scope)?;
             offset_m += other.t_m - line.middle_m(it, other.lane)?;
         }
         let dynamics = it.inner("LaneOffsetActionDynamics")?;
@@ -80,8 +80,23 @@ impl Reader<'_> {
     ///
     /// The entity must keep its initial lane for as long as it exists.
     /// `lanes_stay` checks this after all acts are read.
-    fn lane_of(&mut self, target: &XmlNode, scope: &ParameterScope) -> Result<OnLane, ImportError> {
+    fn lane_of(
+        &mut self,
+        who: usize,
+        target: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<OnLane, ImportError> {
         let name = scope.text(target, "entityRef")?;
+        let script = &self.scripts[who];
+        if name == script.name {
+            // Relative to itself, with the changes so far.
+            let on = own_lane(script, target)?;
+            return Ok(OnLane {
+                lane: script.lane.unwrap_or(on.lane),
+                t_m: script.t_m,
+                ..on
+            });
+        }
         let other = self.ground.placed.get(&name);
         let lane = other.and_then(|it| it.lane.clone());
         let lane = lane.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
