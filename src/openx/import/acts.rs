@@ -221,7 +221,11 @@ impl Reader<'_> {
     ///
     /// A later change would be that of an event, which is read in the same order.
     fn constant_speeds(&self) -> BTreeMap<String, f64> {
-        let constant = self.scripts.iter().filter(|it| it.steps.is_empty());
+        // The events of an ego that are left to the user may change its speed.
+        let ego = self.ground.ego;
+        let is_left = |name: &str| name == ego.name && !ego.events().is_empty();
+        let constant = self.scripts.iter();
+        let constant = constant.filter(|it| it.steps.is_empty() && !is_left(&it.name));
         let speeds = constant.filter_map(|it| Some((it.name.clone(), it.speeds.now_mps?)));
         speeds.collect()
     }
@@ -289,6 +293,8 @@ impl Reader<'_> {
             overlaps: false,
         };
         let mut rest = None;
+        let priority = event.raw("priority").unwrap_or_default();
+        let replaces = matches!(priority, "override" | "overwrite");
         // A later act may begin after an element of another act has ended. Its
         // trigger would then miss that end.
         let in_time = context.begins_s == 0.0 || script.act == context.act.place;
@@ -326,8 +332,9 @@ impl Reader<'_> {
                 step.after_s = at_s - script.ends_s.unwrap_or(0.0);
             }
             StartTrigger::At(at_s)
-                if let Some((after_s, left)) =
-                    self.scripts[who].overlap(at_s, directions(actions)) =>
+                if priority != "skip"
+                    && let Some((after_s, left)) =
+                        self.scripts[who].overlap(at_s, directions(actions), replaces) =>
             {
                 step.after_s = after_s;
                 rest = left;

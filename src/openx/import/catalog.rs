@@ -45,6 +45,11 @@ impl Catalogs {
         })
     }
 
+    /// Counts an element of any file that has no effect.
+    pub(super) fn note(&self, kind: &'static str, node: &XmlNode) {
+        self.dropped.note(kind, node);
+    }
+
     /// Returns the entry of a reference, with the parameters that it may use.
     ///
     /// # Errors

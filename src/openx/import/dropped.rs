@@ -23,9 +23,8 @@ pub struct DroppedElements {
 /// Names of dropped elements with their kinds.
 ///
 /// Elements below a dropped element belong to it and are not counted.
-const KINDS: [(&str, &str); 28] = [
+const KINDS: [(&str, &str); 27] = [
     ("AppearanceAction", "appearance"),
-    ("AssignRouteAction", "routes"),
     ("ActivateControllerAction", "controllers"),
     ("ControllerAction", "controllers"),
     ("ObjectController", "controllers"),

@@ -22,6 +22,9 @@ const MOST_M: f64 = 5_000.0;
 const SLANT_M: f64 = 0.05;
 /// Greatest difference in metres between widths that count as equal.
 const SAME_WIDTH_M: f64 = 0.001;
+/// Greatest gap in metres between parts of a way, and greatest curvature in 1/m.
+const GAP_M: f64 = 0.05;
+const MOST_PER_M: f64 = 0.5;
 /// Curvature in 1/m below which a piece is a line.
 const LINE_PER_M: f64 = 1e-9;
 
@@ -232,6 +235,12 @@ impl RoadMap {
                 if begins.is_none() {
                     begins = Some(arc.start);
                     spot = arc.start;
+                }
+                let off = spot.sees(&arc.start);
+                if GAP_M < libm::hypot(off.x_m, off.y_m) || MOST_PER_M < arc.bend.per_m.abs() {
+                    let what = format!("lane {} of road `{}` jumps", stretch.lane, stretch.road);
+                    let help = "let widths, offsets and linked roads go on where they end";
+                    return Err(asks.refused(what, help));
                 }
                 // Arcs begin where the way has come to, so that small gaps
                 // between roads do not add up.

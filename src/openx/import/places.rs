@@ -406,6 +406,7 @@ impl PositionContext<'_> {
             seen.y_m.abs() < ASIDE_M && is_along(seen.heading_rad, 0.0)
         };
         if same_road || stops.iter().all(is_ahead) {
+            self.catalogs.note("routes", assigned);
             return Ok(Vec::new());
         }
         let roads = stops.iter().map(|stop| {

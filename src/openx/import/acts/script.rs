@@ -71,6 +71,7 @@ impl EntityScript {
         &mut self,
         at_s: f64,
         (along, across): (bool, bool),
+        replaces: bool,
     ) -> Option<(f64, Option<ImportedLaw>)> {
         let (begins_s, from_mps) = self.last?;
         let last = self.steps.last_mut().filter(|_| begins_s <= at_s)?;
@@ -90,6 +91,10 @@ impl EntityScript {
                     shape: ChangeShape::Linear,
                 },
             ] => {
+                // Whether one of two changes of speed wins is said by the priority only.
+                if along && !replaces {
+                    return None;
+                }
                 let from_mps = from_mps?;
                 let rest = ImportedLaw::Speed {
                     to_mps: *to_mps,
