@@ -44,7 +44,7 @@ mod ways;
 mod world;
 
 pub use draft::ImportedWorld;
-pub use driven_lanes::{DrivenLanes, driven_lanes};
+pub use driven_lanes::{DrivenLanes, LanePlace, driven_lanes, lane_places};
 pub use dropped::DroppedElements;
 pub use ego_events::EgoEvent;
 pub use error::ImportError;
