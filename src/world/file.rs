@@ -5,7 +5,7 @@ use std::fmt;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
-use super::environment_file::{OwnRoad, SensorsFile, WindFile};
+use super::environment_file::{LanesFile, OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
 use super::natural_file::NaturalFile;
 pub(super) use super::number_or_range::NumberOrRange;
@@ -100,7 +100,11 @@ fn rigid() -> PlantKind {
 #[serde(rename = "Road", deny_unknown_fields)]
 pub(super) struct RoadFile {
     /// Start of the middle of its lane 0.
-    pub(super) at: RoadPlace,
+    #[serde(default)]
+    pub(super) at: Option<RoadPlace>,
+    /// Way along lanes of the own road's OpenDRIVE file, in place of all else.
+    #[serde(default)]
+    pub(super) along: Option<LanesFile>,
     #[serde(default = "one_lane")]
     pub(super) lanes: usize,
     /// Width of its lanes. Without it, that of the world's own road.

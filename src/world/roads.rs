@@ -27,19 +27,26 @@ pub(super) fn placed(
         let path = path.to(name);
         check::agent_name(problems, &path, name);
         let at = path.to("at");
-        for (field, value) in [("x_m", road.at.x_m), ("y_m", road.at.y_m)] {
+        let Some(start) = road.at else {
+            let help = "write `at: (x_m: …, y_m: …)`, or `along: (road: …, lane: …)` where \
+                        `road` is `OpenDrive(…)`";
+            let what = format!("nothing says where road `{name}` begins");
+            problems.add(&path, what, "without a place", Some(help.to_owned()));
+            continue;
+        };
+        for (field, value) in [("x_m", start.x_m), ("y_m", start.y_m)] {
             check::within(problems, &at.to(field), value, -MAX_AWAY_M, MAX_AWAY_M);
         }
         let turn = core::f64::consts::TAU;
         check::within(
             problems,
             &at.to("heading_rad"),
-            road.at.heading_rad,
+            start.heading_rad,
             -turn,
             turn,
         );
         let placed = PlacedRoad {
-            at: road.at,
+            at: start,
             road: Road::Straight {
                 lanes: road.lanes,
                 lane_width_m: road.lane_width_m.unwrap_or(own.lane_width_m()),

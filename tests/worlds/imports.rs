@@ -568,10 +568,10 @@ fn refused_of_storyboards() -> Vec<Refusal> {
                 "<!--act-->",
                 format!(
                     "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
-                    time(4.0, "none", 0.0)
+                    watch("Lead", r#"<TraveledDistanceCondition value="50"/>"#)
                 ),
             )],
-            "an act that is stopped",
+            "an act that is stopped in this way",
             "<StopTrigger>",
         ),
         (
@@ -919,6 +919,12 @@ fn a_run_ends_before_anybody_leaves_its_road() {
     let far = edit(r#"laneId="-2" s="150""#, r#"laneId="-2" s="950""#);
     let (ends_s, cut) = horizon_s(std::slice::from_ref(&far));
     assert!(cut && (5.0..=5.7).contains(&ends_s), "{ends_s}");
+    // An act that stops when the ego has travelled 100 m, at 20 m/s.
+    let stopped = format!(
+        "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
+        watch("Ego", r#"<TraveledDistanceCondition value="100"/>"#)
+    );
+    assert_eq!(horizon_s(&[edit("<!--act-->", stopped)]), (5.0, false));
     // The ego coasts.
     let far = edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="900""#);
     assert_eq!(horizon_s(&[far]), (5.0, true));

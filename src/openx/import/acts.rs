@@ -6,20 +6,19 @@
 
 mod lanes;
 mod script;
+mod stops;
 
-use std::collections::BTreeMap;
-
-use script::{EntityScript, ended, happens_once};
+use script::{EntityScript, EventContext, ended, happens_once};
 
 use super::ends::to_mps;
 use super::entity::{ImportedEntity, ImportedStep, WatchedCondition};
-use super::error::ImportError;
 use super::laws::{approached, gap_of, speed, walked};
-use super::motion::{friction_of, is_still};
+use super::motion::is_still;
 use super::places::PositionContext;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
 use super::triggers::{StartTrigger, StoryElement, starts};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 
 /// Latest time in seconds of a meeting that counts as prepared from the start.
 ///
@@ -31,13 +30,15 @@ const SAME_M: f64 = 0.01;
 
 /// Reads the acts into the steps of the entities, and removes deleted entities.
 ///
+/// Returns the time in seconds at which an act stops, if one does.
+///
 /// `friction_scale` is that of the Init, which no act may change.
 pub(super) fn acts(
     board: &XmlNode,
     scope: &ParameterScope,
     (ground, friction_scale): (PositionContext<'_>, f64),
     entities: &mut Vec<ImportedEntity>,
-) -> Result<(), ImportError> {
+) -> Result<Option<f64>, ImportError> {
     let mut reader = Reader {
         ground,
         friction_scale,
@@ -45,6 +46,7 @@ pub(super) fn acts(
         gone: Vec::new(),
         relative: Vec::new(),
         begun: Vec::new(),
+        stop_s: f64::INFINITY,
     };
     for story in board.all("Story") {
         let declared = story.child("ParameterDeclarations");
@@ -55,7 +57,12 @@ pub(super) fn acts(
     }
     // Checked last, since a later act may contain the lane change.
     reader.lanes_stay()?;
-    let Reader { scripts, gone, .. } = reader;
+    let Reader {
+        scripts,
+        gone,
+        stop_s,
+        ..
+    } = reader;
     for (entity, script) in entities.iter_mut().zip(scripts) {
         entity.steps = script.steps;
         entity.approach = script.approach;
@@ -63,20 +70,7 @@ pub(super) fn acts(
         entity.placed = script.placed;
     }
     entities.retain(|it| !gone.contains(&it.name));
-    Ok(())
-}
-
-/// Event with its surrounding elements.
-struct EventContext<'a> {
-    act: &'a XmlNode,
-    begins_s: f64,
-    /// Condition of the act with its delay, if the act waits for one.
-    waits: Option<&'a (WatchedCondition, f64)>,
-    group: &'a XmlNode,
-    maneuver: &'a XmlNode,
-    event: &'a XmlNode,
-    scope: &'a ParameterScope,
-    actors: &'a [String],
+    Ok(stop_s.is_finite().then_some(stop_s))
 }
 
 struct Reader<'a> {
@@ -89,6 +83,8 @@ struct Reader<'a> {
     relative: Vec<(String, ImportError)>,
     /// Elements with the times in seconds at which they begin, as far as known.
     begun: Vec<(StoryElement, f64)>,
+    /// Earliest time in seconds at which an act stops.
+    stop_s: f64,
 }
 
 impl Reader<'_> {
@@ -156,8 +152,12 @@ impl Reader<'_> {
             .child("StopTrigger")
             .filter(|it| !it.children.is_empty())
         {
-            let help = "end what the act does by its own dynamics, and remove the StopTrigger";
-            return Err(stop.refused("an act that is stopped is not read", help));
+            let stops_s = self.stops_s(stop, scope)?;
+            // The run ends where the file takes the act's events away.
+            self.stop_s = self.stop_s.min(stops_s);
+            self.ground
+                .catalogs
+                .note("what follows the stop of an act", stop);
         }
         for (group, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
@@ -213,35 +213,6 @@ impl Reader<'_> {
             let known = known
                 .ok_or_else(|| context.event.error(format!("no agent is called `{actor}`")))?;
             self.step(known, context, &moved)?;
-        }
-        Ok(())
-    }
-
-    /// Speeds of the entities whose speed has not changed so far.
-    ///
-    /// A later change would be that of an event, which is read in the same order.
-    fn constant_speeds(&self) -> BTreeMap<String, f64> {
-        // The events of an ego that are left to the user may change its speed.
-        let ego = self.ground.ego;
-        let is_left = |name: &str| name == ego.name && !ego.events().is_empty();
-        let constant = self.scripts.iter();
-        let constant = constant.filter(|it| it.steps.is_empty() && !is_left(&it.name));
-        let speeds = constant.filter_map(|it| Some((it.name.clone(), it.speeds.now_mps?)));
-        speeds.collect()
-    }
-
-    /// Refuses weather that changes the friction after the Init.
-    fn weather(&self, event: &XmlNode, scope: &ParameterScope) -> Result<(), ImportError> {
-        let global = event
-            .all("Action")
-            .filter_map(|it| it.child("GlobalAction"));
-        for changed in global.filter_map(|it| it.child("EnvironmentAction")) {
-            let scale = friction_of(changed, scope, self.ground)?;
-            // The same factor as in the Init changes nothing.
-            if scale.is_some_and(|scale| scale != self.friction_scale) {
-                let help = "set the friction in Init";
-                return Err(changed.refused("friction that changes on the way is not read", help));
-            }
         }
         Ok(())
     }

@@ -3,9 +3,9 @@
 //! A file states boxes and axles. Masses and springs that it omits get typical
 //! values.
 
-use super::error::ImportError;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 use crate::sim::Body;
 
 /// Greatest wheelbase as a share of the body's length.

@@ -2,9 +2,9 @@
 
 use super::draft::tidy;
 use super::entity::{Measure, WatchedCondition};
-use super::error::ImportError;
 use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath};
+use crate::opendrive::error::ImportError;
 
 /// Curvature in 1/m up to which a distance along the road is that in the direction
 /// of an entity.

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::error::ImportError;
-use super::files::Files;
-use super::roads::{ImportedRoad, RoadMap};
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::files::Files;
+use crate::opendrive::roads::{ImportedRoad, RoadMap};
+use crate::opendrive::tree::XmlNode;
 
 /// Distance of the points of a line.
 const STEP_M: f64 = 2.0;

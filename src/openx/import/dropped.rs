@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::scope::number;
-use super::tree::XmlNode;
+use crate::opendrive::scope::number;
+use crate::opendrive::tree::XmlNode;
 
 /// Elements of one kind that have no effect on the worlds.
 #[derive(Clone, Debug, PartialEq, Eq)]

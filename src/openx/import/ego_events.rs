@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::path::PathBuf;
 
-use super::tree::XmlNode;
+use crate::opendrive::tree::XmlNode;
 
 /// Event of a file that moves the ego.
 #[derive(Clone, Debug, PartialEq, Eq)]

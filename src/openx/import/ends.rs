@@ -4,7 +4,7 @@ use core::f64::consts::{FRAC_PI_3, PI};
 
 use super::entity::{ImportedEntity, ImportedLaw, ImportedStep};
 use super::places::Placed;
-use super::roads::RoadMap;
+use crate::opendrive::roads::RoadMap;
 
 /// Lateral distance in metres within which the end of a road is the end of a path.
 const BESIDE_M: f64 = 20.0;

@@ -3,8 +3,8 @@
 use core::f64::consts::PI;
 
 use super::bodies::ImportedBody;
-use super::error::At;
 use super::places::Placed;
+use crate::opendrive::error::At;
 use crate::scene::drive::ChangeShape;
 
 /// Entity of a scenario.

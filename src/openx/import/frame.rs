@@ -2,11 +2,12 @@
 
 use super::ends::to_mps;
 use super::entity::ImportedEntity;
-use super::error::ImportError;
-use super::places::{OnLane, Placed, is_along};
-use super::roads::RoadMap;
-use super::tree::XmlNode;
-use super::ways::{ImportedPath, OnWay};
+use super::places::{Placed, is_along};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::roads::OnLane;
+use crate::opendrive::roads::RoadMap;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::{ImportedPath, OnWay};
 use crate::sim::Pose;
 
 /// Least length in metres of the ego's lane ahead of the ego on a single road.

@@ -1,11 +1,11 @@
 //! Laws of motion from the actions of a storyboard.
 
 use super::entity::{Approached, ImportedLaw, Steady};
-use super::error::ImportError;
 use super::places::PositionContext;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
-use super::ways::OnWay;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::OnWay;
 use crate::scene::drive::ChangeShape;
 
 /// Bumper-to-bumper gap in metres at which an entity is placed ahead of the ego.

@@ -13,47 +13,33 @@ mod acts;
 mod bodies;
 mod catalog;
 mod conditions;
-mod curve;
 mod draft;
 mod driven_lanes;
 mod dropped;
 mod ego_events;
 mod ends;
 mod entity;
-mod error;
-mod expression;
-mod files;
 mod frame;
-mod lane_drive;
-mod lanes;
 mod laws;
 mod motion;
 mod places;
 mod plans;
 mod points;
-mod pose_geometry;
-mod reference_line;
-mod roads;
 mod scenario;
-mod scope;
 mod seen;
-mod surface;
-mod tree;
 mod triggers;
-mod ways;
 mod world;
 
+pub use crate::opendrive::{Files, ImportError};
 pub use draft::ImportedWorld;
 pub use driven_lanes::{DrivenLanes, LanePlace, driven_lanes, lane_places};
 pub use dropped::DroppedElements;
 pub use ego_events::EgoEvent;
-pub use error::ImportError;
-pub use files::Files;
 pub use points::ImportedPoint;
 
 use std::path::{Path, PathBuf};
 
-use error::At;
+use crate::opendrive::error::At;
 use scenario::Protocol;
 
 /// Request to import a scenario file.

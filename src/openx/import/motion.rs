@@ -2,11 +2,11 @@
 
 use super::dropped::lone_time;
 use super::entity::{ImportedEntity, ImportedLaw};
-use super::error::ImportError;
 use super::laws::{Speeds, gap_of, relative_speed, speed, unknown_target};
 use super::places::{Placed, PositionContext};
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 
 /// Actions without an effect on motion, such as lights, weather and logs.
 const STILL: [&str; 6] = [

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use super::catalog::Catalogs;
 use super::ego_events::EgoRequest;
-use super::error::ImportError;
-use super::files::Files;
-use super::roads::RoadMap;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
-use super::ways::{Bend, ImportedPath, OnWay, Spiral};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::files::Files;
+use crate::opendrive::roads::{OnLane, RoadMap};
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::{Bend, ImportedPath, OnWay, Spiral};
 use crate::sim::{Pose, wrapped};
 
 /// Greatest angle in radians between two directions that count as equal.
@@ -27,16 +27,6 @@ pub(super) struct Placed {
     pub lane: Option<OnLane>,
     /// Position on a path, if the file gives the place by a path.
     pub way: Option<OnWay>,
-}
-
-/// Place by road and lane.
-#[derive(Clone, Debug)]
-pub(super) struct OnLane {
-    pub road: String,
-    /// Number of the lane, or 0 if the place is given by its t.
-    pub lane: i32,
-    pub s_m: f64,
-    pub t_m: f64,
 }
 
 /// Context to which positions may refer.
@@ -282,9 +272,14 @@ impl PositionContext<'_> {
         offset_m: f64,
     ) -> Result<Placed, ImportError> {
         let line = self.roads.road(it, &road)?;
-        let t_m = line.middle_m(it, lane)? + offset_m;
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
-        let on = line.at(s_m, t_m);
+        let (middle_m, slope) = line.middle_at(it, s_m, lane)?;
+        let t_m = middle_m + offset_m;
+        let mut on = line.at(s_m, t_m);
+        if slope != 0.0 {
+            let slant_rad = libm::atan2(slope, 1.0 - line.per_m(s_m) * t_m);
+            on.heading_rad = wrapped(on.heading_rad + slant_rad);
+        }
         // Lanes left of the reference line are driven against its direction.
         let driven = if 0 < lane {
             Pose {

@@ -3,9 +3,9 @@
 use super::conditions::formula;
 use super::draft::Draft;
 use super::entity::{ImportedLaw, ImportedStep, Steady};
-use super::error::ImportError;
 use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, named};
+use crate::opendrive::error::ImportError;
 use crate::scene::drive::ChangeShape;
 
 /// Writes the plan of an entity, as its `drive` or as the base of an ado.

@@ -12,16 +12,16 @@ use super::catalog::Catalogs;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::{ImportedEntity, ImportedStep};
-use super::error::{At, ImportError};
-use super::files::Files;
 use super::frame::{FrameOfEgo, RoadFrame};
 use super::motion;
-use super::places::{OnLane, Placed, PositionContext};
+use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
-use super::roads::RoadMap;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
-use super::ways::Bend;
+use crate::opendrive::error::{At, ImportError};
+use crate::opendrive::files::Files;
+use crate::opendrive::roads::{OnLane, RoadMap};
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::Bend;
 use crate::sim::Pose;
 
 /// Valid range of friction coefficients.
@@ -227,7 +227,7 @@ impl Protocol {
         };
         let board = self.root.inner("Storyboard")?;
         let scale = motion::friction_scale(init, scope, ground)?;
-        acts(board, scope, (ground, scale), &mut entities)?;
+        let acts_stop_s = acts(board, scope, (ground, scale), &mut entities)?;
         let ego = entities.iter().find(|it| it.is_ego);
         let asks = privates
             .iter()
@@ -240,7 +240,8 @@ impl Protocol {
         };
         // The road of the ego decides: one world has one friction and one speed
         // limit.
-        let stop_s = motion::stop_s(board, scope)?;
+        let stop_s = motion::stop_s(board, scope)?.into_iter().chain(acts_stop_s);
+        let stop_s = stop_s.reduce(f64::min);
         let FrameOfEgo {
             frame,
             zero_m,

@@ -3,10 +3,10 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use super::entity::ImportedEntity;
-use super::error::ImportError;
 use super::places::is_along;
 use super::scenario::Concrete;
-use super::ways::OnWay;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::ways::OnWay;
 use crate::sim::{Pose, wrapped};
 
 /// Tolerance in radians of a pedestrian's direction.

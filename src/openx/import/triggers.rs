@@ -1,10 +1,10 @@
 //! Start times of acts and events.
 
 use super::entity::{Measure, WatchedCondition};
-use super::error::ImportError;
 use super::places::PositionContext;
-use super::scope::{ParameterScope, compared};
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::{ParameterScope, compared};
+use crate::opendrive::tree::XmlNode;
 
 /// Start of an act or an event.
 pub(super) enum StartTrigger {
@@ -63,6 +63,10 @@ pub(super) fn starts(
     for group in trigger.all("ConditionGroup") {
         groups += 1;
         let mut all: Vec<StartTrigger> = Vec::new();
+        if 1 < group.children.len() && group.children.iter().any(is_instant) {
+            let help = "use the rule greaterThan";
+            return Err(group.refused("a condition of one instant beside others is not read", help));
+        }
         for condition in group.all("Condition") {
             all.push(condition_of(condition, scope, from_s, context)?);
         }
@@ -95,6 +99,13 @@ pub(super) fn starts(
             Err(trigger.refused("several ways to begin are not read", help))
         }
     }
+}
+
+/// Returns whether a condition holds at one instant of time only.
+fn is_instant(condition: &XmlNode) -> bool {
+    let by = condition.child("ByValueCondition");
+    let time = by.and_then(|it| it.child("SimulationTimeCondition"));
+    time.is_some_and(|it| it.raw("rule") == Some("equalTo"))
 }
 
 /// Returns true if a condition must become true while it is evaluated.
@@ -196,7 +207,7 @@ fn time_s(
         Some("greaterThan") => at_s < from_s,
         Some("greaterOrEqual") => at_s <= from_s,
         // The first instant is the only one that is met exactly.
-        Some("equalTo") if at_s == 0.0 && from_s == 0.0 => false,
+        Some("equalTo") if at_s == 0.0 && from_s == 0.0 && !rises => false,
         _ => {
             let what = "only times that have come are read";
             return Err(by.refused(what, "use the rule greaterThan or greaterOrEqual"));

@@ -2,11 +2,11 @@
 
 use super::draft::{Draft, tidy};
 use super::ends::{leaves_s, road_ahead_m, to_mps};
-use super::error::ImportError;
 use super::plans::plan;
 use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, seen};
-use super::ways::{Bend, laid};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::ways::{Bend, laid};
 
 /// Duration in seconds of a run after the expected encounter.
 const BEYOND_S: f64 = 5.0;

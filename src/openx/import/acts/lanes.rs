@@ -1,12 +1,14 @@
 //! Changes of lane and lateral offsets in the acts of a storyboard.
 
-use super::{EntityScript, Reader};
+use super::Reader;
+use super::script::EntityScript;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::roads::OnLane;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 use crate::openx::import::entity::ImportedLaw;
-use crate::openx::import::error::ImportError;
 use crate::openx::import::laws::lane_change;
-use crate::openx::import::places::{OnLane, lane_beside};
-use crate::openx::import::scope::ParameterScope;
-use crate::openx::import::tree::XmlNode;
+use crate::openx::import::places::lane_beside;
 
 impl Reader<'_> {
     pub(super) fn lane_change(

@@ -1,14 +1,29 @@
 //! Steps of one entity, and what its events allow.
 
-use super::EventContext;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 use crate::openx::import::ends::to_mps;
-use crate::openx::import::entity::{Approached, ImportedEntity, ImportedLaw, ImportedStep};
-use crate::openx::import::error::ImportError;
+use crate::openx::import::entity::{
+    Approached, ImportedEntity, ImportedLaw, ImportedStep, WatchedCondition,
+};
 use crate::openx::import::laws::Speeds;
 use crate::openx::import::places::Placed;
-use crate::openx::import::tree::XmlNode;
 use crate::openx::import::triggers::StoryElement;
 use crate::scene::drive::ChangeShape;
+
+/// Event with its surrounding elements.
+pub(super) struct EventContext<'a> {
+    pub act: &'a XmlNode,
+    pub begins_s: f64,
+    /// Condition of the act with its delay, if the act waits for one.
+    pub waits: Option<&'a (WatchedCondition, f64)>,
+    pub group: &'a XmlNode,
+    pub maneuver: &'a XmlNode,
+    pub event: &'a XmlNode,
+    pub scope: &'a ParameterScope,
+    pub actors: &'a [String],
+}
 
 /// Steps of one entity, as far as they have been read.
 pub(super) struct EntityScript {
@@ -133,6 +148,7 @@ pub(super) fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError
     let is_alone = context.maneuver.all("Event").count() == 1;
     // Once it has happened, it changes nothing when it happens again.
     let is_settled = is_alone && actions.all(|action| !is_relative(action));
+    let is_settled = is_settled || comes_once(context.event);
     for node in [context.event, context.group] {
         let often = context
             .scope
@@ -151,6 +167,27 @@ pub(super) fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError
         return Err(actors.refused(what, help));
     }
     Ok(())
+}
+
+/// Returns whether what an event waits for comes once, whatever its count.
+fn comes_once(event: &XmlNode) -> bool {
+    let comes_once = |condition: &XmlNode| {
+        let Some(by) = condition.child("ByValueCondition") else {
+            return false;
+        };
+        let is_edge = matches!(
+            condition.raw("conditionEdge"),
+            Some("rising" | "risingOrFalling")
+        );
+        let is_transition = by
+            .child("StoryboardElementStateCondition")
+            .and_then(|it| it.raw("state"))
+            .is_some_and(|state| state.ends_with("Transition"));
+        is_transition || (is_edge && by.child("SimulationTimeCondition").is_some())
+    };
+    let groups = event.child("StartTrigger");
+    let mut groups = groups.into_iter().flat_map(|it| &it.children).peekable();
+    groups.peek().is_some() && groups.all(|group| group.children.iter().any(comes_once))
 }
 
 /// Returns whether an action has another effect the second time.

@@ -10,12 +10,12 @@ use crate::sim::{Pose, wrapped};
 /// Lateral distance in metres up to which lanes stay near their curves.
 const LANES_M: f64 = 12.0;
 /// Tolerances within which consecutive pieces of a reference line connect.
-pub(super) const MEET_M: f64 = 0.01;
+pub(crate) const MEET_M: f64 = 0.01;
 const MEET_RAD: f64 = 1e-3;
 
 /// Piece of a reference line.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ReferenceSegment {
+pub(crate) struct ReferenceSegment {
     pub s_m: f64,
     pub start: Pose,
     pub length_m: f64,
@@ -25,7 +25,7 @@ pub(super) struct ReferenceSegment {
 impl ReferenceSegment {
     /// Distance along the piece that is nearest to a place, and the distance to its
     /// left.
-    pub(super) fn sees(&self, spot: &Pose) -> (f64, f64) {
+    pub(crate) fn sees(&self, spot: &Pose) -> (f64, f64) {
         let seen = self.start.sees(spot);
         if self.per_m == 0.0 {
             return (seen.x_m, seen.y_m);
@@ -37,14 +37,14 @@ impl ReferenceSegment {
     }
 
     /// Station and place of its end.
-    pub(super) fn end(&self) -> (f64, Pose) {
+    pub(crate) fn end(&self) -> (f64, Pose) {
         let end = self.start.bent(self.length_m, self.per_m);
         (self.s_m + self.length_m, end)
     }
 }
 
 /// Reads the pieces of a planView. The first problem is kept in `refused`.
-pub(super) fn pieces_of(
+pub(crate) fn pieces_of(
     plan_view: &XmlNode,
     refused: &mut Option<ImportError>,
 ) -> Result<Vec<ReferenceSegment>, ImportError> {

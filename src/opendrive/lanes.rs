@@ -7,7 +7,7 @@ use super::tree::XmlNode;
 
 /// Lane of a section.
 #[derive(Clone, Debug)]
-pub(super) struct SectionLane {
+pub(crate) struct SectionLane {
     pub id: i32,
     widths: Vec<Cubic>,
     /// True for a driving lane.
@@ -18,27 +18,27 @@ pub(super) struct SectionLane {
 
 /// Lanes from a station on.
 #[derive(Clone, Debug)]
-pub(super) struct LaneSection {
+pub(crate) struct LaneSection {
     pub s_m: f64,
     pub lanes: Vec<SectionLane>,
 }
 
 /// All lanes of a road.
 #[derive(Clone, Debug)]
-pub(super) struct RoadLanes {
+pub(crate) struct RoadLanes {
     offsets: Vec<Cubic>,
     pub sections: Vec<LaneSection>,
 }
 
 impl LaneSection {
-    pub(super) fn lane(&self, id: i32) -> Option<&SectionLane> {
+    pub(crate) fn lane(&self, id: i32) -> Option<&SectionLane> {
         self.lanes.iter().find(|lane| lane.id == id)
     }
 }
 
 impl RoadLanes {
     /// Reads the `lanes` of a road. The first problem is kept in `refused`.
-    pub(super) fn of(
+    pub(crate) fn of(
         lanes: &XmlNode,
         refused: &mut Option<ImportError>,
     ) -> Result<RoadLanes, ImportError> {
@@ -59,7 +59,7 @@ impl RoadLanes {
     }
 
     /// Returns the number and the lanes of the section at a station.
-    pub(super) fn section(&self, s_m: f64) -> Option<(usize, &LaneSection)> {
+    pub(crate) fn section(&self, s_m: f64) -> Option<(usize, &LaneSection)> {
         let sections = self.sections.iter().enumerate();
         let found = sections.rev().find(|(_, section)| section.s_m <= s_m);
         found.or_else(|| self.sections.iter().enumerate().next())
@@ -68,7 +68,7 @@ impl RoadLanes {
     /// Lateral position of the middle of a lane, and its slope along the road.
     ///
     /// `None` if the section at this station has no such lane.
-    pub(super) fn middle(&self, (section, s_m): (usize, f64), lane: i32) -> Option<(f64, f64)> {
+    pub(crate) fn middle(&self, (section, s_m): (usize, f64), lane: i32) -> Option<(f64, f64)> {
         let lanes = self.sections.get(section)?;
         let offset = begun(&self.offsets, s_m);
         let (mut t_m, mut slope) = (offset.at(s_m), offset.slope(s_m));
@@ -87,7 +87,7 @@ impl RoadLanes {
     /// Returns the lane and the station at which a lane begins on its road.
     ///
     /// In the direction of travel, back over the links of sections.
-    pub(super) fn first_of(&self, mut lane: i32, s_m: f64, length_m: f64) -> (i32, f64) {
+    pub(crate) fn first_of(&self, mut lane: i32, s_m: f64, length_m: f64) -> (i32, f64) {
         let forward = lane < 0;
         let mut section = self.section(s_m).map_or(0, |(section, _)| section);
         loop {
@@ -109,13 +109,13 @@ impl RoadLanes {
     }
 
     /// Width of a lane in metres at a station.
-    pub(super) fn width_m(&self, s_m: f64, lane: i32) -> Option<f64> {
+    pub(crate) fn width_m(&self, s_m: f64, lane: i32) -> Option<f64> {
         let (_, section) = self.section(s_m)?;
         Some(begun(&section.lane(lane)?.widths, s_m).at(s_m))
     }
 
     /// Lateral position of the middle of a lane that keeps it on the whole road.
-    pub(super) fn fixed_m(&self, lane: i32) -> Option<f64> {
+    pub(crate) fn fixed_m(&self, lane: i32) -> Option<f64> {
         let sides = 1..=lane.abs();
         let mut widths = self.sections.iter().flat_map(|section| {
             let lanes = sides

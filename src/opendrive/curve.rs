@@ -16,7 +16,7 @@ const SHARES: [f64; 5] = [0.125, 0.3, 0.5, 0.7, 0.875];
 
 /// Arc with its place on the curve.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct CurveArc {
+pub(crate) struct CurveArc {
     /// Distance along the curve at its start, and the part of the curve that it covers.
     pub from_m: f64,
     pub covers_m: f64,
@@ -27,7 +27,7 @@ pub(super) struct CurveArc {
 /// Arcs within [`NEAR_M`] of a curve, also on parallels up to `beside_m` beside it.
 ///
 /// `at` is the place on the curve at a distance. Its heading is the tangent.
-pub(super) fn arcs_of(at: &dyn Fn(f64) -> Pose, length_m: f64, beside_m: f64) -> Vec<CurveArc> {
+pub(crate) fn arcs_of(at: &dyn Fn(f64) -> Pose, length_m: f64, beside_m: f64) -> Vec<CurveArc> {
     let mut arcs = Vec::new();
     split(at, (0.0, length_m), beside_m, &mut arcs);
     arcs
@@ -86,7 +86,7 @@ fn on_pair(pair: &[(Pose, Bend); 2], along_m: f64) -> Pose {
 ///
 /// The tangents at both ends reach equally far, to the points between which the
 /// arcs meet.
-pub(super) fn pair_of(start: Pose, end: Pose) -> [(Pose, Bend); 2] {
+pub(crate) fn pair_of(start: Pose, end: Pose) -> [(Pose, Bend); 2] {
     let seen = start.sees(&end);
     let (sin, cos) = libm::sincos(seen.heading_rad);
     let square = seen.x_m * seen.x_m + seen.y_m * seen.y_m;
@@ -134,38 +134,38 @@ fn arc_to((ahead_m, left_m): (f64, f64)) -> Bend {
 
 /// Polynomial of the third degree from a distance on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Cubic {
+pub(crate) struct Cubic {
     pub from_m: f64,
     pub terms: [f64; 4],
 }
 
 impl Cubic {
-    pub(super) fn at(&self, s_m: f64) -> f64 {
+    pub(crate) fn at(&self, s_m: f64) -> f64 {
         let [a, b, c, d] = self.terms;
         let x = s_m - self.from_m;
         a + x * (b + x * (c + x * d))
     }
 
-    pub(super) fn slope(&self, s_m: f64) -> f64 {
+    pub(crate) fn slope(&self, s_m: f64) -> f64 {
         let [_, b, c, d] = self.terms;
         let x = s_m - self.from_m;
         b + x * (2.0 * c + x * 3.0 * d)
     }
 
-    pub(super) fn is_constant(&self) -> bool {
+    pub(crate) fn is_constant(&self) -> bool {
         self.terms[1..].iter().all(|term| *term == 0.0)
     }
 }
 
 /// Returns the last polynomial that has begun at a distance.
-pub(super) fn begun(all: &[Cubic], s_m: f64) -> Cubic {
+pub(crate) fn begun(all: &[Cubic], s_m: f64) -> Cubic {
     let begun = all.iter().rev().find(|it| it.from_m <= s_m);
     // Before its distance the first one holds.
     begun.or(all.first()).copied().unwrap_or_default()
 }
 
 /// Curve along two polynomials of one parameter, by its length.
-pub(super) struct ParametricCurve {
+pub(crate) struct ParametricCurve {
     start: Pose,
     /// Polynomials ahead and to the left, of a parameter up to `most`.
     ahead: Cubic,
@@ -179,7 +179,7 @@ impl ParametricCurve {
     /// Parts into which a curve is cut to measure it, as in esmini.
     const PARTS: u32 = 200;
 
-    pub(super) fn new(
+    pub(crate) fn new(
         start: Pose,
         (ahead, left): (Cubic, Cubic),
         most: f64,
@@ -205,7 +205,7 @@ impl ParametricCurve {
         }
     }
 
-    pub(super) fn at(&self, s_m: f64) -> Pose {
+    pub(crate) fn at(&self, s_m: f64) -> Pose {
         let after = self.lengths_m.partition_point(|it| *it <= s_m);
         let part = after.clamp(1, Self::PARTS as usize);
         let (from_m, to_m) = (self.lengths_m[part - 1], self.lengths_m[part]);

@@ -7,9 +7,8 @@ use core::f64::consts::PI;
 use std::collections::{BTreeMap, HashMap};
 
 use super::error::ImportError;
-use super::lane_drive::{Junctions, RoadLink};
 use super::lanes::RoadLanes;
-use super::places::OnLane;
+use super::links::{Junctions, RoadLink};
 use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
 use super::surface::Surface;
@@ -23,7 +22,7 @@ const MOST_SAMPLES: f64 = 20_000.0;
 
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]
-pub(super) struct ImportedRoad {
+pub(crate) struct ImportedRoad {
     pub node: XmlNode,
     pub length_m: f64,
     pub pieces: Vec<ReferenceSegment>,
@@ -36,15 +35,25 @@ pub(super) struct ImportedRoad {
     pub surface: Surface,
 }
 
+/// Place by road and lane.
+#[derive(Clone, Debug)]
+pub(crate) struct OnLane {
+    pub road: String,
+    /// Number of the lane, or 0 if the place is given by its t.
+    pub lane: i32,
+    pub s_m: f64,
+    pub t_m: f64,
+}
+
 /// Roads of a file by their id.
 #[derive(Clone, Debug, Default)]
-pub(super) struct RoadMap {
+pub(crate) struct RoadMap {
     roads: BTreeMap<String, ImportedRoad>,
     pub junctions: Junctions,
 }
 
 impl RoadMap {
-    pub(super) fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
+    pub(crate) fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
         let roads = root.all("road").map(|road| {
             let id = road.need("id")?.to_owned();
             Ok((id, ImportedRoad::of(road)?))
@@ -56,17 +65,17 @@ impl RoadMap {
     }
 
     /// Returns a road by its id.
-    pub(super) fn get(&self, id: &str) -> Option<&ImportedRoad> {
+    pub(crate) fn get(&self, id: &str) -> Option<&ImportedRoad> {
         self.roads.get(id)
     }
 
     /// Returns whether there is no road at all.
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.roads.is_empty()
     }
 
     /// Returns all roads with their ids.
-    pub(super) fn all(&self) -> impl Iterator<Item = (&String, &ImportedRoad)> {
+    pub(crate) fn all(&self) -> impl Iterator<Item = (&String, &ImportedRoad)> {
         self.roads.iter()
     }
 
@@ -75,7 +84,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error if the roads differ.
-    pub(super) fn friction(&self, road: Option<&str>) -> Result<f64, ImportError> {
+    pub(crate) fn friction(&self, road: Option<&str>) -> Result<f64, ImportError> {
         self.one_of(road, |surface| surface.friction.clone())
     }
 
@@ -84,7 +93,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error if the roads differ.
-    pub(super) fn limit_mps(&self, road: Option<&str>) -> Result<Option<f64>, ImportError> {
+    pub(crate) fn limit_mps(&self, road: Option<&str>) -> Result<Option<f64>, ImportError> {
         self.one_of(road, |surface| surface.limit_mps.clone())
     }
 
@@ -114,7 +123,7 @@ impl RoadMap {
     ///
     /// Where lanes overlap, as in junctions, the direction of the place decides if
     /// it has one, and then its distance from the middle.
-    pub(super) fn nearest_lane(&self, spot: &Pose, is_turned: bool) -> Option<(OnLane, f64)> {
+    pub(crate) fn nearest_lane(&self, spot: &Pose, is_turned: bool) -> Option<(OnLane, f64)> {
         let on_lane = |(id, road): (&String, &ImportedRoad)| {
             let (s_m, t_m) = road.nearest(spot)?;
             let (section, lanes) = road.lanes.section(s_m)?;
@@ -151,7 +160,7 @@ impl RoadMap {
     /// Returns a road by its id, if it is supported.
     ///
     /// `asks` is the element that refers to the road.
-    pub(super) fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
+    pub(crate) fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
         let road = self.roads.get(id);
         let road = road.ok_or_else(|| asks.error(format!("there is no road `{id}`")))?;
         match &road.refused {
@@ -244,7 +253,7 @@ impl ImportedRoad {
     }
 
     /// Returns whether the reference line is straight between two stations.
-    pub(super) fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
+    pub(crate) fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
         let (from_m, to_m) = (from_m.min(to_m), from_m.max(to_m));
         let between = |it: &&ReferenceSegment| it.s_m < to_m && from_m < it.s_m + it.length_m;
         let mut pieces = self.pieces.iter().filter(between);
@@ -262,7 +271,7 @@ impl ImportedRoad {
     }
 
     /// Place at a station, `t_m` to the left of the reference line.
-    pub(super) fn at(&self, s_m: f64, t_m: f64) -> Pose {
+    pub(crate) fn at(&self, s_m: f64, t_m: f64) -> Pose {
         // A station on a joint belongs to the later piece.
         let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
         let piece = before.unwrap_or(&self.pieces[0]);
@@ -271,7 +280,7 @@ impl ImportedRoad {
     }
 
     /// Length of the parallel to the reference line between two stations, in metres.
-    pub(super) fn way_m(&self, from_m: f64, to_m: f64, t_m: f64) -> f64 {
+    pub(crate) fn way_m(&self, from_m: f64, to_m: f64, t_m: f64) -> f64 {
         let parts = self.pieces.iter().map(|piece| {
             let ends_m = piece.s_m + piece.length_m;
             let part_m = to_m.min(ends_m) - from_m.max(piece.s_m);
@@ -287,7 +296,7 @@ impl ImportedRoad {
     /// # Errors
     ///
     /// Returns an error for an unknown lane, and for one that moves along the road.
-    pub(super) fn middle_m(&self, asks: &XmlNode, lane: i32) -> Result<f64, ImportError> {
+    pub(crate) fn middle_m(&self, asks: &XmlNode, lane: i32) -> Result<f64, ImportError> {
         self.middle_at(asks, 0.0, lane)?;
         match self.lanes.fixed_m(lane) {
             Some(fixed_m) => Ok(fixed_m),
@@ -304,7 +313,7 @@ impl ImportedRoad {
     /// # Errors
     ///
     /// Returns an error for a lane that is not there.
-    pub(super) fn middle_at(
+    pub(crate) fn middle_at(
         &self,
         asks: &XmlNode,
         s_m: f64,
@@ -318,7 +327,7 @@ impl ImportedRoad {
     }
 
     /// Driving lanes on the side of a lane with their widths, the outermost first.
-    pub(super) fn driven_beside(&self, lane: i32, s_m: f64) -> Vec<(i32, f64)> {
+    pub(crate) fn driven_beside(&self, lane: i32, s_m: f64) -> Vec<(i32, f64)> {
         let section = self.lanes.section(s_m);
         let side = section.into_iter().flat_map(|(_, it)| &it.lanes);
         let side = side.filter(|it| it.drives && it.id * lane > 0);
@@ -330,13 +339,13 @@ impl ImportedRoad {
     }
 
     /// Curvature of the reference line at a station.
-    pub(super) fn per_m(&self, s_m: f64) -> f64 {
+    pub(crate) fn per_m(&self, s_m: f64) -> f64 {
         let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
         before.unwrap_or(&self.pieces[0]).per_m
     }
 
     /// Returns true for a single straight piece.
-    pub(super) fn is_straight(&self) -> bool {
+    pub(crate) fn is_straight(&self) -> bool {
         self.pieces.len() == 1 && self.pieces[0].per_m == 0.0
     }
 }

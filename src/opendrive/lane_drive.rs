@@ -1,15 +1,12 @@
 //! Ways along lanes: through sections, over the links of roads and through
 //! junctions.
 
-use std::collections::BTreeMap;
-
 use core::f64::consts::PI;
 
 use super::curve::{arcs_of, pair_of};
 use super::error::ImportError;
-use super::places::OnLane;
-use super::roads::{ImportedRoad, RoadMap};
-use super::scope::ParameterScope;
+use super::links::RoadLink;
+use super::roads::{ImportedRoad, OnLane, RoadMap};
 use super::tree::XmlNode;
 use super::ways::{Bend, ImportedPath, OnWay};
 use crate::sim::{Pose, wrapped};
@@ -28,77 +25,9 @@ const MOST_PER_M: f64 = 0.5;
 /// Curvature in 1/m below which a piece is a line.
 const LINE_PER_M: f64 = 1e-9;
 
-/// Road or junction at an end of a road.
-#[derive(Clone, Debug)]
-pub(super) struct RoadLink {
-    id: String,
-    is_junction: bool,
-    /// True if the end of that road is here, and not its start.
-    at_end: bool,
-}
-
-impl RoadLink {
-    /// Reads the links of a road: before it and after it.
-    pub(super) fn both(road: &XmlNode) -> Result<[Option<RoadLink>; 2], ImportError> {
-        let of = |name: &str| {
-            let node = road.child("link").and_then(|it| it.child(name));
-            let link = node.map(|it| {
-                Ok(RoadLink {
-                    id: it.need("elementId")?.to_owned(),
-                    is_junction: it.raw("elementType") == Some("junction"),
-                    at_end: it.raw("contactPoint") == Some("end"),
-                })
-            });
-            link.transpose()
-        };
-        Ok([of("predecessor")?, of("successor")?])
-    }
-}
-
-/// Connection of a junction: from a road, over a road, from lane to lane.
-#[derive(Clone, Debug)]
-struct Connection {
-    from: String,
-    over: RoadLink,
-    lanes: Vec<(i32, i32)>,
-}
-
-/// Connections of all junctions by their id.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Junctions(BTreeMap<String, Vec<Connection>>);
-
-impl Junctions {
-    pub(super) fn of(root: &XmlNode) -> Result<Junctions, ImportError> {
-        let plain = ParameterScope::default();
-        let connection = |it: &XmlNode| {
-            let lanes = it.all("laneLink").map(|link| {
-                let (from, to) = (plain.number(link, "from")?, plain.number(link, "to")?);
-                Ok((from as i32, to as i32))
-            });
-            // A direct junction names the linked road itself.
-            let over = it.raw("connectingRoad").or(it.raw("linkedRoad"));
-            Ok(Connection {
-                from: it.need("incomingRoad")?.to_owned(),
-                over: RoadLink {
-                    id: over.unwrap_or_default().to_owned(),
-                    is_junction: false,
-                    at_end: it.raw("contactPoint") == Some("end"),
-                },
-                lanes: lanes.collect::<Result<_, ImportError>>()?,
-            })
-        };
-        let junctions = root.all("junction").map(|junction| {
-            let connections = junction.all("connection").map(connection);
-            let connections = connections.collect::<Result<_, ImportError>>()?;
-            Ok((junction.need("id")?.to_owned(), connections))
-        });
-        Ok(Junctions(junctions.collect::<Result<_, ImportError>>()?))
-    }
-}
-
 /// Part of a way: a lane in one section of a road, in the direction of travel.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct LaneStretch {
+pub(crate) struct LaneStretch {
     pub road: String,
     section: usize,
     pub lane: i32,
@@ -115,7 +44,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error for a road with unsupported content.
-    pub(super) fn lane_drive(
+    pub(crate) fn lane_drive(
         &self,
         asks: &XmlNode,
         at: &OnLane,
@@ -195,7 +124,7 @@ impl RoadMap {
     }
 
     /// Number of lanes to the right of a way, all of a width and on the whole way.
-    pub(super) fn lanes_beside(&self, stretches: &[LaneStretch], width_m: f64) -> usize {
+    pub(crate) fn lanes_beside(&self, stretches: &[LaneStretch], width_m: f64) -> usize {
         let beside = |it: &LaneStretch| {
             let road = self.get(&it.road)?;
             let side = road.driven_beside(it.lane, 0.5 * (it.from_m + it.to_m));
@@ -216,7 +145,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error for lanes that slant more than an entity can follow.
-    pub(super) fn lane_way(
+    pub(crate) fn lane_way(
         &self,
         asks: &XmlNode,
         stretches: &[LaneStretch],
