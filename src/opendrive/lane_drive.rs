@@ -196,14 +196,16 @@ impl RoadMap {
     }
 }
 
-/// Appends a piece, or makes the last line longer.
+/// Appends a piece, or makes the last one longer that has its curvature.
 fn lengthen(pieces: &mut Vec<Bend>, mut bend: Bend) {
     if bend.per_m.abs() < LINE_PER_M {
         bend.per_m = 0.0;
     }
     match pieces.last_mut() {
         _ if bend.length_m <= 0.0 => {}
-        Some(last) if last.per_m == 0.0 && bend.per_m == 0.0 => last.length_m += bend.length_m,
+        Some(last) if (last.per_m - bend.per_m).abs() < LINE_PER_M => {
+            last.length_m += bend.length_m;
+        }
         _ => pieces.push(bend),
     }
 }

@@ -8,6 +8,8 @@ use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 use crate::sim::Body;
 
+/// Greatest height of the centre of mass of a narrow body, as a multiple of its track.
+const MOST_COM_HEIGHT: f64 = 1.7;
 /// Greatest wheelbase as a share of the body's length.
 const MOST_WHEELBASE: f64 = 0.95;
 
@@ -52,7 +54,9 @@ impl ImportedBody {
                 height_m,
                 centre_m,
                 front_m,
-                wheelbase_m,
+                // Files give small bodies the axles of a car. The motion only depends
+                // on the rear axle.
+                wheelbase_m: wheelbase_m.min(MOST_WHEELBASE * front_m.min(length_m)),
                 wheel_m,
                 track_m,
             })
@@ -75,11 +79,8 @@ impl ImportedBody {
             "Vehicle" => {
                 let axles = entity.inner("Axles")?;
                 let front = axles.inner("FrontAxle")?;
-                // Files give small bodies the axles of a car. The motion only depends
-                // on the rear axle.
-                let most_m = MOST_WHEELBASE * front_m.min(length_m);
-                let wheelbase_m = scope.number(front, "positionX")?.min(most_m);
-                if wheelbase_m <= 0.0 {
+                let wheelbase_m = scope.number(front, "positionX")?;
+                if front_m <= 0.0 || wheelbase_m <= 0.0 {
                     let what = "its front is behind its rear axle";
                     return Err(bounds.refused(what, "move its box or its axles"));
                 }
@@ -203,7 +204,12 @@ fn vehicle(it: ImportedVehicle<'_>) -> String {
         0.8 * it.width_m
     };
     let suspension_hz = if narrow { 3.9 } else { 1.56 };
-    let com_height_m = if narrow { 0.3 } else { 0.4 } * it.height_m;
+    let com_height_m = if narrow {
+        // Higher, a narrow body would tip over on its springs.
+        (0.3 * it.height_m).min(MOST_COM_HEIGHT * track_m)
+    } else {
+        0.4 * it.height_m
+    };
     // A body requires a wheel radius of at least 0.05 m.
     let wheel_m = it.wheel_m.max(0.06);
     format!(

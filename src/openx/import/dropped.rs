@@ -23,12 +23,13 @@ pub struct DroppedElements {
 /// Names of dropped elements with their kinds.
 ///
 /// Elements below a dropped element belong to it and are not counted.
-const KINDS: [(&str, &str); 27] = [
+const KINDS: [(&str, &str); 28] = [
     ("AppearanceAction", "appearance"),
     ("ActivateControllerAction", "controllers"),
     ("ControllerAction", "controllers"),
     ("ObjectController", "controllers"),
     ("MonitorDeclaration", "monitors"),
+    ("ParameterAction", "parameters"),
     ("TimeOfDay", "time of day"),
     ("TrafficSignalController", "traffic signals"),
     ("Trailer", "trailers"),

@@ -3,7 +3,7 @@
 use super::ends::to_mps;
 use super::entity::ImportedEntity;
 use super::places::{Placed, is_along};
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::roads::OnLane;
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::tree::XmlNode;
@@ -305,11 +305,16 @@ fn own_way(
 impl OnWay {
     /// Returns the way with the position that is nearest to a place.
     pub(super) fn located(&self, asks: &XmlNode, spot: &Pose) -> Result<OnWay, ImportError> {
-        let course = self.way.course().map_err(|what| asks.error(what))?;
         Ok(OnWay {
-            along_m: course.locate(spot).s_m,
+            along_m: self.station_m(&asks.at(), spot)?,
             ..self.clone()
         })
+    }
+
+    /// Returns the station that is nearest to a place.
+    pub(super) fn station_m(&self, at: &At, spot: &Pose) -> Result<f64, ImportError> {
+        let course = self.way.course().map_err(|what| at.error(what))?;
+        Ok(course.locate(spot).s_m)
     }
 
     /// Returns the position of another way on this one, if it keeps its distance.

@@ -9,11 +9,12 @@ use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
 /// Actions without an effect on motion, such as lights, weather and logs.
-const STILL: [&str; 6] = [
+const STILL: [&str; 7] = [
     "ControllerAction",
     "ActivateControllerAction",
     "AppearanceAction",
     "EnvironmentAction",
+    "ParameterAction",
     "VariableAction",
     "VisibilityAction",
 ];

@@ -38,6 +38,8 @@ pub(super) struct PositionContext<'a> {
     /// Entities that have been placed, by name.
     pub placed: &'a BTreeMap<String, Placed>,
     pub ego: &'a EgoRequest,
+    /// Parameters that an event changes.
+    pub changed: &'a [String],
 }
 
 impl PositionContext<'_> {

@@ -23,8 +23,11 @@ pub(super) fn plan(
 ) -> Result<(), ImportError> {
     let name = &it.name;
     if let Some(approach) = &it.entity.approach {
-        let ego = concrete.in_frame(&approach.ego)?;
-        let here = concrete.in_frame(&approach.here)?;
+        let ego = concrete.station(&approach.ego)?;
+        let here = match it.path {
+            EntityPath::Own(..) => concrete.in_frame(&approach.here)?,
+            _ => concrete.station(&approach.here)?,
+        };
         // Places are those of reference points, and worlds state fronts.
         let here_m = match it.path {
             EntityPath::Left | EntityPath::Right => here.y_m + it.front_left_m(),
@@ -32,6 +35,7 @@ pub(super) fn plan(
                 // On a bent path, the station is the distance along the pieces.
                 let along_m = match &approach.here.way {
                     Some(here) if here.way == on.way && !on.way.pieces.is_empty() => here.along_m,
+                    _ if on.is_lane => on.station_m(&it.entity.at, &approach.here.spot)?,
                     _ => begins.sees(&here).x_m,
                 };
                 along_m + it.front_along_m()

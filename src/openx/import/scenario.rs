@@ -156,6 +156,7 @@ impl Protocol {
             .inner("Storyboard")?
             .inner("Init")?
             .inner("Actions")?;
+        let changed = changed_parameters(&self.root);
         let objects = self.root.inner("Entities")?;
         let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
         let privates: Vec<&XmlNode> = init.all("Private").collect();
@@ -183,6 +184,7 @@ impl Protocol {
                 files,
                 placed: &placed,
                 ego: &self.ego,
+                changed: &changed,
             };
             // `ground` borrows the places so far, so an entity cannot refer to
             // a later entity.
@@ -224,6 +226,7 @@ impl Protocol {
             files,
             placed: &placed,
             ego: &self.ego,
+            changed: &changed,
         };
         let board = self.root.inner("Storyboard")?;
         let scale = motion::friction_scale(init, scope, ground)?;
@@ -363,8 +366,10 @@ impl Concrete {
     ///
     /// Returns an error for a place on another road than a bent one of the ego.
     pub(super) fn station(&self, placed: &Placed) -> Result<Pose, ImportError> {
-        let RoadFrame::Along(way) = &self.frame else {
-            return self.in_frame(placed);
+        let way = match &self.frame {
+            // Places on the ego's own way have their station there.
+            RoadFrame::Along(way) if !self.is_on_road(placed) => way,
+            _ => return self.in_frame(placed),
         };
         let course = way.course().map_err(|what| self.at.error(what))?;
         let at = course.locate(&placed.spot);
@@ -472,4 +477,14 @@ fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
         all.push(left.remove(next));
     }
     all
+}
+
+/// Parameters that an action changes during the run.
+fn changed_parameters(node: &XmlNode) -> Vec<String> {
+    let here = (node.name == "ParameterAction").then(|| node.raw("parameterRef"));
+    let here = here
+        .flatten()
+        .map(|name| name.trim_start_matches('$').to_owned());
+    let inner = node.children.iter().flat_map(changed_parameters);
+    here.into_iter().chain(inner).collect()
 }

@@ -156,7 +156,15 @@ fn condition_of(
                 let at_s = time_s(by, scope, rises, from_s)?;
                 Ok(StartTrigger::At(at_s + delay_s))
             }
-            "ParameterCondition" => parameter(by, scope, rises, from_s + delay_s),
+            "ParameterCondition" => {
+                let name = by.need("parameterRef")?.trim_start_matches('$');
+                if ground.changed.iter().any(|changed| changed == name) {
+                    let help = "wait for what changes it";
+                    let what = format!("`{name}` is changed by an event");
+                    return Err(by.refused(what, help));
+                }
+                parameter(by, scope, rises, from_s + delay_s)
+            }
             "StoryboardElementStateCondition" => {
                 let element = StoryElement {
                     kind: by.need("storyboardElementType")?.to_owned(),
@@ -230,7 +238,7 @@ fn parameter(
     rises: bool,
     at_s: f64,
 ) -> Result<StartTrigger, ImportError> {
-    let name = by.need("parameterRef")?;
+    let name = by.need("parameterRef")?.trim_start_matches('$');
     let value = scope.get(name);
     let value = value.ok_or_else(|| by.error(format!("there is no `{name}`")))?;
     let rule = by.need("rule")?;

@@ -2,6 +2,7 @@
 
 use super::draft::{Draft, tidy};
 use super::ends::{leaves_s, road_ahead_m, to_mps};
+use super::places::Placed;
 use super::plans::plan;
 use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, seen};
@@ -156,7 +157,7 @@ fn ends_s(
     for it in all.iter().filter(|it| !it.entity.is_ego) {
         let encounter_s = match &it.entity.approach {
             Some(approach) => {
-                let ego = concrete.in_frame(&approach.ego)?;
+                let ego = concrete.station(&approach.ego)?;
                 // The ego coasts, so it arrives at a time that is known in
                 // advance.
                 (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps
@@ -198,7 +199,7 @@ fn first_leaves_s(
         let ahead_m = |placed| road_ahead_m(&concrete.roads, placed, on_foot);
         let own_s = match &it.entity.approach {
             Some(approach) => {
-                let ego = concrete.in_frame(&approach.ego)?;
+                let ego = concrete.station(&approach.ego)?;
                 let encounter_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
                 encounter_s + ahead_m(&approach.here) / approach.speed_mps
             }
@@ -428,6 +429,17 @@ fn obstacle(
     let (name, body) = (&it.name, &it.entity.body);
     let front = it.spot.moved(body.front_m, 0.0);
     let shares_road = concrete.is_on_road(&it.entity.placed);
+    let front = match &it.entity.placed.way {
+        Some(on) if on.is_lane && shares_road => {
+            let spot = it.entity.placed.spot.moved(body.front_m, 0.0);
+            concrete.station(&Placed {
+                spot,
+                lane: None,
+                way: None,
+            })?
+        }
+        _ => front,
+    };
     // An empty name is the world's own road.
     let mut nearest = shares_road.then(|| (String::new(), front));
     for other in all {
