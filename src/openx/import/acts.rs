@@ -11,7 +11,7 @@ mod stops;
 use script::{EntityScript, EventContext, ended, happens_once};
 
 use super::ends::to_mps;
-use super::entity::{ImportedEntity, ImportedStep, WatchedCondition};
+use super::entity::{ImportedEntity, ImportedStep};
 use super::laws::{approached, gap_of, speed, walked};
 use super::motion::is_still;
 use super::places::PositionContext;

@@ -61,13 +61,10 @@ impl FrameOfEgo {
         let Some(ego) = entities.iter().position(|it| it.is_ego) else {
             return Err(asks.error("the ego is deleted"));
         };
-        let own_road = match keeps_road(asks, roads, entities, ego)? {
-            true => Some(FrameOfEgo::of_road(asks, roads, &entities[ego])?),
-            false => None,
-        };
-        let it = match own_road {
-            Some(it) => it,
-            None => FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m))?,
+        let it = if keeps_road(asks, roads, entities, ego)? {
+            FrameOfEgo::of_road(asks, roads, &entities[ego])?
+        } else {
+            FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m))?
         };
         for entity in entities.iter_mut().filter(|it| !it.is_ego) {
             it.place(asks, roads, (entity, reach_m))?;

@@ -131,8 +131,8 @@ impl EntityScript {
 /// Speed in m/s after the step of the Init, if there is one.
 fn final_mps(entity: &ImportedEntity) -> f64 {
     let laws = entity.steps.iter().flat_map(|step| &step.laws);
-    let speeds = laws.filter_map(|law| to_mps(law, 0.0));
-    speeds.last().unwrap_or(entity.speed_mps)
+    let mut speeds = laws.filter_map(|law| to_mps(law, 0.0));
+    speeds.next_back().unwrap_or(entity.speed_mps)
 }
 
 /// Duration in seconds of the step of the Init.
