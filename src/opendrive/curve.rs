@@ -221,3 +221,85 @@ impl ParametricCurve {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cubic(terms: [f64; 4]) -> Cubic {
+        Cubic { from_m: 0.0, terms }
+    }
+
+    fn apart_m(a: Pose, b: Pose) -> f64 {
+        libm::hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+    }
+
+    #[test]
+    fn chained_arcs_stay_within_a_millimetre_and_end_where_the_curve_does() {
+        let start = Pose {
+            x_m: 3.0,
+            y_m: -2.0,
+            heading_rad: 2.5,
+        };
+        // An S of 60 m, a bend of a junction, and one parametrized from 0 to 1.
+        let cases = [
+            (
+                cubic([0.0, 1.0, 0.0, 0.0]),
+                cubic([0.0, 0.0, 0.01, -2e-4]),
+                50.0,
+                52.0,
+            ),
+            (
+                cubic([0.0, 1.0, 0.0, -2e-3]),
+                cubic([0.0, 0.0, 0.04, 0.0]),
+                12.0,
+                13.3,
+            ),
+            (
+                cubic([0.0, 20.0, -4.0, 0.0]),
+                cubic([0.0, 0.0, 8.0, 3.0]),
+                1.0,
+                20.5,
+            ),
+        ];
+        for (ahead, left, most, length_m) in cases {
+            let curve = ParametricCurve::new(start, (ahead, left), most, length_m);
+            let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, 4.0);
+            // Chained from the start on: errors of the arcs would add up.
+            let mut spot = start;
+            let mut covered_m = 0.0;
+            for arc in &arcs {
+                assert!(
+                    apart_m(spot, curve.at(arc.from_m)) < 2.0 * NEAR_M,
+                    "{arc:?}"
+                );
+                let middle = spot.bent(0.5 * arc.bend.length_m, arc.bend.per_m);
+                let there = curve.at(arc.from_m + 0.5 * arc.covers_m);
+                assert!(apart_m(middle, there) < 2.0 * NEAR_M, "{arc:?}");
+                spot = spot.bent(arc.bend.length_m, arc.bend.per_m);
+                covered_m += arc.covers_m;
+            }
+            assert!((covered_m - length_m).abs() < 1e-9);
+            let end = curve.at(length_m);
+            assert!(apart_m(spot, end) < 1e-6, "{}", apart_m(spot, end));
+            assert!(wrapped(spot.heading_rad - end.heading_rad).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_polynomial_has_the_length_that_its_file_states() {
+        // y = x²/100 over x = 0 to 10, whose length is 10.0663 m, as 20 m.
+        let curve = ParametricCurve::new(
+            Pose::default(),
+            (cubic([0.0, 10.0, 0.0, 0.0]), cubic([0.0, 0.0, 1.0, 0.0])),
+            1.0,
+            20.0,
+        );
+        let end = curve.at(20.0);
+        assert!((end.x_m - 10.0).abs() < 1e-9 && (end.y_m - 1.0).abs() < 1e-9);
+        assert!((end.heading_rad - libm::atan(0.2)).abs() < 1e-9);
+        // Half of the length, and not half of the parameter, is in the middle.
+        let middle = curve.at(10.0);
+        assert!((middle.x_m - 5.0247).abs() < 1e-3, "{middle:?}");
+    }
+}

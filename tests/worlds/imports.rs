@@ -304,12 +304,22 @@ fn small_scenarios_move_as_their_files_say() {
         ),
         (
             "a change of lane beside a change of speed that goes on",
-            vec![second(&time(4.0, "none", 0.0), CHANGE)],
+            vec![
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
+                second(&time(4.0, "none", 0.0), CHANGE),
+            ],
             vec![(4.0, 188.0, 0.0), (7.0, 207.376, 1.859)],
         ),
         (
             "a change of speed beside a change of lane that goes on",
             vec![
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
                 edit(SLOWER, CHANGE),
                 second(&time(4.0, "none", 0.0), SLOWER),
             ],
@@ -317,12 +327,24 @@ fn small_scenarios_move_as_their_files_say() {
         ),
         (
             "a cubic change of lane by time",
-            vec![edit(SLOWER, lane_change("cubic", "time", 3.0))],
+            vec![
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
+                edit(SLOWER, lane_change("cubic", "time", 3.0)),
+            ],
             vec![(2.75, 177.475, 0.547), (3.5, 184.878, 1.75)],
         ),
         (
             "a linear change of lane by distance",
-            vec![edit(SLOWER, lane_change("linear", "distance", 30.0))],
+            vec![
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
+                edit(SLOWER, lane_change("linear", "distance", 30.0)),
+            ],
             vec![(3.5, 184.899, 1.738), (12.0, 269.797, 3.5)],
         ),
         (
@@ -488,10 +510,19 @@ fn refused_of_storyboards() -> Vec<Refusal> {
     let below = |edge: &str| distance(&["Ego"], "lessThan", edge, "any", 20.0);
     vec![
         (
-            vec![edit(
-                r#"name="group" maximumExecutionCount="1""#,
-                r#"name="group" maximumExecutionCount="3""#,
-            )],
+            vec![
+                edit(
+                    r#"name="group" maximumExecutionCount="1""#,
+                    r#"name="group" maximumExecutionCount="3""#,
+                ),
+                edit(
+                    SLOWER,
+                    SLOWER.replace(
+                        r#"<AbsoluteTargetSpeed value="4"/>"#,
+                        r#"<RelativeTargetSpeed entityRef="Ego" value="-4" speedTargetValueType="delta" continuous="false"/>"#,
+                    ),
+                ),
+            ],
             "carried out 3 times",
             "<ManeuverGroup",
         ),
@@ -609,12 +640,15 @@ fn refused_of_storyboards() -> Vec<Refusal> {
             "-4",
         ),
         (
-            slower(
-                r#"<AbsoluteTargetSpeed value="4"/>"#,
-                r#"<RelativeTargetSpeed entityRef="Lead" value="0.5" speedTargetValueType="factor" continuous="false"/>"#,
-            ),
+            vec![second(
+                &after("event", "first", 0.0),
+                &FASTER.replace(
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                    r#"<RelativeTargetSpeed entityRef="Lead" value="0.5" speedTargetValueType="factor" continuous="false"/>"#,
+                ),
+            )],
             "depends on how `Lead` drives",
-            "factor",
+            "second",
         ),
         (
             vec![edit(SLOWER, MEETING), edit(FIRST, time(0.0, "none", 0.0))],

@@ -10,8 +10,6 @@ use crate::sim::Body;
 
 /// Greatest height of the centre of mass of a narrow body, as a multiple of its track.
 const MOST_COM_HEIGHT: f64 = 1.7;
-/// Greatest wheelbase as a share of the body's length.
-const MOST_WHEELBASE: f64 = 0.95;
 
 /// Body in the form of a world file.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +54,7 @@ impl ImportedBody {
                 front_m,
                 // Files give small bodies the axles of a car. The motion only depends
                 // on the rear axle.
-                wheelbase_m: wheelbase_m.min(MOST_WHEELBASE * front_m.min(length_m)),
+                wheelbase_m: wheelbase_m.min(front_m).min(length_m),
                 wheel_m,
                 track_m,
             })
@@ -198,7 +196,7 @@ fn vehicle(it: ImportedVehicle<'_>) -> String {
     };
     // Files give two-wheelers no track, and a narrow body needs stiff springs
     // to stay upright.
-    let track_m = if (0.1..it.width_m).contains(&it.track_m) {
+    let track_m = if 0.1 < it.track_m && it.track_m <= it.width_m {
         it.track_m
     } else {
         0.8 * it.width_m
