@@ -63,7 +63,11 @@ pub(super) fn expanded(
             Err(wrong) => problems.add(&place, wrong.what, "this file", Some(wrong.help)),
         }
     }
-    values.extend(open_drive::values(&mut problems, origin, file));
+    for (place, road) in open_drive::values(&mut problems, origin, file) {
+        // What follows stays on its line.
+        let lines = text[place.find(text)].matches('\n').count();
+        values.push((place, road + &"\n".repeat(lines)));
+    }
     problems.done()?;
     Ok((!values.is_empty()).then(|| with_values(text, &values)))
 }

@@ -3,7 +3,7 @@
 use super::check;
 use super::file::{AgentFile, RoadFile, ScenarioFile};
 use super::starts;
-use crate::road::{Course, Direction, PlacedRoad, PlacedRoads, Road, SelfOverlap};
+use crate::road::{Course, Direction, PlacedRoad, PlacedRoads, Road, RoadPlace, SelfOverlap};
 use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
@@ -27,13 +27,18 @@ pub(super) fn placed(
         let path = path.to(name);
         check::agent_name(problems, &path, name);
         let at = path.to("at");
-        let Some(start) = road.at else {
+        let start = road.at.unwrap_or_else(|| {
             let help = "write `at: (x_m: …, y_m: …)`, or `along: (road: …, lane: …)` where \
                         `road` is `OpenDrive(…)`";
             let what = format!("nothing says where road `{name}` begins");
             problems.add(&path, what, "without a place", Some(help.to_owned()));
-            continue;
-        };
+            // Agents refer to roads by their number, so the road stays in the list.
+            RoadPlace {
+                x_m: 0.0,
+                y_m: 0.0,
+                heading_rad: 0.0,
+            }
+        });
         for (field, value) in [("x_m", start.x_m), ("y_m", start.y_m)] {
             check::within(problems, &at.to(field), value, -MAX_AWAY_M, MAX_AWAY_M);
         }
