@@ -49,6 +49,7 @@ pub mod natural;
 // Not part of the API: it has no stability promise.
 #[doc(hidden)]
 pub mod internals;
+mod opendrive;
 pub mod openx;
 pub mod population;
 pub mod preventability;

@@ -42,6 +42,8 @@ mod lemmas;
 mod naming;
 #[path = "worlds/nested.rs"]
 mod nested;
+#[path = "worlds/open_drive.rs"]
+mod open_drive;
 #[path = "worlds/plans.rs"]
 mod plans;
 #[path = "worlds/process.rs"]

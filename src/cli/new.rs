@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::new_from_log::{self, FromLogArgs};
 use super::{Common, Exit, Failure, new_world, print_json, terminal};
-use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
+use crate::openx::import::{DroppedElements, EgoEvent, Import, ImportError, Imported};
 use crate::ron_file::file_text;
 use crate::run_dir::write_file;
 use crate::world::Scenario;
@@ -31,6 +31,16 @@ pub(super) struct NewArgs {
     /// lane that leads off the road, and say how many.
     #[arg(long, requires = "from")]
     skip_broken: bool,
+    /// Agent of the file that is the ego [default: Ego].
+    #[arg(long, value_name = "NAME", requires = "from")]
+    ego: Option<String>,
+    /// Leave the motion that the file gives the ego to your controller, and list
+    /// its events.
+    #[arg(long, requires = "from")]
+    leave_ego: bool,
+    /// Road file of a map that the scenario gives by name.
+    #[arg(long, value_name = "NAME=FILE.xodr", value_parser = map_of, requires = "from")]
+    map: Vec<(String, PathBuf)>,
     /// Agent of the file that is an ado and may stray from its plan.
     #[arg(long, value_name = "NAME", requires = "from")]
     ado: Option<String>,
@@ -79,6 +89,12 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// Parses `NAME=FILE`.
+fn map_of(text: &str) -> Result<(String, PathBuf), String> {
+    let (name, file) = text.split_once('=').ok_or("expected NAME=FILE.xodr")?;
+    Ok((name.to_owned(), PathBuf::from(file)))
+}
+
 /// Writes the worlds of a protocol, or none if a file cannot be written.
 fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
@@ -90,11 +106,15 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         skips_broken: args.skip_broken,
         name: &stem,
         ado: args.ado.as_deref(),
+        ego: args.ego.as_deref(),
+        leaves_ego: args.leave_ego,
+        maps: &args.map,
     };
     let Imported {
         worlds,
         broken,
         dropped,
+        ego_events,
     } = import.read(&file_text)?;
     let mut files = Vec::new();
     for world in &worlds {
@@ -118,6 +138,12 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         dropped
             .iter()
             .for_each(|it| terminal::note(&dropped_line(it)));
+        for EgoEvent { name, file, line } in &ego_events {
+            let file = file.display();
+            terminal::note(&format!(
+                "left to your ego: event `{name}`, {file}, line {line}"
+            ));
+        }
     }
     let written = files.iter().zip(&worlds);
     if args.json {
@@ -126,10 +152,16 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
             json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
         });
         let dropped: Vec<_> = dropped.collect();
+        let ego_events = ego_events.iter().map(
+            |it| json!({ "name": it.name, "file": it.file.display().to_string(), "line": it.line }),
+        );
+        let ego_events: Vec<_> = ego_events.collect();
         let written =
             written.map(|((_, file), world)| json!({ "file": file, "points": world.points }));
         let written: Vec<_> = written.collect();
-        print_json(&json!({ "worlds": written, "broken": broken, "dropped": dropped }))
+        print_json(
+            &json!({ "worlds": written, "broken": broken, "dropped": dropped, "ego_events": ego_events }),
+        )
     } else {
         let lines = written
             .map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()));

@@ -35,7 +35,37 @@ pub(super) enum OwnRoad {
         points_m: Vec<(f64, f64)>,
         corner_radius_m: f64,
     },
+    /// Way along lanes of an OpenDRIVE file, whose pieces replace it in the text.
+    OpenDrive {
+        file: String,
+        along: LanesFile,
+        friction: NumberOrRange,
+        #[serde(default)]
+        speed_limit_mps: Option<f64>,
+    },
 }
+
+/// Start on a lane of an OpenDRIVE file, and the way from there.
+#[derive(Clone, Deserialize)]
+#[serde(rename = "Lanes", deny_unknown_fields)]
+pub(super) struct LanesFile {
+    pub(super) road: String,
+    pub(super) lane: i32,
+    #[serde(default)]
+    pub(super) s_m: f64,
+    /// Roads that the way visits, which decide at junctions.
+    #[serde(default)]
+    pub(super) via: Vec<String>,
+    #[serde(default = "usual_length")]
+    pub(super) length_m: f64,
+}
+
+fn usual_length() -> f64 {
+    500.0
+}
+
+/// Width in metres of lanes in a file that is not read yet.
+const UNREAD_WIDTH_M: f64 = 3.5;
 
 /// A piece of the world's own road.
 #[derive(Deserialize)]
@@ -160,7 +190,8 @@ impl OwnRoad {
         match self {
             OwnRoad::Straight { friction, .. }
             | OwnRoad::Curved { friction, .. }
-            | OwnRoad::Polyline { friction, .. } => *friction,
+            | OwnRoad::Polyline { friction, .. }
+            | OwnRoad::OpenDrive { friction, .. } => *friction,
         }
     }
 
@@ -170,6 +201,8 @@ impl OwnRoad {
             OwnRoad::Straight { lane_width_m, .. }
             | OwnRoad::Curved { lane_width_m, .. }
             | OwnRoad::Polyline { lane_width_m, .. } => *lane_width_m,
+            // The file has the width, which replaces this variant.
+            OwnRoad::OpenDrive { .. } => NumberOrRange::from(UNREAD_WIDTH_M),
         }
     }
 
@@ -177,7 +210,7 @@ impl OwnRoad {
     pub(super) fn radii_m(&self) -> impl Iterator<Item = (usize, NumberOrRange)> {
         let pieces = match self {
             OwnRoad::Curved { pieces, .. } => pieces.as_slice(),
-            OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } => &[],
+            OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } | OwnRoad::OpenDrive { .. } => &[],
         };
         let pieces = pieces.iter().enumerate();
         pieces.filter_map(|(i, piece)| match piece {
@@ -195,6 +228,14 @@ impl OwnRoad {
         let friction = point.of(self.friction());
         let lane_width_m = point.of(self.lane_width_m());
         match self {
+            OwnRoad::OpenDrive {
+                speed_limit_mps, ..
+            } => Road::Straight {
+                lanes: 1,
+                lane_width_m,
+                friction,
+                speed_limit_mps: *speed_limit_mps,
+            },
             OwnRoad::Straight {
                 lanes,
                 speed_limit_mps,

@@ -6,7 +6,7 @@ use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::declared_traffic_file::DeclaredTrafficFile;
-use super::environment_file::{OwnRoad, SensorsFile, WindFile};
+use super::environment_file::{LanesFile, OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
 use super::natural_file::NaturalFile;
 pub(super) use super::number_or_range::NumberOrRange;
@@ -104,7 +104,11 @@ fn rigid() -> PlantKind {
 #[serde(rename = "Road", deny_unknown_fields)]
 pub(super) struct RoadFile {
     /// Start of the middle of its lane 0.
-    pub(super) at: RoadPlace,
+    #[serde(default)]
+    pub(super) at: Option<RoadPlace>,
+    /// Way along lanes of the own road's OpenDRIVE file, in place of all else.
+    #[serde(default)]
+    pub(super) along: Option<LanesFile>,
     #[serde(default = "one_lane")]
     pub(super) lanes: usize,
     /// Width of its lanes. Without it, that of the world's own road.

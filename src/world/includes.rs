@@ -1,4 +1,4 @@
-//! Files that a world file includes: rule files and traffic models.
+//! Files that a world file includes: rule files, traffic models and road files.
 //!
 //! A [`super::RunSource`] finds them. The scenario's text then has their content instead
 //! of their names, so run directories and kept counterexamples are self-contained. The
@@ -10,6 +10,7 @@ use brakecheck_traffic::{TrafficModel, TrafficRuleFile};
 
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile};
 use super::natural_file::{NaturalFile, SHIPPED, TrafficFile};
+use super::open_drive;
 use super::runs::{RunRefused, RunSource, refused};
 use super::trained::{raw_text, with_values};
 use crate::natural::{DeclaredTraffic, motorway};
@@ -61,6 +62,11 @@ pub(super) fn expanded(
             Ok(kept) => values.push((place, kept)),
             Err(wrong) => problems.add(&place, wrong.what, "this file", Some(wrong.help)),
         }
+    }
+    for (place, road) in open_drive::values(&mut problems, origin, file) {
+        // What follows stays on its line.
+        let lines = text[place.find(text)].matches('\n').count();
+        values.push((place, road + &"\n".repeat(lines)));
     }
     problems.done()?;
     Ok((!values.is_empty()).then(|| with_values(text, &values)))

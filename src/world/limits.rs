@@ -127,7 +127,7 @@ pub(super) fn texts(
 
 fn road(problems: &mut Problems, path: &ValuePath, road: &OwnRoad) {
     match road {
-        OwnRoad::Straight { .. } => {}
+        OwnRoad::Straight { .. } | OwnRoad::OpenDrive { .. } => {}
         OwnRoad::Curved { pieces, .. } => {
             within(problems, &path.to("pieces"), pieces.len(), PIECES)
         }

@@ -36,6 +36,7 @@ mod limits;
 mod natural_file;
 mod number_or_range;
 mod obstacles;
+mod open_drive;
 mod per_ado;
 mod plans;
 mod points;

@@ -113,6 +113,7 @@ fn read_law(
             to_mps,
             relative_to,
             rate_mps2,
+            ..
         } => {
             let rate = rate_mps2.map(|rate| ("rate_mps2", rate, 1e-3));
             if relative_to.is_none() && to_mps.0.lo.min(to_mps.0.hi) < 0.0 {
@@ -123,7 +124,7 @@ fn read_law(
             (std::iter::once(to).chain(rate).collect(), true)
         }
         MotionLaw::Brake { rate_mps2 } => (vec![("rate_mps2", *rate_mps2, 1e-3)], true),
-        MotionLaw::LaneChange { by_m, rate_mps } => (
+        MotionLaw::LaneChange { by_m, rate_mps, .. } => (
             vec![("by_m", *by_m, -MOST), ("rate_mps", *rate_mps, 1e-3)],
             true,
         ),

@@ -42,7 +42,7 @@ pub(super) fn read(
     );
     let listed = match &file.road {
         OwnRoad::Curved { pieces, .. } => pieces.len(),
-        OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } => {
+        OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } | OwnRoad::OpenDrive { .. } => {
             let what = "an ado lays pieces behind those of a `Curved` road";
             let help = "write road: Curved(…, pieces: [Line(length_m: 100.0)])";
             let place = ValuePath::top().to("road");

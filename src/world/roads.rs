@@ -3,7 +3,7 @@
 use super::check;
 use super::file::{AgentFile, RoadFile, ScenarioFile};
 use super::starts;
-use crate::road::{Course, Direction, PlacedRoad, PlacedRoads, Road, SelfOverlap};
+use crate::road::{Course, Direction, PlacedRoad, PlacedRoads, Road, RoadPlace, SelfOverlap};
 use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
@@ -27,19 +27,31 @@ pub(super) fn placed(
         let path = path.to(name);
         check::agent_name(problems, &path, name);
         let at = path.to("at");
-        for (field, value) in [("x_m", road.at.x_m), ("y_m", road.at.y_m)] {
+        let start = road.at.unwrap_or_else(|| {
+            let help = "write `at: (x_m: …, y_m: …)`, or `along: (road: …, lane: …)` where \
+                        `road` is `OpenDrive(…)`";
+            let what = format!("nothing says where road `{name}` begins");
+            problems.add(&path, what, "without a place", Some(help.to_owned()));
+            // Agents refer to roads by their number, so the road stays in the list.
+            RoadPlace {
+                x_m: 0.0,
+                y_m: 0.0,
+                heading_rad: 0.0,
+            }
+        });
+        for (field, value) in [("x_m", start.x_m), ("y_m", start.y_m)] {
             check::within(problems, &at.to(field), value, -MAX_AWAY_M, MAX_AWAY_M);
         }
         let turn = core::f64::consts::TAU;
         check::within(
             problems,
             &at.to("heading_rad"),
-            road.at.heading_rad,
+            start.heading_rad,
             -turn,
             turn,
         );
         let placed = PlacedRoad {
-            at: road.at,
+            at: start,
             road: Road::Straight {
                 lanes: road.lanes,
                 lane_width_m: road.lane_width_m.unwrap_or(own.lane_width_m()),

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::runs::{NamedRun, Nowhere, RunRefused, RunSource};
 use super::{LoadError, Scenario, ScenarioError};
 
 /// Name and text of a world.
@@ -11,7 +12,7 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 32] = [
+const WORLDS: [(&str, &str); 33] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_letter"),
@@ -26,6 +27,7 @@ const WORLDS: [(&str, &str); 32] = [
     world!("fog_queue"),
     world!("grid"),
     world!("grid_hard"),
+    world!("junction"),
     world!("light_ado"),
     world!("merge"),
     world!("merge_fair"),
@@ -121,6 +123,26 @@ const PROTOCOLS: [(&str, &str); 71] = [
     world!("r157/two_standing"),
 ];
 
+/// Files that shipped worlds include.
+const FILES: [(&str, &str); 1] = [("junction.xodr", include_str!("../../worlds/junction.xodr"))];
+
+/// Source of the files of shipped worlds, without runs.
+struct ShippedFiles;
+
+impl RunSource for ShippedFiles {
+    fn find(&self, name: &str, file: &str) -> Result<NamedRun, RunRefused> {
+        Nowhere.find(name, file)
+    }
+
+    fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
+        let found = FILES.iter().find(|(known, _)| *known == name);
+        found.map_or_else(
+            || Nowhere.text(name, file),
+            |(_, text)| Ok((*text).to_owned()),
+        )
+    }
+}
+
 impl Scenario {
     /// Returns the names of the shipped worlds, in order.
     pub fn shipped_names() -> impl Iterator<Item = &'static str> + Clone {
@@ -149,7 +171,8 @@ impl Scenario {
         // is used.
         let mut all = WORLDS.iter().chain(&PROTOCOLS);
         let (name, text) = all.find(|(known, _)| *known == name)?;
-        Some(Scenario::parse(&format!("worlds/{name}.ron"), text))
+        let file = format!("worlds/{name}.ron");
+        Some(Scenario::parse_with(&file, text, &ShippedFiles))
     }
 
     /// Returns the world of a file, or a shipped world if no such file exists.

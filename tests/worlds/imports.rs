@@ -4,7 +4,7 @@
 //! The places are those of the laws of OpenSCENARIO; esmini has them to one of its
 //! steps of 0.01 s.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use brakecheck::internals::sim::Body;
 use brakecheck::openx::import::{DroppedElements, Import, ImportError, Imported};
@@ -13,9 +13,10 @@ use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
 
 const BASE: &str = include_str!("imports/base.xosc");
-const ROADS: [(&str, &str); 2] = [
+const ROADS: [(&str, &str); 3] = [
     ("straight.xodr", include_str!("imports/straight.xodr")),
     ("bend.xodr", include_str!("imports/bend.xodr")),
+    ("network.xodr", include_str!("imports/network.xodr")),
 ];
 /// From the rear axle, which a file places, to the front.
 const LEVER_M: f64 = 3.6;
@@ -55,6 +56,24 @@ fn distance(who: &[&str], rule: &str, edge: &str, needs: &str, value_m: f64) -> 
     format!(
         r#"<Condition name="c" delay="0" conditionEdge="{edge}"><ByEntityCondition><TriggeringEntities triggeringEntitiesRule="{needs}">{who}</TriggeringEntities><EntityCondition><RelativeDistanceCondition entityRef="Lead" relativeDistanceType="longitudinal" freespace="true" value="{value_m}" rule="{rule}"/></EntityCondition></ByEntityCondition></Condition>"#
     )
+}
+
+/// Another condition of an entity.
+fn watch(who: &str, condition: &str) -> String {
+    format!(
+        r#"<Condition name="c" delay="0" conditionEdge="none"><ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="{who}"/></TriggeringEntities><EntityCondition>{condition}</EntityCondition></ByEntityCondition></Condition>"#
+    )
+}
+
+fn lane_change(shape: &str, dimension: &str, value: f64) -> String {
+    format!(
+        r#"<LateralAction><LaneChangeAction><LaneChangeActionDynamics dynamicsShape="{shape}" dynamicsDimension="{dimension}" value="{value}"/><LaneChangeTarget><AbsoluteTargetLane value="-1"/></LaneChangeTarget></LaneChangeAction></LateralAction>"#
+    )
+}
+
+fn slower_by(dynamics: &str) -> Vec<Edit> {
+    let linear = r#"dynamicsShape="linear" dynamicsDimension="rate" value="1""#;
+    vec![edit(SLOWER, SLOWER.replace(linear, dynamics))]
 }
 
 fn after(kind: &str, name: &str, delay_s: f64) -> String {
@@ -116,6 +135,15 @@ fn files(edits: &[Edit]) -> Vec<(&'static str, String)> {
 }
 
 fn import(files: &[(&str, String)]) -> Result<Imported, ImportError> {
+    import_as(files, (None, false), &[])
+}
+
+/// With an ego by name, whose motion may be left to the user, and maps by name.
+fn import_as(
+    files: &[(&str, String)],
+    (ego, leaves_ego): (Option<&str>, bool),
+    maps: &[(String, PathBuf)],
+) -> Result<Imported, ImportError> {
     let import = Import {
         scenario: Path::new("base.xosc"),
         points: None,
@@ -123,6 +151,9 @@ fn import(files: &[(&str, String)]) -> Result<Imported, ImportError> {
         skips_broken: false,
         name: "small",
         ado: None,
+        ego,
+        leaves_ego,
+        maps,
     };
     import.read(&|path| {
         let found = files.iter().find(|(name, _)| Path::new(name) == path);
@@ -259,6 +290,147 @@ fn small_scenarios_move_as_their_files_say() {
             vec![(9.0, 216.0, 0.0), (12.0, 237.0, 0.0)],
         ),
         (
+            "a speed that is reached after the start, and changes again before",
+            vec![edit(
+                r#"<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/><!--init dynamics-->"#,
+                r#"<SpeedActionDynamics dynamicsShape="linear" dynamicsDimension="rate" value="3"/>"#,
+            )],
+            vec![(2.0, 156.0, 0.0), (12.0, 198.0, 0.0)],
+        ),
+        (
+            "a change of speed that replaces the one before it",
+            vec![second(&time(4.0, "none", 0.0), FASTER)],
+            vec![(4.0, 188.0, 0.0), (12.0, 267.0, 0.0)],
+        ),
+        (
+            "a change of lane beside a change of speed that goes on",
+            vec![
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
+                second(&time(4.0, "none", 0.0), CHANGE),
+            ],
+            vec![(4.0, 188.0, 0.0), (7.0, 207.376, 1.859)],
+        ),
+        (
+            "a change of speed beside a change of lane that goes on",
+            vec![
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
+                edit(SLOWER, CHANGE),
+                second(&time(4.0, "none", 0.0), SLOWER),
+            ],
+            vec![(6.0, 207.870, 2.832), (9.0, 227.318, 4.0)],
+        ),
+        (
+            "a cubic change of lane by time",
+            vec![
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
+                edit(SLOWER, lane_change("cubic", "time", 3.0)),
+            ],
+            vec![(2.75, 177.475, 0.547), (3.5, 184.878, 1.75)],
+        ),
+        (
+            "a linear change of lane by distance",
+            vec![
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
+                edit(SLOWER, lane_change("linear", "distance", 30.0)),
+            ],
+            vec![(3.5, 184.899, 1.738), (12.0, 269.797, 3.5)],
+        ),
+        (
+            "a cubic change of speed by time",
+            slower_by(r#"dynamicsShape="cubic" dynamicsDimension="time" value="6""#),
+            vec![(3.5, 184.508, 0.0), (12.0, 228.0, 0.0)],
+        ),
+        (
+            "a factor of a speed that nothing changes",
+            vec![edit(
+                SLOWER,
+                SLOWER.replace(
+                    r#"<AbsoluteTargetSpeed value="4"/>"#,
+                    r#"<RelativeTargetSpeed entityRef="Ego" value="0.2" speedTargetValueType="factor" continuous="true"/>"#,
+                ),
+            )],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "an event that may repeat, and changes nothing when it does",
+            vec![edit(
+                r#"priority="override" maximumExecutionCount="1""#,
+                r#"priority="override" maximumExecutionCount="2""#,
+            )],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "an act that waits for a distance",
+            vec![
+                edit(ACT, distance(&["Ego"], "lessThan", "none", "any", 80.0 - 4.4)),
+                edit(FIRST, time(0.0, "none", 0.0)),
+            ],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "a travelled distance",
+            vec![edit(FIRST, watch("Lead", r#"<TraveledDistanceCondition value="20"/>"#))],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "a distance between reference points",
+            vec![edit(
+                FIRST,
+                watch("Ego", r#"<RelativeDistanceCondition entityRef="Lead" relativeDistanceType="longitudinal" freespace="false" value="80" rule="lessThan"/>"#),
+            )],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "a headway between reference points",
+            vec![edit(
+                FIRST,
+                watch("Ego", r#"<TimeHeadwayCondition entityRef="Lead" freespace="false" value="4" rule="lessThan"/>"#),
+            )],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "a place that is reached, to a tolerance",
+            vec![edit(
+                FIRST,
+                watch("Lead", r#"<ReachPositionCondition tolerance="0.5"><Position><LanePosition roadId="0" laneId="-2" s="170"/></Position></ReachPositionCondition>"#),
+            )],
+            vec![(12.0, 227.7, 0.0)],
+        ),
+        (
+            "a place in the world, on a lane",
+            vec![edit(
+                r#"<LanePosition roadId="0" laneId="-2" s="150" offset="0"/>"#,
+                r#"<WorldPosition x="150" y="-5.25"/>"#,
+            )],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "parameters of a story, one with the sign of a reference in its name",
+            vec![
+                edit(
+                    r#"<Story name="story">"#,
+                    r#"<Story name="story"><ParameterDeclarations><ParameterDeclaration name="$owner" parameterType="string" value="Lead"/></ParameterDeclarations>"#,
+                ),
+                edit(
+                    r#"<EntityRef entityRef="Lead"/></Actors>"#,
+                    r#"<EntityRef entityRef="$owner"/></Actors>"#,
+                ),
+            ],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
             "a lane change to an offset, and an offset within the lane that it leads to",
             vec![
                 edit(r#"offset="0""#, r#"offset="0.25""#),
@@ -329,13 +501,6 @@ fn a_bicycle_becomes_a_bicyclist_of_the_files_size() {
 type Refusal = (Vec<Edit>, &'static str, &'static str);
 
 fn refused_of_storyboards() -> Vec<Refusal> {
-    let init = r#"<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/><!--init dynamics-->"#;
-    let ramp = |dimension: &str, shape: &str| {
-        let to = format!(
-            r#"<SpeedActionDynamics dynamicsShape="{shape}" dynamicsDimension="{dimension}" value="3"/><!--ramp-->"#
-        );
-        vec![edit(init, to)]
-    };
     let near = edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="140""#);
     let lead = |action: &str| {
         let action = format!("<PrivateAction>{action}</PrivateAction><!--added-->");
@@ -345,18 +510,19 @@ fn refused_of_storyboards() -> Vec<Refusal> {
     let below = |edge: &str| distance(&["Ego"], "lessThan", edge, "any", 20.0);
     vec![
         (
-            vec![edit(
-                r#"priority="override" maximumExecutionCount="1""#,
-                r#"priority="override" maximumExecutionCount="2""#,
-            )],
-            "carried out 2 times",
-            r#"<Event name="first""#,
-        ),
-        (
-            vec![edit(
-                r#"name="group" maximumExecutionCount="1""#,
-                r#"name="group" maximumExecutionCount="3""#,
-            )],
+            vec![
+                edit(
+                    r#"name="group" maximumExecutionCount="1""#,
+                    r#"name="group" maximumExecutionCount="3""#,
+                ),
+                edit(
+                    SLOWER,
+                    SLOWER.replace(
+                        r#"<AbsoluteTargetSpeed value="4"/>"#,
+                        r#"<RelativeTargetSpeed entityRef="Ego" value="-4" speedTargetValueType="delta" continuous="false"/>"#,
+                    ),
+                ),
+            ],
             "carried out 3 times",
             "<ManeuverGroup",
         ),
@@ -405,11 +571,6 @@ fn refused_of_storyboards() -> Vec<Refusal> {
             "delay",
         ),
         (
-            vec![second(&time(4.0, "none", 0.0), FASTER)],
-            "before the one before it has ended",
-            "second",
-        ),
-        (
             vec![second(&below("none"), FASTER)],
             "before the one before it has ended",
             "second",
@@ -438,31 +599,16 @@ fn refused_of_storyboards() -> Vec<Refusal> {
                 "<!--act-->",
                 format!(
                     "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
-                    time(4.0, "none", 0.0)
+                    watch("Lead", r#"<TraveledDistanceCondition value="50"/>"#)
                 ),
             )],
-            "an act that is stopped",
+            "an act that is stopped in this way",
             "<StopTrigger>",
         ),
         (
             vec![edit(ACT, after("event", "first", 0.0))],
             "an act that waits",
             "<Act",
-        ),
-        (
-            ramp("time", "linear"),
-            "only reached after the start",
-            "<!--ramp-->",
-        ),
-        (
-            ramp("rate", "linear"),
-            "only reached after the start",
-            "<!--ramp-->",
-        ),
-        (
-            ramp("distance", "sinusoidal"),
-            "only reached after the start",
-            "<!--ramp-->",
         ),
         (
             lead(
@@ -494,12 +640,15 @@ fn refused_of_storyboards() -> Vec<Refusal> {
             "-4",
         ),
         (
-            slower(
-                r#"<AbsoluteTargetSpeed value="4"/>"#,
-                r#"<RelativeTargetSpeed entityRef="Ego" value="0.5" speedTargetValueType="factor" continuous="false"/>"#,
-            ),
-            "a target speed of this kind",
-            "factor",
+            vec![second(
+                &after("event", "first", 0.0),
+                &FASTER.replace(
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                    r#"<RelativeTargetSpeed entityRef="Lead" value="0.5" speedTargetValueType="factor" continuous="false"/>"#,
+                ),
+            )],
+            "depends on how `Lead` drives",
+            "second",
         ),
         (
             vec![edit(SLOWER, MEETING), edit(FIRST, time(0.0, "none", 0.0))],
@@ -581,13 +730,16 @@ fn refused_of_roads() -> Vec<Refusal> {
                 "<!--offsets-->",
                 "<laneOffset s=\"0\" a=\"0\"/>\n<laneOffset s=\"300\" a=\"3.5\"/>",
             )],
-            "offset changes along the road",
-            "3.5",
+            "lane -1 of road `0` jumps",
+            "Private",
         ),
         (
-            vec![edit("<!--offsets-->", r#"<laneOffset s="300" a="3.5"/>"#)],
-            "offset changes along the road",
-            "laneOffset",
+            vec![edit(
+                "<!--offsets-->",
+                r#"<laneOffset s="0" a="0" b="0.02"/>"#,
+            )],
+            "its lane slants",
+            "Private",
         ),
         (
             vec![edit(
@@ -757,7 +909,6 @@ fn what_is_dropped_is_listed_with_the_place_of_the_first() {
     let expected = [
         ("trailers", "base.xosc", "<Trailer>", 1),
         ("weather", "base.xosc", "<Weather/>", 1),
-        ("routes", "base.xosc", "<AssignRouteAction>", 1),
         (
             "stop conditions",
             "base.xosc",
@@ -766,6 +917,7 @@ fn what_is_dropped_is_listed_with_the_place_of_the_first() {
         ),
         ("elevation", "straight.xodr", "s=\"10\"", 2),
         ("traffic signals", "straight.xodr", "<signal ", 1),
+        ("routes", "base.xosc", "<AssignRouteAction>", 1),
     ];
     let expected: Vec<(&str, &str, usize, usize)> = expected
         .iter()
@@ -801,6 +953,12 @@ fn a_run_ends_before_anybody_leaves_its_road() {
     let far = edit(r#"laneId="-2" s="150""#, r#"laneId="-2" s="950""#);
     let (ends_s, cut) = horizon_s(std::slice::from_ref(&far));
     assert!(cut && (5.0..=5.7).contains(&ends_s), "{ends_s}");
+    // An act that stops when the ego has travelled 100 m, at 20 m/s.
+    let stopped = format!(
+        "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
+        watch("Ego", r#"<TraveledDistanceCondition value="100"/>"#)
+    );
+    assert_eq!(horizon_s(&[edit("<!--act-->", stopped)]), (5.0, false));
     // The ego coasts.
     let far = edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="900""#);
     assert_eq!(horizon_s(&[far]), (5.0, true));
@@ -829,4 +987,127 @@ fn a_bend_goes_on_as_far_as_anybody_drives() {
         );
         assert_eq!(off(&episode, "ego", place), None);
     }
+}
+
+#[test]
+fn an_ego_has_any_name_and_its_events_are_left_only_on_request() {
+    let renamed = files(&[edit("\"Ego\"", "\"Host\"")]);
+    let unknown = import(&renamed).expect_err("nobody is called Ego");
+    assert_eq!(
+        unknown.help.as_deref(),
+        Some("name the ego with --ego: Host, Lead")
+    );
+    let imported = import_as(&renamed, (Some("Host"), false), &[]).expect("a world");
+    assert_eq!(imported.ego_events, []);
+    let episode = run(&world(&imported));
+    assert_eq!(off(&episode, "host", (6.0, 170.0, 3.5)), None);
+    assert_eq!(off(&episode, "lead", (12.0, 228.0, 0.0)), None);
+    // The lead is the ego: the file moves it at 2 s.
+    let files = files(&[]);
+    let error = import_as(&files, (Some("Lead"), false), &[]).expect_err("it has an event");
+    assert!(
+        error
+            .to_string()
+            .contains("the ego has a motion of its own")
+    );
+    let imported = import_as(&files, (Some("Lead"), true), &[]).expect("a world");
+    let events: Vec<(&str, usize)> = imported
+        .ego_events
+        .iter()
+        .map(|it| (it.name.as_str(), it.line))
+        .collect();
+    let line = BASE
+        .lines()
+        .position(|line| line.contains(r#"<Event name="first""#));
+    assert_eq!(events, [("first", 1 + line.expect("the event"))]);
+    let episode = run(&world(&imported));
+    assert_eq!(off(&episode, "lead", (12.0, 270.0, 0.0)), None);
+}
+
+#[test]
+fn a_map_by_name_is_a_file_on_request() {
+    let files = files(&[edit(r#"filepath="straight.xodr""#, r#"filepath="Town""#)]);
+    let error = import(&files).expect_err("no such file");
+    assert_eq!(
+        error.help.as_deref(),
+        Some("name it with --map Town=FILE.xodr")
+    );
+    let maps = [("Town".to_owned(), PathBuf::from("straight.xodr"))];
+    let imported = import_as(&files, (None, false), &maps).expect("a world");
+    let episode = run(&world(&imported));
+    assert_eq!(off(&episode, "lead", (12.0, 228.0, 0.0)), None);
+}
+
+/// The network, with the ego and the lead at places, and a route of the lead.
+fn on_network(ego: &str, lead: &str, route: &str) -> Vec<Edit> {
+    vec![
+        edit(r#"filepath="straight.xodr""#, r#"filepath="network.xodr""#),
+        edit(r#"<LanePosition roadId="0" laneId="-1" s="50"/>"#, ego),
+        edit(
+            r#"<LanePosition roadId="0" laneId="-2" s="150" offset="0"/>"#,
+            lead,
+        ),
+        edit("<!--lead init-->", route),
+        edit(
+            r#"<AbsoluteTargetSpeed value="4"/>"#,
+            r#"<AbsoluteTargetSpeed value="10"/>"#,
+        ),
+    ]
+}
+
+#[test]
+fn a_route_turns_left_through_a_junction_before_an_ego_on_a_left_lane() {
+    let stop = |road: u32| {
+        format!(
+            r#"<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="{road}" laneId="-1" s="60"/></Position></Waypoint>"#
+        )
+    };
+    let route = format!(
+        r#"<PrivateAction><RoutingAction><AssignRouteAction><Route name="r" closed="false">{}{}</Route></AssignRouteAction></RoutingAction></PrivateAction>"#,
+        stop(1),
+        stop(2)
+    );
+    let ego = r#"<LanePosition roadId="3" laneId="1" s="50"/>"#;
+    let lead_lane = r#"<LanePosition roadId="1" laneId="-1" s="60"/>"#;
+    let imported = import(&files(&on_network(ego, lead_lane, &route))).expect("a world");
+    // Lanes that turn off are read, so no route is dropped.
+    assert!(imported.dropped.iter().all(|it| it.kind != "routes"));
+    let episode = run(&world(&imported));
+    // The world begins at the end of road 3, on its left lane, and faces west.
+    let seen = |time_s: f64, x_m: f64, y_m: f64| (time_s, 340.0 - x_m, 1.75 - y_m);
+    assert_eq!(off(&episode, "ego", seen(6.0, 70.0, 1.75)), None);
+    // 40 m of road 1, then a quarter of a circle, 21.75 m around (100, 20), and on.
+    let turned_rad: f64 = 20.0 / 21.75;
+    let lead = [
+        seen(4.0, 100.0, -1.75),
+        seen(
+            6.0,
+            100.0 + 21.75 * turned_rad.sin(),
+            20.0 - 21.75 * turned_rad.cos(),
+        ),
+        seen(
+            9.0,
+            121.75,
+            20.0 + 50.0 - 21.75 * core::f64::consts::FRAC_PI_2,
+        ),
+    ];
+    for place in lead {
+        assert_eq!(off(&episode, "lead", place), None);
+    }
+    // Without a route, the way of the lead ends at the junction, after 4 s.
+    let imported = import(&files(&on_network(ego, lead_lane, ""))).expect("a world");
+    let horizon_s = world(&imported).world().clock().horizon_s;
+    assert!((3.9..=4.0).contains(&horizon_s), "{horizon_s}");
+}
+
+#[test]
+fn a_polynomial_of_a_reference_line_is_followed_to_the_centimetre() {
+    let line = "<line/>";
+    let curve = r#"<paramPoly3 pRange="arcLength" aU="0" bU="1" cU="0" dU="0" aV="0" bV="0" cV="0.00001" dV="0"/>"#;
+    let imported = import(&files(&[edit(line, curve)])).expect("a world");
+    let episode = run(&world(&imported));
+    // y = x²/100000, 1.75 m to its right, in the frame of lane -2, 5.25 m to its
+    // right. As a line it would be 0.29 m off.
+    assert_eq!(off(&episode, "ego", (6.0, 170.006, 3.789)), None);
+    assert_eq!(off(&episode, "lead", (2.0, 170.018, 0.289)), None);
 }

@@ -55,6 +55,9 @@ fn imported(
         skips_broken: false,
         name: "protocol",
         ado: None,
+        ego: None,
+        leaves_ego: false,
+        maps: &[],
     };
     import.read(files).map(|imported| imported.worlds)
 }
@@ -405,6 +408,9 @@ fn points_that_a_file_does_not_allow_are_named_or_left_out_and_counted() {
             skips_broken: true,
             name: "alks",
             ado: None,
+            ego: None,
+            leaves_ego: false,
+            maps: &[],
         };
         let imported = import.read(&files).expect("worlds");
         assert_eq!(imported.broken, broken, "{kind}");
@@ -493,6 +499,9 @@ fn what_is_not_understood_is_refused_where_it_stands() {
             skips_broken: false,
             name: "refused",
             ado: None,
+            ego: None,
+            leaves_ego: false,
+            maps: &[],
         };
         let error = import.read(&changed).expect_err(expected);
         assert!(error.to_string().contains(expected), "{error}");
@@ -545,6 +554,9 @@ fn ways_and_roads_that_worlds_do_not_have_are_refused() {
             skips_broken: false,
             name: "refused",
             ado: None,
+            ego: None,
+            leaves_ego: false,
+            maps: &[],
         };
         assert!(import.read(&files).is_ok(), "{}", scenario.display());
         let error = import.read(&changed).expect_err(expected);

@@ -5,15 +5,20 @@
 //! decide, and a script has none.
 
 mod lanes;
+mod script;
+mod stops;
 
-use super::entity::{Approached, ImportedEntity, ImportedStep};
-use super::error::ImportError;
-use super::laws::{Speeds, approached, gap_of, speed, walked};
-use super::motion::{friction_of, is_still};
-use super::places::{Placed, PositionContext};
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
+use script::{EntityScript, EventContext, ended, happens_once};
+
+use super::ends::to_mps;
+use super::entity::{ImportedEntity, ImportedStep};
+use super::laws::{approached, gap_of, speed, walked};
+use super::motion::is_still;
+use super::places::PositionContext;
 use super::triggers::{StartTrigger, StoryElement, starts};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 
 /// Latest time in seconds of a meeting that counts as prepared from the start.
 ///
@@ -25,26 +30,39 @@ const SAME_M: f64 = 0.01;
 
 /// Reads the acts into the steps of the entities, and removes deleted entities.
 ///
+/// Returns the time in seconds at which an act stops, if one does.
+///
 /// `friction_scale` is that of the Init, which no act may change.
 pub(super) fn acts(
     board: &XmlNode,
     scope: &ParameterScope,
     (ground, friction_scale): (PositionContext<'_>, f64),
     entities: &mut Vec<ImportedEntity>,
-) -> Result<(), ImportError> {
+) -> Result<Option<f64>, ImportError> {
     let mut reader = Reader {
         ground,
         friction_scale,
         scripts: entities.iter().map(EntityScript::of).collect(),
         gone: Vec::new(),
         relative: Vec::new(),
+        begun: Vec::new(),
+        stop_s: f64::INFINITY,
     };
-    for act in board.all("Story").flat_map(|story| story.all("Act")) {
-        reader.act(act, scope)?;
+    for story in board.all("Story") {
+        let declared = story.child("ParameterDeclarations");
+        let own = ParameterScope::declared(declared, scope, &[])?;
+        for act in story.all("Act") {
+            reader.act(act, &own)?;
+        }
     }
     // Checked last, since a later act may contain the lane change.
     reader.lanes_stay()?;
-    let Reader { scripts, gone, .. } = reader;
+    let Reader {
+        scripts,
+        gone,
+        stop_s,
+        ..
+    } = reader;
     for (entity, script) in entities.iter_mut().zip(scripts) {
         entity.steps = script.steps;
         entity.approach = script.approach;
@@ -52,60 +70,7 @@ pub(super) fn acts(
         entity.placed = script.placed;
     }
     entities.retain(|it| !gone.contains(&it.name));
-    Ok(())
-}
-
-/// Steps of one entity, as far as they have been read.
-struct EntityScript {
-    name: String,
-    placed: Placed,
-    speeds: Speeds,
-    /// Lane, lateral offset, and the sum of its lane changes.
-    lane: Option<i32>,
-    t_m: f64,
-    changed_m: f64,
-    steps: Vec<ImportedStep>,
-    approach: Option<Approached>,
-    gap_m: Option<f64>,
-    /// True once an event of the entity has been read.
-    has_begun: bool,
-    /// Elements that end together with the previous step.
-    ended: Vec<StoryElement>,
-    /// Place of the act of the previous step.
-    act: usize,
-}
-
-impl EntityScript {
-    fn of(entity: &ImportedEntity) -> EntityScript {
-        EntityScript {
-            name: entity.name.clone(),
-            placed: entity.placed.clone(),
-            speeds: Speeds {
-                now_mps: Some(entity.speed_mps),
-                most_mps2: entity.body.most_mps2,
-            },
-            lane: entity.placed.lane.as_ref().map(|at| at.lane),
-            t_m: entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m),
-            changed_m: 0.0,
-            steps: Vec::new(),
-            approach: None,
-            gap_m: entity.gap_m,
-            has_begun: false,
-            ended: Vec::new(),
-            act: 0,
-        }
-    }
-}
-
-/// Event with its surrounding elements.
-struct EventContext<'a> {
-    act: &'a XmlNode,
-    begins_s: f64,
-    group: &'a XmlNode,
-    maneuver: &'a XmlNode,
-    event: &'a XmlNode,
-    scope: &'a ParameterScope,
-    actors: &'a [String],
+    Ok(stop_s.is_finite().then_some(stop_s))
 }
 
 struct Reader<'a> {
@@ -116,6 +81,10 @@ struct Reader<'a> {
     gone: Vec<String>,
     /// Entities to whose lane a target is relative, with the error if they leave it.
     relative: Vec<(String, ImportError)>,
+    /// Elements with the times in seconds at which they begin, as far as known.
+    begun: Vec<(StoryElement, f64)>,
+    /// Earliest time in seconds at which an act stops.
+    stop_s: f64,
 }
 
 impl Reader<'_> {
@@ -128,7 +97,10 @@ impl Reader<'_> {
             let names = names.collect::<Result<Vec<_>, _>>()?;
             for it in &group.children {
                 let (maneuver, own) = match it.name.as_str() {
-                    "Maneuver" => (it.clone(), scope.clone()),
+                    "Maneuver" => {
+                        let declared = it.child("ParameterDeclarations");
+                        (it.clone(), ParameterScope::declared(declared, scope, &[])?)
+                    }
                     "CatalogReference" => {
                         self.ground.catalogs.entry(it, scope, self.ground.files)?
                     }
@@ -138,7 +110,7 @@ impl Reader<'_> {
             }
         }
         // Weather moves no entity, so it is checked in every act that begins.
-        let begins = starts(act, scope, 0.0);
+        let begins = starts(act, scope, 0.0, (self.ground, &self.begun));
         if !matches!(begins, Ok(StartTrigger::Never)) {
             for (_, _, maneuver, scope) in &context {
                 for event in maneuver.all("Event") {
@@ -151,9 +123,10 @@ impl Reader<'_> {
         let mut moves = false;
         for (_, actors, maneuver, _) in &context {
             for event in maneuver.all("Event") {
-                moves |= !moving(event, actors)?.is_empty();
+                moves |= !moving(event, actors, &self.ground.ego.name)?.is_empty();
             }
         }
+        let mut waits = None;
         // The trigger of an act without moving events has no effect and is not
         // checked.
         if !moves {
@@ -161,24 +134,37 @@ impl Reader<'_> {
         }
         let begins_s = match begins? {
             StartTrigger::Never => return Ok(()),
-            StartTrigger::At(at_s) => at_s,
-            StartTrigger::After { .. } | StartTrigger::When { .. } => {
+            StartTrigger::At(at_s) => {
+                let element = StoryElement::of("act", act);
+                self.begun.extend(element.map(|element| (element, at_s)));
+                at_s
+            }
+            StartTrigger::When { watch, delay_s } => {
+                waits = Some((watch, delay_s));
+                0.0
+            }
+            StartTrigger::After { .. } => {
                 let help = "begin the act by a time, and its events by what they wait for";
-                return Err(act.refused("an act that waits for something is not read", help));
+                return Err(act.refused("an act that waits for an element is not read", help));
             }
         };
         if let Some(stop) = act
             .child("StopTrigger")
             .filter(|it| !it.children.is_empty())
         {
-            let help = "end what the act does by its own dynamics, and remove the StopTrigger";
-            return Err(stop.refused("an act that is stopped is not read", help));
+            let stops_s = self.stops_s(stop, scope)?;
+            // The run ends where the file takes the act's events away.
+            self.stop_s = self.stop_s.min(stops_s);
+            self.ground
+                .catalogs
+                .note("what follows the stop of an act", stop);
         }
         for (group, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
                 let context = EventContext {
                     act,
                     begins_s,
+                    waits: waits.as_ref(),
                     group,
                     maneuver,
                     event,
@@ -192,7 +178,7 @@ impl Reader<'_> {
     }
 
     fn event(&mut self, context: &EventContext<'_>) -> Result<(), ImportError> {
-        let actions = moving(context.event, context.actors)?;
+        let actions = moving(context.event, context.actors, &self.ground.ego.name)?;
         if actions.is_empty() {
             return Ok(());
         }
@@ -214,31 +200,19 @@ impl Reader<'_> {
             return Ok(());
         }
         for actor in context.actors {
-            if actor == "Ego" {
-                let help = "let the ego keep its speed: your controller drives it";
-                let what = "an ego with a motion of its own is not read";
-                return Err(moved[0].refused(what, help));
+            if *actor == self.ground.ego.name {
+                if !self.ground.ego.is_left {
+                    let help = "--leave-ego leaves its events to your controller and lists them";
+                    let what = "the ego has a motion of its own";
+                    return Err(moved[0].refused(what, help));
+                }
+                self.ground.ego.leave(context.event);
+                continue;
             }
             let known = self.scripts.iter().position(|it| it.name == *actor);
             let known = known
                 .ok_or_else(|| context.event.error(format!("no agent is called `{actor}`")))?;
             self.step(known, context, &moved)?;
-        }
-        Ok(())
-    }
-
-    /// Refuses weather that changes the friction after the Init.
-    fn weather(&self, event: &XmlNode, scope: &ParameterScope) -> Result<(), ImportError> {
-        let global = event
-            .all("Action")
-            .filter_map(|it| it.child("GlobalAction"));
-        for changed in global.filter_map(|it| it.child("EnvironmentAction")) {
-            let scale = friction_of(changed, scope, self.ground)?;
-            // The same factor as in the Init changes nothing.
-            if scale.is_some_and(|scale| scale != self.friction_scale) {
-                let help = "set the friction in Init";
-                return Err(changed.refused("friction that changes on the way is not read", help));
-            }
         }
         Ok(())
     }
@@ -251,7 +225,12 @@ impl Reader<'_> {
                 "leave it out, or delete an entity instead",
             ));
         }
-        match starts(context.event, context.scope, context.begins_s)? {
+        match starts(
+            context.event,
+            context.scope,
+            context.begins_s,
+            (self.ground, &self.begun),
+        )? {
             // A deletion at the start equals a file without the entity.
             StartTrigger::At(at_s) if at_s <= 0.0 => {
                 self.gone.push(context.scope.text(it, "entityRef")?)
@@ -282,22 +261,64 @@ impl Reader<'_> {
             when: None,
             after_s: 0.0,
             laws: Vec::new(),
+            overlaps: false,
         };
+        let mut rest = None;
+        let priority = event.raw("priority").unwrap_or_default();
+        let replaces = matches!(priority, "override" | "overwrite");
         // A later act may begin after an element of another act has ended. Its
         // trigger would then miss that end.
         let in_time = context.begins_s == 0.0 || script.act == context.act.place;
-        match starts(event, context.scope, context.begins_s)? {
+        let in_time = in_time && (context.waits.is_none() || script.act == context.act.place);
+        // The first event of an act waits for what the act waits for.
+        let waits = context.waits.filter(|_| script.act != context.act.place);
+        if waits.is_some() && !is_first {
+            let what =
+                "an act that waits for something, after other events of an agent, is not read";
+            return Err(event.refused(what, "let the act begin by a time"));
+        }
+        match starts(
+            event,
+            context.scope,
+            context.begins_s,
+            (self.ground, &self.begun),
+        )? {
             StartTrigger::Never => return Ok(()),
-            StartTrigger::At(at_s) if is_first => step.after_s = at_s,
+            StartTrigger::At(at_s) if is_first => {
+                step.after_s = at_s;
+                if let Some((watch, delay_s)) = waits {
+                    // A time of its own would count from another instant.
+                    if at_s != 0.0 {
+                        let what = "a time beside an act that waits for something is not read";
+                        return Err(event.refused(what, "let the act begin by a time"));
+                    }
+                    step.when = Some(watch.clone());
+                    step.after_s = *delay_s;
+                }
+            }
+            // A time after the end of the event before it.
+            StartTrigger::At(at_s)
+                if script.aside_s <= at_s && script.ends_s.is_some_and(|ends_s| ends_s <= at_s) =>
+            {
+                step.after_s = at_s - script.ends_s.unwrap_or(0.0);
+            }
+            StartTrigger::At(at_s)
+                if priority != "skip"
+                    && let Some((after_s, left)) =
+                        self.scripts[who].overlap(at_s, directions(actions), replaces) =>
+            {
+                step.after_s = after_s;
+                rest = left;
+            }
             StartTrigger::After { element, delay_s }
-                if script.ended.contains(&element) && in_time =>
+                if self.scripts[who].ended.contains(&element) && in_time =>
             {
                 step.after_s = delay_s;
             }
             // An edge that rises before the act begins would be missed by a
             // player.
             StartTrigger::When { watch, .. }
-                if is_first && watch.rises && 0.0 < context.begins_s =>
+                if is_first && watch.rises && (0.0 < context.begins_s || waits.is_some()) =>
             {
                 let help = "begin the act at 0 s, or write conditionEdge=\"none\"";
                 let what = "a rising edge in an act that begins later is not read";
@@ -306,7 +327,14 @@ impl Reader<'_> {
             StartTrigger::When { watch, delay_s } if is_first => {
                 // A condition is only observed once its act has begun, so an
                 // empty step waits for it.
-                if 0.0 < context.begins_s {
+                if let Some((act_watch, act_delay_s)) = waits {
+                    self.scripts[who].steps.push(ImportedStep {
+                        when: Some(act_watch.clone()),
+                        after_s: *act_delay_s,
+                        laws: Vec::new(),
+                        overlaps: false,
+                    });
+                } else if 0.0 < context.begins_s {
                     self.scripts[who].steps.push(ImportedStep {
                         after_s: context.begins_s,
                         ..step.clone()
@@ -326,15 +354,46 @@ impl Reader<'_> {
         self.scripts[who].act = context.act.place;
         // Some actions are only read at the start of the run.
         let at_start = is_first && step.when.is_none() && step.after_s <= SOON_S;
+        let script = &self.scripts[who];
+        let (from_mps, from_m) = (script.speeds.now_mps, (script.t_m, script.changed_m));
         for action in actions {
             self.action(who, context, action, at_start, &mut step)?;
         }
         let script = &mut self.scripts[who];
+        if let Some(rest) = rest {
+            // The change of speed goes on beside what the step does.
+            script.speeds.now_mps = to_mps(&rest, 0.0);
+            step.laws.push(rest);
+        }
         script.ended = ended(context, actions.len());
         if script.approach.is_some() && !step.laws.is_empty() {
             let help = "let the SynchronizeAction be the only action of the entity";
             return Err(event.refused("an action beside a meeting is not read", help));
         }
+        let lasts_s = step.laws.iter().map(|law| law.lasts_s(from_mps, from_m));
+        let lasts_s = lasts_s.reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)));
+        let lasts_s = lasts_s.unwrap_or(Some(0.0));
+        let begins_s = script.ends_s.filter(|_| step.when.is_none());
+        // What follows a step of an act that waits has no known time.
+        let begins_s = begins_s.filter(|_| context.waits.is_none());
+        if let Some(begins_s) = begins_s {
+            let elements = [
+                StoryElement::of("event", event),
+                StoryElement::of("maneuver", context.maneuver),
+            ];
+            let begun = elements.into_iter().flatten();
+            let begun = begun.map(|element| (element, begins_s + step.after_s));
+            // The first event of a maneuver begins it.
+            for (element, at_s) in begun.collect::<Vec<_>>() {
+                if self.begun.iter().all(|(known, _)| *known != element) {
+                    self.begun.push((element, at_s));
+                }
+            }
+        }
+        script.last = begins_s.map(|at_s| (at_s + step.after_s, from_mps));
+        script.ends_s = begins_s
+            .zip(lasts_s)
+            .map(|(at_s, lasts_s)| at_s + step.after_s + lasts_s);
         // Actions at the start that change the initial state need no step.
         if !step.laws.is_empty() {
             script.steps.push(step);
@@ -357,7 +416,12 @@ impl Reader<'_> {
         };
         let script = &mut self.scripts[who];
         match it.name.as_str() {
-            "SpeedAction" => step.laws.push(speed(it, scope, &mut script.speeds)?),
+            "SpeedAction" => {
+                let constant = self.constant_speeds();
+                let speeds = &mut self.scripts[who].speeds;
+                let of = |name: &str| constant.get(name).copied();
+                step.laws.push(speed(it, scope, speeds, of)?);
+            }
             "LaneChangeAction" => {
                 let law = self.lane_change(who, it, scope)?;
                 step.laws.push(law);
@@ -369,7 +433,7 @@ impl Reader<'_> {
             // The gap becomes part of the initial state.
             "LongitudinalDistanceAction" if at_start && step.after_s == 0.0 => {
                 let now_mps = script.speeds.now_mps.unwrap_or(0.0);
-                script.gap_m = Some(gap_of(it, scope, now_mps)?);
+                script.gap_m = Some(gap_of(it, scope, (now_mps, &ground.ego.name))?);
             }
             "SynchronizeAction" if at_start => {
                 // A meeting accelerates the entity itself, and its approach
@@ -406,11 +470,15 @@ impl Reader<'_> {
 fn moving<'a>(
     event: &'a XmlNode,
     actors: &[String],
+    ego: &str,
 ) -> Result<Vec<(&'a XmlNode, &'a XmlNode)>, ImportError> {
-    let is_for_ego = actors.iter().all(|it| it == "Ego");
+    let is_for_ego = actors.iter().all(|it| it == ego);
     let mut moving = Vec::new();
     for action in event.all("Action") {
-        let kind = action.only()?;
+        // An action without content does nothing.
+        let Some(kind) = action.children.first() else {
+            continue;
+        };
         let inner = kind.only()?;
         if !is_still(inner, is_for_ego)? {
             moving.push((kind, inner));
@@ -419,43 +487,8 @@ fn moving<'a>(
     Ok(moving)
 }
 
-/// Refuses repeated events, and actors that are selected during the scenario.
-fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError> {
-    for node in [context.event, context.group] {
-        let often = context
-            .scope
-            .number_or_zero(node, "maximumExecutionCount")?;
-        if node.raw("maximumExecutionCount").is_some() && often != 1.0 {
-            let what = format!("it is carried out {often} times: only 1 is read");
-            let help = "write an event for each time, each after the end of the one before";
-            return Err(node.refused(what, help));
-        }
-    }
-    let actors = context.group.child("Actors");
-    let selected = actors.and_then(|it| it.raw("selectTriggeringEntities"));
-    if let (Some(actors), Some("true")) = (actors, selected) {
-        let what = "actors who are those that trigger it are not read";
-        let help = "name them by EntityRef, with selectTriggeringEntities=\"false\"";
-        return Err(actors.refused(what, help));
-    }
-    Ok(())
-}
-
-/// Elements that end with the event: those without other activity.
-fn ended(context: &EventContext<'_>, moving: usize) -> Vec<StoryElement> {
-    let mut ended = Vec::new();
-    // With several actors, the element ends with the slowest of them.
-    if context.actors.len() != 1 {
-        return ended;
-    }
-    ended.extend(StoryElement::of("event", context.event));
-    let actions: Vec<&XmlNode> = context.event.all("Action").collect();
-    if let ([action], 1) = (&actions[..], moving) {
-        ended.extend(StoryElement::of("action", action));
-    }
-    // A maneuver with several events ends with the last of them.
-    if context.maneuver.all("Event").count() == 1 {
-        ended.extend(StoryElement::of("maneuver", context.maneuver));
-    }
-    ended
+/// Whether actions of an event act along the path and across it.
+fn directions(actions: &[&XmlNode]) -> (bool, bool) {
+    let has = |name: &str| actions.iter().any(|action| action.name == name);
+    (has("LongitudinalAction"), has("LateralAction"))
 }

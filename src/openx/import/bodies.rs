@@ -3,10 +3,13 @@
 //! A file states boxes and axles. Masses and springs that it omits get typical
 //! values.
 
-use super::error::ImportError;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 use crate::sim::Body;
+
+/// Greatest height of the centre of mass of a narrow body, as a multiple of its track.
+const MOST_COM_HEIGHT: f64 = 1.7;
 
 /// Body in the form of a world file.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +21,8 @@ pub(super) struct ImportedBody {
     /// Distance from the reference point to the front, in metres.
     pub front_m: f64,
     pub on_foot: bool,
+    /// Greatest speed, in m/s.
+    pub most_mps: f64,
     /// Greatest acceleration and deceleration, in m/s².
     pub most_mps2: (f64, f64),
 }
@@ -47,7 +52,9 @@ impl ImportedBody {
                 height_m,
                 centre_m,
                 front_m,
-                wheelbase_m,
+                // Files give small bodies the axles of a car. The motion only depends
+                // on the rear axle.
+                wheelbase_m: wheelbase_m.min(front_m).min(length_m),
                 wheel_m,
                 track_m,
             })
@@ -64,13 +71,17 @@ impl ImportedBody {
                     0.5 * height_m
                 )
             }
-            "Vehicle" if entity.raw("vehicleCategory") == Some("bicycle") => {
+            "Vehicle" if is_bicycle(entity, scope, length_m)? => {
                 bicycle(entity, scope, &sizes, (height_m, mass_kg), front_m)?
             }
             "Vehicle" => {
                 let axles = entity.inner("Axles")?;
                 let front = axles.inner("FrontAxle")?;
                 let wheelbase_m = scope.number(front, "positionX")?;
+                if front_m <= 0.0 || wheelbase_m <= 0.0 {
+                    let what = "its front is behind its rear axle";
+                    return Err(bounds.refused(what, "move its box or its axles"));
+                }
                 let wheel_m = 0.5 * scope.number(front, "wheelDiameter")?;
                 let track_m = scope.number(front, "trackWidth")?;
                 on_wheels(wheelbase_m, wheel_m, track_m)
@@ -87,6 +98,7 @@ impl ImportedBody {
         };
         let most_mps2 = (most("maxAcceleration")?, most("maxDeceleration")?);
         Ok(ImportedBody {
+            most_mps: most("maxSpeed")?,
             most_mps2,
             name: name.to_lowercase(),
             ron,
@@ -96,6 +108,19 @@ impl ImportedBody {
             on_foot,
         })
     }
+}
+
+/// Returns whether a vehicle is a bicycle with the axles of one.
+fn is_bicycle(
+    entity: &XmlNode,
+    scope: &ParameterScope,
+    length_m: f64,
+) -> Result<bool, ImportError> {
+    if entity.raw("vehicleCategory") != Some("bicycle") {
+        return Ok(false);
+    }
+    let front = entity.inner("Axles")?.inner("FrontAxle")?;
+    Ok(scope.number(front, "positionX")? < length_m)
 }
 
 /// Bicyclist of the file's size, with the limits of the stock body.
@@ -171,13 +196,18 @@ fn vehicle(it: ImportedVehicle<'_>) -> String {
     };
     // Files give two-wheelers no track, and a narrow body needs stiff springs
     // to stay upright.
-    let track_m = if 0.1 < it.track_m {
+    let track_m = if 0.1 < it.track_m && it.track_m <= it.width_m {
         it.track_m
     } else {
         0.8 * it.width_m
     };
     let suspension_hz = if narrow { 3.9 } else { 1.56 };
-    let com_height_m = if narrow { 0.3 } else { 0.4 } * it.height_m;
+    let com_height_m = if narrow {
+        // Higher, a narrow body would tip over on its springs.
+        (0.3 * it.height_m).min(MOST_COM_HEIGHT * track_m)
+    } else {
+        0.4 * it.height_m
+    };
     // A body requires a wheel radius of at least 0.05 m.
     let wheel_m = it.wheel_m.max(0.06);
     format!(

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use super::dropped::DropLog;
-use super::error::ImportError;
-use super::files::Files;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::files::Files;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 
 /// Catalogs of a scenario file.
 ///
@@ -43,6 +43,11 @@ impl Catalogs {
             dropped,
             read: RefCell::default(),
         })
+    }
+
+    /// Counts an element of any file that has no effect.
+    pub(super) fn note(&self, kind: &'static str, node: &XmlNode) {
+        self.dropped.note(kind, node);
     }
 
     /// Returns the entry of a reference, with the parameters that it may use.

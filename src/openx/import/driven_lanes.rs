@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::error::ImportError;
-use super::files::Files;
-use super::roads::{ImportedRoad, RoadMap};
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::files::Files;
+use crate::opendrive::roads::{ImportedRoad, RoadMap};
+use crate::opendrive::tree::XmlNode;
 
 /// Distance of the points of a line.
 const STEP_M: f64 = 2.0;
@@ -41,13 +41,69 @@ pub fn driven_lanes(path: &Path, files: Files<'_>) -> Result<Vec<DrivenLanes>, I
     Ok(all)
 }
 
+/// Place in the middle of a driving lane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LanePlace {
+    /// Id of the road.
+    pub road: String,
+    /// Number of the lane.
+    pub lane: i32,
+    /// Station along the reference line of the road.
+    pub s_m: f64,
+    /// Position.
+    pub x_m: f64,
+    /// Position.
+    pub y_m: f64,
+}
+
+/// Places on the driving lanes of all roads of a file, at even stations.
+///
+/// Lanes may change their width, their offset and their number along a road.
+///
+/// # Errors
+///
+/// Returns an error with file and element for content that is not supported.
+pub fn lane_places(
+    path: &Path,
+    files: Files<'_>,
+    step_m: f64,
+) -> Result<Vec<LanePlace>, ImportError> {
+    let root = XmlNode::read(path, files)?;
+    let roads = RoadMap::of(&root)?;
+    let mut places = Vec::new();
+    for node in root.all("road") {
+        let id = node.need("id")?;
+        let road = roads.road(node, id)?;
+        let steps = libm::floor(road.length_m / step_m) as usize;
+        for s_m in (0..=steps).map(|step| step as f64 * step_m) {
+            let Some((section, lanes)) = road.lanes.section(s_m) else {
+                continue;
+            };
+            for lane in lanes.lanes.iter().filter(|lane| lane.drives) {
+                let Some((t_m, _)) = road.lanes.middle((section, s_m), lane.id) else {
+                    continue;
+                };
+                let at = road.at(s_m, t_m);
+                places.push(LanePlace {
+                    road: id.to_owned(),
+                    lane: lane.id,
+                    s_m,
+                    x_m: at.x_m,
+                    y_m: at.y_m,
+                });
+            }
+        }
+    }
+    Ok(places)
+}
+
 fn lanes_of(
     node: &XmlNode,
     id: &str,
     road: &ImportedRoad,
     side: i32,
 ) -> Result<Option<DrivenLanes>, ImportError> {
-    let lanes = road.driven_beside(side).into_iter();
+    let lanes = road.driven_beside(side, 0.0).into_iter();
     let middles = lanes.map(|(lane, _)| road.middle_m(node, lane));
     let middles: Vec<f64> = middles.collect::<Result<_, _>>()?;
     let Some(&right_m) = middles.first() else {

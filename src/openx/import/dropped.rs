@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::scope::number;
-use super::tree::XmlNode;
+use crate::opendrive::scope::number;
+use crate::opendrive::tree::XmlNode;
 
 /// Elements of one kind that have no effect on the worlds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,11 +25,11 @@ pub struct DroppedElements {
 /// Elements below a dropped element belong to it and are not counted.
 const KINDS: [(&str, &str); 28] = [
     ("AppearanceAction", "appearance"),
-    ("AssignRouteAction", "routes"),
     ("ActivateControllerAction", "controllers"),
     ("ControllerAction", "controllers"),
     ("ObjectController", "controllers"),
     ("MonitorDeclaration", "monitors"),
+    ("ParameterAction", "parameters"),
     ("TimeOfDay", "time of day"),
     ("TrafficSignalController", "traffic signals"),
     ("Trailer", "trailers"),

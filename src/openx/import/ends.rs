@@ -4,7 +4,7 @@ use core::f64::consts::{FRAC_PI_3, PI};
 
 use super::entity::{ImportedEntity, ImportedLaw, ImportedStep};
 use super::places::Placed;
-use super::roads::RoadMap;
+use crate::opendrive::roads::RoadMap;
 
 /// Lateral distance in metres within which the end of a road is the end of a path.
 const BESIDE_M: f64 = 20.0;
@@ -18,10 +18,13 @@ pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f
         if on_foot {
             return f64::INFINITY;
         }
+        if on.is_lane {
+            return on.ends_m - on.along_m;
+        }
         // A path continues straight after its end, up to the last end of a
         // road.
         let end = on.way.at(on.ends_m);
-        let ends = roads.all().flat_map(|line| {
+        let ends = roads.all().flat_map(|(_, line)| {
             let places = [line.at(0.0, 0.0), line.at(line.length_m, 0.0)];
             places.map(|place| end.sees(&place))
         });
@@ -136,35 +139,36 @@ impl Journey {
         }
         let (mut ramp_s, mut aside_s, mut ends_mps) = (0.0, 0.0, self.speed_mps);
         for law in &step.laws {
+            let lasts_s = law.lasts_s(Some(self.speed_mps), (self.t_m, self.changed_m));
             match law {
-                ImportedLaw::Speed { rate_mps2, .. } => {
+                ImportedLaw::Speed {
+                    rate_mps2, shape, ..
+                } => {
                     ends_mps = to_mps(law, ego_mps).unwrap_or(ends_mps);
                     match rate_mps2 {
-                        Some(rate_mps2) => ramp_s = (ends_mps - self.speed_mps).abs() / rate_mps2,
+                        Some(rate_mps2) => {
+                            let change_mps = (ends_mps - self.speed_mps).abs();
+                            ramp_s = shape.peak() * change_mps / rate_mps2;
+                        }
                         None => self.speed_mps = ends_mps,
                     }
                 }
-                ImportedLaw::LaneChange { by_m, rate_mps } => {
-                    // A cosine of amplitude by/2 has its greatest slope
-                    // π·by/(2·T), which is the rate.
-                    aside_s = PI * by_m.abs() / (2.0 * rate_mps);
+                ImportedLaw::LaneChange { by_m, .. } => {
+                    aside_s = lasts_s.unwrap_or(0.0);
                     self.t_m += by_m;
                     self.changed_m += by_m;
                 }
-                ImportedLaw::Beside {
-                    t_m,
-                    most_lateral_mps2,
-                } => {
-                    let by_m = t_m + self.changed_m - self.t_m;
-                    // The greatest acceleration of the same cosine is
-                    // π²·by/(2·T²).
-                    aside_s = PI * (by_m.abs() / (2.0 * most_lateral_mps2)).sqrt();
-                    self.t_m += by_m;
+                ImportedLaw::Beside { t_m, .. } => {
+                    aside_s = lasts_s.unwrap_or(0.0);
+                    self.t_m = t_m + self.changed_m;
                 }
                 // Pedestrians stop at the end of their path and never leave a
                 // road.
                 ImportedLaw::Walk { .. } => return Some(f64::INFINITY),
             }
+        }
+        if step.overlaps {
+            aside_s = 0.0;
         }
         // Laws of one step run at the same time, so the longer one determines
         // its duration.

@@ -1,8 +1,11 @@
 //! Entities of a scenario and their steps.
 
+use core::f64::consts::PI;
+
 use super::bodies::ImportedBody;
-use super::error::At;
 use super::places::Placed;
+use crate::opendrive::error::At;
+use crate::scene::drive::ChangeShape;
 
 /// Entity of a scenario.
 #[derive(Clone, Debug)]
@@ -14,32 +17,78 @@ pub(super) struct ImportedEntity {
     pub speed_mps: f64,
     pub steps: Vec<ImportedStep>,
     pub approach: Option<Approached>,
+    /// Roads that its route visits, if the route turns off.
+    pub route: Vec<String>,
     /// Initial bumper-to-bumper gap to the ego in metres, which replaces the place.
     pub gap_m: Option<f64>,
     /// Place of the entity's Init in the file.
     pub at: At,
 }
 
+impl ImportedEntity {
+    pub(super) fn moves(&self) -> bool {
+        self.speed_mps != 0.0 || !self.steps.is_empty() || self.approach.is_some()
+    }
+
+    pub(super) fn changes_lane(&self) -> bool {
+        let mut laws = self.steps.iter().flat_map(|step| &step.laws);
+        laws.any(|law| {
+            matches!(
+                law,
+                ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }
+            )
+        })
+    }
+
+    /// 1 if the left of its way is the left of its road, and −1 otherwise.
+    pub(super) fn side(&self, against: bool) -> f64 {
+        let on_lanes = self.placed.way.as_ref().is_some_and(|on| on.is_lane);
+        let lane = self.placed.lane.as_ref().map_or(-1, |at| at.lane);
+        let is_left = on_lanes && (0 < lane) != against;
+        if is_left { -1.0 } else { 1.0 }
+    }
+}
+
 /// Step of an entity's script.
 #[derive(Clone, Debug)]
 pub(super) struct ImportedStep {
-    pub when: Option<ClearanceCondition>,
+    pub when: Option<WatchedCondition>,
     pub after_s: f64,
     pub laws: Vec<ImportedLaw>,
+    /// True if the next step may begin while a law across the path goes on.
+    pub overlaps: bool,
 }
 
-/// Condition of a step: a clearance along the road, as a length or a time.
-///
-/// As a time, it is the clearance divided by the triggering entity's speed.
+/// Quantity that a condition compares with a value.
 #[derive(Clone, Debug)]
-pub(super) struct ClearanceCondition {
+pub(super) enum Measure {
+    /// Clearance along the road to an entity, as a length or a time.
+    ///
+    /// As a time, it is the clearance divided by the triggering entity's speed.
+    Clearance { target: String, is_time: bool },
+    /// Distance along the road between the reference points of two entities.
+    Along { target: String, is_time: bool },
+    /// Distance between the boxes of two entities.
+    Gap { target: String },
+    /// Distance between the reference points of two entities.
+    Apart { target: String },
+    /// Own speed.
+    Speed,
+    /// Own distance since the start.
+    Travelled,
+    /// Distance of the own reference point to a place, in the plane or along the road.
+    Place { at: Box<Placed>, is_along: bool },
+}
+
+/// Condition of a step: a quantity of some entities, and a value.
+#[derive(Clone, Debug)]
+pub(super) struct WatchedCondition {
     /// Entities of which one, or all, must meet the condition.
     pub who: Vec<String>,
     pub needs_all: bool,
-    pub target: String,
+    pub measure: Measure,
     pub is_below: bool,
     pub value: f64,
-    pub is_time: bool,
     /// True if the condition must be false at the start.
     pub rises: bool,
     /// Place of the condition in the file.
@@ -53,10 +102,12 @@ pub(super) enum ImportedLaw {
         to_mps: f64,
         relative_to: Option<String>,
         rate_mps2: Option<f64>,
+        shape: ChangeShape,
     },
     LaneChange {
         by_m: f64,
         rate_mps: f64,
+        shape: ChangeShape,
     },
     /// Change to an offset from the reference line, less the earlier lane changes.
     Beside {
@@ -67,6 +118,44 @@ pub(super) enum ImportedLaw {
         speed_mps: f64,
         way_m: f64,
     },
+}
+
+impl ImportedLaw {
+    /// Duration in seconds, or `None` if it depends on the run.
+    ///
+    /// It begins at a speed, a lateral offset and a sum of lane changes so far.
+    pub(super) fn lasts_s(
+        &self,
+        from_mps: Option<f64>,
+        (t_m, changed_m): (f64, f64),
+    ) -> Option<f64> {
+        match self {
+            ImportedLaw::Speed {
+                rate_mps2: None, ..
+            } => Some(0.0),
+            ImportedLaw::Speed {
+                to_mps,
+                relative_to: None,
+                rate_mps2: Some(rate_mps2),
+                shape,
+            } => Some(shape.peak() * (to_mps - from_mps?).abs() / rate_mps2),
+            ImportedLaw::Speed { .. } => None,
+            ImportedLaw::LaneChange {
+                by_m,
+                rate_mps,
+                shape,
+            } => Some(shape.peak() * by_m.abs() / rate_mps),
+            ImportedLaw::Beside {
+                t_m: to_m,
+                most_lateral_mps2,
+            } => {
+                // The greatest acceleration of a cosine is π²·by/(2·T²).
+                let by_m = to_m + changed_m - t_m;
+                Some(PI * (by_m.abs() / (2.0 * most_lateral_mps2)).sqrt())
+            }
+            ImportedLaw::Walk { speed_mps, way_m } => Some(way_m / speed_mps),
+        }
+    }
 }
 
 /// Meeting: the entity reaches a place when the ego reaches another.

@@ -1,24 +1,25 @@
 //! Laws of motion from the actions of a storyboard.
 
 use super::entity::{Approached, ImportedLaw, Steady};
-use super::error::ImportError;
 use super::places::PositionContext;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
-use super::ways::OnWay;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::OnWay;
+use crate::scene::drive::ChangeShape;
 
 /// Bumper-to-bumper gap in metres at which an entity is placed ahead of the ego.
 pub(super) fn gap_of(
     action: &XmlNode,
     scope: &ParameterScope,
-    speed_mps: f64,
+    (speed_mps, ego): (f64, &str),
 ) -> Result<f64, ImportError> {
     // Attributes that are left out have the values that are read.
     let is = |name: &str, value: &str| action.raw(name).is_none_or(|it| it == value);
     let fits = is("continuous", "false")
         && is("freespace", "true")
         && is("displacement", "leadingReferencedEntity")
-        && is("entityRef", "Ego");
+        && scope.text(action, "entityRef")? == ego;
     if !fits {
         let what = "only a clear gap before the ego is read, taken once";
         return Err(action.error(what));
@@ -35,7 +36,26 @@ pub(super) fn gap_of(
 /// `most_mps2` is the greatest acceleration and deceleration of its body.
 pub(super) struct Speeds {
     pub now_mps: Option<f64>,
+    pub most_mps: f64,
     pub most_mps2: (f64, f64),
+}
+
+/// Course of a change in the files, without a duration of its own for a step.
+pub(super) fn shape_of(dynamics: &XmlNode) -> Result<Option<ChangeShape>, ImportError> {
+    Ok(Some(
+        match dynamics.raw("dynamicsShape").unwrap_or_default() {
+            "linear" => ChangeShape::Linear,
+            "sinusoidal" => ChangeShape::Cosine,
+            "cubic" => ChangeShape::Cubic,
+            "step" => return Ok(None),
+            _ => {
+                return Err(dynamics.refused(
+                    "a change of this shape is not read",
+                    "write the shape linear, sinusoidal, cubic or step",
+                ));
+            }
+        },
+    ))
 }
 
 /// Reads a speed action.
@@ -45,48 +65,57 @@ pub(super) fn speed(
     it: &XmlNode,
     scope: &ParameterScope,
     speeds: &mut Speeds,
+    of: impl Fn(&str) -> Option<f64>,
 ) -> Result<ImportedLaw, ImportError> {
     let target = it.inner("SpeedActionTarget")?.only()?;
-    let to_mps = scope.number(target, "value")?;
-    let relative_to = match target.name.as_str() {
-        "AbsoluteTargetSpeed" if to_mps < 0.0 => {
-            let what = format!("a speed of {to_mps} m/s");
-            return Err(target.refused(what, "reversing is not read: a speed is at least 0"));
-        }
-        "AbsoluteTargetSpeed" => None,
-        "RelativeTargetSpeed" => {
-            is_delta(target)?;
-            Some(scope.text(target, "entityRef")?)
-        }
+    let (to_mps, relative_to) = match target.name.as_str() {
+        "AbsoluteTargetSpeed" => (scope.number(target, "value")?, None),
+        "RelativeTargetSpeed" => relative_speed(target, scope, of)?,
         _ => return Err(unknown_target(target)),
     };
+    if relative_to.is_none() && to_mps < 0.0 {
+        let what = format!("a speed of {to_mps} m/s");
+        return Err(target.refused(what, "reversing is not read: a speed is at least 0"));
+    }
     let dynamics = it.inner("SpeedActionDynamics")?;
     keeps_place(dynamics)?;
     let value = scope.number_or_zero(dynamics, "value")?;
-    let shape = dynamics.raw("dynamicsShape").unwrap_or_default();
+    let shape = shape_of(dynamics)?;
+    // A target above the greatest speed of the body is never reached.
+    let to_mps = match relative_to {
+        None => to_mps.min(speeds.most_mps),
+        Some(_) => to_mps,
+    };
     // A speed relative to an entity depends on the run, and so does the
     // direction of the change.
     let known = speeds.now_mps.filter(|_| relative_to.is_none());
-    let rate_mps2 = match (shape, dynamics.raw("dynamicsDimension").unwrap_or_default()) {
-        ("step", _) => None,
-        ("linear", "rate") => Some(value.abs()),
+    let dimension = dynamics.raw("dynamicsDimension").unwrap_or_default();
+    let rate_mps2 = match (shape, dimension) {
+        (None, _) => None,
+        (Some(_), "rate") => Some(value.abs()),
         // A change in no time is a step.
-        ("linear", "time") if value <= 0.0 => None,
-        ("linear", "time") => {
+        (Some(_), "time" | "distance") if value <= 0.0 => None,
+        (Some(shape), "time" | "distance") => {
             let now_mps = known.ok_or_else(|| {
                 let help = "state the change by a rate";
                 let what = "a change by time is not read where a speed depends on the run";
                 dynamics.refused(what, help)
             })?;
-            Some((to_mps - now_mps).abs() / value)
+            // Every shape has the mean speed of its ends.
+            let lasts_s = match dimension {
+                "time" => value,
+                _ => 2.0 * value / (now_mps + to_mps),
+            };
+            Some(shape.peak() * (to_mps - now_mps).abs() / lasts_s)
         }
         _ => {
             return Err(dynamics.refused(
                 "a speed that changes in this way is not read",
-                "write a step, or a linear change by rate or time",
+                "write a step, or a change by rate, time or distance",
             ));
         }
     };
+    let shape = shape.unwrap_or(ChangeShape::Linear);
     let most_mps2 = match known {
         None => speeds.most_mps2.0.min(speeds.most_mps2.1),
         Some(now_mps) if now_mps <= to_mps => speeds.most_mps2.0,
@@ -110,6 +139,7 @@ pub(super) fn speed(
             to_mps: now_mps,
             relative_to: None,
             rate_mps2: None,
+            shape,
         });
     }
     // After a relative speed, the speed is unknown until the run.
@@ -118,6 +148,7 @@ pub(super) fn speed(
         to_mps,
         relative_to,
         rate_mps2,
+        shape,
     })
 }
 
@@ -138,31 +169,83 @@ pub(super) fn unknown_target(target: &XmlNode) -> ImportError {
     target.refused("a target speed of this kind is not read", help)
 }
 
-/// Refuses a relative speed other than a sum that is taken once.
-pub(super) fn is_delta(target: &XmlNode) -> Result<(), ImportError> {
+/// Speed relative to another entity's, as a sum, a factor or for ever.
+///
+/// `of` is the constant speed of the other entity, if it is known. Returns the
+/// target, and the entity to whose speed a world adds it.
+pub(super) fn relative_speed(
+    target: &XmlNode,
+    scope: &ParameterScope,
+    of: impl Fn(&str) -> Option<f64>,
+) -> Result<(f64, Option<String>), ImportError> {
+    let value = scope.number(target, "value")?;
+    let name = scope.text(target, "entityRef")?;
     let is = |name: &str, value: &str| target.raw(name).is_none_or(|it| it == value);
     if is("continuous", "false") && is("speedTargetValueType", "delta") {
-        Ok(())
-    } else {
+        return Ok((value, Some(name)));
+    }
+    // Beside a speed that never changes, a factor is a speed, and to keep a speed
+    // is to reach it.
+    let of_mps = of(&name).ok_or_else(|| {
         let help = "use continuous=\"false\" and speedTargetValueType=\"delta\"";
-        Err(target.refused("a target speed of this kind is not read", help))
+        let what = format!("a target speed that depends on how `{name}` drives");
+        target.refused(what, help)
+    })?;
+    match target.raw("speedTargetValueType") {
+        Some("factor") => Ok((value * of_mps, None)),
+        _ => Ok((value + of_mps, None)),
     }
 }
 
-/// Rate of a sinusoidal change in the given dimension.
-pub(super) fn dynamics(
+/// Reads the change of a lane by a distance, whose greatest lateral speed is computed.
+///
+/// `speed_mps` is the constant speed of the entity, if it is known.
+pub(super) fn lane_change(
     it: &XmlNode,
     scope: &ParameterScope,
-    dimension: &str,
-) -> Result<f64, ImportError> {
+    (by_m, speed_mps): (f64, Option<f64>),
+) -> Result<ImportedLaw, ImportError> {
     keeps_place(it)?;
-    let fits = it.raw("dynamicsShape") == Some("sinusoidal")
-        && it.raw("dynamicsDimension") == Some(dimension);
-    if fits {
-        scope.number(it, "value")
-    } else {
-        Err(it.error(format!("only sinusoidal changes by {dimension} are read")))
-    }
+    let value = scope.number_or_zero(it, "value")?;
+    let shape = shape_of(it)?.filter(|_| 0.0 < value).ok_or_else(|| {
+        let help = "give it a shape and a rate, a time or a distance above 0";
+        it.refused("a lane that changes at once is not read", help)
+    })?;
+    let rate_mps = match it.raw("dynamicsDimension").unwrap_or_default() {
+        "rate" => value,
+        "time" => shape.peak() * by_m.abs() / value,
+        "distance" => {
+            let speed_mps = speed_mps.filter(|speed_mps| 0.0 < *speed_mps);
+            let speed_mps = speed_mps.ok_or_else(|| {
+                let help = "state the change by a time or a rate";
+                let what = "a change by distance is not read where the speed is not constant";
+                it.refused(what, help)
+            })?;
+            shape.peak() * by_m.abs() * speed_mps / slanted_m(shape, by_m, value)
+        }
+        _ => {
+            let help = "state it by a rate, a time or a distance";
+            return Err(it.refused("a lane change of this dimension is not read", help));
+        }
+    };
+    Ok(ImportedLaw::LaneChange {
+        by_m,
+        // A change by nothing ends at once at any rate.
+        rate_mps: if by_m == 0.0 { 1.0 } else { rate_mps },
+        shape,
+    })
+}
+
+/// Length in metres of the line that moves aside by `by_m` on `way_m` of road.
+fn slanted_m(shape: ChangeShape, by_m: f64, way_m: f64) -> f64 {
+    const PARTS: u32 = 100;
+    let step = 1.0 / f64::from(PARTS);
+    let lengths_m = (0..PARTS).map(|part| {
+        let share = f64::from(part) * step;
+        let aside_m = by_m * (shape.changed(share + step) - shape.changed(share));
+        libm::hypot(way_m * step, aside_m)
+    });
+    lengths_m.sum()
 }
 
 /// Reads a meeting with the ego.
@@ -171,10 +254,10 @@ pub(super) fn approached(
     scope: &ParameterScope,
     ground: PositionContext<'_>,
 ) -> Result<Approached, ImportError> {
-    if scope.text(it, "masterEntityRef")? != "Ego" {
+    if scope.text(it, "masterEntityRef")? != ground.ego.name {
         return Err(it.refused(
             "only meetings with the ego are read",
-            "write masterEntityRef=\"Ego\"",
+            "let the `masterEntityRef` be the ego, which --ego can name",
         ));
     }
     let end = it.inner("FinalSpeed")?.inner("AbsoluteSpeed")?;
@@ -203,7 +286,7 @@ pub(super) fn walked(
     scope: &ParameterScope,
     ground: PositionContext<'_>,
 ) -> Result<(OnWay, ImportedLaw), ImportError> {
-    let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
+    let (trajectory, own) = ground.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
     timed(it, scope, &trajectory)?;
     let on = ground.way(&trajectory, &own)?;
     let shape = trajectory.inner("Shape")?.only()?;

@@ -12,40 +12,34 @@
 mod acts;
 mod bodies;
 mod catalog;
+mod conditions;
 mod draft;
 mod driven_lanes;
 mod dropped;
+mod ego_events;
 mod ends;
 mod entity;
-mod error;
-mod expression;
-mod files;
+mod frame;
 mod laws;
 mod motion;
 mod places;
 mod plans;
 mod points;
-mod pose_geometry;
-mod roads;
 mod scenario;
-mod scope;
 mod seen;
-mod surface;
-mod tree;
 mod triggers;
-mod ways;
 mod world;
 
+pub use crate::opendrive::{Files, ImportError};
 pub use draft::ImportedWorld;
-pub use driven_lanes::{DrivenLanes, driven_lanes};
+pub use driven_lanes::{DrivenLanes, LanePlace, driven_lanes, lane_places};
 pub use dropped::DroppedElements;
-pub use error::ImportError;
-pub use files::Files;
+pub use ego_events::EgoEvent;
 pub use points::ImportedPoint;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use error::At;
+use crate::opendrive::error::At;
 use scenario::Protocol;
 
 /// Request to import a scenario file.
@@ -66,6 +60,14 @@ pub struct Import<'a> {
     pub name: &'a str,
     /// Entity that becomes an ado and may deviate from its plan.
     pub ado: Option<&'a str>,
+    /// Entity that is the ego. Default: `Ego`.
+    pub ego: Option<&'a str>,
+    /// True to leave the motion that the file gives the ego to the user's controller.
+    ///
+    /// Without it, such a motion is refused.
+    pub leaves_ego: bool,
+    /// Road files of maps that the scenario gives by name only.
+    pub maps: &'a [(String, PathBuf)],
 }
 
 /// Returns the points of a variation file, in the order of execution.
@@ -86,6 +88,8 @@ pub struct Imported {
     pub broken: usize,
     /// Elements of the files without an effect on the worlds, by kind.
     pub dropped: Vec<DroppedElements>,
+    /// Events of the file that move the ego, which the user's controller must drive.
+    pub ego_events: Vec<EgoEvent>,
 }
 
 impl Import<'_> {
@@ -95,7 +99,7 @@ impl Import<'_> {
     ///
     /// Returns an error with file, element and point for unsupported content.
     pub fn read(&self, files: Files<'_>) -> Result<Imported, ImportError> {
-        let protocol = Protocol::open(self.scenario, files)?;
+        let protocol = Protocol::open(self, files)?;
         let points = match self.points {
             Some(path) => points::read(path, files)?,
             None => vec![ImportedPoint::default()],
@@ -156,6 +160,7 @@ impl Import<'_> {
             worlds,
             broken,
             dropped,
+            ego_events: protocol.ego_events(),
         })
     }
 

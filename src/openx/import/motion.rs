@@ -1,19 +1,20 @@
 //! Init of a storyboard: initial places, initial speeds and the end of the run.
 
 use super::dropped::lone_time;
-use super::entity::ImportedEntity;
-use super::error::ImportError;
-use super::laws::{gap_of, is_delta, unknown_target};
+use super::entity::{ImportedEntity, ImportedLaw};
+use super::laws::{Speeds, gap_of, relative_speed, speed, unknown_target};
 use super::places::{Placed, PositionContext};
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 
 /// Actions without an effect on motion, such as lights, weather and logs.
-const STILL: [&str; 6] = [
+const STILL: [&str; 7] = [
     "ControllerAction",
     "ActivateControllerAction",
     "AppearanceAction",
     "EnvironmentAction",
+    "ParameterAction",
     "VariableAction",
     "VisibilityAction",
 ];
@@ -54,9 +55,9 @@ pub(super) fn begins(
     private: &XmlNode,
     scope: &ParameterScope,
     ground: PositionContext<'_>,
-) -> Result<Placed, ImportError> {
+) -> Result<(Placed, Vec<String>), ImportError> {
     let mut at = None;
-    let is_ego = private.raw("entityRef") == Some("Ego");
+    let is_ego = private.raw("entityRef") == Some(ground.ego.name.as_str());
     // Routes are checked last, since the place may follow in the file.
     let mut routes = Vec::new();
     for action in private.all("PrivateAction") {
@@ -88,10 +89,11 @@ pub(super) fn begins(
             "place it in Init by a `TeleportAction`",
         )
     })?;
+    let mut turns = Vec::new();
     for route in routes {
-        ground.leads_on(route, scope, &at)?;
+        turns = ground.turns_of(route, scope, &at)?;
     }
-    Ok(at)
+    Ok((at, turns))
 }
 
 fn on_trajectory(
@@ -99,7 +101,7 @@ fn on_trajectory(
     scope: &ParameterScope,
     ground: PositionContext<'_>,
 ) -> Result<Placed, ImportError> {
-    let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
+    let (trajectory, own) = ground.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
     let mut on = ground.way(&trajectory, &own)?;
     on.move_on(it, scope.number_or_zero(it, "initialDistanceOffset")?)?;
     if it
@@ -122,39 +124,50 @@ fn longitudinal<'a>(private: &'a XmlNode, name: &'a str) -> impl Iterator<Item =
     along.filter_map(move |it| it.child(name))
 }
 
-/// Initial speed of an entity, in m/s.
+/// Initial speed of an entity in m/s, and the change with which it begins.
 pub(super) fn first_speed_mps(
     private: &XmlNode,
     scope: &ParameterScope,
-    before: &[ImportedEntity],
-) -> Result<f64, ImportError> {
+    (before, most_mps2): (&[ImportedEntity], (f64, f64)),
+) -> Result<(f64, Option<ImportedLaw>), ImportError> {
     let mut speed_mps = 0.0;
+    let mut ramp = None;
     for action in longitudinal(private, "SpeedAction") {
         let dynamics = action.inner("SpeedActionDynamics")?;
         // A change in no time equals a step.
         let lasts = scope.number_or_zero(dynamics, "value")? != 0.0;
         if dynamics.raw("dynamicsShape") != Some("step") && lasts {
-            let what = "a speed that is only reached after the start is not read in Init";
-            let help = "state the first speed as a step in Init, and the change as an event";
-            return Err(dynamics.refused(what, help));
+            let mut speeds = Speeds {
+                now_mps: Some(speed_mps),
+                most_mps: f64::INFINITY,
+                most_mps2,
+            };
+            let law = speed(action, scope, &mut speeds, |_| None)?;
+            if ramp.replace(law).is_some() {
+                let what = "a second speed that is only reached after the start";
+                return Err(dynamics.refused(what, "keep one of them in Init"));
+            }
+            continue;
         }
         let target = action.inner("SpeedActionTarget")?.only()?;
-        let value_mps = scope.number(target, "value")?;
+        let of = |name: &str| before.iter().find(|it| it.name == name);
         speed_mps = match target.name.as_str() {
-            "AbsoluteTargetSpeed" => value_mps,
+            "AbsoluteTargetSpeed" => scope.number(target, "value")?,
             "RelativeTargetSpeed" => {
-                is_delta(target)?;
-                let name = scope.text(target, "entityRef")?;
-                let other = before.iter().find(|it| it.name == name);
-                let other =
-                    other.ok_or_else(|| target.error(format!("`{name}` is not placed before")))?;
-                other.speed_mps + value_mps
+                let of_mps = |name: &str| of(name).map(|it| it.speed_mps);
+                match relative_speed(target, scope, of_mps)? {
+                    (value_mps, None) => value_mps,
+                    (value_mps, Some(name)) => {
+                        let what = format!("`{name}` is not placed before");
+                        of_mps(&name).ok_or_else(|| target.error(what))? + value_mps
+                    }
+                }
             }
             _ => return Err(unknown_target(target)),
         };
     }
     if 0.0 <= speed_mps {
-        Ok(speed_mps)
+        Ok((speed_mps, ramp))
     } else {
         Err(private.error(format!(
             "it starts at {speed_mps} m/s: reversing is not read"
@@ -166,11 +179,11 @@ pub(super) fn first_speed_mps(
 pub(super) fn first_gap_m(
     private: &XmlNode,
     scope: &ParameterScope,
-    speed_mps: f64,
+    (speed_mps, ego): (f64, &str),
 ) -> Result<Option<f64>, ImportError> {
     let mut gap_m = None;
     for action in longitudinal(private, "LongitudinalDistanceAction") {
-        gap_m = Some(gap_of(action, scope, speed_mps)?);
+        gap_m = Some(gap_of(action, scope, (speed_mps, ego))?);
     }
     Ok(gap_m)
 }

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::catalog::Catalogs;
-use super::error::ImportError;
-use super::files::Files;
-use super::roads::RoadMap;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
-use super::ways::{Bend, ImportedPath, OnWay, Spiral};
+use super::ego_events::EgoRequest;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::files::Files;
+use crate::opendrive::roads::{OnLane, RoadMap};
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::{Bend, ImportedPath, OnWay, Spiral};
 use crate::sim::{Pose, wrapped};
 
 /// Greatest angle in radians between two directions that count as equal.
@@ -28,16 +29,6 @@ pub(super) struct Placed {
     pub way: Option<OnWay>,
 }
 
-/// Place by road and lane.
-#[derive(Clone, Debug)]
-pub(super) struct OnLane {
-    pub road: String,
-    /// Number of the lane, or 0 if the place is given by its t.
-    pub lane: i32,
-    pub s_m: f64,
-    pub t_m: f64,
-}
-
 /// Context to which positions may refer.
 #[derive(Clone, Copy)]
 pub(super) struct PositionContext<'a> {
@@ -46,6 +37,9 @@ pub(super) struct PositionContext<'a> {
     pub files: Files<'a>,
     /// Entities that have been placed, by name.
     pub placed: &'a BTreeMap<String, Placed>,
+    pub ego: &'a EgoRequest,
+    /// Parameters that an event changes.
+    pub changed: &'a [String],
 }
 
 impl PositionContext<'_> {
@@ -57,6 +51,7 @@ impl PositionContext<'_> {
     ) -> Result<Placed, ImportError> {
         let it = position.only()?;
         match it.name.as_str() {
+            "WorldPosition" => self.in_world(it, scope),
             "LanePosition" => {
                 let road = scope.text(it, "roadId")?;
                 let lane = scope.number(it, "laneId")? as i32;
@@ -131,10 +126,12 @@ impl PositionContext<'_> {
         reference: &XmlNode,
         scope: &ParameterScope,
     ) -> Result<(XmlNode, ParameterScope), ImportError> {
-        let it = reference.only()?;
-        match it.name.as_str() {
-            "CatalogReference" => self.catalogs.entry(it, scope, self.files),
-            _ => Ok((it.clone(), scope.clone())),
+        // Older files have no element around their trajectory.
+        let inner = reference.child("CatalogReference");
+        match inner.or(reference.child("Trajectory")) {
+            Some(it) if it.name == "CatalogReference" => self.catalogs.entry(it, scope, self.files),
+            Some(it) => Ok((it.clone(), scope.clone())),
+            None => Err(reference.error("there is no trajectory in it")),
         }
     }
 
@@ -158,6 +155,7 @@ impl PositionContext<'_> {
                     ends_m: way.begins.sees(last).x_m,
                     way,
                     along_m: 0.0,
+                    is_lane: false,
                 })
             }
             "ClothoidSpline" => self.spline(shape, scope),
@@ -217,6 +215,7 @@ impl PositionContext<'_> {
                 pieces,
             },
             along_m: 0.0,
+            is_lane: false,
         };
         // A path that starts on a straight road is extended back to the start
         // of the road. Points that start elsewhere on the road then share a
@@ -241,6 +240,31 @@ impl PositionContext<'_> {
         other.ok_or_else(|| it.error(format!("`{name}` is not placed before")))
     }
 
+    /// Returns a place in the plane, with the lane on which it is.
+    fn in_world(&self, it: &XmlNode, scope: &ParameterScope) -> Result<Placed, ImportError> {
+        let (x_m, y_m) = (scope.number(it, "x")?, scope.number(it, "y")?);
+        let heading_rad = it.raw("h").map(|_| scope.number(it, "h")).transpose()?;
+        let spot = Pose {
+            x_m,
+            y_m,
+            heading_rad: heading_rad.unwrap_or(0.0),
+        };
+        let found = self.roads.nearest_lane(&spot, heading_rad.is_some());
+        // Without a heading, an entity faces along its lane.
+        let spot = match (&found, heading_rad) {
+            (Some((_, along_rad)), None) => Pose {
+                heading_rad: *along_rad,
+                ..spot
+            },
+            _ => spot,
+        };
+        Ok(Placed {
+            spot,
+            lane: found.map(|(lane, _)| lane),
+            way: None,
+        })
+    }
+
     fn on_lane(
         &self,
         it: &XmlNode,
@@ -250,9 +274,14 @@ impl PositionContext<'_> {
         offset_m: f64,
     ) -> Result<Placed, ImportError> {
         let line = self.roads.road(it, &road)?;
-        let t_m = line.middle_m(it, lane)? + offset_m;
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
-        let on = line.at(s_m, t_m);
+        let (middle_m, slope) = line.middle_at(it, s_m, lane)?;
+        let t_m = middle_m + offset_m;
+        let mut on = line.at(s_m, t_m);
+        if slope != 0.0 {
+            let slant_rad = libm::atan2(slope, 1.0 - line.per_m(s_m) * t_m);
+            on.heading_rad = wrapped(on.heading_rad + slant_rad);
+        }
         // Lanes left of the reference line are driven against its direction.
         let driven = if 0 < lane {
             Pose {
@@ -330,6 +359,7 @@ impl PositionContext<'_> {
                 way: ImportedPath::straight(begins),
                 along_m,
                 ends_m,
+                is_lane: false,
             }),
         })
     }
@@ -351,13 +381,19 @@ impl PositionContext<'_> {
         Ok((route, stops))
     }
 
-    /// Refuses a route that leaves the straight line ahead of a place and its road.
-    pub(super) fn leads_on(
+    /// Returns the roads of a route that leaves the line ahead of a place and its road.
+    ///
+    /// Any other route changes nothing.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a route of places that are on no road.
+    pub(super) fn turns_of(
         &self,
         assigned: &XmlNode,
         scope: &ParameterScope,
         at: &Placed,
-    ) -> Result<(), ImportError> {
+    ) -> Result<Vec<String>, ImportError> {
         let (_, stops) = self.route(assigned.only()?, scope)?;
         let from = at.way.as_ref().map_or(at.spot, |on| on.way.begins);
         let road = |it: &Placed| it.lane.as_ref().map(|lane| lane.road.clone());
@@ -367,12 +403,16 @@ impl PositionContext<'_> {
             seen.y_m.abs() < ASIDE_M && is_along(seen.heading_rad, 0.0)
         };
         if same_road || stops.iter().all(is_ahead) {
-            Ok(())
-        } else {
-            let help = "give the way as a FollowTrajectoryAction in Init, of lines, arcs \
-                            and spirals";
-            Err(assigned.refused("a route that turns off is not read", help))
+            self.catalogs.note("routes", assigned);
+            return Ok(Vec::new());
         }
+        let roads = stops.iter().map(|stop| {
+            road(stop).ok_or_else(|| {
+                let help = "place its waypoints on lanes";
+                assigned.refused("a route that turns off to no road is not read", help)
+            })
+        });
+        roads.collect()
     }
 }
 

@@ -1,10 +1,12 @@
 //! Plans of entities in the form of a world file: meetings and scripts.
 
-use super::draft::{Draft, tidy};
-use super::entity::{ClearanceCondition, ImportedLaw, ImportedStep, Steady};
-use super::error::ImportError;
+use super::conditions::formula;
+use super::draft::Draft;
+use super::entity::{ImportedLaw, ImportedStep, Steady};
 use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, named};
+use crate::opendrive::error::ImportError;
+use crate::scene::drive::ChangeShape;
 
 /// Writes the plan of an entity, as its `drive` or as the base of an ado.
 ///
@@ -17,12 +19,15 @@ pub(super) fn plan(
     concrete: &Concrete,
     all: &[EntityInFrame],
     it: &EntityInFrame,
-    trigger: &mut Option<(String, f64)>,
+    triggers: &mut Vec<(String, f64)>,
 ) -> Result<(), ImportError> {
     let name = &it.name;
     if let Some(approach) = &it.entity.approach {
-        let ego = concrete.in_frame(&approach.ego)?;
-        let here = concrete.in_frame(&approach.here)?;
+        let ego = concrete.station(&approach.ego)?;
+        let here = match it.path {
+            EntityPath::Own(..) => concrete.in_frame(&approach.here)?,
+            _ => concrete.station(&approach.here)?,
+        };
         // Places are those of reference points, and worlds state fronts.
         let here_m = match it.path {
             EntityPath::Left | EntityPath::Right => here.y_m + it.front_left_m(),
@@ -30,6 +35,7 @@ pub(super) fn plan(
                 // On a bent path, the station is the distance along the pieces.
                 let along_m = match &approach.here.way {
                     Some(here) if here.way == on.way && !on.way.pieces.is_empty() => here.along_m,
+                    _ if on.is_lane => on.station_m(&it.entity.at, &approach.here.spot)?,
                     _ => begins.sees(&here).x_m,
                 };
                 along_m + it.front_along_m()
@@ -53,7 +59,7 @@ pub(super) fn plan(
     }
     draft.text("Script([");
     for (step, number) in it.entity.steps.iter().zip(1..) {
-        step_of(draft, concrete, all, it, (step, number), trigger)?;
+        step_of(draft, concrete, all, it, (step, number), triggers)?;
     }
     draft.text(if it.entity.steps.is_empty() {
         "])"
@@ -69,22 +75,20 @@ fn step_of(
     all: &[EntityInFrame],
     it: &EntityInFrame,
     (step, number): (&ImportedStep, usize),
-    trigger: &mut Option<(String, f64)>,
+    triggers: &mut Vec<(String, f64)>,
 ) -> Result<(), ImportError> {
     // Names of axes start with the entity and the number of the step, so they are
     // unique.
     let axis = |what: &str| format!("{}.step{number}.{what}", it.name);
     draft.text("\n                (");
     if let Some(watch) = &step.when {
-        let parameter = format!("{}_trigger", it.name);
-        // A world has one trigger parameter, which all its points share.
-        if trigger.is_some() {
-            let help = "let one event only wait for a distance";
-            let what = "several steps that wait for another agent are not read";
-            return Err(watch.at.error(what).helped(help));
-        }
-        *trigger = Some((parameter.clone(), watch.value));
-        let formula = formula(all, watch, &parameter, number == 1)?;
+        // All points of a world share the names of its parameters.
+        let parameter = match triggers.len() {
+            0 => format!("{}_trigger", it.name),
+            before => format!("{}_trigger_{}", it.name, before + 1),
+        };
+        triggers.push((parameter.clone(), watch.value));
+        let formula = formula(concrete, all, watch, (&parameter, number == 1))?;
         draft.text(&format!("when: \"{formula}\", "));
     }
     if step.after_s != 0.0 {
@@ -99,7 +103,11 @@ fn step_of(
         }
         law_of(draft, concrete, it, law, &axis);
     }
-    draft.text("]),");
+    draft.text(if step.overlaps {
+        "], overlaps: true),"
+    } else {
+        "]),"
+    });
     Ok(())
 }
 
@@ -118,11 +126,13 @@ fn law_of(
         }
         draft.text(")");
     };
+    let side = it.entity.side(matches!(it.path, EntityPath::Against));
     match law {
         ImportedLaw::Speed {
             to_mps,
             relative_to,
             rate_mps2,
+            shape,
         } => {
             draft.text("Speed(to_mps: ");
             draft.hole(&axis("speed.to"), *to_mps);
@@ -132,15 +142,25 @@ fn law_of(
             if let Some(rate_mps2) = rate_mps2 {
                 draft.text(", rate_mps2: ");
                 draft.hole(&axis("speed.rate"), *rate_mps2);
+                if *shape != ChangeShape::Linear {
+                    draft.text(&format!(", shape: {shape:?}"));
+                }
             }
             draft.text(")");
         }
-        ImportedLaw::LaneChange { by_m, rate_mps } => {
-            let by = ("by_m", "lane_change.by", *by_m);
-            call(
-                "LaneChange",
-                [by, ("rate_mps", "lane_change.rate", *rate_mps)],
-            );
+        ImportedLaw::LaneChange {
+            by_m,
+            rate_mps,
+            shape,
+        } => {
+            draft.text("LaneChange(by_m: ");
+            draft.hole(&axis("lane_change.by"), by_m * side);
+            draft.text(", rate_mps: ");
+            draft.hole(&axis("lane_change.rate"), *rate_mps);
+            if *shape != ChangeShape::Cosine {
+                draft.text(&format!(", shape: {shape:?}"));
+            }
+            draft.text(")");
         }
         ImportedLaw::Beside {
             t_m,
@@ -149,7 +169,13 @@ fn law_of(
             let width_m = concrete.lane_width_m;
             // World files state offsets from the middle of the initial lane.
             let middle_m = concrete.lane_at(it.spot.y_m) * width_m;
-            let to_m = t_m - concrete.zero_m() - middle_m;
+            let way = it.entity.placed.way.as_ref().filter(|on| on.is_lane);
+            let to_m = match (way, &it.path) {
+                (None, _) => t_m - concrete.zero_m() - middle_m,
+                // A way of its own leads through the place of the entity.
+                (Some(_), EntityPath::Own(..)) => side * (t_m - it.start_t_m()),
+                (Some(_), _) => it.spot.y_m + side * (t_m - it.start_t_m()) - middle_m,
+            };
             let most = (
                 "most_lateral_mps2",
                 "lane_offset.most_lateral",
@@ -161,97 +187,5 @@ fn law_of(
             let speed = ("speed_mps", "walk.speed", *speed_mps);
             call("Walk", [speed, ("way_m", "walk.way", *way_m)]);
         }
-    }
-}
-
-/// Formula of a clearance below or above a parameter.
-///
-/// It concerns one of several entities, or all of them.
-fn formula(
-    all: &[EntityInFrame],
-    watch: &ClearanceCondition,
-    parameter: &str,
-    is_first: bool,
-) -> Result<String, ImportError> {
-    let find = |name: &str| {
-        let found = all.iter().find(|it| it.entity.name == name);
-        let what = format!("no agent is called `{name}`");
-        found.ok_or_else(|| watch.at.error(what))
-    };
-    let target = find(&watch.target)?;
-    let who = watch.who.iter().map(|name| find(name));
-    let who = who.collect::<Result<Vec<&EntityInFrame>, ImportError>>()?;
-    let mut holding = who.iter().map(|it| holds_at_start(watch, it, target));
-    let holds = if watch.needs_all {
-        holding.all(|holds| holds)
-    } else {
-        holding.any(|holds| holds)
-    };
-    // An edge from false to true requires a false start.
-    if watch.rises && holds {
-        let what = "its rising edge is not seen: it holds from the start on";
-        let help = "write conditionEdge=\"none\", or place them so that it does not hold";
-        return Err(watch.at.error(what).helped(help));
-    }
-    let parts = who
-        .iter()
-        .map(|it| waits(watch, it, target, parameter, is_first));
-    let parts: Vec<String> = parts.collect();
-    Ok(match (&parts[..], watch.needs_all) {
-        ([one], _) => one.clone(),
-        (_, true) => format!("({})", parts.join(") and (")),
-        (_, false) => format!("({})", parts.join(") or (")),
-    })
-}
-
-/// Returns true if the condition of a step holds at the start of the run.
-fn holds_at_start(watch: &ClearanceCondition, who: &EntityInFrame, target: &EntityInFrame) -> bool {
-    let front_m = |it: &EntityInFrame| it.spot.x_m + it.front_along_m();
-    let ahead_m = front_m(target) - front_m(who);
-    // The pair is clear by the gap on either side. The gap is negative while
-    // they overlap.
-    let clear_m = (ahead_m - target.rear_m()).max(-ahead_m - who.rear_m());
-    let bound_m = if watch.is_time {
-        watch.value * who.entity.speed_mps
-    } else {
-        watch.value
-    };
-    if watch.is_below {
-        clear_m.max(0.0) < bound_m
-    } else {
-        clear_m.max(0.0) > bound_m
-    }
-}
-
-fn waits(
-    watch: &ClearanceCondition,
-    who: &EntityInFrame,
-    target: &EntityInFrame,
-    parameter: &str,
-    is_first: bool,
-) -> String {
-    let headway = format!("{}.{}.headway", who.name, target.name);
-    let ahead = format!("{headway} - {}", tidy(target.rear_m()));
-    let behind = format!("-{headway} - {}", tidy(who.rear_m()));
-    // Entities approach before they pass, and are far apart again after
-    // passing. A first step below a bound therefore only watches the side of
-    // the approach.
-    let clearance = match (watch.is_below && is_first, who.spot.x_m <= target.spot.x_m) {
-        (true, true) => ahead,
-        (true, false) => behind,
-        (false, _) => format!("max({ahead}, {behind})"),
-    };
-    let bound = if watch.is_time {
-        format!("{parameter} * {}.speed", who.name)
-    } else {
-        parameter.to_owned()
-    };
-    // The comparison is strict: a touching entity has a clearance of 0 m, not
-    // less.
-    if watch.is_below {
-        // A formula has no strict comparison, so 1 µm separates the two.
-        format!("max({clearance}, 0) + 0.000001 <= {bound}")
-    } else {
-        format!("{clearance} >= {bound} + 0.000001")
     }
 }

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::error::ImportError;
-use super::files::Files;
-use super::scope::number;
-use super::tree::XmlNode;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::files::Files;
+use crate::opendrive::scope::number;
+use crate::opendrive::tree::XmlNode;
 
 /// Greatest number of points.
 const MAX_POINTS: usize = 1_000_000;

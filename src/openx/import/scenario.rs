@@ -5,26 +5,27 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use super::Import;
 use super::acts::acts;
 use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
 use super::dropped::DropLog;
-use super::entity::ImportedEntity;
-use super::error::{At, ImportError};
-use super::files::Files;
+use super::ego_events::{EgoEvent, EgoRequest};
+use super::entity::{ImportedEntity, ImportedStep};
+use super::frame::{FrameOfEgo, RoadFrame};
 use super::motion;
-use super::places::{OnLane, Placed, PositionContext};
+use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
-use super::roads::RoadMap;
-use super::scope::ParameterScope;
-use super::tree::XmlNode;
-use super::ways::{Bend, ImportedPath, OnWay};
+use crate::opendrive::error::{At, ImportError};
+use crate::opendrive::files::Files;
+use crate::opendrive::roads::{OnLane, RoadMap};
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::Bend;
 use crate::sim::Pose;
 
 /// Valid range of friction coefficients.
 const FRICTIONS: core::ops::RangeInclusive<f64> = 0.01..=2.0;
-/// Least length in metres of the ego's lane ahead of the ego.
-const LEAST_AHEAD_M: f64 = 100.0;
 
 /// Scenario file with its catalogs and roads.
 pub(super) struct Protocol {
@@ -36,17 +37,9 @@ pub(super) struct Protocol {
     pub about: String,
     /// Elements of all files that have no effect.
     pub dropped: Rc<DropLog>,
-}
-
-/// Frame of the ego's road, to which all places refer.
-#[derive(Clone, Debug)]
-pub(super) enum RoadFrame {
-    /// Straight line from a place.
-    Straight(Pose),
-    /// Parallel to a reference line, `t_m` to its left.
-    Beside { road: String, t_m: f64 },
-    /// Bent path.
-    Along(ImportedPath),
+    ego: EgoRequest,
+    /// Road files by the name of a map.
+    maps: Vec<(String, PathBuf)>,
 }
 
 /// Scenario at a point.
@@ -68,7 +61,8 @@ pub(super) struct Concrete {
 }
 
 impl Protocol {
-    pub(super) fn open(path: &Path, files: Files<'_>) -> Result<Protocol, ImportError> {
+    pub(super) fn open(import: &Import<'_>, files: Files<'_>) -> Result<Protocol, ImportError> {
+        let path = import.scenario;
         let root = XmlNode::read(path, files)?;
         if root.child("Storyboard").is_none() {
             let error = root.error("there is no `Storyboard` in it: it is no scenario");
@@ -87,8 +81,15 @@ impl Protocol {
             path: path.to_owned(),
             roads: RefCell::default(),
             about: about.to_owned(),
+            ego: EgoRequest::new(import.ego.unwrap_or("Ego"), import.leaves_ego),
+            maps: import.maps.to_vec(),
             root,
         })
+    }
+
+    /// Returns the events that are left to the user's ego.
+    pub(super) fn ego_events(&self) -> Vec<EgoEvent> {
+        self.ego.events()
     }
 
     /// Line of the file's StopTrigger.
@@ -155,6 +156,7 @@ impl Protocol {
             .inner("Storyboard")?
             .inner("Init")?
             .inner("Actions")?;
+        let changed = changed_parameters(&self.root);
         let objects = self.root.inner("Entities")?;
         let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
         let privates: Vec<&XmlNode> = init.all("Private").collect();
@@ -164,9 +166,7 @@ impl Protocol {
                 return Err(object.error("it is not placed"));
             }
         }
-        // In the order of the Init, since a place may be relative to earlier
-        // entities.
-        for begun in &privates {
+        for begun in ordered(&privates) {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
             let object = object.ok_or_else(|| begun.error("no agent has this name"))?;
@@ -183,21 +183,39 @@ impl Protocol {
                 catalogs: &self.catalogs,
                 files,
                 placed: &placed,
+                ego: &self.ego,
+                changed: &changed,
             };
             // `ground` borrows the places so far, so an entity cannot refer to
             // a later entity.
-            let at = motion::begins(begun, scope, ground)?;
-            let speed_mps = motion::first_speed_mps(begun, scope, &entities)?;
-            let gap_m = motion::first_gap_m(begun, scope, speed_mps)?;
+            let (at, route) = motion::begins(begun, scope, ground)?;
+            let before = (&entities[..], body.most_mps2);
+            let (speed_mps, ramp) = motion::first_speed_mps(begun, scope, before)?;
+            let is_ego = name == self.ego.name;
+            if is_ego && ramp.is_some() && !self.ego.is_left {
+                let help = "--leave-ego leaves its events to your controller and lists them";
+                return Err(begun.refused("the ego begins with a change of speed", help));
+            }
+            if is_ego && ramp.is_some() {
+                self.ego.leave(begun);
+            }
+            let first = ramp.filter(|_| !is_ego).map(|law| ImportedStep {
+                when: None,
+                after_s: 0.0,
+                laws: vec![law],
+                overlaps: false,
+            });
+            let gap_m = motion::first_gap_m(begun, scope, (speed_mps, &self.ego.name))?;
             placed.insert(name.to_owned(), at.clone());
             entities.push(ImportedEntity {
                 name: name.to_owned(),
-                is_ego: name == "Ego",
+                is_ego: name == self.ego.name,
                 body,
                 placed: at,
                 speed_mps,
-                steps: Vec::new(),
+                steps: first.into_iter().collect(),
                 approach: None,
+                route,
                 gap_m,
                 at: begun.at(),
             });
@@ -207,20 +225,34 @@ impl Protocol {
             catalogs: &self.catalogs,
             files,
             placed: &placed,
+            ego: &self.ego,
+            changed: &changed,
         };
         let board = self.root.inner("Storyboard")?;
         let scale = motion::friction_scale(init, scope, ground)?;
-        acts(board, scope, (ground, scale), &mut entities)?;
+        let acts_stop_s = acts(board, scope, (ground, scale), &mut entities)?;
         let ego = entities.iter().find(|it| it.is_ego);
         let asks = privates
             .iter()
-            .find(|it| it.raw("entityRef") == Some("Ego"));
-        let (Some(ego), Some(asks)) = (ego, asks) else {
-            return Err(self.root.error("no agent is called `Ego`"));
+            .find(|it| it.raw("entityRef") == Some(&self.ego.name));
+        let (Some(_), Some(asks)) = (ego, asks) else {
+            let names: Vec<&str> = objects.iter().filter_map(|it| it.raw("name")).collect();
+            let what = format!("no agent is called `{}`", self.ego.name);
+            let help = format!("name the ego with --ego: {}", names.join(", "));
+            return Err(self.root.refused(what, &help));
         };
         // The road of the ego decides: one world has one friction and one speed
         // limit.
-        let (frame, zero_m, lanes, lane_width_m) = frame(asks, &roads, ego)?;
+        let stop_s = motion::stop_s(board, scope)?.into_iter().chain(acts_stop_s);
+        let stop_s = stop_s.reduce(f64::min);
+        let FrameOfEgo {
+            frame,
+            zero_m,
+            lanes,
+            lane_width_m,
+        } = FrameOfEgo::of(asks, &roads, (&mut entities, stop_s))?;
+        let ego = entities.iter().find(|it| it.is_ego);
+        let ego = ego.ok_or_else(|| asks.error("the ego is deleted"))?;
         let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
         let friction = roads.friction(road)? * scale;
         if !FRICTIONS.contains(&friction) {
@@ -234,7 +266,7 @@ impl Protocol {
             straight_zero_m: zero_m,
             lanes,
             lane_width_m,
-            stop_s: motion::stop_s(board, scope)?,
+            stop_s,
             at: At::file(self.root.file()),
             entities,
             roads,
@@ -246,14 +278,27 @@ impl Protocol {
         scope: &ParameterScope,
         files: Files<'_>,
     ) -> Result<Rc<RoadMap>, ImportError> {
-        let file = self.root.inner("RoadNetwork")?.inner("LogicFile")?;
+        let file = self.root.child("RoadNetwork");
+        let file = file.and_then(|it| it.child("LogicFile"));
+        let name = file.map(|file| scope.text(file, "filepath")).transpose()?;
+        // Without a road file, everybody is on a plain.
+        let Some((file, name)) = file.zip(name).filter(|(_, name)| !name.is_empty()) else {
+            return Ok(Rc::default());
+        };
         let beside = self.path.parent().unwrap_or(Path::new(""));
-        let path = beside.join(scope.text(file, "filepath")?);
+        let given = self.maps.iter().find(|(known, _)| *known == name);
+        let path = given.map_or_else(|| beside.join(&name), |(_, path)| path.clone());
         // Points often share a road file, which is parsed once.
         if let Some(known) = self.roads.borrow().get(&path) {
             return Ok(Rc::clone(known));
         }
-        let root = XmlNode::read(&path, files)?;
+        let root = XmlNode::read(&path, files).map_err(|error| match given {
+            None if !name.ends_with(".xodr") => {
+                let what = format!("the road file of the map `{name}` is not known");
+                file.refused(what, &format!("name it with --map {name}=FILE.xodr"))
+            }
+            _ => error,
+        })?;
         self.dropped.look(&root);
         let map = Rc::new(RoadMap::of(&root)?);
         self.roads.borrow_mut().insert(path, Rc::clone(&map));
@@ -315,6 +360,32 @@ impl Concrete {
         }
     }
 
+    /// Place along the ego's road and to its left, also beside its bends.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a place on another road than a bent one of the ego.
+    pub(super) fn station(&self, placed: &Placed) -> Result<Pose, ImportError> {
+        let way = match &self.frame {
+            // Places on the ego's own way have their station there.
+            RoadFrame::Along(way) if !self.is_on_road(placed) => way,
+            _ => return self.in_frame(placed),
+        };
+        let course = way.course().map_err(|what| self.at.error(what))?;
+        let at = course.locate(&placed.spot);
+        Ok(Pose {
+            x_m: at.s_m,
+            y_m: at.lateral_m,
+            heading_rad: at.heading_rad,
+        })
+    }
+
+    /// Greatest curvature of the ego's lane 0, in 1/m.
+    pub(super) fn bends_most_per_m(&self) -> f64 {
+        let pieces = self.pieces(f64::INFINITY);
+        pieces.iter().map(|it| it.per_m.abs()).fold(0.0, f64::max)
+    }
+
     /// Curvature of the ego's lane 0 at the start of its road, in 1/m.
     pub(super) fn bend_per_m(&self) -> f64 {
         // Any positive length returns the first piece.
@@ -327,7 +398,9 @@ impl Concrete {
     pub(super) fn is_on_road(&self, placed: &Placed) -> bool {
         match &self.frame {
             RoadFrame::Along(way) => placed.way.as_ref().is_some_and(|on| on.way == *way),
-            RoadFrame::Straight(_) | RoadFrame::Beside { .. } => true,
+            RoadFrame::Straight(_) | RoadFrame::Beside { .. } => {
+                placed.way.as_ref().is_none_or(|on| !on.is_lane)
+            }
         }
     }
 
@@ -385,62 +458,33 @@ impl Concrete {
     }
 }
 
-/// Frame of the ego's road.
-///
-/// Returns the frame, the lateral position of its outermost lane, and the
-/// number and the width of its lanes.
-fn frame(
-    asks: &XmlNode,
-    roads: &RoadMap,
-    ego: &ImportedEntity,
-) -> Result<(RoadFrame, f64, usize, f64), ImportError> {
-    if let Some(OnWay { way, .. }) = &ego.placed.way {
-        // A path has no lanes of its own, so two of a usual width are drawn.
-        let frame = if way.pieces.is_empty() {
-            RoadFrame::Straight(way.begins)
-        } else {
-            RoadFrame::Along(way.clone())
+/// Orders the entities of an Init so that each follows those to which it is relative.
+fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
+    fn refers_to(node: &XmlNode, name: &str) -> bool {
+        let here = node.name != "Private" && node.raw("entityRef") == Some(name);
+        here || node.children.iter().any(|child| refers_to(child, name))
+    }
+    let mut left = privates.to_vec();
+    let mut all = Vec::new();
+    while !left.is_empty() {
+        let name = |it: &XmlNode| it.raw("entityRef").unwrap_or_default().to_owned();
+        let is_free = |it: &&XmlNode| {
+            let mut others = left.iter().filter(|other| name(other) != name(it));
+            !others.any(|other| refers_to(it, &name(other)))
         };
-        return Ok((frame, 0.0, 2, 3.5));
+        // Places that refer to each other in a circle are refused later.
+        let next = left.iter().position(is_free).unwrap_or(0);
+        all.push(left.remove(next));
     }
-    let lane = ego.placed.lane.as_ref().filter(|at| at.lane != 0);
-    let at = lane.ok_or_else(|| asks.error("the ego is on no lane and on no way"))?;
-    let line = roads.road(asks, &at.road)?;
-    let ahead_m = if 0 < at.lane {
-        at.s_m
-    } else {
-        line.length_m - at.s_m
-    };
-    if ahead_m < LEAST_AHEAD_M {
-        let what = format!(
-            "the ego\'s lane {} leads off the road after {ahead_m} m",
-            at.lane
-        );
-        return Err(asks.error(what).of_point());
-    }
-    if 0 < at.lane {
-        let what = format!("the ego drives on lane {}, against its road", at.lane);
-        return Err(asks.error(what).of_point());
-    }
-    let beside = line.driven_beside(at.lane);
-    let own = beside.iter().find(|(id, _)| *id == at.lane);
-    let width_m = own.map_or(3.5, |(_, width_m)| *width_m);
-    let same = beside.iter().all(|(_, other_m)| *other_m == width_m);
-    let (outer, lanes) = match (same, beside.len()) {
-        // A single lane, or lanes of different widths: the ego's lane and the
-        // oncoming lane.
-        (true, 1) | (false, _) => (at.lane, 2),
-        (true, lanes) => (beside[0].0, lanes),
-    };
-    let t_m = line.middle_m(asks, outer)?;
-    let frame = if line.is_straight() {
-        RoadFrame::Straight(line.at(0.0, t_m))
-    } else {
-        RoadFrame::Beside {
-            road: at.road.clone(),
-            t_m,
-        }
-    };
-    // Lanes wider than the limit of a world are proving grounds, not lanes.
-    Ok((frame, t_m, lanes, width_m.min(20.0)))
+    all
+}
+
+/// Parameters that an action changes during the run.
+fn changed_parameters(node: &XmlNode) -> Vec<String> {
+    let here = (node.name == "ParameterAction").then(|| node.raw("parameterRef"));
+    let here = here
+        .flatten()
+        .map(|name| name.trim_start_matches('$').to_owned());
+    let inner = node.children.iter().flat_map(changed_parameters);
+    here.into_iter().chain(inner).collect()
 }

@@ -3,14 +3,17 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use super::entity::ImportedEntity;
-use super::error::ImportError;
 use super::places::is_along;
 use super::scenario::Concrete;
-use super::ways::OnWay;
-use crate::sim::Pose;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::ways::OnWay;
+use crate::sim::{Pose, wrapped};
 
 /// Tolerance in radians of a pedestrian's direction.
 const SQUARE_RAD: f64 = 0.02;
+
+/// Tolerance in radians of the direction along lanes.
+const LANE_RAD: f64 = 0.003;
 
 /// Entity in the frame of the ego's road.
 pub(super) struct EntityInFrame<'a> {
@@ -56,6 +59,11 @@ impl EntityInFrame<'_> {
         }
     }
 
+    /// Initial lateral position on its own road, in metres.
+    pub(super) fn start_t_m(&self) -> f64 {
+        self.entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m)
+    }
+
     pub(super) fn stands(&self) -> bool {
         let entity = self.entity;
         entity.speed_mps == 0.0 && entity.steps.is_empty() && entity.approach.is_none()
@@ -85,7 +93,7 @@ pub(super) fn seen<'a>(
 ) -> Result<EntityInFrame<'a>, ImportError> {
     let spot = concrete.in_frame(&entity.placed)?;
     let refused = |what: String| entity.at.error(what);
-    let moves = entity.speed_mps != 0.0 || !entity.steps.is_empty() || entity.approach.is_some();
+    let moves = entity.moves();
     // A pedestrian walks in the direction of its path, whatever its own
     // heading.
     let heading_rad = match (&entity.placed.way, entity.body.on_foot) {
@@ -102,6 +110,12 @@ pub(super) fn seen<'a>(
     let shares_road = concrete.is_on_road(&entity.placed);
     // Headings are within ±π, and both ends mean the opposite direction.
     let near = |direction_rad: f64| (heading_rad - direction_rad).abs() < SQUARE_RAD;
+    // The arcs of a way along lanes only nearly have the direction of the lanes.
+    let on_lanes = entity.placed.way.as_ref().is_some_and(|on| on.is_lane);
+    let leads = |direction_rad: f64| {
+        let off_rad = wrapped(heading_rad - direction_rad).abs();
+        is_along(heading_rad, direction_rad) || (on_lanes && off_rad < LANE_RAD)
+    };
     let path = if entity.body.on_foot {
         if !shares_road {
             return Err(refused(
@@ -120,9 +134,9 @@ pub(super) fn seen<'a>(
                 "on foot one faces along the road or across it".to_owned(),
             ));
         }
-    } else if shares_road && is_along(heading_rad, 0.0) {
+    } else if shares_road && leads(0.0) {
         EntityPath::With
-    } else if shares_road && is_along(heading_rad, PI) {
+    } else if shares_road && leads(PI) {
         EntityPath::Against
     } else {
         match (&entity.placed.way, moves) {

@@ -1,9 +1,10 @@
 //! Start times of acts and events.
 
-use super::entity::ClearanceCondition;
-use super::error::ImportError;
-use super::scope::{ParameterScope, compared};
-use super::tree::XmlNode;
+use super::entity::{Measure, WatchedCondition};
+use super::places::PositionContext;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::{ParameterScope, compared};
+use crate::opendrive::tree::XmlNode;
 
 /// Start of an act or an event.
 pub(super) enum StartTrigger {
@@ -15,7 +16,7 @@ pub(super) enum StartTrigger {
         delay_s: f64,
     },
     When {
-        watch: ClearanceCondition,
+        watch: WatchedCondition,
         delay_s: f64,
     },
 }
@@ -38,6 +39,9 @@ impl StoryElement {
     }
 }
 
+/// Places, and the times at which elements begin as far as they are known.
+pub(super) type TriggerContext<'a> = (PositionContext<'a>, &'a [(StoryElement, f64)]);
+
 /// Returns the start of an act or an event.
 ///
 /// Its trigger is first evaluated after `from_s`.
@@ -49,6 +53,7 @@ pub(super) fn starts(
     node: &XmlNode,
     scope: &ParameterScope,
     from_s: f64,
+    context: TriggerContext<'_>,
 ) -> Result<StartTrigger, ImportError> {
     let Some(trigger) = node.child("StartTrigger") else {
         return Ok(StartTrigger::At(from_s));
@@ -58,8 +63,12 @@ pub(super) fn starts(
     for group in trigger.all("ConditionGroup") {
         groups += 1;
         let mut all: Vec<StartTrigger> = Vec::new();
+        if 1 < group.children.len() && group.children.iter().any(is_instant) {
+            let help = "use the rule greaterThan";
+            return Err(group.refused("a condition of one instant beside others is not read", help));
+        }
         for condition in group.all("Condition") {
-            all.push(condition_of(condition, scope, from_s)?);
+            all.push(condition_of(condition, scope, from_s, context)?);
         }
         // A group of conditions holds only if all of them hold.
         if all.iter().any(|it| matches!(it, StartTrigger::Never)) {
@@ -92,6 +101,13 @@ pub(super) fn starts(
     }
 }
 
+/// Returns whether a condition holds at one instant of time only.
+fn is_instant(condition: &XmlNode) -> bool {
+    let by = condition.child("ByValueCondition");
+    let time = by.and_then(|it| it.child("SimulationTimeCondition"));
+    time.is_some_and(|it| it.raw("rule") == Some("equalTo"))
+}
+
 /// Returns true if a condition must become true while it is evaluated.
 fn rises(condition: &XmlNode) -> Result<bool, ImportError> {
     match condition.raw("conditionEdge") {
@@ -112,7 +128,9 @@ fn condition_of(
     condition: &XmlNode,
     scope: &ParameterScope,
     from_s: f64,
+    context: TriggerContext<'_>,
 ) -> Result<StartTrigger, ImportError> {
+    let (ground, known) = context;
     let delay_s = scope.number_or_zero(condition, "delay")?;
     // A negative delay would start before the condition holds.
     if delay_s < 0.0 {
@@ -138,19 +156,40 @@ fn condition_of(
                 let at_s = time_s(by, scope, rises, from_s)?;
                 Ok(StartTrigger::At(at_s + delay_s))
             }
-            "ParameterCondition" => parameter(by, scope, rises, from_s + delay_s),
-            "StoryboardElementStateCondition" => {
-                // Both states begin when the element ends.
-                let ended = ["endTransition", "completeState"];
-                if !by.raw("state").is_some_and(|state| ended.contains(&state)) {
-                    let what = "only the end of an element is read";
-                    return Err(by.refused(what, "wait for its `endTransition`"));
+            "ParameterCondition" => {
+                let name = by.need("parameterRef")?.trim_start_matches('$');
+                if ground.changed.iter().any(|changed| changed == name) {
+                    let help = "wait for what changes it";
+                    let what = format!("`{name}` is changed by an event");
+                    return Err(by.refused(what, help));
                 }
+                parameter(by, scope, rises, from_s + delay_s)
+            }
+            "StoryboardElementStateCondition" => {
                 let element = StoryElement {
                     kind: by.need("storyboardElementType")?.to_owned(),
-                    name: by.need("storyboardElementRef")?.to_owned(),
+                    name: scope.text(by, "storyboardElementRef")?,
                 };
-                Ok(StartTrigger::After { element, delay_s })
+                match by.raw("state") {
+                    // Both states begin when the element ends.
+                    Some("endTransition" | "completeState") => {
+                        Ok(StartTrigger::After { element, delay_s })
+                    }
+                    // Both states begin when the element begins.
+                    Some("startTransition" | "runningState") => {
+                        let begins_s = known.iter().find(|(known, _)| *known == element);
+                        let begins_s = begins_s.map(|(_, begins_s)| begins_s.max(from_s));
+                        let begins_s = begins_s.ok_or_else(|| {
+                            let what = format!("nothing says when `{}` begins", element.name);
+                            by.refused(what, "wait for a time, or for the end of an element")
+                        })?;
+                        Ok(StartTrigger::At(begins_s + delay_s))
+                    }
+                    _ => Err(by.refused(
+                        "only the begin or the end of an element is read",
+                        "wait for its `startTransition` or its `endTransition`",
+                    )),
+                }
             }
             _ => Err(by.refused(
                 "a condition of this kind is not read",
@@ -158,7 +197,7 @@ fn condition_of(
             )),
         };
     }
-    let watch = watch(kind, scope, rises)?;
+    let watch = watch(kind, scope, rises, ground)?;
     Ok(StartTrigger::When { watch, delay_s })
 }
 
@@ -175,6 +214,8 @@ fn time_s(
         // `greaterOrEqual` does.
         Some("greaterThan") => at_s < from_s,
         Some("greaterOrEqual") => at_s <= from_s,
+        // The first instant is the only one that is met exactly.
+        Some("equalTo") if at_s == 0.0 && from_s == 0.0 && !rises => false,
         _ => {
             let what = "only times that have come are read";
             return Err(by.refused(what, "use the rule greaterThan or greaterOrEqual"));
@@ -197,7 +238,7 @@ fn parameter(
     rises: bool,
     at_s: f64,
 ) -> Result<StartTrigger, ImportError> {
-    let name = by.need("parameterRef")?;
+    let name = by.need("parameterRef")?.trim_start_matches('$');
     let value = scope.get(name);
     let value = value.ok_or_else(|| by.error(format!("there is no `{name}`")))?;
     let rule = by.need("rule")?;
@@ -218,7 +259,8 @@ fn watch(
     kind: &XmlNode,
     scope: &ParameterScope,
     rises: bool,
-) -> Result<ClearanceCondition, ImportError> {
+    ground: PositionContext<'_>,
+) -> Result<WatchedCondition, ImportError> {
     let entities = kind.inner("TriggeringEntities")?;
     let who = entities
         .all("EntityRef")
@@ -238,40 +280,89 @@ fn watch(
         _ => return Err(entities.refused("any of them, or all", "write the rule `any` or `all`")),
     };
     let it = kind.inner("EntityCondition")?.only()?;
-    let is_time = match it.name.as_str() {
-        "RelativeDistanceCondition" => false,
-        "TimeHeadwayCondition" => true,
+    let measure = measure(it, scope, ground)?;
+    let is_below = match it.raw("rule") {
+        // Equality has no duration, so both rules of a side are read alike.
+        Some("lessThan" | "lessOrEqual") => true,
+        Some("greaterThan" | "greaterOrEqual") => false,
+        Some(rule) => return Err(it.error(format!("the rule `{rule}` is not read here"))),
+        // A place is reached within its tolerance, and a way is done beyond it.
+        None => matches!(measure, Measure::Place { .. }),
+    };
+    let value = match it.name.as_str() {
+        "ReachPositionCondition" => "tolerance",
+        _ => "value",
+    };
+    Ok(WatchedCondition {
+        who,
+        needs_all,
+        measure,
+        is_below,
+        value: scope.number(it, value)?,
+        rises,
+        at: it.at(),
+    })
+}
+
+/// Quantity of a condition of entities.
+fn measure(
+    it: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+) -> Result<Measure, ImportError> {
+    let is_time = it.name == "TimeHeadwayCondition";
+    let clear = it.raw("freespace") == Some("true");
+    // Longitudinal is the default of headways, and the older attribute `alongRoute`
+    // means the same.
+    let kind = it.raw("relativeDistanceType").unwrap_or("longitudinal");
+    let refused = |it: &XmlNode| {
+        Err(it.refused(
+            "a distance of this kind is not read",
+            "measure it longitudinally or as euclidianDistance",
+        ))
+    };
+    let target = || scope.text(it, "entityRef");
+    Ok(match it.name.as_str() {
+        "RelativeDistanceCondition" | "TimeHeadwayCondition" => match (kind, clear) {
+            ("longitudinal", true) => Measure::Clearance {
+                target: target()?,
+                is_time,
+            },
+            ("longitudinal", false) => Measure::Along {
+                target: target()?,
+                is_time,
+            },
+            ("cartesianDistance" | "euclidianDistance", _) if is_time => return refused(it),
+            ("cartesianDistance" | "euclidianDistance", true) => Measure::Gap { target: target()? },
+            ("cartesianDistance" | "euclidianDistance", false) => {
+                Measure::Apart { target: target()? }
+            }
+            _ => return refused(it),
+        },
+        "SpeedCondition" if it.raw("direction").is_none() => Measure::Speed,
+        "TraveledDistanceCondition" => Measure::Travelled,
+        "ReachPositionCondition" => Measure::Place {
+            at: Box::new(ground.place(it.inner("Position")?, scope)?),
+            is_along: false,
+        },
+        "DistanceCondition" if !clear => {
+            let kind = it
+                .raw("relativeDistanceType")
+                .unwrap_or("euclidianDistance");
+            Measure::Place {
+                at: Box::new(ground.place(it.inner("Position")?, scope)?),
+                is_along: match kind {
+                    "longitudinal" => true,
+                    "cartesianDistance" | "euclidianDistance" => false,
+                    _ => return refused(it),
+                },
+            }
+        }
         _ => {
             return Err(it.refused(
                 "a condition of this kind is not read",
-                "wait for a `RelativeDistanceCondition` or a `TimeHeadwayCondition`",
+                "wait for a distance, a headway, a speed, a travelled distance or a place",
             ));
         }
-    };
-    let is_longitudinal = it
-        .raw("relativeDistanceType")
-        // Longitudinal is the default type.
-        .is_none_or(|it| it == "longitudinal");
-    if !is_longitudinal || it.raw("freespace") != Some("true") {
-        return Err(it.refused(
-            "only clear distances along the road are read",
-            "write relativeDistanceType=\"longitudinal\" and freespace=\"true\"",
-        ));
-    }
-    let is_below = match it.need("rule")? {
-        // Equality has no duration, so both rules of a side are read alike.
-        "lessThan" | "lessOrEqual" => true,
-        "greaterThan" | "greaterOrEqual" => false,
-        rule => return Err(it.error(format!("the rule `{rule}` is not read here"))),
-    };
-    Ok(ClearanceCondition {
-        who,
-        needs_all,
-        target: scope.text(it, "entityRef")?,
-        is_below,
-        value: scope.number(it, "value")?,
-        is_time,
-        rises,
-        at: it.at(),
     })
 }

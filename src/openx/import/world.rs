@@ -2,11 +2,12 @@
 
 use super::draft::{Draft, tidy};
 use super::ends::{leaves_s, road_ahead_m, to_mps};
-use super::error::ImportError;
+use super::places::Placed;
 use super::plans::plan;
 use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, seen};
-use super::ways::{Bend, laid};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::ways::{Bend, laid};
 
 /// Duration in seconds of a run after the expected encounter.
 const BEYOND_S: f64 = 5.0;
@@ -102,18 +103,22 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
             .filter(|it| it.stands() && !it.entity.body.on_foot)
             .count()
             > 1;
-    let mut trigger = None;
+    let mut triggers = Vec::new();
     // The ego comes first, since plans of later agents may refer to it.
     for it in std::iter::once(&all[ego]).chain(all.iter().filter(|it| !it.entity.is_ego)) {
-        agent(&mut draft, concrete, &all, it, ado, &mut trigger)?;
+        agent(&mut draft, concrete, &all, it, ado, &mut triggers)?;
     }
     draft.text("    ],\n");
     if hides {
         draft.text("    sensors: (line_of_sight: true),\n");
     }
-    if let Some((name, value)) = trigger {
-        draft.text(&format!("    parameters: {{ \"{name}\": "));
-        draft.hole(&name, value);
+    if !triggers.is_empty() {
+        draft.text("    parameters: {");
+        for (i, (name, value)) in triggers.iter().enumerate() {
+            let before = if i == 0 { "" } else { "," };
+            draft.text(&format!("{before} \"{name}\": "));
+            draft.hole(name, *value);
+        }
         draft.text(" },\n");
     }
     let others = all.iter().filter(|it| !it.entity.is_ego);
@@ -152,7 +157,7 @@ fn ends_s(
     for it in all.iter().filter(|it| !it.entity.is_ego) {
         let encounter_s = match &it.entity.approach {
             Some(approach) => {
-                let ego = concrete.in_frame(&approach.ego)?;
+                let ego = concrete.station(&approach.ego)?;
                 // The ego coasts, so it arrives at a time that is known in
                 // advance.
                 (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps
@@ -194,7 +199,7 @@ fn first_leaves_s(
         let ahead_m = |placed| road_ahead_m(&concrete.roads, placed, on_foot);
         let own_s = match &it.entity.approach {
             Some(approach) => {
-                let ego = concrete.in_frame(&approach.ego)?;
+                let ego = concrete.station(&approach.ego)?;
                 let encounter_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
                 encounter_s + ahead_m(&approach.here) / approach.speed_mps
             }
@@ -319,7 +324,7 @@ fn agent(
     all: &[EntityInFrame],
     it: &EntityInFrame,
     ado: Option<&str>,
-    trigger: &mut Option<(String, f64)>,
+    triggers: &mut Vec<(String, f64)>,
 ) -> Result<(), ImportError> {
     let (name, body) = (&it.name, &it.entity.body);
     let (x, lateral, speed) = (
@@ -393,7 +398,7 @@ fn agent(
     if is_ado {
         draft.text("Ado(\n                base: ");
     }
-    plan(draft, concrete, all, it, trigger)?;
+    plan(draft, concrete, all, it, triggers)?;
     if is_ado {
         draft.text(&format!(
             // The default tolerances of the rules are a start, to be replaced
@@ -424,6 +429,17 @@ fn obstacle(
     let (name, body) = (&it.name, &it.entity.body);
     let front = it.spot.moved(body.front_m, 0.0);
     let shares_road = concrete.is_on_road(&it.entity.placed);
+    let front = match &it.entity.placed.way {
+        Some(on) if on.is_lane && shares_road => {
+            let spot = it.entity.placed.spot.moved(body.front_m, 0.0);
+            concrete.station(&Placed {
+                spot,
+                lane: None,
+                way: None,
+            })?
+        }
+        _ => front,
+    };
     // An empty name is the world's own road.
     let mut nearest = shares_road.then(|| (String::new(), front));
     for other in all {

@@ -53,6 +53,7 @@ pub(crate) use layout::DriveLayout;
 pub use layout::SceneError;
 pub use light::{Light, LightDrive, Schedule};
 pub use motion::DriveScene;
+pub use motion_profile::ChangeShape;
 pub use names::AgentNames;
 pub use plan::{MeetEgo, MotionLaw, MotionPlan, ScriptStep, SteadyPart};
 pub use range::Range;

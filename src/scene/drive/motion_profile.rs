@@ -2,25 +2,78 @@
 
 use core::f64::consts::PI;
 
+use serde::{Deserialize, Serialize};
+
 /// Largest difference at which two instants count as equal.
 pub(super) const SAME_S: f64 = 1e-9;
 
-/// A speed that changes linearly.
+/// Course of a change over time, from no share at 0 to the whole at 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ChangeShape {
+    /// At one rate.
+    Linear,
+    /// Along half a wave of a cosine.
+    Cosine,
+    /// Along the cubic curve that begins and ends without a rate.
+    Cubic,
+}
+
+impl ChangeShape {
+    /// Returns the greatest rate as a multiple of the mean rate.
+    pub fn peak(self) -> f64 {
+        match self {
+            ChangeShape::Linear => 1.0,
+            ChangeShape::Cosine => 0.5 * PI,
+            ChangeShape::Cubic => 1.5,
+        }
+    }
+
+    /// Returns the changed share at a share of the time.
+    pub(crate) fn changed(self, share: f64) -> f64 {
+        match self {
+            ChangeShape::Linear => share,
+            ChangeShape::Cosine => 0.5 * (1.0 - libm::cos(PI * share)),
+            ChangeShape::Cubic => share * share * (3.0 - 2.0 * share),
+        }
+    }
+
+    /// Returns the rate at a share of the time, as a multiple of the mean rate.
+    fn rate(self, share: f64) -> f64 {
+        match self {
+            ChangeShape::Linear => 1.0,
+            ChangeShape::Cosine => 0.5 * PI * libm::sin(PI * share),
+            ChangeShape::Cubic => 6.0 * share * (1.0 - share),
+        }
+    }
+
+    /// Returns the integral of the changed share over the share of the time.
+    fn accumulated(self, share: f64) -> f64 {
+        match self {
+            ChangeShape::Linear => 0.5 * share * share,
+            ChangeShape::Cosine => 0.5 * (share - libm::sin(PI * share) / PI),
+            ChangeShape::Cubic => share * share * share * (1.0 - 0.5 * share),
+        }
+    }
+}
+
+/// A speed that changes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SpeedRamp {
     pub begins_s: f64,
     pub from_mps: f64,
     pub to_mps: f64,
-    /// At least 0. Infinity changes the speed at once.
+    /// Greatest rate, at least 0. Infinity changes the speed at once.
     pub rate_mps2: f64,
+    pub shape: ChangeShape,
 }
 
-/// A lateral motion along a cosine.
+/// A lateral motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Swing {
     pub begins_s: f64,
     pub lasts_s: f64,
     pub by_m: f64,
+    pub shape: ChangeShape,
     /// True if lateral motion reduces progress along the road.
     pub is_slanted: bool,
 }
@@ -32,6 +85,7 @@ impl SpeedRamp {
             from_mps: speed_mps,
             to_mps: speed_mps,
             rate_mps2: f64::INFINITY,
+            shape: ChangeShape::Linear,
         }
     }
 
@@ -39,7 +93,7 @@ impl SpeedRamp {
         if self.from_mps == self.to_mps {
             0.0
         } else {
-            (self.to_mps - self.from_mps).abs() / self.rate_mps2
+            self.shape.peak() * (self.to_mps - self.from_mps).abs() / self.rate_mps2
         }
     }
 
@@ -54,11 +108,24 @@ impl SpeedRamp {
             return self.to_mps;
         }
         let for_s = (time_s - self.begins_s).max(0.0);
-        self.from_mps + (self.to_mps - self.from_mps) * for_s / self.lasts_s()
+        let change_mps = self.to_mps - self.from_mps;
+        match self.shape {
+            // Without a quotient of its own, which would round once more.
+            ChangeShape::Linear => self.from_mps + change_mps * for_s / self.lasts_s(),
+            shape => self.from_mps + change_mps * shape.changed(for_s / self.lasts_s()),
+        }
     }
 
     /// Returns the distance between two instants, without an end of the ramp between.
     pub(super) fn way_m(&self, from_s: f64, to_s: f64) -> f64 {
+        let lasts_s = self.lasts_s();
+        let changes = self.shape != ChangeShape::Linear && 0.0 < lasts_s;
+        if changes && to_s <= self.ends_s() + SAME_S {
+            let share = |time_s: f64| ((time_s - self.begins_s) / lasts_s).clamp(0.0, 1.0);
+            let part = self.shape.accumulated(share(to_s)) - self.shape.accumulated(share(from_s));
+            return self.from_mps * (to_s - from_s)
+                + (self.to_mps - self.from_mps) * lasts_s * part;
+        }
         0.5 * (self.speed_mps(from_s) + self.speed_mps(to_s)) * (to_s - from_s)
     }
 }
@@ -73,13 +140,20 @@ impl Swing {
             return self.by_m;
         }
         let share = ((time_s - self.begins_s) / self.lasts_s).clamp(0.0, 1.0);
-        0.5 * self.by_m * (1.0 - libm::cos(PI * share))
+        match self.shape {
+            // In this order of factors, whose bits recorded episodes contain.
+            ChangeShape::Cosine => 0.5 * self.by_m * (1.0 - libm::cos(PI * share)),
+            shape => self.by_m * shape.changed(share),
+        }
     }
 
     pub(super) fn speed_mps(&self, time_s: f64) -> f64 {
         let share = (time_s - self.begins_s) / self.lasts_s;
         if 0.0 < self.lasts_s && (0.0..1.0).contains(&share) {
-            0.5 * self.by_m * PI / self.lasts_s * libm::sin(PI * share)
+            match self.shape {
+                ChangeShape::Cosine => 0.5 * self.by_m * PI / self.lasts_s * libm::sin(PI * share),
+                shape => self.by_m / self.lasts_s * shape.rate(share),
+            }
         } else {
             0.0
         }

@@ -7,6 +7,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::motion_profile::ChangeShape;
+
 /// Planned motion of an agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
@@ -44,16 +46,19 @@ pub struct ScriptStep<N, W> {
 #[serde(deny_unknown_fields)]
 #[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>"))]
 pub enum MotionLaw<N> {
-    /// The speed v changes linearly to a new value.
+    /// The speed v changes to a new value.
     Speed {
         /// Target speed.
         to_mps: N,
         /// Agent whose speed at the start of the step is added to the target.
         #[serde(default)]
         relative_to: Option<String>,
-        /// Rate |v̇|. Default: at once.
+        /// Greatest rate |v̇|. Default: at once.
         #[serde(default = "none")]
         rate_mps2: Option<N>,
+        /// Course of the change. Default: linear.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        shape: Option<ChangeShape>,
     },
     /// The speed v changes linearly to 0.
     Brake {
@@ -62,6 +67,9 @@ pub enum MotionLaw<N> {
     },
     /// Lateral motion by Δ: y = Δ/2·(1 − cos πt/T), T = π·|Δ|/(2·rate).
     ///
+    /// With `Cubic` it is y = Δ·p²·(3 − 2p), p = t/T, T = 1.5·|Δ|/rate, and
+    /// with `Linear` y = Δ·p, T = |Δ|/rate.
+    ///
     /// The speed v stays that along the heading, so lateral motion reduces
     /// progress along the road.
     LaneChange {
@@ -69,6 +77,9 @@ pub enum MotionLaw<N> {
         by_m: N,
         /// Greatest lateral speed.
         rate_mps: N,
+        /// Course of the change. Default: cosine.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        shape: Option<ChangeShape>,
     },
     /// Lateral motion to an offset from the middle of the lane.
     ///
@@ -140,15 +151,22 @@ impl<N: Copy> MotionLaw<N> {
                 to_mps,
                 relative_to,
                 rate_mps2,
+                shape,
             } => MotionLaw::Speed {
                 to_mps: f(("speed.to", "m/s"), *to_mps),
                 relative_to: relative_to.clone(),
                 rate_mps2: rate_mps2.map(|it| f(("speed.rate", "m/s²"), it)),
+                shape: *shape,
             },
             MotionLaw::Brake { rate_mps2 } => MotionLaw::Brake {
                 rate_mps2: f(("brake.rate", "m/s²"), *rate_mps2),
             },
-            MotionLaw::LaneChange { by_m, rate_mps } => MotionLaw::LaneChange {
+            MotionLaw::LaneChange {
+                by_m,
+                rate_mps,
+                shape,
+            } => MotionLaw::LaneChange {
+                shape: *shape,
                 by_m: f(("lane_change.by", "m"), *by_m),
                 rate_mps: f(("lane_change.rate", "m/s"), *rate_mps),
             },
@@ -259,6 +277,7 @@ impl Approach {
                 to_mps: self.to_mps,
                 relative_to: None,
                 rate_mps2: self.accel_mps2.is_finite().then_some(self.accel_mps2),
+                shape: None,
             }],
             overlaps: false,
         }

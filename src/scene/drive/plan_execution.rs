@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector2;
 
-use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
+use super::motion_profile::{ChangeShape, SAME_S, SpeedRamp, Swing, forward_part};
 use super::plan::{MotionLaw, MotionPlan, ScriptStep, Unmet};
 use crate::road::{Course, Road, wrapped};
 use crate::sim::{Pose, rotation_by};
@@ -319,13 +319,14 @@ impl PlanRun {
         let mut ends_s = at_s;
         let laws = self.steps[self.step].does.clone();
         for law in &laws {
-            let mut to_speed = |to_mps: f64, rate_mps2: f64| {
+            let mut to_speed = |to_mps: f64, rate_mps2: f64, shape: ChangeShape| {
                 self.ramp = SpeedRamp {
                     begins_s: at_s,
                     from_mps,
                     // `relative_to` could make it negative, but plans never reverse.
                     to_mps: to_mps.max(0.0),
                     rate_mps2: rate_mps2.abs(),
+                    shape,
                 };
                 self.ramp.ends_s()
             };
@@ -334,19 +335,29 @@ impl PlanRun {
                     to_mps,
                     relative_to,
                     rate_mps2,
+                    shape,
                 } => {
+                    let shape = shape.unwrap_or(ChangeShape::Linear);
                     let base_mps = relative_to.as_deref().map_or(0.0, speed_of);
-                    to_speed(base_mps + to_mps, rate_mps2.unwrap_or(f64::INFINITY))
+                    to_speed(base_mps + to_mps, rate_mps2.unwrap_or(f64::INFINITY), shape)
                 }
-                MotionLaw::Brake { rate_mps2 } => to_speed(0.0, *rate_mps2),
+                MotionLaw::Brake { rate_mps2 } => to_speed(0.0, *rate_mps2, ChangeShape::Linear),
                 MotionLaw::Walk { speed_mps, way_m } => {
-                    to_speed(*speed_mps, f64::INFINITY);
+                    to_speed(*speed_mps, f64::INFINITY, ChangeShape::Linear);
                     at_s + way_m / speed_mps
                 }
-                MotionLaw::LaneChange { by_m, rate_mps } => {
-                    let lasts_s = PI * by_m.abs() / (2.0 * rate_mps);
+                MotionLaw::LaneChange {
+                    by_m,
+                    rate_mps,
+                    shape,
+                } => {
+                    let shape = shape.unwrap_or(ChangeShape::Cosine);
+                    let lasts_s = match shape {
+                        ChangeShape::Cosine => PI * by_m.abs() / (2.0 * rate_mps),
+                        shape => shape.peak() * by_m.abs() / rate_mps,
+                    };
                     self.changed_m += by_m;
-                    self.sway(at_s, lasts_s, *by_m, true)
+                    self.sway((at_s, lasts_s), (*by_m, shape), true)
                 }
                 MotionLaw::LaneOffset {
                     to_m,
@@ -356,7 +367,7 @@ impl PlanRun {
                     let middle_m = road.lane_middle_m(lane) + self.changed_m;
                     let by_m = middle_m + to_m - self.lateral_m;
                     let lasts_s = PI * (by_m.abs() / (2.0 * most_lateral_mps2)).sqrt();
-                    self.sway(at_s, lasts_s, by_m, false)
+                    self.sway((at_s, lasts_s), (by_m, ChangeShape::Cosine), false)
                 }
             };
             if !(self.steps[self.step].overlaps && law.is_across()) {
@@ -374,11 +385,17 @@ impl PlanRun {
         ends_s
     }
 
-    fn sway(&mut self, begins_s: f64, lasts_s: f64, by_m: f64, is_slanted: bool) -> f64 {
+    fn sway(
+        &mut self,
+        (begins_s, lasts_s): (f64, f64),
+        (by_m, shape): (f64, ChangeShape),
+        is_slanted: bool,
+    ) -> f64 {
         self.swing = Some(Swing {
             begins_s,
             lasts_s,
             by_m,
+            shape,
             is_slanted,
         });
         begins_s + lasts_s

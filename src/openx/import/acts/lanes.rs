@@ -1,12 +1,14 @@
 //! Changes of lane and lateral offsets in the acts of a storyboard.
 
-use super::{EntityScript, Reader};
+use super::Reader;
+use super::script::EntityScript;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::roads::OnLane;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
 use crate::openx::import::entity::ImportedLaw;
-use crate::openx::import::error::ImportError;
-use crate::openx::import::laws::dynamics;
-use crate::openx::import::places::{OnLane, lane_beside};
-use crate::openx::import::scope::ParameterScope;
-use crate::openx::import::tree::XmlNode;
+use crate::openx::import::laws::lane_change;
+use crate::openx::import::places::lane_beside;
 
 impl Reader<'_> {
     pub(super) fn lane_change(
@@ -21,18 +23,18 @@ impl Reader<'_> {
         let value = scope.number(target, "value")? as i32;
         let to = match target.name.as_str() {
             "AbsoluteTargetLane" => value,
-            _ => lane_beside(&self.lane_of(target, scope)?, value),
+            _ => lane_beside(&self.lane_of(who, target, scope)?, value),
         };
         let line = ground.roads.road(it, &on.road)?;
         let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
-        // The rate of a sinusoidal change is its greatest lateral speed.
-        let rate_mps = dynamics(it.inner("LaneChangeActionDynamics")?, scope, "rate")?;
         let script = &mut self.scripts[who];
         let by_m = to_m - script.t_m;
+        let dynamics = it.inner("LaneChangeActionDynamics")?;
+        let law = lane_change(dynamics, scope, (by_m, script.speeds.now_mps))?;
         script.lane = Some(to);
         script.t_m = to_m;
         script.changed_m += by_m;
-        Ok(ImportedLaw::LaneChange { by_m, rate_mps })
+        Ok(law)
     }
 
     pub(super) fn lane_offset(
@@ -53,7 +55,7 @@ impl Reader<'_> {
         let lane = self.scripts[who].lane.unwrap_or(on.lane);
         let middle_m = line.middle_m(it, lane)?;
         if target.name == "RelativeTargetLaneOffset" {
-            let other = self.lane_of(target, scope)?;
+            let other = self.lane_of(who, target, scope)?;
             offset_m += other.t_m - line.middle_m(it, other.lane)?;
         }
         let dynamics = it.inner("LaneOffsetActionDynamics")?;
@@ -80,8 +82,23 @@ impl Reader<'_> {
     ///
     /// The entity must keep its initial lane for as long as it exists.
     /// `lanes_stay` checks this after all acts are read.
-    fn lane_of(&mut self, target: &XmlNode, scope: &ParameterScope) -> Result<OnLane, ImportError> {
+    fn lane_of(
+        &mut self,
+        who: usize,
+        target: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<OnLane, ImportError> {
         let name = scope.text(target, "entityRef")?;
+        let script = &self.scripts[who];
+        if name == script.name {
+            // Relative to itself, with the changes so far.
+            let on = own_lane(script, target)?;
+            return Ok(OnLane {
+                lane: script.lane.unwrap_or(on.lane),
+                t_m: script.t_m,
+                ..on
+            });
+        }
         let other = self.ground.placed.get(&name);
         let lane = other.and_then(|it| it.lane.clone());
         let lane = lane.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;

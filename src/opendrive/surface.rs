@@ -11,7 +11,7 @@ const MPH_MPS: f64 = 0.44704;
 ///
 /// A property that changes along the road or between lanes is an error.
 #[derive(Clone, Debug)]
-pub(super) struct Surface {
+pub(crate) struct Surface {
     /// Friction coefficient μ before the scenario scales it.
     pub friction: Result<f64, ImportError>,
     pub limit_mps: Result<Option<f64>, ImportError>,
@@ -30,7 +30,7 @@ impl Default for Surface {
 
 impl Surface {
     /// Returns the surface of a road with the lanes of one section.
-    pub(super) fn of(road: &XmlNode, section: Option<&XmlNode>) -> Result<Surface, ImportError> {
+    pub(crate) fn of(road: &XmlNode, section: Option<&XmlNode>) -> Result<Surface, ImportError> {
         let sides = section.into_iter().flat_map(|it| &it.children);
         let lanes = sides.flat_map(|side| side.all("lane"));
         // Materials of shoulders and sidewalks do not matter: no vehicle drives

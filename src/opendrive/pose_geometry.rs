@@ -4,7 +4,7 @@ use crate::sim::{Pose, wrapped};
 
 impl Pose {
     /// Pose ahead and to the left, with the same heading.
-    pub(super) fn moved(&self, ahead_m: f64, left_m: f64) -> Pose {
+    pub(crate) fn moved(&self, ahead_m: f64, left_m: f64) -> Pose {
         let at_m = self.frame().to_world(ahead_m, left_m);
         Pose {
             x_m: at_m.x,
@@ -14,7 +14,7 @@ impl Pose {
     }
 
     /// Pose along an arc, with the direction of the arc.
-    pub(super) fn bent(&self, along_m: f64, per_m: f64) -> Pose {
+    pub(crate) fn bent(&self, along_m: f64, per_m: f64) -> Pose {
         let turn_rad = per_m * along_m;
         // A line is the limit of an arc, where the division by 0 fails.
         let (ahead_m, left_m) = if per_m == 0.0 {
@@ -32,7 +32,7 @@ impl Pose {
     }
 
     /// Another pose in the frame of this pose: ahead, to the left, turned.
-    pub(super) fn sees(&self, other: &Pose) -> Pose {
+    pub(crate) fn sees(&self, other: &Pose) -> Pose {
         let at_m = self.frame().to_local(other.point_m());
         Pose {
             x_m: at_m.x,

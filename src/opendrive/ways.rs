@@ -4,6 +4,7 @@
 
 use super::error::ImportError;
 use super::tree::XmlNode;
+use crate::road::{Course, Piece};
 use crate::sim::Pose;
 
 /// Greatest distance in metres of the arcs from their spiral.
@@ -15,7 +16,7 @@ const MOST_TURN_RAD: f64 = 3.0;
 
 /// Piece of a path: a line or an arc.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Bend {
+pub(crate) struct Bend {
     pub length_m: f64,
     /// Curvature in 1/m, positive to the left.
     pub per_m: f64,
@@ -23,7 +24,7 @@ pub(super) struct Bend {
 
 /// Path of an entity: pieces from a place on, then straight.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct ImportedPath {
+pub(crate) struct ImportedPath {
     pub begins: Pose,
     /// Pieces. An empty list is a straight line.
     pub pieces: Vec<Bend>,
@@ -31,16 +32,18 @@ pub(super) struct ImportedPath {
 
 /// Position on a path.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct OnWay {
+pub(crate) struct OnWay {
     pub way: ImportedPath,
     pub along_m: f64,
     /// Station at which the file ends the path. The path continues straight after it.
     pub ends_m: f64,
+    /// True for a way along lanes, which ends with them.
+    pub is_lane: bool,
 }
 
 /// Clothoid: a piece whose curvature changes linearly.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Spiral {
+pub(crate) struct Spiral {
     pub length_m: f64,
     pub from_per_m: f64,
     pub to_per_m: f64,
@@ -48,7 +51,7 @@ pub(super) struct Spiral {
 
 impl ImportedPath {
     /// Returns a straight path from a place.
-    pub(super) fn straight(begins: Pose) -> ImportedPath {
+    pub(crate) fn straight(begins: Pose) -> ImportedPath {
         ImportedPath {
             begins,
             pieces: Vec::new(),
@@ -61,7 +64,7 @@ impl ImportedPath {
     ///
     /// Returns an error for places beside the line, and for a path without a
     /// length.
-    pub(super) fn through(asks: &XmlNode, spots: &[Pose]) -> Result<ImportedPath, ImportError> {
+    pub(crate) fn through(asks: &XmlNode, spots: &[Pose]) -> Result<ImportedPath, ImportError> {
         let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
             return Err(asks.refused("a way without places", "give the way at least two places"));
         };
@@ -87,12 +90,42 @@ impl ImportedPath {
     }
 
     /// Removes lines at the end, since a path continues straight after its pieces.
-    pub(super) fn end_straight(&mut self) {
+    pub(crate) fn end_straight(&mut self) {
         while self.pieces.pop_if(|last| last.per_m == 0.0).is_some() {}
     }
 
+    /// Returns the pieces as those of a road.
+    pub(crate) fn pieces(&self) -> Vec<Piece> {
+        let pieces = self.pieces.iter().copied().flat_map(laid);
+        pieces
+            .map(|Bend { length_m, per_m }| {
+                if per_m == 0.0 {
+                    Piece::Line { length_m }
+                } else {
+                    let radius_m = 1.0 / per_m;
+                    Piece::Arc { length_m, radius_m }
+                }
+            })
+            .collect()
+    }
+
+    /// Returns the path as the course of a road.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message for pieces that a world refuses.
+    pub(crate) fn course(&self) -> Result<Course, String> {
+        let pieces = self.pieces();
+        let Pose {
+            x_m,
+            y_m,
+            heading_rad,
+        } = self.begins;
+        Course::placed((x_m, y_m), heading_rad, &pieces, 0.0).map_err(|error| error.what)
+    }
+
     /// Place on the path, with the direction of the path.
-    pub(super) fn at(&self, along_m: f64) -> Pose {
+    pub(crate) fn at(&self, along_m: f64) -> Pose {
         let mut spot = self.begins;
         let mut left_m = along_m;
         for piece in &self.pieces {
@@ -112,7 +145,7 @@ impl OnWay {
     /// # Errors
     ///
     /// Returns an error of the point if the place is not on the path.
-    pub(super) fn move_on(&mut self, asks: &XmlNode, by_m: f64) -> Result<(), ImportError> {
+    pub(crate) fn move_on(&mut self, asks: &XmlNode, by_m: f64) -> Result<(), ImportError> {
         let left_m = self.ends_m - self.along_m;
         if !(-STRAIGHT_M..=left_m + STRAIGHT_M).contains(&by_m) {
             let what = format!("it is {by_m} m along a way that has {left_m} m");
@@ -124,12 +157,12 @@ impl OnWay {
     }
 
     /// Returns the place.
-    pub(super) fn spot(&self) -> Pose {
+    pub(crate) fn spot(&self) -> Pose {
         self.way.at(self.along_m)
     }
 
     /// Extends the first line of the path back to an earlier place.
-    pub(super) fn begin_at(&mut self, first: Pose) {
+    pub(crate) fn begin_at(&mut self, first: Pose) {
         let by_m = first.sees(&self.way.begins).x_m;
         if let Some(piece) = self.way.pieces.first_mut().filter(|it| it.per_m == 0.0) {
             // The position and the end keep their places, so their stations
@@ -155,7 +188,7 @@ impl Spiral {
     /// at most c·h²/12, and off by 0 on average. The lateral error is the
     /// integral of the heading error and does not add up from arc to arc. It is
     /// 0 at both ends and at most c·h³/(36·√3).
-    pub(super) fn arcs(&self, beside_m: f64) -> Vec<Bend> {
+    pub(crate) fn arcs(&self, beside_m: f64) -> Vec<Bend> {
         if self.from_per_m == self.to_per_m {
             return vec![Bend {
                 length_m: self.length_m,
@@ -189,7 +222,7 @@ impl Spiral {
 }
 
 /// Splits a piece into parts that a world accepts.
-pub(super) fn laid(piece: Bend) -> impl Iterator<Item = Bend> {
+pub(crate) fn laid(piece: Bend) -> impl Iterator<Item = Bend> {
     let parts = ((piece.length_m * piece.per_m).abs() / MOST_TURN_RAD)
         .ceil()
         .max(1.0);

@@ -13,7 +13,7 @@ const MAX_DEPTH: usize = 100;
 ///
 /// Returns a message for invalid syntax, an unknown parameter or a value that
 /// is not finite.
-pub(super) fn evaluate(
+pub(crate) fn evaluate(
     text: &str,
     value: &dyn Fn(&str) -> Result<f64, String>,
 ) -> Result<f64, String> {

@@ -17,7 +17,7 @@ const MAX_DEPTH: usize = 200;
 
 /// Element of a file.
 #[derive(Clone, Debug)]
-pub(super) struct XmlNode {
+pub(crate) struct XmlNode {
     pub name: String,
     attributes: Vec<(String, String)>,
     pub children: Vec<XmlNode>,
@@ -34,7 +34,7 @@ impl XmlNode {
     ///
     /// Returns an error for an unreadable or too large file, and for invalid
     /// XML.
-    pub(super) fn read(path: &Path, files: Files<'_>) -> Result<XmlNode, ImportError> {
+    pub(crate) fn read(path: &Path, files: Files<'_>) -> Result<XmlNode, ImportError> {
         let at = At::file(path);
         let text = files(path).map_err(|error| at.error(error.to_string()))?;
         if MAX_BYTES < text.len() {
@@ -44,7 +44,7 @@ impl XmlNode {
         XmlNode::parse(path, text.trim_start_matches('\u{feff}'))
     }
 
-    pub(super) fn parse(path: &Path, text: &str) -> Result<XmlNode, ImportError> {
+    pub(crate) fn parse(path: &Path, text: &str) -> Result<XmlNode, ImportError> {
         let file = Rc::new(path.to_owned());
         let mut reader = Reader::from_str(text);
         let (mut line, mut counted) = (1, 0);
@@ -122,12 +122,12 @@ impl XmlNode {
     }
 
     /// Returns the path of its file.
-    pub(super) fn file(&self) -> &Path {
+    pub(crate) fn file(&self) -> &Path {
         &self.file
     }
 
     /// Returns its place for errors.
-    pub(super) fn at(&self) -> At {
+    pub(crate) fn at(&self) -> At {
         let name = self.raw("name").or_else(|| self.raw("entityRef"));
         let shown = match name {
             Some(name) => format!("{} `{name}`", self.name),
@@ -136,40 +136,40 @@ impl XmlNode {
         At::element(&self.file, shown, self.line)
     }
 
-    pub(super) fn error(&self, what: impl Into<String>) -> ImportError {
+    pub(crate) fn error(&self, what: impl Into<String>) -> ImportError {
         self.at().error(what)
     }
 
     /// Returns an error with a help.
-    pub(super) fn refused(&self, what: impl Into<String>, help: &str) -> ImportError {
+    pub(crate) fn refused(&self, what: impl Into<String>, help: &str) -> ImportError {
         self.error(what).helped(help)
     }
 
     /// Returns an attribute as written.
-    pub(super) fn raw(&self, name: &str) -> Option<&str> {
+    pub(crate) fn raw(&self, name: &str) -> Option<&str> {
         let mut attributes = self.attributes.iter();
         let found = attributes.find(|(known, _)| known == name);
         found.map(|(_, value)| value.as_str())
     }
 
     /// Returns a required attribute as written.
-    pub(super) fn need(&self, name: &str) -> Result<&str, ImportError> {
+    pub(crate) fn need(&self, name: &str) -> Result<&str, ImportError> {
         self.raw(name)
             .ok_or_else(|| self.error(format!("it has no `{name}`")))
     }
 
     /// Returns the children of a name.
-    pub(super) fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a XmlNode> {
+    pub(crate) fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a XmlNode> {
         self.children.iter().filter(move |child| child.name == name)
     }
 
     /// Returns the first child of a name.
-    pub(super) fn child(&self, name: &str) -> Option<&XmlNode> {
+    pub(crate) fn child(&self, name: &str) -> Option<&XmlNode> {
         self.children.iter().find(|child| child.name == name)
     }
 
     /// Returns the first child of a name, or an error.
-    pub(super) fn inner(&self, name: &str) -> Result<&XmlNode, ImportError> {
+    pub(crate) fn inner(&self, name: &str) -> Result<&XmlNode, ImportError> {
         self.child(name)
             .ok_or_else(|| self.error(format!("there is no `{name}` in it")))
     }
@@ -177,7 +177,7 @@ impl XmlNode {
     /// Returns the first child, or an error for an empty element.
     ///
     /// It serves elements with exactly one child of several possible kinds.
-    pub(super) fn only(&self) -> Result<&XmlNode, ImportError> {
+    pub(crate) fn only(&self) -> Result<&XmlNode, ImportError> {
         self.children
             .first()
             .ok_or_else(|| self.error("there is nothing in it"))

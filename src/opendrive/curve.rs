@@ -1,0 +1,305 @@
+//! Curves in the plane, and arcs within a millimetre of them.
+//!
+//! Lines, arcs, spirals, polynomials and the middles of lanes are all read as a
+//! place at each distance. Pairs of arcs then meet such a curve in place and
+//! direction, so no error adds up along a chain of them.
+
+use super::ways::Bend;
+use crate::sim::{Pose, wrapped};
+
+/// Greatest distance in metres of the arcs from their curve.
+const NEAR_M: f64 = 0.001;
+/// Least length in metres of a part of a curve that is split once more.
+const LEAST_M: f64 = 0.05;
+/// Shares of a part at which it is compared with its arcs.
+const SHARES: [f64; 5] = [0.125, 0.3, 0.5, 0.7, 0.875];
+
+/// Arc with its place on the curve.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CurveArc {
+    /// Distance along the curve at its start, and the part of the curve that it covers.
+    pub from_m: f64,
+    pub covers_m: f64,
+    pub start: Pose,
+    pub bend: Bend,
+}
+
+/// Arcs within [`NEAR_M`] of a curve, also on parallels up to `beside_m` beside it.
+///
+/// `at` is the place on the curve at a distance. Its heading is the tangent.
+pub(crate) fn arcs_of(at: &dyn Fn(f64) -> Pose, length_m: f64, beside_m: f64) -> Vec<CurveArc> {
+    let mut arcs = Vec::new();
+    split(at, (0.0, length_m), beside_m, &mut arcs);
+    arcs
+}
+
+fn split(
+    at: &dyn Fn(f64) -> Pose,
+    (from_m, to_m): (f64, f64),
+    beside_m: f64,
+    arcs: &mut Vec<CurveArc>,
+) {
+    let (start, end) = (at(from_m), at(to_m));
+    let pair = pair_of(start, end);
+    let pair_m: f64 = pair.iter().map(|(_, bend)| bend.length_m).sum();
+    // A straight part has no length to share out.
+    let scale = if 0.0 < pair_m {
+        (to_m - from_m) / pair_m
+    } else {
+        0.0
+    };
+    let is_near = SHARES.iter().all(|share| {
+        let here = on_pair(&pair, share * pair_m);
+        let off = at(from_m + share * (to_m - from_m)).sees(&here);
+        libm::hypot(off.x_m, off.y_m) + beside_m * off.heading_rad.abs() <= NEAR_M
+    });
+    if !is_near && LEAST_M < to_m - from_m {
+        let middle_m = 0.5 * (from_m + to_m);
+        split(at, (from_m, middle_m), beside_m, arcs);
+        split(at, (middle_m, to_m), beside_m, arcs);
+        return;
+    }
+    let mut along_m = from_m;
+    for (start, bend) in pair {
+        let covers_m = bend.length_m * scale;
+        if 0.0 < covers_m {
+            arcs.push(CurveArc {
+                from_m: along_m,
+                covers_m,
+                start,
+                bend,
+            });
+        }
+        along_m += covers_m;
+    }
+}
+
+fn on_pair(pair: &[(Pose, Bend); 2], along_m: f64) -> Pose {
+    let [(start, first), (middle, second)] = pair;
+    match along_m - first.length_m {
+        left_m if left_m <= 0.0 => start.bent(along_m, first.per_m),
+        left_m => middle.bent(left_m, second.per_m),
+    }
+}
+
+/// Two arcs from a place to a place, in the directions of both.
+///
+/// The tangents at both ends reach equally far, to the points between which the
+/// arcs meet.
+pub(crate) fn pair_of(start: Pose, end: Pose) -> [(Pose, Bend); 2] {
+    let seen = start.sees(&end);
+    let (sin, cos) = libm::sincos(seen.heading_rad);
+    let square = seen.x_m * seen.x_m + seen.y_m * seen.y_m;
+    // Of v·(t0 + t1), with t0 = (1, 0) and t1 = (cos, sin).
+    let along = seen.x_m + seen.x_m * cos + seen.y_m * sin;
+    let bent = 2.0 * (1.0 - cos);
+    let root = (along * along + bent * square).sqrt();
+    // This form of the root has no difference that could cancel.
+    let reach_m = if 0.0 < along + root {
+        square / (along + root)
+    } else {
+        0.0
+    };
+    let middle_m = (
+        0.5 * (seen.x_m + reach_m * (1.0 - cos)),
+        0.5 * (seen.y_m - reach_m * sin),
+    );
+    let first = arc_to(middle_m);
+    let middle = start.bent(first.length_m, first.per_m);
+    let left = middle.sees(&end);
+    [(start, first), (middle, arc_to((left.x_m, left.y_m)))]
+}
+
+/// Arc that begins ahead and ends at a place.
+fn arc_to((ahead_m, left_m): (f64, f64)) -> Bend {
+    let square = ahead_m * ahead_m + left_m * left_m;
+    let half_rad = libm::atan2(left_m, ahead_m);
+    if square == 0.0 {
+        return Bend {
+            length_m: 0.0,
+            per_m: 0.0,
+        };
+    }
+    let per_m = 2.0 * left_m / square;
+    Bend {
+        // Below this the quotient only has the error of both numbers.
+        length_m: if half_rad.abs() < 1e-6 {
+            square.sqrt()
+        } else {
+            2.0 * half_rad / per_m
+        },
+        per_m,
+    }
+}
+
+/// Polynomial of the third degree from a distance on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Cubic {
+    pub from_m: f64,
+    pub terms: [f64; 4],
+}
+
+impl Cubic {
+    pub(crate) fn at(&self, s_m: f64) -> f64 {
+        let [a, b, c, d] = self.terms;
+        let x = s_m - self.from_m;
+        a + x * (b + x * (c + x * d))
+    }
+
+    pub(crate) fn slope(&self, s_m: f64) -> f64 {
+        let [_, b, c, d] = self.terms;
+        let x = s_m - self.from_m;
+        b + x * (2.0 * c + x * 3.0 * d)
+    }
+
+    pub(crate) fn is_constant(&self) -> bool {
+        self.terms[1..].iter().all(|term| *term == 0.0)
+    }
+}
+
+/// Returns the last polynomial that has begun at a distance.
+pub(crate) fn begun(all: &[Cubic], s_m: f64) -> Cubic {
+    let begun = all.iter().rev().find(|it| it.from_m <= s_m);
+    // Before its distance the first one holds.
+    begun.or(all.first()).copied().unwrap_or_default()
+}
+
+/// Curve along two polynomials of one parameter, by its length.
+pub(crate) struct ParametricCurve {
+    start: Pose,
+    /// Polynomials ahead and to the left, of a parameter up to `most`.
+    ahead: Cubic,
+    left: Cubic,
+    most: f64,
+    /// Lengths at even parameters, scaled to the length that the file states.
+    lengths_m: Vec<f64>,
+}
+
+impl ParametricCurve {
+    /// Parts into which a curve is cut to measure it, as in esmini.
+    const PARTS: u32 = 200;
+
+    pub(crate) fn new(
+        start: Pose,
+        (ahead, left): (Cubic, Cubic),
+        most: f64,
+        length_m: f64,
+    ) -> ParametricCurve {
+        let step = most / f64::from(Self::PARTS);
+        let mut lengths_m = vec![0.0];
+        let mut sum_m = 0.0;
+        for part in 0..Self::PARTS {
+            let middle = (f64::from(part) + 0.5) * step;
+            sum_m += step * libm::hypot(ahead.slope(middle), left.slope(middle));
+            lengths_m.push(sum_m);
+        }
+        for it in &mut lengths_m {
+            *it *= length_m / sum_m;
+        }
+        ParametricCurve {
+            start,
+            ahead,
+            left,
+            most,
+            lengths_m,
+        }
+    }
+
+    pub(crate) fn at(&self, s_m: f64) -> Pose {
+        let after = self.lengths_m.partition_point(|it| *it <= s_m);
+        let part = after.clamp(1, Self::PARTS as usize);
+        let (from_m, to_m) = (self.lengths_m[part - 1], self.lengths_m[part]);
+        let share = part as f64 - 1.0 + (s_m - from_m) / (to_m - from_m);
+        let parameter = share * self.most / f64::from(Self::PARTS);
+        let (ahead, left) = (self.ahead.slope(parameter), self.left.slope(parameter));
+        let on = self
+            .start
+            .moved(self.ahead.at(parameter), self.left.at(parameter));
+        Pose {
+            heading_rad: wrapped(self.start.heading_rad + libm::atan2(left, ahead)),
+            ..on
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cubic(terms: [f64; 4]) -> Cubic {
+        Cubic { from_m: 0.0, terms }
+    }
+
+    fn apart_m(a: Pose, b: Pose) -> f64 {
+        libm::hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+    }
+
+    #[test]
+    fn chained_arcs_stay_within_a_millimetre_and_end_where_the_curve_does() {
+        let start = Pose {
+            x_m: 3.0,
+            y_m: -2.0,
+            heading_rad: 2.5,
+        };
+        // An S of 60 m, a bend of a junction, and one parametrized from 0 to 1.
+        let cases = [
+            (
+                cubic([0.0, 1.0, 0.0, 0.0]),
+                cubic([0.0, 0.0, 0.01, -2e-4]),
+                50.0,
+                52.0,
+            ),
+            (
+                cubic([0.0, 1.0, 0.0, -2e-3]),
+                cubic([0.0, 0.0, 0.04, 0.0]),
+                12.0,
+                13.3,
+            ),
+            (
+                cubic([0.0, 20.0, -4.0, 0.0]),
+                cubic([0.0, 0.0, 8.0, 3.0]),
+                1.0,
+                20.5,
+            ),
+        ];
+        for (ahead, left, most, length_m) in cases {
+            let curve = ParametricCurve::new(start, (ahead, left), most, length_m);
+            let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, 4.0);
+            // Chained from the start on: errors of the arcs would add up.
+            let mut spot = start;
+            let mut covered_m = 0.0;
+            for arc in &arcs {
+                assert!(
+                    apart_m(spot, curve.at(arc.from_m)) < 2.0 * NEAR_M,
+                    "{arc:?}"
+                );
+                let middle = spot.bent(0.5 * arc.bend.length_m, arc.bend.per_m);
+                let there = curve.at(arc.from_m + 0.5 * arc.covers_m);
+                assert!(apart_m(middle, there) < 2.0 * NEAR_M, "{arc:?}");
+                spot = spot.bent(arc.bend.length_m, arc.bend.per_m);
+                covered_m += arc.covers_m;
+            }
+            assert!((covered_m - length_m).abs() < 1e-9);
+            let end = curve.at(length_m);
+            assert!(apart_m(spot, end) < 1e-6, "{}", apart_m(spot, end));
+            assert!(wrapped(spot.heading_rad - end.heading_rad).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_polynomial_has_the_length_that_its_file_states() {
+        // y = x²/100 over x = 0 to 10, whose length is 10.0663 m, as 20 m.
+        let curve = ParametricCurve::new(
+            Pose::default(),
+            (cubic([0.0, 10.0, 0.0, 0.0]), cubic([0.0, 0.0, 1.0, 0.0])),
+            1.0,
+            20.0,
+        );
+        let end = curve.at(20.0);
+        assert!((end.x_m - 10.0).abs() < 1e-9 && (end.y_m - 1.0).abs() < 1e-9);
+        assert!((end.heading_rad - libm::atan(0.2)).abs() < 1e-9);
+        // Half of the length, and not half of the parameter, is in the middle.
+        let middle = curve.at(10.0);
+        assert!((middle.x_m - 5.0247).abs() < 1e-3, "{middle:?}");
+    }
+}

@@ -1,0 +1,84 @@
+//! Road of a world along the lanes of an OpenDRIVE file.
+
+use std::path::Path;
+
+use super::error::{At, ImportError};
+use super::roads::{OnLane, RoadMap};
+use super::tree::XmlNode;
+use crate::road::Piece;
+use crate::sim::Pose;
+
+/// Start on a lane, and the way from there.
+#[derive(Clone, Debug)]
+pub(crate) struct LaneStart<'a> {
+    pub road: &'a str,
+    pub lane: i32,
+    pub s_m: f64,
+    /// Roads that the way visits, which decide at junctions.
+    pub via: &'a [String],
+    pub length_m: f64,
+}
+
+/// Way along lanes in the form of a road.
+#[derive(Clone, Debug)]
+pub(crate) struct LaneRoad {
+    /// Start of the middle of its lane 0, in the plane of the file.
+    pub begins: Pose,
+    pub lanes: usize,
+    pub lane_width_m: f64,
+    pub pieces: Vec<Piece>,
+}
+
+/// Reads the way along lanes from a start.
+///
+/// All lanes on the right of it belong to the road, if they have one width and go
+/// on beside it. Otherwise the road is the lane alone.
+///
+/// # Errors
+///
+/// Returns an error for an unknown road or lane, and for unsupported content.
+pub(crate) fn lane_road(
+    path: &Path,
+    text: &str,
+    from: &LaneStart,
+) -> Result<LaneRoad, ImportError> {
+    let root = XmlNode::parse(path, text.trim_start_matches('\u{feff}'))?;
+    let roads = RoadMap::of(&root)?;
+    let line = roads.road(&root, from.road)?;
+    let at = OnLane {
+        road: from.road.to_owned(),
+        lane: from.lane,
+        s_m: from.s_m,
+        t_m: line.middle_at(&root, from.s_m, from.lane)?.0,
+    };
+    let drive = roads.lane_drive(&root, &at, (from.via, from.length_m))?;
+    if let Some(missing) = from
+        .via
+        .iter()
+        .find(|id| !drive.iter().any(|it| it.road == **id))
+    {
+        let what = format!(
+            "the way from road `{}` does not lead to road `{missing}`",
+            from.road
+        );
+        let help =
+            "list the roads in the order of the way, one before and one behind each junction";
+        return Err(At::file(path).error(what).helped(help));
+    }
+    let lane_width_m = line.lanes.width_m(from.s_m, from.lane).unwrap_or(0.0);
+    let right = roads.lanes_beside(&drive, lane_width_m);
+    let on = roads.lane_way(&root, &drive, -(right as f64) * lane_width_m)?;
+    Ok(LaneRoad {
+        begins: on.way.begins,
+        lanes: right + 1,
+        lane_width_m,
+        pieces: on.way.pieces(),
+    })
+}
+
+impl LaneRoad {
+    /// Start of another road, seen from the start of this one.
+    pub(crate) fn sees(&self, other: &LaneRoad) -> Pose {
+        self.begins.sees(&other.begins)
+    }
+}

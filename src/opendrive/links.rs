@@ -1,0 +1,75 @@
+//! Links between roads, and connections through junctions.
+
+use std::collections::BTreeMap;
+
+use super::error::ImportError;
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
+
+/// Road or junction at an end of a road.
+#[derive(Clone, Debug)]
+pub(crate) struct RoadLink {
+    pub id: String,
+    pub is_junction: bool,
+    /// True if the end of that road is here, and not its start.
+    pub at_end: bool,
+}
+
+impl RoadLink {
+    /// Reads the links of a road: before it and after it.
+    pub(crate) fn both(road: &XmlNode) -> Result<[Option<RoadLink>; 2], ImportError> {
+        let of = |name: &str| {
+            let node = road.child("link").and_then(|it| it.child(name));
+            let link = node.map(|it| {
+                Ok(RoadLink {
+                    id: it.need("elementId")?.to_owned(),
+                    is_junction: it.raw("elementType") == Some("junction"),
+                    at_end: it.raw("contactPoint") == Some("end"),
+                })
+            });
+            link.transpose()
+        };
+        Ok([of("predecessor")?, of("successor")?])
+    }
+}
+
+/// Connection of a junction: from a road, over a road, from lane to lane.
+#[derive(Clone, Debug)]
+pub(crate) struct Connection {
+    pub from: String,
+    pub over: RoadLink,
+    pub lanes: Vec<(i32, i32)>,
+}
+
+/// Connections of all junctions by their id.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Junctions(pub BTreeMap<String, Vec<Connection>>);
+
+impl Junctions {
+    pub(crate) fn of(root: &XmlNode) -> Result<Junctions, ImportError> {
+        let plain = ParameterScope::default();
+        let connection = |it: &XmlNode| {
+            let lanes = it.all("laneLink").map(|link| {
+                let (from, to) = (plain.number(link, "from")?, plain.number(link, "to")?);
+                Ok((from as i32, to as i32))
+            });
+            // A direct junction names the linked road itself.
+            let over = it.raw("connectingRoad").or(it.raw("linkedRoad"));
+            Ok(Connection {
+                from: it.need("incomingRoad")?.to_owned(),
+                over: RoadLink {
+                    id: over.unwrap_or_default().to_owned(),
+                    is_junction: false,
+                    at_end: it.raw("contactPoint") == Some("end"),
+                },
+                lanes: lanes.collect::<Result<_, ImportError>>()?,
+            })
+        };
+        let junctions = root.all("junction").map(|junction| {
+            let connections = junction.all("connection").map(connection);
+            let connections = connections.collect::<Result<_, ImportError>>()?;
+            Ok((junction.need("id")?.to_owned(), connections))
+        });
+        Ok(Junctions(junctions.collect::<Result<_, ImportError>>()?))
+    }
+}

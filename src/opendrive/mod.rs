@@ -1,0 +1,29 @@
+//! Roads from OpenDRIVE files: reference lines, lanes, links and ways along them.
+//!
+//! Every curve is read as a place at each distance, and becomes arcs within a
+//! millimetre of it. A way along lanes leads through sections, over links and
+//! through junctions.
+//!
+//! Architecture Invariant: a function provides the files, and this module knows no
+//! world and no scenario.
+
+pub(crate) mod curve;
+pub(crate) mod error;
+pub(crate) mod expression;
+pub(crate) mod files;
+pub(crate) mod lane_drive;
+pub(crate) mod lanes;
+mod links;
+mod pose_geometry;
+pub(crate) mod reference_line;
+pub(crate) mod roads;
+pub(crate) mod scope;
+pub(crate) mod surface;
+pub(crate) mod tree;
+pub(crate) mod ways;
+
+mod driven_road;
+
+pub(crate) use driven_road::{LaneRoad, LaneStart, lane_road};
+pub use error::ImportError;
+pub use files::Files;

@@ -1,0 +1,228 @@
+//! Steps of one entity, and what its events allow.
+
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
+use crate::openx::import::ends::to_mps;
+use crate::openx::import::entity::{
+    Approached, ImportedEntity, ImportedLaw, ImportedStep, WatchedCondition,
+};
+use crate::openx::import::laws::Speeds;
+use crate::openx::import::places::Placed;
+use crate::openx::import::triggers::StoryElement;
+use crate::scene::drive::ChangeShape;
+
+/// Event with its surrounding elements.
+pub(super) struct EventContext<'a> {
+    pub act: &'a XmlNode,
+    pub begins_s: f64,
+    /// Condition of the act with its delay, if the act waits for one.
+    pub waits: Option<&'a (WatchedCondition, f64)>,
+    pub group: &'a XmlNode,
+    pub maneuver: &'a XmlNode,
+    pub event: &'a XmlNode,
+    pub scope: &'a ParameterScope,
+    pub actors: &'a [String],
+}
+
+/// Steps of one entity, as far as they have been read.
+pub(super) struct EntityScript {
+    pub name: String,
+    pub placed: Placed,
+    pub speeds: Speeds,
+    /// Lane, lateral offset, and the sum of its lane changes.
+    pub lane: Option<i32>,
+    pub t_m: f64,
+    pub changed_m: f64,
+    pub steps: Vec<ImportedStep>,
+    pub approach: Option<Approached>,
+    pub gap_m: Option<f64>,
+    /// True once an event of the entity has been read.
+    pub has_begun: bool,
+    /// Elements that end together with the previous step.
+    pub ended: Vec<StoryElement>,
+    /// Place of the act of the previous step.
+    pub act: usize,
+    /// Time and speed at which the previous step begins, as far as known before the run.
+    pub last: Option<(f64, Option<f64>)>,
+    /// Time in seconds at which the previous step ends, if it is known before the run.
+    pub ends_s: Option<f64>,
+    /// Time in seconds until which a law across the path goes on beside later steps.
+    pub aside_s: f64,
+}
+
+impl EntityScript {
+    pub(super) fn of(entity: &ImportedEntity) -> EntityScript {
+        EntityScript {
+            name: entity.name.clone(),
+            placed: entity.placed.clone(),
+            speeds: Speeds {
+                now_mps: Some(final_mps(entity)),
+                most_mps: entity.body.most_mps,
+                most_mps2: entity.body.most_mps2,
+            },
+            lane: entity.placed.lane.as_ref().map(|at| at.lane),
+            t_m: entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m),
+            changed_m: 0.0,
+            // The Init may already contain a step.
+            has_begun: !entity.steps.is_empty(),
+            steps: entity.steps.clone(),
+            approach: None,
+            gap_m: entity.gap_m,
+            ended: Vec::new(),
+            act: 0,
+            ends_s: first_s(entity),
+            aside_s: 0.0,
+            last: (!entity.steps.is_empty()).then_some((0.0, Some(entity.speed_mps))),
+        }
+    }
+
+    /// Makes room for a step at a time before the end of the previous step.
+    ///
+    /// A change of speed is cut in two, and its rest is returned unless the new
+    /// step changes the speed, too. A change of lane goes on beside a change of
+    /// speed. Returns the delay of the step, or `None` if both cannot overlap.
+    pub(super) fn overlap(
+        &mut self,
+        at_s: f64,
+        (along, across): (bool, bool),
+        replaces: bool,
+    ) -> Option<(f64, Option<ImportedLaw>)> {
+        let (begins_s, from_mps) = self.last?;
+        let last = self.steps.last_mut().filter(|_| begins_s <= at_s)?;
+        match &mut last.laws[..] {
+            [ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }] if along && !across => {
+                last.overlaps = true;
+                // The next step counts from the begin of this one, and ends beside it.
+                self.aside_s = self.ends_s?;
+                self.ends_s = Some(begins_s);
+                Some((at_s - begins_s, None))
+            }
+            [
+                ImportedLaw::Speed {
+                    to_mps,
+                    relative_to: None,
+                    rate_mps2: Some(rate_mps2),
+                    shape: ChangeShape::Linear,
+                },
+            ] => {
+                // Whether one of two changes of speed wins is said by the priority only.
+                if along && !replaces {
+                    return None;
+                }
+                let from_mps = from_mps?;
+                let rest = ImportedLaw::Speed {
+                    to_mps: *to_mps,
+                    relative_to: None,
+                    rate_mps2: Some(*rate_mps2),
+                    shape: ChangeShape::Linear,
+                };
+                let sign = (*to_mps - from_mps).signum();
+                *to_mps = from_mps + sign * *rate_mps2 * (at_s - begins_s);
+                self.speeds.now_mps = Some(*to_mps);
+                self.ends_s = Some(at_s);
+                Some((0.0, (!along).then_some(rest)))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Speed in m/s after the step of the Init, if there is one.
+fn final_mps(entity: &ImportedEntity) -> f64 {
+    let laws = entity.steps.iter().flat_map(|step| &step.laws);
+    let mut speeds = laws.filter_map(|law| to_mps(law, 0.0));
+    speeds.next_back().unwrap_or(entity.speed_mps)
+}
+
+/// Duration in seconds of the step of the Init.
+fn first_s(entity: &ImportedEntity) -> Option<f64> {
+    let laws = entity.steps.iter().flat_map(|step| &step.laws);
+    let mut lasts = laws.map(|law| law.lasts_s(Some(entity.speed_mps), (0.0, 0.0)));
+    lasts.try_fold(0.0, |sum, lasts_s| Some(sum + lasts_s?))
+}
+
+/// Refuses repeated events, and actors that are selected during the scenario.
+pub(super) fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError> {
+    let mut actions = context.event.all("Action");
+    let is_alone = context.maneuver.all("Event").count() == 1;
+    // Once it has happened, it changes nothing when it happens again.
+    let is_settled = is_alone && actions.all(|action| !is_relative(action));
+    let is_settled = is_settled || comes_once(context.event);
+    for node in [context.event, context.group] {
+        let often = context
+            .scope
+            .number_or_zero(node, "maximumExecutionCount")?;
+        if node.raw("maximumExecutionCount").is_some() && often != 1.0 && !is_settled {
+            let what = format!("it is carried out {often} times: only 1 is read");
+            let help = "write an event for each time, each after the end of the one before";
+            return Err(node.refused(what, help));
+        }
+    }
+    let actors = context.group.child("Actors");
+    let selected = actors.and_then(|it| it.raw("selectTriggeringEntities"));
+    if let (Some(actors), Some("true")) = (actors, selected) {
+        let what = "actors who are those that trigger it are not read";
+        let help = "name them by EntityRef, with selectTriggeringEntities=\"false\"";
+        return Err(actors.refused(what, help));
+    }
+    Ok(())
+}
+
+/// Returns whether what an event waits for comes once, whatever its count.
+fn comes_once(event: &XmlNode) -> bool {
+    let comes_once = |condition: &XmlNode| {
+        let Some(by) = condition.child("ByValueCondition") else {
+            return false;
+        };
+        let is_edge = matches!(
+            condition.raw("conditionEdge"),
+            Some("rising" | "risingOrFalling")
+        );
+        let is_transition = by
+            .child("StoryboardElementStateCondition")
+            .and_then(|it| it.raw("state"))
+            .is_some_and(|state| state.ends_with("Transition"));
+        is_transition || (is_edge && by.child("SimulationTimeCondition").is_some())
+    };
+    let groups = event.child("StartTrigger");
+    let mut groups = groups.into_iter().flat_map(|it| &it.children).peekable();
+    groups.peek().is_some() && groups.all(|group| group.children.iter().any(comes_once))
+}
+
+/// Returns whether an action has another effect the second time.
+fn is_relative(action: &XmlNode) -> bool {
+    let absolute = [
+        "AbsoluteTargetSpeed",
+        "AbsoluteTargetLane",
+        "AbsoluteTargetLaneOffset",
+    ];
+    fn leaves<'a>(node: &'a XmlNode, all: &mut Vec<&'a str>) {
+        if node.name.contains("Target") && !node.name.ends_with("Target") {
+            all.push(&node.name);
+        }
+        node.children.iter().for_each(|child| leaves(child, all));
+    }
+    let mut all = Vec::new();
+    leaves(action, &mut all);
+    all.is_empty() || all.iter().any(|name| !absolute.contains(name))
+}
+
+/// Elements that end with the event: those without other activity.
+pub(super) fn ended(context: &EventContext<'_>, moving: usize) -> Vec<StoryElement> {
+    let mut ended = Vec::new();
+    // With several actors, the element ends with the slowest of them.
+    if context.actors.len() != 1 {
+        return ended;
+    }
+    ended.extend(StoryElement::of("event", context.event));
+    let actions: Vec<&XmlNode> = context.event.all("Action").collect();
+    if let ([action], 1) = (&actions[..], moving) {
+        ended.extend(StoryElement::of("action", action));
+    }
+    // A maneuver with several events ends with the last of them.
+    if context.maneuver.all("Event").count() == 1 {
+        ended.extend(StoryElement::of("maneuver", context.maneuver));
+    }
+    ended
+}

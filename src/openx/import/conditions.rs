@@ -1,0 +1,271 @@
+//! Conditions of steps in the form of a world file: formulas over signals.
+
+use super::draft::tidy;
+use super::entity::{Measure, WatchedCondition};
+use super::scenario::Concrete;
+use super::seen::{EntityInFrame, EntityPath};
+use crate::opendrive::error::ImportError;
+
+/// Curvature in 1/m up to which a distance along the road is that in the direction
+/// of an entity.
+const STRAIGHT_PER_M: f64 = 1.0 / 2000.0;
+/// Difference that separates a strict comparison from one that is not.
+const STRICT: f64 = 0.000_001;
+
+/// Formula of a quantity below or above a parameter.
+///
+/// It concerns one of several entities, or all of them.
+///
+/// # Errors
+///
+/// Returns an error for a rising edge that is not seen, and for a distance that a
+/// world has no signal for.
+pub(super) fn formula(
+    concrete: &Concrete,
+    all: &[EntityInFrame],
+    watch: &WatchedCondition,
+    (parameter, is_first): (&str, bool),
+) -> Result<String, ImportError> {
+    let find = |name: &str| {
+        let found = all.iter().find(|it| it.entity.name == name);
+        let what = format!("no agent is called `{name}`");
+        found.ok_or_else(|| watch.at.error(what))
+    };
+    let target = match &watch.measure {
+        Measure::Clearance { target, .. }
+        | Measure::Along { target, .. }
+        | Measure::Gap { target }
+        | Measure::Apart { target } => Some(find(target)?),
+        Measure::Speed | Measure::Travelled | Measure::Place { .. } => None,
+    };
+    let who = watch.who.iter().map(|name| find(name));
+    let who = who.collect::<Result<Vec<&EntityInFrame>, ImportError>>()?;
+    let is_on_roads = !matches!(watch.measure, Measure::Speed | Measure::Gap { .. });
+    let turns = |it: &&EntityInFrame| matches!(it.path, EntityPath::Own(_, on) if on.is_lane);
+    if is_on_roads && who.iter().chain(target.iter()).any(turns) {
+        let what = "a distance between entities on different roads is not read";
+        let help = "wait for a time, a speed or the distance between both boxes";
+        return Err(watch.at.error(what).helped(help));
+    }
+    let quantities = who
+        .iter()
+        .map(|it| Quantity::of(concrete, watch, it, target));
+    let quantities = quantities.collect::<Result<Vec<Quantity>, ImportError>>()?;
+    let mut holding = quantities.iter().map(|it| it.holds_at_start(watch));
+    let holds = if watch.needs_all {
+        holding.all(|holds| holds)
+    } else {
+        holding.any(|holds| holds)
+    };
+    // An edge from false to true requires a false start.
+    if watch.rises && holds {
+        let what = "its rising edge is not seen: it holds from the start on";
+        let help = "write conditionEdge=\"none\", or place them so that it does not hold";
+        return Err(watch.at.error(what).helped(help));
+    }
+    let parts = quantities.iter().zip(&who);
+    let parts: Vec<String> = parts
+        .map(|(it, who)| it.text(watch, who, target, (parameter, is_first)))
+        .collect();
+    Ok(match (&parts[..], watch.needs_all) {
+        ([one], _) => one.clone(),
+        (_, true) => format!("({})", parts.join(") and (")),
+        (_, false) => format!("({})", parts.join(") or (")),
+    })
+}
+
+/// Quantity of one entity: its expression, and its value at the start.
+struct Quantity {
+    text: String,
+    start: f64,
+    /// Speed of the entity, if the quantity is a time.
+    over: Option<f64>,
+    /// False while the quantity has no value at the start.
+    is_defined: bool,
+}
+
+impl Quantity {
+    fn of(
+        concrete: &Concrete,
+        watch: &WatchedCondition,
+        who: &EntityInFrame,
+        target: Option<&EntityInFrame>,
+    ) -> Result<Quantity, ImportError> {
+        let front_m = |it: &EntityInFrame| it.spot.x_m + it.front_along_m();
+        let plain = |text: String, start: f64| Quantity {
+            text,
+            start,
+            over: None,
+            is_defined: true,
+        };
+        let refused = |what: &str| Err(watch.at.error(what));
+        let name = &who.name;
+        // Signals are those of fronts, and files compare reference points.
+        let at = (
+            format!("({name}.s - {})", tidy(who.front_along_m())),
+            format!("({name}.lateral - {})", tidy(who.front_left_m())),
+        );
+        Ok(match (&watch.measure, target) {
+            (Measure::Clearance { is_time, .. }, Some(target)) => {
+                let ahead_m = front_m(target) - front_m(who);
+                // The pair is clear by the gap on either side. The gap is negative
+                // while they overlap.
+                let clear_m = (ahead_m - target.rear_m()).max(-ahead_m - who.rear_m());
+                Quantity {
+                    text: String::new(),
+                    start: clear_m.max(0.0),
+                    over: is_time.then_some(who.entity.speed_mps),
+                    is_defined: true,
+                }
+            }
+            (Measure::Along { is_time, .. }, Some(target)) => {
+                if concrete.bends_most_per_m() > STRAIGHT_PER_M {
+                    return refused("a distance between reference points on a bend is not read");
+                }
+                let ahead = format!("{name}.{}.headway", target.name);
+                let more_m = who.front_along_m() - target.front_along_m();
+                let ahead_m = target.spot.x_m - who.spot.x_m;
+                let ahead = format!("({ahead} + {})", tidy(more_m));
+                Quantity {
+                    // A time to what is behind is no value, and distances have no sign.
+                    text: if *is_time {
+                        ahead
+                    } else {
+                        format!("abs{ahead}")
+                    },
+                    start: if *is_time { ahead_m } else { ahead_m.abs() },
+                    over: is_time.then_some(who.entity.speed_mps),
+                    is_defined: !is_time || (0.0 <= ahead_m && 0.0 < who.entity.speed_mps),
+                }
+            }
+            (Measure::Gap { .. }, Some(target)) => {
+                let apart_m = who.entity.placed.spot.sees(&target.entity.placed.spot);
+                // Boxes are nearer than their reference points, by half of both
+                // at most.
+                let reach_m = who.entity.body.length_m + target.entity.body.length_m;
+                let start = libm::hypot(apart_m.x_m, apart_m.y_m);
+                if watch.rises && (start - watch.value).abs() < reach_m {
+                    return refused("its rising edge near the start is not read");
+                }
+                plain(format!("{name}.{}.gap", target.name), start)
+            }
+            (Measure::Apart { .. }, Some(target)) => {
+                if concrete.bends_most_per_m() > STRAIGHT_PER_M {
+                    return refused("a distance between reference points on a bend is not read");
+                }
+                let along = format!(
+                    "({name}.{}.headway + {})",
+                    target.name,
+                    tidy(who.front_along_m() - target.front_along_m())
+                );
+                let aside = format!(
+                    "({}.lateral - {name}.lateral + {})",
+                    target.name,
+                    tidy(who.front_left_m() - target.front_left_m())
+                );
+                let apart = who.spot.sees(&target.spot);
+                plain(
+                    hypotenuse(&along, &aside),
+                    libm::hypot(apart.x_m, apart.y_m),
+                )
+            }
+            (Measure::Speed, _) => plain(format!("{name}.speed"), who.entity.speed_mps),
+            (Measure::Travelled, _) => {
+                if !matches!(who.path, EntityPath::With) {
+                    return refused("a travelled distance is only read along the ego's road");
+                }
+                plain(format!("({} - {})", at.0, tidy(who.spot.x_m)), 0.0)
+            }
+            (
+                Measure::Place {
+                    at: place,
+                    is_along,
+                },
+                _,
+            ) => {
+                if concrete.bends_most_per_m() > STRAIGHT_PER_M {
+                    return refused("a distance to a place on a bend is not read");
+                }
+                let place = concrete.station(place)?;
+                let along = format!("({} - {})", at.0, tidy(place.x_m));
+                let aside = format!("({} - {})", at.1, tidy(place.y_m));
+                let off = (who.spot.x_m - place.x_m, who.spot.y_m - place.y_m);
+                if *is_along {
+                    plain(format!("abs{along}"), off.0.abs())
+                } else {
+                    plain(hypotenuse(&along, &aside), libm::hypot(off.0, off.1))
+                }
+            }
+            _ => return refused("it names no entity"),
+        })
+    }
+
+    /// Returns true if the condition holds at the start of the run.
+    fn holds_at_start(&self, watch: &WatchedCondition) -> bool {
+        let bound = watch.value * self.over.unwrap_or(1.0);
+        let holds = if watch.is_below {
+            self.start < bound
+        } else {
+            self.start > bound
+        };
+        self.is_defined && holds
+    }
+
+    fn text(
+        &self,
+        watch: &WatchedCondition,
+        who: &EntityInFrame,
+        target: Option<&EntityInFrame>,
+        (parameter, is_first): (&str, bool),
+    ) -> String {
+        let bound = match self.over {
+            Some(_) => format!("{parameter} * {}.speed", who.name),
+            None => parameter.to_owned(),
+        };
+        if let (Measure::Clearance { .. }, Some(target)) = (&watch.measure, target) {
+            return clearance(watch, (who, target), &bound, is_first);
+        }
+        let text = &self.text;
+        // A formula has no strict comparison, so a small difference separates the
+        // two.
+        let compared = if watch.is_below {
+            format!("{text} + {STRICT} <= {bound}")
+        } else {
+            format!("{text} >= {bound} + {STRICT}")
+        };
+        match self.over {
+            Some(_) => format!("{compared} and {text} >= 0 and {}.speed >= 0.001", who.name),
+            None => compared,
+        }
+    }
+}
+
+fn hypotenuse(along: &str, aside: &str) -> String {
+    format!("sqrt({along} * {along} + {aside} * {aside})")
+}
+
+fn clearance(
+    watch: &WatchedCondition,
+    (who, target): (&EntityInFrame, &EntityInFrame),
+    bound: &str,
+    is_first: bool,
+) -> String {
+    let headway = format!("{}.{}.headway", who.name, target.name);
+    let ahead = format!("{headway} - {}", tidy(target.rear_m()));
+    let behind = format!("-{headway} - {}", tidy(who.rear_m()));
+    // Entities approach before they pass, and are far apart again after
+    // passing. A first step below a bound therefore only watches the side of
+    // the approach.
+    let clearance = match (watch.is_below && is_first, who.spot.x_m <= target.spot.x_m) {
+        (true, true) => ahead,
+        (true, false) => behind,
+        (false, _) => format!("max({ahead}, {behind})"),
+    };
+    // The comparison is strict: a touching entity has a clearance of 0 m, not
+    // less.
+    if watch.is_below {
+        format!("max({clearance}, 0) + {STRICT} <= {bound}")
+    } else {
+        format!("{clearance} >= {bound} + {STRICT}")
+    }
+}

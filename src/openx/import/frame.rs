@@ -1,0 +1,343 @@
+//! Frame of the ego's road, and the ways of entities that leave it.
+
+use super::ends::to_mps;
+use super::entity::ImportedEntity;
+use super::places::{Placed, is_along};
+use crate::opendrive::error::{At, ImportError};
+use crate::opendrive::roads::OnLane;
+use crate::opendrive::roads::RoadMap;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::{ImportedPath, OnWay};
+use crate::sim::Pose;
+
+/// Least length in metres of the ego's lane ahead of the ego on a single road.
+const LEAST_AHEAD_M: f64 = 100.0;
+/// Least length in metres of the ego's way in all.
+const LEAST_WAY_M: f64 = 10.0;
+/// Tolerances within which a way keeps its distance to another.
+const SAME_M: f64 = 0.005;
+const SAME_RAD: f64 = 0.002;
+/// Distance in metres of the places at which two ways are compared.
+const STEP_M: f64 = 2.0;
+/// Longest run in seconds for which ways are read, and their length beyond it.
+const USUAL_S: f64 = 60.0;
+const BEYOND_M: f64 = 200.0;
+/// Usual width of a lane in metres, where the file has none.
+const USUAL_WIDTH_M: f64 = 3.5;
+
+/// Frame of the ego's road, to which all places refer.
+#[derive(Clone, Debug)]
+pub(super) enum RoadFrame {
+    /// Straight line from a place.
+    Straight(Pose),
+    /// Parallel to a reference line, `t_m` to its left.
+    Beside { road: String, t_m: f64 },
+    /// Bent path.
+    Along(ImportedPath),
+}
+
+/// Frame with the lanes of the world.
+pub(super) struct FrameOfEgo {
+    pub frame: RoadFrame,
+    /// Lateral position of the outermost lane, from the reference line.
+    pub zero_m: f64,
+    pub lanes: usize,
+    pub lane_width_m: f64,
+}
+
+impl FrameOfEgo {
+    /// Returns the frame of the ego's road, and gives entities that leave it a way.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for an ego without a lane or a way, and for lanes that a
+    /// world cannot express.
+    pub(super) fn of(
+        asks: &XmlNode,
+        roads: &RoadMap,
+        (entities, stop_s): (&mut [ImportedEntity], Option<f64>),
+    ) -> Result<FrameOfEgo, ImportError> {
+        let reach_m = reach_m(entities, stop_s);
+        let Some(ego) = entities.iter().position(|it| it.is_ego) else {
+            return Err(asks.error("the ego is deleted"));
+        };
+        let it = if keeps_road(asks, roads, entities, ego)? {
+            FrameOfEgo::of_road(asks, roads, &entities[ego])?
+        } else {
+            FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m))?
+        };
+        for entity in entities.iter_mut().filter(|it| !it.is_ego) {
+            it.place(asks, roads, (entity, reach_m))?;
+        }
+        Ok(it)
+    }
+
+    /// Frame of an ego that stays on one road, or on a trajectory.
+    fn of_road(
+        asks: &XmlNode,
+        roads: &RoadMap,
+        ego: &ImportedEntity,
+    ) -> Result<FrameOfEgo, ImportError> {
+        let usual = |frame| FrameOfEgo {
+            frame,
+            zero_m: 0.0,
+            lanes: 2,
+            lane_width_m: USUAL_WIDTH_M,
+        };
+        if let Some(OnWay { way, .. }) = &ego.placed.way {
+            // A path has no lanes of its own, so two of a usual width are drawn.
+            return Ok(usual(if way.pieces.is_empty() {
+                RoadFrame::Straight(way.begins)
+            } else {
+                RoadFrame::Along(way.clone())
+            }));
+        }
+        let Some(at) = &ego.placed.lane else {
+            // On a plain without roads.
+            return Ok(usual(RoadFrame::Straight(ego.placed.spot)));
+        };
+        let line = roads.road(asks, &at.road)?;
+        let beside = line.driven_beside(at.lane, at.s_m);
+        let own = beside.iter().find(|(id, _)| *id == at.lane);
+        let width_m = own.map_or(USUAL_WIDTH_M, |(_, width_m)| *width_m);
+        let same = beside.iter().all(|(_, other_m)| *other_m == width_m);
+        let (outer, lanes) = match (same, beside.len()) {
+            // A single lane, or lanes of different widths: the ego's lane and the
+            // oncoming lane.
+            (true, 1) | (false, _) => (at.lane, 2),
+            (true, lanes) => (beside[0].0, lanes),
+        };
+        let t_m = line.middle_m(asks, outer)?;
+        let frame = if line.is_straight() {
+            RoadFrame::Straight(line.at(0.0, t_m))
+        } else {
+            RoadFrame::Beside {
+                road: at.road.clone(),
+                t_m,
+            }
+        };
+        Ok(FrameOfEgo {
+            frame,
+            zero_m: t_m,
+            lanes,
+            // Lanes wider than the limit of a world are proving grounds, not lanes.
+            lane_width_m: width_m.min(20.0),
+        })
+    }
+
+    /// Frame of an ego that drives along lanes of several roads.
+    fn of_way(
+        asks: &XmlNode,
+        roads: &RoadMap,
+        (ego, reach_m): (&mut ImportedEntity, f64),
+    ) -> Result<FrameOfEgo, ImportError> {
+        let Some(at) = ego.placed.lane.clone() else {
+            return Err(asks.error("the ego is on no lane and on no way"));
+        };
+        let line = roads.road(asks, &at.road)?;
+        let first = line.lanes.first_of(at.lane, at.s_m, line.length_m);
+        let from = OnLane {
+            lane: first.0,
+            s_m: first.1,
+            ..at.clone()
+        };
+        let drive = roads.lane_drive(
+            asks,
+            &from,
+            (&ego.route, reach_m + (from.s_m - at.s_m).abs()),
+        )?;
+        let on = roads.lane_way(asks, &drive, 0.0)?;
+        let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
+        // The lanes of the first road are drawn where the ego's way has them
+        // beside it throughout.
+        let beside = roads.lanes_beside(&drive, width_m);
+        let on = match beside {
+            0 => on,
+            right => roads.lane_way(asks, &drive, -(right as f64) * width_m)?,
+        };
+        let place = on.located(asks, &ego.placed.spot)?;
+        if place.ends_m - place.along_m < LEAST_WAY_M {
+            let what = format!(
+                "the ego\'s lane {} leads off the road after {:.1} m",
+                at.lane,
+                place.ends_m - place.along_m
+            );
+            return Err(asks.error(what).of_point());
+        }
+        let way = place.way.clone();
+        ego.placed.way = Some(place);
+        Ok(FrameOfEgo {
+            frame: RoadFrame::Along(way),
+            zero_m: 0.0,
+            lanes: (beside + 1).max(2),
+            lane_width_m: width_m.min(20.0),
+        })
+    }
+
+    /// Gives an entity a way of its own, or its place on that of the ego.
+    fn place(
+        &self,
+        asks: &XmlNode,
+        roads: &RoadMap,
+        (entity, reach_m): (&mut ImportedEntity, f64),
+    ) -> Result<(), ImportError> {
+        let RoadFrame::Along(way) = &self.frame else {
+            return self.place_beside(asks, roads, (entity, reach_m));
+        };
+        let frame = OnWay {
+            way: way.clone(),
+            along_m: 0.0,
+            ends_m: way.pieces.iter().map(|piece| piece.length_m).sum(),
+            is_lane: true,
+        };
+        if entity.placed.way.is_some() || entity.body.on_foot {
+            return Ok(());
+        }
+        if !entity.moves() {
+            // A standing entity has a place wherever it is.
+            entity.placed.way = frame.located(asks, &entity.placed.spot).ok();
+            return Ok(());
+        }
+        let own = own_way(asks, roads, (entity, reach_m))?;
+        entity.placed.way = Some(frame.shared_by(asks, &own).unwrap_or(own));
+        Ok(())
+    }
+
+    /// The same beside a frame of one road.
+    fn place_beside(
+        &self,
+        asks: &XmlNode,
+        roads: &RoadMap,
+        (entity, reach_m): (&mut ImportedEntity, f64),
+    ) -> Result<(), ImportError> {
+        let has_way = entity.placed.way.is_some() || entity.body.on_foot || !entity.moves();
+        let RoadFrame::Straight(origin) = &self.frame else {
+            return Ok(());
+        };
+        let Some(at) = &entity.placed.lane else {
+            return Ok(());
+        };
+        if has_way || at.lane == 0 {
+            return Ok(());
+        }
+        let line = roads.road(asks, &at.road)?;
+        let is_straight = line.is_straight() && line.lanes.fixed_m(at.lane).is_some();
+        let along = origin.sees(&entity.placed.spot).heading_rad;
+        let is_beside = is_along(along, 0.0) || is_along(along, core::f64::consts::PI);
+        if !(is_straight && is_beside && entity.route.is_empty()) {
+            entity.placed.way = Some(own_way(asks, roads, (entity, reach_m))?);
+        }
+        Ok(())
+    }
+}
+
+/// Length in metres of the ways that a run needs at most.
+fn reach_m(entities: &[ImportedEntity], stop_s: Option<f64>) -> f64 {
+    let speeds = entities.iter().flat_map(|it| {
+        let laws = it.steps.iter().flat_map(|step| &step.laws);
+        let later = laws.filter_map(|law| to_mps(law, it.speed_mps));
+        later.chain([it.speed_mps])
+    });
+    let fastest_mps = speeds.fold(0.0, f64::max);
+    fastest_mps * stop_s.unwrap_or(USUAL_S).min(USUAL_S) + BEYOND_M
+}
+
+/// Returns whether the ego stays on one road whose lanes a world can express.
+fn keeps_road(
+    asks: &XmlNode,
+    roads: &RoadMap,
+    entities: &[ImportedEntity],
+    ego: usize,
+) -> Result<bool, ImportError> {
+    let ego = &entities[ego];
+    if ego.placed.way.is_some() {
+        return Ok(true);
+    }
+    let Some(at) = ego.placed.lane.as_ref() else {
+        return Ok(roads.is_empty());
+    };
+    if at.lane == 0 {
+        return Ok(false);
+    }
+    let line = roads.road(asks, &at.road)?;
+    let others = entities.iter().filter(|it| it.placed.way.is_none());
+    let is_here = |it: &Placed| it.lane.as_ref().is_some_and(|lane| lane.road == at.road);
+    let alone = line.is_straight() || others.clone().all(|it| is_here(&it.placed));
+    let beside = line.driven_beside(at.lane, at.s_m);
+    let fixed = beside
+        .iter()
+        .all(|(id, _)| line.lanes.fixed_m(*id).is_some());
+    Ok(at.lane < 0
+        && fixed
+        && alone
+        && ego.route.is_empty()
+        && LEAST_AHEAD_M <= line.length_m - at.s_m)
+}
+
+/// Way of an entity along its own lane, from its place on.
+fn own_way(
+    asks: &XmlNode,
+    roads: &RoadMap,
+    (entity, reach_m): (&ImportedEntity, f64),
+) -> Result<OnWay, ImportError> {
+    let at = entity.placed.lane.as_ref().filter(|at| at.lane != 0);
+    let at = at.ok_or_else(|| entity.at.error("it moves on no lane and on no way"))?;
+    let drive = roads.lane_drive(asks, at, (&entity.route, reach_m))?;
+    let line = roads.road(asks, &at.road)?;
+    let (middle_m, _) = line.middle_at(asks, at.s_m, at.lane)?;
+    let left_m = (at.t_m - middle_m) * -f64::from(at.lane.signum());
+    let on = roads.lane_way(asks, &drive, left_m)?;
+    if SAME_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
+        return Err(entity.at.error("it moves across its lane"));
+    }
+    // Lanes of other roads have other numbers, so changes are only read where
+    // all lanes go on alike.
+    if entity.changes_lane() && drive.iter().any(|it| it.road != at.road) {
+        let what = "a lane change on a way over several roads is not read";
+        return Err(entity.at.error(what).helped("join the roads into one"));
+    }
+    Ok(on)
+}
+
+impl OnWay {
+    /// Returns the way with the position that is nearest to a place.
+    pub(super) fn located(&self, asks: &XmlNode, spot: &Pose) -> Result<OnWay, ImportError> {
+        Ok(OnWay {
+            along_m: self.station_m(&asks.at(), spot)?,
+            ..self.clone()
+        })
+    }
+
+    /// Returns the station that is nearest to a place.
+    pub(super) fn station_m(&self, at: &At, spot: &Pose) -> Result<f64, ImportError> {
+        let course = self.way.course().map_err(|what| at.error(what))?;
+        Ok(course.locate(spot).s_m)
+    }
+
+    /// Returns the position of another way on this one, if it keeps its distance.
+    ///
+    /// The other may lead in the opposite direction.
+    fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
+        let course = self.way.course().map_err(|what| asks.error(what)).ok()?;
+        let first = course.locate(&other.way.begins);
+        let against = core::f64::consts::FRAC_PI_2 < first.heading_rad.abs();
+        // Up to the end of both, in the direction of the other.
+        let left_m = if against {
+            first.s_m
+        } else {
+            self.ends_m - first.s_m
+        };
+        let ahead_m = other.ends_m.min(left_m);
+        let steps = (ahead_m / STEP_M).ceil().max(1.0) as usize;
+        let keeps = (0..=steps).all(|step| {
+            let at = course.locate(&other.way.at(ahead_m * step as f64 / steps as f64));
+            let turned_rad = (at.heading_rad - first.heading_rad).abs();
+            (at.lateral_m - first.lateral_m).abs() < SAME_M && turned_rad < SAME_RAD
+        });
+        keeps.then(|| OnWay {
+            along_m: first.s_m,
+            ends_m: first.s_m + ahead_m,
+            ..self.clone()
+        })
+    }
+}

@@ -1,0 +1,122 @@
+//! Roads along the lanes of an OpenDRIVE file, as the text of a world file.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::environment_file::{LanesFile, OwnRoad};
+use super::file::{RoadFile, ScenarioFile};
+use super::runs::RunSource;
+use crate::opendrive::{LaneRoad, LaneStart, lane_road};
+use crate::road::{Piece, Priority};
+use crate::ron_file::Problems;
+use crate::ron_file::ValuePath;
+
+/// Returns the roads that replace those along lanes, with their places in the text.
+pub(super) fn values(
+    problems: &mut Problems,
+    (world, files): (&str, &dyn RunSource),
+    file: &ScenarioFile,
+) -> Vec<(ValuePath, String)> {
+    let top = ValuePath::top();
+    let OwnRoad::OpenDrive {
+        file: name,
+        along,
+        speed_limit_mps,
+        ..
+    } = &file.road
+    else {
+        // Without a file, nothing is along its lanes.
+        let along = file.roads.0.iter().filter(|(_, it)| it.along.is_some());
+        for (road, _) in along {
+            let what = format!("road `{road}` is along lanes, but no file has them");
+            let help = "write `road: OpenDrive(file: \"town.xodr\", …)`".to_owned();
+            let place = top.to("roads").to(road).to("along");
+            problems.add(&place, what, "of no file", Some(help));
+        }
+        return Vec::new();
+    };
+    let place = top.to("road");
+    let text = match files.text(name, world) {
+        Ok(text) => text,
+        Err(wrong) => {
+            problems.add(&place.to("file"), wrong.what, "this file", Some(wrong.help));
+            return Vec::new();
+        }
+    };
+    let mut read = |place: &ValuePath, along: &LanesFile| {
+        let from = LaneStart {
+            road: &along.road,
+            lane: along.lane,
+            s_m: along.s_m,
+            via: &along.via,
+            length_m: along.length_m,
+        };
+        lane_road(Path::new(name), &text, &from)
+            .map_err(|error| {
+                problems.add(place, error.to_string(), "these lanes", error.help.clone());
+            })
+            .ok()
+    };
+    let Some(own) = read(&place.to("along"), along) else {
+        return Vec::new();
+    };
+    let friction = raw(&file.road);
+    let mut limit = String::new();
+    if let Some(limit_mps) = speed_limit_mps {
+        // Writing to a string cannot fail.
+        let _ = write!(limit, ", speed_limit_mps: {limit_mps:?}");
+    }
+    let text = format!("Curved({}, friction: {friction}{limit})", lanes(&own));
+    let mut values = vec![(place, text)];
+    for (name, it) in &file.roads.0 {
+        let Some(along) = &it.along else { continue };
+        let place = top.to("roads").to(name);
+        if let Some(road) = read(&place.to("along"), along) {
+            values.push((place, placed(&own, &road, it)));
+        }
+    }
+    values
+}
+
+/// Friction of the road as it was written: a number or a range.
+fn raw(road: &OwnRoad) -> String {
+    let range = road.friction().0;
+    if range.lo == range.hi {
+        format!("{:?}", range.lo)
+    } else {
+        format!("({:?}, {:?})", range.lo, range.hi)
+    }
+}
+
+fn lanes(road: &LaneRoad) -> String {
+    let pieces = road.pieces.iter().map(|piece| match piece {
+        Piece::Line { length_m } => format!("Line(length_m: {length_m:?})"),
+        Piece::Arc { length_m, radius_m } => {
+            format!("Arc(length_m: {length_m:?}, radius_m: {radius_m:?})")
+        }
+    });
+    let pieces: Vec<String> = pieces.collect();
+    format!(
+        "lanes: {}, lane_width_m: {:?}, pieces: [{}]",
+        road.lanes,
+        road.lane_width_m,
+        pieces.join(", ")
+    )
+}
+
+/// Named road, in the frame of the world's own.
+fn placed(own: &LaneRoad, road: &LaneRoad, file: &RoadFile) -> String {
+    let at = own.sees(road);
+    let priority = match file.priority {
+        Priority::Yields => "Yields",
+        Priority::Equal => "Equal",
+        Priority::Over => "Over",
+    };
+    format!(
+        "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}), {}, priority: {priority})",
+        at.x_m,
+        at.y_m,
+        at.heading_rad,
+        lanes(road)
+    )
+}
