@@ -38,7 +38,7 @@ command = [os.environ.get("BRAKECHECK", "brakecheck"), "serve", run] + ["--keep"
 ado = subprocess.Popen(command, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 hello = ask(hello={"protocol": 1})["hello"]
 sizes = {agent["name"]: agent | {"axle_m": AXLE_TO_FRONT_M - agent["length_m"] / 2} for agent in hello["agents"]}
-failures = 0
+failures, steps = 0, round(hello["sample_s"] / 0.01)
 for index in range(int(starts)):
     now = ask(reset={"seed": 0, "index": index})
     cars = {name: sizes[name] | axle(body) for name, body in now["bodies"].items()}
@@ -49,7 +49,8 @@ for index in range(int(starts)):
         car = {key: c.c_double(value) for key, value in axle(now["bodies"]["ado"]).items()}
         esmini.SE_ReportObjectPosXYH(ado_id, car["x"], car["y"], car["h"])
         esmini.SE_ReportObjectSpeed(ado_id, car["speed"])
-        esmini.SE_StepDT(c.c_double(hello["sample_s"]))
+        for _ in range(steps):  # esmini's drivers need finer steps than a sample
+            esmini.SE_StepDT(c.c_double(hello["sample_s"] / steps))
         esmini.SE_GetObjectState(ego_id, c.byref(state))
         front = [place + AXLE_TO_FRONT_M * turn(state.h) for place, turn in ((state.x, math.cos), (state.y, math.sin))]
         now = ask(sample={"ego": {"x_m": front[0], "y_m": front[1], "heading_rad": state.h, "speed_mps": state.speed}})

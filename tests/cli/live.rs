@@ -71,7 +71,17 @@ fn sent_back(served: &mut Served, world: &Scenario, episode: &Episode, index: u6
         .expect("an ego");
     let mut answers = vec![served.ask(&json!({ "reset": { "index": index } }))];
     for sample in 1..motion.len() {
-        let state = motion.at(sample)[ego].state;
+        let mut state = motion.at(sample)[ego].state;
+        if sample + 1 == motion.len() && episode.contact.is_some() {
+            // The record ends at the instant of the contact. An ego from outside knows
+            // nothing of it and drives on to the end of the sample.
+            let before = motion.at(sample - 1)[ego].state;
+            let sample_s = world.world().clock().sample_s;
+            let gained_mps = before.accel_mps2 * sample_s;
+            state = before;
+            state.speed_mps += gained_mps;
+            state.pose.x_m += (before.speed_mps + 0.5 * gained_mps) * sample_s;
+        }
         answers.push(served.ask(&json!({ "sample": { "ego": {
             "x_m": state.pose.x_m, "y_m": state.pose.y_m, "heading_rad": state.pose.heading_rad,
             "speed_mps": state.speed_mps, "accel_mps2": state.accel_mps2,
