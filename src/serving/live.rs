@@ -218,31 +218,31 @@ impl LiveEpisode {
             .collect();
         let samples = self.bench.trace().len().saturating_sub(1);
         let mut answer = Map::new();
-        let mut say = |key: &str, value: Value| answer.insert(key.to_owned(), value);
+        let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
         say(
             "time_s",
             json!(samples as f64 * self.bench.clock().sample_s),
         );
-        say("bodies", Value::Object(bodies.collect()));
+        add("bodies", Value::Object(bodies.collect()));
         if let Some(action) = self.actions.last().copied() {
-            say("action", json!(action));
-            say("label", json!(world.action_label(action)));
-            say("ados", actions_of(world.world(), action));
-            say("value", json!(self.value.is_finite().then_some(self.value)));
+            add("action", json!(action));
+            add("label", json!(world.action_label(action)));
+            add("ados", actions_of(world.world(), action));
+            add("value", json!(self.value.is_finite().then_some(self.value)));
         }
-        say("robustness", json!(margins.spec));
-        say("rules", Value::Object(rules));
-        say("done", json!(self.bench.is_done()));
+        add("robustness", json!(margins.spec));
+        add("rules", Value::Object(rules));
+        add("done", json!(self.bench.is_done()));
         let verdict = self.bench.verdict();
-        say("verdict", json!(verdict.map(|verdict| verdict.word())));
+        add("verdict", json!(verdict.map(|verdict| verdict.word())));
         if let Some(verdict) = verdict {
-            say("is_success", json!(verdict.is_success()));
+            add("is_success", json!(verdict.is_success()));
             let broken = match verdict {
                 Verdict::Foul { rule, .. } => Some(&world.rules()[rule].name),
                 _ => None,
             };
-            say("broken_rule", json!(broken));
-            say("contact", json!(self.bench.contact()));
+            add("broken_rule", json!(broken));
+            add("contact", json!(self.bench.contact()));
             say(
                 "rules_until_contact",
                 json!(self.bench.rules_until_contact()),
