@@ -219,7 +219,7 @@ impl LiveEpisode {
         let samples = self.bench.trace().len().saturating_sub(1);
         let mut answer = Map::new();
         let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
-        say(
+        add(
             "time_s",
             json!(samples as f64 * self.bench.clock().sample_s),
         );
@@ -243,11 +243,11 @@ impl LiveEpisode {
             };
             add("broken_rule", json!(broken));
             add("contact", json!(self.bench.contact()));
-            say(
+            add(
                 "rules_until_contact",
                 json!(self.bench.rules_until_contact()),
             );
-            say(
+            add(
                 "fault",
                 json!(self.bench.fault().map(|fault| &fault.message)),
             );
