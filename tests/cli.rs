@@ -16,6 +16,8 @@ mod gate;
 mod hostile;
 #[path = "cli/learned.rs"]
 mod learned;
+#[path = "cli/live.rs"]
+mod live;
 #[path = "cli/log.rs"]
 mod log;
 #[path = "cli/natural.rs"]

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, print_json, terminal};
-use crate::crashes::{Exports, NotExported, Regressions, export};
+use crate::crashes::{ExportSettings, Exports, NotExported, Regressions, export_with};
 
 #[derive(Args, Debug)]
 pub(super) struct ExportArgs {
@@ -16,6 +16,9 @@ pub(super) struct ExportArgs {
     /// The directory to write into; files of the same names are replaced.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+    /// Also write each crash as an OSI trace: `NAME.mcap`.
+    #[arg(long)]
+    osi: bool,
     /// Print one JSON object on stdout instead of a list.
     #[arg(long)]
     json: bool,
@@ -36,7 +39,8 @@ impl ExportArgs {
 
 pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
     let regressions = Regressions::find(&args.what, None)?.allow_programs(args.allow_programs);
-    let Exports { files, refused } = export(&regressions, &args.output)?;
+    let settings = ExportSettings { osi: args.osi };
+    let Exports { files, refused } = export_with(&regressions, &args.output, settings)?;
     let files: Vec<String> = files.iter().map(|it| it.display().to_string()).collect();
     if args.json {
         print_json(&json!({

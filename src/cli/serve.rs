@@ -15,6 +15,9 @@ const DOCUMENT: &str = "docs/reference/ado-protocol.md";
 pub(super) struct ServeArgs {
     /// The run directory of a trained ado.
     run: PathBuf,
+    /// Write the counterexamples of judged episodes into a directory.
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
 }
 
 impl ServeArgs {
@@ -26,6 +29,9 @@ impl ServeArgs {
 pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common())?;
     let mut ado = ServedAdo::of(&run)?;
+    if let Some(dir) = &args.keep {
+        ado = ado.keep_in(dir.clone());
+    }
     terminal::note(&format!(
         "the ado of world `{}` answers on standard output, line by line ({DOCUMENT})",
         ado.world().name()
@@ -35,6 +41,12 @@ pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
         "{} decisions, {} messages answered with an error",
         served.decisions, served.errors
     ));
+    if 0 < served.episodes {
+        terminal::note(&format!(
+            "{} judged episodes, the ego failed in {} of them, {} kept",
+            served.episodes, served.successes, served.kept
+        ));
+    }
     Ok(Exit::Done)
 }
 

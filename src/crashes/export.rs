@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::osi_trace::osi_trace;
 use super::regressions::{RegressionError, Regressions};
 use super::replay::Replayed;
 use crate::ego::{Command, Fault};
@@ -14,10 +15,17 @@ use crate::world::Scenario;
 /// Files of exported counterexamples, and those that were not exported.
 #[derive(Debug)]
 pub struct Exports {
-    /// Written files, three per counterexample.
+    /// Written files: three per counterexample, and a fourth with [`ExportSettings::osi`].
     pub files: Vec<PathBuf>,
     /// Kept counterexamples without any written file.
     pub refused: Vec<NotExported>,
+}
+
+/// Files to write besides those of OpenSCENARIO and OpenDRIVE.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ExportSettings {
+    /// True for `NAME.mcap`: the crash as an OSI trace.
+    pub osi: bool,
 }
 
 /// Kept counterexample that was not exported.
@@ -55,7 +63,6 @@ pub enum ExportRefusal {
 }
 
 /// Writes `NAME.xodr`, `NAME.xosc` and `NAME.external.xosc` per counterexample.
-///
 /// Existing files are replaced. A counterexample whose replay differs from its record is
 /// refused. Grid worlds are refused, too, because they have no roads.
 ///
@@ -63,10 +70,22 @@ pub enum ExportRefusal {
 /// A kept file is not usable, it names a program without your consent, or the disk
 /// refuses.
 pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, RegressionError> {
+    export_with(regressions, dir, ExportSettings::default())
+}
+
+/// Writes the files of [`export`], and those that the settings add.
+///
+/// # Errors
+/// As [`export`].
+pub fn export_with(
+    regressions: &Regressions,
+    dir: &Path,
+    settings: ExportSettings,
+) -> Result<Exports, RegressionError> {
     let replayed = regressions.replay_recorded()?;
     make_dir(dir).map_err(KeptError::from)?;
     let mut exports = Exports {
-        files: Vec::with_capacity(3 * replayed.len()),
+        files: Vec::with_capacity(4 * replayed.len()),
         refused: Vec::new(),
     };
     for (kept, replayed) in regressions.kept().iter().zip(&replayed) {
@@ -76,6 +95,13 @@ pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, Regressi
             Ok(files) => {
                 let written = write_openx(&files, dir, &name).map_err(KeptError::from)?;
                 exports.files.extend(written);
+                let road = (format!("{name}.xodr"), files.road);
+                let osi = settings.osi.then(|| osi_of(replayed, road)).flatten();
+                if let Some(osi) = osi {
+                    let path = dir.join(format!("{name}.mcap"));
+                    write_file(&path, &osi).map_err(KeptError::from)?;
+                    exports.files.push(path);
+                }
             }
             Err(why) => exports.refused.push(NotExported {
                 path: replayed.path.clone(),
@@ -111,6 +137,13 @@ fn as_recorded(replayed: &Replayed, name: &str, ego: &str) -> Result<OpenX, Expo
         return Err(ExportRefusal::Differs { at });
     }
     openx(&replayed.scenario, &replayed.episode, name, ego)
+}
+
+/// Returns a replayed counterexample as an OSI trace.
+fn osi_of(replayed: &Replayed, road: (String, String)) -> Option<Vec<u8>> {
+    let episode = &replayed.episode;
+    let scenario = repeatable(&replayed.scenario, episode).of_episode(episode);
+    osi_trace(&scenario, episode, road)
 }
 
 /// Converts an episode into three texts, with `ego` as the name of its ego.

@@ -192,6 +192,13 @@ fn fails(episode: &Episode) -> bool {
     )
 }
 
+/// Returns the labels of a run that no variation is compared with.
+///
+/// They are the severity, the naturalness and the preventability.
+pub(crate) fn labels_of_contact(scenario: &Scenario, episode: &Episode) -> About {
+    seen_in(scenario, episode)
+}
+
 /// Returns the severity and the preventability of a contact.
 fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     About {

@@ -8,7 +8,8 @@ use crate::ego::Command;
 use crate::rl::Spaces;
 use crate::scene::drive::{Actions, Drive, DriveSpec, DriveWorld};
 use crate::scene::{
-    AfterContact, Axis, BodySample, Clock, Frame, Scene, SceneGeometry, Start, StepOutcome,
+    AfterContact, Axis, BodySample, BodyState, Clock, Frame, Scene, SceneGeometry, Start,
+    StepOutcome,
 };
 use crate::seed::StartKey;
 use crate::trace::Schema;
@@ -50,6 +51,14 @@ impl LimitedScene {
     fn read(&mut self) {
         self.bodies.clear();
         self.scene.bodies(&mut self.bodies);
+    }
+
+    /// Reads the bodies after a sample into the meters of the ados.
+    fn measure(&mut self) {
+        self.read();
+        for ado in &mut self.ados {
+            ado.meter.push(self.bodies[ado.agent].state.speed_mps);
+        }
     }
 
     /// Returns the actions of one set that are allowed.
@@ -203,10 +212,13 @@ impl Scene for LimitedScene {
 
     fn advance(&mut self) -> StepOutcome {
         let outcome = self.scene.advance();
-        self.read();
-        for ado in &mut self.ados {
-            ado.meter.push(self.bodies[ado.agent].state.speed_mps);
-        }
+        self.measure();
+        outcome
+    }
+
+    fn advance_given(&mut self, given: &[Option<BodyState>]) -> Option<StepOutcome> {
+        let outcome = self.scene.advance_given(given);
+        self.measure();
         outcome
     }
 

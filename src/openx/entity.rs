@@ -130,6 +130,15 @@ impl Axles {
     }
 }
 
+/// Returns the vehicle category of a body, `None` for a pedestrian.
+pub(crate) fn vehicle_category(body: &Body) -> Option<&'static str> {
+    match &body.kind {
+        BodyKind::Vehicle(vehicle) => Some(category(body, vehicle)),
+        BodyKind::Cyclist(_) => Some(BICYCLE),
+        BodyKind::Walker(_) => None,
+    }
+}
+
 /// Vehicle category that players know, derived from size, mass and power.
 ///
 /// Worlds name bodies freely, so the name carries no category.

@@ -31,6 +31,7 @@ use crate::scene::drive::DriveSpec;
 use crate::testbench::{Episode, FilmAfterContact};
 use crate::world::DriveScenario;
 use entity::PerformanceLimits;
+pub(crate) use entity::vehicle_category;
 use origin::{AUTHOR, DATE};
 use path::Vertex;
 use storyboard::{MotionSource, StoryboardAgent};

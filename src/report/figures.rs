@@ -2,6 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
+use super::file_style::file_style;
 use super::page::STYLE;
 use super::plot::{Chart, Curve, Mark, Region, chart};
 use super::words::wrapped;
@@ -208,8 +209,8 @@ fn figure(panels: &[Chart], columns: usize, caption: &str) -> String {
     let picture = html! {
         (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
         svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {width} {height}")) width=(width) height=(height) {
-            style { (PreEscaped(STYLE)) }
-            rect width="100%" height="100%" style="fill: var(--card)" {}
+            style { (PreEscaped(file_style(&[STYLE, ".card{fill:var(--card)}"]))) }
+            rect width="100%" height="100%" class="card" {}
             @for panel in placed { (panel) }
             @for (nth, line) in lines.iter().enumerate() {
                 text x="12" y=(below + LINE * (nth + 1) as f64) { (line) }

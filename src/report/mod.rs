@@ -13,6 +13,7 @@ mod canvas;
 mod examples;
 mod fault;
 pub(crate) mod figures;
+mod file_style;
 mod junit;
 mod page;
 mod plot;

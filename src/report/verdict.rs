@@ -9,7 +9,9 @@ use crate::ego::Phase;
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::run_dir::{LastChance, Severity};
 use crate::scene::Role;
+use crate::scene::drive::Drive;
 use crate::severity::{CrashKind, Side};
+use crate::sim::wrapped;
 use crate::testbench::Episode;
 use crate::world::{Scenario, ScenarioKind};
 
@@ -107,7 +109,7 @@ fn what(scenario: &Scenario, example: &Example) -> String {
         name => format!("the ego ({name})"),
     };
     let words = match &example.about.severity {
-        Some(severity) => hit(&ego, opponent, severity),
+        Some(severity) => hit((&ego, opponent), severity, turned(scenario, example)),
         None => format!("{ego} and {opponent} met"),
     };
     format!("{} {speed}", capital(&words))
@@ -161,8 +163,48 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
     format!("No contact, but the ego broke {formula} ({values})")
 }
 
-/// Contact in words, by its kind and the sides that touched.
-fn hit(ego: &str, opponent: &str, severity: &Severity) -> String {
+/// Least turn in radians that counts as turning.
+const TURNS_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
+
+/// Road user that turned before a contact of two roads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum TurnedAcross {
+    Ego,
+    Opponent,
+}
+
+/// Returns which of the two that touched had turned across the path of the other.
+///
+/// `None` on one road, whose bends both follow.
+fn turned(scenario: &Scenario, example: &Example) -> Option<TurnedAcross> {
+    let agents = &scenario.drive()?.spec().agents;
+    let (one, other) = &example.episode.contact.as_ref()?.between;
+    let place = |name: &String| agents.iter().position(|agent| agent.name == *name);
+    let both = [place(one)?, place(other)?];
+    let is_ego = |who: usize| matches!(agents[who].drive, Drive::Ego);
+    let [ego, opponent] = if is_ego(both[0]) {
+        both
+    } else {
+        [both[1], both[0]]
+    };
+    if agents[ego].road == agents[opponent].road {
+        return None;
+    }
+    let (first, last) = (example.frames.first()?, example.frames.last()?);
+    let turn_rad = |who: usize| {
+        let [from, to] = [first, last].map(|frame| frame.placements[who].heading_rad());
+        wrapped(to - from).abs()
+    };
+    let (own_rad, its_rad) = (turn_rad(ego), turn_rad(opponent));
+    match own_rad.max(its_rad) {
+        turn_rad if turn_rad < TURNS_RAD => None,
+        _ if own_rad < its_rad => Some(TurnedAcross::Opponent),
+        _ => Some(TurnedAcross::Ego),
+    }
+}
+
+/// Contact in words, by its kind, the sides that touched, and who turned.
+fn hit((ego, opponent): (&str, &str), severity: &Severity, turned: Option<TurnedAcross>) -> String {
     let impact = &severity.impact;
     let side = |side: Side| match side {
         Side::Front => "front",
@@ -175,6 +217,19 @@ fn hit(ego: &str, opponent: &str, severity: &Severity) -> String {
         // A pedestrian who touches another side of the ego has walked into it.
         (CrashKind::Pedestrian, Side::Front) => format!("{ego} hit {opponent}"),
         (CrashKind::Pedestrian, _) => format!("{opponent} ran into the {} of {ego}", side(own)),
+        (CrashKind::HeadOn | CrashKind::Crossing | CrashKind::SideSwipe, _)
+            if let Some(turned) = turned =>
+        {
+            let (own, its) = (side(own), side(its));
+            match turned {
+                TurnedAcross::Ego => format!(
+                    "the {own} of {ego}, which turned across the path of {opponent}, hit its {its}"
+                ),
+                TurnedAcross::Opponent => format!(
+                    "the {own} of {ego} hit the {its} of {opponent}, which turned across its path,"
+                ),
+            }
+        }
         (CrashKind::HeadOn, _) => format!("{ego} and {opponent} met head-on"),
         (CrashKind::SideSwipe, _) => {
             format!(
@@ -249,4 +304,38 @@ pub(super) fn capital(words: &str) -> String {
         .next()
         .map(|letter| letter.to_uppercase().to_string());
     first.unwrap_or_default() + letters.as_str()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::animation::tests::{crash, shown};
+    use crate::scene::Start;
+    use crate::testbench::{Aftermath, Replay, play};
+
+    #[test]
+    fn a_turn_across_is_called_turning_and_a_cut_in_is_not() {
+        let shipped = |name: &str| Scenario::shipped(name).expect("shipped").expect("sound");
+        let scenario = shipped("turn_across");
+        let start = Start(vec![
+            13.642700187642795,
+            18.60647215464056,
+            6.2141864479071565,
+        ]);
+        let actions = [0, 0, 2, 3, 3, 3, 3, 3, 3, 3, 3];
+        let mut ado = Replay::holding(&actions);
+        let episode = play(&mut scenario.bench(), &start, 0, &mut ado, Aftermath::Play);
+        let example = shown(&scenario, episode);
+        assert_eq!(turned(&scenario, &example), Some(TurnedAcross::Opponent));
+        let sentence = VerdictWords::of(&scenario, &example).sentence();
+        assert!(
+            sentence.starts_with("The left side of the ego hit the left side of ado, which turned across its path, at "),
+            "{sentence}"
+        );
+        let cut_in = shipped("cut_in");
+        let example = crash(&cut_in);
+        assert_eq!(turned(&cut_in, &example), None);
+        let sentence = VerdictWords::of(&cut_in, &example).sentence();
+        assert!(!sentence.contains("turned"), "{sentence}");
+    }
 }

@@ -298,6 +298,14 @@ pub trait Scene: Send {
     fn decide(&mut self, action: usize);
     /// Advances by one sample.
     fn advance(&mut self) -> StepOutcome;
+    /// Advances by one sample in which another simulator moves some agents.
+    ///
+    /// `given` has an agent's state at the end of the sample, in the order of the cast,
+    /// or `None` for an agent that this scene moves. An ego without a state coasts.
+    /// `None` for a scene without bodies.
+    fn advance_given(&mut self, _given: &[Option<BodyState>]) -> Option<StepOutcome> {
+        None
+    }
     /// Writes the current row of signals.
     fn publish(&self, row: &mut [f64]);
     /// Writes the ados' observation of the row just published.

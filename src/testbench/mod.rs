@@ -10,6 +10,7 @@ mod episode;
 mod faults;
 pub(crate) mod film;
 mod gym;
+mod live;
 mod recording;
 mod repeats;
 
@@ -25,6 +26,7 @@ pub use faults::{Complaint, FaultCount, FaultLog};
 pub(crate) use film::{Film, FilmAfterContact, film, film_beyond, joined};
 pub(crate) use gym::Spent;
 pub use gym::{FIRST_KNOWN, Gym, KnownEpisode, Success};
+pub use live::Margins;
 pub use recording::motion_of;
 pub(crate) use recording::passage_of;
 pub(crate) use repeats::MAX_REPEATS;
@@ -212,12 +214,7 @@ impl Testbench {
     }
 
     fn decide_watched(&mut self, action: usize, watch: &mut dyn FnMut(&dyn Scene)) {
-        let action = self.allowed_instead(action);
-        if self.limit.is_some() {
-            self.played.push(action);
-        }
-        self.scene.decide(action);
-        self.decisions += 1;
+        self.choose(action);
         for _ in 0..self.samples.1 {
             if self.is_done() {
                 break;
@@ -230,6 +227,16 @@ impl Testbench {
             // that its program is available to other workers meanwhile.
             self.scene.finish();
         }
+    }
+
+    /// Sets the joint action until the next decision, without any motion.
+    fn choose(&mut self, action: usize) {
+        let action = self.allowed_instead(action);
+        if self.limit.is_some() {
+            self.played.push(action);
+        }
+        self.scene.decide(action);
+        self.decisions += 1;
     }
 
     /// Returns the allowed action that differs least from one.
@@ -390,8 +397,14 @@ impl Testbench {
     }
 
     fn sample(&mut self) {
+        let outcome = self.scene.advance();
+        self.take(outcome);
+    }
+
+    /// Records and judges the sample to which the scene has just advanced.
+    fn take(&mut self, outcome: StepOutcome) {
         self.advances += 1;
-        let stop = match self.scene.advance() {
+        let stop = match outcome {
             StepOutcome::Going if self.samples_left() == 1 => Some(Stop::Horizon),
             StepOutcome::Going => None,
             StepOutcome::Contact(touch) => {

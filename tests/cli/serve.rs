@@ -139,7 +139,7 @@ fn hello_tells_what_to_give_and_mistakes_are_answered() {
         "the ado also observes `ego.speed`, `ado.speed`, `ego.accel`"
     );
     assert_eq!(errors[2], "`headway` is no number");
-    assert_eq!(errors[3], "known: hello, reset, decide, close");
+    assert_eq!(errors[3], "known: hello, reset, decide, sample, close");
     assert_eq!(answers[2]["id"], 7);
     assert!(answers[5]["action"].is_u64() && answers[5].get("id").is_none());
     assert!(

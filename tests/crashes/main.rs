@@ -6,6 +6,7 @@ mod exporting;
 mod found;
 mod keeping;
 mod openx;
+mod osi;
 mod own;
 mod severity;
 mod shrinking;

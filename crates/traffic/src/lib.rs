@@ -3,7 +3,7 @@
 //! # First steps
 //!
 //! Read a CSV file with [`read_csv`] and a [`ColumnMap`], OpenSCENARIO trajectories with
-//! [`read_xosc`], or an OSI trace with [`read_osi`] or [`read_mcap`]. [`Analysis::of`] fits lanes
+//! [`read_xosc`], or an OSI trace with [`read_osi`] or [`read_mcap`]. [`write_osi`] writes one. [`Analysis::of`] fits lanes
 //! without a map and finds leads, followings, cut-ins and crossings. A [`TrafficRuleFile`] evaluates
 //! formulas on all vehicles. [`RecordedWorlds::of`] writes situations as world files. [`TrafficModel::fit`] measures how often drivers brake
 //! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
@@ -29,9 +29,12 @@ mod lane_change_plan;
 mod lane_frame;
 mod limit;
 mod mcap;
+mod mcap_writer;
 mod model;
 mod osi;
 mod osi_message;
+mod osi_schema;
+mod osi_writer;
 mod other_plan;
 mod path;
 mod picture;
@@ -75,6 +78,7 @@ pub use limit::NaturalLimit;
 pub use mcap::read_mcap;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use osi::read_osi;
+pub use osi_writer::{OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
 pub use other_plan::OtherPlan;
 pub use path::{Path, PathPlace};
 pub use picture::{svg_instant, svg_overview};

@@ -13,7 +13,7 @@ use crate::problem::{FilePlace, FileProblem};
 use crate::recording::TrafficRecording;
 
 /// Beginning and end of an MCAP file.
-const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+pub(crate) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 /// Greatest length of a record and of an unpacked chunk in bytes.
 const MOST_BYTES: u64 = 1 << 30;
 
@@ -260,7 +260,7 @@ fn read_all(decoder: impl Read, size: u64) -> Result<Vec<u8>, FileProblem> {
 }
 
 /// Returns the CRC-32 of zip and Ethernet.
-fn crc32(bytes: &[u8]) -> u32 {
+pub(crate) fn crc32(bytes: &[u8]) -> u32 {
     let table: [u32; 256] = std::array::from_fn(|i| {
         (0..8).fold(i as u32, |rest, _| (rest >> 1) ^ (0xedb8_8320 * (rest & 1)))
     });

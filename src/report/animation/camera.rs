@@ -69,6 +69,17 @@ impl<'a> Camera<'a> {
         Camera::at_scale(film, i, (ego, scale), canvas)
     }
 
+    /// Camera of one pixel per metre, for tests of the canvas alone.
+    #[cfg(test)]
+    pub(super) fn still(canvas: &'a Canvas) -> Camera<'a> {
+        Camera {
+            canvas,
+            scale: 1.0,
+            centre_m: [0.0; 2],
+            turn_rad: 0.0,
+        }
+    }
+
     /// Pixels per metre at which all relevant agents fit.
     ///
     /// The scale is greater if the ego would otherwise be too small.

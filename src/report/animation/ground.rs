@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::episode_frames::EpisodeFrames;
 use super::write::n;
 use crate::ego::Phase;
-use crate::scene::ground::{GroundPoint, along, beside, near, reach};
+use crate::scene::ground::{GroundPoint, along, beside, distance, near, reach};
 use crate::scene::{Frame, SceneGeometry};
 
 /// Distance in metres beyond the bodies' paths up to which the ground is drawn.
@@ -15,34 +15,126 @@ const POST_M: f64 = 0.9;
 const POSTS_APART_M: f64 = 10.0;
 /// Radius of a light's lamp, from which its housing is sized.
 const LAMP_M: f64 = 0.42;
+/// Width in metres of the stripe at a kerb that does not count as road.
+///
+/// Two roads side by side share a kerb, which stays.
+const KERB_M: f64 = 0.1;
+/// Greatest error of a cut in metres.
+const STEP_M: f64 = 0.2;
 
 /// Roads with bodies on them, the world's own road on top.
+///
+/// Kerbs and posts are left out where another road passes, and the lines of a side road
+/// where any other road does.
 pub(super) fn road<'a>(
     stage: &SceneGeometry,
     frames: impl IntoIterator<Item = &'a Frame>,
 ) -> Markup {
     let reach = reach(frames, MARGIN_M);
+    // The last road is the world's own, which lies on top.
+    let roads: Vec<Vec<Vec<GroundPoint>>> = stage
+        .side_roads_m
+        .iter()
+        .chain(std::iter::once(&stage.lane_borders_m))
+        .map(|road| near(road, &reach))
+        .filter(|road| !road.is_empty())
+        .collect();
     html! {
-        @for side in &stage.side_roads_m { (one_road(&near(side, &reach))) }
-        (one_road(&near(&stage.lane_borders_m, &reach)))
+        @for road in &roads { (asphalt(road)) }
+        @for nth in 0..roads.len() { (markings(&roads, nth)) }
     }
 }
 
-fn one_road(borders: &[Vec<GroundPoint>]) -> Markup {
+fn asphalt(borders: &[Vec<GroundPoint>]) -> Markup {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return html! {};
     };
     // One closed outline: along the right border and back along the left one.
     let outline: Vec<GroundPoint> = right.iter().chain(left.iter().rev()).copied().collect();
+    html! { polygon class="asphalt" points=(points(&outline)) {} }
+}
+
+/// Kerbs, lane lines and posts of one of the roads.
+fn markings(roads: &[Vec<Vec<GroundPoint>>], own: usize) -> Markup {
+    let borders = &roads[own];
+    let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
+        return html! {};
+    };
+    let others: Vec<&Vec<Vec<GroundPoint>>> = (0..roads.len())
+        .filter(|other| *other != own)
+        .map(|other| &roads[other])
+        .collect();
+    let on_other = |place: GroundPoint| others.iter().any(|other| is_on(other, place));
     let last = borders.len() - 1;
-    let verge = beside(right, left, -POST_M);
+    let is_main = own + 1 == roads.len();
+    let posts = along(&beside(right, left, -POST_M), POSTS_APART_M);
     html! {
-        polygon class="asphalt" points=(points(&outline)) {}
         @for (nth, border) in borders.iter().enumerate() {
-            polyline class=(if nth == 0 || nth == last { "edge" } else { "dashes" }) points=(points(border)) {}
+            @let is_kerb = nth == 0 || nth == last;
+            @if is_main && !is_kerb {
+                polyline class="dashes" points=(points(border)) {}
+            } @else {
+                @for part in parts(border, on_other) {
+                    polyline class=(if is_kerb { "edge" } else { "dashes" }) points=(points(&part)) {}
+                }
+            }
         }
-        @for [x, y, _] in along(&verge, POSTS_APART_M) { circle class="post" cx=(n(x, 2)) cy=(n(y, 2)) r="0.18" {} }
+        @for [x, y, z] in posts {
+            @if !on_other([x, y, z]) { circle class="post" cx=(n(x, 2)) cy=(n(y, 2)) r="0.18" {} }
+        }
     }
+}
+
+/// True on the asphalt of a road. Its kerbs themselves are not on it.
+///
+/// Points of equal index lie across the road from each other, so two neighbouring
+/// stations enclose a quadrilateral.
+fn is_on(borders: &[Vec<GroundPoint>], [x, y, _]: GroundPoint) -> bool {
+    let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
+        return false;
+    };
+    // Distance to the left of a line, with its sign.
+    let left_of_m = |from: GroundPoint, to: GroundPoint| {
+        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+        (dx * (y - from[1]) - dy * (x - from[0])) / libm::hypot(dx, dy).max(1e-9)
+    };
+    right.windows(2).zip(left.windows(2)).any(|(r, l)| {
+        // The seam of two stations belongs to both.
+        KERB_M < left_of_m(r[0], r[1])
+            && left_of_m(l[0], l[1]) < -KERB_M
+            && left_of_m(r[0], l[0]) <= 0.0
+            && 0.0 <= left_of_m(r[1], l[1])
+    })
+}
+
+/// Parts of a line outside of a region, cut to `STEP_M`.
+fn parts(line: &[GroundPoint], is_inside: impl Fn(GroundPoint) -> bool) -> Vec<Vec<GroundPoint>> {
+    let mut parts = Vec::new();
+    let mut part: Vec<GroundPoint> = Vec::new();
+    for (nth, pair) in line.windows(2).enumerate() {
+        let length_m = distance(pair[0], pair[1]);
+        let steps = (length_m / STEP_M).ceil().max(1.0) as usize;
+        // The end of a segment is the beginning of the next one.
+        let from = usize::from(0 < nth);
+        for step in from..=steps {
+            let share = step as f64 / steps as f64;
+            let place =
+                [0, 1, 2].map(|axis| pair[0][axis] + share * (pair[1][axis] - pair[0][axis]));
+            if is_inside(place) {
+                parts.push(std::mem::take(&mut part));
+                continue;
+            }
+            // Points between two corners of the line are not needed.
+            let between = part.len() > 1 && 1 < step;
+            if between {
+                part.pop();
+            }
+            part.push(place);
+        }
+    }
+    parts.push(part);
+    parts.retain(|part| 1 < part.len());
+    parts
 }
 
 /// Cells of a grid.
@@ -103,4 +195,43 @@ fn points(line: &[GroundPoint]) -> String {
         .iter()
         .map(|[x, y, _]| format!("{},{}", n(*x, 2), n(*y, 2)));
     points.collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Borders of a straight road of one lane from one end to the other.
+    fn straight(from: [f64; 2], to: [f64; 2], half_m: f64) -> Vec<Vec<GroundPoint>> {
+        let length_m = libm::hypot(to[0] - from[0], to[1] - from[1]);
+        let left = [-(to[1] - from[1]) / length_m, (to[0] - from[0]) / length_m];
+        let border = |side_m: f64| {
+            [from, to]
+                .map(|[x, y]| [x + side_m * left[0], y + side_m * left[1], 0.0])
+                .to_vec()
+        };
+        vec![border(-half_m), border(half_m)]
+    }
+
+    #[test]
+    fn a_kerb_ends_at_a_side_road_and_begins_behind_it() {
+        let side = straight([50.0, -40.0], [50.0, 40.0], 2.0);
+        let main = straight([0.0, 0.0], [100.0, 0.0], 3.0);
+        let kept = parts(&main[0], |place| is_on(&side, place));
+        assert_eq!(kept.len(), 2);
+        let (end, begin) = (kept[0][kept[0].len() - 1], kept[1][0]);
+        assert!((end[0] - 48.0).abs() < 0.3 && (begin[0] - 52.0).abs() < 0.3);
+        assert_eq!((kept[0][0][0], kept[1][kept[1].len() - 1][0]), (0.0, 100.0));
+        // Neither half has needless points.
+        assert!(kept.iter().all(|part| part.len() == 2), "{kept:?}");
+    }
+
+    #[test]
+    fn a_kerb_beside_another_road_stays() {
+        let one = straight([0.0, 0.0], [100.0, 0.0], 2.0);
+        let other = straight([100.0, 4.0], [0.0, 4.0], 2.0);
+        let kept = parts(&one[1], |place| is_on(&other, place));
+        assert_eq!(kept, [one[1].clone()]);
+        assert!(is_on(&other, [50.0, 4.0, 0.0]) && !is_on(&other, [50.0, 0.0, 0.0]));
+    }
 }

@@ -37,8 +37,10 @@ use picture::Picture;
 
 /// Script that moves the pictures of a page. It loads nothing.
 pub(super) const SCRIPT: &str = include_str!("play.js");
-/// Colours and layout of the pictures.
-pub(super) const STYLE: &str = include_str!("animation.css");
+/// Colours of the shapes, which files with a picture have, too.
+pub(super) const SHAPES: &str = include_str!("shapes.css");
+/// Colours and layout of the pictures of a page.
+pub(super) const STYLE: &str = concat!(include_str!("shapes.css"), include_str!("animation.css"));
 
 /// Animated picture of one example. `nth` makes its identifiers unique.
 ///

@@ -6,7 +6,7 @@ use super::bodies::{body, colour_class};
 use super::camera::{Camera, Canvas, SCREEN, THUMB};
 use super::episode_frames::{EpisodeFrames, FrameContext, ego_of, is_on_cells};
 use super::ground::{cells, lights, road, trails};
-use super::labels::{drawn, labels};
+use super::labels::{LabelContent, drawn, labels};
 use super::moments::{KeyMoment, captions, moments, violated_s};
 use super::moves::{Move, go_on, moves};
 use super::write::n;
@@ -107,7 +107,12 @@ impl<'a> Picture<'a> {
         let i = self.film.at(self.still_s());
         let camera = self.camera(i, &SCREEN);
         let [width_px, height_px] = SCREEN.size_px;
-        let words = labels(&self.stage, &self.film, i, (&camera, &self.moves));
+        let content = LabelContent {
+            stage: &self.stage,
+            film: &self.film,
+            moves: &self.moves,
+        };
+        let words = labels(content, i, &camera);
         html! {
             svg class="stage" viewBox=(format!("0 0 {width_px} {height_px}")) role="img" aria-label=(label) {
                 defs {

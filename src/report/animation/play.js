@@ -83,7 +83,13 @@ for (const figure of document.querySelectorAll(".film")) {
     const wanted = who === film.ego ? [below, above, behind, ahead] : [above, below, ahead, behind];
     const far = wanted.map(([a, b]) => [a, b + Math.sign(b - y) * (h + 6)]);
     const highest = Math.min(28, view.room[1] - h);
-    const spots = [...wanted, ...far].map(([a, b]) => [
+    const rings = [];
+    for (let ring = 1; ring <= 14; ring++) for (let spot = 0; spot < 16; spot++) {
+      const turn = 2 * Math.PI * spot / 16;
+      rings.push([x + Math.cos(turn) * (0.5 * (room[2] - room[0] + w) + 14 * ring),
+        y + Math.sin(turn) * (0.5 * (room[3] - room[1] + h) + 14 * ring)]);
+    }
+    const spots = [...wanted, ...far, ...rings].map(([a, b]) => [
       clamp(a, 4, view.room[0] - w - 4), clamp(b, highest, view.room[1] - h)]);
     const free = ([a, b]) => taken.every((it) => a + w <= it[0] || it[2] <= a || b + h <= it[1] || it[3] <= b);
     if (!free(spots[places[who]])) places[who] = Math.max(0, spots.findIndex(free));
@@ -91,8 +97,12 @@ for (const figure of document.querySelectorAll(".film")) {
     taken.push([a, b, a + w, b + h]);
     const group = labels[who];
     group.setAttribute("transform", `translate(${a.toFixed(1)} ${b.toFixed(1)})`);
-    group.firstElementChild.setAttribute("width", w.toFixed(1));
-    group.firstElementChild.setAttribute("height", h);
+    const box = group.querySelector("rect");
+    box.setAttribute("width", w.toFixed(1));
+    box.setAttribute("height", h);
+    const [u, v] = [clamp(0.5 * (room[0] + room[2]), 0, width), clamp(0.5 * (room[1] + room[3]), 0, height)];
+    const ends = { x1: u - a, y1: v - b, x2: clamp(u - a, 0, w), y2: clamp(v - b, 0, h) };
+    for (const end in ends) group.querySelector("line").setAttribute(end, ends[end].toFixed(1));
     const texts = group.querySelectorAll("text");
     texts[0].textContent = lines[0];
     texts[1].textContent = lines[1] ?? "";

@@ -12,7 +12,7 @@ use super::spec::Drive;
 use super::state::SceneState;
 use crate::ego::{Actuator, Fault};
 use crate::road::LaneKeeper;
-use crate::sim::{BodyCommand, rotation_by};
+use crate::sim::{BodyCommand, BodyState, rotation_by};
 
 impl SceneState {
     /// Returns what an agent wants to do, `None` if a plan carries it.
@@ -131,6 +131,22 @@ impl DriveScene {
             }
         }
         Ok(())
+    }
+
+    /// Sets the commands of all agents, of which another simulator moves some.
+    ///
+    /// Those are carried to their given states. An ego without one coasts.
+    pub(super) fn command_around(&mut self, given: &[Option<BodyState>]) {
+        self.carry_all();
+        for i in 0..self.layout.spec.agents.len() {
+            if let Some(state) = given.get(i).copied().flatten() {
+                let command = BodyCommand::Carry { to: state.pose };
+                self.commanded[i] = Some(command);
+                self.state.plant.command(self.state.bodies[i], command);
+            } else if let Some(wish) = self.state.wish_of(i, Maneuver::NONE, self.chosen[i]) {
+                self.command(i, wish);
+            }
+        }
     }
 
     fn command(&mut self, agent: usize, wish: Maneuver) {

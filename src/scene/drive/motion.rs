@@ -25,7 +25,7 @@ use crate::scene::{
 };
 use crate::seed::StartKey;
 use crate::severity::{Impact, Party};
-use crate::sim::{BodyCommand, BodyId, Contact, Plant, Pose};
+use crate::sim::{BodyCommand, BodyId, BodyState, Contact, Plant, Pose};
 use crate::trace::Schema;
 
 /// A driving scene in motion.
@@ -121,6 +121,31 @@ impl DriveScene {
             Some(contact) => StepOutcome::Contact(self.touch_of(contact)),
             None => StepOutcome::Going,
         }
+    }
+
+    /// Lays the road and lets the trained ados decide, before all commands of a sample.
+    fn prepare(&mut self) -> Result<(), Fault> {
+        // An episode with an infeasible plan is invalid and must not count as a
+        // success.
+        if let Some(why) = &self.unmet {
+            return Err(Fault::new(FaultKind::Physics, why.clone()));
+        }
+        // Laid before the commands, so that the ego perceives the new piece.
+        let laid = self.lay_road();
+        laid.map_err(|error| Fault::new(FaultKind::Physics, error.what))?;
+        self.decide_trained();
+        Ok(())
+    }
+
+    /// Advances the physics by one sample, and the planned agents with it.
+    fn move_with_plans(&mut self) -> StepOutcome {
+        let flow = self.move_on();
+        match (&flow, &self.state.touch) {
+            (StepOutcome::Going, _) => self.arrive_all(),
+            (StepOutcome::Contact(_), Some(contact)) => self.stop_all(contact.after_s),
+            _ => {}
+        }
+        flow
     }
 
     /// Writes the current row of signals.
@@ -356,26 +381,27 @@ impl Scene for DriveScene {
     }
 
     fn advance(&mut self) -> StepOutcome {
-        // An episode with an infeasible plan is invalid and must not count as a
-        // success.
-        if let Some(why) = &self.unmet {
-            return StepOutcome::Fault(Fault::new(FaultKind::Physics, why.clone()));
+        let commanded = self.prepare().and_then(|()| self.command_all());
+        match commanded {
+            Ok(()) => self.move_with_plans(),
+            Err(fault) => StepOutcome::Fault(fault),
         }
-        // Laid before the commands, so that the ego perceives the new piece.
-        if let Err(error) = self.lay_road() {
-            return StepOutcome::Fault(Fault::new(FaultKind::Physics, error.what));
+    }
+
+    fn advance_given(&mut self, given: &[Option<BodyState>]) -> Option<StepOutcome> {
+        if let Err(fault) = self.prepare() {
+            return Some(StepOutcome::Fault(fault));
         }
-        self.decide_trained();
-        if let Err(fault) = self.command_all() {
-            return StepOutcome::Fault(fault);
+        self.command_around(given);
+        let flow = self.move_with_plans();
+        // The plant knows only the mean velocity of a carried body over the sample.
+        for (state, given) in self.state.states.iter_mut().zip(given) {
+            if let Some(given) = given {
+                let pose = state.pose;
+                *state = BodyState { pose, ..*given };
+            }
         }
-        let flow = self.move_on();
-        match (&flow, &self.state.touch) {
-            (StepOutcome::Going, _) => self.arrive_all(),
-            (StepOutcome::Contact(_), Some(contact)) => self.stop_all(contact.after_s),
-            _ => {}
-        }
-        flow
+        Some(flow)
     }
 
     fn publish(&self, row: &mut [f64]) {

@@ -6,6 +6,7 @@ use super::layout::{DriveLayout, SceneError};
 use super::spec::DriveSpec;
 use crate::rl::Spaces;
 use crate::road::{Course, goes_first};
+use crate::stl::BoundExpr;
 use crate::trace::Schema;
 
 /// An assembled driving world: builds scenes that share all fixed data.
@@ -51,6 +52,11 @@ impl DriveWorld {
     /// Returns the schema of the published signals.
     pub fn schema(&self) -> &Arc<Schema> {
         &self.0.schema
+    }
+
+    /// Returns the expressions of the derived signals, bound to the rows of this world.
+    pub(crate) fn derived_exprs(&self) -> &[BoundExpr] {
+        &self.0.derived
     }
 
     /// Returns the shapes of the ados' joint observation and action.

@@ -13,6 +13,7 @@ mod words;
 
 use maud::{Markup, PreEscaped, html};
 
+use super::SHAPES;
 use super::bodies::body;
 use super::camera::Canvas;
 use super::episode_frames::{EpisodeFrames, FrameContext};
@@ -22,6 +23,7 @@ use super::picture::Picture;
 use super::write::n;
 use crate::preventability::FilmedDriver;
 use crate::report::Example;
+use crate::report::file_style::file_style;
 use crate::report::page::STYLE;
 use crate::visible::visible_markup;
 use crate::world::Scenario;
@@ -44,8 +46,8 @@ const OWN_STYLE: &str = "\
 .card{fill:var(--card)}.ground{fill:var(--verge)}.plate{fill:#0c0f13;fill-opacity:.82}\
 .fine{fill:#2f7d4d}.poor{fill:#c2273d}.bar{fill:var(--held)}.head2{fill:var(--ink)}\
 svg .title,svg .result{fill:#fff;font-size:13px;font-weight:600}\
-svg .said{font-size:13px;fill:var(--ink)}svg .told{font-weight:700}.instant{fill:var(--key)}\
-.k-start{--key:var(--dim)}.k-decisive{--key:var(--ado)}.k-chance{--key:var(--good)}.k-broken{--key:#b26a00}.k-contact{--key:#c2273d}";
+svg .said{font-size:13px;fill:var(--ink)}svg .told{font-weight:700}\
+.k-start{fill:var(--dim)}.k-decisive{fill:var(--ado)}.k-chance{fill:var(--good)}.k-broken{fill:#b26a00}.k-contact{fill:#c2273d}";
 
 /// Other driver in the ego's place.
 pub(crate) struct Beside {
@@ -182,7 +184,7 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
     let drawn = html! {
         svg xmlns="http://www.w3.org/2000/svg" class="loop" viewBox=(format!("0 0 {WIDTH_PX} {height_px}")) width=(WIDTH_PX) height=(height_px) role="img" {
             title { (said.join(" ")) }
-            style { (PreEscaped(STYLE)) (PreEscaped(super::STYLE)) (PreEscaped(OWN_STYLE)) (PreEscaped(format!("svg.loop{{width:{WIDTH_PX}px;height:{height_px}px}}"))) (PreEscaped(keyframes.into_css())) }
+            style { (PreEscaped(file_style(&[STYLE, SHAPES, OWN_STYLE]))) (PreEscaped(format!("svg.loop{{width:{WIDTH_PX}px;height:{height_px}px}}{}", strokes(scale)))) (PreEscaped(keyframes.into_css())) }
             defs {
                 clipPath id="half" { rect width=(n(width_px, 1)) height=(HEIGHT_PX) rx="8" {} }
                 g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.stage)) } @else { (road(&picture.stage, picture.frames())) } }
@@ -199,6 +201,22 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
         }
     };
     visible_markup(&drawn.into_string()).into_owned()
+}
+
+/// Widths of strokes in metres, at so many pixels per metre.
+///
+/// Not every program knows `vector-effect`, and the scale of a file is constant.
+fn strokes(scale: f64) -> String {
+    let widths_px = [
+        (".paint,.cargo,.ring,.cells", 1.0),
+        (".head", 0.8),
+        (".wall", 2.0),
+    ];
+    let rules = widths_px.map(|(shapes, width_px)| {
+        let width_m = n(width_px / scale, 4);
+        format!("{shapes}{{vector-effect:none;stroke-width:{width_m}}}")
+    });
+    rules.concat()
 }
 
 /// Time as a bar with a hand and the moments of the crash.

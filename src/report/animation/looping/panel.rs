@@ -6,7 +6,7 @@ use super::keyframes::Keyframes;
 use crate::report::animation::camera::{Camera, Canvas};
 use crate::report::animation::episode_frames::EpisodeFrames;
 use crate::report::animation::ground::lights;
-use crate::report::animation::labels::{PlacedLabel, labels};
+use crate::report::animation::labels::{LabelContent, PlacedLabel, labels_over_time, size_of};
 use crate::report::animation::moves::Move;
 use crate::report::animation::picture::{BRAKES_MPS2, Picture, burst};
 use crate::report::animation::write::n;
@@ -14,6 +14,8 @@ use crate::report::animation::write::n;
 /// Time between shown samples, and duration of a label's text, in seconds.
 const EVERY_S: f64 = 0.1;
 const WORDS_S: f64 = 0.5;
+/// Time in which a label jumps to another side of its body, in seconds.
+const JUMP_S: f64 = 0.002;
 
 /// Content of one half.
 pub(super) struct LoopPanel<'a> {
@@ -84,6 +86,12 @@ impl LoopPanel<'_> {
         let [[x, y], [u, v]] = [last.middle_px(), last.centre_m];
         let turn_deg = n(-self.film.turn_rad.to_degrees(), 3);
         let everybody = 0..self.picture.stage.agents.len();
+        let content = LabelContent {
+            stage: &self.picture.stage,
+            film: self.film,
+            moves: &self.moves,
+        };
+        let labels = labels_over_time(content, &shown, &cameras);
         html! {
             g transform=(format!("translate({x} {y}) scale({} {})", n(scale, 3), n(-scale, 3))) {
                 g class=(moved) transform=(format!("translate({} {})", n(-u, 2), n(-v, 2))) {
@@ -95,7 +103,7 @@ impl LoopPanel<'_> {
                 }
             }
             (self.star(keyframes, (&shown, &cameras)))
-            @for who in everybody { (self.label(keyframes, who, (&shown, &cameras))) }
+            @for who in everybody { (self.label(keyframes, who, (&shown, &labels))) }
             (self.result(keyframes, canvas))
         }
     }
@@ -181,36 +189,39 @@ impl LoopPanel<'_> {
         html! { g class=(keyframes.moving(&moves.collect::<Vec<_>>())) { (star) } }
     }
 
-    /// Name, speed and action of a body.
+    /// Name, speed and action of a body, with a line to it.
     ///
     /// The group moves with the body, and its text changes every half second.
     fn label(
         &self,
         keyframes: &mut Keyframes,
         who: usize,
-        (shown, cameras): (&[usize], &[Camera<'_>]),
+        (shown, all): (&[usize], &[(Vec<PlacedLabel>, Vec<bool>)]),
     ) -> Markup {
-        let at = |nth: usize| {
-            let beside = (&cameras[nth], &*self.moves);
-            labels(&self.picture.stage, self.film, shown[nth], beside).swap_remove(who)
-        };
-        let all: Vec<PlacedLabel> = (0..shown.len()).map(at).collect();
-        // The middle moves evenly, while the width changes with the text.
-        let middle =
-            |label: &PlacedLabel| [label.at_px[0] + 0.5 * label.size_px[0], label.at_px[1]];
+        let labels: Vec<&PlacedLabel> = all.iter().map(|(labels, _)| &labels[who]).collect();
         let time_s = |nth: usize| self.film.times_s[shown[nth]];
-        let places = all.iter().enumerate().map(|(nth, label)| {
+        // A jump to another side takes no time, so that the label crosses no body.
+        let moves = |place: &dyn Fn(&PlacedLabel) -> String| {
+            let mut moves: Vec<(f64, String)> = Vec::new();
+            for (nth, label) in labels.iter().enumerate() {
+                let jumps = 0 < nth && all[nth].1[who];
+                if jumps && JUMP_S < time_s(nth) - time_s(nth - 1) {
+                    moves.push((time_s(nth) - JUMP_S, place(labels[nth - 1])));
+                }
+                moves.push((time_s(nth), place(label)));
+            }
+            moves
+        };
+        let places = moves(&|label| {
             let [x, y] = middle(label);
-            (
-                time_s(nth),
-                format!("translate({}px,{}px)", n(x, 1), n(y, 1)),
-            )
+            format!("translate({}px,{}px)", n(x, 1), n(y, 1))
         });
-        let moved = keyframes.moving(&places.collect::<Vec<_>>());
-        let last = all.len() - 1;
+        let moved = keyframes.moving(&places);
+        let led = keyframes.moving(&moves(&|label| leader(label, "px", "deg")));
+        let last = labels.len() - 1;
         let from_s = keyframes.period.from_s;
         let mut words: Vec<(f64, &PlacedLabel)> = Vec::new();
-        for (nth, label) in all.iter().enumerate() {
+        for (nth, label) in labels.iter().enumerate() {
             // A new action is shown at once, and a new speed only after a
             // while, so that it is readable.
             let is_due = words.last().is_none_or(|(then_s, said)| {
@@ -220,8 +231,9 @@ impl LoopPanel<'_> {
                 words.push((time_s(nth), label));
             }
         }
-        let [x, y] = middle(&all[last]);
+        let [x, y] = middle(labels[last]);
         html! {
+            rect class={ "leader " (led) " " (self.picture.classes[who]) } y="-0.6" width="1" height="1.2" transform=(leader(labels[last], "", "")) {}
             g class=(moved) transform=(format!("translate({} {})", n(x, 1), n(y, 1))) {
                 @for (nth, (since_s, label)) in words.iter().enumerate() {
                     @let next = words.get(nth + 1).map(|(next_s, _)| (*next_s, false));
@@ -253,13 +265,36 @@ impl LoopPanel<'_> {
     }
 }
 
+/// Middle of the upper side of a label.
+///
+/// The text is centred there.
+fn middle(label: &PlacedLabel) -> [f64; 2] {
+    [label.at_px[0] + 0.5 * label.size_px[0], label.at_px[1]]
+}
+
+/// Transform of a line of length 1 that leads from the body to the label.
+fn leader(label: &PlacedLabel, px: &str, deg: &str) -> String {
+    let [[x, y], [to_x, to_y]] = label.leader_px();
+    let turn_rad = libm::atan2(to_y - y, to_x - x);
+    format!(
+        "translate({}{px},{}{px}) rotate({}{deg}) scale({},1)",
+        n(x, 1),
+        n(y, 1),
+        n(turn_rad.to_degrees(), 1),
+        n(libm::hypot(to_x - x, to_y - y), 1)
+    )
+}
+
 /// Label around the middle of its upper side.
 fn words_of(label: &PlacedLabel) -> Markup {
     let [w, h] = label.size_px;
+    // A short text has its lines in the middle of the height.
+    let [_, own_h] = size_of(&label.lines);
+    let first_px = 14.5 + 0.5 * (h - own_h);
     html! {
         rect x=(n(-0.5 * w, 1)) width=(n(w, 1)) height=(n(h, 1)) rx="5" {}
         @for (nth, line) in label.lines.iter().enumerate() {
-            text class=[(nth == 0).then_some("who")] x="0" y=(n(14.5 + 15.0 * nth as f64, 1)) text-anchor="middle" { (line) }
+            text class=[(nth == 0).then_some("who")] x="0" y=(n(first_px + 15.0 * nth as f64, 1)) text-anchor="middle" { (line) }
         }
     }
 }

@@ -3,8 +3,15 @@
 //! It mirrors the ego protocol. There brakecheck requests commands of the ego from a
 //! program. Here a simulator requests actions of the ado from brakecheck.
 //! `docs/reference/ado-protocol.md` defines it. Both sides ignore unknown keys.
+//!
+//! [`live`] judges an episode that the simulator moves, and [`home`] replays it here.
+
+mod description;
+mod home;
+mod live;
 
 use std::io::{self, BufRead, Read, Write};
+use std::path::PathBuf;
 
 use indexmap::IndexMap;
 use serde::Deserialize;
@@ -15,6 +22,8 @@ use crate::run_dir::{RunDir, RunError};
 use crate::scene::World;
 use crate::scene::drive::{Actions, PhaseAction};
 use crate::world::Scenario;
+use description::with_derived;
+use live::{LiveEpisode, ResetRequest};
 
 /// Version of the protocol.
 const PROTOCOL: u32 = 1;
@@ -29,6 +38,10 @@ pub struct ServedAdo {
     ///
     /// They determine `time` and `time_left` if the simulator omits them.
     decisions: u64,
+    /// Episode that the simulator moves and brakecheck judges.
+    live: Option<LiveEpisode>,
+    /// Directory for the counterexamples among them.
+    keep: Option<PathBuf>,
 }
 
 /// Counts of a finished conversation.
@@ -38,6 +51,12 @@ pub struct Served {
     pub decisions: u64,
     /// Messages answered with an error.
     pub errors: u64,
+    /// Judged episodes that ended.
+    pub episodes: u64,
+    /// Episodes in which the ego failed with all rules kept.
+    pub successes: u64,
+    /// Counterexamples that were kept.
+    pub kept: u64,
 }
 
 /// Error that ends a conversation.
@@ -69,6 +88,8 @@ struct ServeRequest {
     #[serde(default)]
     decide: Option<IndexMap<String, Value>>,
     #[serde(default)]
+    sample: Option<Value>,
+    #[serde(default)]
     close: Option<Value>,
 }
 
@@ -87,7 +108,19 @@ impl ServedAdo {
             policy: run.policy()?,
             world: run.scenario()?,
             decisions: 0,
+            live: None,
+            keep: None,
         })
+    }
+
+    /// Keeps the counterexamples among the judged episodes in a directory.
+    ///
+    /// It is created with the first of them.
+    pub fn keep_in(self, dir: PathBuf) -> ServedAdo {
+        ServedAdo {
+            keep: Some(dir),
+            ..self
+        }
     }
 
     /// Returns the world of the training.
@@ -129,10 +162,14 @@ impl ServedAdo {
             if request.close.is_some() {
                 break;
             }
-            let counts = request.decide.is_some();
+            let decides = request.decide.is_some();
+            let samples = request.sample.is_some();
             let answer = match self.answer(&request) {
                 Ok(answer) => {
-                    served.decisions += u64::from(counts);
+                    served.decisions += u64::from(decides);
+                    if samples {
+                        served.count(&answer);
+                    }
                     answer
                 }
                 Err(why) => {
@@ -156,7 +193,7 @@ impl ServedAdo {
                 hello: Some(hello), ..
             } => {
                 if hello.protocol == PROTOCOL {
-                    json!({ "hello": self.hello() })
+                    json!({ "hello": description::hello(&self.world) })
                 } else {
                     let spoken = hello.protocol;
                     return Err(format!(
@@ -164,15 +201,18 @@ impl ServedAdo {
                     ));
                 }
             }
-            ServeRequest { reset: Some(_), .. } => {
-                self.decisions = 0;
-                json!({ "ready": true })
-            }
+            ServeRequest {
+                reset: Some(reset), ..
+            } => self.reset(reset)?,
+            ServeRequest {
+                sample: Some(sample),
+                ..
+            } => self.sample(sample)?,
             ServeRequest {
                 decide: Some(signals),
                 ..
             } => self.decide(signals)?,
-            _ => return Err("known: hello, reset, decide, close".to_owned()),
+            _ => return Err("known: hello, reset, decide, sample, close".to_owned()),
         };
         match answer {
             Value::Object(fields) => Ok(fields),
@@ -181,43 +221,45 @@ impl ServedAdo {
         }
     }
 
-    /// Describes the ado to the simulator.
-    fn hello(&self) -> Value {
-        let world = self.world.world();
-        let clock = world.clock();
-        let signals = world.signals();
-        let observed = world.observed().iter().map(|observed| {
-            let mut known = signals.iter().map(|(signal, _)| signal);
-            let signal = known.find(|signal| signal.name == observed.name);
-            json!({
-                "name": observed.name,
-                "unit": signal.map(|signal| &signal.unit),
-                "about": signal.map(|signal| &signal.about),
-                "low": observed.mid - observed.half,
-                "high": observed.mid + observed.half,
-            })
-        });
-        let actions = 0..world.spaces().actions;
-        let actions = actions.map(|action| {
-            json!({
-                "label": world.action_label(action),
-                "ados": actions_of(world, action),
-            })
-        });
-        json!({
-            "protocol": PROTOCOL,
-            "program": concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
-            "world": self.world.name(),
-            "decision_s": clock.decision_s,
-            "horizon_s": clock.horizon_s,
-            "observe": observed.collect::<Vec<_>>(),
-            "actions": actions.collect::<Vec<_>>(),
-            "neutral": world.spaces().neutral,
-        })
+    /// Begins an episode, which brakecheck judges if the request has a start.
+    fn reset(&mut self, request: &Value) -> Result<Value, String> {
+        self.decisions = 0;
+        self.live = None;
+        let request = ResetRequest::parse(request)?;
+        let Some(live) = LiveEpisode::begin(&self.world, &request, &*self.policy)? else {
+            return Ok(json!({ "ready": true }));
+        };
+        let mut answer = live.answer(&self.world);
+        answer.insert("ready".to_owned(), json!(true));
+        answer.insert("start".to_owned(), live.start_by_name(&self.world));
+        self.live = Some(live);
+        Ok(Value::Object(answer))
+    }
+
+    /// Takes the next sample of a judged episode.
+    fn sample(&mut self, request: &Value) -> Result<Value, String> {
+        let Some(live) = &mut self.live else {
+            return Err("a sample requires an episode: reset with `index` or `start`".to_owned());
+        };
+        live.sample(request, &*self.policy)?;
+        let mut answer = live.answer(&self.world);
+        if let Some(dir) = self.keep.as_ref().filter(|_| live.is_counterexample()) {
+            match home::keep(&self.world, live, dir) {
+                Ok(kept) => {
+                    answer.insert("kept".to_owned(), json!(kept.file.display().to_string()));
+                    answer.insert("home_off_m".to_owned(), json!(kept.off_m));
+                }
+                Err(why) => {
+                    answer.insert("not_kept".to_owned(), json!(why.to_string()));
+                }
+            }
+        }
+        Ok(Value::Object(answer))
     }
 
     fn decide(&mut self, signals: &IndexMap<String, Value>) -> Result<Value, String> {
         let world = self.world.world();
+        let signals = with_derived(&self.world, signals)?;
         let clock = world.clock();
         let passed_s = self.decisions as f64 * clock.decision_s;
         let mut obs = Vec::with_capacity(world.observed().len());
@@ -225,7 +267,7 @@ impl ServedAdo {
         for observed in world.observed() {
             let name = observed.name.as_str();
             let value = match (signals.get(name), name) {
-                (Some(value), _) => number(name, value)?,
+                (Some(value), _) => *value,
                 (None, "time") => passed_s,
                 (None, "time_left") => (clock.horizon_s - passed_s).max(0.0),
                 (None, _) => {
@@ -247,6 +289,18 @@ impl ServedAdo {
             "ados": actions_of(world, action),
             "value": value.is_finite().then_some(value),
         }))
+    }
+}
+
+impl Served {
+    /// Counts an episode that ended with this answer.
+    fn count(&mut self, answer: &Map<String, Value>) {
+        let holds = |key: &str| answer.get(key).is_some_and(|it| it == &json!(true));
+        if holds("done") {
+            self.episodes += 1;
+            self.successes += u64::from(holds("is_success"));
+            self.kept += u64::from(answer.contains_key("kept"));
+        }
     }
 }
 

@@ -1,0 +1,283 @@
+//! Writing of OSI traces in MCAP.
+
+use prost::Message;
+
+use crate::mcap_writer::{McapChannel, mcap};
+use crate::osi_message::{
+    OsiBase, OsiDimension, OsiGroundTruth, OsiIdentifier, OsiMovingObject, OsiOpenDrive,
+    OsiOrientation, OsiTimestamp, OsiVector, OsiVehicleAttributes, OsiVehicleClassification,
+    OsiVersion,
+};
+use crate::osi_schema;
+use crate::recording::Class;
+
+/// Version of OSI whose fields are written, and of the rules for its MCAP files.
+const OSI: (u32, u32, u32) = (3, 7, 0);
+const OSI_TEXT: &str = "3.7.0";
+const FILE_VERSION: &str = "3.8.0";
+/// Version of protobuf whose encoding is written.
+const PROTOBUF: &str = "3.21.0";
+/// Topics of the moving objects and of the road.
+const TOPIC: &str = "GroundTruth";
+const MAP_TOPIC: &str = "ground_truth_map";
+
+/// Road users of an episode over time, to write as an OSI trace.
+#[derive(Clone, Debug, Default)]
+pub struct OsiTrace {
+    /// Description of the file.
+    pub description: String,
+    /// Bodies of all road users. They are numbered from 1 in this order.
+    pub bodies: Vec<OsiBody>,
+    /// Position of the ego among the bodies.
+    pub ego: usize,
+    /// Instants in the order of time.
+    pub frames: Vec<OsiFrame>,
+    /// Name and text of the road as OpenDRIVE, if there is one.
+    pub open_drive: Option<(String, String)>,
+}
+
+/// Body of a road user.
+#[derive(Clone, Debug)]
+pub struct OsiBody {
+    /// Class, from which the type of the object follows.
+    pub class: Class,
+    /// Length, width and height.
+    pub size_m: [f64; 3],
+    /// Distance of the rear and of the front axle from the centre, rear and front.
+    ///
+    /// `None` for a road user without axles.
+    pub axles_m: Option<(f64, f64)>,
+}
+
+/// State of all road users at one instant.
+#[derive(Clone, Debug)]
+pub struct OsiFrame {
+    /// Time since the start, in nanoseconds.
+    pub time_ns: u64,
+    /// States in the order of the bodies.
+    pub states: Vec<OsiState>,
+}
+
+/// State of a body: its centre in the world frame, x forward, y left, z up.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OsiState {
+    /// Centre of the box.
+    pub centre_m: [f64; 3],
+    /// Roll, pitch and yaw, applied in the order yaw, pitch, roll.
+    pub roll_pitch_yaw_rad: [f64; 3],
+    /// Velocity of the centre.
+    pub velocity_mps: [f64; 3],
+    /// Acceleration of the centre.
+    pub accel_mps2: [f64; 3],
+    /// Turning rate, counter-clockwise.
+    pub yaw_rate_rad_per_s: f64,
+}
+
+/// Returns a trace of the Open Simulation Interface in MCAP, one message per instant.
+///
+/// The messages are `osi3.GroundTruth` of OSI 3.7 in the topic `GroundTruth`. The road is
+/// an `osi3.MapAsamOpenDrive` in the topic `ground_truth_map`, which omega-prime reads.
+/// Equal traces give equal bytes. [`read_mcap`](crate::read_mcap) reads the file.
+pub fn write_osi(trace: &OsiTrace) -> Vec<u8> {
+    let described = [
+        ("net.asam.osi.trace.channel.osi_version", OSI_TEXT),
+        ("net.asam.osi.trace.channel.protobuf_version", PROTOBUF),
+        ("net.asam.osi.trace.channel.description", "all road users"),
+    ];
+    let messages = trace.frames.iter();
+    let messages = messages.map(|frame| (frame.time_ns, trace.message(frame).encode_to_vec()));
+    let mut channels = vec![McapChannel {
+        topic: TOPIC,
+        schema: ("osi3.GroundTruth", osi_schema::ground_truth()),
+        metadata: &described,
+        messages: messages.collect(),
+    }];
+    let road = trace.open_drive.as_ref().map(|(name, text)| OsiOpenDrive {
+        map_reference: Some(name.clone()),
+        open_drive_xml_content: Some(text.clone()),
+    });
+    channels.extend(road.map(|road| McapChannel {
+        topic: MAP_TOPIC,
+        schema: ("osi3.MapAsamOpenDrive", osi_schema::open_drive()),
+        metadata: &described[..2],
+        messages: vec![(
+            trace.frames.first().map_or(0, |frame| frame.time_ns),
+            road.encode_to_vec(),
+        )],
+    }));
+    let metadata = [
+        ("version", FILE_VERSION),
+        ("min_osi_version", OSI_TEXT),
+        ("max_osi_version", OSI_TEXT),
+        ("min_protobuf_version", PROTOBUF),
+        ("max_protobuf_version", PROTOBUF),
+        ("description", &*trace.description),
+        ("data_sources", "brakecheck"),
+    ];
+    mcap(&channels, ("net.asam.osi.trace", &metadata))
+}
+
+impl OsiTrace {
+    /// Returns the message of an instant.
+    fn message(&self, frame: &OsiFrame) -> OsiGroundTruth {
+        let objects = self.bodies.iter().zip(&frame.states).zip(1..);
+        let (major, minor, patch) = OSI;
+        OsiGroundTruth {
+            version: Some(OsiVersion {
+                major: Some(major),
+                minor: Some(minor),
+                patch: Some(patch),
+            }),
+            timestamp: Some(OsiTimestamp {
+                seconds: Some((frame.time_ns / 1_000_000_000) as i64),
+                nanos: Some((frame.time_ns % 1_000_000_000) as u32),
+            }),
+            host_vehicle_id: Some(id(self.ego as u64 + 1)),
+            moving_objects: objects
+                .map(|((body, state), number)| body.message(state, number))
+                .collect(),
+            map_reference: self.open_drive.as_ref().map(|(name, _)| name.clone()),
+        }
+    }
+}
+
+impl OsiBody {
+    /// Returns the object of a state.
+    fn message(&self, state: &OsiState, number: u64) -> OsiMovingObject {
+        let [length_m, width_m, height_m] = self.size_m;
+        let (kind, vehicle) = osi_type(self.class);
+        OsiMovingObject {
+            id: Some(id(number)),
+            base: Some(OsiBase {
+                dimension: Some(OsiDimension {
+                    length: Some(length_m),
+                    width: Some(width_m),
+                    height: Some(height_m),
+                }),
+                position: Some(vector(state.centre_m)),
+                orientation: Some(orientation(state.roll_pitch_yaw_rad)),
+                velocity: Some(vector(state.velocity_mps)),
+                acceleration: Some(vector(state.accel_mps2)),
+                orientation_rate: Some(orientation([0.0, 0.0, state.yaw_rate_rad_per_s])),
+            }),
+            kind: Some(kind),
+            // Axles are at the height of the wheels' centres, and that is not known here.
+            attributes: self.axles_m.map(|(rear_m, front_m)| OsiVehicleAttributes {
+                bbcenter_to_rear: Some(vector([rear_m, 0.0, -0.5 * height_m])),
+                bbcenter_to_front: Some(vector([front_m, 0.0, -0.5 * height_m])),
+            }),
+            vehicle: vehicle.map(|kind| OsiVehicleClassification {
+                kind: Some(kind),
+                // A civil vehicle.
+                role: Some(2),
+            }),
+        }
+    }
+}
+
+/// Returns the type of an object and, for a vehicle, its kind.
+///
+/// They are the inverse of those that [`read_osi`](crate::read_osi) reads.
+fn osi_type(class: Class) -> (i32, Option<i32>) {
+    match class {
+        Class::Pedestrian => (3, None),
+        Class::Other => (1, None),
+        Class::Car => (2, Some(4)),
+        Class::Van => (2, Some(6)),
+        Class::Truck => (2, Some(7)),
+        Class::Trailer => (2, Some(9)),
+        Class::Motorcycle => (2, Some(10)),
+        Class::Bicycle => (2, Some(11)),
+    }
+}
+
+fn id(value: u64) -> OsiIdentifier {
+    OsiIdentifier { value: Some(value) }
+}
+
+fn vector([x, y, z]: [f64; 3]) -> OsiVector {
+    OsiVector {
+        x: Some(x),
+        y: Some(y),
+        z: Some(z),
+    }
+}
+
+fn orientation([roll, pitch, yaw]: [f64; 3]) -> OsiOrientation {
+    OsiOrientation {
+        roll: Some(roll),
+        pitch: Some(pitch),
+        yaw: Some(yaw),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::read_mcap;
+
+    /// Two bodies, of which one moves by 2 m and the other turns, at steps of 0.1 s.
+    fn trace() -> OsiTrace {
+        let body = |class| OsiBody {
+            class,
+            size_m: [4.5, 1.8, 1.5],
+            axles_m: Some((-1.4, 1.3)),
+        };
+        let frame = |i: u64| {
+            let x_m = 2.0 * i as f64;
+            let driven = OsiState {
+                centre_m: [10.0 + x_m, -3.5, 0.75],
+                velocity_mps: [20.0, 0.0, 0.0],
+                ..OsiState::default()
+            };
+            let turned = OsiState {
+                centre_m: [40.0, 3.5, 0.75],
+                roll_pitch_yaw_rad: [0.0, 0.0, 0.1 * i as f64],
+                ..OsiState::default()
+            };
+            OsiFrame {
+                time_ns: 100_000_000 * i,
+                states: vec![driven, turned],
+            }
+        };
+        OsiTrace {
+            description: "two bodies".to_owned(),
+            bodies: vec![body(Class::Car), body(Class::Truck)],
+            ego: 0,
+            frames: (0..31).map(frame).collect(),
+            open_drive: Some(("road.xodr".to_owned(), "<OpenDRIVE/>".to_owned())),
+        }
+    }
+
+    #[test]
+    fn a_written_trace_is_read_with_its_places_and_classes() {
+        let bytes = write_osi(&trace());
+        let recording = read_mcap(&bytes[..], "trace.mcap").expect("a recording");
+        assert_eq!(recording.tracks.len(), 2);
+        let driven = &recording.tracks[0];
+        assert_eq!(driven.class, Class::Car);
+        assert_eq!(recording.tracks[1].class, Class::Truck);
+        assert!((driven.length_m - 4.5).abs() < 1e-9);
+        assert!((recording.duration_s() - 3.0).abs() < 1e-9);
+        let last = driven.x_m.len() - 1;
+        assert!((driven.x_m[last] - driven.x_m[0] - 60.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_records_are_where_the_indexes_say() {
+        let bytes = write_osi(&trace());
+        let number = |at: usize| {
+            let bytes = bytes[at..at + 8].try_into().expect("8 bytes");
+            u64::from_le_bytes(bytes) as usize
+        };
+        // The footer is 29 bytes before the magic at the end: kind, length, two offsets.
+        let footer = bytes.len() - 8 - 29;
+        assert_eq!(bytes[footer], 0x02);
+        let (summary_at, offsets_at) = (number(footer + 9), number(footer + 17));
+        // The summary begins with a schema, and the first offset names that group.
+        assert_eq!((bytes[summary_at], bytes[offsets_at]), (0x03, 0x0e));
+        assert_eq!(bytes[offsets_at + 9], 0x03);
+        assert_eq!(number(offsets_at + 10), summary_at);
+        assert_eq!(write_osi(&trace()), bytes);
+    }
+}

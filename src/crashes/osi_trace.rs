@@ -1,0 +1,109 @@
+//! Kept counterexamples as traces of the Open Simulation Interface.
+
+use nalgebra::Vector3;
+
+use brakecheck_traffic::{Class, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
+
+use crate::openx::vehicle_category;
+use crate::scene::drive::{Agent, Drive};
+use crate::scene::{BodySample, Placement};
+use crate::sim::{Body, BodyKind};
+use crate::testbench::{Episode, Film, film_beyond};
+use crate::world::Scenario;
+
+/// Returns an episode up to its contact as an OSI trace in MCAP.
+///
+/// `scenario` repeats the episode bit for bit. `road` is its road as OpenDRIVE, with its
+/// name. `None` for a grid world.
+pub(super) fn osi_trace(
+    scenario: &Scenario,
+    episode: &Episode,
+    road: (String, String),
+) -> Option<Vec<u8>> {
+    let agents = &scenario.drive()?.spec().agents;
+    let mut bench = scenario.bench();
+    bench.record_motion();
+    let Film { frames, .. } = film_beyond(&mut bench, episode);
+    let motion = bench.motion()?;
+    let sample_s = bench.clock().sample_s;
+    let contact_s = motion
+        .contact
+        .as_ref()
+        .map_or(f64::INFINITY, |it| it.time_s);
+    let mut instants: Vec<OsiFrame> = Vec::with_capacity(frames.len());
+    for (sample, frame) in frames.iter().enumerate().take(motion.len()) {
+        let time_s = (sample as f64 * sample_s).min(contact_s);
+        let time_ns = (time_s * 1e9).round() as u64;
+        // A contact right after a sample replaces that sample.
+        if instants.last().is_some_and(|last| time_ns <= last.time_ns) {
+            instants.pop();
+        }
+        let bodies = motion.at(sample).iter();
+        let states = agents.iter().zip(bodies.zip(&frame.placements));
+        instants.push(OsiFrame {
+            time_ns,
+            states: states
+                .map(|(agent, (body, placement))| state(&agent.body, body, placement))
+                .collect(),
+        });
+    }
+    let is_ego = |agent: &Agent| matches!(agent.drive, Drive::Ego);
+    Some(write_osi(&OsiTrace {
+        description: format!(
+            "counterexample of brakecheck in the world {}",
+            scenario.name()
+        ),
+        bodies: agents.iter().map(|agent| body(&agent.body)).collect(),
+        ego: agents.iter().position(is_ego)?,
+        frames: instants,
+        open_drive: Some(road),
+    }))
+}
+
+/// Returns the body with the class that players know.
+fn body(body: &Body) -> OsiBody {
+    let class = match vehicle_category(body) {
+        None => Class::Pedestrian,
+        Some("bicycle") => Class::Bicycle,
+        Some("motorbike") => Class::Motorcycle,
+        Some("van") => Class::Van,
+        Some("truck") => Class::Truck,
+        Some(_) => Class::Car,
+    };
+    let wheelbase_m = match &body.kind {
+        BodyKind::Vehicle(vehicle) => Some(vehicle.wheelbase_m),
+        BodyKind::Cyclist(cyclist) => Some(cyclist.wheelbase_m),
+        BodyKind::Walker(_) => None,
+    };
+    let axles_m = wheelbase_m.map(|wheelbase_m| {
+        let rear_m = body.half_length_m() - body.lever_m();
+        (rear_m, rear_m + wheelbase_m)
+    });
+    OsiBody {
+        class,
+        size_m: [body.length_m, body.width_m, body.height_m],
+        axles_m,
+    }
+}
+
+/// Returns the state of the centre, while the plant states that of the front bumper.
+fn state(body: &Body, sample: &BodySample, placement: &Placement) -> OsiState {
+    let state = sample.state;
+    let yaw_rad = placement.heading_rad();
+    let (sin, cos) = libm::sincos(yaw_rad);
+    let turned = |ahead: f64, left: f64| [ahead * cos - left * sin, ahead * sin + left * cos, 0.0];
+    // Heights of the ends of the body's axes, of length 1.
+    let [ahead_z, left_z, up_z] =
+        [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| (placement.rotation * axis).z);
+    let pitch_rad = -libm::asin(ahead_z.clamp(-1.0, 1.0));
+    let roll_rad = libm::atan2(left_z, up_z);
+    // Turning moves the front sideways, and not the centre.
+    let left_mps = state.lateral_mps - state.yaw_rate_rad_per_s * body.half_length_m();
+    OsiState {
+        centre_m: placement.centre_m,
+        roll_pitch_yaw_rad: [roll_rad, pitch_rad, yaw_rad],
+        velocity_mps: turned(state.speed_mps, left_mps),
+        accel_mps2: turned(state.accel_mps2, 0.0),
+        yaw_rate_rad_per_s: state.yaw_rate_rad_per_s,
+    }
+}

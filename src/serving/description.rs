@@ -1,0 +1,146 @@
+//! Description of a served world: its ado, its signals and its rules.
+
+use indexmap::IndexMap;
+use serde_json::{Value, json};
+
+use super::{PROTOCOL, actions_of, number};
+use crate::scene::World;
+use crate::scene::drive::{Drive, DriveSpec};
+use crate::world::Scenario;
+
+/// Describes a world to the simulator.
+pub(super) fn hello(scenario: &Scenario) -> Value {
+    let world = scenario.world();
+    let clock = world.clock();
+    let actions = 0..world.spaces().actions;
+    let actions = actions.map(|action| {
+        json!({
+            "label": world.action_label(action),
+            "ados": actions_of(world, action),
+        })
+    });
+    let rules = scenario
+        .rules()
+        .iter()
+        .map(|rule| json!({ "name": rule.name, "stl": rule.formula.to_string() }));
+    let drive = drive(world);
+    json!({
+        "protocol": PROTOCOL,
+        "program": concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
+        "world": scenario.name(),
+        "sample_s": clock.sample_s,
+        "decision_s": clock.decision_s,
+        "horizon_s": clock.horizon_s,
+        "observe": observed(world),
+        "derived": derived(drive),
+        "constants": drive.map(|spec| &spec.constants),
+        "agents": drive.map(agents),
+        "ego_spec": scenario.ego_spec().to_string(),
+        "rules": rules.collect::<Vec<_>>(),
+        "actions": actions.collect::<Vec<_>>(),
+        "neutral": world.spaces().neutral,
+    })
+}
+
+fn drive(world: &World) -> Option<&DriveSpec> {
+    match world {
+        World::Drive(world) => Some(world.spec()),
+        World::Grid(_) => None,
+    }
+}
+
+/// Returns the observed signals with their ranges.
+fn observed(world: &World) -> Vec<Value> {
+    let signals = world.signals();
+    let observed = world.observed().iter().map(|observed| {
+        let mut known = signals.iter().map(|(signal, _)| signal);
+        let signal = known.find(|signal| signal.name == observed.name);
+        json!({
+            "name": observed.name,
+            "unit": signal.map(|signal| &signal.unit),
+            "about": signal.map(|signal| &signal.about),
+            "low": observed.mid - observed.half,
+            "high": observed.mid + observed.half,
+        })
+    });
+    observed.collect()
+}
+
+/// Returns the signals that the world computes from others, with their expressions.
+fn derived(drive: Option<&DriveSpec>) -> Vec<Value> {
+    let derived = drive.map_or(&[][..], |spec| &spec.derived);
+    let derived = derived.iter().map(|derived| {
+        json!({
+            "name": derived.signal.name,
+            "unit": derived.signal.unit,
+            "expr": derived.expr.to_string(),
+        })
+    });
+    derived.collect()
+}
+
+/// Returns the agents with the sizes of their bodies.
+fn agents(spec: &DriveSpec) -> Vec<Value> {
+    let agents = spec.agents.iter().map(|agent| {
+        let role = match agent.drive {
+            Drive::Ego => "ego",
+            Drive::Ado { .. } => "ado",
+            Drive::Trained(_) | Drive::Scripted(_) | Drive::Planned(_) => "traffic",
+        };
+        let body = &agent.body;
+        json!({
+            "name": agent.name, "role": role, "on_foot": body.is_on_foot(),
+            "length_m": body.length_m, "width_m": body.width_m, "height_m": body.height_m,
+        })
+    });
+    agents.collect()
+}
+
+/// Returns the given signals as numbers, and the derived ones that they determine.
+///
+/// # Errors
+/// A value is neither a number nor a truth value.
+pub(super) fn with_derived(
+    scenario: &Scenario,
+    given: &IndexMap<String, Value>,
+) -> Result<IndexMap<String, f64>, String> {
+    let world = scenario.world();
+    let mut known = IndexMap::new();
+    let schema = world.schema();
+    let names: Vec<&str> = schema.signals().iter().map(|it| it.name.as_str()).collect();
+    let mut row = vec![0.0; names.len()];
+    let position = |name: &str| names.iter().position(|it| *it == name);
+    let observed = |name: &str| world.observed().iter().any(|it| it.name == name);
+    for (name, value) in given {
+        let column = position(name);
+        // Other keys are ignored, whatever they are.
+        if column.is_none() && !observed(name) {
+            continue;
+        }
+        let value = number(name, value)?;
+        if let Some(column) = column {
+            row[column] = value;
+        }
+        known.insert(name.clone(), value);
+    }
+    let World::Drive(drive) = world else {
+        return Ok(known);
+    };
+    let bound = drive.derived_exprs();
+    // A derived signal may read those before it.
+    for (derived, bound) in drive.spec().derived.iter().zip(bound) {
+        let name = derived.signal.name.as_str();
+        let mut reads = derived.expr.signals().into_iter();
+        let constants = &drive.spec().constants;
+        let is_known = |it: &str| known.contains_key(it) || constants.contains_key(it);
+        if known.contains_key(name) || !reads.all(is_known) {
+            continue;
+        }
+        let value = bound.eval(&row);
+        if let Some(column) = position(name) {
+            row[column] = value;
+        }
+        known.insert(name.to_owned(), value);
+    }
+    Ok(known)
+}

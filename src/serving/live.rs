@@ -1,0 +1,286 @@
+//! Judged episode that another simulator moves.
+//!
+//! The simulator sends the states of the ego, and of other agents if it moves them, at
+//! the end of every sample. brakecheck moves all other agents, publishes the signals of
+//! the world and judges them as at home.
+
+use std::sync::Arc;
+
+use indexmap::IndexMap;
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+
+use super::actions_of;
+use crate::experiment::drawn_starts;
+use crate::rl::Policy;
+use crate::rulebook::Verdict;
+use crate::scene::drive::{Drive, DriveSpec};
+use crate::scene::{BodyState, Pose, Start};
+use crate::testbench::{Aftermath, Episode, Testbench};
+use crate::world::Scenario;
+
+/// Start of an episode, as the simulator requests it. Without one nothing is judged.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct ResetRequest {
+    /// Seed of the test starts.
+    #[serde(default)]
+    seed: u64,
+    /// Position among the test starts of that seed.
+    #[serde(default)]
+    index: Option<usize>,
+    /// Value of every axis, instead of a test start.
+    #[serde(default)]
+    start: Option<IndexMap<String, f64>>,
+}
+
+/// State of one agent at the end of a sample.
+#[derive(Debug, Deserialize)]
+struct GivenState {
+    x_m: f64,
+    y_m: f64,
+    heading_rad: f64,
+    speed_mps: f64,
+    #[serde(default)]
+    lateral_mps: f64,
+    #[serde(default)]
+    yaw_rate_rad_per_s: f64,
+    #[serde(default)]
+    accel_mps2: Option<f64>,
+}
+
+/// Judged episode in progress.
+pub(super) struct LiveEpisode {
+    bench: Testbench,
+    start: Start,
+    noise: u64,
+    /// Seed and position of its test start. `None` for a start of the simulator.
+    pub(super) test_start: Option<(u64, usize)>,
+    actions: Vec<usize>,
+    /// Value of the last decision.
+    value: f32,
+    /// Names of all agents, and the position of the ego among them.
+    agents: Vec<String>,
+    ego: usize,
+}
+
+impl ResetRequest {
+    /// Parses the value of `reset`.
+    pub(super) fn parse(request: &Value) -> Result<ResetRequest, String> {
+        match request {
+            Value::Object(_) => {
+                ResetRequest::deserialize(request).map_err(|error| format!("`reset`: {error}"))
+            }
+            // Protocol 1 takes any value for an episode without a start.
+            _ => Ok(ResetRequest::default()),
+        }
+    }
+
+    /// Returns the start with the seed of its noise, `None` if it requests none.
+    fn start(&self, world: &Scenario) -> Result<Option<(Start, u64)>, String> {
+        match (&self.start, self.index) {
+            (None, None) => Ok(None),
+            (Some(_), Some(_)) => Err("`reset` has an `index` and a `start`".to_owned()),
+            (None, Some(index)) => {
+                let drawn = drawn_starts(world, self.seed, index..index + 1);
+                Ok(drawn.into_iter().next())
+            }
+            (Some(start), None) => start_of(world, start).map(|start| Some((start, 0))),
+        }
+    }
+}
+
+/// Returns the start with a value for every axis.
+fn start_of(world: &Scenario, values: &IndexMap<String, f64>) -> Result<Start, String> {
+    let axes = world.axes();
+    if let Some(name) = values
+        .keys()
+        .find(|name| !axes.iter().any(|axis| axis.name == **name))
+    {
+        return Err(format!("`start`: unknown axis `{name}`"));
+    }
+    let value = |name: &str, lo: f64, hi: f64| match values.get(name) {
+        None => Err(format!("`start`: missing axis `{name}`")),
+        Some(value) if (lo..=hi).contains(value) => Ok(*value),
+        Some(value) => Err(format!(
+            "`start`: `{name}` = {value} is outside of {lo} ..= {hi}"
+        )),
+    };
+    let values = axes.iter().map(|axis| value(&axis.name, axis.lo, axis.hi));
+    values.collect::<Result<Vec<f64>, String>>().map(Start)
+}
+
+impl LiveEpisode {
+    /// Begins an episode. `None` if the request has no start.
+    ///
+    /// # Errors
+    /// The start does not fit the world, or the world has no vehicles.
+    pub(super) fn begin(
+        world: &Scenario,
+        request: &ResetRequest,
+        policy: &dyn Policy,
+    ) -> Result<Option<LiveEpisode>, String> {
+        // The ego comes from outside, so that of the world must not start a program.
+        let world = &world.with_commands(&Arc::from([]));
+        let Some((start, noise)) = request.start(world)? else {
+            return Ok(None);
+        };
+        let Some(drive) = world.drive() else {
+            let name = world.name();
+            return Err(format!(
+                "`{name}` is a grid world, whose agents have no states"
+            ));
+        };
+        let spec: &DriveSpec = drive.spec();
+        let is_ego = |agent: &crate::scene::drive::Agent| matches!(agent.drive, Drive::Ego);
+        let mut bench = world.bench();
+        bench.begin(&start, noise, Aftermath::Play);
+        let mut live = LiveEpisode {
+            bench,
+            start,
+            noise,
+            test_start: request.index.map(|index| (request.seed, index)),
+            actions: Vec::new(),
+            value: f32::NAN,
+            agents: spec.agents.iter().map(|it| it.name.clone()).collect(),
+            ego: spec.agents.iter().position(is_ego).unwrap_or(0),
+        };
+        live.decide(policy);
+        Ok(Some(live))
+    }
+
+    /// Returns the start, by name of the axis.
+    pub(super) fn start_by_name(&self, world: &Scenario) -> Value {
+        let axes = world.axes().into_iter().map(|axis| axis.name);
+        let values = self.start.0.iter().map(|value| json!(value));
+        Value::Object(axes.zip(values).collect())
+    }
+
+    /// Lets the ados decide, if they do so at this sample.
+    fn decide(&mut self, policy: &dyn Policy) {
+        if self.bench.is_done() || !self.bench.is_decision_due() {
+            return;
+        }
+        let mut obs = vec![0.0; self.bench.spaces().observation];
+        self.bench.observe(&mut obs);
+        let action = match self.bench.allowed() {
+            Some(allowed) => policy.act_among(&obs, &allowed),
+            None => policy.act(&obs),
+        };
+        self.value = policy.value(&obs);
+        self.actions.push(action);
+        self.bench.decide_only(action);
+    }
+
+    /// Takes the states at the end of the next sample.
+    ///
+    /// # Errors
+    /// The episode is over, an agent is unknown, or the ego is missing.
+    pub(super) fn sample(&mut self, request: &Value, policy: &dyn Policy) -> Result<(), String> {
+        if self.bench.is_done() {
+            return Err("the episode is over: reset".to_owned());
+        }
+        let given = IndexMap::<String, GivenState>::deserialize(request);
+        let given = given.map_err(|error| format!("`sample`: {error}"))?;
+        let mut states = vec![None; self.agents.len()];
+        let before = self.bench.bodies();
+        let sample_s = self.bench.clock().sample_s;
+        for (name, given) in given {
+            let Some(agent) = self.agents.iter().position(|it| *it == name) else {
+                return Err(format!("`sample`: unknown agent `{name}`"));
+            };
+            let gained_mps = given.speed_mps - before[agent].state.speed_mps;
+            states[agent] = Some(given.state(gained_mps / sample_s));
+        }
+        if states[self.ego].is_none() {
+            let name = &self.agents[self.ego];
+            return Err(format!("`sample`: missing state of the ego `{name}`"));
+        }
+        self.bench.sample_given(&states);
+        self.decide(policy);
+        Ok(())
+    }
+
+    /// Returns the agents, the decision and the judgement at this sample.
+    pub(super) fn answer(&self, world: &Scenario) -> Map<String, Value> {
+        let bodies = self.agents.iter().zip(self.bench.bodies());
+        let bodies = bodies.map(|(name, body)| {
+            let BodyState { pose, .. } = body.state;
+            let state = json!({
+                "x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad,
+                "speed_mps": body.state.speed_mps, "accel_mps2": body.state.accel_mps2,
+            });
+            (name.clone(), state)
+        });
+        let margins = self.bench.margins();
+        let rules = world.rules().iter().zip(&margins.rules);
+        let rules: Map<String, Value> = rules
+            .map(|(rule, margin)| (rule.name.clone(), json!(margin)))
+            .collect();
+        let samples = self.bench.trace().len().saturating_sub(1);
+        let mut answer = Map::new();
+        let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
+        add(
+            "time_s",
+            json!(samples as f64 * self.bench.clock().sample_s),
+        );
+        add("bodies", Value::Object(bodies.collect()));
+        if let Some(action) = self.actions.last().copied() {
+            add("action", json!(action));
+            add("label", json!(world.action_label(action)));
+            add("ados", actions_of(world.world(), action));
+            add("value", json!(self.value.is_finite().then_some(self.value)));
+        }
+        add("robustness", json!(margins.spec));
+        add("rules", Value::Object(rules));
+        add("done", json!(self.bench.is_done()));
+        let verdict = self.bench.verdict();
+        add("verdict", json!(verdict.map(|verdict| verdict.word())));
+        if let Some(verdict) = verdict {
+            add("is_success", json!(verdict.is_success()));
+            let broken = match verdict {
+                Verdict::Foul { rule, .. } => Some(&world.rules()[rule].name),
+                _ => None,
+            };
+            add("broken_rule", json!(broken));
+            add("contact", json!(self.bench.contact()));
+            add(
+                "rules_until_contact",
+                json!(self.bench.rules_until_contact()),
+            );
+            add(
+                "fault",
+                json!(self.bench.fault().map(|fault| &fault.message)),
+            );
+        }
+        answer
+    }
+
+    /// Returns whether the episode is over and the ego failed with all rules kept.
+    pub(super) fn is_counterexample(&self) -> bool {
+        let failed = self.bench.verdict().is_some_and(|it| it.is_success());
+        failed && self.bench.is_done()
+    }
+
+    /// Returns the record of the episode so far.
+    pub(super) fn episode(&self) -> Episode {
+        self.bench
+            .episode(&self.start, self.noise, self.actions.clone())
+    }
+}
+
+impl GivenState {
+    /// Returns the state, whose acceleration is `gained_mps2` if it is not given.
+    fn state(&self, gained_mps2: f64) -> BodyState {
+        BodyState {
+            pose: Pose {
+                x_m: self.x_m,
+                y_m: self.y_m,
+                heading_rad: self.heading_rad,
+            },
+            speed_mps: self.speed_mps,
+            lateral_mps: self.lateral_mps,
+            yaw_rate_rad_per_s: self.yaw_rate_rad_per_s,
+            accel_mps2: self.accel_mps2.unwrap_or(gained_mps2),
+        }
+    }
+}
