@@ -47,6 +47,9 @@ pub(super) fn labels(content: LabelContent<'_>, i: usize, camera: &Camera<'_>) -
     over_time.pop().map_or(Vec::new(), |(labels, _)| labels)
 }
 
+/// Labels of all agents at a sample, and true for each that jumps there.
+pub(super) type SampleLabels = (Vec<PlacedLabel>, Vec<bool>);
+
 /// Labels of all agents at each of the samples, and true for each label that jumps there.
 ///
 /// A label keeps its side of the body as long as that is free. Its size fits its
@@ -55,7 +58,7 @@ pub(super) fn labels_over_time(
     content: LabelContent<'_>,
     samples: &[usize],
     cameras: &[Camera<'_>],
-) -> Vec<(Vec<PlacedLabel>, Vec<bool>)> {
+) -> Vec<SampleLabels> {
     let stage = content.stage;
     let everybody = 0..stage.agents.len();
     let frames: Vec<LabelFrame> = samples

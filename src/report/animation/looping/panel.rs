@@ -6,7 +6,9 @@ use super::keyframes::Keyframes;
 use crate::report::animation::camera::{Camera, Canvas};
 use crate::report::animation::episode_frames::EpisodeFrames;
 use crate::report::animation::ground::lights;
-use crate::report::animation::labels::{LabelContent, PlacedLabel, labels_over_time, size_of};
+use crate::report::animation::labels::{
+    LabelContent, PlacedLabel, SampleLabels, labels_over_time, size_of,
+};
 use crate::report::animation::moves::Move;
 use crate::report::animation::picture::{BRAKES_MPS2, Picture, burst};
 use crate::report::animation::write::n;
@@ -196,7 +198,7 @@ impl LoopPanel<'_> {
         &self,
         keyframes: &mut Keyframes,
         who: usize,
-        (shown, all): (&[usize], &[(Vec<PlacedLabel>, Vec<bool>)]),
+        (shown, all): (&[usize], &[SampleLabels]),
     ) -> Markup {
         let labels: Vec<&PlacedLabel> = all.iter().map(|(labels, _)| &labels[who]).collect();
         let time_s = |nth: usize| self.film.times_s[shown[nth]];
