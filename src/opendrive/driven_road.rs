@@ -8,6 +8,9 @@ use super::tree::XmlNode;
 use crate::road::Piece;
 use crate::sim::Pose;
 
+/// Greatest length in metres of a way along lanes.
+const MOST_M: f64 = 5_000.0;
+
 /// Start on a lane, and the way from there.
 #[derive(Clone, Debug)]
 pub(crate) struct LaneStart<'a> {
@@ -51,7 +54,7 @@ pub(crate) fn lane_road(
         s_m: from.s_m,
         t_m: line.middle_at(&root, from.s_m, from.lane)?.0,
     };
-    let drive = roads.lane_drive(&root, &at, (from.via, from.length_m))?;
+    let drive = roads.lane_drive(&root, &at, (from.via, from.length_m.min(MOST_M)))?;
     if let Some(missing) = from
         .via
         .iter()

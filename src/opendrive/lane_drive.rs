@@ -11,8 +11,6 @@ use super::tree::XmlNode;
 use super::ways::{Bend, ImportedPath, OnWay};
 use crate::sim::{Pose, wrapped};
 
-/// Greatest length in metres of a way along lanes.
-const MOST_M: f64 = 5_000.0;
 /// Length in metres that a lane may lose by slanting, on the whole way.
 ///
 /// Entities advance along the reference line, which is shorter than such a lane.
@@ -52,7 +50,7 @@ impl RoadMap {
     ) -> Result<Vec<LaneStretch>, ImportError> {
         let mut all: Vec<LaneStretch> = Vec::new();
         let mut next = Some((at.road.clone(), at.lane, Some(at.s_m)));
-        let mut left_m = reach_m.min(MOST_M);
+        let mut left_m = reach_m;
         let mut route = route.iter().skip_while(|id| **id == at.road).peekable();
         while let Some((id, lane, from_m)) = next.take() {
             let road = self.road(asks, &id)?;

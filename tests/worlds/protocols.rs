@@ -436,8 +436,8 @@ fn what_is_not_understood_is_refused_where_it_stands() {
         (
             "CCRs.xosc",
             "dynamicsShape=\"linear\"",
-            "dynamicsShape=\"cubic\"",
-            "changes in this way",
+            "dynamicsShape=\"quintic\"",
+            "a change of this shape",
         ),
         (
             "CCRs.xosc",
@@ -534,8 +534,8 @@ fn ways_and_roads_that_worlds_do_not_have_are_refused() {
             &bends,
             "alks_road_different_curvatures.xodr",
             "<spiral",
-            "<paramPoly3",
-            "only lines, arcs and spirals",
+            "<bezier",
+            "a road with a `bezier` is not read",
         ),
     ];
     for (scenario, file, from, to, expected) in cases {

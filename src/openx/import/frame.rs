@@ -19,6 +19,8 @@ const SAME_M: f64 = 0.005;
 const SAME_RAD: f64 = 0.002;
 /// Distance in metres of the places at which two ways are compared.
 const STEP_M: f64 = 2.0;
+/// Greatest length in metres of a way ahead of its entity.
+const MOST_M: f64 = 5_000.0;
 /// Longest run in seconds for which ways are read, and their length beyond it.
 const USUAL_S: f64 = 60.0;
 const BEYOND_M: f64 = 200.0;
@@ -156,6 +158,10 @@ impl FrameOfEgo {
             right => roads.lane_way(asks, &drive, -(right as f64) * width_m)?,
         };
         let place = on.located(asks, &ego.placed.spot)?;
+        let off = place.spot().sees(&ego.placed.spot);
+        if SAME_M < off.x_m.abs() {
+            return Err(asks.error("the ego is not on the way along its lane"));
+        }
         if place.ends_m - place.along_m < LEAST_WAY_M {
             let what = format!(
                 "the ego\'s lane {} leads off the road after {:.1} m",
@@ -239,7 +245,7 @@ fn reach_m(entities: &[ImportedEntity], stop_s: Option<f64>) -> f64 {
         later.chain([it.speed_mps])
     });
     let fastest_mps = speeds.fold(0.0, f64::max);
-    fastest_mps * stop_s.unwrap_or(USUAL_S).min(USUAL_S) + BEYOND_M
+    (fastest_mps * stop_s.unwrap_or(USUAL_S).min(USUAL_S) + BEYOND_M).min(MOST_M)
 }
 
 /// Returns whether the ego stays on one road whose lanes a world can express.
