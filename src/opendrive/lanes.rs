@@ -18,7 +18,7 @@ pub(crate) struct SectionLane {
 
 /// Lanes from a station on.
 #[derive(Clone, Debug)]
-pub(crate) struct LaneSection {
+pub(crate) struct OpenDriveLaneSection {
     pub s_m: f64,
     pub lanes: Vec<SectionLane>,
 }
@@ -27,10 +27,10 @@ pub(crate) struct LaneSection {
 #[derive(Clone, Debug)]
 pub(crate) struct RoadLanes {
     offsets: Vec<Cubic>,
-    pub sections: Vec<LaneSection>,
+    pub sections: Vec<OpenDriveLaneSection>,
 }
 
-impl LaneSection {
+impl OpenDriveLaneSection {
     pub(crate) fn lane(&self, id: i32) -> Option<&SectionLane> {
         self.lanes.iter().find(|lane| lane.id == id)
     }
@@ -47,7 +47,7 @@ impl RoadLanes {
             let s_m = ParameterScope::default().number_or_zero(section, "s")?;
             let sides = section.children.iter().flat_map(|side| side.all("lane"));
             let lanes = sides.map(|lane| section_lane(lane, s_m, refused));
-            Ok(LaneSection {
+            Ok(OpenDriveLaneSection {
                 s_m,
                 lanes: lanes.collect::<Result<_, ImportError>>()?,
             })
@@ -59,7 +59,7 @@ impl RoadLanes {
     }
 
     /// Returns the number and the lanes of the section at a station.
-    pub(crate) fn section(&self, s_m: f64) -> Option<(usize, &LaneSection)> {
+    pub(crate) fn section(&self, s_m: f64) -> Option<(usize, &OpenDriveLaneSection)> {
         let sections = self.sections.iter().enumerate();
         let found = sections.rev().find(|(_, section)| section.s_m <= s_m);
         found.or_else(|| self.sections.iter().enumerate().next())

@@ -33,9 +33,9 @@ impl RoadLink {
     }
 }
 
-/// Connection of a junction: from a road, over a road, from lane to lane.
+/// JunctionConnection of a junction: from a road, over a road, from lane to lane.
 #[derive(Clone, Debug)]
-pub(crate) struct Connection {
+pub(crate) struct JunctionConnection {
     pub from: String,
     pub over: RoadLink,
     pub lanes: Vec<(i32, i32)>,
@@ -43,7 +43,7 @@ pub(crate) struct Connection {
 
 /// Connections of all junctions by their id.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Junctions(pub BTreeMap<String, Vec<Connection>>);
+pub(crate) struct Junctions(pub BTreeMap<String, Vec<JunctionConnection>>);
 
 impl Junctions {
     pub(crate) fn of(root: &XmlNode) -> Result<Junctions, ImportError> {
@@ -55,7 +55,7 @@ impl Junctions {
             });
             // A direct junction names the linked road itself.
             let over = it.raw("connectingRoad").or(it.raw("linkedRoad"));
-            Ok(Connection {
+            Ok(JunctionConnection {
                 from: it.need("incomingRoad")?.to_owned(),
                 over: RoadLink {
                     id: over.unwrap_or_default().to_owned(),

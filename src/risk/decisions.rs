@@ -3,8 +3,10 @@
 use rayon::prelude::*;
 
 use super::record::RiskRun;
-use super::value::LEAST;
 use crate::rl::LearnerRng;
+
+/// Least value, below which no failure is expected.
+pub(super) const LEAST: f64 = 1e-8;
 
 /// Decisions without a failure of which a sweep computes targets.
 const OTHERS: usize = 40_000;

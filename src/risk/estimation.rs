@@ -52,6 +52,25 @@ pub(super) struct Estimation<'a> {
     cost: RiskCost,
 }
 
+impl RiskRequest<'_> {
+    /// Estimates the risk of every ego. `None`: stopped.
+    ///
+    /// Every round uses proposals from earlier runs only, so its estimate is unbiased.
+    ///
+    /// # Errors
+    /// The disk refuses, or the directory belongs to another request.
+    pub fn estimate(&self, watch: &Watch<'_>) -> Result<Option<RiskReport>, RunError> {
+        let Some(models) = self.surrogates(watch) else {
+            return Ok(None);
+        };
+        let mut estimation = Estimation::begin(self, models, watch)?;
+        if estimation.run()?.is_none() {
+            return Ok(None);
+        }
+        Ok(Some(estimation.report()))
+    }
+}
+
 impl<'a> Estimation<'a> {
     pub(super) fn begin(
         request: &'a RiskRequest<'a>,

@@ -4,15 +4,12 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::estimation::Estimation;
 use super::record::KnownFailure;
-use super::report::RiskReport;
 use super::traffic::RiskTraffic;
 use super::value::ValueKind;
 use crate::content_hash;
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::rl::Policy;
-use crate::run_dir::RunError;
 use crate::sim::PlantKind;
 use crate::surrogate::SurrogateWorld;
 
@@ -112,7 +109,7 @@ impl<'a> RiskRequest<'a> {
     ///
     /// A world whose starts differ with a surrogate has none, and neither has an ego that
     /// never ran.
-    fn surrogates(&self, watch: &Watch<'_>) -> Option<Vec<Option<SurrogateWorld>>> {
+    pub(super) fn surrogates(&self, watch: &Watch<'_>) -> Option<Vec<Option<SurrogateWorld>>> {
         let RiskSettings {
             surrogate,
             seed,
@@ -134,22 +131,5 @@ impl<'a> RiskRequest<'a> {
         });
         let learned = learned.collect();
         (!watch.stopped()).then_some(learned)
-    }
-
-    /// Estimates the risk of every ego. `None`: stopped.
-    ///
-    /// Every round uses proposals from earlier runs only, so its estimate is unbiased.
-    ///
-    /// # Errors
-    /// The disk refuses, or the directory belongs to another request.
-    pub fn estimate(&self, watch: &Watch<'_>) -> Result<Option<RiskReport>, RunError> {
-        let Some(models) = self.surrogates(watch) else {
-            return Ok(None);
-        };
-        let mut estimation = Estimation::begin(self, models, watch)?;
-        if estimation.run()?.is_none() {
-            return Ok(None);
-        }
-        Ok(Some(estimation.report()))
     }
 }

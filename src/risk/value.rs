@@ -12,10 +12,7 @@ use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 use super::decisions::ActionValues;
 use super::record::RiskRun;
 use super::value_network::ValueNetwork;
-use super::value_table::ValueTable;
-
-/// Least value, below which no failure is expected.
-pub(super) const LEAST: f64 = 1e-8;
+use super::value_table::TableOfV;
 
 /// Form of V.
 #[derive(
@@ -49,7 +46,7 @@ pub enum ValueKind {
 #[derive(Clone, Debug)]
 pub(super) enum Value {
     Network(ValueNetwork),
-    Table(ValueTable),
+    Table(TableOfV),
 }
 
 impl Value {
@@ -63,8 +60,8 @@ impl Value {
             Some(ValueKind::Network) => {
                 Value::Network(ValueNetwork::new(inputs, heads, actions, seed))
             }
-            Some(ValueKind::Table) => Value::Table(ValueTable::new(heads, actions)),
-            None => Value::Table(ValueTable::over(inputs - 1, heads, actions)),
+            Some(ValueKind::Table) => Value::Table(TableOfV::new(heads, actions)),
+            None => Value::Table(TableOfV::over(inputs - 1, heads, actions)),
         }
     }
 

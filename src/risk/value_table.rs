@@ -1,8 +1,7 @@
 //! V as a table over a few inputs.
 
-use super::decisions::{ActionValues, Decisions, Targets};
+use super::decisions::{ActionValues, Decisions, LEAST, Targets};
 use super::record::RiskRun;
-use super::value::LEAST;
 
 /// Most inputs of a table, and most cells.
 const COLUMNS: usize = 6;
@@ -18,7 +17,7 @@ const PRIOR: f64 = 2.0;
 
 /// Table of V over bins of inputs, with a head per kind of failure.
 #[derive(Clone, Debug)]
-pub(super) struct ValueTable {
+pub(super) struct TableOfV {
     heads: usize,
     actions: usize,
     /// Input that is the only one, if any.
@@ -36,7 +35,7 @@ struct TableColumn {
 }
 
 /// Cells of a table while it is fitted.
-struct CellRows {
+struct TableCells {
     /// Cell of every row.
     cells: Vec<usize>,
     /// Action of every row.
@@ -53,10 +52,10 @@ impl TableColumn {
     }
 }
 
-impl ValueTable {
+impl TableOfV {
     /// Creates a table that expects hardly any failure.
-    pub(super) fn new(heads: usize, actions: usize) -> ValueTable {
-        ValueTable {
+    pub(super) fn new(heads: usize, actions: usize) -> TableOfV {
+        TableOfV {
             heads,
             actions,
             only: None,
@@ -66,10 +65,10 @@ impl ValueTable {
     }
 
     /// Creates a table over one input.
-    pub(super) fn over(input: usize, heads: usize, actions: usize) -> ValueTable {
-        ValueTable {
+    pub(super) fn over(input: usize, heads: usize, actions: usize) -> TableOfV {
+        TableOfV {
             only: Some(input),
-            ..ValueTable::new(heads, actions)
+            ..TableOfV::new(heads, actions)
         }
     }
 
@@ -95,7 +94,7 @@ impl ValueTable {
         self.cells = vec![LEAST; count * self.heads * self.actions];
         let input = |(run, decision): (usize, usize)| data.runs[run].0.input(decision);
         let taken = |(run, decision): (usize, usize)| data.runs[run].0.actions[decision];
-        let rows = CellRows {
+        let rows = TableCells {
             cells: data.rows.iter().map(|row| self.cell(input(*row))).collect(),
             taken: data.rows.iter().map(|row| taken(*row) as usize).collect(),
         };
@@ -109,7 +108,7 @@ impl ValueTable {
     /// Returns the mean target of every cell, from coarse tables to the finest.
     ///
     /// A cell with few decisions is close to the cell of the table without its last input.
-    fn means(&self, rows: &CellRows, targets: &Targets) -> Vec<f64> {
+    fn means(&self, rows: &TableCells, targets: &Targets) -> Vec<f64> {
         let width = self.heads * self.actions;
         let mut coarse = vec![LEAST; width];
         for used in 0..=self.columns.len() {
@@ -172,7 +171,7 @@ impl ValueTable {
     }
 }
 
-impl ActionValues for ValueTable {
+impl ActionValues for TableOfV {
     fn heads(&self) -> usize {
         self.heads
     }
@@ -259,7 +258,7 @@ mod tests {
         (0..400).map(run).collect()
     }
 
-    fn fitted(mut table: ValueTable) -> ValueTable {
+    fn fitted(mut table: TableOfV) -> TableOfV {
         let runs = runs();
         let with_heads = runs.iter().map(|run| (run, vec![run.failure().is_some()]));
         table.fit(&with_heads.collect::<Vec<_>>());
@@ -268,13 +267,13 @@ mod tests {
 
     #[test]
     fn a_table_finds_the_input_and_the_action_that_fail() {
-        let table = fitted(ValueTable::new(1, 2));
+        let table = fitted(TableOfV::new(1, 2));
         let high = table.values(&[5.0, 3.0]);
         assert!(0.8 < high[1] && high[0] < 1e-3, "{high:?}");
         let low = table.values(&[5.0, 0.0]);
         assert!(low[1] < 0.2 * high[1], "{low:?}");
         // The first input says nothing, so a table over it alone knows only the action.
-        let blind = fitted(ValueTable::over(0, 1, 2));
+        let blind = fitted(TableOfV::over(0, 1, 2));
         let (high, low) = (blind.values(&[5.0, 3.0]), blind.values(&[5.0, 0.0]));
         assert_eq!(high, low);
         assert!(0.1 < high[1] && high[1] < 0.4, "{high:?}");

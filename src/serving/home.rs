@@ -91,13 +91,13 @@ pub(super) fn keep(world: &Scenario, live: &LiveEpisode, dir: &Path) -> Result<K
 /// Motion of the ego along its road, per sample.
 struct EgoMotion {
     name: String,
-    samples: Arc<[EgoSample]>,
+    samples: Arc<[ReportedEgo]>,
     lag_s: f64,
 }
 
 /// Motion of the ego at one sample.
 #[derive(Clone, Copy, Debug)]
-struct EgoSample {
+struct ReportedEgo {
     x_m: f64,
     y_m: f64,
     s_m: f64,
@@ -124,7 +124,7 @@ impl EgoMotion {
                 heading_rad: heading[i],
             };
             let at = course.locate(&pose);
-            EgoSample {
+            ReportedEgo {
                 x_m: x[i],
                 y_m: y[i],
                 s_m: at.s_m,
@@ -175,7 +175,7 @@ impl EgoMotion {
 /// Ego that follows a recorded motion through its actuator.
 #[derive(Clone)]
 struct MotionTracker {
-    samples: Arc<[EgoSample]>,
+    samples: Arc<[ReportedEgo]>,
     lag_s: f64,
     next: usize,
     /// Acceleration at the end of the actuator.

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use super::near_starts::NearStarts;
+use super::near_starts::StartCandidates;
 use super::rollout::successes;
 use super::training_search::{Scouted, SearchEffort, TrainingSearch};
 use crate::experiment::Watch;
@@ -250,7 +250,7 @@ impl Seeded {
         let total = 2 * simulations / MUTATIONS;
         let candidates = FIRST_NEAR..FIRST_NEAR + total;
         let starts = training_search.starts(candidates.clone());
-        let mut near = NearStarts::new(candidates, starts);
+        let mut near = StartCandidates::new(candidates, starts);
         let mut noted = 0;
         loop {
             let new = self.demonstrations[noted..].iter();

@@ -29,16 +29,16 @@ impl Spreads {
 }
 
 /// Candidates for a search, nearest to the solved starts first.
-pub(super) struct NearStarts {
+pub(super) struct StartCandidates {
     spreads: Spreads,
     /// Index, start and distance to the nearest solved start.
     candidates: Vec<(u64, Start, f64)>,
 }
 
-impl NearStarts {
+impl StartCandidates {
     /// Creates the candidates, before any start is solved.
-    pub(super) fn new(indices: impl Iterator<Item = u64>, starts: Vec<Start>) -> NearStarts {
-        NearStarts {
+    pub(super) fn new(indices: impl Iterator<Item = u64>, starts: Vec<Start>) -> StartCandidates {
+        StartCandidates {
             spreads: Spreads::of(&starts),
             candidates: indices
                 .zip(starts)
@@ -83,7 +83,7 @@ mod tests {
             start(0.0, 1.0),
             start(60.0, 0.1),
         ];
-        let mut near = NearStarts::new(10..14, starts);
+        let mut near = StartCandidates::new(10..14, starts);
         near.note_solved(&start(50.0, 0.0));
         assert_eq!(near.take(1), [13]);
         near.note_solved(&start(0.0, 0.9));

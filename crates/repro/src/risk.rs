@@ -238,7 +238,7 @@ impl RiskStudy {
         };
         let gain = self.seeds.iter().filter_map(|it| {
             let [p, _, hi] = it.estimate?;
-            let spread = (hi / p).ln() / NORMAL_95;
+            let spread = libm::log(hi / p) / NORMAL_95;
             Some((1.0 - p) / (p * spread * spread) / it.runs as f64)
         });
         let runs = self.seeds.iter().map(|it| it.runs as f64);

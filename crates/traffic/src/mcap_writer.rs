@@ -36,50 +36,50 @@ pub(crate) struct McapChannel<'a> {
 
 /// Record in the making.
 #[derive(Default)]
-struct Fields(Vec<u8>);
+struct RecordFields(Vec<u8>);
 
-impl Fields {
-    fn u16(mut self, value: u16) -> Fields {
+impl RecordFields {
+    fn u16(mut self, value: u16) -> RecordFields {
         self.0.extend(value.to_le_bytes());
         self
     }
 
-    fn u32(mut self, value: u32) -> Fields {
+    fn u32(mut self, value: u32) -> RecordFields {
         self.0.extend(value.to_le_bytes());
         self
     }
 
-    fn u64(mut self, value: u64) -> Fields {
+    fn u64(mut self, value: u64) -> RecordFields {
         self.0.extend(value.to_le_bytes());
         self
     }
 
-    fn byte(mut self, value: u8) -> Fields {
+    fn byte(mut self, value: u8) -> RecordFields {
         self.0.push(value);
         self
     }
 
     /// Adds bytes as they are.
-    fn raw(mut self, bytes: &[u8]) -> Fields {
+    fn raw(mut self, bytes: &[u8]) -> RecordFields {
         self.0.extend(bytes);
         self
     }
 
     /// Adds bytes behind their length.
-    fn bytes(self, bytes: &[u8]) -> Fields {
+    fn bytes(self, bytes: &[u8]) -> RecordFields {
         // Invariant: no text and no list of a trace has 4 GB.
         let length = bytes.len() as u32;
         self.u32(length).raw(bytes)
     }
 
-    fn text(self, text: &str) -> Fields {
+    fn text(self, text: &str) -> RecordFields {
         self.bytes(text.as_bytes())
     }
 
-    fn entries(self, entries: Entries<'_>) -> Fields {
+    fn entries(self, entries: Entries<'_>) -> RecordFields {
         let all = entries
             .iter()
-            .fold(Fields::default(), |all, (name, value)| {
+            .fold(RecordFields::default(), |all, (name, value)| {
                 all.text(name).text(value)
             });
         self.bytes(&all.0)
@@ -87,7 +87,7 @@ impl Fields {
 }
 
 /// Appends a record and returns its offset and its whole length.
-fn record(file: &mut Vec<u8>, kind: u8, fields: Fields) -> (u64, u64) {
+fn record(file: &mut Vec<u8>, kind: u8, fields: RecordFields) -> (u64, u64) {
     let offset = file.len() as u64;
     file.push(kind);
     file.extend((fields.0.len() as u64).to_le_bytes());
@@ -101,18 +101,22 @@ fn record(file: &mut Vec<u8>, kind: u8, fields: Fields) -> (u64, u64) {
 pub(crate) fn mcap(channels: &[McapChannel<'_>], (name, metadata): (&str, Entries<'_>)) -> Vec<u8> {
     let mut file = MAGIC.to_vec();
     let library = concat!("brakecheck ", env!("CARGO_PKG_VERSION"));
-    record(&mut file, HEADER, Fields::default().text("").text(library));
-    let described = Fields::default().text(name).entries(metadata);
+    record(
+        &mut file,
+        HEADER,
+        RecordFields::default().text("").text(library),
+    );
+    let described = RecordFields::default().text(name).entries(metadata);
     let (metadata_at, metadata_length) = record(&mut file, METADATA, described);
     let chunk = Chunk::of(channels);
     let indexed = chunk.write(&mut file);
     // The data section ends here: everything before is under this checksum.
     let checksum = crc32(&file);
-    record(&mut file, DATA_END, Fields::default().u32(checksum));
+    record(&mut file, DATA_END, RecordFields::default().u32(checksum));
 
     let summary_at = file.len() as u64;
     let mut groups = Vec::new();
-    let mut group = |file: &mut Vec<u8>, kind: u8, records: Vec<Fields>| {
+    let mut group = |file: &mut Vec<u8>, kind: u8, records: Vec<RecordFields>| {
         let from = file.len() as u64;
         for fields in records {
             record(file, kind, fields);
@@ -123,15 +127,17 @@ pub(crate) fn mcap(channels: &[McapChannel<'_>], (name, metadata): (&str, Entrie
     group(&mut file, CHANNEL, numbered(channels, channel));
     group(&mut file, STATISTICS, vec![chunk.statistics(channels)]);
     group(&mut file, CHUNK_INDEX, vec![indexed]);
-    let index = Fields::default().u64(metadata_at).u64(metadata_length);
+    let index = RecordFields::default()
+        .u64(metadata_at)
+        .u64(metadata_length);
     group(&mut file, METADATA_INDEX, vec![index.text(name)]);
     let offsets_at = file.len() as u64;
     for (kind, from, length) in groups {
-        let offset = Fields::default().byte(kind).u64(from).u64(length);
+        let offset = RecordFields::default().byte(kind).u64(from).u64(length);
         record(&mut file, SUMMARY_OFFSET, offset);
     }
     // The checksum of the summary covers the footer up to the checksum itself.
-    let footer = Fields::default().u64(summary_at).u64(offsets_at);
+    let footer = RecordFields::default().u64(summary_at).u64(offsets_at);
     let mut covered = file[summary_at as usize..].to_vec();
     covered.push(FOOTER);
     covered.extend(20_u64.to_le_bytes());
@@ -144,19 +150,19 @@ pub(crate) fn mcap(channels: &[McapChannel<'_>], (name, metadata): (&str, Entrie
 /// Returns a record per channel, with its number.
 fn numbered<'a>(
     channels: &'a [McapChannel<'a>],
-    fields: impl Fn(u16, &McapChannel<'_>) -> Fields,
-) -> Vec<Fields> {
+    fields: impl Fn(u16, &McapChannel<'_>) -> RecordFields,
+) -> Vec<RecordFields> {
     (1..).zip(channels).map(|(id, it)| fields(id, it)).collect()
 }
 
-fn schema(id: u16, channel: &McapChannel<'_>) -> Fields {
+fn schema(id: u16, channel: &McapChannel<'_>) -> RecordFields {
     let (name, descriptors) = &channel.schema;
-    let fields = Fields::default().u16(id).text(name).text("protobuf");
+    let fields = RecordFields::default().u16(id).text(name).text("protobuf");
     fields.bytes(descriptors)
 }
 
-fn channel(id: u16, channel: &McapChannel<'_>) -> Fields {
-    let fields = Fields::default().u16(id).u16(id).text(channel.topic);
+fn channel(id: u16, channel: &McapChannel<'_>) -> RecordFields {
+    let fields = RecordFields::default().u16(id).u16(id).text(channel.topic);
     fields.text("protobuf").entries(channel.metadata)
 }
 
@@ -187,7 +193,7 @@ impl Chunk {
         messages.sort_by_key(|(time_ns, nth, _)| (*time_ns, *nth));
         let mut places = vec![Vec::new(); channels.len()];
         for (time_ns, nth, message) in messages {
-            let fields = Fields::default().u16(nth as u16 + 1).u32(0);
+            let fields = RecordFields::default().u16(nth as u16 + 1).u32(0);
             let fields = fields.u64(time_ns).u64(time_ns).raw(message);
             let (offset, _) = record(&mut records, MESSAGE, fields);
             places[nth].push((time_ns, offset));
@@ -202,37 +208,39 @@ impl Chunk {
     }
 
     /// Appends the chunk with the indexes of its messages, and returns its own index.
-    fn write(&self, file: &mut Vec<u8>) -> Fields {
+    fn write(&self, file: &mut Vec<u8>) -> RecordFields {
         let (from_ns, to_ns) = self.span_ns();
         let size = self.records.len() as u64;
-        let chunk = Fields::default().u64(from_ns).u64(to_ns).u64(size);
+        let chunk = RecordFields::default().u64(from_ns).u64(to_ns).u64(size);
         let chunk = chunk.u32(crc32(&self.records)).text("").u64(size);
         let (chunk_at, chunk_length) = record(file, CHUNK, chunk.raw(&self.records));
         let indexes_at = file.len() as u64;
-        let mut offsets = Fields::default();
+        let mut offsets = RecordFields::default();
         for (id, places) in (1..).zip(&self.places) {
             let entries = places
                 .iter()
-                .fold(Fields::default(), |all, (time, offset)| {
+                .fold(RecordFields::default(), |all, (time, offset)| {
                     all.u64(*time).u64(*offset)
                 });
-            let index = Fields::default().u16(id).bytes(&entries.0);
+            let index = RecordFields::default().u16(id).bytes(&entries.0);
             let (at, _) = record(file, MESSAGE_INDEX, index);
             offsets = offsets.u16(id).u64(at);
         }
         let indexes_length = file.len() as u64 - indexes_at;
-        let index = Fields::default().u64(from_ns).u64(to_ns);
+        let index = RecordFields::default().u64(from_ns).u64(to_ns);
         let index = index.u64(chunk_at).u64(chunk_length).bytes(&offsets.0);
         index.u64(indexes_length).text("").u64(size).u64(size)
     }
 
-    fn statistics(&self, channels: &[McapChannel<'_>]) -> Fields {
+    fn statistics(&self, channels: &[McapChannel<'_>]) -> RecordFields {
         let (from_ns, to_ns) = self.span_ns();
         let counts = || self.places.iter().map(|places| places.len() as u64);
         let per_channel = (1..)
             .zip(counts())
-            .fold(Fields::default(), |all, (id, count)| all.u16(id).u64(count));
-        let statistics = Fields::default().u64(counts().sum());
+            .fold(RecordFields::default(), |all, (id, count)| {
+                all.u16(id).u64(count)
+            });
+        let statistics = RecordFields::default().u64(counts().sum());
         let statistics = statistics
             .u16(channels.len() as u16)
             .u32(channels.len() as u32);

@@ -49,8 +49,8 @@ pub(super) fn formula(
     }
     let quantities = who
         .iter()
-        .map(|it| Quantity::of(concrete, watch, it, target));
-    let quantities = quantities.collect::<Result<Vec<Quantity>, ImportError>>()?;
+        .map(|it| ConditionQuantity::of(concrete, watch, it, target));
+    let quantities = quantities.collect::<Result<Vec<ConditionQuantity>, ImportError>>()?;
     let mut holding = quantities.iter().map(|it| it.holds_at_start(watch));
     let holds = if watch.needs_all {
         holding.all(|holds| holds)
@@ -74,8 +74,8 @@ pub(super) fn formula(
     })
 }
 
-/// Quantity of one entity: its expression, and its value at the start.
-struct Quantity {
+/// ConditionQuantity of one entity: its expression, and its value at the start.
+struct ConditionQuantity {
     text: String,
     start: f64,
     /// Speed of the entity, if the quantity is a time.
@@ -84,15 +84,15 @@ struct Quantity {
     is_defined: bool,
 }
 
-impl Quantity {
+impl ConditionQuantity {
     fn of(
         concrete: &Concrete,
         watch: &WatchedCondition,
         who: &EntityInFrame,
         target: Option<&EntityInFrame>,
-    ) -> Result<Quantity, ImportError> {
+    ) -> Result<ConditionQuantity, ImportError> {
         let front_m = |it: &EntityInFrame| it.spot.x_m + it.front_along_m();
-        let plain = |text: String, start: f64| Quantity {
+        let plain = |text: String, start: f64| ConditionQuantity {
             text,
             start,
             over: None,
@@ -111,7 +111,7 @@ impl Quantity {
                 // The pair is clear by the gap on either side. The gap is negative
                 // while they overlap.
                 let clear_m = (ahead_m - target.rear_m()).max(-ahead_m - who.rear_m());
-                Quantity {
+                ConditionQuantity {
                     text: String::new(),
                     start: clear_m.max(0.0),
                     over: is_time.then_some(who.entity.speed_mps),
@@ -126,7 +126,7 @@ impl Quantity {
                 let more_m = who.front_along_m() - target.front_along_m();
                 let ahead_m = target.spot.x_m - who.spot.x_m;
                 let ahead = format!("({ahead} + {})", tidy(more_m));
-                Quantity {
+                ConditionQuantity {
                     // A time to what is behind is no value, and distances have no sign.
                     text: if *is_time {
                         ahead

@@ -43,7 +43,7 @@ pub fn driven_lanes(path: &Path, files: Files<'_>) -> Result<Vec<DrivenLanes>, I
 
 /// Place in the middle of a driving lane.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LanePlace {
+pub struct PlaceOnLane {
     /// Id of the road.
     pub road: String,
     /// Number of the lane.
@@ -67,7 +67,7 @@ pub fn lane_places(
     path: &Path,
     files: Files<'_>,
     step_m: f64,
-) -> Result<Vec<LanePlace>, ImportError> {
+) -> Result<Vec<PlaceOnLane>, ImportError> {
     let root = XmlNode::read(path, files)?;
     let roads = RoadMap::of(&root)?;
     let mut places = Vec::new();
@@ -84,7 +84,7 @@ pub fn lane_places(
                     continue;
                 };
                 let at = road.at(s_m, t_m);
-                places.push(LanePlace {
+                places.push(PlaceOnLane {
                     road: id.to_owned(),
                     lane: lane.id,
                     s_m,

@@ -59,7 +59,7 @@ pub(super) struct ImportedStep {
     pub overlaps: bool,
 }
 
-/// Quantity that a condition compares with a value.
+/// ConditionQuantity that a condition compares with a value.
 #[derive(Clone, Debug)]
 pub(super) enum Measure {
     /// Clearance along the road to an entity, as a length or a time.

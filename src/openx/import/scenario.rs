@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use super::Import;
 use super::acts::acts;
 use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
@@ -16,6 +15,7 @@ use super::frame::{FrameOfEgo, RoadFrame};
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
+use super::request::Import;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::{OnLane, RoadMap};

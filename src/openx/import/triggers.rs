@@ -304,7 +304,7 @@ fn watch(
     })
 }
 
-/// Quantity of a condition of entities.
+/// ConditionQuantity of a condition of entities.
 fn measure(
     it: &XmlNode,
     scope: &ParameterScope,

@@ -12,7 +12,7 @@ use super::{Mlp, Tape};
 pub struct UsedUnits(Vec<Vec<bool>>);
 
 /// Hidden unit: its layer, and its place there.
-type Unit = (usize, usize);
+type HiddenUnit = (usize, usize);
 
 impl UsedUnits {
     /// Returns the units of a network before the first input.
@@ -33,7 +33,7 @@ impl UsedUnits {
         }
     }
 
-    fn dead(&self) -> Vec<Unit> {
+    fn dead(&self) -> Vec<HiddenUnit> {
         let layers = self.0.iter().enumerate();
         let units = layers.flat_map(|(i, used)| used.iter().enumerate().map(move |it| (i, it)));
         let dead = units.filter(|(_, (_, used))| !**used);
