@@ -227,7 +227,7 @@ fn trainings_have_the_bits_of_version_0_2() {
             "Dqfd(decisions: 4_000)",
             "q",
             &[5, 96, 96, 96, 3],
-            0xd4a6_cacc_512a_dd48,
+            0x9f57_081a_6037_25a9,
         ),
         (
             "Dqn(decisions: 3_000, hidden: [12], batch: 10, capacity: Some(1_500))",

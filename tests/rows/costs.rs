@@ -34,7 +34,7 @@ fn recall_and_what_is_beyond_search_are_counted_start_by_start() {
         ("0101", "1010", Some(0.0), 2),
         // What search was not judged on is not beyond it, and what the ado was not
         // judged on it does not solve.
-        ("1t111-", "0t1x-1", Some(0.5), 1),
+        ("1t11-", "0t1x1", Some(0.5), 1),
         ("t1x-", "t111", Some(1.0 / 3.0), 0),
         ("", "", None, 0),
     ];

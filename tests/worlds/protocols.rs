@@ -460,7 +460,7 @@ fn what_is_not_understood_is_refused_where_it_stands() {
         (
             "CCRs.xosc",
             "RelativeLanePosition",
-            "WorldPosition",
+            "GeoPosition",
             "position of this kind",
         ),
         (
