@@ -4,7 +4,7 @@
 //! program. Here a simulator requests actions of the ado from brakecheck.
 //! `docs/reference/ado-protocol.md` defines it. Both sides ignore unknown keys.
 //!
-//! [`live`] judges an episode that the simulator moves, and [`home`] replays it here.
+//! `live` judges an episode that the simulator moves, and `home` replays it here.
 
 mod description;
 mod home;
