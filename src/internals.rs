@@ -51,7 +51,7 @@ pub mod report {
     pub use crate::report::table::{TextTable, WIDTH, terminal_table};
 }
 pub mod risk {
-    pub use crate::risk::unchecked_estimate;
+    pub use crate::risk::{ProposalFault, unchecked_estimate};
 }
 pub mod rl {
     pub use crate::rl::list::{load_policy, load_policy_for};

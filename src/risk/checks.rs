@@ -17,8 +17,8 @@ const LEAST_HITS: usize = 25;
 const MOST_K: f64 = 0.7;
 /// Share of the risk that may be in weights above all seen, where the tail is heavy.
 const UNSEEN: f64 = 0.1;
-/// Least density ratio q / p at which a counterexample counts as covered.
-const COVERED: f64 = 10.0;
+/// Number of equal weights of which a counterexample must not weigh more than one.
+const PARTS: f64 = 100.0;
 /// Most counterexamples of a kind that may be uncovered.
 const UNCOVERED: f64 = 0.05;
 /// Probability of a false refusal because of natural failures.
@@ -58,7 +58,7 @@ pub struct Checks {
     pub unseen_share: Option<f64>,
     /// Share of the largest weight.
     pub greatest_share: f64,
-    /// Known counterexamples that the proposals would play, and all of them.
+    /// Known counterexamples that the proposals play often enough, and all of them.
     pub probes: [usize; 2],
     /// Failures among the natural runs before the rounds.
     pub natural_failures: usize,
@@ -107,7 +107,7 @@ impl Checks {
         };
         let last = rounds.last().unwrap_or(&none);
         let estimate = pooled(rounds, |_| true);
-        let covered = coverage(mixture, probes);
+        let covered = coverage(mixture, probes, heaviest(rounds, estimate));
         let tail = weight_tail(rounds, mixture.greatest_weight());
         let mut checks = Checks {
             ess: estimate.map_or(0.0, |it| it.ess),
@@ -170,7 +170,7 @@ impl Checks {
             let missed = (probes - covered) as f64 / (*probes).max(1) as f64;
             if LEAST_PROBES <= *probes && UNCOVERED < missed {
                 let reason = format!(
-                    "the proposals would not play {} of {probes} known counterexamples ({mode})",
+                    "the proposals play {} of {probes} known counterexamples too rarely ({mode})",
                     probes - covered
                 );
                 all.push(Refusal::new(reason, more));
@@ -214,10 +214,25 @@ fn invalid(rounds: &[Round]) -> Option<Refusal> {
     })
 }
 
+/// Returns the greatest weight of a failure that would hardly change the estimate.
+///
+/// Heavier failures that are missing make an estimate too low and its interval too narrow.
+fn heaviest(rounds: &[Round], estimate: Option<RiskEstimate>) -> f64 {
+    let draws: usize = rounds.iter().map(Round::len).sum();
+    // In an estimate of few failures, every failure weighs more.
+    estimate.map_or(0.0, |it| it.probability * draws as f64 / it.ess.min(PARTS))
+}
+
 /// Returns the counterexamples that a mixture covers, and all of them, by mode.
-fn coverage<'a>(mixture: &Mixture, probes: &[&'a Probe]) -> IndexMap<&'a str, [usize; 2]> {
+///
+/// A covered one would weigh `heaviest` at most if it were drawn.
+fn coverage<'a>(
+    mixture: &Mixture,
+    probes: &[&'a Probe],
+    heaviest: f64,
+) -> IndexMap<&'a str, [usize; 2]> {
     let rated = probes.par_iter().map(|probe| {
-        let covered = 1.0 / mixture.weight_of(&probe.run) >= COVERED;
+        let covered = mixture.weight_of(&probe.run) <= heaviest;
         (probe.run.failure().map(|it| it.mode.as_str()), covered)
     });
     let rated: Vec<(Option<&str>, bool)> = rated.collect();
@@ -231,4 +246,68 @@ fn coverage<'a>(mixture: &Mixture, probes: &[&'a Probe]) -> IndexMap<&'a str, [u
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pool::WeightedFailure;
+    use super::super::record::EgoFailure;
+    use super::*;
+
+    fn failure() -> EgoFailure {
+        EgoFailure {
+            mode: "rear-end".to_owned(),
+            lawful: true,
+            preventable: None,
+        }
+    }
+
+    /// Checks a round of equal weights, with natural counterexamples of weight 1.
+    fn checked(failures: usize, weight: f64) -> Checks {
+        let failures = (0..failures).map(|index| WeightedFailure {
+            index,
+            component: 0,
+            weight,
+            mode: failure().mode,
+            lawful: true,
+            preventable: None,
+        });
+        let round = Round {
+            draws: vec![10_000],
+            failures: failures.collect(),
+            invalid: 0.0,
+        };
+        let run = RiskRun {
+            ratios: vec![1.0],
+            shares: vec![0.5],
+            noise: 0,
+            actions: Vec::new(),
+            inputs: Vec::new(),
+            laws: Vec::new(),
+            component: 0,
+            end: RunEnd::Failed(failure()),
+        };
+        let probes = vec![Probe { ego: 0, run }; LEAST_PROBES];
+        let probes: Vec<&Probe> = probes.iter().collect();
+        Checks::of(&[round], (&[], 1.0), &Mixture::natural(1), &probes)
+    }
+
+    #[test]
+    fn counterexamples_that_would_change_the_estimate_refuse_it() {
+        // 400 failures of weight 0.01 sum to 4, so one of weight 1 would be a quarter of it.
+        let rare = checked(400, 0.01);
+        assert_eq!(rare.probes, [0, LEAST_PROBES]);
+        let reason = &rare.refusals[0].reason;
+        assert!(
+            reason.starts_with("the proposals play 5 of 5 known"),
+            "{reason}"
+        );
+        // Of 400 failures as likely as the counterexamples, each is a 400th part.
+        let often = checked(400, 1.0);
+        assert_eq!(often.probes, [LEAST_PROBES; 2]);
+        assert_eq!(often.refusals, []);
+        // With an ESS of 60, a failure like all others weighs a 60th part.
+        assert_eq!(checked(60, 1.0).probes, [LEAST_PROBES; 2]);
+        assert_eq!(checked(60, 0.9).probes, [0, LEAST_PROBES]);
+    }
 }

@@ -116,8 +116,9 @@ impl<'a> Estimation<'a> {
         let dimensions = traffic.starts.dimensions();
         let names = request.egos.iter().map(|ego| ego.name().to_owned());
         let names = names.collect();
-        let kind = (!request.state_blind).then_some(request.settings.value);
-        let learning = Learning::begin(&players[0].world, names, (kind, request.settings.seed));
+        let proposals = (request.settings.value, request.fault);
+        let seed = request.settings.seed;
+        let learning = Learning::begin(&players[0].world, names, proposals, seed);
         Ok(Estimation {
             natural: Vec::new(),
             learning,
@@ -277,7 +278,7 @@ impl<'a> Estimation<'a> {
                         run: run.clone(),
                     });
                 }
-                self.add(ego, run);
+                self.learning.add(ego, run);
             }
         }
         // A part of many probes says the same.
@@ -319,15 +320,6 @@ impl<'a> Estimation<'a> {
         self.rounds[ego].push(round);
         // Only later rounds learn from these runs, which keeps each estimate unbiased.
         for run in runs {
-            self.add(ego, run);
-        }
-    }
-
-    /// Adds a run to learn from.
-    fn add(&mut self, ego: usize, run: RiskRun) {
-        let is_hidden = |mode: &str| self.request.blind_to.is_some_and(|it| mode.contains(it));
-        let is_hidden = run.failure().is_some_and(|it| is_hidden(&it.mode));
-        if !is_hidden {
             self.learning.add(ego, run);
         }
     }

@@ -5,7 +5,8 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::mixture::Mixture;
-use super::record::{EgoFailure, RiskRun};
+use super::record::RiskRun;
+use super::request::ProposalFault;
 use super::run::RiskWorld;
 use super::start_tree::StartTree;
 use super::value::{Value, ValueKind};
@@ -36,8 +37,9 @@ pub(super) struct Learning {
     /// Inputs of V, and joint actions.
     sizes: (usize, usize),
     dimensions: usize,
-    /// Form of V. `None`: over the remaining time alone.
-    kind: Option<ValueKind>,
+    kind: ValueKind,
+    /// Fault on purpose.
+    fault: Option<ProposalFault>,
     seed: u64,
 }
 
@@ -46,7 +48,8 @@ impl Learning {
     pub(super) fn begin(
         world: &RiskWorld,
         egos: Vec<String>,
-        (kind, seed): (Option<ValueKind>, u64),
+        (kind, fault): (ValueKind, Option<ProposalFault>),
+        seed: u64,
     ) -> Learning {
         let law = &world.starts;
         // No episode is played, so one bench is fast enough.
@@ -68,6 +71,7 @@ impl Learning {
             sizes: (world.inputs(), world.scenario.spaces().actions),
             dimensions: law.dimensions(),
             kind,
+            fault,
             seed,
         }
     }
@@ -110,11 +114,17 @@ impl Learning {
         let (inputs, actions) = self.sizes;
         let heads = 1 + self.modes.len();
         let sizes = [inputs, heads, actions];
-        let fresh = || Value::new(self.kind, sizes, self.seed);
+        let fresh = || match self.fault {
+            Some(ProposalFault::StateBlind) => Value::over_time(sizes),
+            _ => Value::new(self.kind, sizes, self.seed),
+        };
         // The last network is close already, so a fit continues from it.
         let mut value = self.value.clone().unwrap_or_else(fresh);
         value.fit(&fitted, self.seed.wrapping_add(stage));
-        let mixture = Mixture::of(value.clone(), self.start_trees(&value));
+        let mut mixture = Mixture::of(value.clone(), self.start_trees(&value));
+        if self.fault == Some(ProposalFault::StateBlind) {
+            mixture = mixture.unguarded();
+        }
         self.value = Some(value);
         Some(mixture)
     }
@@ -134,8 +144,8 @@ impl Learning {
     fn add_modes(&mut self) {
         let mut counts: IndexMap<String, usize> = IndexMap::new();
         for (ego, run) in &self.data {
-            if let Some(failure) = run.failure() {
-                *counts.entry(self.label(*ego, failure)).or_default() += 1;
+            if let Some(mode) = self.label(*ego, run) {
+                *counts.entry(mode).or_default() += 1;
             }
         }
         counts.retain(|mode, count| MODE_FAILURES <= *count && !self.modes.contains(mode));
@@ -148,16 +158,23 @@ impl Learning {
         }
     }
 
-    fn label(&self, ego: usize, failure: &EgoFailure) -> String {
-        // Egos fail in different states, so their kinds are learned apart.
-        match &self.egos[..] {
-            [_] => failure.mode.clone(),
-            egos => format!("{}: {}", egos[ego], failure.mode),
+    /// Returns the kind of a run's failure. `None` without one that V learns.
+    fn label(&self, ego: usize, run: &RiskRun) -> Option<String> {
+        let mode = &run.failure()?.mode;
+        if let Some(ProposalFault::Only(seen)) = self.fault
+            && !mode.contains(seen)
+        {
+            return None;
         }
+        // Egos fail in different states, so their kinds are learned apart.
+        Some(match &self.egos[..] {
+            [_] => mode.clone(),
+            egos => format!("{}: {mode}", egos[ego]),
+        })
     }
 
     fn heads_of(&self, ego: usize, run: &RiskRun) -> Vec<bool> {
-        let label = run.failure().map(|failure| self.label(ego, failure));
+        let label = self.label(ego, run);
         let modes = self.modes.iter();
         let of_mode = modes.map(|mode| label.as_ref() == Some(mode));
         std::iter::once(label.is_some()).chain(of_mode).collect()

@@ -27,6 +27,8 @@ pub(super) struct Mixture {
     trees: Vec<StartTree>,
     /// Share of each component.
     shares: Vec<f64>,
+    /// Share of the law in every tilted decision.
+    law: f64,
 }
 
 impl Mixture {
@@ -36,6 +38,7 @@ impl Mixture {
             value: None,
             trees: vec![StartTree::natural(dimensions)],
             shares: vec![1.0],
+            law: LAW,
         }
     }
 
@@ -56,7 +59,19 @@ impl Mixture {
             value: Some(value),
             trees: std::iter::once(natural).chain(trees).collect(),
             shares,
+            law: LAW,
         }
+    }
+
+    /// Returns the mixture without the parts that forgive a wrong V.
+    pub(super) fn unguarded(mut self) -> Mixture {
+        let guards = self.shares[0] + self.shares[1];
+        self.shares[..2].fill(0.0);
+        self.shares[2..]
+            .iter_mut()
+            .for_each(|it| *it /= 1.0 - guards);
+        self.law = 0.0;
+        self
     }
 
     /// Returns the share of each component.
@@ -86,8 +101,9 @@ impl Mixture {
         if let Some(value) = &self.value {
             let values = value.values(input);
             let softened = softened(&values[..law.len()]);
-            all.push(tilted(law, &softened));
-            all.extend(values.chunks(law.len()).map(|own| tilted(law, own)));
+            all.push(tilted(law, &softened, self.law));
+            let heads = values.chunks(law.len());
+            all.extend(heads.map(|own| tilted(law, own, self.law)));
         }
         all
     }
@@ -133,8 +149,8 @@ fn softened(values: &[f64]) -> Vec<f64> {
     floored.map(libm::sqrt).collect()
 }
 
-/// Returns the law tilted by values.
-fn tilted(law: &[f64], values: &[f64]) -> Vec<f64> {
+/// Returns the law tilted by values, with a share of the law itself.
+fn tilted(law: &[f64], values: &[f64], share: f64) -> Vec<f64> {
     // An impossible action must not set the floor for the others.
     let possible = law.iter().zip(values).filter(|(p, _)| 0.0 < **p);
     let best = possible.map(|(_, v)| *v).fold(0.0, f64::max);
@@ -145,7 +161,7 @@ fn tilted(law: &[f64], values: &[f64]) -> Vec<f64> {
     if 0.0 < sum {
         let pairs = raw.iter().zip(law);
         pairs
-            .map(|(it, p)| LAW * p + (1.0 - LAW) * it / sum)
+            .map(|(it, p)| share * p + (1.0 - share) * it / sum)
             .collect()
     } else {
         law.to_vec()
@@ -159,7 +175,7 @@ mod tests {
 
     #[test]
     fn allocations_follow_the_shares_and_weights_are_bounded() {
-        let value = Value::new(Some(ValueKind::Network), [3, 3, 2], 1);
+        let value = Value::new(ValueKind::Network, [3, 3, 2], 1);
         let trees = vec![StartTree::natural(0); 4];
         let mixture = Mixture::of(value, trees);
         let sum: f64 = mixture.shares().iter().sum();
@@ -175,7 +191,7 @@ mod tests {
     fn a_root_tilts_less_than_the_value() {
         let law = [0.5, 0.5];
         let values = [0.01, 0.0001];
-        let [hard, soft] = [tilted(&law, &values), tilted(&law, &softened(&values))];
+        let [hard, soft] = [&values[..], &softened(&values)].map(|it| tilted(&law, it, LAW));
         let with_law = |tilted: f64| 0.05 * 0.5 + 0.95 * tilted;
         assert!((hard[1] - with_law(1.0 / 101.0)).abs() < 1e-12);
         assert!((soft[1] - with_law(1.0 / 11.0)).abs() < 1e-12);
@@ -183,8 +199,8 @@ mod tests {
 
     #[test]
     fn tilting_keeps_impossible_actions_impossible() {
-        let q = tilted(&[0.5, 0.0, 0.5], &[0.1, 1.0, 0.3]);
+        let q = tilted(&[0.5, 0.0, 0.5], &[0.1, 1.0, 0.3], LAW);
         assert!((q[0] - 0.2625).abs() < 1e-12 && q[1] == 0.0);
-        assert_eq!(tilted(&[0.5, 0.5], &[0.0, 0.0]), [0.5, 0.5]);
+        assert_eq!(tilted(&[0.5, 0.5], &[0.0, 0.0], LAW), [0.5, 0.5]);
     }
 }

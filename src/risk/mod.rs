@@ -41,6 +41,8 @@ pub use record::KnownFailure;
 #[doc(hidden)]
 pub use report::unchecked_estimate;
 pub use report::{EgoRisk, ModeRisk, RiskCost, RiskReport};
+#[doc(hidden)]
+pub use request::ProposalFault;
 pub use request::{RiskRequest, RiskSettings};
 pub use traffic::{RiskTraffic, RiskTrafficError};
 pub use value::ValueKind;

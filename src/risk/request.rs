@@ -27,14 +27,21 @@ pub struct RiskRequest<'a> {
     pub settings: RiskSettings,
     /// Policy of a trained ado, by which a surrogate sees more dangerous situations.
     pub policy: Option<&'a dyn Policy>,
-    /// Kind of failure that no proposal learns, to measure the checks.
+    /// Fault of the proposals on purpose, to measure the checks.
     #[doc(hidden)]
-    pub blind_to: Option<&'a str>,
-    /// Learn V over the remaining time alone, to measure the checks.
-    #[doc(hidden)]
-    pub state_blind: bool,
+    pub fault: Option<ProposalFault>,
     /// Directory of finished runs, to be resumed from.
     pub dir: Option<PathBuf>,
+}
+
+/// Fault of proposals that the checks have to find.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum ProposalFault {
+    /// V depends on the remaining time alone, and no share of the law bounds the weights.
+    StateBlind,
+    /// V takes all failures but those of a kind for runs without one.
+    Only(&'static str),
 }
 
 /// Numbers of runs of a risk.
@@ -80,8 +87,7 @@ impl<'a> RiskRequest<'a> {
             known: &[],
             settings: RiskSettings::default(),
             policy: None,
-            blind_to: None,
-            state_blind: false,
+            fault: None,
             dir: None,
         }
     }
@@ -101,7 +107,7 @@ impl<'a> RiskRequest<'a> {
             "traffic": self.traffic.sha256,
             "known": known.collect::<Vec<_>>(),
             "settings": self.settings,
-            "naive": (self.blind_to, self.state_blind),
+            "fault": self.fault,
         }))
     }
 

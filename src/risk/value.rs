@@ -52,17 +52,18 @@ pub(super) enum Value {
 impl Value {
     /// Creates a V that expects hardly any failure.
     ///
-    /// `sizes` are inputs, heads and joint actions. Without a kind, V depends on the
-    /// remaining time alone, which shows what the checks refuse.
-    pub(super) fn new(kind: Option<ValueKind>, sizes: [usize; 3], seed: u64) -> Value {
+    /// `sizes` are inputs, heads and joint actions.
+    pub(super) fn new(kind: ValueKind, sizes: [usize; 3], seed: u64) -> Value {
         let [inputs, heads, actions] = sizes;
         match kind {
-            Some(ValueKind::Network) => {
-                Value::Network(ValueNetwork::new(inputs, heads, actions, seed))
-            }
-            Some(ValueKind::Table) => Value::Table(TableOfV::new(heads, actions)),
-            None => Value::Table(TableOfV::over(inputs - 1, heads, actions)),
+            ValueKind::Network => Value::Network(ValueNetwork::new(inputs, heads, actions, seed)),
+            ValueKind::Table => Value::Table(TableOfV::new(heads, actions)),
         }
+    }
+
+    /// Creates a V over the remaining time alone, which shows what the checks refuse.
+    pub(super) fn over_time([inputs, heads, actions]: [usize; 3]) -> Value {
+        Value::Table(TableOfV::over(inputs - 1, heads, actions))
     }
 
     /// Returns the number of heads.

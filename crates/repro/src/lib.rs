@@ -39,8 +39,8 @@ pub use plants::{PlantOutcomes, PlantRow, plant_row, plants_markdown, with_valid
 pub use protocols::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
 pub use reuse_study::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 pub use risk::{
-    COUNTED_PIECE, CountedRuns, ProposalFault, RiskCase, RiskSeed, RiskStudy, counted_piece,
-    risk_markdown, risk_seed,
+    COUNTED_PIECE, CountedRuns, RiskCase, RiskSeed, RiskStudy, counted_piece, risk_markdown,
+    risk_seed,
 };
 pub use structures::{RUNS, StructureRow, StructureStudy, other_structures, structures_markdown};
 pub use table1::{Table1, Table1Error, table1, table1_markdown};

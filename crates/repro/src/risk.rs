@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use brakecheck::experiment::{EgoUnderTest, Watch};
 use brakecheck::internals::report::TextTable;
-use brakecheck::internals::risk::unchecked_estimate;
+use brakecheck::internals::risk::{ProposalFault, unchecked_estimate};
 use brakecheck::risk::{RiskRequest, RiskSettings, RiskTraffic, RiskTrafficError, ValueKind};
 use brakecheck::run_dir::RunError;
 use brakecheck::world::{PlantKind, Scenario};
@@ -30,18 +30,9 @@ pub struct RiskCase {
     /// Form of V.
     pub value: ValueKind,
     /// Proposals that are wrong on purpose.
-    pub fault: ProposalFault,
-}
-
-/// Fault of proposals that the checks have to find.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ProposalFault {
-    /// None.
-    Sound,
-    /// V depends on the remaining time alone.
-    StateBlind,
-    /// V learns no failures of a kind.
-    BlindTo(&'static str),
+    pub fault: Option<ProposalFault>,
+    /// Most runs of an estimate and natural runs within them, if not the default numbers.
+    pub budget: Option<[usize; 2]>,
 }
 
 /// Estimate of a seed.
@@ -83,6 +74,8 @@ pub struct CountedRuns {
 pub struct RiskStudy {
     /// Name of the case.
     pub case: String,
+    /// Determine whether its proposals are wrong on purpose.
+    pub is_faulty: bool,
     /// Counted runs.
     pub counted: CountedRuns,
     /// Estimates.
@@ -114,10 +107,10 @@ pub fn risk_seed(
     request.settings.seed = seed;
     request.settings.learn_on = case.learn_on;
     request.settings.value = case.value;
-    match case.fault {
-        ProposalFault::Sound => {}
-        ProposalFault::StateBlind => request.state_blind = true,
-        ProposalFault::BlindTo(mode) => request.blind_to = Some(mode),
+    request.fault = case.fault;
+    if let Some([budget, natural]) = case.budget {
+        request.settings.budget = budget;
+        request.settings.natural = natural;
     }
     let Some(report) = request.estimate(watch)? else {
         return Ok(None);
@@ -204,9 +197,12 @@ impl RiskStudy {
     }
 
     /// Returns the best known risk: both means, weighted by their precision.
+    ///
+    /// Estimates of faulty proposals say nothing about it.
     fn truth(&self) -> Option<f64> {
         let precise = |[mean, error]: [f64; 2]| (mean / (error * error), 1.0 / (error * error));
-        let parts = [self.mean(), self.counted.rate()];
+        let mean = self.mean().filter(|_| !self.is_faulty);
+        let parts = [mean, self.counted.rate()];
         let parts = parts.into_iter().flatten().map(precise);
         let sums = parts.fold((0.0, 0.0), |sum, it| (sum.0 + it.0, sum.1 + it.1));
         (0.0 < sums.1).then(|| sums.0 / sums.1)

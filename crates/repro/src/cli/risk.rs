@@ -4,9 +4,10 @@ use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, world};
 use crate::{
-    COUNTED_PIECE, CountedRuns, ProposalFault, RiskCase, RiskSeed, RiskStudy, counted_piece,
-    risk_markdown, risk_seed,
+    COUNTED_PIECE, CountedRuns, RiskCase, RiskSeed, RiskStudy, counted_piece, risk_markdown,
+    risk_seed,
 };
+use brakecheck::internals::risk::ProposalFault;
 use brakecheck::risk::{RiskTraffic, ValueKind};
 use brakecheck::world::{PlantKind, Scenario};
 
@@ -17,6 +18,9 @@ const COUNTED_PER_START: usize = 20_000;
 /// First seed of counted runs.
 const FIRST_COUNTED: u64 = 1_000_000;
 
+/// Budget with which naive proposals give no good estimate, and natural runs within it.
+const FEW_RUNS: Option<[usize; 2]> = Some([10_000, 1_000]);
+
 const ACC: RiskCase = RiskCase {
     name: "acc",
     world: "acc",
@@ -24,7 +28,8 @@ const ACC: RiskCase = RiskCase {
     plant: PlantKind::Kinematic,
     learn_on: None,
     value: ValueKind::Network,
-    fault: ProposalFault::Sound,
+    fault: None,
+    budget: None,
 };
 const CUT_IN: RiskCase = RiskCase {
     name: "cut_in",
@@ -33,7 +38,7 @@ const CUT_IN: RiskCase = RiskCase {
     ..ACC
 };
 /// Cases, of which `--world` chooses some by name.
-const CASES: [RiskCase; 12] = [
+const CASES: [RiskCase; 13] = [
     ACC,
     CUT_IN,
     RiskCase {
@@ -84,12 +89,19 @@ const CASES: [RiskCase; 12] = [
     },
     RiskCase {
         name: "acc-state-blind",
-        fault: ProposalFault::StateBlind,
+        fault: Some(ProposalFault::StateBlind),
+        budget: FEW_RUNS,
         ..ACC
     },
     RiskCase {
-        name: "cut_in-blind-to-swipes",
-        fault: ProposalFault::BlindTo("side-swipe"),
+        name: "cut_in-state-blind",
+        fault: Some(ProposalFault::StateBlind),
+        budget: FEW_RUNS,
+        ..CUT_IN
+    },
+    RiskCase {
+        name: "cut_in-side-swipes-only",
+        fault: Some(ProposalFault::Only("side-swipe")),
         ..CUT_IN
     },
 ];
@@ -107,6 +119,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         };
         studies.push(RiskStudy {
             case: case.name.to_owned(),
+            is_faulty: case.fault.is_some(),
             counted,
             seeds,
         });
@@ -147,11 +160,11 @@ fn counted(
 ) -> Result<Option<CountedRuns>, Failure> {
     let mut all = CountedRuns::default();
     // Natural runs do not depend on proposals, and rigid ones would take hours.
-    let is_plain = case.name == case.world;
+    let is_plain = case.plant == PlantKind::Kinematic;
     let pieces = (args.starts * COUNTED_PER_START).div_ceil(COUNTED_PIECE);
     for piece in 0..if is_plain { pieces as u64 } else { 0 } {
         let seed = FIRST_COUNTED + piece;
-        let name = format!("{}, counted {piece}", case.name);
+        let name = format!("{}, counted {piece}", case.world);
         let settings = json!({ "traffic": case.traffic });
         let made = once(args, (&name, scenario), settings, |watch| {
             let piece = (COUNTED_PIECE, seed);
