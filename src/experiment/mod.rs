@@ -30,7 +30,7 @@ pub use error::EgoError;
 pub(crate) use failed_leaf::{leaf, violated};
 pub use progress::{Remark, StepPlace, Watch};
 pub use test_starts::{TestStarts, test_starts};
-pub(crate) use test_starts::{drawn_starts, test_noise, untried_starts};
+pub(crate) use test_starts::{drawn_starts, test_noise, test_start, untried_starts};
 pub(crate) use traffic::traffic_model;
 pub use traffic::{TrafficError, in_named_traffic};
 pub(crate) use trivial_starts::TrivialStarts;

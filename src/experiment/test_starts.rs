@@ -65,6 +65,18 @@ fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, 
     }
 }
 
+/// Returns the `index`th test start of a seed, with the seed of its noise.
+///
+/// `None`: the world lists its starts and has fewer, as in [`test_starts`] of all of them.
+pub(crate) fn test_start(scenario: &Scenario, seed: u64, index: usize) -> Option<(Start, u64)> {
+    let bench = scenario.bench();
+    let start = match scenario.starts() {
+        Some(all) => all.get(index)?.clone(),
+        None => bench.draw(test_key(seed, index)),
+    };
+    Some((start, test_noise(&bench, seed, index)))
+}
+
 /// Returns some of the test starts of a stream, with the seeds of their noise.
 pub(crate) fn drawn_starts(
     scenario: &Scenario,

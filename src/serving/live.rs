@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use super::actions_of;
-use crate::experiment::drawn_starts;
+use crate::experiment::test_start;
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::drive::{Drive, DriveSpec};
@@ -80,10 +80,13 @@ impl ResetRequest {
         match (&self.start, self.index) {
             (None, None) => Ok(None),
             (Some(_), Some(_)) => Err("`reset` has an `index` and a `start`".to_owned()),
-            (None, Some(index)) => {
-                let drawn = drawn_starts(world, self.seed, index..index + 1);
-                Ok(drawn.into_iter().next())
-            }
+            (None, Some(index)) => match test_start(world, self.seed, index) {
+                Some(start) => Ok(Some(start)),
+                None => {
+                    let count = world.starts().map_or(0, |all| all.len());
+                    Err(format!("`reset`: no start {index}, the world lists {count}"))
+                }
+            },
             (Some(start), None) => start_of(world, start).map(|start| Some((start, 0))),
         }
     }

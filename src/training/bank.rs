@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 
 use crate::ron_file::file_text;
 use crate::run_dir::{Counterexample, KeptError, RunDir, RunError};
-use crate::seed::{Purpose, StartKey};
 use crate::testbench::KnownEpisode;
 use crate::world::Scenario;
 
@@ -104,14 +103,11 @@ fn of_run(world: &Scenario, path: &Path) -> Result<Vec<KnownEpisode>, BankError>
     let run = RunDir::open(path)?;
     let theirs = run.scenario()?;
     fits(world, &theirs, path)?;
-    let bench = theirs.bench();
     let stored = run.counterexamples_so_far()?;
-    let known = stored.all().iter().map(|success| KnownEpisode {
-        noise: bench.noise_of(StartKey {
-            purpose: Purpose::Train,
-            seed: run.manifest().seed,
-            index: success.index,
-        }),
+    let noise = run.noise_of(&stored)?;
+    let pairs = stored.all().iter().zip(noise);
+    let known = pairs.map(|(success, noise)| KnownEpisode {
+        noise,
         start: success.start.clone(),
         actions: success.actions.clone(),
     });
