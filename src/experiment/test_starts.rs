@@ -232,3 +232,38 @@ impl TestStarts {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_test_start_is_that_of_all_also_in_a_world_that_lists_them() {
+        let text = include_str!("../../worlds/acc.ron");
+        let drawn = Scenario::parse("acc.ron", text).expect("sound");
+        let axes = drawn.axes();
+        let rows = [0.25, 0.5, 0.75].map(|share| {
+            let values = axes
+                .iter()
+                .map(|axis| axis.lo + share * (axis.hi - axis.lo));
+            format!("{:?}", values.collect::<Vec<f64>>())
+        });
+        let names: Vec<String> = axes.iter().map(|axis| format!("{:?}", axis.name)).collect();
+        let points = format!(
+            "points: (axes: [{}], rows: [{}]),\n    agents: [",
+            names.join(", "),
+            rows.join(", ")
+        );
+        let listed = text.replacen("agents: [", &points, 1);
+        let listed = Scenario::parse("acc.ron", &listed).expect("sound");
+        for (world, count) in [(&drawn, 5), (&listed, 3)] {
+            let all = untried_starts(world, 7, 5).starts;
+            assert_eq!(all.len(), count);
+            for (index, start) in all.into_iter().enumerate() {
+                assert_eq!(test_start(world, 7, index), Some(start));
+            }
+        }
+        assert_eq!(test_start(&listed, 7, 3), None);
+        assert!(test_start(&drawn, 7, usize::MAX).is_some());
+    }
+}

@@ -254,19 +254,6 @@ mod tests {
     use super::super::record::EgoFailure;
     use super::*;
 
-    fn run(end: RunEnd) -> RiskRun {
-        RiskRun {
-            shares: Vec::new(),
-            noise: 0,
-            actions: Vec::new(),
-            inputs: Vec::new(),
-            laws: Vec::new(),
-            component: 0,
-            ratios: vec![1.0],
-            end,
-        }
-    }
-
     /// Natural runs, of which these numbers are outside X_init and fail.
     fn natural(n: usize, outside: usize, failing: usize) -> Vec<RiskRun> {
         let failure = EgoFailure {
@@ -283,7 +270,7 @@ mod tests {
                 RunEnd::Held { lawful: None }
             }
         };
-        (0..n).map(|at| run(end(at))).collect()
+        (0..n).map(|at| RiskRun::ending(end(at))).collect()
     }
 
     /// Round whose failures have a probability of 0.001 per draw.

@@ -138,8 +138,9 @@ impl<'a> Estimation<'a> {
     /// Plays until an estimate is good enough or the budget is spent. `None`: stopped.
     pub(super) fn run(&mut self) -> Result<Option<()>, RunError> {
         let settings = self.request.settings;
-        let [natural_runs, exploring, learning_on_own] = settings.before_rounds();
+        let [natural_runs, ..] = settings.before_rounds();
         self.watch.phase("natural runs");
+        // Nothing is learned from them, so that they can refute the proposals.
         let natural = Content::Natural(natural_runs);
         let Some(natural) = self.batches(natural, false)? else {
             return Ok(None);
@@ -150,6 +151,16 @@ impl<'a> Estimation<'a> {
         if self.is_counted() {
             return Ok(Some(()));
         }
+        if self.learn_proposals()?.is_none() {
+            return Ok(None);
+        }
+        self.rounds_within(settings.budget)
+    }
+
+    /// Plays the runs from which the proposals are learned before the first round.
+    fn learn_proposals(&mut self) -> Result<Option<()>, RunError> {
+        let settings = self.request.settings;
+        let [_, exploring, learning_on_own] = settings.before_rounds();
         self.watch.phase("exploration");
         // Runs on another plant do not count against the budget of an ego.
         let on_own = self.learners.is_empty();
@@ -163,6 +174,7 @@ impl<'a> Estimation<'a> {
             return Ok(None);
         }
         let on_own_sizes = [learning_on_own];
+        // Runs on another plant are cheap, so more of them are played.
         let sizes: &[usize] = if on_own { &on_own_sizes } else { &LEARNING };
         for size in sizes {
             self.watch.phase("learning rounds");
@@ -173,7 +185,7 @@ impl<'a> Estimation<'a> {
                 return Ok(None);
             }
         }
-        self.rounds_within(settings.budget)
+        Ok(Some(()))
     }
 
     /// Plays rounds until all checks hold and the interval is narrow enough.

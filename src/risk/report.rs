@@ -464,16 +464,6 @@ mod tests {
 
     #[test]
     fn the_rate_of_lawful_runs_is_of_judged_runs_only() {
-        let run = |end| RiskRun {
-            shares: Vec::new(),
-            noise: 0,
-            actions: Vec::new(),
-            inputs: Vec::new(),
-            laws: Vec::new(),
-            component: 0,
-            ratios: vec![1.0],
-            end,
-        };
         let failure = EgoFailure {
             mode: "contact".to_owned(),
             lawful: false,
@@ -489,7 +479,7 @@ mod tests {
         });
         let later = [RunEnd::Failed(failure), RunEnd::Held { lawful: None }];
         let later = later.into_iter().cycle().take(1000);
-        let natural: Vec<RiskRun> = judged.chain(later).map(run).collect();
+        let natural: Vec<RiskRun> = judged.chain(later).map(RiskRun::ending).collect();
         let rate = lawful_rate(&natural);
         assert_eq!((rate.probability, rate.hits), (0.9, 900));
         // 500 failures, of which none is lawful: nothing to divide, but no NaN either.

@@ -84,7 +84,9 @@ impl ResetRequest {
                 Some(start) => Ok(Some(start)),
                 None => {
                     let count = world.starts().map_or(0, |all| all.len());
-                    Err(format!("`reset`: no start {index}, the world lists {count}"))
+                    Err(format!(
+                        "`reset`: no start {index}, the world lists {count}"
+                    ))
                 }
             },
             (Some(start), None) => start_of(world, start).map(|start| Some((start, 0))),
@@ -136,6 +138,7 @@ impl LiveEpisode {
         let spec: &DriveSpec = drive.spec();
         let is_ego = |agent: &crate::scene::drive::Agent| matches!(agent.drive, Drive::Ego);
         let mut bench = world.bench();
+        // To the contact, which a kept file needs for its severity.
         bench.begin(&start, noise, Aftermath::Play);
         let mut live = LiveEpisode {
             bench,
@@ -191,6 +194,7 @@ impl LiveEpisode {
             let Some(agent) = self.agents.iter().position(|it| *it == name) else {
                 return Err(format!("`sample`: unknown agent `{name}`"));
             };
+            // A simulator need not report an acceleration, but signals may read it.
             let gained_mps = given.speed_mps - before[agent].state.speed_mps;
             states[agent] = Some(given.state(gained_mps / sample_s));
         }
@@ -198,6 +202,7 @@ impl LiveEpisode {
             let name = &self.agents[self.ego];
             return Err(format!("`sample`: missing state of the ego `{name}`"));
         }
+        // Invariant: the episode is not over and its agents have bodies, so a sample is played.
         self.bench.sample_given(&states);
         self.decide(policy);
         Ok(())
@@ -214,11 +219,6 @@ impl LiveEpisode {
             });
             (name.clone(), state)
         });
-        let margins = self.bench.margins();
-        let rules = world.rules().iter().zip(&margins.rules);
-        let rules: Map<String, Value> = rules
-            .map(|(rule, margin)| (rule.name.clone(), json!(margin)))
-            .collect();
         let samples = self.bench.trace().len().saturating_sub(1);
         let mut answer = Map::new();
         let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
@@ -233,8 +233,19 @@ impl LiveEpisode {
             add("ados", actions_of(world.world(), action));
             add("value", json!(self.value.is_finite().then_some(self.value)));
         }
+        answer.extend(self.judgement(world));
+        answer
+    }
+
+    /// Returns the margins, and the verdict once it is final.
+    fn judgement(&self, world: &Scenario) -> Map<String, Value> {
+        let margins = self.bench.margins();
+        let rules = world.rules().iter().zip(&margins.rules);
+        let rules = rules.map(|(rule, margin)| (rule.name.clone(), json!(margin)));
+        let mut answer = Map::new();
+        let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
         add("robustness", json!(margins.spec));
-        add("rules", Value::Object(rules));
+        add("rules", Value::Object(rules.collect()));
         add("done", json!(self.bench.is_done()));
         let verdict = self.bench.verdict();
         add("verdict", json!(verdict.map(|verdict| verdict.word())));

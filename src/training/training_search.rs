@@ -73,6 +73,8 @@ impl<'a> TrainingSearch<'a> {
         // Invariant: training never sees a test start.
         let open = matches!(purpose, Purpose::Train | Purpose::Calibration);
         assert!(open, "test starts are not searched");
+        // Kinematic runs are about a hundred times as fast. Their successes are confirmed on
+        // the requested plant.
         let rigid = scenario.plant() == Dynamics::Rigid;
         let cheap = rigid.then(|| scenario.on(PlantKind::Kinematic));
         TrainingSearch {
@@ -177,6 +179,7 @@ impl<'a> TrainingSearch<'a> {
         let Some(family) = self.scenario.family().filter(|_| !against.is_nominal()) else {
             return;
         };
+        // The member of the training episode of this key, or a success would not hold there.
         let mut member = family.draw(&self.scenario.name, key);
         if let Some(target) = target {
             self.scenario.place_member(&family.variant(&member), target);
@@ -220,6 +223,7 @@ impl SearchWorker<'_> {
                 self.mutate(from, index, (known, switches), simulations)
             }
         };
+        // A stopped search has not shown that there is no success, but a success counts.
         let found = scouted.actions.is_some();
         (found || !self.watch.stopped()).then_some(scouted)
     }
@@ -312,6 +316,7 @@ impl SearchWorker<'_> {
         let actions = self.first.spaces().actions;
         let decisions = self.first.clock().decisions();
         let mut dice = seed::generator("training_search", &[from.1, index]);
+        // A fifth of the simulations, because none of these begins at a copied prefix.
         while scouted.simulations < simulations.div_ceil(5) && !self.watch.stopped() {
             let mut times: Vec<usize> = (0..dice.random_range(0..=switches))
                 .map(|_| dice.random_range(0..decisions))
@@ -355,6 +360,7 @@ impl SearchWorker<'_> {
                 None if elites.is_empty() => break,
                 None => {
                     let mut one = elites[dice.random_range(0..elites.len())].1.clone();
+                    // Successes end with the failure, but a change may have to come later.
                     one.resize(decisions, one.last().copied().unwrap_or(0));
                     mutate(&mut one, actions, &mut dice);
                     while dice.random::<bool>() {
