@@ -192,3 +192,58 @@ fn fits(world: &Scenario, theirs: &Scenario, path: &Path) -> Result<(), BankErro
         None => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rl::TensorFile;
+    use crate::run_dir::{Beginning, Done};
+    use crate::seed::{Purpose, StartKey};
+    use crate::testbench::{FIRST_KNOWN, Success};
+
+    #[test]
+    fn a_success_at_a_banked_start_has_the_noise_of_that_start() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let dir = tempfile::tempdir().expect("scratch");
+        let path = dir.path().join("run");
+        let bench = world.bench();
+        let start = bench.draw(StartKey {
+            purpose: Purpose::Train,
+            seed: 8,
+            index: 3,
+        });
+        let known = KnownEpisode {
+            start: start.clone(),
+            noise: 77,
+            actions: vec![0, 1],
+        };
+        let with = Beginning {
+            bank: std::slice::from_ref(&known),
+            ..Beginning::default()
+        };
+        let mut run = RunDir::begin(&path, &world, 5, with).expect("begun");
+        let success = |index| Success {
+            decisions: 2,
+            index,
+            start: start.clone(),
+            actions: vec![0, 1],
+            by: 1.0,
+        };
+        let successes = [success(FIRST_KNOWN), success(4)];
+        run.append_counterexamples(&successes).expect("written");
+        let checkpoint = TensorFile::new("test");
+        run.save_checkpoint(&checkpoint, Done::default())
+            .expect("written");
+        drop(run);
+        let found = of_run(&world, &path).expect("two episodes");
+        assert_eq!(found[0], known);
+        // Another start is that of its key, as ever.
+        let key = StartKey {
+            purpose: Purpose::Train,
+            seed: 5,
+            index: 4,
+        };
+        assert_eq!(found[1].noise, bench.noise_of(key));
+        assert_eq!(found[1].start, bench.draw(key));
+    }
+}

@@ -3,7 +3,8 @@
 
 use super::demonstrations::{Budget, Seeded};
 use super::rollout::successes;
-use super::training_search::{SearchEffort, TrainingSearch};
+use super::search_worker::SearchEffort;
+use super::training_search::TrainingSearch;
 use crate::experiment::Watch;
 use crate::rl::Policy;
 use crate::run_dir::Calibration;

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use super::near_starts::StartCandidates;
 use super::rollout::successes;
-use super::training_search::{Scouted, SearchEffort, TrainingSearch};
+use super::search_worker::{Scouted, SearchEffort};
+use super::training_search::TrainingSearch;
 use crate::experiment::Watch;
 use crate::rl::{Demonstration, Policy, Seeding};
 use crate::run_dir::Sought;

@@ -4,19 +4,18 @@ use cpu_time::ThreadTime;
 
 use super::demonstrations::{Seeded, seed_training};
 use super::goals::GoalTracker;
+use super::progress_log::ProgressLog;
 use super::stopping_rule::StoppingRule;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
-use crate::rl::{BundleError, Control, Demonstration, Learner, LearnerReport};
-use crate::run_dir::{Done, Progress, RunDir, RunError, Window};
+use crate::rl::{BundleError, Control, Demonstration, Learner};
+use crate::run_dir::{Done, RunDir, RunError};
 use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
 use crate::world::Scenario;
 
 /// Decisions between two checkpoints. Unit tests need several of them soon.
 const CHECKPOINT_DECISIONS: u64 = if cfg!(test) { 400 } else { 50_000 };
-/// Episodes per line of `progress.jsonl`.
-const REPORT_EPISODES: u64 = if cfg!(test) { 7 } else { 250 };
 
 /// Outcome of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,7 +94,7 @@ struct TrainLoop<'a> {
     gym: TrainingGym<'a>,
     learner: Box<dyn Learner>,
     stopping: StoppingRule<'a>,
-    ledger: Ledger,
+    log: ProgressLog,
     /// Processor time before this process, and of the first search.
     spent_s: f64,
     own: OwnTime,
@@ -158,11 +157,7 @@ impl<'a> TrainLoop<'a> {
             gym,
             learner,
             stopping: StoppingRule::new(scenario, manifest, seed, judging),
-            ledger: Ledger {
-                episodes: manifest.episodes,
-                window: manifest.window,
-                ..Ledger::default()
-            },
+            log: ProgressLog::of(manifest),
             spent_s,
             own,
             stores,
@@ -195,7 +190,7 @@ impl<'a> TrainLoop<'a> {
     /// Trains to the next checkpoint and saves it. False: stopped before it was due.
     fn learn_to_checkpoint(&mut self) -> Result<bool, TrainError> {
         self.learn_until(self.next_pause());
-        let lines = std::mem::take(&mut self.ledger.lines);
+        let lines = std::mem::take(&mut self.log.lines);
         self.run.append_progress(&lines)?;
         if self.stores {
             let successes = self.gym.inner().take_successes();
@@ -225,9 +220,9 @@ impl<'a> TrainLoop<'a> {
 
     fn learn_until(&mut self, until: u64) {
         let total = self.learner.tally().requested;
-        let (watch, learning, ledger) = (self.watch, &self.learning, &mut self.ledger);
+        let (watch, learning, log) = (self.watch, &self.learning, &mut self.log);
         self.learner.train(&mut self.gym, &mut |progress| {
-            if let Some(line) = ledger.note(progress) {
+            if let Some(line) = log.note(progress) {
                 // Training episodes explore, so the closing evaluation may succeed more often.
                 learning.detail(&format!(
                     "solves {:.0} % exploring",
@@ -274,8 +269,7 @@ impl<'a> TrainLoop<'a> {
         let mut spent = self.gym.inner().spent();
         spent.physics_steps += more_steps;
         let cpu_s = self.spent_s + self.own.elapsed_s() + self.stopping.cpu_s();
-        self.ledger
-            .done(&*self.learner, &self.stopping, spent, cpu_s)
+        self.log.done(&*self.learner, &self.stopping, spent, cpu_s)
     }
 
     /// Saves the policy of a training that is over, or the checkpoint of one that is not.
@@ -303,7 +297,7 @@ impl<'a> TrainLoop<'a> {
             None => Ok(TrainingOutcome {
                 done,
                 interrupted: !over,
-                aborted: self.ledger.aborted,
+                aborted: self.log.aborted,
             }),
         }
     }
@@ -383,68 +377,6 @@ fn finished(run: &RunDir) -> TrainingOutcome {
         },
         interrupted: false,
         aborted: 0,
-    }
-}
-
-/// Counter of episodes, which writes progress lines.
-#[derive(Default)]
-struct Ledger {
-    lines: String,
-    episodes: u64,
-    aborted: u64,
-    /// Episodes since the last line.
-    window: Window,
-}
-
-impl Ledger {
-    /// Notes an episode, and returns at times the line of the recent ones.
-    fn note(&mut self, progress: &LearnerReport) -> Option<Progress> {
-        self.aborted = progress.aborted;
-        self.episodes = progress.episodes;
-        let window = &mut self.window;
-        window.episodes += 1;
-        window.returns += f64::from(progress.episode_return);
-        window.solved += u64::from(0.0 < progress.episode_return);
-        window.losses += progress.losses.sum;
-        window.updates += progress.losses.updates;
-        if window.episodes < REPORT_EPISODES {
-            return None;
-        }
-        let line = Progress {
-            decisions: progress.decisions,
-            episodes: progress.episodes,
-            window: window.episodes,
-            aborted: progress.aborted,
-            solved_share: window.solved as f64 / window.episodes as f64,
-            mean_return: window.returns / window.episodes as f64,
-            exploration: progress.exploration,
-            mean_loss: (0 < window.updates).then(|| window.losses / window.updates as f64),
-        };
-        if let Ok(text) = serde_json::to_string(&line) {
-            self.lines.push_str(&text);
-            self.lines.push('\n');
-        }
-        self.window = Window::default();
-        Some(line)
-    }
-
-    fn done(
-        &self,
-        learner: &dyn Learner,
-        stopping: &StoppingRule<'_>,
-        spent: Spent,
-        cpu_s: f64,
-    ) -> Done {
-        Done {
-            decisions_asked: stopping.requested,
-            decisions: learner.decisions(),
-            episodes: self.episodes,
-            physics_steps: spent.physics_steps,
-            cpu_s,
-            window: self.window,
-            calibration: stopping.calibration,
-            ended: stopping.ended,
-        }
     }
 }
 
