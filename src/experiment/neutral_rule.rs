@@ -9,6 +9,10 @@ use crate::world::Scenario;
 
 /// Starts that are played.
 const PLAYED: u64 = 50;
+/// Starts from which some rule must be broken.
+///
+/// Not only half of them: ados of `crossroads` learn to act where they have to.
+const MOST: usize = 38;
 
 /// Rule that the neutral action breaks from most starts.
 ///
@@ -50,8 +54,7 @@ impl NeutralRule {
                 broken[rule] += 1;
             }
         }
-        let all: usize = broken.iter().sum();
-        if 2 * all as u64 <= PLAYED {
+        if broken.iter().sum::<usize>() < MOST {
             return None;
         }
         let most = (0..broken.len()).max_by_key(|rule| broken[*rule])?;
@@ -96,11 +99,12 @@ mod tests {
         // From the other starts the ego fails before the rule is broken.
         assert_eq!((&*found.rule, found.starts), ("slow", 50));
         assert!((45..=50).contains(&found.broken), "{found}");
-        // Half of the starts are slower.
+        // From most starts it is slower.
         assert_eq!(with("always[1, T] (ado.speed <= 20)"), None);
-        for name in Scenario::shipped_names() {
+        let warned = Scenario::shipped_names().filter(|name| {
             let world = Scenario::shipped(name).expect("shipped").expect("sound");
-            assert_eq!(NeutralRule::of(&world), None, "{name}");
-        }
+            NeutralRule::of(&world).is_some()
+        });
+        assert_eq!(warned.collect::<Vec<_>>(), [""; 0]);
     }
 }
