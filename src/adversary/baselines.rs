@@ -2,8 +2,8 @@
 
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
+use super::ado::Ado;
 use super::error::AdversaryError;
-use super::rollout::Ado;
 use super::threshold_rule::{Heuristic, tune_heuristic};
 use crate::experiment::Watch;
 use crate::run_dir::{RunDir, Stored};

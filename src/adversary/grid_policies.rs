@@ -1,7 +1,7 @@
 //! Ados of grid worlds that follow a rule: the exact solution, and the chaser.
 
+use super::ado::Ado;
 use super::error::AdversaryError;
-use super::rollout::Ado;
 use crate::experiment::EgoUnderTest;
 use crate::grid_solver::exact::{PositionPolicy, chase};
 

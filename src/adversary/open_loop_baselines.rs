@@ -1,6 +1,7 @@
 //! Best of the ados that act alike from every start, which anything learned must beat.
 
-use super::rollout::{Ado, Evaluated, eval};
+use super::ado::Ado;
+use super::rollout::{Evaluated, eval};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::run_dir::AdversaryId;
 use crate::world::Scenario;

@@ -2,113 +2,22 @@
 
 use std::sync::Arc;
 
-use super::nearest_replay::{NearestReplay, replay_nearest};
-use super::threshold_rule::Heuristic;
-use super::without_ado::WithoutAdo;
+use super::ado::Ado;
+use super::nearest_replay::replay_nearest;
 use crate::ego::{Command, Fault};
 use crate::experiment::{CrashFeatures, badness, clusters, descending};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::natural::{NaturalnessOfRow, SuccessRarity};
-use crate::rl::{Policy, Spaces};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
     AdversaryId, BrokenRule, ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row,
-    StartRepeated, Stored,
+    StartRepeated,
 };
 use crate::scene::Start;
 use crate::severity::Impact;
 use crate::stats::{Outcomes, StartOutcome, at_most, wilson};
-use crate::testbench::{
-    Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay,
-    SampledPolicy, Testbench, count_faults, play,
-};
-use crate::world::{Repeats, Scenario, TrainingEgos};
-
-/// Player of the ado's actions.
-#[derive(Clone, Copy)]
-pub enum Ado<'a> {
-    /// A trained policy and the seed of its training.
-    Trained(&'a dyn Policy, u64),
-    /// The policy of [`Ado::Trained`], with actions drawn at a temperature.
-    Sampled(&'a dyn Policy, u64, f64),
-    /// A trained policy whose ado of this name plays its action without effect.
-    Without(&'a dyn Policy, u64, &'a str),
-    /// The action without effect, beside the placed ados of the world.
-    Composed,
-    /// A uniformly random action at each decision.
-    Random,
-    /// A uniformly random action, held for five decisions.
-    Held,
-    /// The same action all the time.
-    Constant(usize),
-    /// An untrained rule, with its name and its method in rows.
-    Rule(&'a dyn Policy, &'static str, &'static str),
-    /// These actions, one per decision; the last one is held.
-    Script(&'a [usize]),
-    /// A hand-made rule, tuned once.
-    Heuristic(&'a Heuristic),
-    /// A number of the nearest stored counterexamples, until one succeeds.
-    Replays(&'a Stored, usize),
-}
-
-impl Ado<'_> {
-    /// Returns the identity in rows.
-    pub fn id(&self) -> AdversaryId {
-        match *self {
-            Ado::Trained(..) => AdversaryId::Trained,
-            Ado::Sampled(..) => AdversaryId::Sampled,
-            Ado::Without(_, _, name) => AdversaryId::without(name),
-            Ado::Composed => AdversaryId::Composed,
-            Ado::Random => AdversaryId::Random,
-            Ado::Held => AdversaryId::Hold,
-            Ado::Constant(action) => AdversaryId::Constant { action },
-            Ado::Rule(_, name, _) => name.into(),
-            Ado::Script(_) => AdversaryId::Script,
-            Ado::Heuristic(_) => AdversaryId::Heuristic,
-            Ado::Replays(_, nearest) => AdversaryId::Replays { nearest },
-        }
-    }
-
-    fn method(&self, scenario: &Scenario) -> String {
-        match self {
-            Ado::Trained(..) | Ado::Without(..) => match scenario.against {
-                TrainingEgos::Nominal => scenario.learner.name().to_lowercase(),
-                family => format!("{}, {family}", scenario.learner.name().to_lowercase()),
-            },
-            Ado::Sampled(_, _, temperature) => {
-                let name = scenario.learner.name().to_lowercase();
-                format!("{name}, drawn at temperature {temperature}")
-            }
-            Ado::Composed => format!("placed: {}", scenario.judged_ados().join(", ")),
-            Ado::Random => "random".to_owned(),
-            Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
-            Ado::Constant(action) => scenario.action_label(*action),
-            Ado::Rule(_, _, method) => (*method).to_owned(),
-            Ado::Script(_) => "actions as given".to_owned(),
-            Ado::Heuristic(heuristic) => heuristic.text.clone(),
-            Ado::Replays(_, nearest) => format!("open loop, the {nearest} nearest"),
-        }
-    }
-
-    /// Returns the actor of the `run`-th run of every episode, in a world of these spaces.
-    pub fn actor(&self, spaces: &Spaces, run: u64) -> Box<dyn Actor + '_> {
-        let actions = spaces.actions;
-        match *self {
-            Ado::Trained(policy, _) | Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
-            Ado::Sampled(policy, _, temperature) => {
-                Box::new(SampledPolicy::new(policy, temperature, run))
-            }
-            Ado::Without(policy, _, ado) => Box::new(WithoutAdo::new(policy, spaces, ado)),
-            Ado::Composed => Box::new(Constant(spaces.neutral)),
-            Ado::Random => Box::new(Random::new(actions)),
-            Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
-            Ado::Constant(action) => Box::new(Constant(action)),
-            Ado::Script(actions) => Box::new(Replay::holding(actions)),
-            Ado::Heuristic(heuristic) => Box::new(PolicyActor(heuristic)),
-            Ado::Replays(stored, _) => Box::new(NearestReplay::new(stored, 0)),
-        }
-    }
-}
+use crate::testbench::{Aftermath, Episode, Replay, Testbench, count_faults, play};
+use crate::world::{Repeats, Scenario};
 
 /// Request of an evaluation.
 #[derive(Clone, Copy)]

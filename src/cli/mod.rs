@@ -57,6 +57,7 @@ use strum::{EnumMessage, VariantArray};
 pub use failure::{Exit, Failure};
 use terminal::{Common, Program};
 
+use crate::experiment::NeutralRule;
 use crate::report::TextTable;
 use crate::run_dir::{Row, RunDir, RunError};
 use crate::world::Scenario;
@@ -227,6 +228,20 @@ fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
 /// Reads a world, with the consent that was typed.
 fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
     Ok(Scenario::find(path)?.allow_programs(common.allow_programs))
+}
+
+/// Notes odd content of a world, with its place in the file.
+fn note_warnings(path: &Path, world: &Scenario) {
+    let file = path.display().to_string();
+    let notes = failure::warnings(&file, &world.text, &world.warnings);
+    if !notes.is_empty() {
+        let shown = Failure::of(Exit::Done, notes);
+        let text = shown.render(terminal::theme(), terminal::width());
+        terminal::note_rendered(text.trim_end());
+    }
+    if let Some(broken) = NeutralRule::of(world) {
+        terminal::note(&format!("warning: {broken}\n  help: {}", broken.help()));
+    }
 }
 
 /// Refuses a program after `--` in a verb that takes it from a file only.

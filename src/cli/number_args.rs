@@ -27,6 +27,14 @@ pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value =
     }
 }
 
+/// Parses a finite number above 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && 0.0 < value => Ok(value),
+        _ => Err("a number above 0, such as 0.25".to_owned()),
+    }
+}
+
 /// Parses a whole number, also in thousands (`k`) or millions (`M`).
 pub(super) fn whole_number(text: &str) -> Option<u64> {
     let plain = text.replace('_', "");
@@ -51,7 +59,15 @@ pub(super) fn whole_number(text: &str) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use super::whole_number;
+    use super::{positive, whole_number};
+
+    #[test]
+    fn numbers_that_no_result_can_be_compared_with_are_refused() {
+        assert_eq!(positive("1.5"), Ok(1.5));
+        for text in ["NaN", "inf", "0", "-1", "", "a"] {
+            assert!(positive(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn numbers_are_read_as_people_type_them() {

@@ -107,7 +107,8 @@ pub(super) fn eval(args: &EvalArgs, most: usize) -> Result<Exit, Failure> {
         print_json(&json!(results))?;
     } else {
         test.live.data(&table::rows(&rows))?;
-        test.live.data(&format!("\n{}", text(&results)))?;
+        test.live
+            .data(&format!("\n{}", text(&results, ego.scenario())))?;
     }
     Ok(exit_of(&rows, args.fail_on_counterexample))
 }
@@ -172,8 +173,8 @@ fn all_rows(results: &PopulationResults) -> Vec<Row> {
     rows.chain(search).collect()
 }
 
-/// Formats the cells below the rows.
-fn text(results: &PopulationResults) -> String {
+/// Formats the cells below the rows, in the words of their world.
+fn text(results: &PopulationResults, world: &Scenario) -> String {
     let mut lines = Vec::new();
     for member in &results.members {
         lines.push(format!(
@@ -219,12 +220,12 @@ fn text(results: &PopulationResults) -> String {
         "next {} runs: {:.1} new cells expected [{lo:.0}, {hi:.0}]",
         results.next.runs, new.expected,
     ));
-    format!("{}\n\n{}", lines.join("\n"), cell_table(results))
+    format!("{}\n\n{}", lines.join("\n"), cell_table(results, world))
 }
 
-fn cell_table(results: &PopulationResults) -> String {
+fn cell_table(results: &PopulationResults, world: &Scenario) -> String {
     let listed = results.cells.iter().take(LISTED);
-    let rows = listed.map(|count| [count.cell.to_string(), count.failures.to_string()]);
+    let rows = listed.map(|count| [count.cell.in_words(world), count.failures.to_string()]);
     let table = TextTable::new(["cell", "starts"], rows).numbers_from(1);
     let table = table.to_terminal();
     let more = results.cells.len().saturating_sub(LISTED);

@@ -82,8 +82,30 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
             remarks(&replayed, &known)
         ))
     }?;
+    if regressions.is_recorded_ego() && !recorded {
+        note_absent_egos(&regressions);
+    }
     regressions.check_faults(&replayed)?;
     Ok(exit(args, regressions.is_recorded_ego(), &replayed))
+}
+
+/// Notes egos of records that are not here, so that the world's ego is not taken for them.
+fn note_absent_egos(regressions: &Regressions) {
+    let absent = regressions.absent_egos();
+    let Some((path, ego)) = absent.first() else {
+        return;
+    };
+    let files = match absent.len() {
+        1 => format!("`{}` has the ego `{ego}`", path.display()),
+        n => format!(
+            "{n} files such as `{}` have the ego `{ego}`",
+            path.display()
+        ),
+    };
+    terminal::note(&format!(
+        "{files}, which is in no file: the world's own ego was replayed\n  help: repeat the \
+         record with `--expect recorded`, or name your ego with `--ego` or after `--`"
+    ));
 }
 
 /// Returns the exit code of the replays.

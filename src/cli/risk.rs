@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::number_args::count;
+use super::number_args::{count, positive};
 use super::test_args::EgoArgs;
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
@@ -42,7 +42,7 @@ pub(super) struct RiskArgs {
     #[arg(long, value_name = "NAME|FILE.ron")]
     baseline_ego: Option<String>,
     /// Exit with 1 unless the ratio is below this at 95 %.
-    #[arg(long, value_name = "RATIO", requires = "baseline_ego")]
+    #[arg(long, value_name = "RATIO", requires = "baseline_ego", value_parser = positive)]
     at_most: Option<f64>,
     /// Most runs of each ego.
     #[arg(long, value_name = "N", default_value_t = RiskSettings::default().budget as u64,
@@ -53,7 +53,8 @@ pub(super) struct RiskArgs {
         value_parser = count(100..=1_000_000_000))]
     natural: u64,
     /// Half-width of the interval to stop at, as a share of the risk.
-    #[arg(long, value_name = "SHARE", default_value_t = RiskSettings::default().width)]
+    #[arg(long, value_name = "SHARE", default_value_t = RiskSettings::default().width,
+        value_parser = positive)]
     width: f64,
     /// The physics to measure in, instead of the world's.
     #[arg(long, value_parser = one_of::<PlantKind>())]
@@ -70,6 +71,8 @@ pub(super) struct RiskArgs {
     #[arg(long, default_value = "network", value_parser = one_of::<ValueKind>())]
     value: ValueKind,
     /// Directory of finished runs, from which the same command continues.
+    ///
+    /// So does one with a greater budget or another width.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Keep the likeliest lawful failure of each kind as a file.
@@ -112,6 +115,13 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     // The bar must not overwrite the report.
     drop(bar);
     let Some(report) = report else {
+        if let Some(dir) = args.out.as_ref().filter(|_| terminal::stopped()) {
+            terminal::note(&format!(
+                "stopped; finished runs are kept in {}: go on with the same command",
+                dir.display()
+            ));
+            return Ok(Exit::Interrupted);
+        }
         return interrupted_early(&args.common);
     };
     show(args, &report)?;
@@ -182,7 +192,18 @@ fn known(
         all.extend(KnownFailure::of_run(world, run)?);
     }
     for path in &args.known {
-        all.extend(KnownFailure::of_files(world, path)?);
+        let found = KnownFailure::of_files(world, path)?;
+        if found.is_empty() {
+            return Err(Failure::input(
+                format!(
+                    "`{}` has no counterexample of `{}`",
+                    path.display(),
+                    world.name()
+                ),
+                "name files that were kept in this world, or leave out `--known`",
+            ));
+        }
+        all.extend(found);
     }
     Ok(all)
 }

@@ -9,8 +9,8 @@ use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::traffic_args::TrafficArgs;
 use super::{
-    Common, Exit, Failure, finished, interrupted_early, league, load_world, one_of, open_run,
-    population, print_json, progress, refuse_program, table, terminal,
+    Common, Exit, Failure, finished, interrupted_early, league, load_world, note_warnings, one_of,
+    open_run, population, print_json, progress, refuse_program, table, terminal,
 };
 use crate::population::{DistinctRequest, LeagueRequest};
 use crate::rulebook::TrainingGoal;
@@ -89,6 +89,8 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let world = args.traffic.limited(world)?;
     // A refused stream must leave no run directory, and a refused training no stream.
     args.live.check(args.common.json)?;
+    // Before the first decision, because an odd world wastes the whole training.
+    note_warnings(&args.world, &world);
     match (args.distinct, args.league) {
         (Some(members), _) => train_population(args, &world, members as usize),
         (None, Some(rounds)) => train_league(args, &world, rounds as usize),

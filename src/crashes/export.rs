@@ -63,6 +63,7 @@ pub enum ExportRefusal {
 }
 
 /// Writes `NAME.xodr`, `NAME.xosc` and `NAME.external.xosc` per counterexample.
+///
 /// Existing files are replaced. A counterexample whose replay differs from its record is
 /// refused. Grid worlds are refused, too, because they have no roads.
 ///

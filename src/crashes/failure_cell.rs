@@ -197,6 +197,25 @@ mod tests {
     }
 
     #[test]
+    fn a_cell_names_its_decisive_action_by_what_it_does() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let cell = |action| FailureCell {
+            failure: CellFailure::contact("ado", CrashKind::RearEnd, 4.5),
+            decisive: Some(DecisiveAction {
+                ado: "ado".to_owned(),
+                action,
+            }),
+        };
+        let label = world.action_label(0);
+        assert_eq!(
+            cell(0).in_words(&world),
+            format!("rear-end with ado at 4–6 m/s, ado: {label}")
+        );
+        // A cell of another world has no label here.
+        assert!(cell(99).in_words(&world).ends_with("ado: action 99"));
+    }
+
+    #[test]
     fn every_part_of_a_cell_distinguishes_it_and_survives_json() {
         let cell = |partner: &str, kind, closing_mps, action| FailureCell {
             failure: CellFailure::contact(partner, kind, closing_mps),

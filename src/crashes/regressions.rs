@@ -190,6 +190,22 @@ impl Regressions {
         matches!(self.ego, ReplayedEgo::Recorded)
     }
 
+    /// Returns the files whose ego is in no file, each with its name.
+    ///
+    /// Examples are the egos of another simulator and of your own code. Unless you name
+    /// an ego, [`Regressions::replay`] plays the world's own in their place.
+    pub fn absent_egos(&self) -> Vec<(&Path, &str)> {
+        let is_absent = |kept: &&SavedCounterexample| {
+            let recorded = &kept.counterexample;
+            // A file that has no usable world is an error of the replay.
+            let world = recorded.nominal(&kept.path);
+            world.is_ok_and(|world| recorded.is_ego_absent(&world))
+        };
+        let absent = self.kept.iter().filter(is_absent);
+        let named = absent.map(|kept| (kept.path.as_path(), kept.counterexample.ego.as_str()));
+        named.collect()
+    }
+
     /// Replays all counterexamples.
     ///
     /// An ego that does not run is given up, as in [`FaultLog`]. The remaining replays

@@ -10,8 +10,7 @@ use crate::run_dir::{
     About, Counterexample, KeptError, RunDir, RunError, StartRepeated, digests_of,
 };
 use crate::scene::drive::EgoDrive;
-use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Aftermath, Episode, Replay, play};
+use crate::testbench::{Aftermath, Episode, Replay, Success, play};
 use crate::trace::Schema;
 use crate::world::{Repeats, Scenario};
 
@@ -144,23 +143,17 @@ pub(crate) fn newest_of_training(
     most: usize,
 ) -> Result<Vec<Replayed>, RunError> {
     let (scenario, stored) = (run.scenario()?, run.counterexamples_so_far()?);
-    let seed = run.manifest().seed;
+    let noise = run.noise_of(&stored)?;
     let mut bench = scenario.bench();
-    let all = stored.all();
+    let all: Vec<(&Success, u64)> = stored.all().iter().zip(noise).collect();
     let newest = &all[..all.len().saturating_sub(skipped)];
     let newest = &newest[newest.len().saturating_sub(most)..];
-    let replayed = newest.iter().map(|success| {
-        let key = StartKey {
-            purpose: Purpose::Train,
-            seed,
-            index: success.index,
-        };
-        let noise = bench.noise_of(key);
+    let replayed = newest.iter().map(|(success, noise)| {
         let mut actor = Replay::holding(&success.actions);
         let episode = play(
             &mut bench,
             &success.start,
-            noise,
+            *noise,
             &mut actor,
             Aftermath::Play,
         );

@@ -65,6 +65,18 @@ fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, 
     }
 }
 
+/// Returns the `index`th test start of a seed, with the seed of its noise.
+///
+/// `None`: the world lists its starts and has fewer, as in [`test_starts`] of all of them.
+pub(crate) fn test_start(scenario: &Scenario, seed: u64, index: usize) -> Option<(Start, u64)> {
+    let bench = scenario.bench();
+    let start = match scenario.starts() {
+        Some(all) => all.get(index)?.clone(),
+        None => bench.draw(test_key(seed, index)),
+    };
+    Some((start, test_noise(&bench, seed, index)))
+}
+
 /// Returns some of the test starts of a stream, with the seeds of their noise.
 pub(crate) fn drawn_starts(
     scenario: &Scenario,
@@ -218,5 +230,40 @@ impl TestStarts {
                 work(kept, start, turn)
             }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_test_start_is_that_of_all_also_in_a_world_that_lists_them() {
+        let text = include_str!("../../worlds/acc.ron");
+        let drawn = Scenario::parse("acc.ron", text).expect("sound");
+        let axes = drawn.axes();
+        let rows = [0.25, 0.5, 0.75].map(|share| {
+            let values = axes
+                .iter()
+                .map(|axis| axis.lo + share * (axis.hi - axis.lo));
+            format!("{:?}", values.collect::<Vec<f64>>())
+        });
+        let names: Vec<String> = axes.iter().map(|axis| format!("{:?}", axis.name)).collect();
+        let points = format!(
+            "points: (axes: [{}], rows: [{}]),\n    agents: [",
+            names.join(", "),
+            rows.join(", ")
+        );
+        let listed = text.replacen("agents: [", &points, 1);
+        let listed = Scenario::parse("acc.ron", &listed).expect("sound");
+        for (world, count) in [(&drawn, 5), (&listed, 3)] {
+            let all = untried_starts(world, 7, 5).starts;
+            assert_eq!(all.len(), count);
+            for (index, start) in all.into_iter().enumerate() {
+                assert_eq!(test_start(world, 7, index), Some(start));
+            }
+        }
+        assert_eq!(test_start(&listed, 7, 3), None);
+        assert!(test_start(&drawn, 7, usize::MAX).is_some());
     }
 }

@@ -95,7 +95,8 @@ impl<'a> AdoTrack<'a> {
         (!is_behind).then(|| own.s_m - agents[self.agent].body.length_m - ego.s_m)
     }
 
-    fn is_in_lane_of_ego(&self, [own, ego]: &[OnRoad; 2]) -> bool {
+    /// Returns whether an ado is in the lane in which an ego is.
+    fn is_in_lane_of(&self, own: &OnRoad, ego: &OnRoad) -> bool {
         let road = &self.world.spec().road;
         let lane_m = road.lane_middle_m(road.lane_at(ego.lateral_m));
         (own.lateral_m - lane_m).abs() < 0.5 * road.lane_width_m()
@@ -106,7 +107,10 @@ impl<'a> AdoTrack<'a> {
         let mut before = self.at(0);
         for sample in 1..samples {
             let now = self.at(sample);
-            if self.is_in_lane_of_ego(&now) && !self.is_in_lane_of_ego(&before) {
+            let [own, ego] = &now;
+            // Both against the ego's lane now: an ego that changes into the lane of the
+            // ado is not cut in on.
+            if self.is_in_lane_of(own, ego) && !self.is_in_lane_of(&before[0], ego) {
                 let gap_m = self.gap_m(&now).filter(|gap_m| *gap_m <= CUT_IN_GAP_M);
                 found.extend(gap_m.map(|gap_m| CutInState {
                     gap_m: gap_m.max(0.0),
@@ -123,10 +127,54 @@ impl<'a> AdoTrack<'a> {
     fn start(&self) -> Option<StartState> {
         let first = self.at(0);
         let gap_m = self.gap_m(&first).filter(|gap_m| 0.0 <= *gap_m)?;
-        self.is_in_lane_of_ego(&first).then(|| StartState {
-            speed_mps: self.egos[3][0],
-            gap_m,
-            closing_mps: self.egos[3][0] - self.own[3][0],
-        })
+        self.is_in_lane_of(&first[0], &first[1])
+            .then(|| StartState {
+                speed_mps: self.egos[3][0],
+                gap_m,
+                closing_mps: self.egos[3][0] - self.own[3][0],
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::Scenario;
+
+    /// Cut-ins of an ado 20 m ahead, if both move between these lanes in 2 s.
+    fn cut_ins(ego: [usize; 2], ado: [usize; 2]) -> Vec<CutInState> {
+        let world = Scenario::shipped("cut_in")
+            .expect("shipped")
+            .expect("sound");
+        let driving = world.drive().expect("a road").world();
+        let road = &driving.spec().road;
+        let bench = world.bench();
+        let mut trace = Trace::new(std::sync::Arc::clone(bench.schema()));
+        let column = |name: &str| bench.schema().position(name).expect("published");
+        let samples = 40;
+        for sample in 0..samples {
+            let mut row = vec![0.0; bench.schema().len()];
+            let share = f64::from(sample) / f64::from(samples - 1);
+            for (name, ahead_m, [from, to]) in [("ego", 0.0, ego), ("ado", 20.0, ado)] {
+                let [from_m, to_m] = [from, to].map(|lane| road.lane_middle_m(lane));
+                row[column(&format!("{name}.x"))] = ahead_m + f64::from(sample);
+                row[column(&format!("{name}.y"))] = from_m + share * (to_m - from_m);
+                row[column(&format!("{name}.speed"))] = 20.0;
+            }
+            trace.push(&row).expect("finite");
+        }
+        let all = behaviours(driving, &trace, samples as usize);
+        let (_, driven) = all.into_iter().find(|(name, _)| name == "ado").expect("it");
+        driven.cut_ins
+    }
+
+    #[test]
+    fn only_the_ado_s_own_change_of_lane_is_a_cut_in() {
+        let found = cut_ins([0, 0], [1, 0]);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].lateral_mps.abs() > 1.0 && found[0].gap_m > 10.0);
+        // The ego changes into the lane of the ado.
+        assert_eq!(cut_ins([1, 0], [0, 0]), []);
+        assert_eq!(cut_ins([0, 0], [0, 1]), []);
     }
 }

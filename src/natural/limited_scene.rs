@@ -77,6 +77,7 @@ impl LimitedScene {
     fn allows(&self, ado: &LimitedVehicle, (accel_mps2, left_mps): (f64, f64)) -> bool {
         let spec = self.world.spec();
         let limit = NaturalLimit::new(&self.limit.model, self.limit.per_1000_km);
+        // A deviation is added to what the plan does, and drivers are rated by the sum.
         let plan_mps2 = match spec.agents[ado.agent].plan() {
             Some(_) => self.bodies[ado.agent].state.accel_mps2 - ado.added_mps2,
             None => 0.0,
@@ -108,6 +109,7 @@ impl LimitedScene {
             let state = self.bodies[i].state;
             (self.world.course().locate(&state.pose), state.speed_mps)
         });
+        // The lane in which the ego is now. It may leave it before the crossing.
         let lane_m = spec.road.lane_middle_m(spec.road.lane_at(seen.0.lateral_m));
         let off_m = own.0.lateral_m - lane_m;
         let half_m = 0.5 * spec.road.lane_width_m();

@@ -66,6 +66,7 @@ impl SuccessRarity {
         trace: &Trace,
         samples: usize,
     ) -> Option<SuccessRarity> {
+        // One rare ado makes an episode rare, however the others drive.
         let all = behaviours(world, trace, samples).into_iter();
         let rated = all.map(|(ado, behaviour)| SuccessRarity {
             rarity: model.rarity(&behaviour),

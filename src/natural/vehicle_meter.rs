@@ -22,6 +22,7 @@ impl VehicleMeter {
     /// Creates the meter of a vehicle that kept its speed before the start.
     pub(super) fn new(speed_mps: f64, sample_s: f64) -> VehicleMeter {
         let mut meter = MotionMeter::new(speed_mps);
+        // Peaks are means over two stretches, so the first one needs a stretch before it.
         meter.push(0.0);
         VehicleMeter {
             meter,

@@ -66,15 +66,15 @@ impl Player<'_> {
     ) -> Result<Option<Vec<RiskRun>>, RunError> {
         let total = content.len();
         let components = mixture.allocation(total);
-        let work = EpisodeLoop::counted(self.watch, total);
         let mut all = Vec::with_capacity(total);
         for first in (0..total).step_by(PIECE) {
             let items: Vec<usize> = (first..total.min(first + PIECE)).collect();
-            let file = self.file(stage, first);
+            let file = self.file(stage, (first, total));
             if let Some(piece) = file.as_deref().map(run_file::read).transpose()?.flatten() {
                 all.extend(piece);
                 continue;
             }
+            let work = EpisodeLoop::counted_from(self.watch, first, total);
             let order = |index: usize| self.order(stage, index, &content, components[index]);
             let is_counted = matches!(content, Content::Natural(_));
             // The first natural runs are judged by the rules, of which lanes know nothing.
@@ -174,9 +174,12 @@ impl Player<'_> {
         }
     }
 
-    fn file(&self, stage: u64, first: usize) -> Option<PathBuf> {
+    fn file(&self, stage: u64, (first, total): (usize, usize)) -> Option<PathBuf> {
         let dir = self.dir.as_ref()?;
-        Some(dir.join(format!("{}-{stage:03}-{first:07}.runs", self.name)))
+        // The components of runs depend on their number. A round that the budget cut
+        // short is played anew under a greater one.
+        let name = format!("{}-{stage:03}-of-{total}-{first:07}.runs", self.name);
+        Some(dir.join(name))
     }
 }
 
@@ -194,9 +197,5 @@ pub(super) fn open(dir: &Path, fingerprint: &str) -> Result<(), RunError> {
     if found == fingerprint {
         return Ok(());
     }
-    Err(RunError::Damaged {
-        path: file,
-        why: "it is of another world, ego, traffic, seed or version; choose another directory"
-            .to_owned(),
-    })
+    Err(RunError::OtherRisk { path: dir.into() })
 }

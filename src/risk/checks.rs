@@ -64,7 +64,7 @@ pub struct Checks {
     pub natural_failures: usize,
     /// Number of them with weights above those of earlier rounds.
     pub natural_beyond: usize,
-    /// Upper bound that holds whatever the proposals missed.
+    /// Upper bound per run that holds whatever the proposals missed.
     pub bound: f64,
     /// Reasons why the estimate is no result. Empty if it is one.
     pub refusals: Vec<Refusal>,
@@ -76,6 +76,17 @@ impl Refusal {
             reason: reason.into(),
             fix: fix.to_owned(),
         }
+    }
+
+    /// Returns the refusal of an estimate that has natural runs alone.
+    fn without_rounds(failures: usize, natural: usize) -> Refusal {
+        Refusal::new(
+            format!(
+                "{failures} failures of {natural} natural runs are too few to count, and no \
+                 weighted run was played"
+            ),
+            "raise `--budget`, which has the natural runs and all others",
+        )
     }
 }
 
@@ -90,11 +101,11 @@ impl Checks {
         mixture: &Mixture,
         probes: &[&Probe],
     ) -> Checks {
-        // Starts outside X_init and faults say nothing about the ego.
-        let played = natural.iter();
-        let played = played.filter(|it| !matches!(it.end, RunEnd::Outside | RunEnd::Invalid));
+        // Starts outside X_init count here, as they do in every mean of a round. Faults
+        // say nothing about the ego.
+        let drawn = natural.iter().filter(|it| it.end != RunEnd::Invalid);
         let (mut n, mut failures, mut beyond) = (0, 0, 0);
-        for run in played {
+        for run in drawn {
             n += 1;
             let is_failure = run.failure().is_some();
             failures += usize::from(is_failure);
@@ -123,7 +134,11 @@ impl Checks {
             bound: bound(last, limit, (beyond, n)).min(1.0),
             refusals: Vec::new(),
         };
-        checks.refusals = checks.found(rounds, tail, &covered);
+        checks.refusals = if rounds.is_empty() && 0 < failures {
+            vec![Refusal::without_rounds(failures, n)]
+        } else {
+            checks.found(rounds, tail, &covered)
+        };
         let disagreement = checks.disagreement(estimate, n);
         checks.refusals.extend(disagreement);
         checks
@@ -219,8 +234,12 @@ fn invalid(rounds: &[Round]) -> Option<Refusal> {
 /// Heavier failures that are missing make an estimate too low and its interval too narrow.
 fn heaviest(rounds: &[Round], estimate: Option<RiskEstimate>) -> f64 {
     let draws: usize = rounds.iter().map(Round::len).sum();
-    // In an estimate of few failures, every failure weighs more.
-    estimate.map_or(0.0, |it| it.probability * draws as f64 / it.ess.min(PARTS))
+    estimate.map_or(0.0, |it| {
+        let sum = it.probability * draws as f64;
+        // In an estimate of few failures, every failure weighs more. Equal ones must not
+        // refuse each other by rounding.
+        (1.0 + 1e-9) * sum / it.ess.min(PARTS)
+    })
 }
 
 /// Returns the counterexamples that a mixture covers, and all of them, by mode.
@@ -256,40 +275,36 @@ mod tests {
 
     fn failure() -> EgoFailure {
         EgoFailure {
-            mode: "rear-end".to_owned(),
+            mode: "contact".to_owned(),
             lawful: true,
             preventable: None,
         }
     }
 
-    /// Checks a round of equal weights, with natural counterexamples of weight 1.
-    fn checked(failures: usize, weight: f64) -> Checks {
-        let failures = (0..failures).map(|index| WeightedFailure {
+    /// Round of 10,000 draws with failures of equal weights.
+    fn round(failures: usize, weight: f64) -> Round {
+        let failure = |index| WeightedFailure {
             index,
             component: 0,
             weight,
             mode: failure().mode,
             lawful: true,
             preventable: None,
-        });
-        let round = Round {
+        };
+        Round {
             draws: vec![10_000],
-            failures: failures.collect(),
+            failures: (0..failures).map(failure).collect(),
             invalid: 0.0,
-        };
-        let run = RiskRun {
-            ratios: vec![1.0],
-            shares: vec![0.5],
-            noise: 0,
-            actions: Vec::new(),
-            inputs: Vec::new(),
-            laws: Vec::new(),
-            component: 0,
-            end: RunEnd::Failed(failure()),
-        };
+        }
+    }
+
+    /// Checks a round of equal weights, with natural counterexamples of weight 1.
+    fn checked(failures: usize, weight: f64) -> Checks {
+        let run = RiskRun::ending(RunEnd::Failed(failure()));
         let probes = vec![Probe { ego: 0, run }; LEAST_PROBES];
         let probes: Vec<&Probe> = probes.iter().collect();
-        Checks::of(&[round], (&[], 1.0), &Mixture::natural(1), &probes)
+        let round = round(failures, weight);
+        Checks::of(&[round], (&[], 1.0), &Mixture::natural(0), &probes)
     }
 
     #[test]
@@ -309,5 +324,49 @@ mod tests {
         // With an ESS of 60, a failure like all others weighs a 60th part.
         assert_eq!(checked(60, 1.0).probes, [LEAST_PROBES; 2]);
         assert_eq!(checked(60, 0.9).probes, [0, LEAST_PROBES]);
+    }
+
+    /// Natural runs, of which these numbers are outside X_init and fail.
+    fn natural(n: usize, outside: usize, failing: usize) -> Vec<RiskRun> {
+        let end = |at: usize| {
+            if at < outside {
+                RunEnd::Outside
+            } else if at < outside + failing {
+                RunEnd::Failed(failure())
+            } else {
+                RunEnd::Held { lawful: None }
+            }
+        };
+        (0..n).map(|at| RiskRun::ending(end(at))).collect()
+    }
+
+    #[test]
+    fn natural_starts_outside_count_as_those_of_rounds() {
+        let refusals = |natural: &[RiskRun]| {
+            let mixture = Mixture::natural(0);
+            let checks = Checks::of(&[round(100, 0.1)], (natural, 2.0), &mixture, &[]);
+            let reasons = checks.refusals.into_iter().map(|it| it.reason);
+            reasons.collect::<Vec<_>>()
+        };
+        // The round has a failure in 1000 draws, of which nine tenths are outside.
+        assert_eq!(refusals(&natural(10_000, 9_000, 10)), [""; 0]);
+        let found = refusals(&natural(10_000, 9_000, 40));
+        assert!(found[0].starts_with("40 failures of 10000"), "{found:?}");
+    }
+
+    #[test]
+    fn a_budget_for_natural_runs_alone_is_named() {
+        let mixture = Mixture::natural(0);
+        let refused = |failing| {
+            let natural = natural(1000, 0, failing);
+            let checks = Checks::of(&[], (&natural, 0.0), &mixture, &[]);
+            checks.refusals[0].reason.clone()
+        };
+        let found = refused(30);
+        assert!(
+            found.starts_with("30 failures of 1000 natural runs are too few"),
+            "{found}"
+        );
+        assert_eq!(refused(0), "no failure is known in this traffic");
     }
 }

@@ -4,9 +4,9 @@ use super::batch::{self, Content, Player};
 use super::checks::{Checks, Probe};
 use super::learning::Learning;
 use super::mixture::Mixture;
-use super::pool::{RiskEstimate, Round, WeightedFailure, pooled};
+use super::pool::{Round, WeightedFailure, pooled};
 use super::record::{EgoFailure, RiskRun, RunEnd};
-use super::report::{EgoRisk, RiskCost, RiskReport};
+use super::report::{EgoRisk, RiskCost, RiskReport, lawful_rate};
 use super::request::RiskRequest;
 use super::run::RiskWorld;
 use crate::experiment::{EgoUnderTest, Watch};
@@ -22,11 +22,6 @@ const FIRST_ROUND: usize = 5_000;
 const LEAST_ROUND: usize = 500;
 /// Rounds that only learn, where learning has a plant of its own.
 const LEARNING: [usize; 3] = [5_000, 5_000, 10_000];
-/// Rounds that only learn on the plant of the ego.
-///
-/// Proposals from random actions alone may miss a part of the failures, with a narrow
-/// interval.
-const LEARNING_ON_OWN: [usize; 1] = [5_000];
 
 /// State of an estimation.
 pub(super) struct Estimation<'a> {
@@ -39,7 +34,8 @@ pub(super) struct Estimation<'a> {
     natural: Vec<Vec<RiskRun>>,
     learning: Learning,
     probes: Vec<Probe>,
-    impossible: usize,
+    /// Counterexamples from elsewhere that the traffic cannot produce, by ego.
+    impossible: Vec<usize>,
     /// Kinds of the counterexamples from elsewhere, by ego.
     known_modes: Vec<(usize, String)>,
     mixture: Mixture,
@@ -60,10 +56,15 @@ impl RiskRequest<'_> {
     /// # Errors
     /// The disk refuses, or the directory belongs to another request.
     pub fn estimate(&self, watch: &Watch<'_>) -> Result<Option<RiskReport>, RunError> {
+        // Stored runs of another request would be counted as runs of this one. Refused
+        // first, since a surrogate may take hours of runs.
+        if let Some(dir) = &self.dir {
+            batch::open(dir, &self.fingerprint())?;
+        }
         let Some(models) = self.surrogates(watch) else {
             return Ok(None);
         };
-        let mut estimation = Estimation::begin(self, models, watch)?;
+        let mut estimation = Estimation::begin(self, models, watch);
         if estimation.run()?.is_none() {
             return Ok(None);
         }
@@ -76,12 +77,8 @@ impl<'a> Estimation<'a> {
         request: &'a RiskRequest<'a>,
         models: Vec<Option<SurrogateWorld>>,
         watch: &'a Watch<'a>,
-    ) -> Result<Self, RunError> {
+    ) -> Self {
         let traffic = request.traffic;
-        // Stored runs of another request would be counted as runs of this one.
-        if let Some(dir) = &request.dir {
-            batch::open(dir, &request.fingerprint())?;
-        }
         let player = |at: usize, scenario: &Scenario, learns: bool| {
             let (starts, actions) = (traffic.starts.clone(), traffic.actions.clone());
             // Files of both plants are in one directory.
@@ -119,11 +116,11 @@ impl<'a> Estimation<'a> {
         let proposals = (request.settings.value, request.fault);
         let seed = request.settings.seed;
         let learning = Learning::begin(&players[0].world, names, proposals, seed);
-        Ok(Estimation {
+        Estimation {
             natural: Vec::new(),
             learning,
             probes: Vec::new(),
-            impossible: 0,
+            impossible: vec![0; players.len()],
             known_modes: Vec::new(),
             mixture: Mixture::natural(dimensions),
             rounds: vec![Vec::new(); players.len()],
@@ -136,14 +133,15 @@ impl<'a> Estimation<'a> {
             players,
             request,
             watch,
-        })
+        }
     }
 
     /// Plays until an estimate is good enough or the budget is spent. `None`: stopped.
     pub(super) fn run(&mut self) -> Result<Option<()>, RunError> {
         let settings = self.request.settings;
-        let natural_runs = settings.natural.min(settings.budget);
+        let [natural_runs, ..] = settings.before_rounds();
         self.watch.phase("natural runs");
+        // Nothing is learned from them, so that they can refute the proposals.
         let natural = Content::Natural(natural_runs);
         let Some(natural) = self.batches(natural, false)? else {
             return Ok(None);
@@ -154,10 +152,17 @@ impl<'a> Estimation<'a> {
         if self.is_counted() {
             return Ok(Some(()));
         }
+        if self.learn_proposals()?.is_none() {
+            return Ok(None);
+        }
+        self.rounds_within(settings.budget)
+    }
+
+    /// Plays the runs from which the proposals are learned before the first round.
+    fn learn_proposals(&mut self) -> Result<Option<()>, RunError> {
+        let settings = self.request.settings;
+        let [_, exploring, learning_on_own] = settings.before_rounds();
         self.watch.phase("exploration");
-        let left = settings.budget - natural_runs;
-        // At most a fifth, because explored runs are not part of the estimate.
-        let exploring = 5_000.min(left / 5);
         // Runs on another plant do not count against the budget of an ego.
         let on_own = self.learners.is_empty();
         if self.learn(Content::Exploring(exploring), on_own)?.is_none() {
@@ -169,20 +174,19 @@ impl<'a> Estimation<'a> {
         if self.learn(known, known_on_own)?.is_none() {
             return Ok(None);
         }
-        let sizes: &[usize] = if on_own { &LEARNING_ON_OWN } else { &LEARNING };
+        let on_own_sizes = [learning_on_own];
+        // Runs on another plant are cheap, so more of them are played.
+        let sizes: &[usize] = if on_own { &on_own_sizes } else { &LEARNING };
         for size in sizes {
             self.watch.phase("learning rounds");
             if !self.refit() {
                 break;
             }
-            // A small budget is for the estimate, above all.
-            let most = if on_own { left / 10 } else { *size };
-            let content = Content::Round(most.min(*size));
-            if self.learn(content, on_own)?.is_none() {
+            if self.learn(Content::Round(*size), on_own)?.is_none() {
                 return Ok(None);
             }
         }
-        self.rounds_within(settings.budget)
+        Ok(Some(()))
     }
 
     /// Plays rounds until all checks hold and the interval is narrow enough.
@@ -262,7 +266,7 @@ impl<'a> Estimation<'a> {
             for run in runs {
                 // A run of probability 0 has no weight to learn from.
                 if run.end == RunEnd::Impossible {
-                    self.impossible += 1;
+                    self.impossible[ego] += 1;
                     continue;
                 }
                 // A counterexample of another ego need not fail this one.
@@ -387,7 +391,7 @@ impl<'a> Estimation<'a> {
             horizon_s: scenario.world().clock().horizon_s,
             traffic: traffic.source.clone(),
             uniform_axes: traffic.uniform_axes.clone(),
-            inside: self.learning.inside(),
+            inside: self.learning.inside().probability,
             exposure: traffic.exposure,
             egos: all,
             ratio,
@@ -401,29 +405,21 @@ impl<'a> Estimation<'a> {
 
     fn ego_risk(&self, ego: usize) -> EgoRisk {
         let name = self.request.egos[ego].name();
-        let valid = |run: &&RiskRun| !matches!(run.end, RunEnd::Outside | RunEnd::Invalid);
-        let natural: Vec<&RiskRun> = self.natural[ego].iter().filter(valid).collect();
+        let natural = &self.natural[ego];
+        let lawful = lawful_rate(natural);
         if self.is_counted() {
-            return EgoRisk::counted(name, &natural);
+            return EgoRisk::counted(name, natural, &lawful);
         }
         let likeliest = self.likeliest.iter().filter(|(of, ..)| *of == ego);
         let likeliest = likeliest.map(|(_, _, run)| run.clone()).collect();
-        let lawful = natural.iter().filter_map(|run| match &run.end {
-            RunEnd::Held { lawful } => *lawful,
-            RunEnd::Failed(failure) => Some(failure.lawful),
-            _ => None,
-        });
-        let lawful: Vec<bool> = lawful.collect();
-        let hits = lawful.iter().filter(|it| **it).count();
-        let lawful = RiskEstimate::counted(hits, lawful.len());
         let checks = self.checks(ego);
         let known = self.known_modes.iter().filter(|(of, _)| *of == ego);
         let known: Vec<&str> = known.map(|(_, mode)| mode.as_str()).collect();
         EgoRisk::weighted(
             name,
-            (&self.rounds[ego], self.learning.inside()),
-            (checks, self.impossible),
-            lawful,
+            (&self.rounds[ego], &self.learning.inside()),
+            (checks, self.impossible[ego]),
+            &lawful,
             likeliest,
         )
         .with_known(&known)

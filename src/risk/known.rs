@@ -14,7 +14,6 @@ use crate::run_dir::{
     Counterexample, KeptError, RunDir, RunError, file_name, make_dir, write_file,
 };
 use crate::scene::Start;
-use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Replay, play};
 use crate::world::Scenario;
 
@@ -27,20 +26,25 @@ impl KnownFailure {
     /// Returns counterexamples of a training, evenly over its course.
     ///
     /// # Errors
-    /// The run stored none or is damaged.
+    /// The run stored none, is damaged, or has other starts or actions than `world`.
     pub fn of_run(world: &Scenario, run: &RunDir) -> Result<Vec<KnownFailure>, RunError> {
         let stored = run.counterexamples()?;
-        let all = stored.all();
-        // Runs store no noise, because it follows from the seed and the index.
-        let (bench, seed) = (world.bench(), run.manifest().seed);
-        let step = all.len().div_ceil(MOST).max(1);
-        let known = all.iter().step_by(step).map(|success| KnownFailure {
+        let shape = |it: &Scenario| {
+            let axes = it.axes().into_iter().map(|axis| axis.name);
+            (axes.collect::<Vec<_>>(), it.spaces().actions)
+        };
+        if shape(&run.scenario()?) != shape(world) {
+            return Err(RunError::OtherWorld {
+                path: run.path().into(),
+                world: world.name().to_owned(),
+            });
+        }
+        let noise = run.noise_of(&stored)?;
+        let step = noise.len().div_ceil(MOST).max(1);
+        let pairs = stored.all().iter().zip(noise).step_by(step);
+        let known = pairs.map(|(success, noise)| KnownFailure {
             start: success.start.clone(),
-            noise: bench.noise_of(StartKey {
-                purpose: Purpose::Train,
-                seed,
-                index: success.index,
-            }),
+            noise,
             actions: success.actions.clone(),
         });
         Ok(known.collect())
@@ -153,10 +157,13 @@ impl RiskRequest<'_> {
         let scenarios = self.egos.iter().map(EgoUnderTest::scenario);
         let programs: Vec<&Scenario> = scenarios.filter(|it| it.program().is_some()).collect();
         let mut text = format!(
-            "at most {} runs of {} s with each of {} egos",
+            "at most {} runs of {} s with {}",
             settings.budget,
             self.egos[0].scenario().world().clock().horizon_s,
-            self.egos.len()
+            match self.egos.len() {
+                1 => "the ego".to_owned(),
+                egos => format!("each of {egos} egos"),
+            }
         );
         if !programs.is_empty() {
             let seconds: f64 = programs.iter().map(|it| self.seconds_per_run(it)).sum();

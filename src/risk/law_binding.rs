@@ -40,6 +40,7 @@ impl LawBinder<'_, '_> {
         }
         let mut ados = Vec::new();
         for (name, set, neutral) in sets {
+            // A model alone has a law for every ado, but a file must name them all.
             let law = match file {
                 None => self.fitted(&place, &name, &set, None),
                 Some(file) => match file.0.get(&name) {

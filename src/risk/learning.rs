@@ -5,6 +5,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::mixture::Mixture;
+use super::pool::RiskEstimate;
 use super::record::RiskRun;
 use super::request::ProposalFault;
 use super::run::RiskWorld;
@@ -76,10 +77,20 @@ impl Learning {
         }
     }
 
-    /// Returns the share of the law of starts inside X_init.
-    pub(super) fn inside(&self) -> f64 {
+    /// Returns the share of the law of starts inside X_init, exact if all are inside.
+    pub(super) fn inside(&self) -> RiskEstimate {
         let inside = self.pool.iter().filter(|(_, state)| state.is_some());
-        inside.count().max(1) as f64 / POOL as f64
+        // At least one, because risks are divided by it.
+        let inside = inside.count().max(1);
+        let counted = RiskEstimate::counted(inside, POOL);
+        if inside < POOL {
+            counted
+        } else {
+            RiskEstimate {
+                interval: [1.0; 2],
+                ..counted
+            }
+        }
     }
 
     /// Adds a run of an ego.

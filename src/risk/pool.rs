@@ -80,6 +80,17 @@ impl RiskEstimate {
 
     /// Returns the estimate divided by an exact or independently measured rate.
     pub(super) fn over(&self, other: &RiskEstimate) -> RiskEstimate {
+        // An exact rate adds no width.
+        if other.interval == [other.probability; 2] {
+            return self.scaled(1.0 / other.probability);
+        }
+        // Nothing was observed, and 0 has no logarithm.
+        if self.probability <= 0.0 {
+            return RiskEstimate {
+                interval: [0.0, self.interval[1] / other.interval[0]],
+                ..*self
+            };
+        }
         let [lo, hi] = other.interval.map(|end| 1.0 / end);
         self.times(&RiskEstimate {
             probability: 1.0 / other.probability,
@@ -427,5 +438,9 @@ mod tests {
         assert!(risk.half_width() < over.half_width());
         let back = over.times(&rate);
         assert!((back.probability - 0.01).abs() < 1e-12);
+        // No hit leaves an upper end, above that of the count alone.
+        let none = RiskEstimate::counted(0, 10_000);
+        let [lo, hi] = none.over(&rate).interval;
+        assert!(lo == 0.0 && none.interval[1] / 0.9 < hi && hi < 2.0 * none.interval[1]);
     }
 }

@@ -75,6 +75,21 @@ impl RiskRun {
         &self.laws[decision * width..][..width]
     }
 
+    /// Returns a natural run without decisions.
+    #[cfg(test)]
+    pub(super) fn ending(end: RunEnd) -> RiskRun {
+        RiskRun {
+            shares: Vec::new(),
+            noise: 0,
+            actions: Vec::new(),
+            inputs: Vec::new(),
+            laws: Vec::new(),
+            component: 0,
+            ratios: vec![1.0],
+            end,
+        }
+    }
+
     /// Returns whether the law of the actions can produce the run.
     pub(super) fn is_possible(&self) -> bool {
         // Component 0 has the ratio 1 as long as the law allows every action.

@@ -4,6 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
+use super::batch::JUDGED;
 use super::checks::{Checks, Refusal};
 use super::pool::{RiskEstimate, Round, pooled};
 use super::record::{RiskRun, RunEnd};
@@ -127,21 +128,15 @@ impl EgoRisk {
         self.checks.as_ref().map_or(&[], |checks| &checks.refusals)
     }
 
-    /// Counts natural runs.
-    pub(super) fn counted(ego: &str, natural: &[&RiskRun]) -> EgoRisk {
-        let n = natural.len();
-        let failures = || natural.iter().filter_map(|run| run.failure());
+    /// Counts natural runs, of which `rate` keep every rule.
+    pub(super) fn counted(ego: &str, natural: &[RiskRun], rate: &RiskEstimate) -> EgoRisk {
+        // Starts outside X_init and faults say nothing about the ego.
+        let valid = |run: &&RiskRun| !matches!(run.end, RunEnd::Outside | RunEnd::Invalid);
+        let n = natural.iter().filter(valid).count();
+        let failures = || natural.iter().filter_map(RiskRun::failure);
         let counted = |hits: usize| RiskEstimate::counted(hits, n);
         let hits = failures().count();
         let lawful = failures().filter(|it| it.lawful).count();
-        // Failures of all runs are judged, the others of the first runs only.
-        let first = natural.iter().take(super::batch::JUDGED);
-        let first = first.filter(|run| match &run.end {
-            RunEnd::Held { lawful } => *lawful == Some(true),
-            RunEnd::Failed(failure) => failure.lawful,
-            _ => false,
-        });
-        let rate = RiskEstimate::counted(first.count(), n.min(super::batch::JUDGED));
         let prevented = failures().filter(|it| it.preventable == Some(true)).count();
         let mut modes: indexmap::IndexMap<&str, usize> = indexmap::IndexMap::new();
         failures().for_each(|it| *modes.entry(&it.mode).or_default() += 1);
@@ -155,7 +150,7 @@ impl EgoRisk {
             ego: ego.to_owned(),
             fails: Some(counted(hits)),
             fails_lawful: Some(counted(lawful)),
-            fails_given_lawful: (0 < rate.hits).then(|| counted(lawful).over(&rate)),
+            fails_given_lawful: (0 < rate.hits).then(|| counted(lawful).over(rate)),
             fails_preventable: Some(counted(prevented)),
             modes: modes.collect(),
             known_share: None,
@@ -173,11 +168,13 @@ impl EgoRisk {
     /// natural runs that keep every rule.
     pub(super) fn weighted(
         ego: &str,
-        (rounds, inside): (&[Round], f64),
-        (checks, impossible): (Checks, usize),
-        lawful: RiskEstimate,
+        (rounds, inside): (&[Round], &RiskEstimate),
+        (mut checks, impossible): (Checks, usize),
+        lawful: &RiskEstimate,
         likeliest: Vec<RiskRun>,
     ) -> EgoRisk {
+        // The bound is of all draws, but risks refer to starts inside.
+        checks.bound = (checks.bound / inside.probability).min(1.0);
         let mut risk = EgoRisk {
             ego: ego.to_owned(),
             fails: None,
@@ -190,19 +187,19 @@ impl EgoRisk {
             crude_runs: None,
             checks: None,
             likeliest,
-            unchecked: pooled(rounds, |_| true).map(|it| it.scaled(1.0 / inside)),
+            unchecked: pooled(rounds, |_| true).map(|it| it.over(inside)),
         };
         // A refused estimate has no number that could be quoted.
         if checks.refusals.is_empty() {
-            risk.read(rounds, inside, &lawful);
+            risk.read(rounds, inside, lawful);
         }
         risk.checks = Some(checks);
         risk
     }
 
-    fn read(&mut self, rounds: &[Round], inside: f64, lawful: &RiskEstimate) {
+    fn read(&mut self, rounds: &[Round], inside: &RiskEstimate, lawful: &RiskEstimate) {
         // Draws outside X_init are in every mean, but risks refer to starts inside.
-        let per_start = |it: RiskEstimate| it.scaled(1.0 / inside);
+        let per_start = |it: RiskEstimate| it.over(inside);
         let Some(all) = pooled(rounds, |_| true).map(per_start) else {
             return;
         };
@@ -238,6 +235,22 @@ impl EgoRisk {
         let spread = libm::log(1.0 + all.half_width()) / 1.96;
         self.crude_runs = Some((1.0 - all.probability) / (all.probability * spread * spread));
     }
+}
+
+/// Returns the rate at which natural runs keep every rule.
+///
+/// `natural` has all natural runs in order, of which only the first are judged.
+pub(super) fn lawful_rate(natural: &[RiskRun]) -> RiskEstimate {
+    // Later failures are judged too, but beside them no run that held.
+    let first = natural.iter().take(JUDGED);
+    let judged = first.filter_map(|run| match &run.end {
+        RunEnd::Held { lawful } => *lawful,
+        RunEnd::Failed(failure) => Some(failure.lawful),
+        RunEnd::Outside | RunEnd::Invalid | RunEnd::Impossible => None,
+    });
+    let judged: Vec<bool> = judged.collect();
+    let hits = judged.iter().filter(|it| **it).count();
+    RiskEstimate::counted(hits, judged.len())
 }
 
 /// Returns the estimate of an ego as if no check had refused it.
@@ -307,7 +320,7 @@ impl RiskReport {
         writeln!(
             f,
             "whatever the proposals missed: at most {}, of {} natural runs",
-            number(checks.bound / self.inside),
+            number(checks.bound),
             self.cost.natural
         )?;
         writeln!(
@@ -442,4 +455,42 @@ fn interval(risk: &RiskEstimate) -> String {
         number(risk.interval[0]),
         number(risk.interval[1])
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::EgoFailure;
+    use super::*;
+
+    #[test]
+    fn the_rate_of_lawful_runs_is_of_judged_runs_only() {
+        let failure = EgoFailure {
+            mode: "contact".to_owned(),
+            lawful: false,
+            preventable: None,
+        };
+        // Half of the starts are outside, and a tenth of the judged runs break a rule.
+        let judged = (0..JUDGED).map(|at| match at % 20 {
+            0 => RunEnd::Held {
+                lawful: Some(false),
+            },
+            it if it < 10 => RunEnd::Held { lawful: Some(true) },
+            _ => RunEnd::Outside,
+        });
+        let later = [RunEnd::Failed(failure), RunEnd::Held { lawful: None }];
+        let later = later.into_iter().cycle().take(1000);
+        let natural: Vec<RiskRun> = judged.chain(later).map(RiskRun::ending).collect();
+        let rate = lawful_rate(&natural);
+        assert_eq!((rate.probability, rate.hits), (0.9, 900));
+        // 500 failures, of which none is lawful: nothing to divide, but no NaN either.
+        let counted = EgoRisk::counted("ego", &natural, &rate);
+        let given = counted.fails_given_lawful.expect("a rate");
+        assert_eq!((given.probability, given.interval[0]), (0.0, 0.0));
+        assert!(
+            0.0 < given.interval[1] && given.interval[1] < 0.01,
+            "{given:?}"
+        );
+        let fails = counted.fails.expect("counted");
+        assert_eq!((fails.hits, fails.probability), (500, 0.25));
+    }
 }

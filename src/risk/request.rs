@@ -13,6 +13,14 @@ use crate::rl::Policy;
 use crate::sim::PlantKind;
 use crate::surrogate::SurrogateWorld;
 
+/// Most runs with random actions.
+const EXPLORING: usize = 5_000;
+/// Most runs of the round that only learns on the plant of the ego.
+///
+/// Proposals from random actions alone may miss a part of the failures, with a narrow
+/// interval.
+const LEARNING_ON_OWN: usize = 5_000;
+
 /// Request of a risk.
 #[derive(Clone)]
 #[non_exhaustive]
@@ -78,6 +86,21 @@ impl Default for RiskSettings {
     }
 }
 
+impl RiskSettings {
+    /// Returns the numbers of natural runs, of runs with random actions, and of runs of a
+    /// learning round on the ego's own plant.
+    pub(super) fn before_rounds(&self) -> [usize; 3] {
+        let natural = self.natural.min(self.budget);
+        let left = self.budget - natural;
+        // Few, because runs that only learn are not part of the estimate.
+        [
+            natural,
+            EXPLORING.min(left / 5),
+            LEARNING_ON_OWN.min(left / 10),
+        ]
+    }
+}
+
 impl<'a> RiskRequest<'a> {
     /// Creates a request with 100,000 runs per ego and a half-width of 25 %.
     pub fn new(traffic: &'a RiskTraffic, egos: &'a [EgoUnderTest]) -> RiskRequest<'a> {
@@ -92,8 +115,17 @@ impl<'a> RiskRequest<'a> {
         }
     }
 
-    /// Returns what the runs depend on, as the SHA-256 of JSON.
+    /// Returns what the stored runs depend on, as the SHA-256 of JSON.
+    ///
+    /// Budget and width only decide on the number of rounds. So a request with a greater
+    /// budget continues from the runs of a smaller one.
     pub(super) fn fingerprint(&self) -> String {
+        let settings = RiskSettings {
+            budget: 0,
+            natural: 0,
+            width: 0.0,
+            ..self.settings
+        };
         // A name alone would not reveal an ego that has changed.
         let egos = self.egos.iter().map(|ego| {
             let scenario = ego.scenario();
@@ -106,7 +138,8 @@ impl<'a> RiskRequest<'a> {
             "egos": egos.collect::<Vec<_>>(),
             "traffic": self.traffic.sha256,
             "known": known.collect::<Vec<_>>(),
-            "settings": self.settings,
+            "settings": settings,
+            "before_rounds": self.settings.before_rounds(),
             "fault": self.fault,
         }))
     }

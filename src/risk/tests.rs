@@ -208,6 +208,69 @@ fn threads_and_kills_change_no_byte() {
 }
 
 #[test]
+fn a_greater_budget_continues_from_the_stored_runs() {
+    let (world, dir) = (world(), directory("risk-budget"));
+    let traffic = traffic(&world, &dir);
+    let egos = [EgoUnderTest::nominal(&world)];
+    let with_budget = |budget: usize, at: Option<&Path>| {
+        let mut request = RiskRequest::new(&traffic, &egos);
+        request.settings = RiskSettings {
+            budget,
+            // Never narrow enough, so that the budget ends it.
+            width: 1e-9,
+            value: ValueKind::Table,
+            ..settings(4)
+        };
+        request.dir = at.map(Path::to_path_buf);
+        let report = request.estimate(&Watch::unwatched()).expect("a disk");
+        serde_json::to_string(&report.expect("not stopped")).expect("JSON")
+    };
+    let runs = dir.join("runs");
+    let written = || {
+        let files = std::fs::read_dir(&runs).expect("there").flatten();
+        let times = files.map(|it| {
+            let time = it.metadata().expect("there").modified();
+            (it.path(), time.expect("known"))
+        });
+        times.collect::<std::collections::BTreeMap<_, _>>()
+    };
+    let small = with_budget(51_000, Some(&runs));
+    let before = written();
+    let large = with_budget(52_000, Some(&runs));
+    assert_ne!(small, large);
+    assert_eq!(large, with_budget(52_000, None));
+    // Nothing is played twice but the round that the smaller budget cut short.
+    let after = written();
+    assert!(before.iter().all(|(file, time)| after[file] == *time));
+    assert!(before.len() > 80 && after.len() < before.len() + 40);
+    std::fs::remove_dir_all(&dir).expect("removed");
+}
+
+#[test]
+fn impossible_counterexamples_count_once_for_each_ego() {
+    let (world, dir) = (world(), directory("risk-impossible"));
+    let traffic = traffic(&world, &dir);
+    let weak = world.with(&world.reuse()["weak brakes"]).expect("fits");
+    let egos = [EgoUnderTest::nominal(&weak), EgoUnderTest::nominal(&world)];
+    // Its headway is outside the law of the starts.
+    let known = [KnownFailure {
+        start: crate::scene::Start(vec![1e6]),
+        noise: 0,
+        actions: vec![0],
+    }];
+    let mut request = RiskRequest::new(&traffic, &egos);
+    request.settings = RiskSettings {
+        budget: 1000,
+        ..settings(0)
+    };
+    request.known = &known;
+    let report = request.estimate(&Watch::unwatched()).expect("no disk");
+    let report = report.expect("not stopped");
+    assert_eq!([0, 1].map(|ego: usize| report.egos[ego].impossible), [1, 1]);
+    std::fs::remove_dir_all(&dir).expect("removed");
+}
+
+#[test]
 fn an_ego_that_cannot_fail_has_a_bound_and_no_result() {
     let (world, dir) = (world(), directory("risk-none"));
     let far = TRAFFIC.replace(

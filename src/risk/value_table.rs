@@ -99,6 +99,7 @@ impl TableOfV {
             taken: data.rows.iter().map(|row| taken(*row) as usize).collect(),
         };
         let all: Vec<usize> = (0..data.runs.len()).collect();
+        // Each sweep moves the values of failures back by further decisions.
         for _ in 0..SWEEPS {
             let targets = data.targets(self, &all);
             self.cells = self.means(&rows, &targets);
@@ -110,6 +111,7 @@ impl TableOfV {
     /// A cell with few decisions is close to the cell of the table without its last input.
     fn means(&self, rows: &TableCells, targets: &Targets) -> Vec<f64> {
         let width = self.heads * self.actions;
+        // Without any decision, no failure is expected.
         let mut coarse = vec![LEAST; width];
         for used in 0..=self.columns.len() {
             let count: usize = self.columns[..used].iter().map(TableColumn::bins).product();

@@ -8,13 +8,17 @@
 //! Architecture Invariant: nothing is allocated after construction, and no
 //! result depends on the batch in which it was computed (see `rl::kernel`).
 
+mod action_choice;
+mod dead_units;
+
+pub use action_choice::argmax;
+pub(crate) use action_choice::argmax_among;
+pub(super) use action_choice::{draw, sample, softmax};
+pub(super) use dead_units::UsedUnits;
+
 use super::bundle::{BundleError, TensorFile};
 use super::dice::LearnerRng;
 use super::kernel::{LANES, Loop, Product, padded};
-mod dead_units;
-
-pub(super) use dead_units::UsedUnits;
-
 use super::loops::{Blend, Mask, Relu};
 use super::orthogonal::orthogonal_matrix;
 use super::transpose::transpose;
@@ -476,67 +480,4 @@ impl Mlp {
     fn last(&self) -> &Layer {
         &self.layers[self.layers.len() - 1]
     }
-}
-
-/// Returns the index of the largest value. Ties go to the lowest index.
-pub fn argmax(values: &[f32]) -> usize {
-    let mut best = 0;
-    for (i, value) in values.iter().enumerate() {
-        if values[best] < *value {
-            best = i;
-        }
-    }
-    best
-}
-
-/// Returns the position of the greatest of the allowed values, the first if equal.
-///
-/// Without an allowed value it is that of the greatest.
-pub(crate) fn argmax_among(values: &[f32], allowed: &[bool]) -> usize {
-    let allowed = values
-        .iter()
-        .enumerate()
-        .zip(allowed)
-        .filter(|(_, it)| **it);
-    let best = allowed.reduce(|best, it| if best.0.1 < it.0.1 { it } else { best });
-    best.map_or_else(|| argmax(values), |((i, _), _)| i)
-}
-
-/// Computes probabilities that are never exactly 0, with finite logarithms.
-///
-/// The largest logit is subtracted, so that no exponential overflows. e⁻⁴⁰ is
-/// still a normal `f32`.
-pub(super) fn softmax(logits: &[f32], probabilities: &mut Vec<f32>) {
-    let top = logits[argmax(logits)];
-    probabilities.clear();
-    probabilities.extend(
-        logits
-            .iter()
-            .map(|logit| libm::expf((logit - top).max(-40.0))),
-    );
-    let sum: f32 = probabilities.iter().sum();
-    for p in probabilities {
-        *p /= sum;
-    }
-}
-
-/// Draws an action from the softmax of values divided by a temperature.
-pub(super) fn sample(values: &[f32], temperature: f64, units: &mut dyn FnMut() -> f64) -> usize {
-    let scaled: Vec<f32> = values.iter().map(|v| v / temperature as f32).collect();
-    let mut probabilities = Vec::with_capacity(values.len());
-    softmax(&scaled, &mut probabilities);
-    draw(&probabilities, units())
-}
-
-/// Returns the action at which the running sum of probabilities exceeds `unit`.
-pub(super) fn draw(probabilities: &[f32], unit: f64) -> usize {
-    let mut left = unit as f32;
-    for (action, p) in probabilities.iter().enumerate() {
-        if left < *p {
-            return action;
-        }
-        left -= p;
-    }
-    // Rounding may leave a remainder, which goes to the likeliest action.
-    argmax(probabilities)
 }

@@ -341,6 +341,15 @@ impl Counterexample {
             })
     }
 
+    /// Returns whether the recorded ego is in no file, as that of another simulator.
+    ///
+    /// `world` is that of the recording.
+    pub fn is_ego_absent(&self, world: &Scenario) -> bool {
+        let is_named = self.ego == "nominal" || world.reuse().contains_key(&self.ego);
+        let is_unchanged = self.change == Change::default() && world.program().is_none();
+        !self.ego_commands.is_empty() && !is_named && is_unchanged
+    }
+
     /// Returns the commands of an external ego.
     pub fn commands(&self) -> Option<Arc<[Command]>> {
         let commands = self.ego_commands.iter();

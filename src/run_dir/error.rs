@@ -91,6 +91,22 @@ pub enum RunError {
         /// Directory.
         path: PathBuf,
     },
+    /// The directory contains runs of another risk.
+    #[error(
+        "`{path}` has runs of another risk: its world, ego, traffic, seed, version or natural runs differ"
+    )]
+    OtherRisk {
+        /// Directory.
+        path: PathBuf,
+    },
+    /// The starts or actions of the run are those of another world.
+    #[error("the run `{path}` has other starts or actions than `{world}`")]
+    OtherWorld {
+        /// Directory of the run.
+        path: PathBuf,
+        /// World in which it was to be used.
+        world: String,
+    },
     /// The world of the run is not usable.
     #[error("the world of this run: {0}")]
     World(Box<ScenarioError>),
@@ -135,6 +151,10 @@ impl RunError {
                  `brakecheck eval RUN --runs N`"
                     .to_owned(),
             ),
+            RunError::OtherRisk { .. } => {
+                Some("name another directory with `-o`, or repeat the command that began it".to_owned())
+            }
+            RunError::OtherWorld { .. } => Some("name a run of the same world".to_owned()),
             RunError::World(_) => None,
         }
     }

@@ -11,6 +11,7 @@ use super::{RunDir, RunError};
 use crate::content_hash::sha256;
 use crate::rl::Demonstration;
 use crate::severity::CrashKind;
+use crate::world::Scenario;
 
 /// File of the failures that are known before a training.
 pub(super) const KNOWN: &str = "known.json";
@@ -73,9 +74,36 @@ impl CellFailure {
     }
 }
 
-impl Display for FailureCell {
+impl FailureCell {
+    /// Returns the cell in words, with the decisive action as its world labels it.
+    pub fn in_words(&self, world: &Scenario) -> String {
+        let failure = self.failure.to_string();
+        match &self.decisive {
+            Some(decisive) => format!("{failure}, {}: {}", decisive.ado, decisive.label(world)),
+            None => failure,
+        }
+    }
+}
+
+impl DecisiveAction {
+    /// Returns the label of the action, its number in a world without such an action.
+    fn label(&self, world: &Scenario) -> String {
+        let Some(driving) = world.drive() else {
+            return world.action_label(self.action);
+        };
+        let mut sets = driving.spec().action_sets();
+        let own = sets.find(|(name, ..)| *name == self.ado);
+        let own = own.filter(|(_, actions, _)| self.action < actions.len());
+        own.map_or_else(
+            || format!("action {}", self.action),
+            |(_, actions, _)| actions.label(self.action),
+        )
+    }
+}
+
+impl Display for CellFailure {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        match &self.failure {
+        match self {
             CellFailure::Contact {
                 partner,
                 kind,
@@ -87,13 +115,9 @@ impl Display for FailureCell {
                     f,
                     "{} with {partner} at {from_mps:.0}–{until_mps:.0} m/s",
                     kind.word()
-                )?;
+                )
             }
-            CellFailure::Violation { leaf } => write!(f, "`{leaf}` without contact")?,
-        }
-        match &self.decisive {
-            Some(decisive) => write!(f, ", action {} of {}", decisive.action, decisive.ado),
-            None => Ok(()),
+            CellFailure::Violation { leaf } => write!(f, "`{leaf}` without contact"),
         }
     }
 }

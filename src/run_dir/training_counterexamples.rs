@@ -10,7 +10,7 @@ use super::append_log::verified;
 use super::{Grown, RunDir, RunError};
 use crate::scene::{Axis, Start};
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{FIRST_KNOWN, Success};
+use crate::testbench::{Success, start_of};
 
 pub(super) const FILE: &str = "counterexamples.jsonl";
 
@@ -175,17 +175,32 @@ impl RunDir {
             }
             // JSON may lose the last bit of a number. The key restores it
             // exactly.
-            let known = success.index.checked_sub(FIRST_KNOWN);
-            success.start = match known.and_then(|at| bank.get(at as usize)) {
-                Some(known) => known.start.clone(),
-                None => bench.draw(StartKey {
-                    purpose: Purpose::Train,
-                    seed: self.manifest.seed,
-                    index: success.index,
-                }),
-            };
+            (success.start, _) = start_of(&bench, self.train_key(success.index), &bank);
             all.push(success);
         }
         Ok(Stored::new(all, bench.axes()))
+    }
+
+    /// Returns the seed of the noise behind each stored counterexample, in their order.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the bank of the training is missing or damaged.
+    pub(crate) fn noise_of(&self, stored: &Stored) -> Result<Vec<u64>, RunError> {
+        let (scenario, bank) = (self.scenario()?, self.bank()?);
+        let bench = scenario.bench();
+        let noise = |success: &Success| {
+            let (_, noise) = start_of(&bench, self.train_key(success.index), &bank);
+            noise
+        };
+        Ok(stored.all().iter().map(noise).collect())
+    }
+
+    fn train_key(&self, index: u64) -> StartKey {
+        StartKey {
+            purpose: Purpose::Train,
+            seed: self.manifest.seed,
+            index,
+        }
     }
 }

@@ -8,6 +8,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde_json::json;
+
 use super::live::LiveEpisode;
 use crate::crashes::{file_stem, labels_of_contact};
 use crate::ego::{Command, Controller, Fault, Percept};
@@ -81,7 +83,7 @@ pub(super) fn keep(world: &Scenario, live: &LiveEpisode, dir: &Path) -> Result<K
     let (seed, index) = live.test_start.unwrap_or((episode.noise, 0));
     let mut stem = file_stem(&here, EGO, seed, index);
     if live.test_start.is_none() {
-        let digest = crate::content_hash::sha256(format!("{:?}", episode.start.0).as_bytes());
+        let digest = crate::content_hash::fingerprint(&json!(episode.start.0));
         stem = format!("{stem}-{}", &digest[..8]);
     }
     let file = kept.save_as(dir, &stem, &episode.trace)?;

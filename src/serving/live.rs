@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use super::actions_of;
-use crate::experiment::drawn_starts;
+use crate::experiment::test_start;
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::drive::{Drive, DriveSpec};
@@ -80,10 +80,15 @@ impl ResetRequest {
         match (&self.start, self.index) {
             (None, None) => Ok(None),
             (Some(_), Some(_)) => Err("`reset` has an `index` and a `start`".to_owned()),
-            (None, Some(index)) => {
-                let drawn = drawn_starts(world, self.seed, index..index + 1);
-                Ok(drawn.into_iter().next())
-            }
+            (None, Some(index)) => match test_start(world, self.seed, index) {
+                Some(start) => Ok(Some(start)),
+                None => {
+                    let count = world.starts().map_or(0, |all| all.len());
+                    Err(format!(
+                        "`reset`: no start {index}, the world lists {count}"
+                    ))
+                }
+            },
             (Some(start), None) => start_of(world, start).map(|start| Some((start, 0))),
         }
     }
@@ -133,6 +138,7 @@ impl LiveEpisode {
         let spec: &DriveSpec = drive.spec();
         let is_ego = |agent: &crate::scene::drive::Agent| matches!(agent.drive, Drive::Ego);
         let mut bench = world.bench();
+        // To the contact, which a kept file needs for its severity.
         bench.begin(&start, noise, Aftermath::Play);
         let mut live = LiveEpisode {
             bench,
@@ -188,6 +194,7 @@ impl LiveEpisode {
             let Some(agent) = self.agents.iter().position(|it| *it == name) else {
                 return Err(format!("`sample`: unknown agent `{name}`"));
             };
+            // A simulator need not report an acceleration, but signals may read it.
             let gained_mps = given.speed_mps - before[agent].state.speed_mps;
             states[agent] = Some(given.state(gained_mps / sample_s));
         }
@@ -195,6 +202,7 @@ impl LiveEpisode {
             let name = &self.agents[self.ego];
             return Err(format!("`sample`: missing state of the ego `{name}`"));
         }
+        // Invariant: the episode is not over and its agents have bodies, so a sample is played.
         self.bench.sample_given(&states);
         self.decide(policy);
         Ok(())
@@ -211,11 +219,6 @@ impl LiveEpisode {
             });
             (name.clone(), state)
         });
-        let margins = self.bench.margins();
-        let rules = world.rules().iter().zip(&margins.rules);
-        let rules: Map<String, Value> = rules
-            .map(|(rule, margin)| (rule.name.clone(), json!(margin)))
-            .collect();
         let samples = self.bench.trace().len().saturating_sub(1);
         let mut answer = Map::new();
         let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
@@ -230,8 +233,19 @@ impl LiveEpisode {
             add("ados", actions_of(world.world(), action));
             add("value", json!(self.value.is_finite().then_some(self.value)));
         }
+        answer.extend(self.judgement(world));
+        answer
+    }
+
+    /// Returns the margins, and the verdict once it is final.
+    fn judgement(&self, world: &Scenario) -> Map<String, Value> {
+        let margins = self.bench.margins();
+        let rules = world.rules().iter().zip(&margins.rules);
+        let rules = rules.map(|(rule, margin)| (rule.name.clone(), json!(margin)));
+        let mut answer = Map::new();
+        let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
         add("robustness", json!(margins.spec));
-        add("rules", Value::Object(rules));
+        add("rules", Value::Object(rules.collect()));
         add("done", json!(self.bench.is_done()));
         let verdict = self.bench.verdict();
         add("verdict", json!(verdict.map(|verdict| verdict.word())));

@@ -223,6 +223,7 @@ impl ServedAdo {
 
     /// Begins an episode, which brakecheck judges if the request has a start.
     fn reset(&mut self, request: &Value) -> Result<Value, String> {
+        // Cleared first, so that a refused request leaves no episode to go on with.
         self.decisions = 0;
         self.live = None;
         let request = ResetRequest::parse(request)?;
@@ -266,6 +267,7 @@ impl ServedAdo {
         let mut missing = Vec::new();
         for observed in world.observed() {
             let name = observed.name.as_str();
+            // Clocks of both sides agree, as long as the simulator asks at every decision.
             let value = match (signals.get(name), name) {
                 (Some(value), _) => *value,
                 (None, "time") => passed_s,

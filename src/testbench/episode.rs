@@ -1,8 +1,10 @@
 //! Record of a played episode.
 
+use super::{Actor, Testbench};
 use crate::ego::{Command, Fault};
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::scene::{AfterContact, ContactEvent, Start};
+use crate::stl::Scratch;
 use crate::trace::Trace;
 
 /// Record of a played episode.
@@ -57,4 +59,61 @@ pub enum Aftermath {
     Skip,
     /// After a success, continue with the same ado to contact or the horizon.
     Play,
+}
+
+/// Plays an episode with `actor` on `bench` and returns its record.
+pub fn play(
+    bench: &mut Testbench,
+    start: &Start,
+    noise: u64,
+    actor: &mut dyn Actor,
+    aftermath: Aftermath,
+) -> Episode {
+    let mut obs = vec![0.0; bench.spaces().observation];
+    let mut actions = Vec::with_capacity(bench.clock().decisions());
+    bench.begin(start, noise, aftermath);
+    actor.begin(noise, start);
+    while !bench.is_done() {
+        bench.observe(&mut obs);
+        let action = match bench.allowed() {
+            Some(allowed) => actor.act_among(&obs, &allowed),
+            None => actor.act(&obs),
+        };
+        actions.push(action);
+        bench.decide(action);
+    }
+    bench.episode(start, noise, actions)
+}
+
+impl Testbench {
+    fn after_contact(&self) -> Option<AfterContact> {
+        self.contact.as_ref()?;
+        self.scene.after_contact().map(|(after, _)| after)
+    }
+
+    /// Returns the record of the episode played from `start` under `actions`.
+    pub(crate) fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
+        let verdict = self.verdict.unwrap_or(Verdict::Invalid);
+        let mut scratch = Scratch::default();
+        // Robustness is that of the judged samples, as in the verdict: the
+        // aftermath does not belong to it.
+        let mut judged = self.trace.clone();
+        judged.truncate(self.judged);
+        Episode {
+            start: start.clone(),
+            noise,
+            actions: self.as_played(actions),
+            robustness: self.rulebook.spec.robustness(&judged, &mut scratch),
+            trace: self.trace.clone(),
+            judged: self.judged,
+            verdict,
+            contact: self.contact.clone(),
+            after_contact: self.after_contact(),
+            rules_until_contact: self.rules_until_contact(),
+            broken_rules: self.broken.clone(),
+            fault: self.fault.clone(),
+            commands: self.scene.commands().to_vec(),
+            physics_steps: self.physics_steps(),
+        }
+    }
 }

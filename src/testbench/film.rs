@@ -74,6 +74,7 @@ pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
 pub fn film_beyond(bench: &mut Testbench, episode: &Episode) -> Film {
     let frames = film(bench, episode);
     let after = bench.contact.as_ref().and_then(|touch| {
+        // Only worlds with `after_contact_s` have it.
         let (motion, frames) = bench.scene.after_contact()?;
         Some(FilmAfterContact {
             contact_s: touch.time_s,

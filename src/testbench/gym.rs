@@ -89,13 +89,14 @@ impl Gym {
         }
     }
 
-    /// Plays on after a success, its last action held, to the contact or the
-    /// horizon; the learner decides no more.
+    /// Plays on after a success, with its last action held, to the contact or the horizon.
+    ///
+    /// The learner does not decide any more.
     pub(crate) fn play_aftermath(&mut self) {
         self.aftermath = Aftermath::Play;
     }
 
-    /// The episode that has just ended, if it is a success.
+    /// Returns the episode that has just ended, if it is a success.
     pub(crate) fn success(&self) -> Option<Episode> {
         let success = self.bench.verdict()?.is_success();
         success.then(|| self.ended_episode()).flatten()
@@ -108,8 +109,9 @@ impl Gym {
         Some(self.bench.episode(&self.start, noise, self.actions.clone()))
     }
 
-    /// Reward of the success that has just ended, which reaches the goals of the
-    /// training to a share in [0, 1]; 0 if it is none.
+    /// Returns the reward of the success that has just ended, 0 if it is none.
+    ///
+    /// `share` in [0, 1] states how far it reaches the goals of the training.
     pub(crate) fn reward_for(&self, share: f64) -> f32 {
         match self.bench.verdict() {
             Some(Verdict::Counterexample { by }) => {
@@ -167,16 +169,8 @@ impl Gym {
         self.known = known;
     }
 
-    /// Returns the start of an episode and the seed of its noise.
     fn start_of(&self, index: u64) -> (Start, u64) {
-        let known = index.checked_sub(FIRST_KNOWN);
-        match known.and_then(|at| self.known.get(at as usize)) {
-            Some(known) => (known.start.clone(), known.noise),
-            None => {
-                let key = self.key(index);
-                (self.bench.draw(key), self.bench.noise_of(key))
-            }
-        }
+        start_of(&self.bench, self.key(index), &self.known)
     }
 
     /// Returns the bench on which it plays.
@@ -191,6 +185,17 @@ impl Gym {
             seed: self.seed,
             index,
         }
+    }
+}
+
+/// Returns the start of an episode and the seed of its noise.
+///
+/// Indices from [`FIRST_KNOWN`] on are positions among the known episodes.
+pub(crate) fn start_of(bench: &Testbench, key: StartKey, known: &[KnownEpisode]) -> (Start, u64) {
+    let at = key.index.checked_sub(FIRST_KNOWN);
+    match at.and_then(|at| known.get(at as usize)) {
+        Some(known) => (known.start.clone(), known.noise),
+        None => (bench.draw(key), bench.noise_of(key)),
     }
 }
 
@@ -239,6 +244,7 @@ impl rl::Env for Gym {
             },
         }
     }
+
     fn part_rewards(&self, step: Step, rewards: &mut [f32]) {
         rewards.fill(step.reward);
         let verdict = self.bench.verdict().filter(|verdict| verdict.is_foul());

@@ -41,6 +41,7 @@ impl Testbench {
         };
         self.take(outcome);
         if self.is_done() {
+            // As after the last sample of `decide`.
             self.scene.finish();
         }
         true

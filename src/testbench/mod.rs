@@ -9,6 +9,7 @@ mod counting;
 mod episode;
 mod faults;
 pub(crate) mod film;
+mod fork;
 mod gym;
 mod live;
 mod recording;
@@ -20,12 +21,12 @@ use rand::Rng;
 
 pub(crate) use actors::HOLD_DECISIONS;
 pub use actors::{Actor, Constant, HeldRandom, PolicyActor, Random, Replay, SampledPolicy};
-pub use episode::{Aftermath, Episode};
+pub use episode::{Aftermath, Episode, play};
 pub(crate) use faults::count_faults;
 pub use faults::{Complaint, FaultCount, FaultLog};
 pub(crate) use film::{Film, FilmAfterContact, film, film_beyond, joined};
-pub(crate) use gym::Spent;
 pub use gym::{FIRST_KNOWN, Gym, KnownEpisode, Success};
+pub(crate) use gym::{Spent, start_of};
 pub use live::Margins;
 pub use recording::motion_of;
 pub(crate) use recording::passage_of;
@@ -38,9 +39,7 @@ use crate::preventability::Replayer;
 use crate::rl::Spaces;
 use crate::rulebook::{Counts, Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdict};
 use crate::scene::drive::DriveWorld;
-use crate::scene::{
-    AfterContact, Axis, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start, StepOutcome,
-};
+use crate::scene::{Axis, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start, StepOutcome};
 use crate::seed::StartKey;
 use crate::trace::{Schema, Trace};
 use recording::MotionRecorder;
@@ -245,7 +244,11 @@ impl Testbench {
         let Some(allowed) = self.limit.as_ref().and_then(|_| self.allowed()) else {
             return action;
         };
-        let Some(world) = self.driven().filter(|_| !allowed[action]) else {
+        // Checked first, because the world below is a copy.
+        if allowed[action] {
+            return action;
+        }
+        let Some(world) = self.driven() else {
             return action;
         };
         let differs = |other: &usize| world.spec().action_distance(action, *other);
@@ -344,54 +347,6 @@ impl Testbench {
         &self.broken
     }
 
-    /// Returns a copy that continues bit for bit, or `None` if the ego cannot fork.
-    pub fn fork(&self) -> Option<Testbench> {
-        Some(self.fork_around(self.trace.clone(), self.scene.fork()?))
-    }
-
-    /// Returns a copy like [`Testbench::fork`], which takes the samples with it.
-    ///
-    /// This bench must not continue before [`Testbench::rejoin`] returns them.
-    pub fn branch(&mut self) -> Option<Testbench> {
-        let scene = self.scene.fork()?;
-        // Moved and not copied: tree searches branch at every decision, and
-        // copies of the trace would grow with its length.
-        let empty = Trace::new(Arc::clone(self.scene.schema()));
-        let trace = std::mem::replace(&mut self.trace, empty);
-        Some(self.fork_around(trace, scene))
-    }
-
-    /// Takes back the samples that [`Testbench::branch`] moved.
-    pub fn rejoin(&mut self, branch: Testbench) {
-        self.trace = branch.trace;
-        // The trace has a sample at t = 0 and a sample per advance.
-        self.trace.truncate(self.advances as usize + 1);
-    }
-
-    fn fork_around(&self, trace: Trace, scene: Box<dyn Scene>) -> Testbench {
-        Testbench {
-            scene,
-            rulebook: Arc::clone(&self.rulebook),
-            judge: self.judge.clone(),
-            trace,
-            samples: self.samples,
-            row: self.row.clone(),
-            verdict: self.verdict,
-            judged: self.judged,
-            contact: self.contact.clone(),
-            lost: self.lost,
-            broken: self.broken.clone(),
-            fault: self.fault.clone(),
-            decisions: self.decisions,
-            advances: self.advances,
-            aftermath: self.aftermath,
-            recording: self.recording.clone(),
-            replayer: None,
-            limit: self.limit.clone(),
-            played: self.played.clone(),
-        }
-    }
-
     fn samples_left(&self) -> usize {
         self.samples.0 - self.trace.len()
     }
@@ -470,63 +425,6 @@ impl Testbench {
         if !self.is_decided() {
             self.verdict = Some(Verdict::Invalid);
             self.judged = self.trace.len();
-        }
-    }
-}
-
-/// Plays an episode with `actor` on `bench` and returns its record.
-pub fn play(
-    bench: &mut Testbench,
-    start: &Start,
-    noise: u64,
-    actor: &mut dyn Actor,
-    aftermath: Aftermath,
-) -> Episode {
-    let mut obs = vec![0.0; bench.spaces().observation];
-    let mut actions = Vec::with_capacity(bench.clock().decisions());
-    bench.begin(start, noise, aftermath);
-    actor.begin(noise, start);
-    while !bench.is_done() {
-        bench.observe(&mut obs);
-        let action = match bench.allowed() {
-            Some(allowed) => actor.act_among(&obs, &allowed),
-            None => actor.act(&obs),
-        };
-        actions.push(action);
-        bench.decide(action);
-    }
-    bench.episode(start, noise, actions)
-}
-
-impl Testbench {
-    fn after_contact(&self) -> Option<AfterContact> {
-        self.contact.as_ref()?;
-        self.scene.after_contact().map(|(after, _)| after)
-    }
-
-    /// Returns the record of the episode played from `start` under `actions`.
-    pub(crate) fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
-        let verdict = self.verdict.unwrap_or(Verdict::Invalid);
-        let mut scratch = crate::stl::Scratch::default();
-        // Robustness is that of the judged samples, as in the verdict: the
-        // aftermath does not belong to it.
-        let mut judged = self.trace.clone();
-        judged.truncate(self.judged);
-        Episode {
-            start: start.clone(),
-            noise,
-            actions: self.as_played(actions),
-            robustness: self.rulebook.spec.robustness(&judged, &mut scratch),
-            trace: self.trace.clone(),
-            judged: self.judged,
-            verdict,
-            contact: self.contact.clone(),
-            after_contact: self.after_contact(),
-            rules_until_contact: self.rules_until_contact(),
-            broken_rules: self.broken.clone(),
-            fault: self.fault.clone(),
-            commands: self.scene.commands().to_vec(),
-            physics_steps: self.physics_steps(),
         }
     }
 }

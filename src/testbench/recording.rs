@@ -47,6 +47,7 @@ impl Testbench {
     }
 
     pub(super) fn push_motion(&mut self) {
+        // Most episodes are not recorded, and their bodies need not be read.
         if self.recording.motion.is_none() {
             return;
         }

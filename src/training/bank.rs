@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 
 use crate::ron_file::file_text;
 use crate::run_dir::{Counterexample, KeptError, RunDir, RunError};
-use crate::seed::{Purpose, StartKey};
 use crate::testbench::KnownEpisode;
 use crate::world::Scenario;
 
@@ -104,14 +103,11 @@ fn of_run(world: &Scenario, path: &Path) -> Result<Vec<KnownEpisode>, BankError>
     let run = RunDir::open(path)?;
     let theirs = run.scenario()?;
     fits(world, &theirs, path)?;
-    let bench = theirs.bench();
     let stored = run.counterexamples_so_far()?;
-    let known = stored.all().iter().map(|success| KnownEpisode {
-        noise: bench.noise_of(StartKey {
-            purpose: Purpose::Train,
-            seed: run.manifest().seed,
-            index: success.index,
-        }),
+    let noise = run.noise_of(&stored)?;
+    let pairs = stored.all().iter().zip(noise);
+    let known = pairs.map(|(success, noise)| KnownEpisode {
+        noise,
         start: success.start.clone(),
         actions: success.actions.clone(),
     });
@@ -194,5 +190,60 @@ fn fits(world: &Scenario, theirs: &Scenario, path: &Path) -> Result<(), BankErro
             world.action_label(action)
         )),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rl::TensorFile;
+    use crate::run_dir::{Beginning, Done};
+    use crate::seed::{Purpose, StartKey};
+    use crate::testbench::{FIRST_KNOWN, Success};
+
+    #[test]
+    fn a_success_at_a_banked_start_has_the_noise_of_that_start() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let dir = tempfile::tempdir().expect("scratch");
+        let path = dir.path().join("run");
+        let bench = world.bench();
+        let start = bench.draw(StartKey {
+            purpose: Purpose::Train,
+            seed: 8,
+            index: 3,
+        });
+        let known = KnownEpisode {
+            start: start.clone(),
+            noise: 77,
+            actions: vec![0, 1],
+        };
+        let with = Beginning {
+            bank: std::slice::from_ref(&known),
+            ..Beginning::default()
+        };
+        let mut run = RunDir::begin(&path, &world, 5, with).expect("begun");
+        let success = |index| Success {
+            decisions: 2,
+            index,
+            start: start.clone(),
+            actions: vec![0, 1],
+            by: 1.0,
+        };
+        let successes = [success(FIRST_KNOWN), success(4)];
+        run.append_counterexamples(&successes).expect("written");
+        let checkpoint = TensorFile::new("test");
+        run.save_checkpoint(&checkpoint, Done::default())
+            .expect("written");
+        drop(run);
+        let found = of_run(&world, &path).expect("two episodes");
+        assert_eq!(found[0], known);
+        // Another start is that of its key, as ever.
+        let key = StartKey {
+            purpose: Purpose::Train,
+            seed: 5,
+            index: 4,
+        };
+        assert_eq!(found[1].noise, bench.noise_of(key));
+        assert_eq!(found[1].start, bench.draw(key));
     }
 }

@@ -3,7 +3,8 @@
 
 use super::demonstrations::{Budget, Seeded};
 use super::rollout::successes;
-use super::training_search::{SearchEffort, TrainingSearch};
+use super::search_worker::SearchEffort;
+use super::training_search::TrainingSearch;
 use crate::experiment::Watch;
 use crate::rl::Policy;
 use crate::run_dir::Calibration;
@@ -49,6 +50,7 @@ impl<'a> Calibrator<'a> {
     ) -> Option<Calibrator<'a>> {
         let training_search = TrainingSearch::new(scenario, Purpose::Calibration, seed);
         let decisions = scenario.learner.decisions();
+        // In proportion, so that judging a short training costs little of it.
         let starts = (decisions / 1000).clamp(STARTS.0, STARTS.1);
         let forks = training_search.forks();
         let each = if forks {
@@ -63,6 +65,7 @@ impl<'a> Calibrator<'a> {
         if watch.stopped() {
             return None;
         }
+        // Counted as demonstrations are, although no learner sees these.
         let mut searched = Seeded::default();
         let unsolved = searched.note(&indices, found);
         let budget = Budget {
@@ -100,6 +103,7 @@ impl<'a> Calibrator<'a> {
             switches: self.switches as u64,
             ..Calibration::default()
         };
+        // Of the last evaluation only, so that interruptions do not change the cost.
         self.physics_steps = self.searched_steps;
         for (played, &searched) in played.into_iter().zip(&self.solved) {
             let success = played.success.is_some();

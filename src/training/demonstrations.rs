@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use super::near_starts::StartCandidates;
 use super::rollout::successes;
-use super::training_search::{Scouted, SearchEffort, TrainingSearch};
+use super::search_worker::{Scouted, SearchEffort};
+use super::training_search::TrainingSearch;
 use crate::experiment::Watch;
 use crate::rl::{Demonstration, Policy, Seeding};
 use crate::run_dir::Sought;
@@ -72,30 +73,8 @@ pub(super) fn seed_training(
         return None;
     }
     seeded.note(&known, played);
-    let mut unsolved = Vec::new();
-    for chunk in indices.chunks(CHUNK) {
-        let spent = seeded.sought.simulations;
-        let tried = seeded.sought.starts as usize;
-        // Successes of near starts are changed below, which needs fewer simulations.
-        let dear = most < 2 * spent / (tried as u64).max(1) * indices.len() as u64;
-        if FEW <= seeded.demonstrations.len() && (dear || !bank.is_empty()) {
-            break;
-        }
-        let few = (seeded.demonstrations.len() as f64) < ENOUGH * tried as f64;
-        if most <= spent || (TRIED <= tried && few) {
-            break;
-        }
-        let each = UNEVEN * (most - spent) / (indices.len() - tried) as u64;
-        let each = each.min((most - spent) / CHUNK as u64).max(1);
-        let progress = (tried, indices.len());
-        let effort = SearchEffort::Walk { switches: 1 };
-        let found = training_search.search(chunk, (effort, each), progress, watch);
-        if watch.stopped() {
-            return None;
-        }
-        seeded.sought.starts += chunk.len() as u64;
-        unsolved.extend(seeded.note(chunk, found));
-    }
+    let budget = (most, bank.is_empty());
+    let mut unsolved = seeded.search_one_switch(&training_search, &indices, budget, watch)?;
     // Starts that were not reached have no success with one switch either.
     let reached = seeded.sought.starts as usize;
     let again = unsolved.len();
@@ -188,6 +167,44 @@ impl Seeded {
         }
     }
 
+    /// Searches starts in order with one switch of action, and returns those unsolved.
+    ///
+    /// It ends early if changes of known successes need fewer simulations, or if one switch
+    /// solves too few starts. `None`: stopped. `most` simulations are those of all searches.
+    fn search_one_switch(
+        &mut self,
+        training_search: &TrainingSearch<'_>,
+        indices: &[u64],
+        (most, is_bank_empty): (u64, bool),
+        watch: &Watch<'_>,
+    ) -> Option<Vec<u64>> {
+        let mut unsolved = Vec::new();
+        for chunk in indices.chunks(CHUNK) {
+            let spent = self.sought.simulations;
+            let tried = self.sought.starts as usize;
+            // All starts at this price would take more than half of the budget.
+            let dear = most < 2 * spent / (tried as u64).max(1) * indices.len() as u64;
+            if FEW <= self.demonstrations.len() && (dear || !is_bank_empty) {
+                break;
+            }
+            let few = (self.demonstrations.len() as f64) < ENOUGH * tried as f64;
+            if most <= spent || (TRIED <= tried && few) {
+                break;
+            }
+            let each = UNEVEN * (most - spent) / (indices.len() - tried) as u64;
+            let each = each.min((most - spent) / CHUNK as u64).max(1);
+            let progress = (tried, indices.len());
+            let effort = SearchEffort::Walk { switches: 1 };
+            let found = training_search.search(chunk, (effort, each), progress, watch);
+            if watch.stopped() {
+                return None;
+            }
+            self.sought.starts += chunk.len() as u64;
+            unsolved.extend(self.note(chunk, found));
+        }
+        Some(unsolved)
+    }
+
     /// Searches in order the starts that one switch of action does not solve.
     ///
     /// Returns the number of searched starts. `None`: stopped.
@@ -247,6 +264,7 @@ impl Seeded {
         watch: &Watch<'_>,
     ) -> Option<()> {
         let until = self.sought.simulations + simulations;
+        // More than the budget can search, so that only near ones are.
         let total = 2 * simulations / MUTATIONS;
         let candidates = FIRST_NEAR..FIRST_NEAR + total;
         let starts = training_search.starts(candidates.clone());
@@ -260,6 +278,7 @@ impl Seeded {
             noted = self.demonstrations.len();
             let left = until.saturating_sub(self.sought.simulations);
             let most = MUTATIONS.min(left / CHUNK as u64);
+            // Few at a time, because each success brings further starts near.
             let chunk = near.take(CHUNK);
             if most == 0 || chunk.is_empty() {
                 return Some(());

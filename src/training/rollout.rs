@@ -23,7 +23,12 @@ pub(super) fn successes(
     watch: &Watch<'_>,
 ) -> Option<Vec<GreedyEpisode>> {
     let all = EpisodeLoop::counted(watch, indices.len());
-    let gym = || TrainingGym::new(scenario, purpose, seed);
+    let gym = || {
+        let mut gym = TrainingGym::new(scenario, purpose, seed);
+        // An ego that does not run would look like one that never fails.
+        gym.inner().tell_faults(watch.faults.clone());
+        gym
+    };
     let played = all.run(indices, gym, |gym, &index, turn| {
         let before = gym.inner().spent().physics_steps;
         let success = succeeds(gym, index, policy);

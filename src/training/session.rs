@@ -152,6 +152,7 @@ impl TrainSession {
             None => begun.ego.clone(),
         };
         let seed = request.seed.unwrap_or(begun.seed);
+        // Code is in no file, so it must be given again.
         let own = ego.as_ref().filter(|ego| ego.is_own());
         if own.is_some_and(|ego| world.own_ego() != Some(&ego.name)) {
             let name = own.map_or("", |ego| &ego.name);
@@ -342,6 +343,7 @@ impl TrainRequest<'_> {
         if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
             world = world.on(plant);
         }
+        // A limit that does not fit the world is reported below, as a difference.
         if let (None, Some(natural)) = (world.traffic().limit(), &begun.natural)
             && let Ok(limited) = trained_naturally(&world, natural)
         {

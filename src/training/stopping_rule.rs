@@ -89,6 +89,7 @@ impl<'a> StoppingRule<'a> {
     pub(super) fn look(&mut self, learner: &mut dyn Learner) -> Option<bool> {
         let (before, now) = (self.looked, learner.decisions());
         let look = self.first_look();
+        // `looked` is that of the checkpoint, so a resumed training looks once as well.
         if !self.adapts() || look <= before || now < look || learner.finished() {
             self.looked = now;
             return Some(false);
@@ -108,11 +109,13 @@ impl<'a> StoppingRule<'a> {
         };
         let taken = learner.tally().requested;
         let solved = before.map(|before| before.solved());
+        // Where neither search nor ado solves a start, more training has nothing to learn.
         let nothing = now.searched == 0 && now.solved() == 0;
         let ended = if nothing || !self.adapts() {
             Some(TrainingEnd::Asked)
         } else if now.is_complete() {
             Some(TrainingEnd::Learned)
+        // Another extension hardly helps after one that did not.
         } else if solved.is_some_and(|solved| now.solved() <= solved) {
             Some(TrainingEnd::Settled)
         } else if self.longest <= taken {
@@ -120,6 +123,8 @@ impl<'a> StoppingRule<'a> {
         } else {
             None
         };
+        // The calibration is recorded below only, or a stopped training would resume as if
+        // it had been shown the starts of this look.
         if ended.is_none() && self.study(learner).is_none() {
             return true;
         }
@@ -170,6 +175,7 @@ impl<'a> StoppingRule<'a> {
     }
 
     fn calibrate(&mut self, learner: &dyn Learner) -> Option<Calibration> {
+        // Searched once, because its starts and their solutions stay the same.
         if self.calibrator.is_none() {
             self.watch.phase("searching calibration starts");
             self.calibrator = Calibrator::new(self.scenario, self.seed, self.watch);

@@ -1,24 +1,21 @@
 //! Training of an ado: testbench ⇄ learner → policy, kept in a run directory.
 
-use std::sync::Arc;
-
 use cpu_time::ThreadTime;
 
 use super::demonstrations::{Seeded, seed_training};
 use super::goals::GoalTracker;
+use super::progress_log::ProgressLog;
 use super::stopping_rule::StoppingRule;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
-use crate::rl::{BundleError, Control, Learner, LearnerReport, TensorFile};
-use crate::run_dir::{Done, Progress, RunDir, RunError, Window};
+use crate::rl::{BundleError, Control, Demonstration, Learner};
+use crate::run_dir::{Done, RunDir, RunError};
 use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
 use crate::world::Scenario;
 
 /// Decisions between two checkpoints. Unit tests need several of them soon.
 const CHECKPOINT_DECISIONS: u64 = if cfg!(test) { 400 } else { 50_000 };
-/// Episodes per line of `progress.jsonl`.
-const REPORT_EPISODES: u64 = if cfg!(test) { 7 } else { 250 };
 
 /// Outcome of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +66,7 @@ pub enum TrainError {
 /// the interruption. A finished run stays as it is.
 ///
 /// # Errors
-/// The disk refuses; the checkpoint does not fit; the ego keeps failing.
+/// The disk refuses, the checkpoint does not fit, or the ego keeps failing.
 pub fn train(
     scenario: &Scenario,
     run: &mut RunDir,
@@ -80,154 +77,249 @@ pub fn train(
     }
     run.hold()?;
     run.refuse(run.differences_in_learning(scenario)?)?;
-    let seed = run.manifest().seed;
-    let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
-    let bank = run.bank()?;
-    gym.inner().know(Arc::clone(&bank));
-    let spaces = scenario.spaces();
-    let checkpoint = run.checkpoint()?;
-    let known = run.known_failures()?;
-    if let Some(goals) = GoalTracker::beyond(scenario, known.as_ref(), checkpoint.as_ref())? {
-        gym.reward_by(goals);
-    }
-    let mut learner = match (checkpoint, run.from()?) {
-        (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
-        (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
-        (None, None) => scenario.learner.build(spaces, seed),
-    };
-    gym.inner().tell_faults(watch.faults.clone());
-    let mut physics_steps = run.manifest().physics_steps;
-    let mut spent_s = run.manifest().cpu_s;
-    let mut own = OwnTime::begin();
-    let searching = usize::from(scenario.learner.seeding().is_some());
-    let (learning, judging) = (watch.later(searching), watch.later(searching + 1));
-    if run.manifest().checkpoint.is_none()
-        && let Some(seeding) = scenario.learner.seeding()
-    {
-        watch.phase("searching training starts");
-        let shown = known.map(|known| known.demonstrations).unwrap_or_default();
-        // Known failures make the search for first successes unnecessary.
-        let seeded = if shown.is_empty() {
-            own.aside(|| seed_training(scenario, seed, (seeding, &bank), watch))
-        } else {
-            Some(Seeded::known(shown))
+    // Behind the search, if there is one, and the learning.
+    let searches = usize::from(scenario.learner.seeding().is_some());
+    let judging = watch.later(searches + 1);
+    let mut training = TrainLoop::begin(scenario, run, (watch, &judging))?;
+    training.learn()?;
+    training.end()
+}
+
+/// Training in progress.
+struct TrainLoop<'a> {
+    run: &'a mut RunDir,
+    watch: &'a Watch<'a>,
+    /// Watch of the learning alone.
+    learning: Watch<'a>,
+    gym: TrainingGym<'a>,
+    learner: Box<dyn Learner>,
+    stopping: StoppingRule<'a>,
+    log: ProgressLog,
+    /// Processor time before this process, and of the first search.
+    spent_s: f64,
+    own: OwnTime,
+    /// True if the run directory stores the successes.
+    stores: bool,
+}
+
+impl<'a> TrainLoop<'a> {
+    /// Restores a training from its checkpoint, or begins it with its demonstrations.
+    fn begin(
+        scenario: &'a Scenario,
+        run: &'a mut RunDir,
+        (watch, judging): (&'a Watch<'a>, &'a Watch<'a>),
+    ) -> Result<TrainLoop<'a>, TrainError> {
+        let seed = run.manifest().seed;
+        let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
+        gym.inner().know(run.bank()?);
+        let spaces = scenario.spaces();
+        let checkpoint = run.checkpoint()?;
+        let is_new = checkpoint.is_none();
+        let known = run.known_failures()?;
+        if let Some(goals) = GoalTracker::beyond(scenario, known.as_ref(), checkpoint.as_ref())? {
+            gym.reward_by(goals);
+        }
+        let mut learner = match (checkpoint, run.from()?) {
+            (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
+            (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
+            (None, None) => scenario.learner.build(spaces, seed),
         };
-        if let Some(seeded) = seeded {
-            learner.demonstrate(&mut gym, &seeded.demonstrations);
-            run.note_sought(seeded.sought);
-            spent_s += seeded.cpu_s;
-            physics_steps += seeded.sought.physics_steps + gym.inner().spent().physics_steps;
+        gym.inner().tell_faults(watch.faults.clone());
+        let mut physics_steps = run.manifest().physics_steps;
+        let mut spent_s = run.manifest().cpu_s;
+        let mut own = OwnTime::begin();
+        if is_new {
+            let shown = known.map(|known| known.demonstrations).unwrap_or_default();
+            let seeded = own.aside(|| demonstrations(scenario, run, shown, watch))?;
+            if let Some(seeded) = seeded {
+                learner.demonstrate(&mut gym, &seeded.demonstrations);
+                run.note_sought(seeded.sought);
+                spent_s += seeded.cpu_s;
+                physics_steps += seeded.sought.physics_steps + gym.inner().spent().physics_steps;
+            }
+        }
+        gym.inner().count_from(Spent {
+            decisions: learner.decisions(),
+            physics_steps,
+        });
+        // Only now, because demonstrations are no episodes of the training.
+        gym.show_to(watch.audience);
+        // Counterexamples of a family are not stored, because their egos have no names.
+        let stores = scenario.against.is_nominal();
+        if stores {
+            gym.inner().keep_successes();
+        }
+        let manifest = run.manifest();
+        let searches = usize::from(scenario.learner.seeding().is_some());
+        Ok(TrainLoop {
+            watch,
+            learning: watch.later(searches),
+            gym,
+            learner,
+            stopping: StoppingRule::new(scenario, manifest, seed, judging),
+            log: ProgressLog::of(manifest),
+            spent_s,
+            own,
+            stores,
+            run,
+        })
+    }
+
+    /// Trains until the stopping rule ends it, or `watch` stops it.
+    fn learn(&mut self) -> Result<(), TrainError> {
+        loop {
+            self.note_phase();
+            while !self.learner.finished() && !self.watch.stopped() {
+                if !self.learn_to_checkpoint()? {
+                    break;
+                }
+            }
+            let stopping = &mut self.stopping;
+            if self.watch.stopped() || self.own.aside(|| stopping.ends(&mut *self.learner)) {
+                return Ok(());
+            }
+            self.note_searches();
         }
     }
-    gym.inner().count_from(Spent {
-        decisions: learner.decisions(),
-        physics_steps,
-    });
-    // Only now, because demonstrations are no episodes of the training.
-    gym.show_to(watch.audience);
-    // Counterexamples of a family are not stored, because their egos have no names.
-    let stores = scenario.against.is_nominal();
-    if stores {
-        gym.inner().keep_successes();
+
+    fn note_phase(&self) {
+        self.learning.phase("training (decisions)");
+        (self.watch.progress)(self.learner.decisions(), self.learner.tally().requested);
     }
-    let mut ledger = Ledger {
-        episodes: run.manifest().episodes,
-        window: run.manifest().window,
-        ..Ledger::default()
+
+    /// Trains to the next checkpoint and saves it. False: stopped before it was due.
+    fn learn_to_checkpoint(&mut self) -> Result<bool, TrainError> {
+        self.learn_until(self.next_pause());
+        let lines = std::mem::take(&mut self.log.lines);
+        self.run.append_progress(&lines)?;
+        if self.stores {
+            let successes = self.gym.inner().take_successes();
+            self.run.append_counterexamples(&successes)?;
+        }
+        let stopping = &mut self.stopping;
+        let Some(looked) = self.own.aside(|| stopping.look(&mut *self.learner)) else {
+            // A checkpoint here would record a check that was not made.
+            return Ok(false);
+        };
+        if looked {
+            self.note_searches();
+            self.note_phase();
+        }
+        if !self.learner.finished() {
+            self.save_checkpoint(0)?;
+        }
+        Ok(true)
+    }
+
+    /// Returns the decision at which learning pauses next.
+    fn next_pause(&self) -> u64 {
+        let now = self.learner.decisions();
+        let checkpoint = (now / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
+        self.stopping.next_look(now).min(checkpoint)
+    }
+
+    fn learn_until(&mut self, until: u64) {
+        let total = self.learner.tally().requested;
+        let (watch, learning, log) = (self.watch, &self.learning, &mut self.log);
+        self.learner.train(&mut self.gym, &mut |progress| {
+            if let Some(line) = log.note(progress) {
+                // Training episodes explore, so the closing evaluation may succeed more often.
+                learning.detail(&format!(
+                    "solves {:.0} % exploring",
+                    100.0 * line.solved_share
+                ));
+                if let Some(audience) = watch.audience {
+                    audience.progress(&line);
+                }
+            }
+            (watch.progress)(progress.decisions.min(total), total);
+            let pause = until <= progress.decisions || watch.stopped();
+            if pause {
+                Control::Stop
+            } else {
+                Control::Continue
+            }
+        });
+    }
+
+    /// Counts the searches of the stopping rule as part of the training.
+    fn note_searches(&mut self) {
+        if let Some(sought) = self.stopping.sought {
+            self.run.note_sought(sought);
+        }
+        let mut spent = self.gym.inner().spent();
+        spent.physics_steps += self.stopping.take_steps();
+        self.gym.inner().count_from(spent);
+    }
+
+    /// Saves the learner with the counts of its training goals.
+    ///
+    /// `more_steps` are physics steps that the gym has not counted.
+    fn save_checkpoint(&mut self, more_steps: u64) -> Result<Done, TrainError> {
+        let done = self.done(more_steps);
+        let mut checkpoint = self.learner.checkpoint();
+        if let Some(goals) = self.gym.goals() {
+            goals.save(&mut checkpoint);
+        }
+        self.run.save_checkpoint(&checkpoint, done)?;
+        Ok(done)
+    }
+
+    fn done(&mut self, more_steps: u64) -> Done {
+        let mut spent = self.gym.inner().spent();
+        spent.physics_steps += more_steps;
+        let cpu_s = self.spent_s + self.own.elapsed_s() + self.stopping.cpu_s();
+        self.log.done(&*self.learner, &self.stopping, spent, cpu_s)
+    }
+
+    /// Saves the policy of a training that is over, or the checkpoint of one that is not.
+    fn end(mut self) -> Result<TrainingOutcome, TrainError> {
+        // Faults while it was searched, trained or judged.
+        let given_up = given_up(&*self.learner, self.watch);
+        if given_up.is_some() {
+            // A verdict of the stopping rule may rest on episodes that did not run.
+            self.stopping.ended = None;
+        }
+        let over = self.stopping.ended.is_some();
+        let done = if over {
+            let done = self.done(self.stopping.physics_steps());
+            self.run.save_policy(&self.learner.policy_bundle(), done)?;
+            done
+        } else if self.learner.finished() {
+            // Stopped while it was being judged: it may yet have to go on.
+            self.save_checkpoint(0)?
+        } else {
+            self.done(0)
+        };
+        // Only after the checkpoint, or the last decisions would be lost.
+        match given_up {
+            Some(error) => Err(error),
+            None => Ok(TrainingOutcome {
+                done,
+                interrupted: !over,
+                aborted: self.log.aborted,
+            }),
+        }
+    }
+}
+
+/// Returns the demonstrations of a new training. `None`: it uses none, or was stopped.
+fn demonstrations(
+    scenario: &Scenario,
+    run: &RunDir,
+    known: Vec<Demonstration>,
+    watch: &Watch<'_>,
+) -> Result<Option<Seeded>, RunError> {
+    let Some(seeding) = scenario.learner.seeding() else {
+        return Ok(None);
     };
-    let mut patience = StoppingRule::new(scenario, run.manifest(), seed, &judging);
-    loop {
-        learning.phase("training (decisions)");
-        (watch.progress)(learner.decisions(), learner.tally().requested);
-        while !learner.finished() && !watch.stopped() {
-            let until = (learner.decisions() / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
-            let until = patience.next_look(learner.decisions()).min(until);
-            let total = learner.tally().requested;
-            learner.train(&mut gym, &mut |progress| {
-                if let Some(line) = ledger.note(progress) {
-                    // Training episodes explore, so the closing evaluation may succeed more often.
-                    learning.detail(&format!(
-                        "solves {:.0} % exploring",
-                        100.0 * line.solved_share
-                    ));
-                    if let Some(audience) = watch.audience {
-                        audience.progress(&line);
-                    }
-                }
-                (watch.progress)(progress.decisions.min(total), total);
-                let pause = until <= progress.decisions || watch.stopped();
-                if pause {
-                    Control::Stop
-                } else {
-                    Control::Continue
-                }
-            });
-            run.append_progress(&std::mem::take(&mut ledger.lines))?;
-            if stores {
-                run.append_counterexamples(&gym.inner().take_successes())?;
-            }
-            let Some(looked) = own.aside(|| patience.look(&mut *learner)) else {
-                // A checkpoint here would record a check that was not made.
-                break;
-            };
-            if looked {
-                note_searches(&mut patience, run, &mut gym);
-                learning.phase("training (decisions)");
-                (watch.progress)(learner.decisions(), learner.tally().requested);
-            }
-            if !learner.finished() {
-                let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
-                let spent = gym.inner().spent();
-                let done = ledger.done(&*learner, &patience, spent, cpu_s);
-                run.save_checkpoint(&checkpoint_of(&*learner, &gym), done)?;
-            }
-        }
-        if watch.stopped() || own.aside(|| patience.ends(&mut *learner)) {
-            break;
-        }
-        note_searches(&mut patience, run, &mut gym);
+    watch.phase("searching training starts");
+    // Known failures make the search for first successes unnecessary.
+    if !known.is_empty() {
+        return Ok(Some(Seeded::known(known)));
     }
-    // While it was searched, trained or judged.
-    if let Some(error) = given_up(&*learner, watch) {
-        return Err(error);
-    }
-    // Stopped while it was being judged: it may yet have to go on.
-    let over = patience.ended.is_some();
-    let mut spent = gym.inner().spent();
-    if over {
-        spent.physics_steps += patience.physics_steps();
-    }
-    let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
-    let done = ledger.done(&*learner, &patience, spent, cpu_s);
-    match (over, learner.finished()) {
-        (true, _) => run.save_policy(&learner.policy_bundle(), done)?,
-        (false, true) => run.save_checkpoint(&checkpoint_of(&*learner, &gym), done)?,
-        (false, false) => {}
-    }
-    Ok(TrainingOutcome {
-        done,
-        interrupted: !over,
-        aborted: ledger.aborted,
-    })
-}
-
-/// Counts the searches of the stopping rule as part of the training.
-fn note_searches(patience: &mut StoppingRule<'_>, run: &mut RunDir, gym: &mut TrainingGym<'_>) {
-    if let Some(sought) = patience.sought {
-        run.note_sought(sought);
-    }
-    let mut spent = gym.inner().spent();
-    spent.physics_steps += patience.take_steps();
-    gym.inner().count_from(spent);
-}
-
-/// Returns a learner's checkpoint with the counts of its training goals.
-fn checkpoint_of(learner: &dyn Learner, gym: &TrainingGym<'_>) -> TensorFile {
-    let mut checkpoint = learner.checkpoint();
-    if let Some(goals) = gym.goals() {
-        goals.save(&mut checkpoint);
-    }
-    checkpoint
+    let (seed, bank) = (run.manifest().seed, run.bank()?);
+    Ok(seed_training(scenario, seed, (seeding, &bank), watch))
 }
 
 /// Processor time of the learning thread, without its share of searches and calibrations.
@@ -288,64 +380,77 @@ fn finished(run: &RunDir) -> TrainingOutcome {
     }
 }
 
-/// Counter of episodes, which writes progress lines.
-#[derive(Default)]
-struct Ledger {
-    lines: String,
-    episodes: u64,
-    aborted: u64,
-    /// Episodes since the last line.
-    window: Window,
-}
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
-impl Ledger {
-    /// Notes an episode, and returns at times the line of the recent ones.
-    fn note(&mut self, progress: &LearnerReport) -> Option<Progress> {
-        self.aborted = progress.aborted;
-        self.episodes = progress.episodes;
-        let window = &mut self.window;
-        window.episodes += 1;
-        window.returns += f64::from(progress.episode_return);
-        window.solved += u64::from(0.0 < progress.episode_return);
-        window.losses += progress.losses.sum;
-        window.updates += progress.losses.updates;
-        if window.episodes < REPORT_EPISODES {
-            return None;
+    use super::*;
+    use crate::ego::{Command, Controller, Fault, Percept};
+    use crate::experiment::Remark;
+    use crate::sim::PlantKind;
+    use crate::training::{SessionError, TrainRequest, TrainSession};
+
+    /// Ego that coasts until it breaks.
+    struct Breaking(Arc<AtomicBool>);
+
+    impl Controller for Breaking {
+        fn reset(&mut self, _seed: u64) {}
+
+        fn control(&mut self, _percept: &Percept) -> Result<Command, Fault> {
+            if self.0.load(Ordering::SeqCst) {
+                Err(Fault::error("broken"))
+            } else {
+                Ok(Command::default())
+            }
         }
-        let line = Progress {
-            decisions: progress.decisions,
-            episodes: progress.episodes,
-            window: window.episodes,
-            aborted: progress.aborted,
-            solved_share: window.solved as f64 / window.episodes as f64,
-            mean_return: window.returns / window.episodes as f64,
-            exploration: progress.exploration,
-            mean_loss: (0 < window.updates).then(|| window.losses / window.updates as f64),
-        };
-        if let Ok(text) = serde_json::to_string(&line) {
-            self.lines.push_str(&text);
-            self.lines.push('\n');
+
+        fn fork(&self) -> Option<Box<dyn Controller>> {
+            None
         }
-        self.window = Window::default();
-        Some(line)
     }
 
-    fn done(
-        &self,
-        learner: &dyn Learner,
-        patience: &StoppingRule<'_>,
-        spent: Spent,
-        cpu_s: f64,
-    ) -> Done {
-        Done {
-            decisions_asked: patience.requested,
-            decisions: learner.decisions(),
-            episodes: self.episodes,
-            physics_steps: spent.physics_steps,
-            cpu_s,
-            window: self.window,
-            calibration: patience.calibration,
-            ended: patience.ended,
-        }
+    #[test]
+    fn an_ego_that_breaks_while_the_ado_is_judged_loses_no_decision() {
+        let broken = Arc::new(AtomicBool::new(false));
+        let ego = Arc::clone(&broken);
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = world.on(PlantKind::Kinematic);
+        let world = world.with_ego(
+            "mine",
+            Arc::new(move || Box::new(Breaking(Arc::clone(&ego)))),
+        );
+        let request = TrainRequest {
+            // Fewer than between two checkpoints.
+            decisions: Some(300),
+            ..TrainRequest::default()
+        };
+        let dir = tempfile::tempdir().expect("scratch");
+        let path = dir.path().join("run");
+        let breaks = |remark: Remark<'_>| {
+            if let Remark::Phase { what, .. } = remark
+                && what.starts_with("playing calibration")
+            {
+                broken.store(true, Ordering::SeqCst);
+            }
+        };
+        let watch = Watch {
+            remarks: &breaks,
+            ..Watch::unwatched()
+        };
+        let mut session = TrainSession::begin(&world, &path, &request).expect("begun");
+        let error = session.train(&watch).expect_err("it broke");
+        assert!(
+            matches!(error, SessionError::Train(TrainError::Faults { .. })),
+            "{error}"
+        );
+        drop(session);
+        let run = RunDir::open(&path).expect("a run");
+        assert!(run.manifest().decisions_done >= 300 && !run.manifest().is_finished());
+        broken.store(false, Ordering::SeqCst);
+        let mut session = TrainSession::resume(&world, &path, &request).expect("begun");
+        let trained = session.train(&Watch::unwatched()).expect("trained");
+        assert_eq!(trained.done.decisions, run.manifest().decisions_done);
+        assert!(!trained.interrupted);
     }
 }

@@ -121,6 +121,7 @@ impl Env for TrainingGym<'_> {
         }
         step
     }
+
     fn part_rewards(&self, step: Step, rewards: &mut [f32]) {
         self.gym.part_rewards(step, rewards);
     }

@@ -167,6 +167,15 @@ fn a_kept_episode_of_another_simulator_replays_at_home() {
         let output = brakecheck(&["view", file, "-o", &path(&dir, "crash.svg")]);
         assert_eq!(code(&output), 0, "{}", stderr(&output));
     }
+    // The ego of the other simulator is not here, which a replay must not hide.
+    let output = brakecheck(&["replay", &keep]);
+    assert!(
+        stderr(&output).contains("which is in no file: the world's own ego was replayed"),
+        "{}",
+        stderr(&output)
+    );
+    let output = brakecheck(&["replay", &keep, "--expect", "recorded"]);
+    assert_eq!((code(&output), stderr(&output)), (0, String::new()));
     // An export takes only what repeats bit for bit.
     let output = brakecheck(&["export", &keep, "-o", &path(&dir, "scenarios"), "--osi"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));

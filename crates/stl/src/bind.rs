@@ -1,10 +1,9 @@
 //! Binding of names to signals, constants and formulas, and of times to samples.
 
 use std::fmt::Write as _;
-use std::ops::Range;
 use std::sync::Arc;
 
-use crate::error::{StlError, suggest};
+use crate::error::StlError;
 use crate::formula::{Expr, Formula};
 use crate::kernel::SampleWindow;
 use crate::leaf::{BoundExpression, Leaf};
@@ -12,11 +11,14 @@ use crate::monitor::Monitor;
 use crate::number::Ratio;
 use crate::program::{BooleanOp, BoundProgram, Edge, Id, MinMax, Op, Strength};
 use crate::settings::{Constants, Names, Settings};
-use crate::syntax::{Arithmetic, Binary, Comparison, Node, NodeKind, Term, TermKind, Unary};
+use crate::syntax::{Binary, Comparison, Node, NodeKind, Term, Unary};
 use crate::trace::{Schema, SignalKind};
 use crate::undefined;
 
+mod names;
 mod times;
+
+use names::{NameScope, not_finite};
 
 /// Greatest depth of a formula after named formulas are expanded.
 const MAX_DEPTH: usize = 200;
@@ -133,130 +135,6 @@ impl BoundExpr {
     }
 }
 
-/// Meanings of a name: a signal, else a constant, else a formula.
-struct NameScope<'a> {
-    schema: &'a Schema,
-    names: &'a Names,
-}
-
-impl<'a> NameScope<'a> {
-    fn value(&self, term: &Term) -> Result<BoundExpression, StlError> {
-        let value = match &term.kind {
-            TermKind::Number(value) => BoundExpression::Number(*value),
-            TermKind::Name(name) => return self.number(name, term.span.0.clone()),
-            TermKind::Negative(a) => BoundExpression::Negative(Box::new(self.value(a)?)),
-            TermKind::Calculated(op, sides) => BoundExpression::Calculated(
-                *op,
-                Box::new((self.value(&sides.0)?, self.value(&sides.1)?)),
-            ),
-            TermKind::Call(function, all) => {
-                let all = all
-                    .iter()
-                    .map(|a| self.value(a))
-                    .collect::<Result<_, _>>()?;
-                BoundExpression::Call(*function, all)
-            }
-        };
-        // Folded on the way up: leaves then compare a signal with a plain number. A
-        // constant that is not finite is also found before any trace.
-        fold_constant(value, term)
-    }
-
-    fn number(&self, name: &str, span: Range<usize>) -> Result<BoundExpression, StlError> {
-        if let Some(signal) = self.schema.position(name) {
-            return match self.schema.signals()[signal].kind {
-                SignalKind::Real => Ok(BoundExpression::Signal(signal)),
-                SignalKind::Boolean => Err(StlError::new(
-                    format!("the signal `{name}` is Boolean, not a number"),
-                    span,
-                    "true or false",
-                )
-                .with_help(format!(
-                    "write `{name}` or `not {name}`; two of them compare with `iff` or `xor`"
-                ))),
-            };
-        }
-        if let Some(value) = self.names.constants.get(name) {
-            return if value.is_finite() {
-                Ok(BoundExpression::Number(*value))
-            } else {
-                Err(not_finite(name, *value, span))
-            };
-        }
-        if self.names.formulas.contains_key(name) {
-            return Err(StlError::new(
-                format!("`{name}` is a formula, not a number"),
-                span,
-                "true or false",
-            ));
-        }
-        Err(self.unknown(name, span))
-    }
-
-    fn unknown(&self, name: &str, span: Range<usize>) -> StlError {
-        let constants = self.names.constants.keys().map(String::as_str);
-        let formulas = self.names.formulas.keys().map(String::as_str);
-        let signals = self.schema.signals().iter().map(|s| s.name.as_str());
-        let error = StlError::new(
-            format!("there is no signal, constant or formula `{name}`"),
-            span,
-            "unknown name",
-        );
-        error.maybe_help(suggest(
-            name,
-            "known",
-            signals.chain(constants).chain(formulas),
-        ))
-    }
-}
-
-fn not_finite(name: &str, value: f64, span: Range<usize>) -> StlError {
-    StlError::new(
-        format!("the constant `{name}` is {value}, not a finite number"),
-        span,
-        "not finite",
-    )
-}
-
-/// Evaluates a value without signals.
-fn fold_constant(value: BoundExpression, term: &Term) -> Result<BoundExpression, StlError> {
-    // Refused even for a signal divided by 0, which is ±inf or NaN at every sample.
-    if let BoundExpression::Calculated(Arithmetic::Divide, sides) = &value
-        && sides.1 == BoundExpression::Number(0.0)
-    {
-        return Err(StlError::new(
-            format!("`{term}` divides by zero"),
-            term.span.0.clone(),
-            "not a finite number",
-        ));
-    }
-    let constant = match &value {
-        BoundExpression::Negative(a) => matches!(**a, BoundExpression::Number(_)),
-        BoundExpression::Calculated(_, sides) => matches!(
-            **sides,
-            (BoundExpression::Number(_), BoundExpression::Number(_))
-        ),
-        BoundExpression::Call(_, all) => {
-            all.iter().all(|a| matches!(a, BoundExpression::Number(_)))
-        }
-        BoundExpression::Number(_) | BoundExpression::Signal(_) => return Ok(value),
-    };
-    if !constant {
-        return Ok(value);
-    }
-    // Without signals no row is read.
-    let number = value.at(&[]);
-    if number.is_finite() {
-        Ok(BoundExpression::Number(number))
-    } else {
-        Err(StlError::new(
-            format!("`{term}` is {number}"),
-            term.span.0.clone(),
-            "not a finite number",
-        ))
-    }
-}
-
 /// Extent of a comparison in its place in the text.
 #[derive(Clone, Copy)]
 enum Whole {
@@ -264,6 +142,7 @@ enum Whole {
     No,
 }
 
+/// Formula while its names are bound.
 struct Binder<'a> {
     scope: NameScope<'a>,
     settings: &'a Settings,

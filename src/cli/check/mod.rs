@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, failure, print_json, terminal};
+use super::{Common, Exit, Failure, note_warnings, print_json, terminal};
+use crate::experiment::NeutralRule;
 use crate::risk::{RiskTraffic, RiskTrafficError};
 use crate::ron_file::LoadError;
 use crate::world::Scenario;
@@ -79,16 +80,7 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
     } else {
         terminal::data(&format!("{}{}", text(&scenario), programs::text(&named)))?;
     }
-    let file = world.display().to_string();
-    let notes = failure::warnings(&file, &scenario.text, &scenario.warnings);
-    if !notes.is_empty() {
-        let shown = Failure::of(Exit::Done, notes);
-        terminal::note_rendered(
-            shown
-                .render(terminal::theme(), terminal::width())
-                .trim_end(),
-        );
-    }
+    note_warnings(world, &scenario);
     // A faulty program is reported last, so that the listing is complete.
     match programs::first_fault(&named) {
         Some(failure) => Err(failure),
@@ -117,7 +109,9 @@ fn listed(name: &str, items: &[String]) -> String {
 fn warnings(scenario: &Scenario) -> serde_json::Value {
     let warnings = scenario.warnings.iter();
     let warnings = warnings.map(|odd| json!({ "what": odd.what, "help": odd.help }));
-    warnings.collect()
+    let neutral = NeutralRule::of(scenario);
+    let neutral = neutral.map(|it| json!({ "what": it.to_string(), "help": it.help() }));
+    warnings.chain(neutral).collect()
 }
 
 fn problems(error: &LoadError) -> serde_json::Value {

@@ -99,6 +99,8 @@ impl From<&RunError> for Failure {
             | RunError::Differs { .. }
             | RunError::Conditional { .. }
             | RunError::Unfinished { .. }
+            | RunError::OtherRisk { .. }
+            | RunError::OtherWorld { .. }
             | RunError::NothingStored { .. } => {
                 Failure::plain(Exit::Input, error.to_string(), help)
             }

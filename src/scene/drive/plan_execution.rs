@@ -5,13 +5,14 @@
 //! at their own instant. Between those instants speeds are linear and lateral
 //! motion has a closed form, so no error accumulates over time.
 
-use core::f64::consts::PI;
+mod steps;
+
 use std::sync::Arc;
 
 use nalgebra::Vector2;
 
-use super::motion_profile::{ChangeShape, SAME_S, SpeedRamp, Swing, forward_part};
-use super::plan::{MotionLaw, MotionPlan, ScriptStep, Unmet};
+use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
+use super::plan::{MotionPlan, ScriptStep, Unmet};
 use crate::road::{Course, Road, wrapped};
 use crate::sim::{Pose, rotation_by};
 use crate::stl::{Monitor, OnlineMonitor};
@@ -259,146 +260,6 @@ impl PlanRun {
         let at = course.pose(s_m, lateral_m);
         let heading_rad = wrapped(at.heading_rad + heading_rad);
         Pose { heading_rad, ..at }.ahead(self.carried.lever_m)
-    }
-
-    /// Returns the initial phase of a step that is next from an instant on.
-    fn turn_of(&self, step: usize, since_s: f64) -> PlanPhase {
-        let Some(next) = self.steps.get(step) else {
-            return PlanPhase::Over;
-        };
-        match self.carried.whens.get(step).and_then(Option::as_ref) {
-            Some(monitor) => PlanPhase::Waits {
-                since_s,
-                before: None,
-                watch: Box::new(monitor.online()),
-            },
-            None => PlanPhase::Due(since_s + next.after_s),
-        }
-    }
-
-    /// Begins and ends the steps that are due.
-    fn settle(&mut self, time_s: f64, road: &Road, speed_of: &impl Fn(&str) -> f64) {
-        loop {
-            match self.phase {
-                PlanPhase::Due(at_s) if at_s <= time_s + SAME_S => {
-                    let ends_s = self.act(at_s, time_s, road, speed_of);
-                    self.phase = PlanPhase::Acts { ends_s };
-                }
-                PlanPhase::Acts { ends_s } if ends_s <= time_s + SAME_S => {
-                    if let Some(MotionLaw::Walk { .. }) = self.steps[self.step].does.first() {
-                        self.ramp = SpeedRamp::steady(0.0);
-                    }
-                    // Only a step that overlaps ends before its lateral motion.
-                    self.swing = self.swing.filter(|it| ends_s + SAME_S < it.ends_s());
-                    self.step += 1;
-                    self.phase = self.turn_of(self.step, ends_s);
-                }
-                _ => return,
-            }
-        }
-    }
-
-    fn next_change_s(&self, time_s: f64) -> f64 {
-        let step_s = match self.phase {
-            PlanPhase::Due(at_s) => at_s,
-            PlanPhase::Acts { ends_s } => ends_s,
-            PlanPhase::Waits { .. } | PlanPhase::Over => f64::INFINITY,
-        };
-        let swing = self.swing.map(|it| it.ends_s());
-        let changes = [Some(step_s), Some(self.ramp.ends_s()), swing];
-        let later = changes.into_iter().flatten();
-        let later = later.filter(|at_s| time_s + SAME_S < *at_s);
-        later.fold(f64::INFINITY, f64::min)
-    }
-
-    /// Begins the laws of a step and returns the time at which all have ended.
-    ///
-    /// The step was due at `at_s`, which may lie before the current time.
-    fn act(&mut self, at_s: f64, now_s: f64, road: &Road, speed_of: &impl Fn(&str) -> f64) -> f64 {
-        let from_mps = self.ramp.speed_mps(now_s);
-        let mut ends_s = at_s;
-        let laws = self.steps[self.step].does.clone();
-        for law in &laws {
-            let mut to_speed = |to_mps: f64, rate_mps2: f64, shape: ChangeShape| {
-                self.ramp = SpeedRamp {
-                    begins_s: at_s,
-                    from_mps,
-                    // `relative_to` could make it negative, but plans never reverse.
-                    to_mps: to_mps.max(0.0),
-                    rate_mps2: rate_mps2.abs(),
-                    shape,
-                };
-                self.ramp.ends_s()
-            };
-            let law_ends_s = match law {
-                MotionLaw::Speed {
-                    to_mps,
-                    relative_to,
-                    rate_mps2,
-                    shape,
-                } => {
-                    let shape = shape.unwrap_or(ChangeShape::Linear);
-                    let base_mps = relative_to.as_deref().map_or(0.0, speed_of);
-                    to_speed(base_mps + to_mps, rate_mps2.unwrap_or(f64::INFINITY), shape)
-                }
-                MotionLaw::Brake { rate_mps2 } => to_speed(0.0, *rate_mps2, ChangeShape::Linear),
-                MotionLaw::Walk { speed_mps, way_m } => {
-                    to_speed(*speed_mps, f64::INFINITY, ChangeShape::Linear);
-                    at_s + way_m / speed_mps
-                }
-                MotionLaw::LaneChange {
-                    by_m,
-                    rate_mps,
-                    shape,
-                } => {
-                    let shape = shape.unwrap_or(ChangeShape::Cosine);
-                    let lasts_s = match shape {
-                        ChangeShape::Cosine => PI * by_m.abs() / (2.0 * rate_mps),
-                        shape => shape.peak() * by_m.abs() / rate_mps,
-                    };
-                    self.changed_m += by_m;
-                    self.sway((at_s, lasts_s), (*by_m, shape), true)
-                }
-                MotionLaw::LaneOffset {
-                    to_m,
-                    most_lateral_mps2,
-                } => {
-                    let lane = road.lane_at(self.start_m);
-                    let middle_m = road.lane_middle_m(lane) + self.changed_m;
-                    let by_m = middle_m + to_m - self.lateral_m;
-                    let lasts_s = PI * (by_m.abs() / (2.0 * most_lateral_mps2)).sqrt();
-                    self.sway((at_s, lasts_s), (by_m, ChangeShape::Cosine), false)
-                }
-            };
-            if !(self.steps[self.step].overlaps && law.is_across()) {
-                ends_s = ends_s.max(law_ends_s);
-            }
-        }
-        // Laws that began before now have acted since, along and across.
-        let missed_m = self.ramp.way_m(at_s, now_s) - from_mps * (now_s - at_s);
-        if at_s < now_s {
-            let (cos, sin) = self.carried.direction();
-            self.s_m += cos * missed_m;
-            let begun = self.swing.filter(|_| laws.iter().any(MotionLaw::is_across));
-            self.lateral_m += sin * missed_m + begun.map_or(0.0, |it| it.way_m(now_s));
-        }
-        ends_s
-    }
-
-    fn sway(
-        &mut self,
-        (begins_s, lasts_s): (f64, f64),
-        (by_m, shape): (f64, ChangeShape),
-        is_slanted: bool,
-    ) -> f64 {
-        self.swing = Some(Swing {
-            begins_s,
-            lasts_s,
-            by_m,
-            shape,
-            is_slanted,
-        });
-        begins_s + lasts_s
     }
 
     /// Advances between two instants at which no law begins or ends.

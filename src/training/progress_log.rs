@@ -1,0 +1,82 @@
+//! Counts of the episodes of a training, and the lines of `progress.jsonl`.
+
+use super::stopping_rule::StoppingRule;
+use crate::rl::{Learner, LearnerReport};
+use crate::run_dir::{Done, Manifest, Progress, Window};
+use crate::testbench::Spent;
+
+/// Episodes per line of `progress.jsonl`.
+const REPORT_EPISODES: u64 = if cfg!(test) { 7 } else { 250 };
+
+/// Counter of episodes, which writes progress lines.
+#[derive(Default)]
+pub(super) struct ProgressLog {
+    /// Lines that are not written yet.
+    pub(super) lines: String,
+    episodes: u64,
+    pub(super) aborted: u64,
+    /// Episodes since the last line.
+    window: Window,
+}
+
+impl ProgressLog {
+    /// Continues the counts of a run.
+    pub(super) fn of(run: &Manifest) -> ProgressLog {
+        ProgressLog {
+            episodes: run.episodes,
+            window: run.window,
+            ..ProgressLog::default()
+        }
+    }
+
+    /// Notes an episode, and returns at times the line of the recent ones.
+    pub(super) fn note(&mut self, progress: &LearnerReport) -> Option<Progress> {
+        self.aborted = progress.aborted;
+        self.episodes = progress.episodes;
+        let window = &mut self.window;
+        window.episodes += 1;
+        window.returns += f64::from(progress.episode_return);
+        window.solved += u64::from(0.0 < progress.episode_return);
+        window.losses += progress.losses.sum;
+        window.updates += progress.losses.updates;
+        if window.episodes < REPORT_EPISODES {
+            return None;
+        }
+        let line = Progress {
+            decisions: progress.decisions,
+            episodes: progress.episodes,
+            window: window.episodes,
+            aborted: progress.aborted,
+            solved_share: window.solved as f64 / window.episodes as f64,
+            mean_return: window.returns / window.episodes as f64,
+            exploration: progress.exploration,
+            mean_loss: (0 < window.updates).then(|| window.losses / window.updates as f64),
+        };
+        if let Ok(text) = serde_json::to_string(&line) {
+            self.lines.push_str(&text);
+            self.lines.push('\n');
+        }
+        self.window = Window::default();
+        Some(line)
+    }
+
+    /// Returns the progress of a training for its manifest.
+    pub(super) fn done(
+        &self,
+        learner: &dyn Learner,
+        stopping: &StoppingRule<'_>,
+        spent: Spent,
+        cpu_s: f64,
+    ) -> Done {
+        Done {
+            decisions_asked: stopping.requested,
+            decisions: learner.decisions(),
+            episodes: self.episodes,
+            physics_steps: spent.physics_steps,
+            cpu_s,
+            window: self.window,
+            calibration: stopping.calibration,
+            ended: stopping.ended,
+        }
+    }
+}
