@@ -95,10 +95,8 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     let egos = egos(args, &world)?;
     // Egos may be programs, which start only with consent.
     consent_to(&egos)?;
-    let run = match &args.run {
-        Some(run) => Some(open_run(run, &args.common)?),
-        None => None,
-    };
+    let run = args.run.as_ref().map(|run| open_run(run, &args.common));
+    let run = run.transpose()?;
     let known = known(args, &world, run.as_ref())?;
     let policy = policy(args, run.as_ref())?;
     let mut request = RiskRequest::new(&traffic, &egos);
@@ -115,14 +113,7 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     // The bar must not overwrite the report.
     drop(bar);
     let Some(report) = report else {
-        if let Some(dir) = args.out.as_ref().filter(|_| terminal::stopped()) {
-            terminal::note(&format!(
-                "stopped; finished runs are kept in {}: go on with the same command",
-                dir.display()
-            ));
-            return Ok(Exit::Interrupted);
-        }
-        return interrupted_early(&args.common);
+        return stopped_early(args);
     };
     show(args, &report)?;
     if let Some(dir) = &args.keep {
@@ -131,6 +122,18 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
         }
     }
     Ok(finished(exit_of(args, &report)))
+}
+
+/// Ends a risk without a result, by an interruption or because of the ego.
+fn stopped_early(args: &RiskArgs) -> Result<Exit, Failure> {
+    let Some(dir) = args.out.as_ref().filter(|_| terminal::stopped()) else {
+        return interrupted_early(&args.common);
+    };
+    terminal::note(&format!(
+        "stopped; finished runs are kept in {}: go on with the same command",
+        dir.display()
+    ));
+    Ok(Exit::Interrupted)
 }
 
 fn traffic(args: &RiskArgs, world: &Scenario) -> Result<RiskTraffic, Failure> {

@@ -189,7 +189,7 @@ impl Player<'_> {
 /// The disk refuses, or the directory is that of another request.
 pub(super) fn open(dir: &Path, fingerprint: &str) -> Result<(), RunError> {
     make_dir(dir)?;
-    let file = dir.join("request.json");
+    let file = dir.join("request.sha256");
     if !file.exists() {
         return write_file(&file, fingerprint.as_bytes());
     }

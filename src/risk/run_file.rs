@@ -3,9 +3,13 @@
 use std::path::Path;
 
 use super::record::{RiskRun, RunEnd};
+use crate::content_hash::sha256;
 use crate::rl::{BundleError, TensorFile};
 use crate::ron_file::file_bytes;
 use crate::run_dir::RunError;
+
+/// Length of the seal at the end of a file: a SHA-256 in hexadecimal digits.
+const SEAL: usize = 64;
 
 fn damaged(path: &Path, why: impl ToString) -> RunError {
     RunError::Damaged {
@@ -14,7 +18,7 @@ fn damaged(path: &Path, why: impl ToString) -> RunError {
     }
 }
 
-/// Returns the bytes of runs, equal for equal runs.
+/// Returns the sealed bytes of runs, equal for equal runs.
 ///
 /// # Errors
 /// The runs do not fit into a file, whose name is `path`.
@@ -49,7 +53,11 @@ pub(super) fn bytes(runs: &[RiskRun], path: &Path) -> Result<Vec<u8>, RunError> 
     file.put("inputs", &[inputs.len()], inputs);
     let laws: Vec<f32> = runs.iter().flat_map(|run| run.laws.clone()).collect();
     file.put("laws", &[laws.len()], laws);
-    file.to_bytes().map_err(|error| damaged(path, error))
+    let mut bytes = file.to_bytes().map_err(|error| damaged(path, error))?;
+    // A flipped bit would change a weight, and with it the risk.
+    let seal = sha256(&bytes);
+    bytes.extend(seal.as_bytes());
+    Ok(bytes)
 }
 
 /// Reads runs. `None`: there is no such file.
@@ -61,7 +69,10 @@ pub(super) fn read(path: &Path) -> Result<Option<Vec<RiskRun>>, RunError> {
         return Ok(None);
     }
     let bytes = file_bytes(path).map_err(|error| damaged(path, error))?;
-    let file = TensorFile::from_bytes(&bytes).map_err(|error| damaged(path, error))?;
+    let sealed = bytes.split_at_checked(bytes.len().saturating_sub(SEAL));
+    let sealed = sealed.filter(|(content, seal)| sha256(content).as_bytes() == *seal);
+    let (content, _) = sealed.ok_or_else(|| damaged(path, "its hash differs"))?;
+    let file = TensorFile::from_bytes(content).map_err(|error| damaged(path, error))?;
     let ends: Vec<RunEnd> =
         serde_json::from_str(file.meta()).map_err(|error| damaged(path, error))?;
     let runs = runs_of(&file, ends).map_err(|error| damaged(path, error))?;
@@ -150,6 +161,12 @@ mod tests {
         assert_eq!(read(&path).expect("sound"), Some(runs));
         std::fs::write(&path, &bytes[..bytes.len() - 4]).expect("written");
         assert!(read(&path).is_err());
+        for at in [0, bytes.len() / 2, bytes.len() - 1] {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 1;
+            std::fs::write(&path, &flipped).expect("written");
+            assert!(read(&path).is_err(), "byte {at}");
+        }
         assert_eq!(read(&dir.join("b.runs")).expect("none"), None);
         // A piece of natural runs without a failure has no decisions.
         let bytes = super::bytes(std::slice::from_ref(&empty), &path).expect("fits");
