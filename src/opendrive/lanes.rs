@@ -144,7 +144,7 @@ impl RoadLanes {
 }
 
 /// Polynomial with its start, which counts from `from_m`.
-fn cubic(node: &XmlNode, start: &str, from_m: f64) -> Result<Cubic, ImportError> {
+pub(super) fn cubic(node: &XmlNode, start: &str, from_m: f64) -> Result<Cubic, ImportError> {
     let plain = ParameterScope::default();
     let [a, b, c, d] = ["a", "b", "c", "d"].map(|term| plain.number_or_zero(node, term));
     Ok(Cubic {

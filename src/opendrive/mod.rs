@@ -11,6 +11,7 @@ pub(crate) mod curve;
 pub(crate) mod error;
 pub(crate) mod expression;
 pub(crate) mod files;
+mod grades;
 pub(crate) mod lane_drive;
 pub(crate) mod lanes;
 mod links;

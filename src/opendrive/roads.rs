@@ -6,7 +6,9 @@ use core::cmp::Ordering;
 use core::f64::consts::PI;
 use std::collections::{BTreeMap, HashMap};
 
+use super::curve::Cubic;
 use super::error::ImportError;
+use super::grades::heights_of;
 use super::lanes::RoadLanes;
 use super::links::{Junctions, RoadLink};
 use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
@@ -29,6 +31,8 @@ pub(crate) struct ImportedRoad {
     /// First unsupported content, returned when an entity is on the road.
     refused: Option<ImportError>,
     pub lanes: RoadLanes,
+    /// Heights of its reference line.
+    pub heights_m: Vec<Cubic>,
     /// Roads or junctions before and after it.
     pub links: [Option<RoadLink>; 2],
     /// Friction and speed limits.
@@ -200,6 +204,7 @@ impl ImportedRoad {
             length_m,
             pieces,
             lanes: RoadLanes::of(lanes, &mut refused)?,
+            heights_m: heights_of(road)?,
             links: RoadLink::both(road)?,
             refused,
         };

@@ -1,4 +1,4 @@
-//! Grades of the world's own road.
+//! Grades of roads.
 
 use serde::{Deserialize, Serialize};
 

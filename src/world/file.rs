@@ -118,6 +118,9 @@ pub(super) struct RoadFile {
     pub(super) pieces: Vec<Piece>,
     #[serde(default)]
     pub(super) priority: Priority,
+    /// Grades: station and rise.
+    #[serde(default)]
+    pub(super) grades: Vec<(f64, f64)>,
 }
 
 fn one_lane() -> usize {

@@ -66,7 +66,11 @@ pub(super) fn values(
         // Writing to a string cannot fail.
         let _ = write!(limit, ", speed_limit_mps: {limit_mps:?}");
     }
-    let text = format!("Curved({}, friction: {friction}{limit})", lanes(&own));
+    let mut text = format!("Curved({}, friction: {friction}{limit})", lanes(&own));
+    // Grades of the world itself take precedence.
+    if file.grades.is_empty() {
+        text += &grades(&own);
+    }
     let mut values = vec![(place, text)];
     for (name, it) in &file.roads.0 {
         let Some(along) = &it.along else { continue };
@@ -104,6 +108,18 @@ fn lanes(road: &LaneRoad) -> String {
     )
 }
 
+/// Grades as a field of its own, if there are any.
+fn grades(road: &LaneRoad) -> String {
+    if road.grades.is_empty() {
+        return String::new();
+    }
+    let grades = road.grades.iter();
+    let grades: Vec<String> = grades
+        .map(|grade| format!("({:.3}, {:.6})", grade.from_s_m, grade.rise))
+        .collect();
+    format!(", grades: [{}]", grades.join(", "))
+}
+
 /// Named road, in the frame of the world's own.
 fn placed(own: &LaneRoad, road: &LaneRoad, file: &RoadFile) -> String {
     let at = own.sees(road);
@@ -113,10 +129,11 @@ fn placed(own: &LaneRoad, road: &LaneRoad, file: &RoadFile) -> String {
         Priority::Over => "Over",
     };
     format!(
-        "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}), {}, priority: {priority})",
+        "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}), {}{}, priority: {priority})",
         at.x_m,
         at.y_m,
         at.heading_rad,
-        lanes(road)
+        lanes(road),
+        grades(road)
     )
 }

@@ -213,7 +213,7 @@ pub struct DriveSpec {
     pub road_ado: Option<RoadAdo>,
     /// Ado that gives turns to the placed ados, if any.
     pub turns: Option<TurnsAdo>,
-    /// Grades of the world's own road, by station. Named roads are flat.
+    /// Grades of the world's own road, by station.
     pub grades: Vec<Grade>,
     /// Wind, if any.
     pub wind: Option<Wind>,
@@ -265,6 +265,22 @@ impl Agent {
 }
 
 impl DriveSpec {
+    /// Returns the grades of a road by its index. 0 is the world's own.
+    pub fn grades_of(&self, road: usize) -> &[Grade] {
+        match road.checked_sub(1) {
+            None => &self.grades,
+            Some(named) => {
+                let placed = self.roads.get_index(named);
+                placed.map_or(&[], |(_, placed)| placed.grades.as_slice())
+            }
+        }
+    }
+
+    /// Returns whether any of its roads has grades.
+    pub fn has_grades(&self) -> bool {
+        (0..=self.roads.len()).any(|road| !self.grades_of(road).is_empty())
+    }
+
     /// Returns the road of an agent.
     pub fn road_of(&self, agent: usize) -> &Road {
         match self.agents[agent].road {

@@ -106,16 +106,13 @@ impl SceneState {
 
     /// Lets slopes and wind act on the bodies for the next sample.
     fn push_all(&mut self) {
-        if self.spec.grades.is_empty() && self.spec.wind.is_none() {
+        if !self.spec.has_grades() && self.spec.wind.is_none() {
             return;
         }
         let time_s = self.time_s();
         for (i, agent) in self.spec.agents.iter().enumerate() {
             let (at, state) = (&self.on_road[i], &self.states[i]);
-            let grades = match agent.road {
-                0 => self.spec.grades.as_slice(),
-                _ => &[],
-            };
+            let grades = self.spec.grades_of(agent.road);
             let (rise_sin, load_share) = grade_at(grades, at.s_m).direction();
             // Downhill is against the road where it rises.
             let downhill_mps2 = GRAVITY_MPS2 * rise_sin;
