@@ -31,6 +31,8 @@ pub(crate) struct LaneRoad {
     pub lane_width_m: f64,
     pub pieces: Vec<Piece>,
     pub grades: Vec<Grade>,
+    /// Signals along it with their stations.
+    pub signals: Vec<(String, f64)>,
 }
 
 /// Reads the way along lanes from a start.
@@ -79,6 +81,7 @@ pub(crate) fn lane_road(
         lane_width_m,
         pieces: on.way.pieces(),
         grades: roads.lane_grades(&root, &drive, beside_m)?,
+        signals: roads.lane_signals(&root, &drive, beside_m)?,
     })
 }
 

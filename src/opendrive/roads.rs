@@ -8,13 +8,13 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::curve::Cubic;
 use super::error::ImportError;
-use super::grades::heights_of;
 use super::lanes::RoadLanes;
-use super::links::{Junctions, RoadLink};
+use super::links::{Junctions, RoadLink, controllers};
 use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
 use super::surface::Surface;
 use super::tree::XmlNode;
+use super::way_parts::{heights_of, leaning};
 use crate::sim::{Pose, wrapped};
 
 /// A carriageway without lanes is about as wide as a car.
@@ -54,6 +54,7 @@ pub(crate) struct OnLane {
 pub(crate) struct RoadMap {
     roads: BTreeMap<String, ImportedRoad>,
     pub junctions: Junctions,
+    controllers: BTreeMap<String, Vec<String>>,
 }
 
 impl RoadMap {
@@ -65,6 +66,7 @@ impl RoadMap {
         Ok(RoadMap {
             roads: roads.collect::<Result<_, ImportError>>()?,
             junctions: Junctions::of(root)?,
+            controllers: controllers(root)?,
         })
     }
 
@@ -76,6 +78,11 @@ impl RoadMap {
     /// Returns whether there is no road at all.
     pub(crate) fn is_empty(&self) -> bool {
         self.roads.is_empty()
+    }
+
+    /// Returns the signals of a controller.
+    pub(crate) fn controlled(&self, controller: &str) -> &[String] {
+        self.controllers.get(controller).map_or(&[], Vec::as_slice)
     }
 
     /// Returns all roads with their ids.
@@ -185,6 +192,9 @@ impl ImportedRoad {
             refused = Some(road.refused("left-hand traffic is not read", help));
         }
         let length_m = plain.number(road, "length")?;
+        if let Some(error) = leaning(road, length_m)? {
+            refused.get_or_insert(error);
+        }
         let pieces = pieces_of(road.inner("planView")?, &mut refused)?;
         if pieces.is_empty() {
             return Err(road.error("a road without geometry"));
@@ -216,6 +226,11 @@ impl ImportedRoad {
             line.refused = Some(road.refused(what, help));
         }
         Ok(line)
+    }
+
+    /// Returns whether its heights change along it.
+    pub(crate) fn rises(&self) -> bool {
+        !self.heights_m.iter().all(Cubic::is_constant)
     }
 
     /// Two stations whose carriageways overlap, if there are any: the road closes

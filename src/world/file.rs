@@ -178,7 +178,14 @@ pub(super) enum AgentFile {
     },
     Light {
         name: String,
-        line_m: f64,
+        /// Named road. Without it, the world's own road.
+        #[serde(default)]
+        road: Option<String>,
+        /// Signal of the road's OpenDRIVE file, which becomes its `line_m`.
+        #[serde(default)]
+        signal: Option<String>,
+        #[serde(default)]
+        line_m: Option<f64>,
         #[serde(default)]
         phase: Phase,
         drive: LightFile,
@@ -235,11 +242,9 @@ impl AgentFile {
         match self {
             AgentFile::Vehicle { road, .. }
             | AgentFile::Pedestrian { road, .. }
-            | AgentFile::Obstacle { road, .. } => road.as_deref(),
-            AgentFile::Light { .. }
-            | AgentFile::Weather(_)
-            | AgentFile::Road(_)
-            | AgentFile::Turns { .. } => None,
+            | AgentFile::Obstacle { road, .. }
+            | AgentFile::Light { road, .. } => road.as_deref(),
+            AgentFile::Weather(_) | AgentFile::Road(_) | AgentFile::Turns { .. } => None,
         }
     }
 }

@@ -7,6 +7,7 @@ use super::plans::plan;
 use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, seen};
 use crate::opendrive::error::ImportError;
+use crate::opendrive::grade_list;
 use crate::opendrive::ways::{Bend, laid};
 
 /// Duration in seconds of a run after the expected encounter.
@@ -90,6 +91,9 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
          judge: UntilContact,\n"
     ));
     road(&mut draft, concrete, &all, until_s);
+    if !concrete.grades.is_empty() {
+        draft.text(&format!("    grades: {},\n", grade_list(&concrete.grades)));
+    }
     bodies(&mut draft, &all);
     draft.text("    agents: [\n");
     // Standing vehicles may hide others. A single standing vehicle along the
@@ -107,6 +111,9 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     // The ego comes first, since plans of later agents may refer to it.
     for it in std::iter::once(&all[ego]).chain(all.iter().filter(|it| !it.entity.is_ego)) {
         agent(&mut draft, concrete, &all, it, ado, &mut triggers)?;
+    }
+    for light in &concrete.lights {
+        draft.text(&light.text(until_s));
     }
     draft.text("    ],\n");
     if hides {

@@ -267,12 +267,9 @@ impl Agent {
 impl DriveSpec {
     /// Returns the grades of a road by its index. 0 is the world's own.
     pub fn grades_of(&self, road: usize) -> &[Grade] {
-        match road.checked_sub(1) {
-            None => &self.grades,
-            Some(named) => {
-                let placed = self.roads.get_index(named);
-                placed.map_or(&[], |(_, placed)| placed.grades.as_slice())
-            }
+        match road {
+            0 => &self.grades,
+            road => &self.roads[road - 1].grades,
         }
     }
 
@@ -281,12 +278,23 @@ impl DriveSpec {
         (0..=self.roads.len()).any(|road| !self.grades_of(road).is_empty())
     }
 
-    /// Returns the road of an agent.
-    pub fn road_of(&self, agent: usize) -> &Road {
-        match self.agents[agent].road {
+    /// Returns a road by its index. 0 is the world's own.
+    pub fn road_at(&self, road: usize) -> &Road {
+        match road {
             0 => &self.road,
             road => &self.roads[road - 1].road,
         }
+    }
+
+    /// Returns the road of an agent.
+    pub fn road_of(&self, agent: usize) -> &Road {
+        self.road_at(self.agents[agent].road)
+    }
+
+    /// Returns the lights of a road with their positions in the list.
+    pub fn lights_of(&self, road: usize) -> impl Iterator<Item = (usize, &Light)> {
+        let lights = self.lights.iter().enumerate();
+        lights.filter(move |(_, light)| light.road == road)
     }
 
     /// Returns the roads of the world with the crossings between its agents' paths.

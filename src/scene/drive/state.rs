@@ -190,13 +190,16 @@ impl SceneState {
 
     /// Returns the distance from an agent's front to a stop line.
     ///
-    /// Along the world's own road, positive before the line.
+    /// Along the road of the light, positive before the line.
     pub(super) fn line_m(&self, agent: usize, light: usize) -> f64 {
-        let at = match self.spec.agents[agent].road {
-            0 => self.on_road[agent],
-            _ => self.network.main().locate(&self.states[agent].pose),
+        let light = &self.spec.lights[light];
+        let at = if self.spec.agents[agent].road == light.road {
+            self.on_road[agent]
+        } else {
+            let course = &self.network.courses()[light.road];
+            course.locate(&self.states[agent].pose)
         };
-        self.spec.lights[light].line_m - at.s_m
+        light.line_m - at.s_m
     }
 
     /// Returns the coordinates of an agent on the road of `viewer`.

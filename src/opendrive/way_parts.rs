@@ -1,0 +1,203 @@
+//! Grades and signals along ways on lanes, from those of their roads.
+
+use super::curve::{Cubic, begun, pair_of};
+use super::error::ImportError;
+use super::lane_drive::LaneStretch;
+use super::lanes::cubic;
+use super::roads::{ImportedRoad, RoadMap};
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
+use crate::road::Grade;
+
+/// Length in metres of a part with one rise, and greatest number of parts of a way.
+const PART_M: f64 = 2.0;
+const MOST_PARTS: f64 = 900.0;
+/// Length in metres below which a part has no grade of its own.
+const LEAST_M: f64 = 0.01;
+/// Greatest lean in radians of a road that is read as level.
+///
+/// It moves places by 0.7 % of their distance from the reference line, and lets a
+/// car slide sideways with 1.2 m/s², which tyres with grip take up.
+const MOST_LEAN_RAD: f64 = 0.12;
+/// Greatest difference of rises that count as equal: 0.005 m/s² of acceleration.
+const SAME_RISE: f64 = 5e-4;
+
+/// Short part of a way, with its stations on the road and on the way.
+struct WayPart<'a> {
+    road: &'a ImportedRoad,
+    lane: i32,
+    on_road_m: [f64; 2],
+    on_way_m: [f64; 2],
+}
+
+/// Returns grades in the form of a world file.
+pub(crate) fn grade_list(grades: &[Grade]) -> String {
+    let grades = grades.iter();
+    let grades: Vec<String> = grades
+        .map(|grade| format!("({:.3}, {:.6})", grade.from_s_m, grade.rise))
+        .collect();
+    format!("[{}]", grades.join(", "))
+}
+
+/// Reads the heights of a road's reference line.
+pub(super) fn heights_of(road: &XmlNode) -> Result<Vec<Cubic>, ImportError> {
+    let profile = road.child("elevationProfile").into_iter();
+    let heights = profile.flat_map(|it| it.all("elevation"));
+    heights.map(|it| cubic(it, "s", 0.0)).collect()
+}
+
+/// Returns an error for a road that leans more than the plane of a world can show.
+pub(super) fn leaning(road: &XmlNode, length_m: f64) -> Result<Option<ImportError>, ImportError> {
+    let profile = road.child("lateralProfile").into_iter();
+    let records: Vec<&XmlNode> = profile.flat_map(|it| it.all("superelevation")).collect();
+    let leans = records.iter().map(|it| cubic(it, "s", 0.0));
+    let leans = leans.collect::<Result<Vec<Cubic>, ImportError>>()?;
+    for (i, (record, lean)) in records.iter().zip(&leans).enumerate() {
+        let ends_m = leans.get(i + 1).map_or(length_m, |next| next.from_m);
+        let [first, last] = [lean.at(lean.from_m), lean.at(ends_m)].map(f64::abs);
+        let most = first.max(last);
+        if MOST_LEAN_RAD < most {
+            let what = format!("it leans by {most:.2} rad");
+            let help = format!("a road that leans by {MOST_LEAN_RAD} rad at most is read as level");
+            return Ok(Some(record.refused(what, &help)));
+        }
+    }
+    Ok(None)
+}
+
+impl RoadMap {
+    /// Returns the grades of a way along lanes, at an offset to the left of their
+    /// middle.
+    ///
+    /// The list is empty for a way without any rise.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a road with unsupported content.
+    pub(crate) fn lane_grades(
+        &self,
+        asks: &XmlNode,
+        stretches: &[LaneStretch],
+        left_m: f64,
+    ) -> Result<Vec<Grade>, ImportError> {
+        let mut grades: Vec<Grade> = Vec::new();
+        for part in self.parts(asks, stretches, left_m)? {
+            let rise = part.rise();
+            let goes_on = |last: &Grade| (last.rise - rise).abs() <= SAME_RISE;
+            if LEAST_M < part.length_m() && !grades.last().is_some_and(goes_on) {
+                let from_s_m = part.on_way_m[0];
+                grades.push(Grade { from_s_m, rise });
+            }
+        }
+        let is_flat = grades.iter().all(|grade| grade.rise == 0.0);
+        Ok(if is_flat { Vec::new() } else { grades })
+    }
+
+    /// Returns the signals of a way along lanes with their stations, in order.
+    ///
+    /// These are the signals and references of its roads that hold for its
+    /// direction and its lanes.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a road with unsupported content.
+    pub(crate) fn lane_signals(
+        &self,
+        asks: &XmlNode,
+        stretches: &[LaneStretch],
+        left_m: f64,
+    ) -> Result<Vec<(String, f64)>, ImportError> {
+        let mut found = Vec::new();
+        for part in self.parts(asks, stretches, left_m)? {
+            let lists = part.road.node.all("signals");
+            let signals = lists.flat_map(|list| &list.children);
+            for signal in signals.filter(|it| it.raw("s").is_some()) {
+                let at_m = ParameterScope::default().number(signal, "s")?;
+                if let Some(on_way_m) = part.station_m(at_m)
+                    && part.holds(signal)?
+                {
+                    found.push((signal.need("id")?.to_owned(), on_way_m));
+                }
+            }
+        }
+        // A signal on the joint of two parts is on both.
+        found.dedup_by(|a, b| a.0 == b.0);
+        Ok(found)
+    }
+
+    fn parts(
+        &self,
+        asks: &XmlNode,
+        stretches: &[LaneStretch],
+        left_m: f64,
+    ) -> Result<Vec<WayPart<'_>>, ImportError> {
+        let way_m: f64 = stretches.iter().map(LaneStretch::length_m).sum();
+        let most_m = PART_M.max(way_m / MOST_PARTS);
+        let mut all = Vec::new();
+        let mut way_m = 0.0;
+        for stretch in stretches {
+            let road = self.road(asks, &stretch.road)?;
+            let parts = (stretch.length_m() / most_m).ceil();
+            for part in 0..parts as usize {
+                let ends = [part, part + 1].map(|it| it as f64 / parts * stretch.length_m());
+                let [start, end] = ends.map(|along_m| stretch.pose(road, along_m, left_m));
+                let [first, second] = pair_of(start, end);
+                let begins_m = way_m;
+                way_m += first.1.length_m + second.1.length_m;
+                all.push(WayPart {
+                    road,
+                    lane: stretch.lane,
+                    on_road_m: ends.map(|along_m| stretch.station_m(along_m)),
+                    on_way_m: [begins_m, way_m],
+                });
+            }
+        }
+        Ok(all)
+    }
+}
+
+impl WayPart<'_> {
+    fn length_m(&self) -> f64 {
+        self.on_way_m[1] - self.on_way_m[0]
+    }
+
+    /// Rise in the direction of travel.
+    ///
+    /// A lane on the inside of a bend is shorter than its road and so steeper.
+    fn rise(&self) -> f64 {
+        let [from_m, to_m] = self.on_road_m;
+        let middle_m = 0.5 * (from_m + to_m);
+        let slope = begun(&self.road.heights_m, middle_m).slope(middle_m);
+        slope * (to_m - from_m) / self.length_m()
+    }
+
+    /// Station on the way of a station on the road, if the part contains it.
+    fn station_m(&self, road_m: f64) -> Option<f64> {
+        let [from_m, to_m] = self.on_road_m;
+        let share = (road_m - from_m) / (to_m - from_m);
+        let is_on = (0.0..=1.0).contains(&share);
+        is_on.then_some(self.on_way_m[0] + share * self.length_m())
+    }
+
+    /// Returns whether a signal holds for the direction and the lane of the part.
+    fn holds(&self, signal: &XmlNode) -> Result<bool, ImportError> {
+        let [from_m, to_m] = self.on_road_m;
+        let faces = match signal.raw("orientation") {
+            Some("+") => from_m < to_m,
+            Some("-") => to_m < from_m,
+            _ => true,
+        };
+        let plain = ParameterScope::default();
+        let mut validities = signal.all("validity").peekable();
+        let mut is_valid = validities.peek().is_none();
+        for validity in validities {
+            let ends = [
+                plain.number(validity, "fromLane")?,
+                plain.number(validity, "toLane")?,
+            ];
+            let lane = f64::from(self.lane);
+            is_valid |= ends[0].min(ends[1]) <= lane && lane <= ends[0].max(ends[1]);
+        }
+        Ok(faces && is_valid)
+    }
+}
