@@ -14,7 +14,7 @@ use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
 use super::surface::Surface;
 use super::tree::XmlNode;
-use super::way_parts::{heights_of, leaning};
+use super::way_parts::heights_of;
 use crate::sim::{Pose, wrapped};
 
 /// A carriageway without lanes is about as wide as a car.
@@ -192,9 +192,6 @@ impl ImportedRoad {
             refused = Some(road.refused("left-hand traffic is not read", help));
         }
         let length_m = plain.number(road, "length")?;
-        if let Some(error) = leaning(road, length_m)? {
-            refused.get_or_insert(error);
-        }
         let pieces = pieces_of(road.inner("planView")?, &mut refused)?;
         if pieces.is_empty() {
             return Err(road.error("a road without geometry"));

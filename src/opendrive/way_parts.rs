@@ -14,11 +14,6 @@ const PART_M: f64 = 2.0;
 const MOST_PARTS: f64 = 900.0;
 /// Length in metres below which a part has no grade of its own.
 const LEAST_M: f64 = 0.01;
-/// Greatest lean in radians of a road that is read as level.
-///
-/// It moves places by 0.7 % of their distance from the reference line, and lets a
-/// car slide sideways with 1.2 m/s², which tyres with grip take up.
-const MOST_LEAN_RAD: f64 = 0.12;
 /// Greatest difference of rises that count as equal: 0.005 m/s² of acceleration.
 const SAME_RISE: f64 = 5e-4;
 
@@ -44,25 +39,6 @@ pub(super) fn heights_of(road: &XmlNode) -> Result<Vec<Cubic>, ImportError> {
     let profile = road.child("elevationProfile").into_iter();
     let heights = profile.flat_map(|it| it.all("elevation"));
     heights.map(|it| cubic(it, "s", 0.0)).collect()
-}
-
-/// Returns an error for a road that leans more than the plane of a world can show.
-pub(super) fn leaning(road: &XmlNode, length_m: f64) -> Result<Option<ImportError>, ImportError> {
-    let profile = road.child("lateralProfile").into_iter();
-    let records: Vec<&XmlNode> = profile.flat_map(|it| it.all("superelevation")).collect();
-    let leans = records.iter().map(|it| cubic(it, "s", 0.0));
-    let leans = leans.collect::<Result<Vec<Cubic>, ImportError>>()?;
-    for (i, (record, lean)) in records.iter().zip(&leans).enumerate() {
-        let ends_m = leans.get(i + 1).map_or(length_m, |next| next.from_m);
-        let [first, last] = [lean.at(lean.from_m), lean.at(ends_m)].map(f64::abs);
-        let most = first.max(last);
-        if MOST_LEAN_RAD < most {
-            let what = format!("it leans by {most:.2} rad");
-            let help = format!("a road that leans by {MOST_LEAN_RAD} rad at most is read as level");
-            return Ok(Some(record.refused(what, &help)));
-        }
-    }
-    Ok(None)
 }
 
 impl RoadMap {

@@ -353,7 +353,7 @@ impl Agents<'_> {
         })
     }
 
-    fn trained(
+    pub(super) fn trained(
         &mut self,
         problems: &mut Problems,
         (path, name): (&ValuePath, &str),

@@ -706,14 +706,6 @@ fn refused_of_roads() -> Vec<Refusal> {
             "<road",
         ),
         (
-            vec![edit(
-                "<lateralProfile/>",
-                r#"<lateralProfile><superelevation s="0" a="0" b="0.0002" c="0" d="0"/></lateralProfile>"#,
-            )],
-            "leans by 0.20 rad",
-            "<superelevation",
-        ),
-        (
             two(r#"<geometry s="400" x="401" y="0" hdg="0" length="600"><line/></geometry>"#),
             "1.000 m and 0.0000 rad off",
             "401",
