@@ -7,7 +7,7 @@ use super::lanes::cubic;
 use super::roads::{ImportedRoad, RoadMap};
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
-use crate::road::Grade;
+use crate::road::{Grade, MAX_RISE};
 
 /// Length in metres of a part with one rise, and greatest number of parts of a way.
 const PART_M: f64 = 2.0;
@@ -49,7 +49,8 @@ impl RoadMap {
     ///
     /// # Errors
     ///
-    /// Returns an error for a road with unsupported content.
+    /// Returns an error for a road with unsupported content, and for one that is
+    /// steeper than a world allows.
     pub(crate) fn lane_grades(
         &self,
         asks: &XmlNode,
@@ -59,6 +60,11 @@ impl RoadMap {
         let mut grades: Vec<Grade> = Vec::new();
         for part in self.parts(asks, stretches, left_m)? {
             let rise = part.rise();
+            if MAX_RISE < rise.abs() && LEAST_M < part.length_m() {
+                let what = format!("it rises by {rise:.2} per metre");
+                let help = format!("keep rises from -{MAX_RISE} to {MAX_RISE}");
+                return Err(part.road.node.refused(what, &help));
+            }
             let goes_on = |last: &Grade| (last.rise - rise).abs() <= SAME_RISE;
             if LEAST_M < part.length_m() && !grades.last().is_some_and(goes_on) {
                 let from_s_m = part.on_way_m[0];

@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Greatest rise of a road per length.
+pub(crate) const MAX_RISE: f64 = 0.3;
+
 /// Grade of a road from a station on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grade {

@@ -2,13 +2,11 @@
 
 use super::check::{range_within, within};
 use super::file::{NumberOrRange, ScenarioFile};
-use crate::road::Grade;
+use crate::road::{Grade, MAX_RISE};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::EnvironmentQuantity;
 
-/// Greatest rise of a road per length.
-const MAX_RISE: f64 = 0.3;
 /// Greatest speed of wind, in m/s.
 const MAX_WIND_MPS: f64 = 60.0;
 /// Bounds of the duration of a gust, in seconds.

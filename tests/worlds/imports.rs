@@ -706,6 +706,14 @@ fn refused_of_roads() -> Vec<Refusal> {
             "<road",
         ),
         (
+            vec![edit(
+                "<elevationProfile/>",
+                r#"<elevationProfile><elevation s="0" a="0" b="-0.4" c="0" d="0"/></elevationProfile>"#,
+            )],
+            "it rises by -0.40 per metre",
+            "<road",
+        ),
+        (
             two(r#"<geometry s="400" x="401" y="0" hdg="0" length="600"><line/></geometry>"#),
             "1.000 m and 0.0000 rad off",
             "401",

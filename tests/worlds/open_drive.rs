@@ -272,6 +272,12 @@ fn lights_are_at_signals_and_valid_on_their_own_road_only() {
     let episode = run(&world);
     let line_m = at(&episode, "turning.light.line", 6.0);
     assert!((line_m - (along_m - 100.0)).abs() < 0.02, "{line_m}");
+    // Pictures have it across that lane, 10 m north of the bend.
+    let [right, left] = world.bench().stage().lights[0].stop_line_m;
+    for (point, x_m) in [(right, 103.5), (left, 100.0)] {
+        let off_m = (point[0] - x_m).hypot(point[1] - 31.75);
+        assert!(off_m < 0.01, "{point:?}");
+    }
 }
 
 #[test]
