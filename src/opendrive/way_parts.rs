@@ -77,8 +77,8 @@ impl RoadMap {
 
     /// Returns the signals of a way along lanes with their stations, in order.
     ///
-    /// These are the signals and references of its roads that hold for its
-    /// direction and its lanes.
+    /// These are the signals and references of its roads that are for its direction
+    /// and its lanes.
     ///
     /// # Errors
     ///
@@ -89,21 +89,22 @@ impl RoadMap {
         stretches: &[LaneStretch],
         left_m: f64,
     ) -> Result<Vec<(String, f64)>, ImportError> {
-        let mut found = Vec::new();
+        let mut found: Vec<(String, f64)> = Vec::new();
         for part in self.parts(asks, stretches, left_m)? {
             let lists = part.road.node.all("signals");
             let signals = lists.flat_map(|list| &list.children);
             for signal in signals.filter(|it| it.raw("s").is_some()) {
                 let at_m = ParameterScope::default().number(signal, "s")?;
-                if let Some(on_way_m) = part.station_m(at_m)
-                    && part.holds(signal)?
+                let id = signal.need("id")?;
+                // A signal on the joint of two parts is on both.
+                let is_new = found.iter().all(|(known, _)| known != id);
+                if let Some(on_way_m) = part.station_m(at_m).filter(|_| is_new)
+                    && part.is_valid(signal)?
                 {
-                    found.push((signal.need("id")?.to_owned(), on_way_m));
+                    found.push((id.to_owned(), on_way_m));
                 }
             }
         }
-        // A signal on the joint of two parts is on both.
-        found.dedup_by(|a, b| a.0 == b.0);
         Ok(found)
     }
 
@@ -161,8 +162,8 @@ impl WayPart<'_> {
         is_on.then_some(self.on_way_m[0] + share * self.length_m())
     }
 
-    /// Returns whether a signal holds for the direction and the lane of the part.
-    fn holds(&self, signal: &XmlNode) -> Result<bool, ImportError> {
+    /// Returns whether a signal is for the direction and the lane of the part.
+    fn is_valid(&self, signal: &XmlNode) -> Result<bool, ImportError> {
         let [from_m, to_m] = self.on_road_m;
         let faces = match signal.raw("orientation") {
             Some("+") => from_m < to_m,
@@ -170,16 +171,14 @@ impl WayPart<'_> {
             _ => true,
         };
         let plain = ParameterScope::default();
-        let mut validities = signal.all("validity").peekable();
-        let mut is_valid = validities.peek().is_none();
-        for validity in validities {
-            let ends = [
-                plain.number(validity, "fromLane")?,
-                plain.number(validity, "toLane")?,
-            ];
-            let lane = f64::from(self.lane);
-            is_valid |= ends[0].min(ends[1]) <= lane && lane <= ends[0].max(ends[1]);
-        }
-        Ok(faces && is_valid)
+        let lane = f64::from(self.lane);
+        let includes = |validity: &XmlNode| {
+            let from = plain.number(validity, "fromLane")?;
+            let to = plain.number(validity, "toLane")?;
+            Ok((from.min(to)..=from.max(to)).contains(&lane))
+        };
+        let lanes = signal.all("validity").map(includes);
+        let lanes = lanes.collect::<Result<Vec<bool>, ImportError>>()?;
+        Ok(faces && (lanes.is_empty() || lanes.contains(&true)))
     }
 }
