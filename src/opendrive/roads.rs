@@ -8,13 +8,12 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::curve::Cubic;
 use super::error::ImportError;
-use super::lanes::RoadLanes;
+use super::lanes::{RoadLanes, heights_of};
 use super::links::{Junctions, RoadLink, controllers};
 use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
 use super::surface::Surface;
 use super::tree::XmlNode;
-use super::way_parts::heights_of;
 use crate::sim::{Pose, wrapped};
 
 /// A carriageway without lanes is about as wide as a car.

@@ -1,9 +1,8 @@
 //! Grades and signals along ways on lanes, from those of their roads.
 
-use super::curve::{Cubic, begun, pair_of};
+use super::curve::{begun, pair_of};
 use super::error::ImportError;
 use super::lane_drive::LaneStretch;
-use super::lanes::cubic;
 use super::roads::{ImportedRoad, RoadMap};
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
@@ -32,13 +31,6 @@ pub(crate) fn grade_list(grades: &[Grade]) -> String {
         .map(|grade| format!("({:.3}, {:.6})", grade.from_s_m, grade.rise))
         .collect();
     format!("[{}]", grades.join(", "))
-}
-
-/// Reads the heights of a road's reference line.
-pub(super) fn heights_of(road: &XmlNode) -> Result<Vec<Cubic>, ImportError> {
-    let profile = road.child("elevationProfile").into_iter();
-    let heights = profile.flat_map(|it| it.all("elevation"));
-    heights.map(|it| cubic(it, "s", 0.0)).collect()
 }
 
 impl RoadMap {

@@ -83,6 +83,17 @@ pub(super) fn values(
             named.insert(name.as_str(), road);
         }
     }
+    values.extend(lines(problems, file, (&own, &named)));
+    values
+}
+
+/// Returns the stop lines of lights at signals, with their places in the text.
+fn lines(
+    problems: &mut Problems,
+    file: &ScenarioFile,
+    (own, named): (&LaneRoad, &BTreeMap<&str, LaneRoad>),
+) -> Vec<(ValuePath, String)> {
+    let mut values = Vec::new();
     for (i, light) in file.agents.iter().enumerate() {
         let AgentFile::Light {
             signal: Some(signal),
@@ -94,10 +105,10 @@ pub(super) fn values(
             continue;
         };
         let on = match road {
-            None => Some(&own),
+            None => Some(own),
             Some(name) => named.get(name.as_str()),
         };
-        let place = top.to("agents").at(i).to("signal");
+        let place = ValuePath::top().to("agents").at(i).to("signal");
         match on.map(|road| line_m(road, signal)) {
             Some(Ok(line_m)) => values.push((place, format!("{signal:?}, line_m: {line_m:.3}"))),
             Some(Err(help)) => {

@@ -167,7 +167,7 @@ fn roads_rise_and_fall_with_the_elevations_of_their_files() {
                 rulebook: [Rule(name: "r", stl: "always (ado.speed <= 99)")],
             )),
         ],
-        ego_spec: "always (ego.ado.gap >= 0)",
+        ego_spec: "always (ego.ado.gap >= 0.1)",
     )"#;
     let world = load(text, &[("network.xodr", &network)]).expect("a world");
     let spec = world.drive().expect("a driving world").spec().clone();
@@ -271,7 +271,7 @@ fn lights_are_at_signals_and_valid_on_their_own_road_only() {
     let world = load(&lit(&light), &[("network.xodr", &network)]).expect("a world");
     let episode = run(&world);
     let line_m = at(&episode, "turning.light.line", 6.0);
-    assert!((line_m - (along_m - 100.0)).abs() < 0.02, "{line_m}");
+    assert!((line_m - (along_m - 100.0)).abs() < 0.1, "{line_m}");
     // Pictures have it across that lane, 10 m north of the bend.
     let [right, left] = world.bench().stage().lights[0].stop_line_m;
     for (point, x_m) in [(right, 103.5), (left, 100.0)] {

@@ -4,7 +4,6 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::lights::is_light;
 use crate::opendrive::scope::number;
 use crate::opendrive::tree::XmlNode;
 
@@ -113,6 +112,11 @@ impl DropLog {
     pub(super) fn list(&self) -> Vec<DroppedElements> {
         self.0.borrow().kinds.clone()
     }
+}
+
+/// Returns whether a signal may change.
+pub(super) fn is_light(signal: &XmlNode) -> bool {
+    signal.raw("dynamic") == Some("yes")
 }
 
 /// Returns true for a curve or a lane height whose terms are all 0.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::draft::tidy;
-use super::dropped::DropLog;
+use super::dropped::{DropLog, is_light};
 use crate::ego::Phase;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::roads::RoadMap;
@@ -77,11 +77,6 @@ pub(super) fn lights(
         }
     }
     Ok(found)
-}
-
-/// Returns whether a signal may change.
-pub(super) fn is_light(signal: &XmlNode) -> bool {
-    signal.raw("dynamic") == Some("yes")
 }
 
 /// Cycles of the signals of a controller.
