@@ -13,8 +13,8 @@ const PART_M: f64 = 2.0;
 const MOST_PARTS: f64 = 900.0;
 /// Length in metres below which a part has no grade of its own.
 const LEAST_M: f64 = 0.01;
-/// Greatest difference of rises that count as equal: 0.005 m/s² of acceleration.
-const SAME_RISE: f64 = 5e-4;
+/// Greatest difference of rises that count as equal: 0.01 m/s² of acceleration.
+const SAME_RISE: f64 = 1e-3;
 
 /// Short part of a way, with its stations on the road and on the way.
 struct WayPart<'a> {

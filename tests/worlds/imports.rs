@@ -1159,6 +1159,10 @@ fn the_ego_drives_on_the_grades_of_its_road_and_past_its_lights() {
         .map(|it| (it.name.as_str(), it.line_m))
         .collect();
     assert_eq!(lights, [("light_1", 250.0), ("light_3", 300.0)]);
+    // The ego keeps its speed downhill.
+    let episode = run(&world);
+    let speeds = episode.trace.signal("ego.speed").expect("recorded");
+    assert!(speeds.iter().all(|mps| (mps - 20.0).abs() < 0.03));
     let text = world.text();
     for schedule in [
         "line_m: 250.0, drive: Schedule([(0.0, Green), (20.0, Red), (30.0, Green), ",
