@@ -197,7 +197,7 @@ pub struct Percept {
     pub own: Own,
     /// All other road users, in the order of the world file.
     pub others: Vec<Seen>,
-    /// All traffic lights, in the order of the world file.
+    /// Traffic lights of the world's own road, in the order of the world file.
     #[serde(default)]
     pub lights: Vec<SeenLight>,
 }

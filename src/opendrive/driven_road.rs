@@ -5,7 +5,7 @@ use std::path::Path;
 use super::error::{At, ImportError};
 use super::roads::{OnLane, RoadMap};
 use super::tree::XmlNode;
-use crate::road::Piece;
+use crate::road::{Grade, Piece};
 use crate::sim::Pose;
 
 /// Greatest length in metres of a way along lanes.
@@ -30,6 +30,9 @@ pub(crate) struct LaneRoad {
     pub lanes: usize,
     pub lane_width_m: f64,
     pub pieces: Vec<Piece>,
+    pub grades: Vec<Grade>,
+    /// Signals along it with their stations.
+    pub signals: Vec<(String, f64)>,
 }
 
 /// Reads the way along lanes from a start.
@@ -70,12 +73,15 @@ pub(crate) fn lane_road(
     }
     let lane_width_m = line.lanes.width_m(from.s_m, from.lane).unwrap_or(0.0);
     let right = roads.lanes_beside(&drive, lane_width_m);
-    let on = roads.lane_way(&root, &drive, -(right as f64) * lane_width_m)?;
+    let beside_m = -(right as f64) * lane_width_m;
+    let on = roads.lane_way(&root, &drive, beside_m)?;
     Ok(LaneRoad {
         begins: on.way.begins,
         lanes: right + 1,
         lane_width_m,
         pieces: on.way.pieces(),
+        grades: roads.lane_grades(&root, &drive, beside_m)?,
+        signals: roads.lane_signals(&root, &drive, beside_m)?,
     })
 }
 

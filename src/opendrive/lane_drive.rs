@@ -254,7 +254,7 @@ fn through(
 }
 
 impl LaneStretch {
-    fn length_m(&self) -> f64 {
+    pub(super) fn length_m(&self) -> f64 {
         (self.to_m - self.from_m).abs()
     }
 
@@ -264,7 +264,7 @@ impl LaneStretch {
         LaneStretch { to_m, ..self }
     }
 
-    fn station_m(&self, along_m: f64) -> f64 {
+    pub(super) fn station_m(&self, along_m: f64) -> f64 {
         if self.from_m < self.to_m {
             self.from_m + along_m
         } else {
@@ -273,7 +273,7 @@ impl LaneStretch {
     }
 
     /// Place on the lane in the direction of travel, `left_m` to its left.
-    fn pose(&self, road: &ImportedRoad, along_m: f64, left_m: f64) -> Pose {
+    pub(super) fn pose(&self, road: &ImportedRoad, along_m: f64, left_m: f64) -> Pose {
         let s_m = self.station_m(along_m);
         let middle = road.lanes.middle((self.section, s_m), self.lane);
         let (t_m, slope) = middle.unwrap_or_default();

@@ -143,6 +143,13 @@ impl RoadLanes {
     }
 }
 
+/// Reads the heights of a road's reference line.
+pub(super) fn heights_of(road: &XmlNode) -> Result<Vec<Cubic>, ImportError> {
+    let profile = road.child("elevationProfile").into_iter();
+    let heights = profile.flat_map(|it| it.all("elevation"));
+    heights.map(|it| cubic(it, "s", 0.0)).collect()
+}
+
 /// Polynomial with its start, which counts from `from_m`.
 fn cubic(node: &XmlNode, start: &str, from_m: f64) -> Result<Cubic, ImportError> {
     let plain = ParameterScope::default();

@@ -41,6 +41,19 @@ pub(crate) struct JunctionConnection {
     pub lanes: Vec<(i32, i32)>,
 }
 
+/// Signals by the controller that switches them.
+pub(super) fn controllers(root: &XmlNode) -> Result<BTreeMap<String, Vec<String>>, ImportError> {
+    let controllers = root.all("controller").map(|controller| {
+        let signals = controller.all("control").map(|it| it.need("signalId"));
+        let signals = signals.map(|id| id.map(str::to_owned));
+        Ok((
+            controller.need("id")?.to_owned(),
+            signals.collect::<Result<_, _>>()?,
+        ))
+    });
+    controllers.collect()
+}
+
 /// Connections of all junctions by their id.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Junctions(pub BTreeMap<String, Vec<JunctionConnection>>);

@@ -20,6 +20,7 @@ pub(crate) mod roads;
 pub(crate) mod scope;
 pub(crate) mod surface;
 pub(crate) mod tree;
+mod way_parts;
 pub(crate) mod ways;
 
 mod driven_road;
@@ -27,3 +28,4 @@ mod driven_road;
 pub(crate) use driven_road::{LaneRoad, LaneStart, lane_road};
 pub use error::ImportError;
 pub use files::Files;
+pub(crate) use way_parts::grade_list;

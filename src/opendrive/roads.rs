@@ -6,9 +6,10 @@ use core::cmp::Ordering;
 use core::f64::consts::PI;
 use std::collections::{BTreeMap, HashMap};
 
+use super::curve::Cubic;
 use super::error::ImportError;
-use super::lanes::RoadLanes;
-use super::links::{Junctions, RoadLink};
+use super::lanes::{RoadLanes, heights_of};
+use super::links::{Junctions, RoadLink, controllers};
 use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
 use super::surface::Surface;
@@ -29,6 +30,8 @@ pub(crate) struct ImportedRoad {
     /// First unsupported content, returned when an entity is on the road.
     refused: Option<ImportError>,
     pub lanes: RoadLanes,
+    /// Heights of its reference line.
+    pub heights_m: Vec<Cubic>,
     /// Roads or junctions before and after it.
     pub links: [Option<RoadLink>; 2],
     /// Friction and speed limits.
@@ -50,6 +53,7 @@ pub(crate) struct OnLane {
 pub(crate) struct RoadMap {
     roads: BTreeMap<String, ImportedRoad>,
     pub junctions: Junctions,
+    controllers: BTreeMap<String, Vec<String>>,
 }
 
 impl RoadMap {
@@ -61,6 +65,7 @@ impl RoadMap {
         Ok(RoadMap {
             roads: roads.collect::<Result<_, ImportError>>()?,
             junctions: Junctions::of(root)?,
+            controllers: controllers(root)?,
         })
     }
 
@@ -72,6 +77,11 @@ impl RoadMap {
     /// Returns whether there is no road at all.
     pub(crate) fn is_empty(&self) -> bool {
         self.roads.is_empty()
+    }
+
+    /// Returns the signals of a controller.
+    pub(crate) fn controlled(&self, controller: &str) -> &[String] {
+        self.controllers.get(controller).map_or(&[], Vec::as_slice)
     }
 
     /// Returns all roads with their ids.
@@ -200,6 +210,7 @@ impl ImportedRoad {
             length_m,
             pieces,
             lanes: RoadLanes::of(lanes, &mut refused)?,
+            heights_m: heights_of(road)?,
             links: RoadLink::both(road)?,
             refused,
         };
@@ -211,6 +222,11 @@ impl ImportedRoad {
             line.refused = Some(road.refused(what, help));
         }
         Ok(line)
+    }
+
+    /// Returns whether its heights change along it.
+    pub(crate) fn rises(&self) -> bool {
+        !self.heights_m.iter().all(Cubic::is_constant)
     }
 
     /// Two stations whose carriageways overlap, if there are any: the road closes

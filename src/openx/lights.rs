@@ -18,12 +18,12 @@ fn id(light: usize) -> String {
     (light + 1).to_string()
 }
 
-/// Signal posts at every stop line of the world's own road.
-pub(super) fn signals(spec: &DriveSpec, stretch: Stretch) -> XmlElement {
+/// Signal posts at every stop line of a road.
+pub(super) fn signals(spec: &DriveSpec, road: usize, stretch: Stretch) -> XmlElement {
     // The reference line is the course of lane 0, so its right edge lies half a
     // lane to the right (negative t).
-    let beside_m = -0.5 * spec.road.lane_width_m() - BESIDE_M;
-    let posts = spec.lights.iter().enumerate().map(|(number, light)| {
+    let beside_m = -0.5 * spec.road_at(road).lane_width_m() - BESIDE_M;
+    let posts = spec.lights_of(road).map(|(number, light)| {
         XmlElement::new("signal")
             .number("s", stretch.s_m(light.line_m))
             .number("t", beside_m)

@@ -107,10 +107,7 @@ impl Crash<'_> {
             return Err(OpenXError::ChangingWeather { name });
         }
         let spec = self.scenario.spec();
-        let forces = [
-            ("grades", !spec.grades.is_empty()),
-            ("wind", spec.wind.is_some()),
-        ];
+        let forces = [("grades", spec.has_grades()), ("wind", spec.wind.is_some())];
         if let Some((what, _)) = forces.into_iter().find(|(_, is_there)| *is_there) {
             return Err(OpenXError::SlopeOrWind { what });
         }

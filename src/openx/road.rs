@@ -36,9 +36,8 @@ pub(super) fn document(
     let roads = own.chain(named).zip(world.courses()).enumerate();
     let roads = roads.map(|(number, ((name, road), course))| {
         let laid = element((number, name), road, course, stretch(number));
-        // Only the world's own road has lights.
-        if number == 0 && !spec.lights.is_empty() {
-            laid.child(lights::signals(spec, stretch(number)))
+        if spec.lights_of(number).next().is_some() {
+            laid.child(lights::signals(spec, number, stretch(number)))
         } else {
             laid
         }

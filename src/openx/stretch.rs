@@ -42,8 +42,7 @@ impl Stretch {
             least_m = least_m.min(s_m - reach_m);
             most_m = most_m.max(s_m + reach_m);
         };
-        // Lights belong to the world's own road.
-        for light in spec.lights.iter().filter(|_| road == 0) {
+        for (_, light) in spec.lights_of(road) {
             hold(light.line_m, 0.0);
         }
         for passage in passages {

@@ -21,6 +21,6 @@ pub(crate) use placement::PlacedRoads;
 pub use placement::{Direction, PlacedRoad, Priority, RoadPlace};
 pub(crate) use self_overlap::SelfOverlap;
 pub use slope::Grade;
-pub(crate) use slope::grade_at;
+pub(crate) use slope::{MAX_RISE, grade_at};
 pub(crate) use steering::LaneKeeper;
 pub use steering::LaneKeeping;

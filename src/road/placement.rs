@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::course::{Course, CourseError, Piece};
 use super::lanes::Road;
+use super::slope::Grade;
 
 /// Named roads, in file order.
 pub(crate) type PlacedRoads = IndexMap<String, PlacedRoad>;
@@ -59,6 +60,8 @@ pub struct PlacedRoad {
     pub pieces: Vec<Piece>,
     /// Right of way where it crosses the world's own road.
     pub priority: Priority,
+    /// Its grades, by station.
+    pub grades: Vec<Grade>,
 }
 
 impl PlacedRoad {

@@ -1,6 +1,9 @@
-//! Grades of the world's own road.
+//! Grades of roads.
 
 use serde::{Deserialize, Serialize};
+
+/// Greatest rise of a road per length.
+pub(crate) const MAX_RISE: f64 = 0.3;
 
 /// Grade of a road from a station on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -81,7 +81,8 @@ pub(super) const VARIATIONS: [SurrogateVariation; 12] = {
 /// Returns the number of inputs per sample in a world.
 pub(super) fn width_of(world: DriveScenario<'_>) -> usize {
     let spec = world.spec();
-    Features::width(spec.agents.len() - 1, spec.lights.len()) + MODELS
+    // The ego sees the lights of the world's own road.
+    Features::width(spec.agents.len() - 1, spec.lights_of(0).count()) + MODELS
 }
 
 /// Model world that is played decision by decision.

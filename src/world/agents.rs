@@ -8,9 +8,7 @@ use super::RuleSpec;
 use super::ado_actions::{self, ActsAs};
 use super::bodies;
 use super::check;
-use super::file::{
-    AdoFile, AgentFile, DriveFile, Facing, LightFile, NumberOrRange, ScenarioFile, StartFile,
-};
+use super::file::{AdoFile, AgentFile, DriveFile, Facing, NumberOrRange, ScenarioFile, StartFile};
 use super::language::rule_of;
 use super::obstacles;
 use super::plans;
@@ -26,8 +24,8 @@ use crate::road::{Direction, PlacedRoads, Road};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{
-    Agent, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, Range, RoadAdo,
-    StartPlace, TrainedAdo, TurnsAdo, Weather,
+    Agent, Drive, EgoController, EgoDrive, Light, MotionPlan, Range, RoadAdo, StartPlace,
+    TrainedAdo, TurnsAdo, Weather,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
@@ -112,20 +110,10 @@ impl Agents<'_> {
                 problems.add(&path.to("name"), what, "second one", Some(help));
             }
             match entry {
-                AgentFile::Light {
-                    name,
-                    line_m,
-                    phase,
-                    drive,
-                } => {
-                    if let Some(drive) = read.light_drive(problems, &path, name, drive) {
+                AgentFile::Light { .. } => {
+                    if let Some(light) = read.light(problems, &path, (file, entry)) {
                         read.light_entries.push(i);
-                        read.lights.push(Light {
-                            name: name.clone(),
-                            line_m: *line_m,
-                            phase: *phase,
-                            drive,
-                        });
+                        read.lights.push(light);
                     }
                 }
                 AgentFile::Weather(entry) => {
@@ -365,7 +353,7 @@ impl Agents<'_> {
         })
     }
 
-    fn trained(
+    pub(super) fn trained(
         &mut self,
         problems: &mut Problems,
         (path, name): (&ValuePath, &str),
@@ -383,40 +371,13 @@ impl Agents<'_> {
         Some(opened.trained)
     }
 
-    fn light_drive(
+    pub(super) fn rules_of(
         &mut self,
         problems: &mut Problems,
         path: &ValuePath,
         name: &str,
-        drive: &LightFile,
-    ) -> Option<LightDrive> {
-        let path = path.to("drive");
-        Some(match drive {
-            LightFile::Trained(file) => {
-                LightDrive::Trained(self.trained(problems, (&path, name), file, ActsAs::Light)?)
-            }
-            LightFile::Schedule(schedule) => {
-                // Equal times would leave the order of phases open.
-                let sorted = schedule.0.is_sorted_by(|a, b| a.0 < b.0);
-                if !sorted || schedule.0.iter().any(|(at_s, _)| *at_s < 0.0) {
-                    let what = "the times of a schedule rise from 0 on".to_owned();
-                    let help = "write `Schedule([(0.0, Yellow), (2.0, Red)])`".to_owned();
-                    problems.add(&path, what, "out of order", Some(help));
-                }
-                LightDrive::Schedule(schedule.clone())
-            }
-            LightFile::Ado(ado) => {
-                ado_actions::check(problems, &path, ado, ActsAs::Light);
-                self.rules_of(problems, &path, name, ado);
-                LightDrive::Ado {
-                    actions: ado.actions.clone(),
-                    neutral: ado.neutral,
-                }
-            }
-        })
-    }
-
-    fn rules_of(&mut self, problems: &mut Problems, path: &ValuePath, name: &str, ado: &AdoFile) {
+        ado: &AdoFile,
+    ) {
         self.observe.get_or_insert_with(|| path.to("observe"));
         self.sees_usual |= ado.observe.is_none();
         if let Some(learner) = &ado.learner {

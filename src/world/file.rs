@@ -118,6 +118,9 @@ pub(super) struct RoadFile {
     pub(super) pieces: Vec<Piece>,
     #[serde(default)]
     pub(super) priority: Priority,
+    /// Grades: station and rise.
+    #[serde(default)]
+    pub(super) grades: Vec<(f64, f64)>,
 }
 
 fn one_lane() -> usize {
@@ -175,7 +178,14 @@ pub(super) enum AgentFile {
     },
     Light {
         name: String,
-        line_m: f64,
+        /// Named road. Without it, the world's own road.
+        #[serde(default)]
+        road: Option<String>,
+        /// Signal of the road's OpenDRIVE file, which becomes its `line_m`.
+        #[serde(default)]
+        signal: Option<String>,
+        #[serde(default)]
+        line_m: Option<f64>,
         #[serde(default)]
         phase: Phase,
         drive: LightFile,
@@ -232,11 +242,9 @@ impl AgentFile {
         match self {
             AgentFile::Vehicle { road, .. }
             | AgentFile::Pedestrian { road, .. }
-            | AgentFile::Obstacle { road, .. } => road.as_deref(),
-            AgentFile::Light { .. }
-            | AgentFile::Weather(_)
-            | AgentFile::Road(_)
-            | AgentFile::Turns { .. } => None,
+            | AgentFile::Obstacle { road, .. }
+            | AgentFile::Light { road, .. } => road.as_deref(),
+            AgentFile::Weather(_) | AgentFile::Road(_) | AgentFile::Turns { .. } => None,
         }
     }
 }

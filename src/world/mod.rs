@@ -32,6 +32,7 @@ mod grid_change;
 mod includes;
 mod kind_of_world;
 mod language;
+mod lights;
 mod limits;
 mod natural_file;
 mod number_or_range;

@@ -1,17 +1,19 @@
 //! Roads along the lanes of an OpenDRIVE file, as the text of a world file.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use super::environment_file::{LanesFile, OwnRoad};
-use super::file::{RoadFile, ScenarioFile};
+use super::file::{AgentFile, RoadFile, ScenarioFile};
 use super::runs::RunSource;
-use crate::opendrive::{LaneRoad, LaneStart, lane_road};
+use crate::opendrive::{LaneRoad, LaneStart, grade_list, lane_road};
 use crate::road::{Piece, Priority};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 
-/// Returns the roads that replace those along lanes, with their places in the text.
+/// Returns the values that replace those of an OpenDRIVE file, with their places in
+/// the text: roads along lanes, and lights at signals.
 pub(super) fn values(
     problems: &mut Problems,
     (world, files): (&str, &dyn RunSource),
@@ -66,16 +68,72 @@ pub(super) fn values(
         // Writing to a string cannot fail.
         let _ = write!(limit, ", speed_limit_mps: {limit_mps:?}");
     }
-    let text = format!("Curved({}, friction: {friction}{limit})", lanes(&own));
+    let mut text = format!("Curved({}, friction: {friction}{limit})", lanes(&own));
+    // Grades of the world itself take precedence.
+    if file.grades.is_empty() {
+        text += &grades(&own);
+    }
     let mut values = vec![(place, text)];
+    let mut named = BTreeMap::new();
     for (name, it) in &file.roads.0 {
         let Some(along) = &it.along else { continue };
         let place = top.to("roads").to(name);
         if let Some(road) = read(&place.to("along"), along) {
             values.push((place, placed(&own, &road, it)));
+            named.insert(name.as_str(), road);
+        }
+    }
+    values.extend(lines(problems, file, (&own, &named)));
+    values
+}
+
+/// Returns the stop lines of lights at signals, with their places in the text.
+fn lines(
+    problems: &mut Problems,
+    file: &ScenarioFile,
+    (own, named): (&LaneRoad, &BTreeMap<&str, LaneRoad>),
+) -> Vec<(ValuePath, String)> {
+    let mut values = Vec::new();
+    for (i, light) in file.agents.iter().enumerate() {
+        let AgentFile::Light {
+            signal: Some(signal),
+            line_m: None,
+            road,
+            ..
+        } = light
+        else {
+            continue;
+        };
+        let on = match road {
+            None => Some(own),
+            Some(name) => named.get(name.as_str()),
+        };
+        let place = ValuePath::top().to("agents").at(i).to("signal");
+        match on.map(|road| line_m(road, signal)) {
+            Some(Ok(line_m)) => values.push((place, format!("{signal:?}, line_m: {line_m:.3}"))),
+            Some(Err(help)) => {
+                let what = format!("the way passes no signal `{signal}`");
+                problems.add(&place, what, "not on it", Some(help));
+            }
+            // Another message names the road that is not along lanes.
+            None => {}
         }
     }
     values
+}
+
+/// Station of a signal on a way, or a help that lists the signals of the way.
+fn line_m(road: &LaneRoad, signal: &str) -> Result<f64, String> {
+    let mut signals = road.signals.iter();
+    let found = signals.find(|(id, _)| id == signal);
+    found.map(|(_, line_m)| *line_m).ok_or_else(|| {
+        let known: Vec<&str> = road.signals.iter().map(|(id, _)| id.as_str()).collect();
+        if known.is_empty() {
+            "write `line_m: …` instead: the way has no signals".to_owned()
+        } else {
+            format!("the signals of the way: {}", known.join(", "))
+        }
+    })
 }
 
 /// Friction of the road as it was written: a number or a range.
@@ -104,6 +162,15 @@ fn lanes(road: &LaneRoad) -> String {
     )
 }
 
+/// Grades as a field of its own, if there are any.
+fn grades(road: &LaneRoad) -> String {
+    if road.grades.is_empty() {
+        String::new()
+    } else {
+        format!(", grades: {}", grade_list(&road.grades))
+    }
+}
+
 /// Named road, in the frame of the world's own.
 fn placed(own: &LaneRoad, road: &LaneRoad, file: &RoadFile) -> String {
     let at = own.sees(road);
@@ -113,10 +180,11 @@ fn placed(own: &LaneRoad, road: &LaneRoad, file: &RoadFile) -> String {
         Priority::Over => "Over",
     };
     format!(
-        "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}), {}, priority: {priority})",
+        "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}), {}{}, priority: {priority})",
         at.x_m,
         at.y_m,
         at.heading_rad,
-        lanes(road)
+        lanes(road),
+        grades(road)
     )
 }

@@ -2,6 +2,7 @@
 
 use super::check;
 use super::file::{AgentFile, RoadFile, ScenarioFile};
+use super::slope_and_wind;
 use super::starts;
 use crate::road::{Course, Direction, PlacedRoad, PlacedRoads, Road, RoadPlace, SelfOverlap};
 use crate::ron_file::Ordered;
@@ -65,6 +66,7 @@ pub(super) fn placed(
             shares_lane_width: road.lane_width_m.is_none(),
             pieces: road.pieces.clone(),
             priority: road.priority,
+            grades: slope_and_wind::placed(problems, &path.to("grades"), &road.grades),
         };
         check::lanes(problems, &path, &placed.road);
         refuse_course(problems, &path, &placed);

@@ -12,7 +12,7 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 33] = [
+const WORLDS: [(&str, &str); 34] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_letter"),
@@ -38,6 +38,7 @@ const WORLDS: [(&str, &str); 33] = [
     world!("oncoming"),
     world!("pedestrian"),
     world!("pedestrian_hit"),
+    world!("roundabout"),
     world!("sandwich"),
     world!("tightening_bend"),
     world!("turn_across"),
@@ -123,8 +124,15 @@ const PROTOCOLS: [(&str, &str); 71] = [
     world!("r157/two_standing"),
 ];
 
+/// Name and text of a road file.
+macro_rules! road_file {
+    ($name:literal) => {
+        ($name, include_str!(concat!("../../worlds/", $name)))
+    };
+}
+
 /// Files that shipped worlds include.
-const FILES: [(&str, &str); 1] = [("junction.xodr", include_str!("../../worlds/junction.xodr"))];
+const FILES: [(&str, &str); 2] = [road_file!("junction.xodr"), road_file!("roundabout.xodr")];
 
 /// Source of the files of shipped worlds, without runs.
 struct ShippedFiles;

@@ -1,13 +1,12 @@
-//! Checks of the grades of a road and of the wind, whose numbers may be ranges.
+//! Checks of the grades of roads and of the wind, whose numbers may be ranges.
 
 use super::check::{range_within, within};
 use super::file::{NumberOrRange, ScenarioFile};
+use crate::road::{Grade, MAX_RISE};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::EnvironmentQuantity;
 
-/// Greatest rise of a road per length.
-const MAX_RISE: f64 = 0.3;
 /// Greatest speed of wind, in m/s.
 const MAX_WIND_MPS: f64 = 60.0;
 /// Bounds of the duration of a gust, in seconds.
@@ -51,23 +50,8 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
         };
         range_within(problems, &place, numbers, (least, most));
     }
-    let grades = ValuePath::top().to("grades");
-    if MAX_GRADES < file.grades.len() {
-        let what = format!("{} grades", file.grades.len());
-        let help = format!("at most {MAX_GRADES}");
-        problems.add(&grades, what, "too many", Some(help));
-    }
-    for (i, pair) in file.grades.windows(2).enumerate() {
-        let is_increasing = pair[0].0 < pair[1].0;
-        if !is_increasing {
-            let what = format!(
-                "the grade from {:?} m on follows that from {:?} m on",
-                pair[1].0, pair[0].0
-            );
-            let help = "list grades by increasing station".to_owned();
-            problems.add(&grades.at(i + 1), what, "out of order", Some(help));
-        }
-    }
+    let stations_m: Vec<f64> = file.grades.iter().map(|(from_s_m, _)| *from_s_m).collect();
+    in_order(problems, &ValuePath::top().to("grades"), &stations_m);
     if let Some(wind) = &file.wind {
         let place = ValuePath::top().to("wind");
         let turn = core::f64::consts::TAU;
@@ -75,6 +59,42 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
         if let Some(gust) = &wind.gust {
             let place = place.to("gust").to("duration_s");
             within(problems, &place, gust.duration_s, GUST_S.0, GUST_S.1);
+        }
+    }
+}
+
+/// Reads and checks the grades of a named road.
+pub(super) fn placed(
+    problems: &mut Problems,
+    place: &ValuePath,
+    grades: &[(f64, f64)],
+) -> Vec<Grade> {
+    for (i, (_, rise)) in grades.iter().enumerate() {
+        within(problems, &place.at(i).at(1), *rise, -MAX_RISE, MAX_RISE);
+    }
+    let stations_m: Vec<f64> = grades.iter().map(|(from_s_m, _)| *from_s_m).collect();
+    in_order(problems, place, &stations_m);
+    let grades = grades.iter();
+    let grades = grades.map(|&(from_s_m, rise)| Grade { from_s_m, rise });
+    grades.collect()
+}
+
+/// Refuses too many grades, and stations that do not increase.
+fn in_order(problems: &mut Problems, place: &ValuePath, stations_m: &[f64]) {
+    if MAX_GRADES < stations_m.len() {
+        let what = format!("{} grades", stations_m.len());
+        let help = format!("at most {MAX_GRADES}");
+        problems.add(place, what, "too many", Some(help));
+    }
+    for (i, pair) in stations_m.windows(2).enumerate() {
+        let is_increasing = pair[0] < pair[1];
+        if !is_increasing {
+            let what = format!(
+                "the grade from {:?} m on follows that from {:?} m on",
+                pair[1], pair[0]
+            );
+            let help = "list grades by increasing station".to_owned();
+            problems.add(&place.at(i + 1), what, "out of order", Some(help));
         }
     }
 }

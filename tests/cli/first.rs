@@ -228,9 +228,9 @@ fn an_import_says_what_it_drops_and_what_to_write_instead() {
         assert_ne!(text, changed, "{from}");
         std::fs::write(dir.path().join(name), changed).expect("written");
     };
-    let elevation = r#"<elevationProfile><elevation s="0" a="0" b="0.1" c="0" d="0"/>"#;
-    let elevation = format!("{elevation}</elevationProfile>");
-    copied("straight.xodr", "<elevationProfile/>", &elevation);
+    let leans = r#"<lateralProfile><superelevation s="0" a="0.05" b="0" c="0" d="0"/>"#;
+    let leans = format!("{leans}</lateralProfile>");
+    copied("straight.xodr", "<lateralProfile/>", &leans);
     copied("base.xosc", "<!--global-->", "");
     let new = |words: &[&str]| {
         let words = [&["new", "--from", "base.xosc"], words].concat();
@@ -238,12 +238,12 @@ fn an_import_says_what_it_drops_and_what_to_write_instead() {
     };
     let said = new(&["one"]);
     assert_eq!(code(&said), 0, "{}", stderr(&said));
-    let line = "dropped: elevation, 1 in all, the first in straight.xodr, line 9\n";
+    let line = "dropped: lateral profile, 1 in all, the first in straight.xodr, line 10\n";
     assert_eq!(stderr(&said), line);
     let said = new(&["two", "--json"]);
     assert_eq!(stderr(&said), "");
     let dropped = serde_json::json!([
-        { "kind": "elevation", "file": "straight.xodr", "line": 9, "count": 1 }
+        { "kind": "lateral profile", "file": "straight.xodr", "line": 10, "count": 1 }
     ]);
     assert_eq!(json(&said)["dropped"], dropped);
     copied("straight.xodr", "RHT", "LHT");

@@ -706,6 +706,14 @@ fn refused_of_roads() -> Vec<Refusal> {
             "<road",
         ),
         (
+            vec![edit(
+                "<elevationProfile/>",
+                r#"<elevationProfile><elevation s="0" a="0" b="-0.4" c="0" d="0"/></elevationProfile>"#,
+            )],
+            "it rises by -0.40 per metre",
+            "<road",
+        ),
+        (
             two(r#"<geometry s="400" x="401" y="0" hdg="0" length="600"><line/></geometry>"#),
             "1.000 m and 0.0000 rad off",
             "401",
@@ -872,8 +880,8 @@ fn friction_and_speed_limits_are_carried_over() {
 fn what_is_dropped_is_listed_with_the_place_of_the_first() {
     let edits = [
         edit(
-            "<elevationProfile/>",
-            "<elevationProfile><elevation s=\"0\" a=\"0\" b=\"0\" c=\"0\" d=\"0\"/>\n<elevation s=\"10\" a=\"0\" b=\"0.05\" c=\"0\" d=\"0\"/><elevation s=\"20\" a=\"0.5\" b=\"0\" c=\"0\" d=\"0\"/></elevationProfile>",
+            "<lateralProfile/>",
+            "<lateralProfile><superelevation s=\"0\" a=\"0\" b=\"0\" c=\"0\" d=\"0\"/>\n<superelevation s=\"10\" a=\"0\" b=\"0.005\" c=\"0\" d=\"0\"/><superelevation s=\"20\" a=\"0.05\" b=\"0\" c=\"0\" d=\"0\"/></lateralProfile>",
         ),
         edit(
             "<!--signals-->",
@@ -915,7 +923,7 @@ fn what_is_dropped_is_listed_with_the_place_of_the_first() {
             "<StopTrigger><ConditionGroup>",
             1,
         ),
-        ("elevation", "straight.xodr", "s=\"10\"", 2),
+        ("lateral profile", "straight.xodr", "s=\"10\"", 2),
         ("traffic signals", "straight.xodr", "<signal ", 1),
         ("routes", "base.xosc", "<AssignRouteAction>", 1),
     ];
@@ -1110,4 +1118,63 @@ fn a_polynomial_of_a_reference_line_is_followed_to_the_centimetre() {
     // right. As a line it would be 0.29 m off.
     assert_eq!(off(&episode, "ego", (6.0, 170.006, 3.789)), None);
     assert_eq!(off(&episode, "lead", (2.0, 170.018, 0.289)), None);
+}
+
+#[test]
+fn the_ego_drives_on_the_grades_of_its_road_and_past_its_lights() {
+    let rises = "<elevationProfile><elevation s=\"0\" a=\"0\" b=\"0\" c=\"0\" d=\"0\"/>\
+                 <elevation s=\"100\" a=\"0\" b=\"-0.04\" c=\"0\" d=\"0\"/></elevationProfile>";
+    let signals = r#"<signals>
+        <signal id="1" s="250" t="-6" dynamic="yes" orientation="+"/>
+        <signal id="2" s="250" t="6" dynamic="yes" orientation="-"/>
+        <signal id="3" s="300" t="-6" dynamic="yes" orientation="+"/>
+        <signal id="4" s="350" t="-6" dynamic="yes" orientation="+"/>
+        </signals>"#;
+    // The first two are switched one by one, the third by its group 7, 5 s after them.
+    let phases = r#"<TrafficSignals>
+        <TrafficSignalController name="main"><Phase name="go" duration="20"><TrafficSignalState trafficSignalId="1" state="off;off;on"/><TrafficSignalState trafficSignalId="2" state="on;off;off"/></Phase><Phase name="stop" duration="10"><TrafficSignalState trafficSignalId="1" state="on;off;off"/><TrafficSignalState trafficSignalId="2" state="off;off;on"/></Phase></TrafficSignalController>
+        <TrafficSignalController name="7" delay="5" reference="main"><Phase name="go" duration="20"><TrafficSignalGroupState state="green"/></Phase><Phase name="stop" duration="10"><TrafficSignalGroupState state="red"/></Phase></TrafficSignalController>
+        </TrafficSignals>"#;
+    let files = files(&[
+        edit("<elevationProfile/>", rises),
+        edit("<!--signals-->", signals),
+        edit("<!--network-->", phases),
+        edit(
+            "</OpenDRIVE>",
+            "<controller id=\"7\" name=\"c\"><control signalId=\"3\"/></controller></OpenDRIVE>",
+        ),
+    ]);
+    let imported = import(&files).expect("a world");
+    let world = world(&imported);
+    let spec = world.drive().expect("a driving world").spec();
+    let grades: Vec<(f64, f64)> = spec
+        .grades
+        .iter()
+        .map(|it| (it.from_s_m, it.rise))
+        .collect();
+    assert_eq!(grades, [(0.0, 0.0), (100.0, -0.04)]);
+    let lights: Vec<(&str, f64)> = spec
+        .lights
+        .iter()
+        .map(|it| (it.name.as_str(), it.line_m))
+        .collect();
+    assert_eq!(lights, [("light_1", 250.0), ("light_3", 300.0)]);
+    // The ego keeps its speed downhill.
+    let episode = run(&world);
+    let speeds = episode.trace.signal("ego.speed").expect("recorded");
+    assert!(speeds.iter().all(|mps| (mps - 20.0).abs() < 0.03));
+    let text = world.text();
+    for schedule in [
+        "line_m: 250.0, drive: Schedule([(0.0, Green), (20.0, Red), (30.0, Green), ",
+        "line_m: 300.0, drive: Schedule([(0.0, Red), (5.0, Green), (25.0, Red), (35.0, Green), ",
+    ] {
+        assert!(text.contains(schedule), "{text}");
+    }
+    // The light of the other direction and the one without phases are listed.
+    let dropped: Vec<(&str, usize)> = imported
+        .dropped
+        .iter()
+        .map(|it| (it.kind, it.count))
+        .collect();
+    assert_eq!(dropped, [("traffic signals", 2)]);
 }

@@ -1,5 +1,6 @@
 //! Roads of a world along the lanes of an OpenDRIVE file.
 
+use brakecheck::internals::sim::{GRAVITY_MPS2, PlantKind};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::{LoadError, Scenario};
@@ -129,5 +130,173 @@ fn ways_that_the_file_does_not_have_are_refused() {
         let error = load(&WORLD.replace(from, to), &[("network.xodr", NETWORK)]);
         let error = error.expect_err(what);
         assert!(error.contains(what), "{what}: {error}");
+    }
+}
+
+/// The network with content for the roads whose planView ends in these texts.
+fn with(edits: &[(&str, &str)]) -> String {
+    edits
+        .iter()
+        .fold(NETWORK.to_owned(), |network, (id, content)| {
+            let road = network.find(&format!("id=\"{id}\"")).expect("a road");
+            let at = road + network[road..].find("<lanes>").expect("lanes");
+            format!("{}{content}{}", &network[..at], &network[at..])
+        })
+}
+
+#[test]
+fn roads_rise_and_fall_with_the_elevations_of_their_files() {
+    // Road 3 rises by 5 % over its first 100 m, and is level then. Road 4 is an arc of
+    // 20 m, whose outer lane is longer than its reference line.
+    let rises = "<elevationProfile><elevation s=\"0\" a=\"0\" b=\"0.05\" c=\"0\" d=\"0\"/>\
+                 <elevation s=\"100\" a=\"5\" b=\"0\" c=\"0\" d=\"0\"/></elevationProfile>";
+    let network = with(&[("3", rises), ("4", rises)]);
+    let text = r#"Scenario(
+        name: "small", question: "?",
+        clock: (horizon_s: 9.0, decision_s: 0.5, sample_s: 0.05, substeps: 4),
+        plant: Kinematic, judge: UntilContact,
+        road: OpenDrive(file: "network.xodr", along: (road: "3", lane: -1, s_m: 10.0), friction: 0.8),
+        roads: {
+            "down": (along: (road: "3", lane: 1, s_m: 150.0)),
+            "left": (along: (road: "1", lane: -1, s_m: 20.0, via: ["2"])),
+        },
+        agents: [
+            Vehicle(name: "ego", body: "sedan", start: At(x_m: 10.0, speed_mps: 12.0), drive: Ego(Coast(accel_mps2: 0.0, lag_s: 0.0))),
+            Vehicle(name: "ado", body: "sedan", road: "down", start: At(x_m: 0.0, speed_mps: 10.0), drive: Ado(
+                actions: Accelerations([0.0, 1.0]), neutral: 0,
+                rulebook: [Rule(name: "r", stl: "always (ado.speed <= 99)")],
+            )),
+        ],
+        ego_spec: "always (ego.ado.gap >= 0.1)",
+    )"#;
+    let world = load(text, &[("network.xodr", &network)]).expect("a world");
+    let spec = world.drive().expect("a driving world").spec().clone();
+    let near = |a: f64, b: f64| (a - b).abs() < 2e-3;
+    let grades = |of: &[brakecheck::internals::scene::drive::Grade]| -> Vec<(f64, f64)> {
+        of.iter().map(|it| (it.from_s_m, it.rise)).collect()
+    };
+    // The way begins 10 m along the road.
+    let own = grades(&spec.grades);
+    assert!(
+        matches!(own[..], [(a, b), (c, d)] if a == 0.0 && near(b, 0.05) && near(c, 90.0) && near(d, 0.0)),
+        "{own:?}"
+    );
+    let down = grades(&spec.roads["down"].grades);
+    assert!(
+        matches!(down[..], [(_, b), (c, d), ..] if near(b, 0.0) && near(c, 50.0) && near(d, -0.05)),
+        "{down:?}"
+    );
+    let left = grades(&spec.roads["left"].grades);
+    let outer = 0.05 * 20.0 / 21.75;
+    assert!(
+        matches!(left[..], [(_, b), (c, d), ..] if near(b, 0.0) && near(c, 80.0) && (d - outer).abs() < 1e-4),
+        "{left:?}"
+    );
+    let slope_mps2 = GRAVITY_MPS2 * 0.05 / (1.0_f64 + 0.05 * 0.05).sqrt();
+    for plant in [PlantKind::Kinematic, PlantKind::Rigid] {
+        let episode = run(&world.on(plant));
+        let speed = |name: &str, time_s: f64| {
+            let signal = episode.trace.signal(&format!("{name}.speed"));
+            signal.expect("there")[(time_s / 0.05_f64).round() as usize]
+        };
+        // Uphill from the start, and down after 50 level metres.
+        let expected_mps = 12.0 - 4.0 * slope_mps2;
+        assert!((speed("ego", 4.0) - expected_mps).abs() < 0.05, "{plant:?}");
+        assert!((speed("ado", 4.9) - 10.0).abs() < 0.05, "{plant:?}");
+        let expected_mps = 10.0 + 3.0 * slope_mps2;
+        assert!((speed("ado", 8.0) - expected_mps).abs() < 0.05, "{plant:?}");
+    }
+    // Grades of the world take precedence.
+    let own = text.replace("ego_spec", "grades: [(0.0, -0.02)], ego_spec");
+    let world = load(&own, &[("network.xodr", &network)]).expect("a world");
+    let spec = world.drive().expect("a driving world").spec().clone();
+    assert_eq!(grades(&spec.grades), [(0.0, -0.02)]);
+}
+
+const SIGNALS: &str = r#"<signals>
+    <signal s="90" t="-3" id="7" dynamic="yes" orientation="+"/>
+    <signal s="60" t="3" id="8" dynamic="yes" orientation="-"/>
+    <signal s="70" t="-3" id="9" dynamic="yes"><validity fromLane="1" toLane="2"/></signal>
+</signals>"#;
+
+/// An ego that stops for lights, with one on its road or on another.
+fn lit(light: &str) -> String {
+    let follows = "Acc(kp_per_s2: 0.1, kd_per_s: 0.5, standstill_headway_m: 6.0, time_gap_s: 1.0, \
+                   max_brake_mps2: 6.0, max_accel_mps2: 1.0, stop_brake_mps2: 4.0, junction_m: 5.0, \
+                   yellow_s: 3.0, lag_s: 0.0)";
+    let stops = follows.replace("Acc(", "YellowLightFixed(");
+    let text = WORLD.replace("Coast(accel_mps2: 0.0, lag_s: 0.0)", &stops);
+    let text = text.replace("speed_mps: 5.0", "speed_mps: 10.0");
+    text.replace("agents: [", &format!("agents: [{light},"))
+        .replace(
+            "ego_spec: \"",
+            "ego_spec: \"always (ego.light.line >= -900 and turning.light.line >= -900) and ",
+        )
+}
+
+#[test]
+fn lights_are_at_signals_and_valid_on_their_own_road_only() {
+    let network = with(&[("1", SIGNALS)]);
+    let at = |episode: &Episode, name: &str, time_s: f64| {
+        let signal = episode.trace.signal(name).expect(name);
+        signal[(time_s / 0.05).round() as usize]
+    };
+    let cases = [
+        ("signal: \"7\"", true),
+        ("line_m: 70.0", true),
+        ("road: \"left\", signal: \"7\"", false),
+    ];
+    for (place, stops) in cases {
+        let light = format!("Light(name: \"light\", {place}, drive: Schedule([(0.0, Red)]))");
+        let world = load(&lit(&light), &[("network.xodr", &network)]).expect(place);
+        assert!(!world.text().contains("OpenDrive"));
+        let episode = run(&world);
+        // Signal 7 is 70 m along both ways, and the ego starts at 5 m, the other at 40 m.
+        assert!(
+            (at(&episode, "ego.light.line", 0.0) - 65.0).abs() < 1e-2,
+            "{place}"
+        );
+        assert!(
+            (at(&episode, "turning.light.line", 0.0) - 30.0).abs() < 1e-2,
+            "{place}"
+        );
+        let is_still = at(&episode, "ego.speed", 12.0) < 0.1;
+        assert_eq!(is_still, stops, "{place}");
+    }
+    // A line behind the bend counts along the light's own road: 80 m to the junction,
+    // a quarter of a circle, and 10 m.
+    let along_m = 80.0 + 21.75 * core::f64::consts::FRAC_PI_2 + 10.0;
+    let light =
+        format!("Light(name: \"light\", road: \"left\", line_m: {along_m}, drive: Schedule([]))");
+    let world = load(&lit(&light), &[("network.xodr", &network)]).expect("a world");
+    let episode = run(&world);
+    let line_m = at(&episode, "turning.light.line", 6.0);
+    assert!((line_m - (along_m - 100.0)).abs() < 0.1, "{line_m}");
+    // Pictures have it across that lane, 10 m north of the bend.
+    let [right, left] = world.bench().stage().lights[0].stop_line_m;
+    for (point, x_m) in [(right, 103.5), (left, 100.0)] {
+        let off_m = (point[0] - x_m).hypot(point[1] - 31.75);
+        assert!(off_m < 0.01, "{point:?}");
+    }
+}
+
+#[test]
+fn signals_of_other_directions_lanes_and_ways_are_refused() {
+    let network = with(&[("1", SIGNALS)]);
+    let cases = [
+        ("signal: \"8\"", "passes no signal `8`"),
+        ("signal: \"9\"", "passes no signal `9`"),
+        ("road: \"oncoming\", signal: \"7\"", "passes no signal `7`"),
+        ("road: \"right\", line_m: 3.0", "right"),
+        (
+            "phase: Red",
+            "nothing says where the stop line of `light` is",
+        ),
+    ];
+    for (place, what) in cases {
+        let light = format!("Light(name: \"light\", {place}, drive: Schedule([]))");
+        let error = load(&lit(&light), &[("network.xodr", &network)]);
+        let error = error.expect_err(place);
+        assert!(error.contains(what), "{place}: {error}");
     }
 }

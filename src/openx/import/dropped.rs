@@ -10,7 +10,7 @@ use crate::opendrive::tree::XmlNode;
 /// Elements of one kind that have no effect on the worlds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DroppedElements {
-    /// Kind of the elements, such as `elevation`.
+    /// Kind of the elements, such as `weather`.
     pub kind: &'static str,
     /// File of the first element.
     pub file: PathBuf,
@@ -23,7 +23,7 @@ pub struct DroppedElements {
 /// Names of dropped elements with their kinds.
 ///
 /// Elements below a dropped element belong to it and are not counted.
-const KINDS: [(&str, &str); 28] = [
+const KINDS: [(&str, &str); 25] = [
     ("AppearanceAction", "appearance"),
     ("ActivateControllerAction", "controllers"),
     ("ControllerAction", "controllers"),
@@ -31,7 +31,6 @@ const KINDS: [(&str, &str); 28] = [
     ("MonitorDeclaration", "monitors"),
     ("ParameterAction", "parameters"),
     ("TimeOfDay", "time of day"),
-    ("TrafficSignalController", "traffic signals"),
     ("Trailer", "trailers"),
     ("TrailerCoupler", "trailers"),
     ("TrailerHitch", "trailers"),
@@ -39,9 +38,7 @@ const KINDS: [(&str, &str); 28] = [
     ("VisibilityAction", "visibility"),
     ("Weather", "weather"),
     ("bridge", "objects"),
-    ("controller", "traffic signals"),
     ("crossfall", "lateral profile"),
-    ("elevation", "elevation"),
     ("height", "lane heights"),
     ("object", "objects"),
     ("objectReference", "objects"),
@@ -54,13 +51,7 @@ const KINDS: [(&str, &str); 28] = [
     ("tunnel", "objects"),
 ];
 /// Elements that may be written without an effect.
-const CURVES: [&str; 5] = [
-    "crossfall",
-    "elevation",
-    "height",
-    "shape",
-    "superelevation",
-];
+const CURVES: [&str; 4] = ["crossfall", "height", "shape", "superelevation"];
 /// Attributes that are all 0 if such an element has no effect.
 const TERMS: [&str; 6] = ["a", "b", "c", "d", "inner", "outer"];
 
@@ -81,7 +72,8 @@ impl DropLog {
         let kind = KINDS.iter().find(|(name, _)| *name == node.name);
         match kind {
             Some((_, kind)) => {
-                if !is_empty_element(node) {
+                // Lights are counted when it is known which of them the ego passes.
+                if !is_empty_element(node) && !is_light(node) {
                     self.note(kind, node);
                 }
             }
@@ -120,6 +112,11 @@ impl DropLog {
     pub(super) fn list(&self) -> Vec<DroppedElements> {
         self.0.borrow().kinds.clone()
     }
+}
+
+/// Returns whether a signal may change.
+pub(super) fn is_light(signal: &XmlNode) -> bool {
+    signal.raw("dynamic") == Some("yes")
 }
 
 /// Returns true for a curve or a lane height whose terms are all 0.

@@ -4,6 +4,7 @@ use super::ends::to_mps;
 use super::entity::ImportedEntity;
 use super::places::{Placed, is_along};
 use crate::opendrive::error::{At, ImportError};
+use crate::opendrive::lane_drive::LaneStretch;
 use crate::opendrive::roads::OnLane;
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::tree::XmlNode;
@@ -45,6 +46,8 @@ pub(super) struct FrameOfEgo {
     pub zero_m: f64,
     pub lanes: usize,
     pub lane_width_m: f64,
+    /// Lanes of the ego's way, and the offset of lane 0 to the left of them.
+    pub drive: Option<(Vec<LaneStretch>, f64)>,
 }
 
 impl FrameOfEgo {
@@ -85,6 +88,7 @@ impl FrameOfEgo {
             zero_m: 0.0,
             lanes: 2,
             lane_width_m: USUAL_WIDTH_M,
+            drive: None,
         };
         if let Some(OnWay { way, .. }) = &ego.placed.way {
             // A path has no lanes of its own, so two of a usual width are drawn.
@@ -110,6 +114,13 @@ impl FrameOfEgo {
             (true, lanes) => (beside[0].0, lanes),
         };
         let t_m = line.middle_m(asks, outer)?;
+        let begins = OnLane {
+            lane: outer,
+            s_m: 0.0,
+            t_m,
+            ..at.clone()
+        };
+        let drive = roads.lane_drive(asks, &begins, (&[], line.length_m))?;
         let frame = if line.is_straight() {
             RoadFrame::Straight(line.at(0.0, t_m))
         } else {
@@ -122,6 +133,7 @@ impl FrameOfEgo {
             frame,
             zero_m: t_m,
             lanes,
+            drive: Some((drive, 0.0)),
             // Lanes wider than the limit of a world are proving grounds, not lanes.
             lane_width_m: width_m.min(20.0),
         })
@@ -153,9 +165,10 @@ impl FrameOfEgo {
         // The lanes of the first road are drawn where the ego's way has them
         // beside it throughout.
         let beside = roads.lanes_beside(&drive, width_m);
+        let left_m = -(beside as f64) * width_m;
         let on = match beside {
             0 => on,
-            right => roads.lane_way(asks, &drive, -(right as f64) * width_m)?,
+            _ => roads.lane_way(asks, &drive, left_m)?,
         };
         let place = on.located(asks, &ego.placed.spot)?;
         let off = place.spot().sees(&ego.placed.spot);
@@ -176,6 +189,7 @@ impl FrameOfEgo {
             frame: RoadFrame::Along(way),
             zero_m: 0.0,
             lanes: (beside + 1).max(2),
+            drive: Some((drive, left_m)),
             lane_width_m: width_m.min(20.0),
         })
     }

@@ -21,6 +21,7 @@ mod ends;
 mod entity;
 mod frame;
 mod laws;
+mod lights;
 mod motion;
 mod places;
 mod plans;

@@ -12,6 +12,7 @@ use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::{ImportedEntity, ImportedStep};
 use super::frame::{FrameOfEgo, RoadFrame};
+use super::lights::{ImportedLight, lights};
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
@@ -22,6 +23,7 @@ use crate::opendrive::roads::{OnLane, RoadMap};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 use crate::opendrive::ways::Bend;
+use crate::road::Grade;
 use crate::sim::Pose;
 
 /// Valid range of friction coefficients.
@@ -53,6 +55,10 @@ pub(super) struct Concrete {
     /// Friction coefficient μ of the ego's road.
     pub friction: f64,
     pub limit_mps: Option<f64>,
+    /// Grades of the ego's road.
+    pub grades: Vec<Grade>,
+    /// Lights of the ego's road.
+    pub lights: Vec<ImportedLight>,
     pub entities: Vec<ImportedEntity>,
     /// Time at which the file ends the run, if it states a time alone.
     pub stop_s: Option<f64>,
@@ -250,6 +256,7 @@ impl Protocol {
             zero_m,
             lanes,
             lane_width_m,
+            drive,
         } = FrameOfEgo::of(asks, &roads, (&mut entities, stop_s))?;
         let ego = entities.iter().find(|it| it.is_ego);
         let ego = ego.ok_or_else(|| asks.error("the ego is deleted"))?;
@@ -259,7 +266,16 @@ impl Protocol {
             let what = format!("a friction of {friction} is outside of 0.01 ..= 2");
             return Err(init.error(what));
         }
+        if drive.is_none() {
+            // A trajectory has no heights of its own.
+            let heights = roads.all().filter(|(_, road)| road.rises());
+            heights.for_each(|(_, road)| self.dropped.note("elevation", &road.node));
+        }
+        let (drive, left_m) = drive.unwrap_or_default();
+        let passed = roads.lane_signals(asks, &drive, left_m)?;
         Ok(Concrete {
+            grades: roads.lane_grades(asks, &drive, left_m)?,
+            lights: lights(&self.root, scope, (&roads, &passed), &self.dropped)?,
             friction,
             limit_mps: roads.limit_mps(road)?,
             frame,

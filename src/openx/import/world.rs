@@ -7,6 +7,7 @@ use super::plans::plan;
 use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, seen};
 use crate::opendrive::error::ImportError;
+use crate::opendrive::grade_list;
 use crate::opendrive::ways::{Bend, laid};
 
 /// Duration in seconds of a run after the expected encounter.
@@ -27,6 +28,8 @@ const AHEAD_M: f64 = 100.0;
 ///
 /// It is less than a full circle, so the road does not return to its start.
 const LEAST_TURN_RAD: f64 = 5.0;
+/// Least speed in m/s that a cruise control keeps.
+const LEAST_CRUISE_MPS: f64 = 0.1;
 /// Step in metres in which a longer bend grows.
 const STEP_M: f64 = 100.0;
 
@@ -90,6 +93,9 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
          judge: UntilContact,\n"
     ));
     road(&mut draft, concrete, &all, until_s);
+    if !concrete.grades.is_empty() {
+        draft.text(&format!("    grades: {},\n", grade_list(&concrete.grades)));
+    }
     bodies(&mut draft, &all);
     draft.text("    agents: [\n");
     // Standing vehicles may hide others. A single standing vehicle along the
@@ -107,6 +113,9 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     // The ego comes first, since plans of later agents may refer to it.
     for it in std::iter::once(&all[ego]).chain(all.iter().filter(|it| !it.entity.is_ego)) {
         agent(&mut draft, concrete, &all, it, ado, &mut triggers)?;
+    }
+    for light in &concrete.lights {
+        draft.text(&light.text(until_s));
     }
     draft.text("    ],\n");
     if hides {
@@ -390,7 +399,7 @@ fn agent(
     }
     draft.text("),\n            drive: ");
     if it.entity.is_ego {
-        draft.text("Ego(Coast(accel_mps2: 0.0, lag_s: 0.0)),\n        ),\n");
+        draft.text(&ego_drive(concrete, it.entity.speed_mps));
         return Ok(());
     }
     // Users may write the name of the file or that of the world.
@@ -415,6 +424,22 @@ fn agent(
     }
     draft.text(",\n        ),\n");
     Ok(())
+}
+
+/// Drive of the ego, which keeps its speed.
+fn ego_drive(concrete: &Concrete, speed_mps: f64) -> String {
+    // On grades a coasting car gains and loses speed, which a cruise control makes up.
+    let drive = if concrete.grades.is_empty() || speed_mps < LEAST_CRUISE_MPS {
+        "Coast(accel_mps2: 0.0, lag_s: 0.0)".to_owned()
+    } else {
+        let speed_mps = tidy(speed_mps);
+        format!(
+            "CurveSpeed(\n                desired_speed_mps: {speed_mps:?}, cruise_gain_per_s: 20.0, \
+             max_accel_mps2: 5.0, max_brake_mps2: 5.0,\n                \
+             side_accel_mps2: 1000.0, plan_brake_mps2: 0.0, preview_s: 0.0, lag_s: 0.0,\n            )"
+        )
+    };
+    format!("Ego({drive}),\n        ),\n")
 }
 
 /// Writes a standing entity as an obstacle.

@@ -24,9 +24,8 @@ pub(crate) fn blank(spec: &DriveSpec, ego: usize) -> Percept {
             })
             .collect(),
         lights: spec
-            .lights
-            .iter()
-            .map(|light| SeenLight {
+            .lights_of(spec.agents[ego].road)
+            .map(|(_, light)| SeenLight {
                 name: light.name.clone(),
                 line_m: 0.0,
                 phase: Phase::Green,
@@ -80,7 +79,9 @@ pub(crate) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
         let mut sees = others.map(|i| visible[i]);
         percept.others.retain(|_| sees.next().unwrap_or(true));
     }
-    for (i, seen) in percept.lights.iter_mut().enumerate() {
+    // Lights of other roads do not hold for the ego.
+    let lights = spec.lights_of(spec.agents[ego].road);
+    for (seen, (i, _)) in percept.lights.iter_mut().zip(lights) {
         seen.line_m = scene.line_m(ego, i);
         seen.phase = scene.lights[i].phase;
         seen.phase_s = scene.phase_s(i);

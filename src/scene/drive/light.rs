@@ -6,12 +6,14 @@ use super::actions::{Actions, PhaseAction};
 use super::trained::TrainedAdo;
 use crate::ego::Phase;
 
-/// A traffic light with its stop line across all lanes.
+/// A traffic light with its stop line across all lanes of a road.
 #[derive(Clone, Debug)]
 pub struct Light {
     /// Name in signals.
     pub name: String,
-    /// Position of the stop line along the road.
+    /// Index of its road: 0 is the world's own, named ones follow in order.
+    pub road: usize,
+    /// Position of the stop line along that road.
     pub line_m: f64,
     /// Initial phase.
     pub phase: Phase,

@@ -18,12 +18,13 @@ pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
     });
     let borders = spec.road.borders_m();
     let lights = spec.lights.iter().map(|light| {
+        let road = spec.road_at(light.road);
         let (right_m, left_m) = (
-            -0.5 * spec.road.lane_width_m(),
-            (spec.road.lanes() as f64 - 0.5) * spec.road.lane_width_m(),
+            -0.5 * road.lane_width_m(),
+            (road.lanes() as f64 - 0.5) * road.lane_width_m(),
         );
         let point = |lateral_m: f64| {
-            let pose = layout.network.main().pose(light.line_m, lateral_m);
+            let pose = layout.network.courses()[light.road].pose(light.line_m, lateral_m);
             [pose.x_m, pose.y_m, 0.0]
         };
         LightPost {
@@ -50,7 +51,7 @@ pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
     }
 }
 
-/// Returns the used part of a named road: its starts and its crossings.
+/// Returns the used part of a named road: its starts, crossings and stop lines.
 fn used_m(layout: &DriveLayout, road: usize) -> (f64, f64) {
     let agents = layout.spec.agents.iter().enumerate();
     let on_it = agents.filter(|(_, agent)| agent.road == road);
@@ -64,7 +65,8 @@ fn used_m(layout: &DriveLayout, road: usize) -> (f64, f64) {
         let crossings = others.flat_map(move |other| layout.network.crossings(i, other));
         starts.into_iter().chain(crossings.map(|it| it.s_m))
     });
-    places.fold((0.0, 0.0), |(from_m, to_m), it| {
+    let lines = layout.spec.lights_of(road).map(|(_, light)| light.line_m);
+    places.chain(lines).fold((0.0, 0.0), |(from_m, to_m), it| {
         (f64::min(from_m, it), f64::max(to_m, it))
     })
 }

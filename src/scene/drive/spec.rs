@@ -213,7 +213,7 @@ pub struct DriveSpec {
     pub road_ado: Option<RoadAdo>,
     /// Ado that gives turns to the placed ados, if any.
     pub turns: Option<TurnsAdo>,
-    /// Grades of the world's own road, by station. Named roads are flat.
+    /// Grades of the world's own road, by station.
     pub grades: Vec<Grade>,
     /// Wind, if any.
     pub wind: Option<Wind>,
@@ -265,12 +265,36 @@ impl Agent {
 }
 
 impl DriveSpec {
-    /// Returns the road of an agent.
-    pub fn road_of(&self, agent: usize) -> &Road {
-        match self.agents[agent].road {
+    /// Returns the grades of a road by its index. 0 is the world's own.
+    pub fn grades_of(&self, road: usize) -> &[Grade] {
+        match road {
+            0 => &self.grades,
+            road => &self.roads[road - 1].grades,
+        }
+    }
+
+    /// Returns whether any of its roads has grades.
+    pub fn has_grades(&self) -> bool {
+        (0..=self.roads.len()).any(|road| !self.grades_of(road).is_empty())
+    }
+
+    /// Returns a road by its index. 0 is the world's own.
+    pub fn road_at(&self, road: usize) -> &Road {
+        match road {
             0 => &self.road,
             road => &self.roads[road - 1].road,
         }
+    }
+
+    /// Returns the road of an agent.
+    pub fn road_of(&self, agent: usize) -> &Road {
+        self.road_at(self.agents[agent].road)
+    }
+
+    /// Returns the lights of a road with their positions in the list.
+    pub fn lights_of(&self, road: usize) -> impl Iterator<Item = (usize, &Light)> {
+        let lights = self.lights.iter().enumerate();
+        lights.filter(move |(_, light)| light.road == road)
     }
 
     /// Returns the roads of the world with the crossings between its agents' paths.

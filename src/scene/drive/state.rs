@@ -106,16 +106,13 @@ impl SceneState {
 
     /// Lets slopes and wind act on the bodies for the next sample.
     fn push_all(&mut self) {
-        if self.spec.grades.is_empty() && self.spec.wind.is_none() {
+        if !self.spec.has_grades() && self.spec.wind.is_none() {
             return;
         }
         let time_s = self.time_s();
         for (i, agent) in self.spec.agents.iter().enumerate() {
             let (at, state) = (&self.on_road[i], &self.states[i]);
-            let grades = match agent.road {
-                0 => self.spec.grades.as_slice(),
-                _ => &[],
-            };
+            let grades = self.spec.grades_of(agent.road);
             let (rise_sin, load_share) = grade_at(grades, at.s_m).direction();
             // Downhill is against the road where it rises.
             let downhill_mps2 = GRAVITY_MPS2 * rise_sin;
@@ -193,13 +190,16 @@ impl SceneState {
 
     /// Returns the distance from an agent's front to a stop line.
     ///
-    /// Along the world's own road, positive before the line.
+    /// Along the road of the light, positive before the line.
     pub(super) fn line_m(&self, agent: usize, light: usize) -> f64 {
-        let at = match self.spec.agents[agent].road {
-            0 => self.on_road[agent],
-            _ => self.network.main().locate(&self.states[agent].pose),
+        let light = &self.spec.lights[light];
+        let at = if self.spec.agents[agent].road == light.road {
+            self.on_road[agent]
+        } else {
+            let course = &self.network.courses()[light.road];
+            course.locate(&self.states[agent].pose)
         };
-        self.spec.lights[light].line_m - at.s_m
+        light.line_m - at.s_m
     }
 
     /// Returns the coordinates of an agent on the road of `viewer`.

@@ -1,0 +1,176 @@
+//! Grades and signals along ways on lanes, from those of their roads.
+
+use super::curve::{begun, pair_of};
+use super::error::ImportError;
+use super::lane_drive::LaneStretch;
+use super::roads::{ImportedRoad, RoadMap};
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
+use crate::road::{Grade, MAX_RISE};
+
+/// Length in metres of a part with one rise, and greatest number of parts of a way.
+const PART_M: f64 = 2.0;
+const MOST_PARTS: f64 = 900.0;
+/// Length in metres below which a part has no grade of its own.
+const LEAST_M: f64 = 0.01;
+/// Greatest difference of rises that count as equal: 0.01 m/s² of acceleration.
+const SAME_RISE: f64 = 1e-3;
+
+/// Short part of a way, with its stations on the road and on the way.
+struct WayPart<'a> {
+    road: &'a ImportedRoad,
+    lane: i32,
+    on_road_m: [f64; 2],
+    on_way_m: [f64; 2],
+}
+
+/// Returns grades in the form of a world file.
+pub(crate) fn grade_list(grades: &[Grade]) -> String {
+    let grades = grades.iter();
+    let grades: Vec<String> = grades
+        .map(|grade| format!("({:.3}, {:.6})", grade.from_s_m, grade.rise))
+        .collect();
+    format!("[{}]", grades.join(", "))
+}
+
+impl RoadMap {
+    /// Returns the grades of a way along lanes, at an offset to the left of their
+    /// middle.
+    ///
+    /// The list is empty for a way without any rise.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a road with unsupported content, and for one that is
+    /// steeper than a world allows.
+    pub(crate) fn lane_grades(
+        &self,
+        asks: &XmlNode,
+        stretches: &[LaneStretch],
+        left_m: f64,
+    ) -> Result<Vec<Grade>, ImportError> {
+        let mut grades: Vec<Grade> = Vec::new();
+        for part in self.parts(asks, stretches, left_m)? {
+            let rise = part.rise();
+            if MAX_RISE < rise.abs() && LEAST_M < part.length_m() {
+                let what = format!("it rises by {rise:.2} per metre");
+                let help = format!("keep rises from -{MAX_RISE} to {MAX_RISE}");
+                return Err(part.road.node.refused(what, &help));
+            }
+            let goes_on = |last: &Grade| (last.rise - rise).abs() <= SAME_RISE;
+            if LEAST_M < part.length_m() && !grades.last().is_some_and(goes_on) {
+                let from_s_m = part.on_way_m[0];
+                grades.push(Grade { from_s_m, rise });
+            }
+        }
+        let is_flat = grades.iter().all(|grade| grade.rise == 0.0);
+        Ok(if is_flat { Vec::new() } else { grades })
+    }
+
+    /// Returns the signals of a way along lanes with their stations, in order.
+    ///
+    /// These are the signals and references of its roads that are for its direction
+    /// and its lanes.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a road with unsupported content.
+    pub(crate) fn lane_signals(
+        &self,
+        asks: &XmlNode,
+        stretches: &[LaneStretch],
+        left_m: f64,
+    ) -> Result<Vec<(String, f64)>, ImportError> {
+        let mut found: Vec<(String, f64)> = Vec::new();
+        for part in self.parts(asks, stretches, left_m)? {
+            let lists = part.road.node.all("signals");
+            let signals = lists.flat_map(|list| &list.children);
+            for signal in signals.filter(|it| it.raw("s").is_some()) {
+                let at_m = ParameterScope::default().number(signal, "s")?;
+                let id = signal.need("id")?;
+                // A signal on the joint of two parts is on both.
+                let is_new = found.iter().all(|(known, _)| known != id);
+                if let Some(on_way_m) = part.station_m(at_m).filter(|_| is_new)
+                    && part.is_valid(signal)?
+                {
+                    found.push((id.to_owned(), on_way_m));
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    fn parts(
+        &self,
+        asks: &XmlNode,
+        stretches: &[LaneStretch],
+        left_m: f64,
+    ) -> Result<Vec<WayPart<'_>>, ImportError> {
+        let way_m: f64 = stretches.iter().map(LaneStretch::length_m).sum();
+        let most_m = PART_M.max(way_m / MOST_PARTS);
+        let mut all = Vec::new();
+        let mut way_m = 0.0;
+        for stretch in stretches {
+            let road = self.road(asks, &stretch.road)?;
+            let parts = (stretch.length_m() / most_m).ceil();
+            for part in 0..parts as usize {
+                let ends = [part, part + 1].map(|it| it as f64 / parts * stretch.length_m());
+                let [start, end] = ends.map(|along_m| stretch.pose(road, along_m, left_m));
+                let [first, second] = pair_of(start, end);
+                let begins_m = way_m;
+                way_m += first.1.length_m + second.1.length_m;
+                all.push(WayPart {
+                    road,
+                    lane: stretch.lane,
+                    on_road_m: ends.map(|along_m| stretch.station_m(along_m)),
+                    on_way_m: [begins_m, way_m],
+                });
+            }
+        }
+        Ok(all)
+    }
+}
+
+impl WayPart<'_> {
+    fn length_m(&self) -> f64 {
+        self.on_way_m[1] - self.on_way_m[0]
+    }
+
+    /// Rise in the direction of travel.
+    ///
+    /// A lane on the inside of a bend is shorter than its road and so steeper.
+    fn rise(&self) -> f64 {
+        let [from_m, to_m] = self.on_road_m;
+        let middle_m = 0.5 * (from_m + to_m);
+        let slope = begun(&self.road.heights_m, middle_m).slope(middle_m);
+        slope * (to_m - from_m) / self.length_m()
+    }
+
+    /// Station on the way of a station on the road, if the part contains it.
+    fn station_m(&self, road_m: f64) -> Option<f64> {
+        let [from_m, to_m] = self.on_road_m;
+        let share = (road_m - from_m) / (to_m - from_m);
+        let is_on = (0.0..=1.0).contains(&share);
+        is_on.then_some(self.on_way_m[0] + share * self.length_m())
+    }
+
+    /// Returns whether a signal is for the direction and the lane of the part.
+    fn is_valid(&self, signal: &XmlNode) -> Result<bool, ImportError> {
+        let [from_m, to_m] = self.on_road_m;
+        let faces = match signal.raw("orientation") {
+            Some("+") => from_m < to_m,
+            Some("-") => to_m < from_m,
+            _ => true,
+        };
+        let plain = ParameterScope::default();
+        let lane = f64::from(self.lane);
+        let includes = |validity: &XmlNode| {
+            let from = plain.number(validity, "fromLane")?;
+            let to = plain.number(validity, "toLane")?;
+            Ok((from.min(to)..=from.max(to)).contains(&lane))
+        };
+        let lanes = signal.all("validity").map(includes);
+        let lanes = lanes.collect::<Result<Vec<bool>, ImportError>>()?;
+        Ok(faces && (lanes.is_empty() || lanes.contains(&true)))
+    }
+}
