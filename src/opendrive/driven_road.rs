@@ -53,6 +53,7 @@ pub(crate) fn lane_road(
         lane: from.lane,
         s_m: from.s_m,
         t_m: line.middle_at(&root, from.s_m, from.lane)?.0,
+        forward: line.leads_forward(from.lane),
     };
     let drive = roads.lane_drive(&root, &at, (from.via, from.length_m.min(MOST_M)))?;
     if let Some(missing) = from

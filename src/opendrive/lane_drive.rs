@@ -49,13 +49,14 @@ impl RoadMap {
         (route, reach_m): (&[String], f64),
     ) -> Result<Vec<LaneStretch>, ImportError> {
         let mut all: Vec<LaneStretch> = Vec::new();
-        let mut next = Some((at.road.clone(), at.lane, Some(at.s_m)));
+        let mut next = Some((at.road.clone(), (at.lane, at.forward), Some(at.s_m)));
         let mut left_m = reach_m;
         let mut route = route.iter().skip_while(|id| **id == at.road).peekable();
         while let Some((id, lane, from_m)) = next.take() {
             let road = self.road(asks, &id)?;
             while route.next_if(|wanted| **wanted == id).is_some() {}
-            let (stretches, end_lane) = through(road, &id, lane, from_m);
+            let (lane, forward) = lane;
+            let (stretches, end_lane) = through(road, &id, (lane, forward), from_m);
             for stretch in stretches {
                 let stretch = stretch.cut(left_m);
                 left_m -= stretch.length_m();
@@ -66,21 +67,22 @@ impl RoadMap {
             }
             let wanted = route.peek().map(|id| id.as_str());
             if let Some(lane) = end_lane {
-                next = self.after(road, (&id, lane), wanted);
+                next = self
+                    .after(road, (&id, lane, forward), wanted)
+                    .map(|(id, lane)| (id, lane, None));
             }
         }
         Ok(all)
     }
 
-    /// Returns the road and the lane behind the end of a road, and where it begins.
+    /// Returns the road behind the end of a road, with the lane and its direction.
     fn after(
         &self,
         road: &ImportedRoad,
-        (id, lane): (&str, i32),
+        (id, lane, forward): (&str, i32, bool),
         wanted: Option<&str>,
-    ) -> Option<(String, i32, Option<f64>)> {
-        // Lanes with negative numbers lead to the end of their road.
-        let side = usize::from(lane < 0);
+    ) -> Option<(String, (i32, bool))> {
+        let side = usize::from(forward);
         let link = road.links[side].as_ref()?;
         let (over, to) = if link.is_junction {
             let connections = self.junctions.0.get(&link.id)?;
@@ -93,8 +95,8 @@ impl RoadMap {
                 })
                 .collect();
             let leads = |over: &&(&RoadLink, i32)| {
-                let (link, lane) = **over;
-                wanted.is_some_and(|wanted| link.id == wanted || self.leads_to(link, lane, wanted))
+                let (link, _) = **over;
+                wanted.is_some_and(|wanted| link.id == wanted || self.leads_to(link, wanted))
             };
             match &possible[..] {
                 [one] => *one,
@@ -108,16 +110,20 @@ impl RoadMap {
             };
             (link, section.lane(lane)?.links[side]?)
         };
-        // Whoever enters at the end of a road drives against it.
-        let fits = (to > 0) == over.at_end;
-        fits.then(|| (over.id.clone(), to, None))
+        // A road that is entered at its end is driven against its reference line.
+        // With the traffic or against it, the way goes on alike.
+        let leads = (
+            road.leads_forward(lane),
+            self.get(&over.id)?.leads_forward(to),
+        );
+        let fits = (leads.0 == forward) == (leads.1 != over.at_end);
+        fits.then(|| (over.id.clone(), (to, !over.at_end)))
     }
 
     /// Returns whether a road inside a junction ends at a road.
-    fn leads_to(&self, link: &RoadLink, lane: i32, wanted: &str) -> bool {
-        let side = usize::from(lane < 0);
+    fn leads_to(&self, link: &RoadLink, wanted: &str) -> bool {
         let road = self.get(&link.id);
-        let end = road.and_then(|road| road.links[side].as_ref());
+        let end = road.and_then(|road| road.links[usize::from(!link.at_end)].as_ref());
         end.is_some_and(|end| !end.is_junction && end.id == wanted)
     }
 
@@ -125,6 +131,9 @@ impl RoadMap {
     pub(crate) fn lanes_beside(&self, stretches: &[LaneStretch], width_m: f64) -> usize {
         let beside = |it: &LaneStretch| {
             let road = self.get(&it.road)?;
+            // Against the traffic, the lanes to the right lead the other way.
+            let is_right = !road.is_left_hand && road.leads_forward(it.lane) == it.is_forward();
+            is_right.then_some(())?;
             let side = road.driven_beside(it.lane, 0.5 * (it.from_m + it.to_m));
             road.lanes.fixed_m(it.lane)?;
             let is_wide = |(_, other_m): &(i32, f64)| (other_m - width_m).abs() < SAME_WIDTH_M;
@@ -212,10 +221,9 @@ fn lengthen(pieces: &mut Vec<Bend>, mut bend: Bend) {
 fn through(
     road: &ImportedRoad,
     id: &str,
-    mut lane: i32,
+    (mut lane, forward): (i32, bool),
     from_m: Option<f64>,
 ) -> (Vec<LaneStretch>, Option<i32>) {
-    let forward = lane < 0;
     let from_m = from_m.unwrap_or(if forward { 0.0 } else { road.length_m });
     let sections = &road.lanes.sections;
     let mut section = road.lanes.section(from_m).map_or(0, |(section, _)| section);
@@ -254,6 +262,10 @@ fn through(
 }
 
 impl LaneStretch {
+    fn is_forward(&self) -> bool {
+        self.from_m < self.to_m
+    }
+
     fn length_m(&self) -> f64 {
         (self.to_m - self.from_m).abs()
     }
@@ -265,7 +277,7 @@ impl LaneStretch {
     }
 
     fn station_m(&self, along_m: f64) -> f64 {
-        if self.from_m < self.to_m {
+        if self.is_forward() {
             self.from_m + along_m
         } else {
             self.from_m - along_m
@@ -277,7 +289,7 @@ impl LaneStretch {
         let s_m = self.station_m(along_m);
         let middle = road.lanes.middle((self.section, s_m), self.lane);
         let (t_m, slope) = middle.unwrap_or_default();
-        let forward = self.lane < 0;
+        let forward = self.is_forward();
         let t_m = if forward { t_m + left_m } else { t_m - left_m };
         let on = road.at(s_m, t_m);
         let slant_rad = libm::atan2(slope, 1.0 - road.per_m(s_m) * t_m);

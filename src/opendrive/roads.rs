@@ -3,7 +3,7 @@
 //! Unsupported content of a road is an error only if an entity is on the road.
 
 use core::cmp::Ordering;
-use core::f64::consts::PI;
+use core::f64::consts::{FRAC_PI_2, PI};
 use std::collections::{BTreeMap, HashMap};
 
 use super::error::ImportError;
@@ -26,6 +26,8 @@ pub(crate) struct ImportedRoad {
     pub node: XmlNode,
     pub length_m: f64,
     pub pieces: Vec<ReferenceSegment>,
+    /// True for left-hand traffic.
+    pub is_left_hand: bool,
     /// First unsupported content, returned when an entity is on the road.
     refused: Option<ImportError>,
     pub lanes: RoadLanes,
@@ -39,10 +41,12 @@ pub(crate) struct ImportedRoad {
 #[derive(Clone, Debug)]
 pub(crate) struct OnLane {
     pub road: String,
-    /// Number of the lane, or 0 if the place is given by its t.
+    /// Number of the lane, or 0 for a place beside all lanes.
     pub lane: i32,
     pub s_m: f64,
     pub t_m: f64,
+    /// True if its entity drives along the reference line, and not against it.
+    pub forward: bool,
 }
 
 /// Roads of a file by their id.
@@ -132,9 +136,10 @@ impl RoadMap {
                 let (middle_m, slope) = road.lanes.middle((section, s_m), lane.id)?;
                 let off_m = (t_m - middle_m).abs();
                 let is_on = off_m <= 0.5 * road.lanes.width_m(s_m, lane.id)?;
-                let turn_rad = if 0 < lane.id { PI } else { 0.0 };
+                let turn_rad = if road.leads_forward(lane.id) { 0.0 } else { PI };
                 let slant_rad = libm::atan2(slope, 1.0 - road.per_m(s_m) * t_m);
-                let along_rad = road.at(s_m, 0.0).heading_rad + turn_rad + slant_rad;
+                let road_rad = road.at(s_m, 0.0).heading_rad;
+                let along_rad = road_rad + turn_rad + slant_rad;
                 let turned_rad = wrapped(spot.heading_rad - along_rad).abs();
                 let rank = if is_turned {
                     (turned_rad * 100.0).floor()
@@ -146,6 +151,11 @@ impl RoadMap {
                     lane: lane.id,
                     s_m,
                     t_m,
+                    forward: if is_turned {
+                        wrapped(spot.heading_rad - road_rad).abs() < FRAC_PI_2
+                    } else {
+                        road.leads_forward(lane.id)
+                    },
                 };
                 is_on.then_some(((rank, off_m), (at, wrapped(along_rad))))
             });
@@ -176,10 +186,6 @@ impl ImportedRoad {
         // The first problem of a road is kept and reading continues: an unused
         // road must not fail the import.
         let mut refused = None;
-        if road.raw("rule") == Some("LHT") {
-            let help = "mirror the road and the scenario: worlds have right-hand traffic";
-            refused = Some(road.refused("left-hand traffic is not read", help));
-        }
         let length_m = plain.number(road, "length")?;
         let pieces = pieces_of(road.inner("planView")?, &mut refused)?;
         if pieces.is_empty() {
@@ -199,8 +205,9 @@ impl ImportedRoad {
             node: road.clone(),
             length_m,
             pieces,
-            lanes: RoadLanes::of(lanes, &mut refused)?,
+            lanes: RoadLanes::of(road, lanes, &mut refused)?,
             links: RoadLink::both(road)?,
+            is_left_hand: road.raw("rule") == Some("LHT"),
             refused,
         };
         if line.refused.is_none()
@@ -211,6 +218,12 @@ impl ImportedRoad {
             line.refused = Some(road.refused(what, help));
         }
         Ok(line)
+    }
+
+    /// Returns whether the traffic of a lane follows the reference line.
+    pub(crate) fn leads_forward(&self, lane: i32) -> bool {
+        // Lanes with negative numbers lie on the right.
+        (lane < 0) != self.is_left_hand
     }
 
     /// Two stations whose carriageways overlap, if there are any: the road closes

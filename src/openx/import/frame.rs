@@ -66,12 +66,32 @@ impl FrameOfEgo {
         let it = if keeps_road(asks, roads, entities, ego)? {
             FrameOfEgo::of_road(asks, roads, &entities[ego])?
         } else {
-            FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m))?
+            let of_way = FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m));
+            match of_way {
+                // Its controller may drive off, straight ahead.
+                Err(_) if !entities[ego].moves() => FrameOfEgo::ahead_of(&entities[ego]),
+                it => it?,
+            }
         };
         for entity in entities.iter_mut().filter(|it| !it.is_ego) {
             it.place(asks, roads, (entity, reach_m))?;
         }
         Ok(it)
+    }
+
+    /// Frame without lanes of a file.
+    fn usual(frame: RoadFrame) -> FrameOfEgo {
+        FrameOfEgo {
+            frame,
+            zero_m: 0.0,
+            lanes: 2,
+            lane_width_m: USUAL_WIDTH_M,
+        }
+    }
+
+    /// Straight frame in the direction of an ego.
+    fn ahead_of(ego: &ImportedEntity) -> FrameOfEgo {
+        FrameOfEgo::usual(RoadFrame::Straight(ego.placed.spot))
     }
 
     /// Frame of an ego that stays on one road, or on a trajectory.
@@ -80,15 +100,9 @@ impl FrameOfEgo {
         roads: &RoadMap,
         ego: &ImportedEntity,
     ) -> Result<FrameOfEgo, ImportError> {
-        let usual = |frame| FrameOfEgo {
-            frame,
-            zero_m: 0.0,
-            lanes: 2,
-            lane_width_m: USUAL_WIDTH_M,
-        };
         if let Some(OnWay { way, .. }) = &ego.placed.way {
             // A path has no lanes of its own, so two of a usual width are drawn.
-            return Ok(usual(if way.pieces.is_empty() {
+            return Ok(FrameOfEgo::usual(if way.pieces.is_empty() {
                 RoadFrame::Straight(way.begins)
             } else {
                 RoadFrame::Along(way.clone())
@@ -96,7 +110,7 @@ impl FrameOfEgo {
         }
         let Some(at) = &ego.placed.lane else {
             // On a plain without roads.
-            return Ok(usual(RoadFrame::Straight(ego.placed.spot)));
+            return Ok(FrameOfEgo::ahead_of(ego));
         };
         let line = roads.road(asks, &at.road)?;
         let beside = line.driven_beside(at.lane, at.s_m);
@@ -133,11 +147,14 @@ impl FrameOfEgo {
         roads: &RoadMap,
         (ego, reach_m): (&mut ImportedEntity, f64),
     ) -> Result<FrameOfEgo, ImportError> {
-        let Some(at) = ego.placed.lane.clone() else {
-            return Err(asks.error("the ego is on no lane and on no way"));
+        let Some(at) = ego.placed.lane.clone().filter(|at| at.lane != 0) else {
+            let what = "the ego is on no lane and on no way";
+            return Err(asks.refused(what, "place it on a lane, or let it stand"));
         };
         let line = roads.road(asks, &at.road)?;
-        let first = line.lanes.first_of(at.lane, at.s_m, line.length_m);
+        let first = line
+            .lanes
+            .first_of((at.lane, at.forward), at.s_m, line.length_m);
         let from = OnLane {
             lane: first.0,
             s_m: first.1,
@@ -274,6 +291,8 @@ fn keeps_road(
         .iter()
         .all(|(id, _)| line.lanes.fixed_m(*id).is_some());
     Ok(at.lane < 0
+        && at.forward
+        && !line.is_left_hand
         && fixed
         && alone
         && ego.route.is_empty()
@@ -291,7 +310,11 @@ fn own_way(
     let drive = roads.lane_drive(asks, at, (&entity.route, reach_m))?;
     let line = roads.road(asks, &at.road)?;
     let (middle_m, _) = line.middle_at(asks, at.s_m, at.lane)?;
-    let left_m = (at.t_m - middle_m) * -f64::from(at.lane.signum());
+    let left_m = if at.forward {
+        at.t_m - middle_m
+    } else {
+        middle_m - at.t_m
+    };
     let on = roads.lane_way(asks, &drive, left_m)?;
     if SAME_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
         return Err(entity.at.error("it moves across its lane"));

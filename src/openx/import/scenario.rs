@@ -159,13 +159,8 @@ impl Protocol {
         let changed = changed_parameters(&self.root);
         let objects = self.root.inner("Entities")?;
         let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
-        let privates: Vec<&XmlNode> = init.all("Private").collect();
-        for object in &objects {
-            let name = object.need("name")?;
-            if !privates.iter().any(|it| it.raw("entityRef") == Some(name)) {
-                return Err(object.error("it is not placed"));
-            }
-        }
+        let privates = motion::present(init, &objects, &self.catalogs)?;
+        let privates: Vec<&XmlNode> = privates.iter().collect();
         for begun in ordered(&privates) {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
@@ -259,9 +254,14 @@ impl Protocol {
             let what = format!("a friction of {friction} is outside of 0.01 ..= 2");
             return Err(init.error(what));
         }
+        // A world has one speed limit, or none.
+        let limit_mps = roads.limit_mps(road).unwrap_or_else(|_| {
+            self.dropped.note("speed limits that change", asks);
+            None
+        });
         Ok(Concrete {
             friction,
-            limit_mps: roads.limit_mps(road)?,
+            limit_mps,
             frame,
             straight_zero_m: zero_m,
             lanes,

@@ -63,6 +63,13 @@ pub(super) fn starts(
     for group in trigger.all("ConditionGroup") {
         groups += 1;
         let mut all: Vec<StartTrigger> = Vec::new();
+        if has_instants(group) {
+            context
+                .0
+                .catalogs
+                .note("conditions of different instants", group);
+            continue;
+        }
         if 1 < group.children.len() && group.children.iter().any(is_instant) {
             let help = "use the rule greaterThan";
             return Err(group.refused("a condition of one instant beside others is not read", help));
@@ -99,6 +106,20 @@ pub(super) fn starts(
             Err(trigger.refused("several ways to begin are not read", help))
         }
     }
+}
+
+/// Returns whether a group needs a time and what entities do at the same instant.
+///
+/// An edge is true for an instant, and two edges of different causes never are at
+/// once.
+fn has_instants(group: &XmlNode) -> bool {
+    let is_edge = |it: &&XmlNode| it.raw("conditionEdge").is_some_and(|edge| edge != "none");
+    let mut edges = group.children.iter().filter(is_edge);
+    let has_watch = edges
+        .clone()
+        .any(|it| it.child("ByEntityCondition").is_some());
+    let mut times = edges.by_ref().filter_map(|it| it.child("ByValueCondition"));
+    has_watch && times.any(|it| it.child("SimulationTimeCondition").is_some())
 }
 
 /// Returns whether a condition holds at one instant of time only.

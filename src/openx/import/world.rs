@@ -138,7 +138,9 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
 /// Specification of an ego without other agents: its sides stay within its lane.
 fn within_lane(concrete: &Concrete, ego: &EntityInFrame) -> String {
     let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
-    let room_m = 0.5 * (concrete.lane_width_m - ego.entity.body.width_m);
+    // An ego that starts beyond its lane must not leave it further.
+    let off_m = (ego.spot.y_m - middle_m).abs() + 0.01;
+    let room_m = off_m.max(0.5 * (concrete.lane_width_m - ego.entity.body.width_m));
     format!(
         "{}.lateral in [{}, {}]",
         ego.name,
