@@ -71,7 +71,8 @@ pub(crate) fn lane_road(
     }
     let lane_width_m = line.lanes.width_m(from.s_m, from.lane).unwrap_or(0.0);
     let right = roads.lanes_beside(&drive, lane_width_m);
-    let on = roads.lane_way(&root, &drive, -(right as f64) * lane_width_m)?;
+    let right_m = right as f64 * lane_width_m;
+    let on = roads.lane_way(&root, &drive, (-right_m, 0.0))?;
     Ok(LaneRoad {
         begins: on.way.begins,
         lanes: right + 1,

@@ -3,7 +3,7 @@
 
 use core::f64::consts::PI;
 
-use super::curve::{arcs_of, pair_of};
+use super::curve::{arcs_of, meets_itself_m, pair_of};
 use super::error::ImportError;
 use super::links::RoadLink;
 use super::roads::{ImportedRoad, OnLane, RoadMap};
@@ -13,13 +13,19 @@ use crate::sim::{Pose, wrapped};
 
 /// Length in metres that a lane may lose by slanting, on the whole way.
 ///
-/// Entities advance along the reference line, which is shorter than such a lane.
-const SLANT_M: f64 = 0.05;
+/// Entities advance along the reference line, which is shorter than such a lane. A
+/// fast one may be off by less than a step of 0.01 s.
+const SLANT_M: f64 = 0.015;
+const SLANT_S: f64 = 0.01;
 /// Greatest difference in metres between widths that count as equal.
 const SAME_WIDTH_M: f64 = 0.001;
 /// Greatest gap in metres between parts of a way, and greatest curvature in 1/m.
 const GAP_M: f64 = 0.05;
 const MOST_PER_M: f64 = 0.5;
+/// Width in metres of a way that must not come back to itself, and how far before
+/// that it ends.
+const ROUND_M: f64 = 8.0;
+const BEFORE_M: f64 = 20.0;
 /// Curvature in 1/m below which a piece is a line.
 const LINE_PER_M: f64 = 1e-9;
 
@@ -156,7 +162,7 @@ impl RoadMap {
         &self,
         asks: &XmlNode,
         stretches: &[LaneStretch],
-        left_m: f64,
+        (left_m, slowest_mps): (f64, f64),
     ) -> Result<OnWay, ImportError> {
         let mut begins = None;
         let mut pieces: Vec<Bend> = Vec::new();
@@ -188,15 +194,20 @@ impl RoadMap {
                 spot = end;
             }
         }
-        if SLANT_M < lost_m {
+        if SLANT_M.max(SLANT_S * slowest_mps) < lost_m {
             let what = format!("its lane slants, by {lost_m:.2} m of its way");
             let help = "a way along lanes of nearly constant width and offset is read";
             return Err(asks.refused(what, help));
         }
         let begins = begins.ok_or_else(|| asks.error("its lane has no length"))?;
+        let ends_m = pieces.iter().map(|piece| piece.length_m).sum();
+        let way = ImportedPath { begins, pieces };
+        let turns = way.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
+        let meets_m = meets_itself_m((&|at_m| way.at(at_m), ends_m), turns.sum(), ROUND_M);
+        let ends_m = meets_m.map_or(ends_m, |meets_m| meets_m - BEFORE_M);
         Ok(OnWay {
-            ends_m: pieces.iter().map(|piece| piece.length_m).sum(),
-            way: ImportedPath { begins, pieces },
+            way: way.cut(ends_m),
+            ends_m,
             along_m: 0.0,
             is_lane: true,
         })
@@ -262,11 +273,11 @@ fn through(
 }
 
 impl LaneStretch {
-    fn is_forward(&self) -> bool {
+    pub(crate) fn is_forward(&self) -> bool {
         self.from_m < self.to_m
     }
 
-    fn length_m(&self) -> f64 {
+    pub(crate) fn length_m(&self) -> f64 {
         (self.to_m - self.from_m).abs()
     }
 
@@ -276,7 +287,7 @@ impl LaneStretch {
         LaneStretch { to_m, ..self }
     }
 
-    fn station_m(&self, along_m: f64) -> f64 {
+    pub(crate) fn station_m(&self, along_m: f64) -> f64 {
         if self.is_forward() {
             self.from_m + along_m
         } else {

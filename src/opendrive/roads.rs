@@ -4,8 +4,9 @@
 
 use core::cmp::Ordering;
 use core::f64::consts::{FRAC_PI_2, PI};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
+use super::curve::meets_itself_m;
 use super::error::ImportError;
 use super::lanes::RoadLanes;
 use super::links::{Junctions, RoadLink};
@@ -15,17 +16,14 @@ use super::surface::Surface;
 use super::tree::XmlNode;
 use crate::sim::{Pose, wrapped};
 
-/// A carriageway without lanes is about as wide as a car.
-const LEAST_WIDTH_M: f64 = 2.0;
-/// Places of a road that are looked at for whether it meets itself.
-const MOST_SAMPLES: f64 = 20_000.0;
-
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct ImportedRoad {
     pub node: XmlNode,
     pub length_m: f64,
     pub pieces: Vec<ReferenceSegment>,
+    /// True for a road that closes on itself, or crosses itself.
+    pub meets_itself: bool,
     /// True for left-hand traffic.
     pub is_left_hand: bool,
     /// First unsupported content, returned when an entity is on the road.
@@ -201,6 +199,7 @@ impl ImportedRoad {
         }
         let lanes = road.inner("lanes")?;
         let mut line = ImportedRoad {
+            meets_itself: false,
             surface: Surface::of(road, lanes.child("laneSection"))?,
             node: road.clone(),
             length_m,
@@ -210,13 +209,7 @@ impl ImportedRoad {
             is_left_hand: road.raw("rule") == Some("LHT"),
             refused,
         };
-        if line.refused.is_none()
-            && let Some((s_m, again_m)) = line.crosses_itself()
-        {
-            let what = format!("it is at s = {again_m:.0} m where it was at s = {s_m:.0} m");
-            let help = "cut it into roads that do not overlap: a place has one station on a road";
-            line.refused = Some(road.refused(what, help));
-        }
+        line.meets_itself = line.comes_back();
         Ok(line)
     }
 
@@ -226,43 +219,17 @@ impl ImportedRoad {
         (lane < 0) != self.is_left_hand
     }
 
-    /// Two stations whose carriageways overlap, if there are any: the road closes
-    /// on itself, or crosses itself.
-    fn crosses_itself(&self) -> Option<(f64, f64)> {
+    /// Returns whether its carriageways overlap: it closes on itself, or crosses itself.
+    fn comes_back(&self) -> bool {
         let turns = self.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
-        // Nothing comes back that has not turned round.
-        if turns.sum::<f64>() <= core::f64::consts::PI {
-            return None;
-        }
         let side_m = |sign: i32| {
             let lanes = self.lanes.sections.iter().take(1).flat_map(|it| &it.lanes);
             let ids = lanes.map(|lane| lane.id).filter(|id| id * sign > 0);
             ids.filter_map(|id| self.lanes.width_m(0.0, id))
                 .sum::<f64>()
         };
-        let near_m = (side_m(1) + side_m(-1)).max(LEAST_WIDTH_M);
-        let apart_m = (self.length_m / MOST_SAMPLES).max(0.25 * near_m);
-        let cell = |at_m: f64| (at_m / near_m).floor() as i64;
-        let mut seen: HashMap<(i64, i64), Vec<(f64, Pose)>> = HashMap::new();
-        let samples = (self.length_m / apart_m).min(MOST_SAMPLES) as usize;
-        for s_m in (0..=samples).map(|nth| nth as f64 * apart_m) {
-            let here = self.at(s_m, 0.0);
-            let (column, row) = (cell(here.x_m), cell(here.y_m));
-            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
-            for (dx, dy) in around {
-                let there = seen.get(&(column + dx, row + dy)).into_iter().flatten();
-                // A bend is near itself for a while: half a turn at its tightest.
-                let mut others = there.filter(|(other_m, _)| other_m + 4.0 * near_m < s_m);
-                let touches = |spot: &Pose| {
-                    libm::hypot(spot.x_m - here.x_m, spot.y_m - here.y_m) < 0.9 * near_m
-                };
-                if let Some((other_m, _)) = others.find(|(_, spot)| touches(spot)) {
-                    return Some((*other_m, s_m));
-                }
-            }
-            seen.entry((column, row)).or_default().push((s_m, here));
-        }
-        None
+        let at = |s_m: f64| self.at(s_m, 0.0);
+        meets_itself_m((&at, self.length_m), turns.sum(), side_m(1) + side_m(-1)).is_some()
     }
 
     /// Returns whether the reference line is straight between two stations.

@@ -1,6 +1,7 @@
 //! Frame of the ego's road, and the ways of entities that leave it.
 
-use super::ends::to_mps;
+use core::f64::consts::{FRAC_PI_2, PI};
+
 use super::entity::ImportedEntity;
 use super::places::{Placed, is_along};
 use crate::opendrive::error::{At, ImportError};
@@ -24,6 +25,8 @@ const MOST_M: f64 = 5_000.0;
 /// Longest run in seconds for which ways are read, and their length beyond it.
 const USUAL_S: f64 = 60.0;
 const BEYOND_M: f64 = 200.0;
+/// Greatest distance in metres of an entity from its lane of a world.
+pub(super) const MOST_ASIDE_M: f64 = 20.0;
 /// Usual width of a lane in metres, where the file has none.
 const USUAL_WIDTH_M: f64 = 3.5;
 
@@ -165,14 +168,17 @@ impl FrameOfEgo {
             &from,
             (&ego.route, reach_m + (from.s_m - at.s_m).abs()),
         )?;
-        let on = roads.lane_way(asks, &drive, 0.0)?;
+        let on = roads.lane_way(asks, &drive, (0.0, ego.slowest_mps()))?;
         let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
         // The lanes of the first road are drawn where the ego's way has them
         // beside it throughout.
         let beside = roads.lanes_beside(&drive, width_m);
         let on = match beside {
             0 => on,
-            right => roads.lane_way(asks, &drive, -(right as f64) * width_m)?,
+            right => {
+                let right_m = right as f64 * width_m;
+                roads.lane_way(asks, &drive, (-right_m, ego.slowest_mps()))?
+            }
         };
         let place = on.located(asks, &ego.placed.spot)?;
         let off = place.spot().sees(&ego.placed.spot);
@@ -245,8 +251,9 @@ impl FrameOfEgo {
         }
         let line = roads.road(asks, &at.road)?;
         let is_straight = line.is_straight() && line.lanes.fixed_m(at.lane).is_some();
-        let along = origin.sees(&entity.placed.spot).heading_rad;
-        let is_beside = is_along(along, 0.0) || is_along(along, core::f64::consts::PI);
+        let seen = origin.sees(&entity.placed.spot);
+        let along = is_along(seen.heading_rad, 0.0) || is_along(seen.heading_rad, PI);
+        let is_beside = along && seen.y_m.abs() <= MOST_ASIDE_M;
         if !(is_straight && is_beside && entity.route.is_empty()) {
             entity.placed.way = Some(own_way(asks, roads, (entity, reach_m))?);
         }
@@ -256,11 +263,7 @@ impl FrameOfEgo {
 
 /// Length in metres of the ways that a run needs at most.
 fn reach_m(entities: &[ImportedEntity], stop_s: Option<f64>) -> f64 {
-    let speeds = entities.iter().flat_map(|it| {
-        let laws = it.steps.iter().flat_map(|step| &step.laws);
-        let later = laws.filter_map(|law| to_mps(law, it.speed_mps));
-        later.chain([it.speed_mps])
-    });
+    let speeds = entities.iter().flat_map(ImportedEntity::speeds_mps);
     let fastest_mps = speeds.fold(0.0, f64::max);
     (fastest_mps * stop_s.unwrap_or(USUAL_S).min(USUAL_S) + BEYOND_M).min(MOST_M)
 }
@@ -284,6 +287,10 @@ fn keeps_road(
     }
     let line = roads.road(asks, &at.road)?;
     let others = entities.iter().filter(|it| it.placed.way.is_none());
+    let moving = others.clone().filter(|it| it.moves());
+    let aside_m = moving
+        .filter_map(|it| Some((it.placed.lane.as_ref()?.t_m - at.t_m).abs()))
+        .fold(0.0, f64::max);
     let is_here = |it: &Placed| it.lane.as_ref().is_some_and(|lane| lane.road == at.road);
     let alone = line.is_straight() || others.clone().all(|it| is_here(&it.placed));
     let beside = line.driven_beside(at.lane, at.s_m);
@@ -293,6 +300,8 @@ fn keeps_road(
     Ok(at.lane < 0
         && at.forward
         && !line.is_left_hand
+        && !line.meets_itself
+        && aside_m <= MOST_ASIDE_M
         && fixed
         && alone
         && ego.route.is_empty()
@@ -315,7 +324,7 @@ fn own_way(
     } else {
         middle_m - at.t_m
     };
-    let on = roads.lane_way(asks, &drive, left_m)?;
+    let on = roads.lane_way(asks, &drive, (left_m, entity.slowest_mps()))?;
     if SAME_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
         return Err(entity.at.error("it moves across its lane"));
     }
@@ -349,7 +358,10 @@ impl OnWay {
     fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
         let course = self.way.course().map_err(|what| asks.error(what)).ok()?;
         let first = course.locate(&other.way.begins);
-        let against = core::f64::consts::FRAC_PI_2 < first.heading_rad.abs();
+        if MOST_ASIDE_M < first.lateral_m.abs() {
+            return None;
+        }
+        let against = FRAC_PI_2 < first.heading_rad.abs();
         // Up to the end of both, in the direction of the other.
         let left_m = if against {
             first.s_m

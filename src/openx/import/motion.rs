@@ -10,11 +10,12 @@ use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
 /// Actions without an effect on motion, such as lights, weather and logs.
-const STILL: [&str; 7] = [
+const STILL: [&str; 8] = [
     "ControllerAction",
     "ActivateControllerAction",
     "AppearanceAction",
     "EnvironmentAction",
+    "InfrastructureAction",
     "ParameterAction",
     "VariableAction",
     "VisibilityAction",

@@ -342,7 +342,12 @@ impl PositionContext<'_> {
         let reference = it.inner("RouteRef")?.only()?;
         let (route, stops) = self.route(reference, scope)?;
         let spots: Vec<Pose> = stops.iter().map(|stop| stop.spot).collect();
-        // Only the direction of the route matters here: it must be straight.
+        let lanes: Option<Vec<&OnLane>> = stops.iter().map(|stop| stop.lane.as_ref()).collect();
+        let lanes = lanes.filter(|lanes| lanes.iter().any(|at| at.road != lanes[0].road));
+        if let Some(lanes) = lanes {
+            return self.on_roads(it, scope, &lanes);
+        }
+        // On one road, only the direction of the route matters: it must be straight.
         let begins = ImportedPath::through(&route, &spots)?.begins;
         let on = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(on, "pathS")?;
@@ -375,6 +380,36 @@ impl PositionContext<'_> {
                 is_lane: false,
             }),
         })
+    }
+
+    /// Returns a place along a route over several roads.
+    fn on_roads(
+        &self,
+        it: &XmlNode,
+        scope: &ParameterScope,
+        stops: &[&OnLane],
+    ) -> Result<Placed, ImportError> {
+        let on = it.inner("InRoutePosition")?.only()?;
+        let mut left_m = scope.number(on, "pathS")?;
+        let visited: Vec<String> = stops.iter().map(|stop| stop.road.clone()).collect();
+        let drive = self.roads.lane_drive(it, stops[0], (&visited, left_m))?;
+        let found = drive.iter().find(|stretch| {
+            let is_here = left_m <= stretch.length_m();
+            left_m -= if is_here { 0.0 } else { stretch.length_m() };
+            is_here
+        });
+        let stretch = found.ok_or_else(|| {
+            on.refused("it lies beyond the route", "let its `pathS` be less")
+                .of_point()
+        })?;
+        let lane = match on.raw("laneId") {
+            // A place of a route has its number of the lane from the file.
+            Some(_) if stretch.road == stops[0].road => scope.number(on, "laneId")? as i32,
+            _ => stretch.lane,
+        };
+        let at = (stretch.road.as_str(), lane, stretch.is_forward());
+        let offset_m = scope.number_or_zero(on, "laneOffset")?;
+        self.on_lane(it, scope, at, (stretch.station_m(left_m), offset_m))
     }
 
     /// Returns a route and its waypoints.

@@ -11,7 +11,7 @@ use super::catalog::Catalogs;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::{ImportedEntity, ImportedStep};
-use super::frame::{FrameOfEgo, RoadFrame};
+use super::frame::{FrameOfEgo, MOST_ASIDE_M, RoadFrame};
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
@@ -170,7 +170,10 @@ impl Protocol {
             }
             let (body, own) = match object.only()? {
                 it if it.name == "CatalogReference" => self.catalogs.entry(it, scope, files)?,
-                it => (it.clone(), scope.clone()),
+                it => {
+                    let declared = it.child("ParameterDeclarations");
+                    (it.clone(), ParameterScope::declared(declared, scope, &[])?)
+                }
             };
             let body = ImportedBody::of(&body, &own)?;
             let ground = PositionContext {
@@ -259,7 +262,7 @@ impl Protocol {
             self.dropped.note("speed limits that change", asks);
             None
         });
-        Ok(Concrete {
+        let mut concrete = Concrete {
             friction,
             limit_mps,
             frame,
@@ -270,7 +273,18 @@ impl Protocol {
             at: At::file(self.root.file()),
             entities,
             roads,
-        })
+        };
+        for name in concrete.far_off()? {
+            let private = privates
+                .iter()
+                .find(|it| it.raw("entityRef") == Some(&name));
+            self.dropped.note(
+                "entities that stand far from the road",
+                private.unwrap_or(asks),
+            );
+            concrete.entities.retain(|it| it.name != name);
+        }
+        Ok(concrete)
     }
 
     fn road_map(
@@ -307,6 +321,20 @@ impl Protocol {
 }
 
 impl Concrete {
+    /// Names of the entities that stand too far from the ego's road for a world.
+    fn far_off(&self) -> Result<Vec<String>, ImportError> {
+        let mut far = Vec::new();
+        let others = self.entities.iter().filter(|it| !it.is_ego);
+        for entity in others.filter(|it| !it.moves() && it.gap_m.is_none()) {
+            let left_m = self.station(&entity.placed)?.y_m;
+            let middle_m = self.lane_at(left_m) * self.lane_width_m;
+            if MOST_ASIDE_M < (left_m - middle_m).abs() {
+                far.push(entity.name.clone());
+            }
+        }
+        Ok(far)
+    }
+
     /// Returns a place in the frame: along the ego's road, to its left, and turned.
     ///
     /// Beside a bent path, a place that is not on the path is a place in the

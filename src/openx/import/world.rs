@@ -27,6 +27,8 @@ const AHEAD_M: f64 = 100.0;
 ///
 /// It is less than a full circle, so the road does not return to its start.
 const LEAST_TURN_RAD: f64 = 5.0;
+/// Distance in metres by which the front of an ego may swing out.
+const SWING_M: f64 = 0.3;
 /// Step in metres in which a longer bend grows.
 const STEP_M: f64 = 100.0;
 
@@ -138,8 +140,9 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
 /// Specification of an ego without other agents: its sides stay within its lane.
 fn within_lane(concrete: &Concrete, ego: &EntityInFrame) -> String {
     let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
-    // An ego that starts beyond its lane must not leave it further.
-    let off_m = (ego.spot.y_m - middle_m).abs() + 0.01;
+    // An ego that starts beyond its lane must not leave it further, except for its
+    // front in bends.
+    let off_m = (ego.spot.y_m - middle_m).abs() + SWING_M;
     let room_m = off_m.max(0.5 * (concrete.lane_width_m - ego.entity.body.width_m));
     format!(
         "{}.lateral in [{}, {}]",
