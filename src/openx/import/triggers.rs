@@ -108,7 +108,8 @@ pub(super) fn starts(
     }
 }
 
-/// Returns whether a group needs a time and what entities do at the same instant.
+/// Returns whether a group needs a time or the state of an element, and what entities
+/// do, at the same instant.
 ///
 /// An edge is true for an instant, and two edges of different causes never are at
 /// once.
@@ -118,8 +119,8 @@ fn has_instants(group: &XmlNode) -> bool {
     let has_watch = edges
         .clone()
         .any(|it| it.child("ByEntityCondition").is_some());
-    let mut times = edges.by_ref().filter_map(|it| it.child("ByValueCondition"));
-    has_watch && times.any(|it| it.child("SimulationTimeCondition").is_some())
+    let mut values = edges.by_ref().filter_map(|it| it.child("ByValueCondition"));
+    has_watch && values.any(|it| it.child("ParameterCondition").is_none())
 }
 
 /// Returns whether a condition holds at one instant of time only.
