@@ -62,36 +62,32 @@ pub(super) fn present(
     catalogs: &Catalogs,
 ) -> Result<Vec<XmlNode>, ImportError> {
     let mut present: Vec<XmlNode> = init.all("Private").cloned().collect();
+    let mut deleted = Vec::new();
     let global = init.all("GlobalAction");
     for action in global.filter_map(|it| it.child("EntityAction")) {
         let name = action.need("entityRef")?;
-        let known = present
-            .iter()
-            .position(|it| it.raw("entityRef") == Some(name));
-        match (action.child("AddEntityAction"), known) {
-            (Some(added), known) => {
-                let mut teleport = added.clone();
-                teleport.name = "TeleportAction".to_owned();
-                let teleport = teleport.within("PrivateAction");
-                match known {
-                    Some(known) => present[known].children.insert(0, teleport),
-                    None => {
-                        let mut private = action.clone();
-                        private.name = "Private".to_owned();
-                        private.children = vec![teleport];
-                        present.push(private);
-                    }
-                }
-            }
-            (None, Some(known)) => {
-                present.remove(known);
-            }
-            (None, None) => {}
+        let is_its = |it: &XmlNode| it.raw("entityRef") == Some(name);
+        let Some(added) = action.child("AddEntityAction") else {
+            deleted.push(name);
+            present.retain(|it| !is_its(it));
+            continue;
+        };
+        let mut teleport = added.clone();
+        teleport.name = "TeleportAction".to_owned();
+        let teleport = teleport.within("PrivateAction");
+        if let Some(private) = present.iter_mut().find(|it| is_its(it)) {
+            private.children.insert(0, teleport);
+        } else {
+            let mut private = action.clone();
+            private.name = "Private".to_owned();
+            private.children = vec![teleport];
+            present.push(private);
         }
     }
     for object in objects {
         let name = object.need("name")?;
-        if !present.iter().any(|it| it.raw("entityRef") == Some(name)) {
+        let is_known = present.iter().any(|it| it.raw("entityRef") == Some(name));
+        if !is_known && !deleted.contains(&name) {
             catalogs.note("entities that are never placed", object);
         }
     }
