@@ -301,7 +301,7 @@ fn keeps_road(
         && at.forward
         && !line.is_left_hand
         && !line.meets_itself
-        && aside_m <= MOST_ASIDE_M
+        && (line.is_straight() || aside_m <= MOST_ASIDE_M)
         && fixed
         && alone
         && ego.route.is_empty()

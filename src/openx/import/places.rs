@@ -17,6 +17,8 @@ use crate::sim::{Pose, wrapped};
 const SAME_RAD: f64 = 1e-6;
 /// Distance in metres beyond an end that still counts as the end.
 const SAME_M: f64 = 1e-6;
+/// Sine of the least turn of a route that is not straight.
+const TURNED_SINE: f64 = 0.1;
 /// Lateral distance in metres within which a route follows the lane.
 const ASIDE_M: f64 = 10.0;
 
@@ -344,10 +346,15 @@ impl PositionContext<'_> {
         let spots: Vec<Pose> = stops.iter().map(|stop| stop.spot).collect();
         let lanes: Option<Vec<&OnLane>> = stops.iter().map(|stop| stop.lane.as_ref()).collect();
         let lanes = lanes.filter(|lanes| lanes.iter().any(|at| at.road != lanes[0].road));
-        if let Some(lanes) = lanes {
+        // Two places are always on one line, but a route that turns faces elsewhere.
+        let turns = |spot: &Pose| {
+            let sine = libm::sin(spot.heading_rad - spots[0].heading_rad);
+            TURNED_SINE < sine.abs()
+        };
+        if let Some(lanes) = lanes.filter(|_| spots.iter().any(turns)) {
             return self.on_roads(it, scope, &lanes);
         }
-        // On one road, only the direction of the route matters: it must be straight.
+        // Of a straight route only the direction matters, whatever its roads are.
         let begins = ImportedPath::through(&route, &spots)?.begins;
         let on = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(on, "pathS")?;

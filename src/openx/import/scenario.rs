@@ -321,14 +321,20 @@ impl Protocol {
 }
 
 impl Concrete {
-    /// Names of the entities that stand too far from the ego's road for a world.
+    /// Names of the entities that stand too far from all ways for a world.
     fn far_off(&self) -> Result<Vec<String>, ImportError> {
         let mut far = Vec::new();
         let others = self.entities.iter().filter(|it| !it.is_ego);
         for entity in others.filter(|it| !it.moves() && it.gap_m.is_none()) {
             let left_m = self.station(&entity.placed)?.y_m;
             let middle_m = self.lane_at(left_m) * self.lane_width_m;
-            if MOST_ASIDE_M < (left_m - middle_m).abs() {
+            let is_far = |left_m: f64| MOST_ASIDE_M < left_m.abs();
+            // It may stand beside the way of somebody who crosses the ego's road.
+            let ways = self.entities.iter().filter_map(|it| it.placed.way.as_ref());
+            let mut beside = ways
+                .filter_map(|on| on.way.course().ok())
+                .map(|course| course.locate(&entity.placed.spot).lateral_m);
+            if is_far(left_m - middle_m) && beside.all(is_far) {
                 far.push(entity.name.clone());
             }
         }
