@@ -3,7 +3,6 @@
 use core::f64::consts::PI;
 
 use super::bodies::ImportedBody;
-use super::ends::to_mps;
 use super::places::Placed;
 use crate::opendrive::error::At;
 use crate::scene::drive::ChangeShape;
@@ -29,18 +28,6 @@ pub(super) struct ImportedEntity {
 impl ImportedEntity {
     pub(super) fn moves(&self) -> bool {
         self.speed_mps != 0.0 || !self.steps.is_empty() || self.approach.is_some()
-    }
-
-    /// Initial speed and those of its steps in m/s, as far as they are known.
-    pub(super) fn speeds_mps(&self) -> impl Iterator<Item = f64> {
-        let laws = self.steps.iter().flat_map(|step| &step.laws);
-        let later = laws.filter_map(|law| to_mps(law, self.speed_mps));
-        later.chain([self.speed_mps])
-    }
-
-    /// Least of its speeds in m/s.
-    pub(super) fn slowest_mps(&self) -> f64 {
-        self.speeds_mps().fold(f64::INFINITY, f64::min)
     }
 
     pub(super) fn changes_lane(&self) -> bool {

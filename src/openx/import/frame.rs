@@ -2,6 +2,7 @@
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
+use super::ends::{slowest_mps, speeds_mps};
 use super::entity::ImportedEntity;
 use super::places::{Placed, is_along};
 use crate::opendrive::error::{At, ImportError};
@@ -168,7 +169,7 @@ impl FrameOfEgo {
             &from,
             (&ego.route, reach_m + (from.s_m - at.s_m).abs()),
         )?;
-        let on = roads.lane_way(asks, &drive, (0.0, ego.slowest_mps()))?;
+        let on = roads.lane_way(asks, &drive, (0.0, slowest_mps(ego)))?;
         let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
         // The lanes of the first road are drawn where the ego's way has them
         // beside it throughout.
@@ -177,7 +178,7 @@ impl FrameOfEgo {
             0 => on,
             right => {
                 let right_m = right as f64 * width_m;
-                roads.lane_way(asks, &drive, (-right_m, ego.slowest_mps()))?
+                roads.lane_way(asks, &drive, (-right_m, slowest_mps(ego)))?
             }
         };
         let place = on.located(asks, &ego.placed.spot)?;
@@ -263,7 +264,7 @@ impl FrameOfEgo {
 
 /// Length in metres of the ways that a run needs at most.
 fn reach_m(entities: &[ImportedEntity], stop_s: Option<f64>) -> f64 {
-    let speeds = entities.iter().flat_map(ImportedEntity::speeds_mps);
+    let speeds = entities.iter().flat_map(speeds_mps);
     let fastest_mps = speeds.fold(0.0, f64::max);
     (fastest_mps * stop_s.unwrap_or(USUAL_S).min(USUAL_S) + BEYOND_M).min(MOST_M)
 }
@@ -324,7 +325,7 @@ fn own_way(
     } else {
         middle_m - at.t_m
     };
-    let on = roads.lane_way(asks, &drive, (left_m, entity.slowest_mps()))?;
+    let on = roads.lane_way(asks, &drive, (left_m, slowest_mps(entity)))?;
     if SAME_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
         return Err(entity.at.error("it moves across its lane"));
     }

@@ -261,7 +261,8 @@ fn a_way_ends_before_its_road_comes_back() {
         ["what happens behind the end of a road"]
     );
     // The ego begins 50 m round a circle of 628 m, at 20 m/s.
-    let clock = &world(&imported).drive().expect("a scene").spec().clock;
+    let world = world(&imported);
+    let clock = &world.drive().expect("a scene").spec().clock;
     assert!(
         (25.0..28.9).contains(&clock.horizon_s),
         "{}",
