@@ -309,7 +309,7 @@ fn watch(
         Some("greaterThan" | "greaterOrEqual") => false,
         Some(rule) => return Err(it.error(format!("the rule `{rule}` is not read here"))),
         // A place is reached within its tolerance, and a way is done beyond it.
-        None => matches!(measure, Measure::Place { .. }),
+        None => it.name == "ReachPositionCondition",
     };
     let value = match it.name.as_str() {
         "ReachPositionCondition" => "tolerance",
@@ -324,6 +324,22 @@ fn watch(
         rises,
         at: it.at(),
     })
+}
+
+/// Entity at the place of a condition, which goes on with the entity.
+fn followed(it: &XmlNode, scope: &ParameterScope) -> Result<Option<String>, ImportError> {
+    let position = it.child("Position").and_then(|it| it.children.first());
+    let Some(place) = position.filter(|it| it.raw("entityRef").is_some()) else {
+        return Ok(None);
+    };
+    for name in ["dx", "dy", "ds", "dsLane", "dt", "dLane", "offset"] {
+        if scope.number_or_zero(place, name)? != 0.0 {
+            let help = "wait for a distance to the entity itself";
+            let what = "a place that goes on beside an entity is not read";
+            return Err(place.refused(what, help));
+        }
+    }
+    scope.text(place, "entityRef").map(Some)
 }
 
 /// ConditionQuantity of a condition of entities.
@@ -344,6 +360,17 @@ fn measure(
         ))
     };
     let target = || scope.text(it, "entityRef");
+    if let Some(target) = followed(it, scope)? {
+        let kind = it.raw("relativeDistanceType");
+        return match kind.unwrap_or("euclidianDistance") {
+            "longitudinal" if !clear => Ok(Measure::Along {
+                target,
+                is_time: false,
+            }),
+            "cartesianDistance" | "euclidianDistance" if !clear => Ok(Measure::Apart { target }),
+            _ => refused(it),
+        };
+    }
     Ok(match it.name.as_str() {
         "RelativeDistanceCondition" | "TimeHeadwayCondition" => match (kind, clear) {
             ("longitudinal", true) => Measure::Clearance {

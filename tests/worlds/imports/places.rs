@@ -33,6 +33,13 @@ fn banked(terms: &str) -> Edit {
     edit("<lateralProfile/>", text)
 }
 
+/// Less than 40 m from a place before the ego.
+fn near_ego(dx_m: &str) -> String {
+    format!(
+        r#"<DistanceCondition value="40" freespace="false" rule="lessThan"><Position><RelativeObjectPosition entityRef="Ego" dx="{dx_m}" dy="0"/></Position></DistanceCondition>"#
+    )
+}
+
 /// The kinds of what an import drops.
 fn dropped(imported: &Imported) -> Vec<&'static str> {
     imported.dropped.iter().map(|it| it.kind).collect()
@@ -168,6 +175,12 @@ fn entities_go_where_they_face_from_wherever_they_are_placed() {
             (12.0, 195.0, 0.0),
         ),
         (
+            "near an ego that goes on",
+            vec![edit(FIRST, watch("Lead", &near_ego("0")))],
+            "lead",
+            (12.0, 252.092, 0.0),
+        ),
+        (
             "round a circle",
             vec![edit("<line/>", r#"<arc curvature="0.01"/>"#)],
             "ego",
@@ -185,6 +198,16 @@ fn entities_go_where_they_face_from_wherever_they_are_placed() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_place_that_goes_on_beside_an_entity_is_refused() {
+    let edits = [edit(FIRST, watch("Lead", &near_ego("5")))];
+    let error = import(&files(&edits)).expect_err("a place that moves");
+    let shown = error.to_string();
+    assert!(shown.contains("a place that goes on beside"), "{shown}");
+    assert!(shown.contains("RelativeObjectPosition"), "{shown}");
+    assert!(error.help.is_some());
 }
 
 #[test]
