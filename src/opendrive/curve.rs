@@ -4,6 +4,9 @@
 //! place at each distance. Pairs of arcs then meet such a curve in place and
 //! direction, so no error adds up along a chain of them.
 
+use core::f64::consts::PI;
+use std::collections::HashMap;
+
 use super::ways::Bend;
 use crate::sim::{Pose, wrapped};
 
@@ -13,6 +16,47 @@ const NEAR_M: f64 = 0.001;
 const LEAST_M: f64 = 0.05;
 /// Shares of a part at which it is compared with its arcs.
 const SHARES: [f64; 5] = [0.125, 0.3, 0.5, 0.7, 0.875];
+
+/// A carriageway without lanes is about as wide as a car.
+const LEAST_WIDTH_M: f64 = 2.0;
+/// Places of a curve that are looked at for whether it meets itself.
+const MOST_SAMPLES: f64 = 20_000.0;
+
+/// Distance along a curve at which it comes near an earlier part of itself.
+///
+/// `turn_rad` is the sum of its turns in either direction.
+pub(crate) fn meets_itself_m(
+    (at, length_m): (&dyn Fn(f64) -> Pose, f64),
+    turn_rad: f64,
+    width_m: f64,
+) -> Option<f64> {
+    // Nothing comes back that has not turned round.
+    if turn_rad <= PI {
+        return None;
+    }
+    let near_m = width_m.max(LEAST_WIDTH_M);
+    let apart_m = (length_m / MOST_SAMPLES).max(0.25 * near_m);
+    let cell = |at_m: f64| (at_m / near_m).floor() as i64;
+    let mut seen: HashMap<(i64, i64), Vec<(f64, Pose)>> = HashMap::new();
+    let samples = (length_m / apart_m).min(MOST_SAMPLES) as usize;
+    for s_m in (0..=samples).map(|nth| nth as f64 * apart_m) {
+        let here = at(s_m);
+        let (column, row) = (cell(here.x_m), cell(here.y_m));
+        let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
+        for (dx, dy) in around {
+            let there = seen.get(&(column + dx, row + dy)).into_iter().flatten();
+            // A bend is near itself for a while: half a turn at its tightest.
+            let mut others = there.filter(|(other_m, _)| other_m + 4.0 * near_m < s_m);
+            let touches =
+                |spot: &Pose| libm::hypot(spot.x_m - here.x_m, spot.y_m - here.y_m) < 0.9 * near_m;
+            if others.any(|(_, spot)| touches(spot)) {
+                return Some(s_m);
+            }
+        }
+        seen.entry((column, row)).or_default().push((s_m, here));
+    }
+    None
+}
 
 /// Arc with its place on the curve.
 #[derive(Clone, Copy, Debug)]

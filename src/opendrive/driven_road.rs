@@ -56,6 +56,7 @@ pub(crate) fn lane_road(
         lane: from.lane,
         s_m: from.s_m,
         t_m: line.middle_at(&root, from.s_m, from.lane)?.0,
+        forward: line.leads_forward(from.lane),
     };
     let drive = roads.lane_drive(&root, &at, (from.via, from.length_m.min(MOST_M)))?;
     if let Some(missing) = from
@@ -74,7 +75,7 @@ pub(crate) fn lane_road(
     let lane_width_m = line.lanes.width_m(from.s_m, from.lane).unwrap_or(0.0);
     let right = roads.lanes_beside(&drive, lane_width_m);
     let beside_m = -(right as f64) * lane_width_m;
-    let on = roads.lane_way(&root, &drive, beside_m)?;
+    let on = roads.lane_way(&root, &drive, (beside_m, 0.0))?;
     Ok(LaneRoad {
         begins: on.way.begins,
         lanes: right + 1,

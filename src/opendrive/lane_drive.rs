@@ -3,7 +3,7 @@
 
 use core::f64::consts::PI;
 
-use super::curve::{arcs_of, pair_of};
+use super::curve::{arcs_of, meets_itself_m, pair_of};
 use super::error::ImportError;
 use super::links::RoadLink;
 use super::roads::{ImportedRoad, OnLane, RoadMap};
@@ -13,13 +13,19 @@ use crate::sim::{Pose, wrapped};
 
 /// Length in metres that a lane may lose by slanting, on the whole way.
 ///
-/// Entities advance along the reference line, which is shorter than such a lane.
-const SLANT_M: f64 = 0.05;
+/// Entities advance along the reference line, which is shorter than such a lane. A
+/// fast one may be off by less than a step of 0.01 s.
+const SLANT_M: f64 = 0.015;
+const SLANT_S: f64 = 0.01;
 /// Greatest difference in metres between widths that count as equal.
 const SAME_WIDTH_M: f64 = 0.001;
 /// Greatest gap in metres between parts of a way, and greatest curvature in 1/m.
 const GAP_M: f64 = 0.05;
 const MOST_PER_M: f64 = 0.5;
+/// Width in metres of a way that must not come back to itself, and how far before
+/// that it ends.
+const ROUND_M: f64 = 8.0;
+const BEFORE_M: f64 = 20.0;
 /// Curvature in 1/m below which a piece is a line.
 const LINE_PER_M: f64 = 1e-9;
 
@@ -49,13 +55,14 @@ impl RoadMap {
         (route, reach_m): (&[String], f64),
     ) -> Result<Vec<LaneStretch>, ImportError> {
         let mut all: Vec<LaneStretch> = Vec::new();
-        let mut next = Some((at.road.clone(), at.lane, Some(at.s_m)));
+        let mut next = Some((at.road.clone(), (at.lane, at.forward), Some(at.s_m)));
         let mut left_m = reach_m;
         let mut route = route.iter().skip_while(|id| **id == at.road).peekable();
         while let Some((id, lane, from_m)) = next.take() {
             let road = self.road(asks, &id)?;
             while route.next_if(|wanted| **wanted == id).is_some() {}
-            let (stretches, end_lane) = through(road, &id, lane, from_m);
+            let (lane, forward) = lane;
+            let (stretches, end_lane) = through(road, &id, (lane, forward), from_m);
             for stretch in stretches {
                 let stretch = stretch.cut(left_m);
                 left_m -= stretch.length_m();
@@ -66,21 +73,22 @@ impl RoadMap {
             }
             let wanted = route.peek().map(|id| id.as_str());
             if let Some(lane) = end_lane {
-                next = self.after(road, (&id, lane), wanted);
+                next = self
+                    .after(road, (&id, lane, forward), wanted)
+                    .map(|(id, lane)| (id, lane, None));
             }
         }
         Ok(all)
     }
 
-    /// Returns the road and the lane behind the end of a road, and where it begins.
+    /// Returns the road behind the end of a road, with the lane and its direction.
     fn after(
         &self,
         road: &ImportedRoad,
-        (id, lane): (&str, i32),
+        (id, lane, forward): (&str, i32, bool),
         wanted: Option<&str>,
-    ) -> Option<(String, i32, Option<f64>)> {
-        // Lanes with negative numbers lead to the end of their road.
-        let side = usize::from(lane < 0);
+    ) -> Option<(String, (i32, bool))> {
+        let side = usize::from(forward);
         let link = road.links[side].as_ref()?;
         let (over, to) = if link.is_junction {
             let connections = self.junctions.0.get(&link.id)?;
@@ -93,8 +101,8 @@ impl RoadMap {
                 })
                 .collect();
             let leads = |over: &&(&RoadLink, i32)| {
-                let (link, lane) = **over;
-                wanted.is_some_and(|wanted| link.id == wanted || self.leads_to(link, lane, wanted))
+                let (link, _) = **over;
+                wanted.is_some_and(|wanted| link.id == wanted || self.leads_to(link, wanted))
             };
             match &possible[..] {
                 [one] => *one,
@@ -108,16 +116,20 @@ impl RoadMap {
             };
             (link, section.lane(lane)?.links[side]?)
         };
-        // Whoever enters at the end of a road drives against it.
-        let fits = (to > 0) == over.at_end;
-        fits.then(|| (over.id.clone(), to, None))
+        // A road that is entered at its end is driven against its reference line.
+        // With the traffic or against it, the way goes on alike.
+        let leads = (
+            road.leads_forward(lane),
+            self.get(&over.id)?.leads_forward(to),
+        );
+        let fits = (leads.0 == forward) == (leads.1 != over.at_end);
+        fits.then(|| (over.id.clone(), (to, !over.at_end)))
     }
 
     /// Returns whether a road inside a junction ends at a road.
-    fn leads_to(&self, link: &RoadLink, lane: i32, wanted: &str) -> bool {
-        let side = usize::from(lane < 0);
+    fn leads_to(&self, link: &RoadLink, wanted: &str) -> bool {
         let road = self.get(&link.id);
-        let end = road.and_then(|road| road.links[side].as_ref());
+        let end = road.and_then(|road| road.links[usize::from(!link.at_end)].as_ref());
         end.is_some_and(|end| !end.is_junction && end.id == wanted)
     }
 
@@ -125,6 +137,9 @@ impl RoadMap {
     pub(crate) fn lanes_beside(&self, stretches: &[LaneStretch], width_m: f64) -> usize {
         let beside = |it: &LaneStretch| {
             let road = self.get(&it.road)?;
+            // Against the traffic, the lanes to the right lead the other way.
+            let is_right = !road.is_left_hand && road.leads_forward(it.lane) == it.is_forward();
+            is_right.then_some(())?;
             let side = road.driven_beside(it.lane, 0.5 * (it.from_m + it.to_m));
             road.lanes.fixed_m(it.lane)?;
             let is_wide = |(_, other_m): &(i32, f64)| (other_m - width_m).abs() < SAME_WIDTH_M;
@@ -147,7 +162,7 @@ impl RoadMap {
         &self,
         asks: &XmlNode,
         stretches: &[LaneStretch],
-        left_m: f64,
+        (left_m, slowest_mps): (f64, f64),
     ) -> Result<OnWay, ImportError> {
         let mut begins = None;
         let mut pieces: Vec<Bend> = Vec::new();
@@ -179,15 +194,20 @@ impl RoadMap {
                 spot = end;
             }
         }
-        if SLANT_M < lost_m {
+        if SLANT_M.max(SLANT_S * slowest_mps) < lost_m {
             let what = format!("its lane slants, by {lost_m:.2} m of its way");
             let help = "a way along lanes of nearly constant width and offset is read";
             return Err(asks.refused(what, help));
         }
         let begins = begins.ok_or_else(|| asks.error("its lane has no length"))?;
+        let ends_m = pieces.iter().map(|piece| piece.length_m).sum();
+        let way = ImportedPath { begins, pieces };
+        let turns = way.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
+        let meets_m = meets_itself_m((&|at_m| way.at(at_m), ends_m), turns.sum(), ROUND_M);
+        let ends_m = meets_m.map_or(ends_m, |meets_m| meets_m - BEFORE_M);
         Ok(OnWay {
-            ends_m: pieces.iter().map(|piece| piece.length_m).sum(),
-            way: ImportedPath { begins, pieces },
+            way: way.cut(ends_m),
+            ends_m,
             along_m: 0.0,
             is_lane: true,
         })
@@ -212,10 +232,9 @@ fn lengthen(pieces: &mut Vec<Bend>, mut bend: Bend) {
 fn through(
     road: &ImportedRoad,
     id: &str,
-    mut lane: i32,
+    (mut lane, forward): (i32, bool),
     from_m: Option<f64>,
 ) -> (Vec<LaneStretch>, Option<i32>) {
-    let forward = lane < 0;
     let from_m = from_m.unwrap_or(if forward { 0.0 } else { road.length_m });
     let sections = &road.lanes.sections;
     let mut section = road.lanes.section(from_m).map_or(0, |(section, _)| section);
@@ -254,7 +273,11 @@ fn through(
 }
 
 impl LaneStretch {
-    pub(super) fn length_m(&self) -> f64 {
+    pub(crate) fn is_forward(&self) -> bool {
+        self.from_m < self.to_m
+    }
+
+    pub(crate) fn length_m(&self) -> f64 {
         (self.to_m - self.from_m).abs()
     }
 
@@ -264,8 +287,8 @@ impl LaneStretch {
         LaneStretch { to_m, ..self }
     }
 
-    pub(super) fn station_m(&self, along_m: f64) -> f64 {
-        if self.from_m < self.to_m {
+    pub(crate) fn station_m(&self, along_m: f64) -> f64 {
+        if self.is_forward() {
             self.from_m + along_m
         } else {
             self.from_m - along_m
@@ -277,7 +300,7 @@ impl LaneStretch {
         let s_m = self.station_m(along_m);
         let middle = road.lanes.middle((self.section, s_m), self.lane);
         let (t_m, slope) = middle.unwrap_or_default();
-        let forward = self.lane < 0;
+        let forward = self.is_forward();
         let t_m = if forward { t_m + left_m } else { t_m - left_m };
         let on = road.at(s_m, t_m);
         let slant_rad = libm::atan2(slope, 1.0 - road.per_m(s_m) * t_m);

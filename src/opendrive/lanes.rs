@@ -27,6 +27,8 @@ pub(crate) struct OpenDriveLaneSection {
 #[derive(Clone, Debug)]
 pub(crate) struct RoadLanes {
     offsets: Vec<Cubic>,
+    /// Superelevation in radians.
+    banks: Vec<Cubic>,
     pub sections: Vec<OpenDriveLaneSection>,
 }
 
@@ -39,10 +41,14 @@ impl OpenDriveLaneSection {
 impl RoadLanes {
     /// Reads the `lanes` of a road. The first problem is kept in `refused`.
     pub(crate) fn of(
+        road: &XmlNode,
         lanes: &XmlNode,
         refused: &mut Option<ImportError>,
     ) -> Result<RoadLanes, ImportError> {
         let offsets = lanes.all("laneOffset").map(|it| cubic(it, "s", 0.0));
+        let profile = road.child("lateralProfile").into_iter();
+        let banks = profile.flat_map(|it| it.all("superelevation"));
+        let banks = banks.map(|it| cubic(it, "s", 0.0));
         let sections = lanes.all("laneSection").map(|section| {
             let s_m = ParameterScope::default().number_or_zero(section, "s")?;
             let sides = section.children.iter().flat_map(|side| side.all("lane"));
@@ -55,6 +61,7 @@ impl RoadLanes {
         Ok(RoadLanes {
             sections: sections.collect::<Result<_, ImportError>>()?,
             offsets: offsets.collect::<Result<_, ImportError>>()?,
+            banks: banks.collect::<Result<_, ImportError>>()?,
         })
     }
 
@@ -81,14 +88,26 @@ impl RoadLanes {
             t_m += sign * share * width.at(s_m);
             slope += sign * share * width.slope(s_m);
         }
-        Some((t_m, slope))
+        let (flat, flat_slope) = self.flat(s_m);
+        Some((t_m * flat, slope * flat + t_m * flat_slope))
+    }
+
+    /// Share of a width that is left in the plane of a banked road, and its slope.
+    pub(crate) fn flat(&self, s_m: f64) -> (f64, f64) {
+        let bank = begun(&self.banks, s_m);
+        let (sin, cos) = libm::sincos(bank.at(s_m));
+        (cos, -sin * bank.slope(s_m))
     }
 
     /// Returns the lane and the station at which a lane begins on its road.
     ///
     /// In the direction of travel, back over the links of sections.
-    pub(crate) fn first_of(&self, mut lane: i32, s_m: f64, length_m: f64) -> (i32, f64) {
-        let forward = lane < 0;
+    pub(crate) fn first_of(
+        &self,
+        (mut lane, forward): (i32, bool),
+        s_m: f64,
+        length_m: f64,
+    ) -> (i32, f64) {
         let mut section = self.section(s_m).map_or(0, |(section, _)| section);
         loop {
             let before = if forward {
@@ -108,10 +127,23 @@ impl RoadLanes {
         (lane, if forward { begins_m } else { ends_m })
     }
 
+    /// Returns the lane at a lateral position, driven or not.
+    pub(crate) fn lane_at(&self, s_m: f64, t_m: f64) -> Option<i32> {
+        let (number, section) = self.section(s_m)?;
+        let is_on = |id: &i32| {
+            let middle = self.middle((number, s_m), *id);
+            let half_m = self.width_m(s_m, *id).unwrap_or(0.0) / 2.0;
+            middle.is_some_and(|(middle_m, _)| (t_m - middle_m).abs() <= half_m)
+        };
+        let lanes = section.lanes.iter().map(|lane| lane.id);
+        lanes.filter(|id| *id != 0).find(is_on)
+    }
+
     /// Width of a lane in metres at a station.
     pub(crate) fn width_m(&self, s_m: f64, lane: i32) -> Option<f64> {
         let (_, section) = self.section(s_m)?;
-        Some(begun(&section.lane(lane)?.widths, s_m).at(s_m))
+        let width = begun(&section.lane(lane)?.widths, s_m);
+        Some(width.at(s_m) * self.flat(s_m).0)
     }
 
     /// Lateral position of the middle of a lane that keeps it on the whole road.
@@ -123,14 +155,16 @@ impl RoadLanes {
                 .filter_map(|id| section.lane(id * lane.signum()));
             lanes.flat_map(|lane| &lane.widths)
         });
-        if !widths.all(Cubic::is_constant) || !self.offsets.iter().all(Cubic::is_constant) {
+        let mut others = self.offsets.iter().chain(&self.banks);
+        if !widths.all(Cubic::is_constant) || !others.all(Cubic::is_constant) {
             return None;
         }
         // Constant polynomials may still step, where one begins.
         let begins = self.sections.iter().enumerate().flat_map(|(i, section)| {
             let ends_m = self.sections.get(i + 1).map_or(f64::INFINITY, |it| it.s_m);
             let widths = section.lanes.iter().flat_map(|lane| &lane.widths);
-            let begins = widths.chain(&self.offsets).map(|it| it.from_m);
+            let begins = widths.chain(&self.offsets).chain(&self.banks);
+            let begins = begins.map(|it| it.from_m);
             let within = begins.filter(move |s_m| (section.s_m..ends_m).contains(s_m));
             within.chain([section.s_m]).map(move |s_m| (i, s_m))
         });

@@ -3,10 +3,10 @@
 //! Unsupported content of a road is an error only if an entity is on the road.
 
 use core::cmp::Ordering;
-use core::f64::consts::PI;
-use std::collections::{BTreeMap, HashMap};
+use core::f64::consts::{FRAC_PI_2, PI};
+use std::collections::BTreeMap;
 
-use super::curve::Cubic;
+use super::curve::{Cubic, meets_itself_m};
 use super::error::ImportError;
 use super::lanes::{RoadLanes, heights_of};
 use super::links::{Junctions, RoadLink, controllers};
@@ -16,17 +16,16 @@ use super::surface::Surface;
 use super::tree::XmlNode;
 use crate::sim::{Pose, wrapped};
 
-/// A carriageway without lanes is about as wide as a car.
-const LEAST_WIDTH_M: f64 = 2.0;
-/// Places of a road that are looked at for whether it meets itself.
-const MOST_SAMPLES: f64 = 20_000.0;
-
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct ImportedRoad {
     pub node: XmlNode,
     pub length_m: f64,
     pub pieces: Vec<ReferenceSegment>,
+    /// True for a road that closes on itself, or crosses itself.
+    pub meets_itself: bool,
+    /// True for left-hand traffic.
+    pub is_left_hand: bool,
     /// First unsupported content, returned when an entity is on the road.
     refused: Option<ImportError>,
     pub lanes: RoadLanes,
@@ -42,10 +41,12 @@ pub(crate) struct ImportedRoad {
 #[derive(Clone, Debug)]
 pub(crate) struct OnLane {
     pub road: String,
-    /// Number of the lane, or 0 if the place is given by its t.
+    /// Number of the lane, or 0 for a place beside all lanes.
     pub lane: i32,
     pub s_m: f64,
     pub t_m: f64,
+    /// True if its entity drives along the reference line, and not against it.
+    pub forward: bool,
 }
 
 /// Roads of a file by their id.
@@ -142,9 +143,10 @@ impl RoadMap {
                 let (middle_m, slope) = road.lanes.middle((section, s_m), lane.id)?;
                 let off_m = (t_m - middle_m).abs();
                 let is_on = off_m <= 0.5 * road.lanes.width_m(s_m, lane.id)?;
-                let turn_rad = if 0 < lane.id { PI } else { 0.0 };
+                let turn_rad = if road.leads_forward(lane.id) { 0.0 } else { PI };
                 let slant_rad = libm::atan2(slope, 1.0 - road.per_m(s_m) * t_m);
-                let along_rad = road.at(s_m, 0.0).heading_rad + turn_rad + slant_rad;
+                let road_rad = road.at(s_m, 0.0).heading_rad;
+                let along_rad = road_rad + turn_rad + slant_rad;
                 let turned_rad = wrapped(spot.heading_rad - along_rad).abs();
                 let rank = if is_turned {
                     (turned_rad * 100.0).floor()
@@ -156,6 +158,11 @@ impl RoadMap {
                     lane: lane.id,
                     s_m,
                     t_m,
+                    forward: if is_turned {
+                        wrapped(spot.heading_rad - road_rad).abs() < FRAC_PI_2
+                    } else {
+                        road.leads_forward(lane.id)
+                    },
                 };
                 is_on.then_some(((rank, off_m), (at, wrapped(along_rad))))
             });
@@ -186,10 +193,6 @@ impl ImportedRoad {
         // The first problem of a road is kept and reading continues: an unused
         // road must not fail the import.
         let mut refused = None;
-        if road.raw("rule") == Some("LHT") {
-            let help = "mirror the road and the scenario: worlds have right-hand traffic";
-            refused = Some(road.refused("left-hand traffic is not read", help));
-        }
         let length_m = plain.number(road, "length")?;
         let pieces = pieces_of(road.inner("planView")?, &mut refused)?;
         if pieces.is_empty() {
@@ -205,22 +208,18 @@ impl ImportedRoad {
         }
         let lanes = road.inner("lanes")?;
         let mut line = ImportedRoad {
+            meets_itself: false,
             surface: Surface::of(road, lanes.child("laneSection"))?,
             node: road.clone(),
             length_m,
             pieces,
-            lanes: RoadLanes::of(lanes, &mut refused)?,
+            lanes: RoadLanes::of(road, lanes, &mut refused)?,
             heights_m: heights_of(road)?,
             links: RoadLink::both(road)?,
+            is_left_hand: road.raw("rule") == Some("LHT"),
             refused,
         };
-        if line.refused.is_none()
-            && let Some((s_m, again_m)) = line.crosses_itself()
-        {
-            let what = format!("it is at s = {again_m:.0} m where it was at s = {s_m:.0} m");
-            let help = "cut it into roads that do not overlap: a place has one station on a road";
-            line.refused = Some(road.refused(what, help));
-        }
+        line.meets_itself = line.comes_back();
         Ok(line)
     }
 
@@ -229,43 +228,23 @@ impl ImportedRoad {
         !self.heights_m.iter().all(Cubic::is_constant)
     }
 
-    /// Two stations whose carriageways overlap, if there are any: the road closes
-    /// on itself, or crosses itself.
-    fn crosses_itself(&self) -> Option<(f64, f64)> {
+    /// Returns whether the traffic of a lane follows the reference line.
+    pub(crate) fn leads_forward(&self, lane: i32) -> bool {
+        // Lanes with negative numbers lie on the right.
+        (lane < 0) != self.is_left_hand
+    }
+
+    /// Returns whether its carriageways overlap: it closes on itself, or crosses itself.
+    fn comes_back(&self) -> bool {
         let turns = self.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
-        // Nothing comes back that has not turned round.
-        if turns.sum::<f64>() <= core::f64::consts::PI {
-            return None;
-        }
         let side_m = |sign: i32| {
             let lanes = self.lanes.sections.iter().take(1).flat_map(|it| &it.lanes);
             let ids = lanes.map(|lane| lane.id).filter(|id| id * sign > 0);
             ids.filter_map(|id| self.lanes.width_m(0.0, id))
                 .sum::<f64>()
         };
-        let near_m = (side_m(1) + side_m(-1)).max(LEAST_WIDTH_M);
-        let apart_m = (self.length_m / MOST_SAMPLES).max(0.25 * near_m);
-        let cell = |at_m: f64| (at_m / near_m).floor() as i64;
-        let mut seen: HashMap<(i64, i64), Vec<(f64, Pose)>> = HashMap::new();
-        let samples = (self.length_m / apart_m).min(MOST_SAMPLES) as usize;
-        for s_m in (0..=samples).map(|nth| nth as f64 * apart_m) {
-            let here = self.at(s_m, 0.0);
-            let (column, row) = (cell(here.x_m), cell(here.y_m));
-            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
-            for (dx, dy) in around {
-                let there = seen.get(&(column + dx, row + dy)).into_iter().flatten();
-                // A bend is near itself for a while: half a turn at its tightest.
-                let mut others = there.filter(|(other_m, _)| other_m + 4.0 * near_m < s_m);
-                let touches = |spot: &Pose| {
-                    libm::hypot(spot.x_m - here.x_m, spot.y_m - here.y_m) < 0.9 * near_m
-                };
-                if let Some((other_m, _)) = others.find(|(_, spot)| touches(spot)) {
-                    return Some((*other_m, s_m));
-                }
-            }
-            seen.entry((column, row)).or_default().push((s_m, here));
-        }
-        None
+        let at = |s_m: f64| self.at(s_m, 0.0);
+        meets_itself_m((&at, self.length_m), turns.sum(), side_m(1) + side_m(-1)).is_some()
     }
 
     /// Returns whether the reference line is straight between two stations.

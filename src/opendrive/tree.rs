@@ -121,6 +121,18 @@ impl XmlNode {
         })
     }
 
+    /// Returns an element of a name around it, at its place in the file.
+    pub(crate) fn within(self, name: &str) -> XmlNode {
+        XmlNode {
+            name: name.to_owned(),
+            attributes: Vec::new(),
+            line: self.line,
+            place: self.place,
+            file: Rc::clone(&self.file),
+            children: vec![self],
+        }
+    }
+
     /// Returns the path of its file.
     pub(crate) fn file(&self) -> &Path {
         &self.file

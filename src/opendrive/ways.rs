@@ -89,6 +89,17 @@ impl ImportedPath {
         }
     }
 
+    /// Returns the first part of the path.
+    pub(crate) fn cut(mut self, length_m: f64) -> ImportedPath {
+        let mut left_m = length_m;
+        for piece in &mut self.pieces {
+            piece.length_m = piece.length_m.min(left_m);
+            left_m -= piece.length_m;
+        }
+        self.pieces.retain(|piece| 0.0 < piece.length_m);
+        self
+    }
+
     /// Removes lines at the end, since a path continues straight after its pieces.
     pub(crate) fn end_straight(&mut self) {
         while self.pieces.pop_if(|last| last.per_m == 0.0).is_some() {}

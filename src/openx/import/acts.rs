@@ -442,7 +442,9 @@ impl Reader<'_> {
                     let help = "let it stand in Init: the meeting brings it up to its speed";
                     return Err(it.refused("a meeting with an agent that moves already is not read", help));
                 }
-                script.approach = Some(approached(it, scope, ground)?);
+                let ego_mps = self.constant_speeds().get(&ground.ego.name).copied();
+                let approach = approached(it, scope, (ground, ego_mps))?;
+                self.scripts[who].approach = Some(approach);
             }
             "FollowTrajectoryAction" if script.steps.is_empty() => {
                 let (way, law) = walked(it, scope, ground)?;

@@ -11,6 +11,9 @@ use crate::sim::Body;
 /// Greatest height of the centre of mass of a narrow body, as a multiple of its track.
 const MOST_COM_HEIGHT: f64 = 1.7;
 
+/// Greatest length in metres of a body.
+const MOST_LENGTH_M: f64 = 30.0;
+
 /// Body in the form of a world file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ImportedBody {
@@ -41,9 +44,15 @@ impl ImportedBody {
         let centre_m = scope.number(bounds.inner("Center")?, "x")?;
         let front_m = centre_m + 0.5 * length_m;
         let mass_kg = scope.number_or_zero(entity, "mass")?;
+        if MOST_LENGTH_M < length_m {
+            let what = format!("a body of {length_m} m");
+            let help = "split it into parts of 30 m at most, or leave it out";
+            return Err(bounds.refused(what, help));
+        }
         let on_foot = entity.name == "Pedestrian";
         let sizes = format!("length_m: {length_m}, width_m: {width_m}, height_m: {height_m}");
-        let on_wheels = |wheelbase_m: f64, wheel_m: f64, track_m: f64| {
+        let on_wheels = |(centre_m, wheelbase_m): (f64, f64), wheel_m: f64, track_m: f64| {
+            let front_m = centre_m + 0.5 * length_m;
             vehicle(ImportedVehicle {
                 name: &name,
                 sizes: &sizes,
@@ -76,6 +85,10 @@ impl ImportedBody {
             }
             "Vehicle" => {
                 let axles = entity.inner("Axles")?;
+                if axles.child("FrontAxle").is_none() {
+                    let help = "leave it out: the car in front of it is read alone";
+                    return Err(axles.refused("a trailer is not read", help));
+                }
                 let front = axles.inner("FrontAxle")?;
                 let wheelbase_m = scope.number(front, "positionX")?;
                 if front_m <= 0.0 || wheelbase_m <= 0.0 {
@@ -84,10 +97,13 @@ impl ImportedBody {
                 }
                 let wheel_m = 0.5 * scope.number(front, "wheelDiameter")?;
                 let track_m = scope.number(front, "trackWidth")?;
-                on_wheels(wheelbase_m, wheel_m, track_m)
+                on_wheels((centre_m, wheelbase_m), wheel_m, track_m)
             }
             // A `MiscObject` has no axles. Proportions of its box replace them.
-            "MiscObject" => on_wheels(0.6 * length_m, 0.1 * height_m, 0.8 * width_m),
+            "MiscObject" => {
+                let centre_m = centre_m.max(0.3 * length_m);
+                on_wheels((centre_m, 0.6 * length_m), 0.1 * height_m, 0.8 * width_m)
+            }
             other => return Err(entity.error(format!("a `{other}` is not read"))),
         };
         let most = |name: &str| match entity.child("Performance") {

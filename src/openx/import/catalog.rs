@@ -37,6 +37,11 @@ impl Catalogs {
         {
             let directory = location.inner("Directory")?.need("path")?;
             directories.push(beside.join(directory));
+            // Some players begin every path beside the scenario.
+            let relative = directory.trim_start_matches('/');
+            if relative != directory {
+                directories.push(beside.join(relative));
+            }
         }
         Ok(Catalogs {
             directories,
@@ -108,23 +113,28 @@ impl Catalogs {
             .directories
             .iter()
             .map(|it| it.join(format!("{name}.xosc")));
-        for path in paths {
-            if files(&path).is_err() {
-                continue;
-            }
+        let mut found = None;
+        for path in paths.filter(|path| files(path).is_ok()) {
             let root = XmlNode::read(&path, files)?;
+            let catalog = root.child("Catalog");
             // A file of the right name may be another catalog, so the search
-            // continues.
-            let named = root.child("Catalog").and_then(|it| it.raw("name"));
-            if named == Some(name) {
-                let root = Rc::new(root);
-                self.read
-                    .borrow_mut()
-                    .insert(name.to_owned(), Rc::clone(&root));
-                return Ok(root);
+            // continues. It counts if no other does.
+            let is_named = catalog.is_some_and(|it| it.raw("name") == Some(name));
+            if is_named || (found.is_none() && catalog.is_some()) {
+                found = Some(root);
+            }
+            if is_named {
+                break;
             }
         }
-        let what = format!("there is no catalog `{name}.xosc` where the file looks for catalogs");
-        Err(reference.error(what))
+        let root = Rc::new(found.ok_or_else(|| {
+            let what =
+                format!("there is no catalog `{name}.xosc` where the file looks for catalogs");
+            let help = "put the file in a directory of its `CatalogLocations`";
+            reference.refused(what, help)
+        })?);
+        let mut read = self.read.borrow_mut();
+        read.insert(name.to_owned(), Rc::clone(&root));
+        Ok(root)
     }
 }

@@ -33,6 +33,10 @@ pub fn driven_lanes(path: &Path, files: Files<'_>) -> Result<Vec<DrivenLanes>, I
     for node in root.all("road") {
         let id = node.need("id")?;
         let road = roads.road(node, id)?;
+        if road.is_left_hand {
+            let help = "mirror the road: the driving lanes of a recording have right-hand traffic";
+            return Err(node.refused("left-hand traffic is not read here", help));
+        }
         // Lanes with negative numbers follow the reference line.
         for side in [-1, 1] {
             all.extend(lanes_of(node, id, road, side)?);

@@ -23,11 +23,12 @@ pub struct DroppedElements {
 /// Names of dropped elements with their kinds.
 ///
 /// Elements below a dropped element belong to it and are not counted.
-const KINDS: [(&str, &str); 25] = [
+const KINDS: [(&str, &str); 26] = [
     ("AppearanceAction", "appearance"),
     ("ActivateControllerAction", "controllers"),
     ("ControllerAction", "controllers"),
     ("ObjectController", "controllers"),
+    ("InfrastructureAction", "traffic signals"),
     ("MonitorDeclaration", "monitors"),
     ("ParameterAction", "parameters"),
     ("TimeOfDay", "time of day"),

@@ -76,6 +76,18 @@ pub(super) fn leaves_s(entity: &ImportedEntity, ahead_m: f64, ego_mps: f64) -> f
     journey.leaves_s()
 }
 
+/// Initial speed of an entity and those of its steps in m/s, as far as they are known.
+pub(super) fn speeds_mps(entity: &ImportedEntity) -> impl Iterator<Item = f64> {
+    let laws = entity.steps.iter().flat_map(|step| &step.laws);
+    let later = laws.filter_map(|law| to_mps(law, entity.speed_mps));
+    later.chain([entity.speed_mps])
+}
+
+/// Least of the speeds of an entity in m/s.
+pub(super) fn slowest_mps(entity: &ImportedEntity) -> f64 {
+    speeds_mps(entity).fold(f64::INFINITY, f64::min)
+}
+
 /// Final speed in m/s of a law, beside an ego that coasts.
 pub(super) fn to_mps(law: &ImportedLaw, ego_mps: f64) -> Option<f64> {
     match law {

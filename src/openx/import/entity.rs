@@ -43,8 +43,8 @@ impl ImportedEntity {
     /// 1 if the left of its way is the left of its road, and −1 otherwise.
     pub(super) fn side(&self, against: bool) -> f64 {
         let on_lanes = self.placed.way.as_ref().is_some_and(|on| on.is_lane);
-        let lane = self.placed.lane.as_ref().map_or(-1, |at| at.lane);
-        let is_left = on_lanes && (0 < lane) != against;
+        let forward = self.placed.lane.as_ref().is_none_or(|at| at.forward);
+        let is_left = on_lanes && forward == against;
         if is_left { -1.0 } else { 1.0 }
     }
 }

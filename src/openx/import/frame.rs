@@ -1,6 +1,8 @@
 //! Frame of the ego's road, and the ways of entities that leave it.
 
-use super::ends::to_mps;
+use core::f64::consts::{FRAC_PI_2, PI};
+
+use super::ends::{slowest_mps, speeds_mps};
 use super::entity::ImportedEntity;
 use super::places::{Placed, is_along};
 use crate::opendrive::error::{At, ImportError};
@@ -25,6 +27,8 @@ const MOST_M: f64 = 5_000.0;
 /// Longest run in seconds for which ways are read, and their length beyond it.
 const USUAL_S: f64 = 60.0;
 const BEYOND_M: f64 = 200.0;
+/// Greatest distance in metres of an entity from its lane of a world.
+pub(super) const MOST_ASIDE_M: f64 = 20.0;
 /// Usual width of a lane in metres, where the file has none.
 const USUAL_WIDTH_M: f64 = 3.5;
 
@@ -69,12 +73,33 @@ impl FrameOfEgo {
         let it = if keeps_road(asks, roads, entities, ego)? {
             FrameOfEgo::of_road(asks, roads, &entities[ego])?
         } else {
-            FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m))?
+            let of_way = FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m));
+            match of_way {
+                // Its controller may drive off, straight ahead.
+                Err(_) if !entities[ego].moves() => FrameOfEgo::ahead_of(&entities[ego]),
+                it => it?,
+            }
         };
         for entity in entities.iter_mut().filter(|it| !it.is_ego) {
             it.place(asks, roads, (entity, reach_m))?;
         }
         Ok(it)
+    }
+
+    /// Frame without lanes of a file.
+    fn usual(frame: RoadFrame) -> FrameOfEgo {
+        FrameOfEgo {
+            frame,
+            zero_m: 0.0,
+            lanes: 2,
+            lane_width_m: USUAL_WIDTH_M,
+            drive: None,
+        }
+    }
+
+    /// Straight frame in the direction of an ego.
+    fn ahead_of(ego: &ImportedEntity) -> FrameOfEgo {
+        FrameOfEgo::usual(RoadFrame::Straight(ego.placed.spot))
     }
 
     /// Frame of an ego that stays on one road, or on a trajectory.
@@ -83,16 +108,9 @@ impl FrameOfEgo {
         roads: &RoadMap,
         ego: &ImportedEntity,
     ) -> Result<FrameOfEgo, ImportError> {
-        let usual = |frame| FrameOfEgo {
-            frame,
-            zero_m: 0.0,
-            lanes: 2,
-            lane_width_m: USUAL_WIDTH_M,
-            drive: None,
-        };
         if let Some(OnWay { way, .. }) = &ego.placed.way {
             // A path has no lanes of its own, so two of a usual width are drawn.
-            return Ok(usual(if way.pieces.is_empty() {
+            return Ok(FrameOfEgo::usual(if way.pieces.is_empty() {
                 RoadFrame::Straight(way.begins)
             } else {
                 RoadFrame::Along(way.clone())
@@ -100,7 +118,7 @@ impl FrameOfEgo {
         }
         let Some(at) = &ego.placed.lane else {
             // On a plain without roads.
-            return Ok(usual(RoadFrame::Straight(ego.placed.spot)));
+            return Ok(FrameOfEgo::ahead_of(ego));
         };
         let line = roads.road(asks, &at.road)?;
         let beside = line.driven_beside(at.lane, at.s_m);
@@ -145,11 +163,14 @@ impl FrameOfEgo {
         roads: &RoadMap,
         (ego, reach_m): (&mut ImportedEntity, f64),
     ) -> Result<FrameOfEgo, ImportError> {
-        let Some(at) = ego.placed.lane.clone() else {
-            return Err(asks.error("the ego is on no lane and on no way"));
+        let Some(at) = ego.placed.lane.clone().filter(|at| at.lane != 0) else {
+            let what = "the ego is on no lane and on no way";
+            return Err(asks.refused(what, "place it on a lane, or let it stand"));
         };
         let line = roads.road(asks, &at.road)?;
-        let first = line.lanes.first_of(at.lane, at.s_m, line.length_m);
+        let first = line
+            .lanes
+            .first_of((at.lane, at.forward), at.s_m, line.length_m);
         let from = OnLane {
             lane: first.0,
             s_m: first.1,
@@ -160,7 +181,7 @@ impl FrameOfEgo {
             &from,
             (&ego.route, reach_m + (from.s_m - at.s_m).abs()),
         )?;
-        let on = roads.lane_way(asks, &drive, 0.0)?;
+        let on = roads.lane_way(asks, &drive, (0.0, slowest_mps(ego)))?;
         let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
         // The lanes of the first road are drawn where the ego's way has them
         // beside it throughout.
@@ -168,7 +189,7 @@ impl FrameOfEgo {
         let left_m = -(beside as f64) * width_m;
         let on = match beside {
             0 => on,
-            _ => roads.lane_way(asks, &drive, left_m)?,
+            _ => roads.lane_way(asks, &drive, (left_m, slowest_mps(ego)))?,
         };
         let place = on.located(asks, &ego.placed.spot)?;
         let off = place.spot().sees(&ego.placed.spot);
@@ -242,8 +263,9 @@ impl FrameOfEgo {
         }
         let line = roads.road(asks, &at.road)?;
         let is_straight = line.is_straight() && line.lanes.fixed_m(at.lane).is_some();
-        let along = origin.sees(&entity.placed.spot).heading_rad;
-        let is_beside = is_along(along, 0.0) || is_along(along, core::f64::consts::PI);
+        let seen = origin.sees(&entity.placed.spot);
+        let along = is_along(seen.heading_rad, 0.0) || is_along(seen.heading_rad, PI);
+        let is_beside = along && seen.y_m.abs() <= MOST_ASIDE_M;
         if !(is_straight && is_beside && entity.route.is_empty()) {
             entity.placed.way = Some(own_way(asks, roads, (entity, reach_m))?);
         }
@@ -253,11 +275,7 @@ impl FrameOfEgo {
 
 /// Length in metres of the ways that a run needs at most.
 fn reach_m(entities: &[ImportedEntity], stop_s: Option<f64>) -> f64 {
-    let speeds = entities.iter().flat_map(|it| {
-        let laws = it.steps.iter().flat_map(|step| &step.laws);
-        let later = laws.filter_map(|law| to_mps(law, it.speed_mps));
-        later.chain([it.speed_mps])
-    });
+    let speeds = entities.iter().flat_map(speeds_mps);
     let fastest_mps = speeds.fold(0.0, f64::max);
     (fastest_mps * stop_s.unwrap_or(USUAL_S).min(USUAL_S) + BEYOND_M).min(MOST_M)
 }
@@ -281,6 +299,10 @@ fn keeps_road(
     }
     let line = roads.road(asks, &at.road)?;
     let others = entities.iter().filter(|it| it.placed.way.is_none());
+    let moving = others.clone().filter(|it| it.moves());
+    let aside_m = moving
+        .filter_map(|it| Some((it.placed.lane.as_ref()?.t_m - at.t_m).abs()))
+        .fold(0.0, f64::max);
     let is_here = |it: &Placed| it.lane.as_ref().is_some_and(|lane| lane.road == at.road);
     let alone = line.is_straight() || others.clone().all(|it| is_here(&it.placed));
     let beside = line.driven_beside(at.lane, at.s_m);
@@ -288,6 +310,10 @@ fn keeps_road(
         .iter()
         .all(|(id, _)| line.lanes.fixed_m(*id).is_some());
     Ok(at.lane < 0
+        && at.forward
+        && !line.is_left_hand
+        && !line.meets_itself
+        && (line.is_straight() || aside_m <= MOST_ASIDE_M)
         && fixed
         && alone
         && ego.route.is_empty()
@@ -305,8 +331,12 @@ fn own_way(
     let drive = roads.lane_drive(asks, at, (&entity.route, reach_m))?;
     let line = roads.road(asks, &at.road)?;
     let (middle_m, _) = line.middle_at(asks, at.s_m, at.lane)?;
-    let left_m = (at.t_m - middle_m) * -f64::from(at.lane.signum());
-    let on = roads.lane_way(asks, &drive, left_m)?;
+    let left_m = if at.forward {
+        at.t_m - middle_m
+    } else {
+        middle_m - at.t_m
+    };
+    let on = roads.lane_way(asks, &drive, (left_m, slowest_mps(entity)))?;
     if SAME_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
         return Err(entity.at.error("it moves across its lane"));
     }
@@ -340,7 +370,10 @@ impl OnWay {
     fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
         let course = self.way.course().map_err(|what| asks.error(what)).ok()?;
         let first = course.locate(&other.way.begins);
-        let against = core::f64::consts::FRAC_PI_2 < first.heading_rad.abs();
+        if MOST_ASIDE_M < first.lateral_m.abs() {
+            return None;
+        }
+        let against = FRAC_PI_2 < first.heading_rad.abs();
         // Up to the end of both, in the direction of the other.
         let left_m = if against {
             first.s_m

@@ -252,7 +252,7 @@ fn slanted_m(shape: ChangeShape, by_m: f64, way_m: f64) -> f64 {
 pub(super) fn approached(
     it: &XmlNode,
     scope: &ParameterScope,
-    ground: PositionContext<'_>,
+    (ground, ego_mps): (PositionContext<'_>, Option<f64>),
 ) -> Result<Approached, ImportError> {
     if scope.text(it, "masterEntityRef")? != ground.ego.name {
         return Err(it.refused(
@@ -260,7 +260,21 @@ pub(super) fn approached(
             "let the `masterEntityRef` be the ego, which --ego can name",
         ));
     }
-    let end = it.inner("FinalSpeed")?.inner("AbsoluteSpeed")?;
+    let end = it.inner("FinalSpeed")?.only()?;
+    let value = scope.number(end, "value")?;
+    let speed_mps = match (end.name.as_str(), end.raw("speedTargetValueType")) {
+        ("AbsoluteSpeed", _) => value,
+        (_, kind) => {
+            let ego_mps = ego_mps.ok_or_else(|| {
+                let help = "write an `AbsoluteSpeed`";
+                end.refused("a speed relative to an ego whose speed changes", help)
+            })?;
+            match kind {
+                Some("factor") => value * ego_mps,
+                _ => value + ego_mps,
+            }
+        }
+    };
     let steady = match end.children.first() {
         Some(it) if it.name == "TargetDistanceSteadyState" => {
             Steady::Metres(scope.number(it, "distance")?)
@@ -275,7 +289,7 @@ pub(super) fn approached(
     Ok(Approached {
         ego: ground.place(it.inner("TargetPositionMaster")?, scope)?,
         here: ground.place(it.inner("TargetPosition")?, scope)?,
-        speed_mps: scope.number(end, "value")?,
+        speed_mps,
         steady,
     })
 }

@@ -1,5 +1,6 @@
 //! Init of a storyboard: initial places, initial speeds and the end of the run.
 
+use super::catalog::Catalogs;
 use super::dropped::lone_time;
 use super::entity::{ImportedEntity, ImportedLaw};
 use super::laws::{Speeds, gap_of, relative_speed, speed, unknown_target};
@@ -9,11 +10,12 @@ use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
 /// Actions without an effect on motion, such as lights, weather and logs.
-const STILL: [&str; 7] = [
+const STILL: [&str; 8] = [
     "ControllerAction",
     "ActivateControllerAction",
     "AppearanceAction",
     "EnvironmentAction",
+    "InfrastructureAction",
     "ParameterAction",
     "VariableAction",
     "VisibilityAction",
@@ -50,6 +52,48 @@ pub(super) fn is_still(action: &XmlNode, is_for_ego: bool) -> Result<bool, Impor
     Ok(STILL.contains(&name))
 }
 
+/// Returns the `Private` of every entity that exists from the start on.
+///
+/// An entity that the Init adds is placed there, and one that it deletes is gone. An
+/// entity without a place does not exist, and is listed.
+pub(super) fn present(
+    init: &XmlNode,
+    objects: &[&XmlNode],
+    catalogs: &Catalogs,
+) -> Result<Vec<XmlNode>, ImportError> {
+    let mut present: Vec<XmlNode> = init.all("Private").cloned().collect();
+    let mut deleted = Vec::new();
+    let global = init.all("GlobalAction");
+    for action in global.filter_map(|it| it.child("EntityAction")) {
+        let name = action.need("entityRef")?;
+        let is_its = |it: &XmlNode| it.raw("entityRef") == Some(name);
+        let Some(added) = action.child("AddEntityAction") else {
+            deleted.push(name);
+            present.retain(|it| !is_its(it));
+            continue;
+        };
+        let mut teleport = added.clone();
+        teleport.name = "TeleportAction".to_owned();
+        let teleport = teleport.within("PrivateAction");
+        if let Some(private) = present.iter_mut().find(|it| is_its(it)) {
+            private.children.insert(0, teleport);
+        } else {
+            let mut private = action.clone();
+            private.name = "Private".to_owned();
+            private.children = vec![teleport];
+            present.push(private);
+        }
+    }
+    for object in objects {
+        let name = object.need("name")?;
+        let is_known = present.iter().any(|it| it.raw("entityRef") == Some(name));
+        if !is_known && !deleted.contains(&name) {
+            catalogs.note("entities that are never placed", object);
+        }
+    }
+    Ok(present)
+}
+
 /// Returns the initial place of an entity.
 pub(super) fn begins(
     private: &XmlNode,
@@ -57,11 +101,19 @@ pub(super) fn begins(
     ground: PositionContext<'_>,
 ) -> Result<(Placed, Vec<String>), ImportError> {
     let mut at = None;
-    let is_ego = private.raw("entityRef") == Some(ground.ego.name.as_str());
+    let name = private.need("entityRef")?;
+    let is_ego = name == ground.ego.name;
+    // A later place may be relative to an earlier one of the same entity.
+    let mut placed = ground.placed.clone();
     // Routes are checked last, since the place may follow in the file.
     let mut routes = Vec::new();
     for action in private.all("PrivateAction") {
         let it = action.only()?;
+        placed.extend(at.clone().map(|at| (name.to_owned(), at)));
+        let ground = PositionContext {
+            placed: &placed,
+            ..ground
+        };
         match it.name.as_str() {
             "TeleportAction" => at = Some(ground.place(it.inner("Position")?, scope)?),
             "RoutingAction" => {
@@ -217,7 +269,8 @@ pub(super) fn friction_scale(
             "EnvironmentAction" => {
                 scale = friction_of(action, scope, ground)?.unwrap_or(scale);
             }
-            "VariableAction" => {}
+            // Signals have no effect, and entities are added and deleted before.
+            "VariableAction" | "EntityAction" | "InfrastructureAction" => {}
             _ => {
                 return Err(action.refused(
                     "an action of this kind is not read in Init",

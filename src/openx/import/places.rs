@@ -1,5 +1,6 @@
 //! Positions of scenario files, as places in the plane and on paths.
 
+use core::f64::consts::{FRAC_PI_2, PI};
 use std::collections::BTreeMap;
 
 use super::catalog::Catalogs;
@@ -16,6 +17,8 @@ use crate::sim::{Pose, wrapped};
 const SAME_RAD: f64 = 1e-6;
 /// Distance in metres beyond an end that still counts as the end.
 const SAME_M: f64 = 1e-6;
+/// Sine of the least turn of a route that is not straight.
+const TURNED_SINE: f64 = 0.1;
 /// Lateral distance in metres within which a route follows the lane.
 const ASIDE_M: f64 = 10.0;
 
@@ -57,7 +60,8 @@ impl PositionContext<'_> {
                 let lane = scope.number(it, "laneId")? as i32;
                 let offset_m = scope.number_or_zero(it, "offset")?;
                 let s_m = scope.number(it, "s")?;
-                self.on_lane(it, scope, (road, lane), s_m, offset_m)
+                let forward = self.roads.road(it, &road)?.leads_forward(lane);
+                self.on_lane(it, scope, (&road, lane, forward), (s_m, offset_m))
             }
             "RoadPosition" => {
                 let road = scope.text(it, "roadId")?;
@@ -68,35 +72,40 @@ impl PositionContext<'_> {
                 let other = self.other(it, scope)?;
                 let at = other.lane.as_ref().filter(|at| at.lane != 0);
                 let at = at.ok_or_else(|| it.refused("what it is relative to is on no lane", "place that by a `LanePosition`"))?;
-                let by = scope.number(it, "dLane")? as i32;
                 let by_lane = it.raw("dsLane").is_some();
-                let s_m = at.s_m + scope.number(it, if by_lane { "dsLane" } else { "ds" })?;
+                let along_m = scope.number(it, if by_lane { "dsLane" } else { "ds" })?;
+                let line = self.roads.road(it, &at.road)?;
+                // Along a lane means in the direction of its traffic.
+                let against = by_lane && !line.leads_forward(at.lane);
+                let s_m = at.s_m + if against { -along_m } else { along_m };
                 // `ds` counts along the reference line and `dsLane` along the
                 // lane. The two agree on straight roads only.
-                if by_lane
-                    && !self
-                        .roads
-                        .road(it, &at.road)?
-                        .is_straight_between(at.s_m, s_m)
-                {
+                if by_lane && !line.is_straight_between(at.s_m, s_m) {
                     let help = "use `ds`, which counts along the reference line of the road";
                     return Err(it.refused("`dsLane` on a bend is not read", help));
                 }
-                let lane = (at.road.clone(), beside(at.lane, by));
-                let offset_m = scope.number_or_zero(it, "offset")?;
-                self.on_lane(it, scope, lane, s_m, offset_m)
+                // With `dsLane` the left is that of the entity, and with `ds` that of
+                // the road, along which the new place faces, too.
+                let side = if by_lane && !at.forward { -1.0 } else { 1.0 };
+                let by = scope.number(it, "dLane")? * side;
+                let lane = beside(at.lane, by as i32);
+                let forward = !by_lane || line.leads_forward(lane);
+                let offset_m = scope.number_or_zero(it, "offset")? * side;
+                self.on_lane(it, scope, (&at.road, lane, forward), (s_m, offset_m))
             }
             "RelativeRoadPosition" => {
                 let other = self.other(it, scope)?;
                 let at = other.lane.as_ref();
                 let at = at.ok_or_else(|| it.refused("what it is relative to is on no road", "place that by a `LanePosition` or a `RoadPosition`"))?;
                 let s_m = at.s_m + scope.number(it, "ds")?;
-                let t_m = at.t_m + scope.number(it, "dt")?;
+                let flat = self.roads.road(it, &at.road)?.lanes.flat(at.s_m).0;
+                let t_m = at.t_m / flat + scope.number(it, "dt")?;
                 self.on_road(it, scope, at.road.clone(), (s_m, t_m))
             }
             "RelativeObjectPosition" => {
                 let other = self.other(it, scope)?.spot;
-                let moved = other.moved(scope.number(it, "dx")?, scope.number(it, "dy")?);
+                let ahead_m = scope.number_or_zero(it, "dx")?;
+                let moved = other.moved(ahead_m, scope.number_or_zero(it, "dy")?);
                 let spot = turned(it, scope, moved)?;
                 Ok(Placed {
                     spot,
@@ -269,35 +278,49 @@ impl PositionContext<'_> {
         &self,
         it: &XmlNode,
         scope: &ParameterScope,
-        (road, lane): (String, i32),
-        s_m: f64,
-        offset_m: f64,
+        (road, lane, forward): (&str, i32, bool),
+        (s_m, offset_m): (f64, f64),
     ) -> Result<Placed, ImportError> {
-        let line = self.roads.road(it, &road)?;
+        let line = self.roads.road(it, road)?;
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
         let (middle_m, slope) = line.middle_at(it, s_m, lane)?;
-        let t_m = middle_m + offset_m;
+        let t_m = middle_m + offset_m * line.lanes.flat(s_m).0;
         let mut on = line.at(s_m, t_m);
         if slope != 0.0 {
             let slant_rad = libm::atan2(slope, 1.0 - line.per_m(s_m) * t_m);
             on.heading_rad = wrapped(on.heading_rad + slant_rad);
         }
-        // Lanes left of the reference line are driven against its direction.
-        let driven = if 0 < lane {
+        let driven = if forward {
+            on
+        } else {
             Pose {
-                heading_rad: wrapped(on.heading_rad + core::f64::consts::PI),
+                heading_rad: wrapped(on.heading_rad + PI),
                 ..on
             }
-        } else {
-            on
         };
+        self.faced(it, scope, (driven, road, lane), (s_m, t_m))
+    }
+
+    /// Returns a place on a road, turned by its `Orientation`.
+    fn faced(
+        &self,
+        it: &XmlNode,
+        scope: &ParameterScope,
+        (spot, road, lane): (Pose, &str, i32),
+        (s_m, t_m): (f64, f64),
+    ) -> Result<Placed, ImportError> {
+        let spot = turned(it, scope, spot)?;
+        let line = self.roads.road(it, road)?;
+        // An entity goes on in the direction that it faces.
+        let turned_rad = wrapped(spot.heading_rad - line.at(s_m, 0.0).heading_rad);
         Ok(Placed {
-            spot: turned(it, scope, driven)?,
+            spot,
             lane: Some(OnLane {
-                road,
+                road: road.to_owned(),
                 lane,
                 s_m,
                 t_m,
+                forward: turned_rad.abs() < FRAC_PI_2,
             }),
             way: None,
         })
@@ -312,24 +335,26 @@ impl PositionContext<'_> {
     ) -> Result<Placed, ImportError> {
         let line = self.roads.road(it, &road)?;
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
-        let on = line.at(s_m, t_m);
-        Ok(Placed {
-            spot: turned(it, scope, on)?,
-            lane: Some(OnLane {
-                road,
-                lane: 0,
-                s_m,
-                t_m,
-            }),
-            way: None,
-        })
+        let t_m = t_m * line.lanes.flat(s_m).0;
+        let lane = line.lanes.lane_at(s_m, t_m).unwrap_or(0);
+        self.faced(it, scope, (line.at(s_m, t_m), &road, lane), (s_m, t_m))
     }
 
     fn on_route(&self, it: &XmlNode, scope: &ParameterScope) -> Result<Placed, ImportError> {
         let reference = it.inner("RouteRef")?.only()?;
         let (route, stops) = self.route(reference, scope)?;
         let spots: Vec<Pose> = stops.iter().map(|stop| stop.spot).collect();
-        // Only the direction of the route matters here: it must be straight.
+        let lanes: Option<Vec<&OnLane>> = stops.iter().map(|stop| stop.lane.as_ref()).collect();
+        let lanes = lanes.filter(|lanes| lanes.iter().any(|at| at.road != lanes[0].road));
+        // Two places are always on one line, but a route that turns faces elsewhere.
+        let turns = |spot: &Pose| {
+            let sine = libm::sin(spot.heading_rad - spots[0].heading_rad);
+            TURNED_SINE < sine.abs()
+        };
+        if let Some(lanes) = lanes.filter(|_| spots.iter().any(turns)) {
+            return self.on_roads(it, scope, &lanes);
+        }
+        // Of a straight route only the direction matters, whatever its roads are.
         let begins = ImportedPath::through(&route, &spots)?.begins;
         let on = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(on, "pathS")?;
@@ -362,6 +387,36 @@ impl PositionContext<'_> {
                 is_lane: false,
             }),
         })
+    }
+
+    /// Returns a place along a route over several roads.
+    fn on_roads(
+        &self,
+        it: &XmlNode,
+        scope: &ParameterScope,
+        stops: &[&OnLane],
+    ) -> Result<Placed, ImportError> {
+        let on = it.inner("InRoutePosition")?.only()?;
+        let mut left_m = scope.number(on, "pathS")?;
+        let visited: Vec<String> = stops.iter().map(|stop| stop.road.clone()).collect();
+        let drive = self.roads.lane_drive(it, stops[0], (&visited, left_m))?;
+        let found = drive.iter().find(|stretch| {
+            let is_here = left_m <= stretch.length_m();
+            left_m -= if is_here { 0.0 } else { stretch.length_m() };
+            is_here
+        });
+        let stretch = found.ok_or_else(|| {
+            on.refused("it lies beyond the route", "let its `pathS` be less")
+                .of_point()
+        })?;
+        let lane = match on.raw("laneId") {
+            // A place of a route has its number of the lane from the file.
+            Some(_) if stretch.road == stops[0].road => scope.number(on, "laneId")? as i32,
+            _ => stretch.lane,
+        };
+        let at = (stretch.road.as_str(), lane, stretch.is_forward());
+        let offset_m = scope.number_or_zero(on, "laneOffset")?;
+        self.on_lane(it, scope, at, (stretch.station_m(left_m), offset_m))
     }
 
     /// Returns a route and its waypoints.

@@ -11,7 +11,7 @@ use super::catalog::Catalogs;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::{ImportedEntity, ImportedStep};
-use super::frame::{FrameOfEgo, RoadFrame};
+use super::frame::{FrameOfEgo, MOST_ASIDE_M, RoadFrame};
 use super::lights::{ImportedLight, lights};
 use super::motion;
 use super::places::{Placed, PositionContext};
@@ -165,13 +165,8 @@ impl Protocol {
         let changed = changed_parameters(&self.root);
         let objects = self.root.inner("Entities")?;
         let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
-        let privates: Vec<&XmlNode> = init.all("Private").collect();
-        for object in &objects {
-            let name = object.need("name")?;
-            if !privates.iter().any(|it| it.raw("entityRef") == Some(name)) {
-                return Err(object.error("it is not placed"));
-            }
-        }
+        let privates = motion::present(init, &objects, &self.catalogs)?;
+        let privates: Vec<&XmlNode> = privates.iter().collect();
         for begun in ordered(&privates) {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
@@ -181,7 +176,10 @@ impl Protocol {
             }
             let (body, own) = match object.only()? {
                 it if it.name == "CatalogReference" => self.catalogs.entry(it, scope, files)?,
-                it => (it.clone(), scope.clone()),
+                it => {
+                    let declared = it.child("ParameterDeclarations");
+                    (it.clone(), ParameterScope::declared(declared, scope, &[])?)
+                }
             };
             let body = ImportedBody::of(&body, &own)?;
             let ground = PositionContext {
@@ -273,11 +271,16 @@ impl Protocol {
         }
         let (drive, left_m) = drive.unwrap_or_default();
         let passed = roads.lane_signals(asks, &drive, left_m)?;
-        Ok(Concrete {
+        // A world has one speed limit, or none.
+        let limit_mps = roads.limit_mps(road).unwrap_or_else(|_| {
+            self.dropped.note("speed limits that change", asks);
+            None
+        });
+        let mut concrete = Concrete {
             grades: roads.lane_grades(asks, &drive, left_m)?,
             lights: lights(&self.root, scope, (&roads, &passed), &self.dropped)?,
             friction,
-            limit_mps: roads.limit_mps(road)?,
+            limit_mps,
             frame,
             straight_zero_m: zero_m,
             lanes,
@@ -286,7 +289,18 @@ impl Protocol {
             at: At::file(self.root.file()),
             entities,
             roads,
-        })
+        };
+        for name in concrete.far_off()? {
+            let private = privates
+                .iter()
+                .find(|it| it.raw("entityRef") == Some(&name));
+            self.dropped.note(
+                "entities that stand far from the road",
+                private.unwrap_or(asks),
+            );
+            concrete.entities.retain(|it| it.name != name);
+        }
+        Ok(concrete)
     }
 
     fn road_map(
@@ -323,6 +337,26 @@ impl Protocol {
 }
 
 impl Concrete {
+    /// Names of the entities that stand too far from all ways for a world.
+    fn far_off(&self) -> Result<Vec<String>, ImportError> {
+        let mut far = Vec::new();
+        let others = self.entities.iter().filter(|it| !it.is_ego);
+        for entity in others.filter(|it| !it.moves() && it.gap_m.is_none()) {
+            let left_m = self.station(&entity.placed)?.y_m;
+            let middle_m = self.lane_at(left_m) * self.lane_width_m;
+            let is_far = |left_m: f64| MOST_ASIDE_M < left_m.abs();
+            // It may stand beside the way of somebody who crosses the ego's road.
+            let ways = self.entities.iter().filter_map(|it| it.placed.way.as_ref());
+            let mut beside = ways
+                .filter_map(|on| on.way.course().ok())
+                .map(|course| course.locate(&entity.placed.spot).lateral_m);
+            if is_far(left_m - middle_m) && beside.all(is_far) {
+                far.push(entity.name.clone());
+            }
+        }
+        Ok(far)
+    }
+
     /// Returns a place in the frame: along the ego's road, to its left, and turned.
     ///
     /// Beside a bent path, a place that is not on the path is a place in the

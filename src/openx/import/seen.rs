@@ -110,8 +110,10 @@ pub(super) fn seen<'a>(
     let shares_road = concrete.is_on_road(&entity.placed);
     // Headings are within ±π, and both ends mean the opposite direction.
     let near = |direction_rad: f64| (heading_rad - direction_rad).abs() < SQUARE_RAD;
-    // The arcs of a way along lanes only nearly have the direction of the lanes.
-    let on_lanes = entity.placed.way.as_ref().is_some_and(|on| on.is_lane);
+    // The arcs of a way along lanes only nearly have the direction of the lanes, and
+    // files round the half turn of an entity that drives against them.
+    let on_way = entity.placed.way.as_ref().is_some_and(|on| on.is_lane);
+    let on_lanes = on_way || (moves && entity.placed.lane.is_some());
     let leads = |direction_rad: f64| {
         let off_rad = wrapped(heading_rad - direction_rad).abs();
         is_along(heading_rad, direction_rad) || (on_lanes && off_rad < LANE_RAD)

@@ -63,6 +63,13 @@ pub(super) fn starts(
     for group in trigger.all("ConditionGroup") {
         groups += 1;
         let mut all: Vec<StartTrigger> = Vec::new();
+        if has_instants(group) {
+            context
+                .0
+                .catalogs
+                .note("conditions of different instants", group);
+            continue;
+        }
         if 1 < group.children.len() && group.children.iter().any(is_instant) {
             let help = "use the rule greaterThan";
             return Err(group.refused("a condition of one instant beside others is not read", help));
@@ -99,6 +106,21 @@ pub(super) fn starts(
             Err(trigger.refused("several ways to begin are not read", help))
         }
     }
+}
+
+/// Returns whether a group needs a time or the state of an element, and what entities
+/// do, at the same instant.
+///
+/// An edge is true for an instant, and two edges of different causes never are at
+/// once.
+fn has_instants(group: &XmlNode) -> bool {
+    let is_edge = |it: &&XmlNode| it.raw("conditionEdge").is_some_and(|edge| edge != "none");
+    let mut edges = group.children.iter().filter(is_edge);
+    let has_watch = edges
+        .clone()
+        .any(|it| it.child("ByEntityCondition").is_some());
+    let mut values = edges.by_ref().filter_map(|it| it.child("ByValueCondition"));
+    has_watch && values.any(|it| it.child("ParameterCondition").is_none())
 }
 
 /// Returns whether a condition holds at one instant of time only.
@@ -287,7 +309,7 @@ fn watch(
         Some("greaterThan" | "greaterOrEqual") => false,
         Some(rule) => return Err(it.error(format!("the rule `{rule}` is not read here"))),
         // A place is reached within its tolerance, and a way is done beyond it.
-        None => matches!(measure, Measure::Place { .. }),
+        None => it.name == "ReachPositionCondition",
     };
     let value = match it.name.as_str() {
         "ReachPositionCondition" => "tolerance",
@@ -302,6 +324,22 @@ fn watch(
         rises,
         at: it.at(),
     })
+}
+
+/// Entity at the place of a condition, which goes on with the entity.
+fn followed(it: &XmlNode, scope: &ParameterScope) -> Result<Option<String>, ImportError> {
+    let position = it.child("Position").and_then(|it| it.children.first());
+    let Some(place) = position.filter(|it| it.raw("entityRef").is_some()) else {
+        return Ok(None);
+    };
+    for name in ["dx", "dy", "ds", "dsLane", "dt", "dLane", "offset"] {
+        if scope.number_or_zero(place, name)? != 0.0 {
+            let help = "wait for a distance to the entity itself";
+            let what = "a place that goes on beside an entity is not read";
+            return Err(place.refused(what, help));
+        }
+    }
+    scope.text(place, "entityRef").map(Some)
 }
 
 /// ConditionQuantity of a condition of entities.
@@ -322,6 +360,17 @@ fn measure(
         ))
     };
     let target = || scope.text(it, "entityRef");
+    if let Some(target) = followed(it, scope)? {
+        let kind = it.raw("relativeDistanceType");
+        return match kind.unwrap_or("euclidianDistance") {
+            "longitudinal" if !clear => Ok(Measure::Along {
+                target,
+                is_time: false,
+            }),
+            "cartesianDistance" | "euclidianDistance" if !clear => Ok(Measure::Apart { target }),
+            _ => refused(it),
+        };
+    }
     Ok(match it.name.as_str() {
         "RelativeDistanceCondition" | "TimeHeadwayCondition" => match (kind, clear) {
             ("longitudinal", true) => Measure::Clearance {

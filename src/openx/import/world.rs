@@ -30,6 +30,8 @@ const AHEAD_M: f64 = 100.0;
 const LEAST_TURN_RAD: f64 = 5.0;
 /// Least speed in m/s that a cruise control keeps.
 const LEAST_CRUISE_MPS: f64 = 0.1;
+/// Distance in metres by which the front of an ego may swing out.
+const SWING_M: f64 = 0.3;
 /// Step in metres in which a longer bend grows.
 const STEP_M: f64 = 100.0;
 
@@ -147,7 +149,10 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
 /// Specification of an ego without other agents: its sides stay within its lane.
 fn within_lane(concrete: &Concrete, ego: &EntityInFrame) -> String {
     let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
-    let room_m = 0.5 * (concrete.lane_width_m - ego.entity.body.width_m);
+    // An ego that starts beyond its lane must not leave it further, except for its
+    // front in bends.
+    let off_m = (ego.spot.y_m - middle_m).abs() + SWING_M;
+    let room_m = off_m.max(0.5 * (concrete.lane_width_m - ego.entity.body.width_m));
     format!(
         "{}.lateral in [{}, {}]",
         ego.name,

@@ -23,7 +23,12 @@ impl Reader<'_> {
         let value = scope.number(target, "value")? as i32;
         let to = match target.name.as_str() {
             "AbsoluteTargetLane" => value,
-            _ => lane_beside(&self.lane_of(who, target, scope)?, value),
+            _ => {
+                let of = self.lane_of(who, target, scope)?;
+                // To the left of an entity is the right of a road that it drives
+                // against.
+                lane_beside(&of, if of.forward { value } else { -value })
+            }
         };
         let line = ground.roads.road(it, &on.road)?;
         let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
@@ -103,11 +108,6 @@ impl Reader<'_> {
         let lane = other.and_then(|it| it.lane.clone());
         let lane = lane.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
         let help = "name the lane by an absolute target";
-        // In OpenDRIVE, lanes left of the reference line have positive numbers.
-        if 0 < lane.lane {
-            let what = format!("a lane relative to `{name}`, who drives against the road");
-            return Err(target.refused(what, help));
-        }
         let what = format!("a lane relative to `{name}`, who changes its own, is not read");
         self.relative.push((name, target.refused(what, help)));
         Ok(lane)
