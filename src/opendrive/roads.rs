@@ -36,7 +36,7 @@ pub(crate) struct ImportedRoad {
 }
 
 /// Place by road and lane.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct OnLane {
     pub road: String,
     /// Number of the lane, or 0 if the place is given by its t.

@@ -25,6 +25,7 @@ mod motion;
 mod places;
 mod plans;
 mod points;
+mod relations;
 mod request;
 mod scenario;
 mod seen;

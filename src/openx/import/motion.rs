@@ -30,19 +30,33 @@ const HANDS_OVER: [&str; 4] = [
 
 /// Returns true for an action without an effect on motion.
 ///
+/// `is_free` is true for the ego, and for entities without a controller.
+///
 /// # Errors
 ///
 /// Returns an error for a controller that moves an entity other than the ego.
-pub(super) fn is_still(action: &XmlNode, is_for_ego: bool) -> Result<bool, ImportError> {
-    fn hands_over(node: &XmlNode) -> bool {
+pub(super) fn is_still(
+    action: &XmlNode,
+    scope: &ParameterScope,
+    is_free: bool,
+) -> Result<bool, ImportError> {
+    fn hands_over(node: &XmlNode, scope: &ParameterScope) -> Result<bool, ImportError> {
+        for value in HANDS_OVER.iter().filter_map(|name| node.raw(name)) {
+            if scope.resolve_text(node, value)? != "false" {
+                return Ok(true);
+            }
+        }
         // The attributes may belong to a nested element of the action.
-        let names = HANDS_OVER.iter();
-        let mut set = names.filter_map(|name| node.raw(name));
-        set.any(|value| value != "false") || node.children.iter().any(hands_over)
+        for child in &node.children {
+            if hands_over(child, scope)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
     let name = action.name.as_str();
     let controls = matches!(name, "ControllerAction" | "ActivateControllerAction");
-    if controls && !is_for_ego && hands_over(action) {
+    if controls && !is_free && hands_over(action, scope)? {
         let what = "an agent that a controller moves is not read";
         let help = "only the ego may have a controller: state the others' motion by actions";
         return Err(action.refused(what, help));
@@ -50,14 +64,17 @@ pub(super) fn is_still(action: &XmlNode, is_for_ego: bool) -> Result<bool, Impor
     Ok(STILL.contains(&name))
 }
 
-/// Returns the initial place of an entity.
+/// Returns the initial place of an entity, and the roads of its route.
+///
+/// What else moves the ego is left to the user, if the ego is.
 pub(super) fn begins(
     private: &XmlNode,
     scope: &ParameterScope,
     ground: PositionContext<'_>,
 ) -> Result<(Placed, Vec<String>), ImportError> {
     let mut at = None;
-    let is_ego = private.raw("entityRef") == Some(ground.ego.name.as_str());
+    let name = private.need("entityRef")?;
+    let is_left = ground.ego.is_left && ground.ego.name == name;
     // Routes are checked last, since the place may follow in the file.
     let mut routes = Vec::new();
     for action in private.all("PrivateAction") {
@@ -68,18 +85,28 @@ pub(super) fn begins(
                 let it = it.only()?;
                 match it.name.as_str() {
                     "AssignRouteAction" => routes.push(it),
-                    "FollowTrajectoryAction" => at = Some(on_trajectory(it, scope, ground)?),
+                    "FollowTrajectoryAction" => match on_trajectory(it, scope, ground) {
+                        Ok(on) => at = Some(on),
+                        Err(_) if is_left => {
+                            ground.ego.leave(private);
+                            at = on_first(it, scope, ground).ok().or(at);
+                        }
+                        Err(error) => return Err(error),
+                    },
+                    _ if is_left => ground.ego.leave(private),
                     _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
                 }
             }
             "LongitudinalAction" => match it.only()? {
                 it if FIRST.contains(&it.name.as_str()) => {}
+                _ if is_left => ground.ego.leave(private),
                 it => {
                     let help = "state the speed with which it starts, as a step, in a SpeedAction";
                     return Err(it.refused("an action of this kind is not read in Init", help));
                 }
             },
-            _ if is_still(it, is_ego)? => {}
+            _ if is_still(it, scope, !ground.is_steered(name))? => {}
+            _ if is_left => ground.ego.leave(private),
             _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
         }
     }
@@ -94,6 +121,23 @@ pub(super) fn begins(
         turns = ground.turns_of(route, scope, &at)?;
     }
     Ok((at, turns))
+}
+
+/// Place at which a trajectory begins, whatever its shape.
+fn on_first(
+    it: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+) -> Result<Placed, ImportError> {
+    fn first(node: &XmlNode) -> Option<&XmlNode> {
+        match node.name.as_str() {
+            "Position" | "PositionStart" => Some(node),
+            _ => node.children.iter().find_map(first),
+        }
+    }
+    let (trajectory, own) = ground.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
+    let place = first(&trajectory).ok_or_else(|| it.error("there is no place in it"))?;
+    ground.place(place, &own)
 }
 
 fn on_trajectory(

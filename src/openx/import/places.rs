@@ -20,7 +20,7 @@ const SAME_M: f64 = 1e-6;
 const ASIDE_M: f64 = 10.0;
 
 /// Place, with its description in the file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Placed {
     pub spot: Pose,
     /// Lane, if the file gives the place by a lane.
@@ -40,9 +40,16 @@ pub(super) struct PositionContext<'a> {
     pub ego: &'a EgoRequest,
     /// Parameters that an event changes.
     pub changed: &'a [String],
+    /// Entities that a controller may move.
+    pub steered: &'a [String],
 }
 
 impl PositionContext<'_> {
+    /// Returns true for an entity other than the ego with a controller.
+    pub(super) fn is_steered(&self, name: &str) -> bool {
+        name != self.ego.name && self.steered.iter().any(|it| it == name)
+    }
+
     /// Returns the place of a `Position`.
     pub(super) fn place(
         &self,

@@ -15,6 +15,7 @@ use super::frame::{FrameOfEgo, RoadFrame};
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
+use super::relations::{changed_parameters, ordered, steered};
 use super::request::Import;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::files::Files;
@@ -159,6 +160,7 @@ impl Protocol {
         let changed = changed_parameters(&self.root);
         let objects = self.root.inner("Entities")?;
         let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
+        let steered = steered(&self.root, &objects);
         let privates: Vec<&XmlNode> = init.all("Private").collect();
         for object in &objects {
             let name = object.need("name")?;
@@ -185,6 +187,7 @@ impl Protocol {
                 placed: &placed,
                 ego: &self.ego,
                 changed: &changed,
+                steered: &steered,
             };
             // `ground` borrows the places so far, so an entity cannot refer to
             // a later entity.
@@ -227,6 +230,7 @@ impl Protocol {
             placed: &placed,
             ego: &self.ego,
             changed: &changed,
+            steered: &steered,
         };
         let board = self.root.inner("Storyboard")?;
         let scale = motion::friction_scale(init, scope, ground)?;
@@ -456,35 +460,4 @@ impl Concrete {
         }
         pieces
     }
-}
-
-/// Orders the entities of an Init so that each follows those to which it is relative.
-fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
-    fn refers_to(node: &XmlNode, name: &str) -> bool {
-        let here = node.name != "Private" && node.raw("entityRef") == Some(name);
-        here || node.children.iter().any(|child| refers_to(child, name))
-    }
-    let mut left = privates.to_vec();
-    let mut all = Vec::new();
-    while !left.is_empty() {
-        let name = |it: &XmlNode| it.raw("entityRef").unwrap_or_default().to_owned();
-        let is_free = |it: &&XmlNode| {
-            let mut others = left.iter().filter(|other| name(other) != name(it));
-            !others.any(|other| refers_to(it, &name(other)))
-        };
-        // Places that refer to each other in a circle are refused later.
-        let next = left.iter().position(is_free).unwrap_or(0);
-        all.push(left.remove(next));
-    }
-    all
-}
-
-/// Parameters that an action changes during the run.
-fn changed_parameters(node: &XmlNode) -> Vec<String> {
-    let here = (node.name == "ParameterAction").then(|| node.raw("parameterRef"));
-    let here = here
-        .flatten()
-        .map(|name| name.trim_start_matches('$').to_owned());
-    let inner = node.children.iter().flat_map(changed_parameters);
-    here.into_iter().chain(inner).collect()
 }

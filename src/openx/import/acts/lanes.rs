@@ -131,6 +131,10 @@ impl Reader<'_> {
     }
 }
 fn own_lane(script: &EntityScript, it: &XmlNode) -> Result<OnLane, ImportError> {
+    if script.is_cut {
+        let help = "let the event that cuts the change before it begin after its end";
+        return Err(it.refused("a lane after a change that is cut is not read", help));
+    }
     let lane = script.placed.lane.clone();
     lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }

@@ -49,6 +49,8 @@ pub(super) struct EntityScript {
     pub ends_s: Option<f64>,
     /// Time in seconds until which a law across the path goes on beside later steps.
     pub aside_s: f64,
+    /// True if a change across the path may have been cut anywhere.
+    pub is_cut: bool,
 }
 
 impl EntityScript {
@@ -73,8 +75,30 @@ impl EntityScript {
             act: 0,
             ends_s: first_s(entity),
             aside_s: 0.0,
+            is_cut: false,
             last: (!entity.steps.is_empty()).then_some((0.0, Some(entity.speed_mps))),
         }
+    }
+
+    /// Lets a step that waits begin beside a change across the path that waits too.
+    ///
+    /// Returns false if it might begin first, or if both cannot overlap.
+    pub(super) fn overlaps_with(
+        &mut self,
+        watch: &WatchedCondition,
+        (along, across): (bool, bool),
+    ) -> bool {
+        let Some(last) = self.steps.last_mut() else {
+            return false;
+        };
+        let is_across = matches!(
+            last.laws[..],
+            [ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }]
+        );
+        let before = last.when.as_ref().filter(|_| last.after_s == 0.0);
+        let follows = before.is_some_and(|before| watch.follows(before));
+        last.overlaps = is_across && follows && along && !across;
+        last.overlaps
     }
 
     /// Makes room for a step at a time before the end of the previous step.
