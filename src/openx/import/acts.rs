@@ -9,12 +9,13 @@ mod begin;
 mod lanes;
 mod script;
 mod stops;
+mod trajectory;
 
 use script::{EntityScript, EventContext, happens_once};
 
 use super::ends::to_mps;
 use super::entity::{ImportedEntity, ImportedStep};
-use super::laws::{approached, gap_of, speed, walked};
+use super::laws::{approached, gap_of, speed};
 use super::motion::is_still;
 use super::places::PositionContext;
 use super::triggers::{StartTrigger, StoryElement, starts};
@@ -27,8 +28,6 @@ use crate::opendrive::tree::XmlNode;
 /// The protocol leaves open in which way an entity reaches its speed before
 /// that.
 const SOON_S: f64 = 1.0;
-/// Tolerance in metres between the start of a path and the entity's place.
-const SAME_M: f64 = 0.01;
 
 /// Reads the acts into the steps of the entities, and removes deleted entities.
 ///
@@ -201,20 +200,7 @@ impl Reader<'_> {
                 script.approach = Some(approached(it, scope, ground)?);
             }
             "FollowTrajectoryAction" if script.steps.is_empty() => {
-                let (way, law) = walked(it, scope, ground)?;
-                // The path replaces the placement, so both must agree at the
-                // start.
-                let off = way.way.begins.sees(&script.placed.spot);
-                if SAME_M < libm::hypot(off.x_m, off.y_m) {
-                    let what = format!(
-                        "a way that begins {:.3} m from the place of an agent",
-                        libm::hypot(off.x_m, off.y_m)
-                    );
-                    let help = "begin the trajectory where the entity is placed";
-                    return Err(it.refused(what, help));
-                }
-                script.placed.way = Some(way);
-                step.laws.push(law);
+                self.trajectory(who, context, it, step)?;
             }
             _ => return Err(it.refused("an action of this kind is not read here", "a speed, a change of lane or offset; at the start also a distance, a meeting or a trajectory")),
         }

@@ -45,7 +45,10 @@ pub(super) fn formula(
         watch.measure,
         Measure::Speed | Measure::Acceleration | Measure::Faster { .. } | Measure::Gap { .. }
     );
-    let turns = |it: &&EntityInFrame| matches!(it.path, EntityPath::Own(_, on) if on.is_lane);
+    let turns = |it: &&EntityInFrame| match it.path {
+        EntityPath::Own(_, on) => on.is_lane || on.way.has_corners() || it.entity.body.on_foot,
+        _ => false,
+    };
     if is_on_roads && who.iter().chain(target.iter()).any(turns) {
         let what = "a distance between entities on different roads is not read";
         let help = "wait for a time, a speed or the distance between both boxes";

@@ -5,7 +5,6 @@ use super::places::PositionContext;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::OnWay;
 use crate::scene::drive::ChangeShape;
 
 /// Bumper-to-bumper gap in metres at which an entity is placed ahead of the ego.
@@ -278,65 +277,4 @@ pub(super) fn approached(
         speed_mps: scope.number(end, "value")?,
         steady,
     })
-}
-
-/// Reads a straight path that is walked in the time between its vertices.
-pub(super) fn walked(
-    it: &XmlNode,
-    scope: &ParameterScope,
-    ground: PositionContext<'_>,
-) -> Result<(OnWay, ImportedLaw), ImportError> {
-    let (trajectory, own) = ground.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
-    timed(it, scope, &trajectory)?;
-    let on = ground.way(&trajectory, &own)?;
-    let shape = trajectory.inner("Shape")?.only()?;
-    let vertices: Vec<&XmlNode> = shape.all("Vertex").collect();
-    let (Some(first), Some(last)) = (vertices.first(), vertices.last()) else {
-        return Err(shape.refused("a way without places", "give the way at least two vertices"));
-    };
-    let end = ground.place(last.inner("Position")?, &own)?;
-    let way_m = on.way.begins.sees(&end.spot).x_m;
-    let begins_s = own.number(first, "time")?;
-    let lasts_s = own.number(last, "time")? - begins_s;
-    let is_straight = on.way.pieces.is_empty();
-    // One constant speed describes the motion, so only two vertices are
-    // possible.
-    if !is_straight || vertices.len() != 2 || lasts_s <= 0.0 || begins_s != 0.0 {
-        let help = "give it two vertices, the first with time=\"0\"";
-        return Err(shape.refused("only a way between two times is read", help));
-    }
-    Ok((
-        on,
-        ImportedLaw::Walk {
-            speed_mps: way_m / lasts_s,
-            way_m,
-        },
-    ))
-}
-
-/// Refuses a trajectory with other times than from the start of its event.
-///
-/// It also refuses trajectories that are not followed exactly.
-fn timed(it: &XmlNode, scope: &ParameterScope, trajectory: &XmlNode) -> Result<(), ImportError> {
-    let timing = it.child("TimeReference").and_then(|it| it.child("Timing"));
-    let Some(timing) = timing else {
-        let help = "write a <Timing domainAbsoluteRelative=\"relative\" scale=\"1\" offset=\"0\"/>";
-        return Err(it.refused("a way without times is not read here", help));
-    };
-    let scale = scope.number(timing, "scale")?;
-    let offset_s = scope.number_or_zero(timing, "offset")?;
-    let is_relative = timing.raw("domainAbsoluteRelative") == Some("relative");
-    if !is_relative || scale != 1.0 || offset_s != 0.0 {
-        let help = "use the domain `relative` with a scale of 1 and an offset of 0";
-        return Err(timing.refused("times of this kind are not read", help));
-    }
-    let mode = it.child("TrajectoryFollowingMode");
-    let follows = mode.is_some_and(|it| it.raw("followingMode") != Some("position"));
-    let closed = trajectory.raw("closed").is_some_and(|it| it != "false");
-    let offset_m = scope.number_or_zero(it, "initialDistanceOffset")?;
-    if follows || closed || offset_m != 0.0 {
-        let help = "use followingMode=\"position\", closed=\"false\", and no offset";
-        return Err(it.refused("a way that is followed in this way is not read", help));
-    }
-    Ok(())
 }

@@ -29,6 +29,7 @@ mod relations;
 mod request;
 mod scenario;
 mod seen;
+mod trajectories;
 mod triggers;
 mod world;
 

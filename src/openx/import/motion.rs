@@ -86,12 +86,12 @@ pub(super) fn begins(
                 match it.name.as_str() {
                     "AssignRouteAction" => routes.push(it),
                     "FollowTrajectoryAction" => match on_trajectory(it, scope, ground) {
-                        Ok(on) => at = Some(on),
-                        Err(_) if is_left => {
+                        Ok(on) if !(is_left && on.turns()) => at = Some(on),
+                        Err(error) if !is_left => return Err(error),
+                        _ => {
                             ground.ego.leave(private);
                             at = on_first(it, scope, ground).ok().or(at);
                         }
-                        Err(error) => return Err(error),
                     },
                     _ if is_left => ground.ego.leave(private),
                     _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),

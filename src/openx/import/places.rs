@@ -9,7 +9,7 @@ use crate::opendrive::files::Files;
 use crate::opendrive::roads::{OnLane, RoadMap};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::{Bend, ImportedPath, OnWay, Spiral};
+use crate::opendrive::ways::{ImportedPath, OnWay};
 use crate::sim::{Pose, wrapped};
 
 /// Greatest angle in radians between two directions that count as equal.
@@ -27,6 +27,13 @@ pub(super) struct Placed {
     pub lane: Option<OnLane>,
     /// Position on a path, if the file gives the place by a path.
     pub way: Option<OnWay>,
+}
+
+impl Placed {
+    /// Returns true for a place on a path that turns at its places.
+    pub(super) fn turns(&self) -> bool {
+        self.way.as_ref().is_some_and(|on| on.way.has_corners())
+    }
 }
 
 /// Context to which positions may refer.
@@ -125,120 +132,6 @@ impl PositionContext<'_> {
             "RoutePosition" => self.on_route(it, scope),
             _ => Err(it.refused("a position of this kind is not read", "place it in the world, on a lane, a road, a trajectory or a route, or relative to these")),
         }
-    }
-
-    /// Returns a trajectory, with the parameters that it may use.
-    pub(super) fn trajectory(
-        &self,
-        reference: &XmlNode,
-        scope: &ParameterScope,
-    ) -> Result<(XmlNode, ParameterScope), ImportError> {
-        // Older files have no element around their trajectory.
-        let inner = reference.child("CatalogReference");
-        match inner.or(reference.child("Trajectory")) {
-            Some(it) if it.name == "CatalogReference" => self.catalogs.entry(it, scope, self.files),
-            Some(it) => Ok((it.clone(), scope.clone())),
-            None => Err(reference.error("there is no trajectory in it")),
-        }
-    }
-
-    /// Returns the path of a trajectory, and the position of its start on the path.
-    pub(super) fn way(
-        &self,
-        trajectory: &XmlNode,
-        scope: &ParameterScope,
-    ) -> Result<OnWay, ImportError> {
-        let shape = trajectory.inner("Shape")?.only()?;
-        match shape.name.as_str() {
-            "Polyline" => {
-                let vertices = shape.all("Vertex").map(|vertex| {
-                    let placed = self.place(vertex.inner("Position")?, scope)?;
-                    Ok(placed.spot)
-                });
-                let vertices = vertices.collect::<Result<Vec<Pose>, ImportError>>()?;
-                let way = ImportedPath::through(shape, &vertices)?;
-                let last = vertices.last().unwrap_or(&way.begins);
-                Ok(OnWay {
-                    ends_m: way.begins.sees(last).x_m,
-                    way,
-                    along_m: 0.0,
-                    is_lane: false,
-                })
-            }
-            "ClothoidSpline" => self.spline(shape, scope),
-            other => Err(shape.error(format!("a way along a `{other}` is not read"))),
-        }
-    }
-
-    /// Returns a path of lines, arcs and spirals.
-    fn spline(&self, shape: &XmlNode, scope: &ParameterScope) -> Result<OnWay, ImportError> {
-        let mut begins = None;
-        let mut pieces = Vec::new();
-        for segment in shape.all("ClothoidSplineSegment") {
-            match (segment.child("PositionStart"), begins.is_none()) {
-                (Some(position), true) => begins = Some(self.place(position, scope)?),
-                (None, true) => {
-                    return Err(segment.refused(
-                        "nothing says where it begins",
-                        "give its first segment a `PositionStart`",
-                    ));
-                }
-                (Some(_), false) => {
-                    return Err(segment.refused(
-                        "a way that begins anew is not read",
-                        "keep the `PositionStart` of the first segment only",
-                    ));
-                }
-                (None, false) => {}
-            }
-            // A heading offset between segments would be a corner.
-            let turns = scope.number_or_zero(segment, "hOffset")? != 0.0;
-            if turns || shape.raw("timeEnd").is_some() {
-                return Err(segment.refused(
-                    "a way with corners or times is not read",
-                    "leave out `hOffset` and `timeEnd`",
-                ));
-            }
-            let spiral = Spiral {
-                length_m: scope.number(segment, "length")?,
-                from_per_m: scope.number(segment, "curvatureStart")?,
-                to_per_m: scope.number(segment, "curvatureEnd")?,
-            };
-            if spiral.length_m <= 0.0 {
-                return Err(segment.error(format!("a piece of {} m", spiral.length_m)));
-            }
-            // A path of its own has no lanes beside it, so its arcs need no
-            // margin.
-            pieces.extend(spiral.arcs(0.0));
-        }
-        let begins = begins.ok_or_else(|| {
-            shape.refused("a way without pieces", "give it a `ClothoidSplineSegment`")
-        })?;
-        let lengths = pieces.iter().map(|piece: &Bend| piece.length_m);
-        let mut on = OnWay {
-            ends_m: lengths.sum(),
-            way: ImportedPath {
-                begins: begins.spot,
-                pieces,
-            },
-            along_m: 0.0,
-            is_lane: false,
-        };
-        // A path that starts on a straight road is extended back to the start
-        // of the road. Points that start elsewhere on the road then share a
-        // world.
-        let lane = begins.lane.as_ref().filter(|at| 0.0 < at.s_m);
-        if let Some((line, at)) = lane.and_then(|at| Some((self.roads.get(&at.road)?, at))) {
-            let first = line.at(0.0, at.t_m);
-            let is_on = line.is_straight() && is_along(first.sees(&begins.spot).heading_rad, 0.0);
-            if is_on {
-                on.begin_at(first);
-            }
-        }
-        // A path continues straight after its last piece, so a final line adds
-        // nothing.
-        on.way.end_straight();
-        Ok(on)
     }
 
     fn other(&self, it: &XmlNode, scope: &ParameterScope) -> Result<&Placed, ImportError> {

@@ -330,6 +330,9 @@ impl Concrete {
                 },
                 _ => way.begins.sees(&placed.spot),
             }),
+            RoadFrame::Beside { .. } if placed.lane.is_none() && placed.way.is_some() => {
+                Ok(self.in_plane(&placed.spot))
+            }
             RoadFrame::Beside { road, t_m } => {
                 let OnLane {
                     road: own,
@@ -360,6 +363,18 @@ impl Concrete {
                     y_m: own_t_m - t_m,
                     heading_rad: on.sees(&placed.spot).heading_rad,
                 })
+            }
+        }
+    }
+
+    /// Returns a place in the plane of the world.
+    pub(super) fn in_plane(&self, spot: &Pose) -> Pose {
+        match &self.frame {
+            RoadFrame::Straight(origin) => origin.sees(spot),
+            RoadFrame::Along(way) => way.begins.sees(spot),
+            RoadFrame::Beside { road, t_m } => {
+                let line = self.roads.get(road);
+                line.map_or(*spot, |line| line.at(0.0, *t_m).sees(spot))
             }
         }
     }

@@ -40,6 +40,8 @@ impl StoryElement {
 }
 
 /// Places, and the times at which elements begin as far as they are known.
+///
+/// What never begins has an infinite time.
 pub(super) type TriggerContext<'a> = (PositionContext<'a>, &'a [(StoryElement, f64)]);
 
 /// Returns the start of an act or an event.
@@ -192,15 +194,17 @@ fn condition_of(
                     kind: by.need("storyboardElementType")?.to_owned(),
                     name: scope.text(by, "storyboardElementRef")?,
                 };
+                let begins_s = known.iter().find(|(known, _)| *known == element);
+                let begins_s = begins_s.map(|(_, begins_s)| begins_s.max(from_s));
                 match by.raw("state") {
+                    // It waits for what never begins.
+                    _ if begins_s == Some(f64::INFINITY) => Ok(StartTrigger::Never),
                     // Both states begin when the element ends.
                     Some("endTransition" | "completeState") => {
                         Ok(StartTrigger::After { element, delay_s })
                     }
                     // Both states begin when the element begins.
                     Some("startTransition" | "runningState") => {
-                        let begins_s = known.iter().find(|(known, _)| *known == element);
-                        let begins_s = begins_s.map(|(_, begins_s)| begins_s.max(from_s));
                         let begins_s = begins_s.ok_or_else(|| {
                             let what = format!("nothing says when `{}` begins", element.name);
                             by.refused(what, "wait for a time, or for the end of an element")

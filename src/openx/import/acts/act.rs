@@ -72,17 +72,6 @@ impl Reader<'_> {
                 return Err(act.refused("an act that waits for an element is not read", help));
             }
         };
-        if let Some(stop) = act
-            .child("StopTrigger")
-            .filter(|it| !it.children.is_empty())
-        {
-            let stops_s = self.stops_s(stop, scope)?;
-            // The run ends where the file takes the act's events away.
-            self.stop_s = self.stop_s.min(stops_s);
-            self.ground
-                .catalogs
-                .note("what follows the stop of an act", stop);
-        }
         let others = context
             .iter()
             .filter(|(_, actors, ..)| !self.is_left(actors));
@@ -99,6 +88,18 @@ impl Reader<'_> {
                     actors,
                 };
                 self.event(&context)?;
+            }
+        }
+        if let Some(stop) = act
+            .child("StopTrigger")
+            .filter(|it| !it.children.is_empty())
+        {
+            let stops_s = self.stops_s(stop, scope)?;
+            // The run ends where the file takes the act's events away.
+            self.stop_s = self.stop_s.min(stops_s);
+            if stops_s.is_finite() {
+                let what = "what follows the stop of an act";
+                self.ground.catalogs.note(what, stop);
             }
         }
         Ok(())

@@ -27,15 +27,26 @@ impl Reader<'_> {
             return Err(event.refused("an event beside a meeting is not read", help));
         }
         let Some((mut step, rest)) = self.begun_step(who, context, actions)? else {
+            self.never(context);
             return Ok(());
         };
-        self.scripts[who].has_begun = true;
+        let priority = event.raw("priority").unwrap_or_default();
+        let cuts = matches!(priority, "override" | "overwrite");
+        let script = &mut self.scripts[who];
+        if cuts && script.follows && script.act == context.act.place {
+            let help = "write priority=\"parallel\", or end the trajectory there";
+            return Err(event.refused("a trajectory that an event may cut is not read", help));
+        }
+        script.has_begun = true;
         self.scripts[who].act = context.act.place;
         // Some actions are only read at the start of the run.
         let at_start = is_first && step.when.is_none() && step.after_s <= SOON_S;
         let script = &self.scripts[who];
         let (from_mps, from_m) = (script.speeds.now_mps, (script.t_m, script.changed_m));
-        for action in actions {
+        // What follows a trajectory stands until then, whatever speed comes with it.
+        let (routes, others): (Vec<&XmlNode>, Vec<&XmlNode>) =
+            actions.iter().partition(|it| it.name == "RoutingAction");
+        for action in routes.into_iter().chain(others) {
             self.action(who, context, action, at_start, &mut step)?;
         }
         let script = &mut self.scripts[who];
@@ -77,7 +88,25 @@ impl Reader<'_> {
         if !step.laws.is_empty() {
             script.steps.push(step);
         }
+        if script.follows {
+            // When a trajectory ends is not known before the run.
+            script.ended.clear();
+        }
+        if !script.timed.is_empty() {
+            script.steps.append(&mut script.timed);
+            script.speeds.now_mps = None;
+            script.ends_s = None;
+        }
         Ok(())
+    }
+
+    /// Notes the elements of an event that never begins.
+    fn never(&mut self, context: &EventContext<'_>) {
+        let actions = context.event.all("Action");
+        let actions = actions.filter_map(|it| StoryElement::of("action", it));
+        let event = StoryElement::of("event", context.event);
+        let elements = event.into_iter().chain(actions);
+        self.begun.extend(elements.map(|it| (it, f64::INFINITY)));
     }
 
     /// Step of an event without its laws, or `None` if the event never begins.

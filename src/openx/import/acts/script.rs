@@ -51,6 +51,12 @@ pub(super) struct EntityScript {
     pub aside_s: f64,
     /// True if a change across the path may have been cut anywhere.
     pub is_cut: bool,
+    /// True for an entity on foot.
+    pub on_foot: bool,
+    /// True once it follows a trajectory of an event.
+    pub follows: bool,
+    /// Steps of a trajectory with times after the first.
+    pub timed: Vec<ImportedStep>,
 }
 
 impl EntityScript {
@@ -76,6 +82,9 @@ impl EntityScript {
             ends_s: first_s(entity),
             aside_s: 0.0,
             is_cut: false,
+            on_foot: entity.body.on_foot,
+            follows: false,
+            timed: Vec::new(),
             last: (!entity.steps.is_empty()).then_some((0.0, Some(entity.speed_mps))),
         }
     }
