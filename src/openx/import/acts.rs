@@ -15,7 +15,7 @@ use script::{EntityScript, EventContext, happens_once};
 
 use super::ends::to_mps;
 use super::entity::{ImportedEntity, ImportedStep};
-use super::laws::{approached, gap_of, speed};
+use super::laws::{approached, gap_of, speed, speed_profile};
 use super::motion::is_still;
 use super::places::PositionContext;
 use super::triggers::{StartTrigger, StoryElement, starts};
@@ -176,6 +176,12 @@ impl Reader<'_> {
                 let speeds = &mut self.scripts[who].speeds;
                 let of = |name: &str| constant.get(name).copied();
                 step.laws.push(speed(it, scope, speeds, of)?);
+            }
+            "SpeedProfileAction" => {
+                let mut most_mps2 = script.speeds.most_mps2;
+                let profile = speed_profile(it, scope, &mut most_mps2)?;
+                let laws = script.profile(it, &profile, most_mps2)?;
+                script.add_steps(&laws, step);
             }
             "LaneChangeAction" => {
                 let law = self.lane_change(who, it, scope)?;

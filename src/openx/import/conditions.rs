@@ -210,11 +210,11 @@ impl ConditionQuantity {
                 let more_mps = who.entity.speed_mps - target.entity.speed_mps;
                 plain(format!("({name}.speed - {}.speed)", target.name), more_mps)
             }
+            // It also has a part across the path, on bends.
+            // It also has a part across the path, on bends.
             (Measure::Acceleration, _) => {
-                if concrete.bends() {
-                    return refused("an acceleration on a bend is not read");
-                }
-                plain(format!("abs({name}.accel)"), 0.0)
+                let across = format!("({name}.speed * {name}.yaw_rate)");
+                plain(hypotenuse(&format!("{name}.accel"), &across), 0.0)
             }
             (Measure::Speed, _) => plain(format!("{name}.speed"), who.entity.speed_mps),
             (Measure::Travelled, _) => {

@@ -30,6 +30,9 @@ pub(super) fn gap_of(
     }
 }
 
+/// Lateral speed in m/s of a change of lane at once: it takes about a millisecond.
+const AT_ONCE_MPS: f64 = 5000.0;
+
 /// Speed of an entity as far as it is known before the run.
 ///
 /// `most_mps2` is the greatest acceleration and deceleration of its body.
@@ -206,10 +209,13 @@ pub(super) fn lane_change(
 ) -> Result<ImportedLaw, ImportError> {
     keeps_place(it)?;
     let value = scope.number_or_zero(it, "value")?;
-    let shape = shape_of(it)?.filter(|_| 0.0 < value).ok_or_else(|| {
-        let help = "give it a shape and a rate, a time or a distance above 0";
-        it.refused("a lane that changes at once is not read", help)
-    })?;
+    let Some(shape) = shape_of(it)?.filter(|_| 0.0 < value) else {
+        return Ok(ImportedLaw::LaneChange {
+            by_m,
+            rate_mps: AT_ONCE_MPS,
+            shape: ChangeShape::Linear,
+        });
+    };
     let rate_mps = match it.raw("dynamicsDimension").unwrap_or_default() {
         "rate" => value,
         "time" => shape.peak() * by_m.abs() / value,
@@ -277,4 +283,37 @@ pub(super) fn approached(
         speed_mps: scope.number(end, "value")?,
         steady,
     })
+}
+
+/// Reads a profile of speeds that change evenly, as durations and speeds.
+///
+/// `most_mps2` is lowered to the limits of the profile.
+pub(super) fn speed_profile(
+    it: &XmlNode,
+    scope: &ParameterScope,
+    most_mps2: &mut (f64, f64),
+) -> Result<Vec<(f64, f64)>, ImportError> {
+    if let Some(limits) = it.child("DynamicConstraints") {
+        for (name, most) in [
+            ("maxAcceleration", &mut most_mps2.0),
+            ("maxDeceleration", &mut most_mps2.1),
+        ] {
+            if limits.raw(name).is_some() {
+                *most = most.min(scope.number(limits, name)?);
+            }
+        }
+    }
+    if it.raw("entityRef").is_some() {
+        let help = "leave out `entityRef`, and state the speeds themselves";
+        return Err(it.refused("a profile of relative speeds is not read", help));
+    }
+    keeps_place(it)?;
+    let entries = it.all("SpeedProfileEntry");
+    let entries = entries.map(|it| Ok((scope.number(it, "time")?, scope.number(it, "speed")?)));
+    let entries = entries.collect::<Result<Vec<(f64, f64)>, ImportError>>()?;
+    if let Some((_, speed_mps)) = entries.iter().find(|(_, speed_mps)| *speed_mps < 0.0) {
+        let help = "reversing is not read: a speed is at least 0";
+        return Err(it.refused(format!("a speed of {speed_mps} m/s"), help));
+    }
+    Ok(entries)
 }

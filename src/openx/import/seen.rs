@@ -110,8 +110,10 @@ pub(super) fn seen<'a>(
     let shares_road = concrete.is_on_road(&entity.placed);
     // Headings are within ±π, and both ends mean the opposite direction.
     let near = |direction_rad: f64| (heading_rad - direction_rad).abs() < SQUARE_RAD;
-    // The arcs of a way along lanes only nearly have the direction of the lanes.
-    let on_lanes = entity.placed.way.as_ref().is_some_and(|on| on.is_lane);
+    // The arcs of a way along lanes only nearly have the direction of the lanes. Who
+    // is on a lane moves along it, and files round the headings.
+    let way = entity.placed.way.as_ref();
+    let on_lanes = way.map_or(entity.placed.lane.is_some(), |on| on.is_lane);
     let leads = |direction_rad: f64| {
         let off_rad = wrapped(heading_rad - direction_rad).abs();
         is_along(heading_rad, direction_rad) || (on_lanes && off_rad < LANE_RAD)

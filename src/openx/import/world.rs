@@ -27,6 +27,8 @@ const AHEAD_M: f64 = 100.0;
 ///
 /// It is less than a full circle, so the road does not return to its start.
 const LEAST_TURN_RAD: f64 = 5.0;
+/// Least distance in metres of an ego from where its specification is violated.
+const BESIDE_M: f64 = 0.1;
 /// Width in metres of a path with corners.
 const PATH_M: f64 = 0.0001;
 /// Step in metres in which a longer bend grows.
@@ -138,9 +140,12 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
 }
 
 /// Specification of an ego without other agents: its sides stay within its lane.
+///
+/// Where they begin beside it, they leave it no further.
 fn within_lane(concrete: &Concrete, ego: &EntityInFrame) -> String {
     let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
     let room_m = 0.5 * (concrete.lane_width_m - ego.entity.body.width_m);
+    let room_m = room_m.max((ego.spot.y_m - middle_m).abs() + BESIDE_M);
     format!(
         "{}.lateral in [{}, {}]",
         ego.name,

@@ -5,7 +5,7 @@ use super::{Reader, SOON_S, directions};
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::ends::to_mps;
-use crate::openx::import::entity::{ImportedLaw, ImportedStep, WatchedCondition};
+use crate::openx::import::entity::{ImportedLaw, ImportedStep, Measure, WatchedCondition};
 use crate::openx::import::triggers::{StartTrigger, StoryElement, starts};
 use crate::scene::drive::ChangeShape;
 
@@ -88,13 +88,12 @@ impl Reader<'_> {
         if !step.laws.is_empty() {
             script.steps.push(step);
         }
-        if script.follows {
-            // When a trajectory ends is not known before the run.
+        // When a trajectory or several steps end is not known.
+        if script.follows || !script.later.is_empty() {
             script.ended.clear();
         }
-        if !script.timed.is_empty() {
-            script.steps.append(&mut script.timed);
-            script.speeds.now_mps = None;
+        if !script.later.is_empty() {
+            script.steps.append(&mut script.later);
             script.ends_s = None;
         }
         Ok(())
@@ -240,9 +239,37 @@ impl WatchedCondition {
         } else {
             self.value >= other.value
         };
+        // The clear way to what is ahead is no longer than that between reference points.
+        let is_same = match (&self.measure, &other.measure) {
+            (
+                Measure::Clearance {
+                    target,
+                    is_time: true,
+                },
+                Measure::Along {
+                    target: before,
+                    is_time: true,
+                },
+            ) => target == before && !self.is_below,
+            (measure, before) => measure == before,
+        };
+        // The clear way to what is ahead is no longer than that between reference points.
+        let is_same = match (&self.measure, &other.measure) {
+            (
+                Measure::Clearance {
+                    target,
+                    is_time: true,
+                },
+                Measure::Along {
+                    target: before,
+                    is_time: true,
+                },
+            ) => target == before && !self.is_below,
+            (measure, before) => measure == before,
+        };
         self.who == other.who
             && self.needs_all == other.needs_all
-            && self.measure == other.measure
+            && is_same
             && self.is_below == other.is_below
             && is_stricter
             && (self.rises || !other.rises)

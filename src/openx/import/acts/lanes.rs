@@ -1,5 +1,7 @@
 //! Changes of lane and lateral offsets in the acts of a storyboard.
 
+use core::f64::consts::FRAC_PI_2;
+
 use super::Reader;
 use super::script::EntityScript;
 use crate::opendrive::error::ImportError;
@@ -9,6 +11,7 @@ use crate::opendrive::tree::XmlNode;
 use crate::openx::import::entity::ImportedLaw;
 use crate::openx::import::laws::lane_change;
 use crate::openx::import::places::lane_beside;
+use crate::sim::Pose;
 
 impl Reader<'_> {
     pub(super) fn lane_change(
@@ -23,7 +26,10 @@ impl Reader<'_> {
         let value = scope.number(target, "value")? as i32;
         let to = match target.name.as_str() {
             "AbsoluteTargetLane" => value,
-            _ => lane_beside(&self.lane_of(who, target, scope)?, value),
+            _ => {
+                let (on, side) = self.lane_of(who, target, scope)?;
+                lane_beside(&on, value * side)
+            }
         };
         let line = ground.roads.road(it, &on.road)?;
         let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
@@ -55,8 +61,8 @@ impl Reader<'_> {
         let lane = self.scripts[who].lane.unwrap_or(on.lane);
         let middle_m = line.middle_m(it, lane)?;
         if target.name == "RelativeTargetLaneOffset" {
-            let other = self.lane_of(who, target, scope)?;
-            offset_m += other.t_m - line.middle_m(it, other.lane)?;
+            let (other, side) = self.lane_of(who, target, scope)?;
+            offset_m = offset_m * f64::from(side) + other.t_m - middle_m;
         }
         let dynamics = it.inner("LaneOffsetActionDynamics")?;
         if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
@@ -78,39 +84,46 @@ impl Reader<'_> {
         })
     }
 
-    /// Lane of the entity to which a target is relative.
+    /// Lane of the entity to which a target is relative, and 1 or −1.
     ///
-    /// The entity must keep its initial lane for as long as it exists.
+    /// Left of an entity that faces against its road is the right of the road, for
+    /// which the number is −1. The entity must keep its initial lane for as long as it exists.
     /// `lanes_stay` checks this after all acts are read.
     fn lane_of(
         &mut self,
         who: usize,
         target: &XmlNode,
         scope: &ParameterScope,
-    ) -> Result<OnLane, ImportError> {
+    ) -> Result<(OnLane, i32), ImportError> {
         let name = scope.text(target, "entityRef")?;
         let script = &self.scripts[who];
         if name == script.name {
             // Relative to itself, with the changes so far.
             let on = own_lane(script, target)?;
-            return Ok(OnLane {
+            let side = self.side(target, &on, &script.placed.spot)?;
+            let now = OnLane {
                 lane: script.lane.unwrap_or(on.lane),
                 t_m: script.t_m,
                 ..on
-            });
+            };
+            return Ok((now, side));
         }
         let other = self.ground.placed.get(&name);
         let lane = other.and_then(|it| it.lane.clone());
         let lane = lane.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
         let help = "name the lane by an absolute target";
-        // In OpenDRIVE, lanes left of the reference line have positive numbers.
-        if 0 < lane.lane {
-            let what = format!("a lane relative to `{name}`, who drives against the road");
-            return Err(target.refused(what, help));
-        }
+        let spot = other.map_or_else(Default::default, |it| it.spot);
+        let side = self.side(target, &lane, &spot)?;
         let what = format!("a lane relative to `{name}`, who changes its own, is not read");
         self.relative.push((name, target.refused(what, help)));
-        Ok(lane)
+        Ok((lane, side))
+    }
+
+    /// 1 for a place that faces along its road, and −1 otherwise.
+    fn side(&self, target: &XmlNode, on: &OnLane, spot: &Pose) -> Result<i32, ImportError> {
+        let line = self.ground.roads.road(target, &on.road)?;
+        let heading_rad = line.at(on.s_m, on.t_m).sees(spot).heading_rad;
+        Ok(if heading_rad.abs() < FRAC_PI_2 { 1 } else { -1 })
     }
 
     /// Refuses targets that are relative to the lane of an entity that leaves it.

@@ -55,8 +55,8 @@ pub(super) struct EntityScript {
     pub on_foot: bool,
     /// True once it follows a trajectory of an event.
     pub follows: bool,
-    /// Steps of a trajectory with times after the first.
-    pub timed: Vec<ImportedStep>,
+    /// Steps of the same event after the first.
+    pub later: Vec<ImportedStep>,
 }
 
 impl EntityScript {
@@ -84,7 +84,7 @@ impl EntityScript {
             is_cut: false,
             on_foot: entity.body.on_foot,
             follows: false,
-            timed: Vec::new(),
+            later: Vec::new(),
             last: (!entity.steps.is_empty()).then_some((0.0, Some(entity.speed_mps))),
         }
     }

@@ -61,7 +61,8 @@ impl Reader<'_> {
             }
             Some(times) => {
                 script.follow(way);
-                script.timed_steps(&times, step);
+                let laws = script.timed_speeds(&times);
+                script.add_steps(&laws, step);
             }
             None => script.follow(way),
         }
@@ -78,28 +79,85 @@ impl EntityScript {
         self.follows = true;
     }
 
-    /// Adds a speed for each line between two places with times.
-    fn timed_steps(&mut self, times: &[TimedPlace], step: &mut ImportedStep) {
-        let mut wait_s = 0.0;
-        for pair in times.windows(2) {
+    /// Constant speeds between the places of a trajectory with times, with durations.
+    fn timed_speeds(&mut self, times: &[TimedPlace]) -> Vec<(ImportedLaw, f64)> {
+        self.speeds.now_mps = None;
+        let lines = times.windows(2).map(|pair| {
             let lasts_s = pair[1].0 - pair[0].0;
-            let law = ImportedLaw::Speed {
-                to_mps: (pair[1].1 - pair[0].1) / lasts_s,
-                relative_to: None,
-                rate_mps2: None,
-                shape: ChangeShape::Linear,
-            };
-            if wait_s == 0.0 {
-                step.laws.push(law);
+            (speed_law((pair[1].1 - pair[0].1) / lasts_s, None), lasts_s)
+        });
+        lines.collect()
+    }
+
+    /// Changes of speed of a profile of durations and speeds.
+    pub(super) fn profile(
+        &mut self,
+        it: &XmlNode,
+        profile: &[(f64, f64)],
+        (up_mps2, down_mps2): (f64, f64),
+    ) -> Result<Vec<(ImportedLaw, f64)>, ImportError> {
+        let mut now_mps = self.speeds.now_mps.ok_or_else(|| {
+            let help = "begin the profile where the speed is known";
+            it.refused(
+                "a profile after a speed that depends on the run is not read",
+                help,
+            )
+        })?;
+        let mut laws = Vec::new();
+        for (lasts_s, to_mps) in profile {
+            let rate_mps2 = (0.0 < *lasts_s).then(|| (to_mps - now_mps).abs() / lasts_s);
+            let most_mps2 = if now_mps < *to_mps {
+                up_mps2
             } else {
-                self.timed.push(ImportedStep {
+                down_mps2
+            };
+            if rate_mps2.is_some_and(|rate| most_mps2 < rate) {
+                let what = format!("a rate above {most_mps2} m/s², which its body may not allow");
+                return Err(it.refused(what, "give the entry a longer time"));
+            }
+            laws.push((
+                speed_law(*to_mps, rate_mps2.filter(|rate| 0.0 < *rate)),
+                *lasts_s,
+            ));
+            now_mps = *to_mps;
+        }
+        self.speeds.now_mps = Some(now_mps);
+        Ok(laws)
+    }
+
+    /// Adds laws with their durations as steps, the first of them to a step.
+    pub(super) fn add_steps(&mut self, laws: &[(ImportedLaw, f64)], step: &mut ImportedStep) {
+        let mut wait_s = 0.0;
+        for (i, (law, lasts_s)) in laws.iter().enumerate() {
+            if i == 0 {
+                step.laws.push(law.clone());
+            } else {
+                self.later.push(ImportedStep {
                     when: None,
                     after_s: wait_s,
-                    laws: vec![law],
+                    laws: vec![law.clone()],
                     overlaps: false,
                 });
             }
-            wait_s = lasts_s;
+            // A change at a rate lasts as long as the step, and others take no time.
+            let is_ramp = matches!(
+                law,
+                ImportedLaw::Speed {
+                    rate_mps2: Some(_),
+                    ..
+                }
+            );
+            wait_s = if is_ramp { 0.0 } else { *lasts_s };
         }
+    }
+}
+
+/// Change to a speed, linearly or at once.
+fn speed_law(to_mps: f64, rate_mps2: Option<f64>) -> ImportedLaw {
+    ImportedLaw::Speed {
+        to_mps,
+        relative_to: None,
+        rate_mps2,
+        shape: ChangeShape::Linear,
     }
 }
