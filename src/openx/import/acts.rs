@@ -1,8 +1,7 @@
 //! Acts of a storyboard, as sequential steps of every entity.
 //!
-//! A script executes one step after another. Events that may overlap, repeat or
-//! begin before the previous event ends are refused. Their priorities would
-//! decide, and a script has none.
+//! A script executes one step after another. Events that repeat, or that may begin
+//! before the previous event ends, are refused unless a script can express both.
 
 mod act;
 mod begin;
@@ -13,7 +12,6 @@ mod trajectory;
 
 use script::{EntityScript, EventContext, happens_once};
 
-use super::ends::to_mps;
 use super::entity::{ImportedEntity, ImportedStep};
 use super::laws::{approached, gap_of, speed, speed_profile};
 use super::motion::is_still;

@@ -16,6 +16,8 @@ use crate::sim::{Pose, wrapped};
 const SAME_RAD: f64 = 1e-6;
 /// Distance in metres beyond an end that still counts as the end.
 const SAME_M: f64 = 1e-6;
+/// Angle in radians between a lane and a straight route from which on the road bends.
+const BENDS_RAD: f64 = 0.001;
 /// Lateral distance in metres within which a route follows the lane.
 const ASIDE_M: f64 = 10.0;
 
@@ -229,10 +231,16 @@ impl PositionContext<'_> {
         let reference = it.inner("RouteRef")?.only()?;
         let (route, stops) = self.route(reference, scope)?;
         let spots: Vec<Pose> = stops.iter().map(|stop| stop.spot).collect();
-        // Only the direction of the route matters here: it must be straight.
-        let begins = ImportedPath::through(&route, &spots)?.begins;
         let on = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(on, "pathS")?;
+        // Only the direction of the route matters here: it must be straight, with
+        // the lanes along it.
+        let begins = ImportedPath::through(&route, &spots)?.begins;
+        let bends = stops.iter().filter(|stop| stop.lane.is_some());
+        let mut bends = bends.map(|stop| begins.sees(&stop.spot).heading_rad.abs());
+        if bends.any(|off_rad| BENDS_RAD < off_rad) {
+            return self.on_lane_of(on, scope, &stops[0], along_m);
+        }
         let last = spots.last().unwrap_or(&begins);
         let ends_m = begins.sees(last).x_m;
         within(on, along_m, ends_m, "the route")?;
@@ -262,6 +270,24 @@ impl PositionContext<'_> {
                 is_lane: false,
             }),
         })
+    }
+
+    /// Place at the start of a route that bends.
+    fn on_lane_of(
+        &self,
+        on: &XmlNode,
+        scope: &ParameterScope,
+        first: &Placed,
+        along_m: f64,
+    ) -> Result<Placed, ImportError> {
+        let lane = first.lane.as_ref().filter(|_| along_m == 0.0);
+        let lane = lane.ok_or_else(|| {
+            let help = "place it by a `LanePosition`";
+            on.refused("a place along a route that bends is not read", help)
+        })?;
+        let offset_m = scope.number_or_zero(on, "laneOffset")?;
+        let (road, number) = (lane.road.clone(), lane.lane);
+        self.on_lane(on, scope, (road, number), lane.s_m, offset_m)
     }
 
     /// Returns a route and its waypoints.

@@ -158,6 +158,10 @@ pub(super) fn seen<'a>(
                     "it moves across the ego's road on no way of its own".to_owned(),
                 ));
             }
+            (_, false) if entity.is_ego => {
+                let help = "place it along its lane, or name another entity with --ego";
+                return Err(refused("the ego stands across its road".to_owned()).helped(help));
+            }
             // A standing entity needs no path.
             (_, false) => EntityPath::Turned,
         }

@@ -30,15 +30,14 @@ impl Reader<'_> {
             self.never(context);
             return Ok(());
         };
-        let priority = event.raw("priority").unwrap_or_default();
-        let cuts = matches!(priority, "override" | "overwrite");
         let script = &mut self.scripts[who];
-        if cuts && script.follows && script.act == context.act.place {
+        if script.follows && context.replaces(script) {
             let help = "write priority=\"parallel\", or end the trajectory there";
             return Err(event.refused("a trajectory that an event may cut is not read", help));
         }
         script.has_begun = true;
         self.scripts[who].act = context.act.place;
+        self.scripts[who].maneuver = context.maneuver.place;
         // Some actions are only read at the start of the run.
         let at_start = is_first && step.when.is_none() && step.after_s <= SOON_S;
         let script = &self.scripts[who];
@@ -126,7 +125,7 @@ impl Reader<'_> {
         };
         let mut rest = None;
         let priority = event.raw("priority").unwrap_or_default();
-        let replaces = matches!(priority, "override" | "overwrite");
+        let replaces = context.replaces(script);
         // A later act may begin after an element of another act has ended. Its
         // trigger would then miss that end.
         let in_time = context.begins_s == 0.0 || script.act == context.act.place;
@@ -238,20 +237,6 @@ impl WatchedCondition {
             self.value <= other.value
         } else {
             self.value >= other.value
-        };
-        // The clear way to what is ahead is no longer than that between reference points.
-        let is_same = match (&self.measure, &other.measure) {
-            (
-                Measure::Clearance {
-                    target,
-                    is_time: true,
-                },
-                Measure::Along {
-                    target: before,
-                    is_time: true,
-                },
-            ) => target == before && !self.is_below,
-            (measure, before) => measure == before,
         };
         // The clear way to what is ahead is no longer than that between reference points.
         let is_same = match (&self.measure, &other.measure) {

@@ -41,8 +41,9 @@ pub(super) struct EntityScript {
     pub has_begun: bool,
     /// Elements that end together with the previous step.
     pub ended: Vec<StoryElement>,
-    /// Place of the act of the previous step.
+    /// Places of the act and of the maneuver of the previous step.
     pub act: usize,
+    pub maneuver: usize,
     /// Time and speed at which the previous step begins, as far as known before the run.
     pub last: Option<(f64, Option<f64>)>,
     /// Time in seconds at which the previous step ends, if it is known before the run.
@@ -79,6 +80,7 @@ impl EntityScript {
             gap_m: entity.gap_m,
             ended: Vec::new(),
             act: 0,
+            maneuver: 0,
             ends_s: first_s(entity),
             aside_s: 0.0,
             is_cut: false,
@@ -239,6 +241,17 @@ fn is_relative(action: &XmlNode) -> bool {
     let mut all = Vec::new();
     leaves(action, &mut all);
     all.is_empty() || all.iter().any(|name| !absolute.contains(name))
+}
+
+impl EventContext<'_> {
+    /// Returns true for an event that stops the previous one of an entity, if that goes on.
+    ///
+    /// Its priority only counts within its maneuver.
+    pub(super) fn replaces(&self, script: &EntityScript) -> bool {
+        let priority = self.event.raw("priority");
+        let is_same = script.act == self.act.place && script.maneuver == self.maneuver.place;
+        is_same && matches!(priority, Some("override" | "overwrite"))
+    }
 }
 
 /// Elements that end with the event: those without other activity.
