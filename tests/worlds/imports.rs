@@ -625,6 +625,24 @@ fn small_scenarios_move_as_their_files_say() {
             vec![(3.5, 184.879, 1.75), (8.0, 229.754, 3.5)],
         ),
         (
+            "an offset relative to somebody on another lane",
+            [
+                vec![
+                    slow_ego(),
+                    edit(
+                        SLOWER,
+                        CENTRE.replace(
+                            r#"<AbsoluteTargetLaneOffset value="0"/>"#,
+                            r#"<RelativeTargetLaneOffset entityRef="Other" value="-1"/>"#,
+                        ),
+                    ),
+                ],
+                third(),
+            ]
+            .concat(),
+            vec![(3.5, 185.0, 0.965), (4.5, 195.0, 2.022)],
+        ),
+        (
             "a time to collision",
             vec![edit(
                 FIRST,
@@ -741,6 +759,11 @@ fn somebody_on_foot_waits_and_walks_around_a_corner() {
     let stands = BASE.replace(&car, walker).replace(
         r#"<AbsoluteTargetSpeed value="10"/>"#,
         r#"<AbsoluteTargetSpeed value="0"/>"#,
+    );
+    // A slow ego comes there only later.
+    let stands = stands.replace(
+        r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+        r#"<AbsoluteTargetSpeed value="10"/>"#,
     );
     let way = trajectory(
         "<None/>",

@@ -249,7 +249,9 @@ impl EventContext<'_> {
     /// Its priority only counts within its maneuver.
     pub(super) fn replaces(&self, script: &EntityScript) -> bool {
         let priority = self.event.raw("priority");
-        let is_same = script.act == self.act.place && script.maneuver == self.maneuver.place;
+        // A change of the Init has no maneuver, and ends with any.
+        let is_same = (script.act, script.maneuver) == (self.act.place, self.maneuver.place)
+            || script.act == 0;
         is_same && matches!(priority, Some("override" | "overwrite"))
     }
 }
