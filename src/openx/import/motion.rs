@@ -123,6 +123,23 @@ pub(super) fn begins(
     Ok((at, turns))
 }
 
+/// Speed in m/s with which an entity begins on a trajectory with times, if it has one.
+pub(super) fn timed_mps(
+    private: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+) -> Option<f64> {
+    let actions = private.all("PrivateAction");
+    let mut routing = actions.filter_map(|it| it.child("RoutingAction"));
+    let follows = routing.find_map(|it| it.child("FollowTrajectoryAction"))?;
+    // A trajectory that is not read has no known speed.
+    let (_, times) = ground.followed(follows, scope).ok()?;
+    match times?[..] {
+        [(from_s, from_m), (to_s, to_m), ..] => Some((to_m - from_m) / (to_s - from_s)),
+        _ => None,
+    }
+}
+
 /// Place at which a trajectory begins, whatever its shape.
 fn on_first(
     it: &XmlNode,

@@ -195,6 +195,10 @@ impl Protocol {
             let before = (&entities[..], body.most_mps2);
             let (speed_mps, ramp) = motion::first_speed_mps(begun, scope, before)?;
             let is_ego = name == self.ego.name;
+            // The trajectory of an ego that is left states the speed with which it begins.
+            let timed_mps = motion::timed_mps(begun, scope, ground);
+            let timed_mps = timed_mps.filter(|_| is_ego && self.ego.is_left);
+            let speed_mps = timed_mps.unwrap_or(speed_mps);
             if is_ego && ramp.is_some() && !self.ego.is_left {
                 let help = "--leave-ego leaves its events to your controller and lists them";
                 return Err(begun.refused("the ego begins with a change of speed", help));

@@ -43,9 +43,10 @@ impl Reader<'_> {
         let mut moves = false;
         for (_, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
-                let any = !moving(event, (actors, scope), self.ground)?.is_empty();
-                moves |= any && !self.is_left(actors);
-                if any && self.is_left(actors) && !matches!(begins, Ok(StartTrigger::Never)) {
+                let actions = moving(event, (actors, scope), self.ground)?;
+                if !self.is_left(actors, &actions) {
+                    moves |= !actions.is_empty();
+                } else if !matches!(begins, Ok(StartTrigger::Never)) {
                     self.ground.ego.leave(event);
                 }
             }
@@ -72,11 +73,12 @@ impl Reader<'_> {
                 return Err(act.refused("an act that waits for an element is not read", help));
             }
         };
-        let others = context
-            .iter()
-            .filter(|(_, actors, ..)| !self.is_left(actors));
-        for (group, actors, maneuver, scope) in others.collect::<Vec<_>>() {
+        for (group, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
+                let actions = moving(event, (actors, scope), self.ground)?;
+                if self.is_left(actors, &actions) {
+                    continue;
+                }
                 let context = EventContext {
                     act,
                     begins_s,
@@ -105,9 +107,11 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Returns true for actors whose motion is left to the user: the ego alone.
-    fn is_left(&self, actors: &[String]) -> bool {
+    /// Returns true for actions that are left to the user: those that move the ego alone.
+    fn is_left(&self, actors: &[String], actions: &[(&XmlNode, &XmlNode)]) -> bool {
         let ego = self.ground.ego;
-        ego.is_left && !actors.is_empty() && actors.iter().all(|it| *it == ego.name)
+        let are_private = actions.iter().all(|(kind, _)| kind.name == "PrivateAction");
+        let is_alone = !actors.is_empty() && actors.iter().all(|it| *it == ego.name);
+        ego.is_left && is_alone && are_private && !actions.is_empty()
     }
 }
