@@ -747,6 +747,44 @@ fn a_bicycle_becomes_a_bicyclist_of_the_files_size() {
 }
 
 #[test]
+fn an_init_adds_and_deletes_entities() {
+    let global = |action: &str| {
+        let text = format!("<GlobalAction>{action}</GlobalAction>");
+        edit("<!--global-->", text)
+    };
+    let deleted = global(r#"<EntityAction entityRef="Lead"><DeleteEntityAction/></EntityAction>"#);
+    let imported = import(&files(&[deleted])).expect("a world");
+    assert!(!imported.worlds[0].text.contains("\"lead\""));
+    // It stands where it is added.
+    let object = third().remove(0);
+    let added = global(
+        r#"<EntityAction entityRef="Other"><AddEntityAction><Position><LanePosition roadId="0" laneId="-1" s="400"/></Position></AddEntityAction></EntityAction>"#,
+    );
+    let imported = import(&files(&[object, added])).expect("a world");
+    let episode = run(&world(&imported));
+    assert_eq!(off(&episode, "other", (0.0, 400.0, 3.5)), None);
+    assert_eq!(off(&episode, "other", (6.0, 400.0, 3.5)), None);
+    assert_eq!(off(&episode, "lead", (12.0, 228.0, 0.0)), None);
+}
+
+#[test]
+fn an_ego_on_a_trajectory_with_times_begins_with_its_speed() {
+    let way = timed("relative", 1.0, 0.0, "")
+        .replace("-5.25", "-1.75")
+        .replace(r#"x="150""#, r#"x="50""#)
+        .replace(r#"x="180""#, r#"x="95""#);
+    let init = format!("<PrivateAction>{way}</PrivateAction>");
+    let files = files(&[edit("<!--ego init-->", init)]);
+    let error = import(&files).expect_err("the file moves the ego");
+    assert!(error.help.is_some(), "{error}");
+    let imported = import_as(&files, (None, true), &[]).expect("a world");
+    assert_eq!(imported.ego_events.len(), 1);
+    let episode = run(&world(&imported));
+    // 45 m in 3 s.
+    assert_eq!(off(&episode, "ego", (2.0, 80.0, 3.5)), None);
+}
+
+#[test]
 fn somebody_on_foot_waits_and_walks_around_a_corner() {
     let begins = r#"<Vehicle name="sedan""#;
     let (before, rest) = BASE
@@ -1014,10 +1052,10 @@ fn refused_of_storyboards() -> Vec<Refusal> {
         (
             vec![edit(
                 "<!--global-->",
-                r#"<GlobalAction><EntityAction entityRef="Lead"><DeleteEntityAction/></EntityAction></GlobalAction>"#,
+                r#"<GlobalAction><TrafficAction trafficName="t"/></GlobalAction>"#,
             )],
             "not read in Init",
-            "EntityAction",
+            "TrafficAction",
         ),
     ]
 }

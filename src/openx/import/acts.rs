@@ -110,6 +110,9 @@ impl Reader<'_> {
             return Ok(());
         }
         for actor in context.actors {
+            if self.ground.absent.contains(actor) {
+                continue;
+            }
             if *actor == self.ground.ego.name {
                 if !self.ground.ego.is_left {
                     let help = "--leave-ego leaves its events to your controller and lists them";

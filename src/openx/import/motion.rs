@@ -110,6 +110,10 @@ pub(super) fn begins(
             _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
         }
     }
+    // An entity that the Init adds has a place and nothing else.
+    if let Some(added) = private.child("AddEntityAction") {
+        at = Some(ground.place(added.inner("Position")?, scope)?);
+    }
     let at = at.ok_or_else(|| {
         private.refused(
             "nothing says where it begins",
@@ -278,7 +282,7 @@ pub(super) fn friction_scale(
             "EnvironmentAction" => {
                 scale = friction_of(action, scope, ground)?.unwrap_or(scale);
             }
-            "VariableAction" => {}
+            "VariableAction" | "EntityAction" => {}
             _ => {
                 return Err(action.refused(
                     "an action of this kind is not read in Init",

@@ -51,6 +51,8 @@ pub(super) struct PositionContext<'a> {
     pub changed: &'a [String],
     /// Entities that a controller may move.
     pub steered: &'a [String],
+    /// Entities that the Init deletes.
+    pub absent: &'a [String],
 }
 
 impl PositionContext<'_> {

@@ -23,6 +23,24 @@ pub(super) fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
     all
 }
 
+/// Actions of an Init that place or delete an entity, whatever else it does.
+fn of_entities(init: &XmlNode) -> impl Iterator<Item = &XmlNode> {
+    let global = init.all("GlobalAction");
+    global.filter_map(|it| it.child("EntityAction"))
+}
+
+/// Actions of an Init that add an entity.
+pub(super) fn added(init: &XmlNode) -> impl Iterator<Item = &XmlNode> {
+    of_entities(init).filter(|it| it.child("AddEntityAction").is_some())
+}
+
+/// Names of the entities that an Init deletes.
+pub(super) fn absent(init: &XmlNode) -> Vec<String> {
+    let deletes = of_entities(init).filter(|it| it.child("DeleteEntityAction").is_some());
+    let names = deletes.filter_map(|it| it.raw("entityRef"));
+    names.map(str::to_owned).collect()
+}
+
 /// Names of the entities that a controller may move.
 pub(super) fn steered(root: &XmlNode, objects: &[&XmlNode]) -> Vec<String> {
     fn assigns(node: &XmlNode) -> bool {

@@ -15,7 +15,7 @@ use super::frame::{FrameOfEgo, RoadFrame};
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
-use super::relations::{changed_parameters, ordered, steered};
+use super::relations::{absent, added, changed_parameters, ordered, steered};
 use super::request::Import;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::files::Files;
@@ -159,9 +159,21 @@ impl Protocol {
             .inner("Actions")?;
         let changed = changed_parameters(&self.root);
         let objects = self.root.inner("Entities")?;
-        let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
+        let absent = absent(init);
+        let is_there = |it: &&XmlNode, name: &str| {
+            let named = it.raw(name).unwrap_or_default();
+            !absent.iter().any(|absent| absent == named)
+        };
+        let objects: Vec<&XmlNode> = objects
+            .all("ScenarioObject")
+            .filter(|it| is_there(it, "name"))
+            .collect();
         let steered = steered(&self.root, &objects);
-        let privates: Vec<&XmlNode> = init.all("Private").collect();
+        let privates: Vec<&XmlNode> = init
+            .all("Private")
+            .chain(added(init))
+            .filter(|it| is_there(it, "entityRef"))
+            .collect();
         for object in &objects {
             let name = object.need("name")?;
             if !privates.iter().any(|it| it.raw("entityRef") == Some(name)) {
@@ -188,6 +200,7 @@ impl Protocol {
                 ego: &self.ego,
                 changed: &changed,
                 steered: &steered,
+                absent: &absent,
             };
             // `ground` borrows the places so far, so an entity cannot refer to
             // a later entity.
@@ -235,6 +248,7 @@ impl Protocol {
             ego: &self.ego,
             changed: &changed,
             steered: &steered,
+            absent: &absent,
         };
         let board = self.root.inner("Storyboard")?;
         let scale = motion::friction_scale(init, scope, ground)?;
