@@ -527,12 +527,12 @@ fn small_scenarios_move_as_their_files_say() {
                 ego_at(90.0),
                 edit(FIRST, distance(&["Ego"], "greaterThan", "rising", "any", 30.0)),
             ],
-            vec![(9.0, 240.0, 0.0), (12.0, 266.736, 0.0)],
+            vec![(9.0, 240.0, 0.0), (12.0, 266.723, 0.0)],
         ),
         (
             "an edge in an act that begins later",
             vec![edit(ACT, time(3.0, "none", 0.0)), edit(FIRST, nearer(20.0))],
-            vec![(12.0, 260.165, 0.0)],
+            vec![(12.0, 260.1432, 0.0)],
         ),
         (
             "an edge that came before its act",
@@ -559,7 +559,7 @@ fn small_scenarios_move_as_their_files_say() {
                 edit(SLOWER, lane_change("sinusoidal", "time", 3.0)),
                 second(&nearer(20.0), SLOWER),
             ],
-            vec![(7.0, 219.886, 1.622), (8.0, 229.689, 2.561)],
+            vec![(7.0, 219.886, 1.622), (8.0, 229.689, 2.6)],
         ),
         (
             "a trajectory with corners at its own speed",
@@ -667,7 +667,7 @@ fn small_scenarios_move_as_their_files_say() {
                     watch("Lead", r#"<TimeHeadwayCondition entityRef="Ego" freespace="true" value="2" rule="greaterThan"/>"#),
                 ),
             ],
-            vec![(6.0, 206.71, 0.0), (12.0, 236.58, 0.0)],
+            vec![(6.0, 206.71, 0.0), (12.0, 236.64, 0.0)],
         ),
         (
             "the first instant and a distance never come together",

@@ -14,7 +14,8 @@ const STRICT: f64 = 0.000_001;
 
 /// Formula of a quantity below or above a parameter.
 ///
-/// It concerns one of several entities, or all of them.
+/// It concerns one of several entities, or all of them. Also returns whether it must
+/// have been false before.
 ///
 /// # Errors
 ///
@@ -24,7 +25,7 @@ pub(super) fn formula(
     all: &[EntityInFrame],
     watch: &WatchedCondition,
     (parameter, is_first): (&str, bool),
-) -> Result<String, ImportError> {
+) -> Result<(String, bool), ImportError> {
     let find = |name: &str| {
         let found = all.iter().find(|it| it.entity.name == name);
         let what = format!("no agent is called `{name}`");
@@ -75,11 +76,7 @@ pub(super) fn formula(
         (_, true) => format!("({})", parts.join(") and (")),
         (_, false) => format!("({})", parts.join(") or (")),
     };
-    Ok(if is_seen {
-        format!("({text}) and once (not ({text}))")
-    } else {
-        text
-    })
+    Ok((text, is_seen))
 }
 
 /// ConditionQuantity of one entity: its expression, and its value at the start.
