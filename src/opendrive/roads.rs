@@ -38,7 +38,7 @@ pub(crate) struct ImportedRoad {
 }
 
 /// Place by road and lane.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct OnLane {
     pub road: String,
     /// Number of the lane, or 0 for a place beside all lanes.
@@ -47,6 +47,13 @@ pub(crate) struct OnLane {
     pub t_m: f64,
     /// True if its entity drives along the reference line, and not against it.
     pub forward: bool,
+}
+
+impl OnLane {
+    /// Returns 1, or −1 if the left of its entity is the right of the road.
+    pub(crate) fn side(&self) -> i32 {
+        if self.forward { 1 } else { -1 }
+    }
 }
 
 /// Roads of a file by their id.

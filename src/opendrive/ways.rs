@@ -5,7 +5,7 @@
 use super::error::ImportError;
 use super::tree::XmlNode;
 use crate::road::{Course, Piece};
-use crate::sim::Pose;
+use crate::sim::{Pose, wrapped};
 
 /// Greatest distance in metres of the arcs from their spiral.
 const NEAR_M: f64 = 0.001;
@@ -13,6 +13,14 @@ const NEAR_M: f64 = 0.001;
 const STRAIGHT_M: f64 = 1e-3;
 /// Greatest turn of an arc in radians: a world allows half a circle.
 const MOST_TURN_RAD: f64 = 3.0;
+/// Distance in metres from a corner within which a path turns.
+const CORNER_M: f64 = 1e-3;
+/// Greatest turn at a corner in radians: a path does not turn back.
+const MOST_CORNER_RAD: f64 = 2.8;
+/// Greatest turn in radians that counts as none.
+const SAME_RAD: f64 = 1e-9;
+/// Radius in metres below which an arc counts as a corner.
+const SHARP_M: f64 = 1.0;
 
 /// Piece of a path: a line or an arc.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,6 +106,85 @@ impl ImportedPath {
         }
         self.pieces.retain(|piece| 0.0 < piece.length_m);
         self
+    }
+
+    /// Returns the path through places by straight lines, which turns at the places.
+    ///
+    /// Also returns the stations of the places.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for places that are no path, or at which it turns back.
+    pub(crate) fn cornered(
+        asks: &XmlNode,
+        spots: &[Pose],
+    ) -> Result<(ImportedPath, Vec<f64>), ImportError> {
+        let mut corners: Vec<Pose> = Vec::new();
+        // Places in one another's place share a station.
+        let numbers: Vec<usize> = spots
+            .iter()
+            .map(|spot| {
+                let away = corners.last().map(|last| last.sees(spot));
+                if away.is_none_or(|it| 4.0 * CORNER_M < libm::hypot(it.x_m, it.y_m)) {
+                    corners.push(*spot);
+                }
+                corners.len() - 1
+            })
+            .collect();
+        let sides = corners.windows(2).map(|pair| {
+            let (dx, dy) = (pair[1].x_m - pair[0].x_m, pair[1].y_m - pair[0].y_m);
+            (libm::hypot(dx, dy), libm::atan2(dy, dx))
+        });
+        let sides: Vec<(f64, f64)> = sides.collect();
+        let Some((_, heading_rad)) = sides.first() else {
+            return Err(asks.refused("a way that leads nowhere", "set its places apart"));
+        };
+        let begins = Pose {
+            heading_rad: *heading_rad,
+            ..corners[0]
+        };
+        let (mut pieces, mut stations) = (Vec::new(), vec![0.0]);
+        let (mut cut_m, mut at_m) = (0.0, 0.0);
+        for (i, (length_m, heading_rad)) in sides.iter().enumerate() {
+            let next = sides.get(i + 1);
+            let turn_rad = next.map_or(0.0, |(_, next_rad)| wrapped(next_rad - heading_rad));
+            if MOST_CORNER_RAD < turn_rad.abs() {
+                let help = "end the trajectory there, and begin another";
+                return Err(asks.refused("a way that turns back at a place is not read", help));
+            }
+            let turns = SAME_RAD < turn_rad.abs();
+            let radius_m = CORNER_M / libm::tan(0.5 * turn_rad.abs());
+            let next_cut_m = if turns { CORNER_M } else { 0.0 };
+            let line_m = length_m - cut_m - next_cut_m;
+            pieces.push(Bend {
+                length_m: line_m,
+                per_m: 0.0,
+            });
+            let arc_m = if turns {
+                radius_m * turn_rad.abs()
+            } else {
+                0.0
+            };
+            if turns {
+                let per_m = turn_rad.signum() / radius_m;
+                pieces.push(Bend {
+                    length_m: arc_m,
+                    per_m,
+                });
+            }
+            stations.push(at_m + line_m + 0.5 * arc_m);
+            at_m += line_m + arc_m;
+            cut_m = next_cut_m;
+        }
+        let stations = numbers.iter().map(|number| stations[*number]).collect();
+        Ok((ImportedPath { begins, pieces }, stations))
+    }
+
+    /// Returns true for a path that turns at places.
+    pub(crate) fn has_corners(&self) -> bool {
+        self.pieces
+            .iter()
+            .any(|piece| 1.0 < piece.per_m.abs() * SHARP_M)
     }
 
     /// Removes lines at the end, since a path continues straight after its pieces.

@@ -115,7 +115,8 @@ fn tidy(value: f64) -> f64 {
 }
 
 /// Checks the lanes of a road.
-pub(super) fn lanes(problems: &mut Problems, path: &ValuePath, road: &Road) {
+/// Checks number and width of the lanes. Lanes are at least `least_m` wide.
+pub(super) fn lanes(problems: &mut Problems, path: &ValuePath, road: &Road, least_m: f64) {
     if !(1..=MAX_LANES).contains(&road.lanes()) {
         problems.add(
             &path.to("lanes"),
@@ -128,13 +129,13 @@ pub(super) fn lanes(problems: &mut Problems, path: &ValuePath, road: &Road) {
         problems,
         &path.to("lane_width_m"),
         road.lane_width_m(),
-        1.0,
+        least_m,
         20.0,
     );
 }
 
 pub(super) fn road(problems: &mut Problems, path: &ValuePath, road: &Road) {
-    lanes(problems, path, road);
+    lanes(problems, path, road, 1.0);
     within(problems, &path.to("friction"), road.friction(), 0.01, 2.0);
     if let Some(limit_mps) = road.speed_limit_mps() {
         within(problems, &path.to("speed_limit_mps"), limit_mps, 0.1, 150.0);

@@ -13,6 +13,9 @@ use crate::scene::drive::DriveSpec;
 /// Greatest distance in metres of a road's start from the origin.
 const MAX_AWAY_M: f64 = 5_000.0;
 
+/// Least lane width in metres of a named road: that of a path with corners.
+const PATH_M: f64 = 0.0001;
+
 /// Reads and checks the named roads.
 ///
 /// They have the surface of the world's own road and, unless stated, its lane
@@ -68,7 +71,7 @@ pub(super) fn placed(
             priority: road.priority,
             grades: slope_and_wind::placed(problems, &path.to("grades"), &road.grades),
         };
-        check::lanes(problems, &path, &placed.road);
+        check::lanes(problems, &path, &placed.road, PATH_M);
         refuse_course(problems, &path, &placed);
         all.insert(name.clone(), placed);
     }

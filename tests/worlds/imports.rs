@@ -74,6 +74,55 @@ fn lane_change(shape: &str, dimension: &str, value: f64) -> String {
     )
 }
 
+/// A trajectory of the lead: times with places, and how its times count.
+fn trajectory(timing: &str, attributes: &str, places: &[(f64, f64, f64)]) -> String {
+    let vertices = places.iter().map(|(time_s, x_m, y_m)| {
+        format!(
+            r#"<Vertex time="{time_s}"><Position><WorldPosition x="{x_m}" y="{y_m}"/></Position></Vertex>"#
+        )
+    });
+    let vertices: String = vertices.collect();
+    format!(
+        r#"<RoutingAction><FollowTrajectoryAction{attributes}><TrajectoryRef><Trajectory name="t" closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef><TimeReference>{timing}</TimeReference><TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>"#
+    )
+}
+
+/// A trajectory with a corner, of which the times are those of a kind.
+fn timed(domain: &str, scale: f64, offset_s: f64, attributes: &str) -> String {
+    trajectory(
+        &format!(
+            r#"<Timing domainAbsoluteRelative="{domain}" scale="{scale}" offset="{offset_s}"/>"#
+        ),
+        attributes,
+        &[
+            (0.0, 150.0, -5.25),
+            (3.0, 180.0, -5.25),
+            (5.0, 200.0, 4.75),
+            (9.0, 220.0, 4.75),
+        ],
+    )
+}
+
+/// A profile of speeds, in durations and speeds.
+fn profile(entries: &[(f64, f64)]) -> String {
+    let entries = entries.iter().map(|(lasts_s, speed_mps)| {
+        format!(r#"<SpeedProfileEntry time="{lasts_s}" speed="{speed_mps}"/>"#)
+    });
+    let entries: String = entries.collect();
+    format!(
+        r#"<LongitudinalAction><SpeedProfileAction followingMode="position"><DynamicConstraints maxAcceleration="5" maxDeceleration="5"/>{entries}</SpeedProfileAction></LongitudinalAction>"#
+    )
+}
+
+/// The event that follows the first, beside it.
+fn beside(condition: &str, action: &str) -> Edit {
+    let (from, text) = second(condition, action);
+    (
+        from,
+        text.replace(r#"priority="override""#, r#"priority="parallel""#),
+    )
+}
+
 fn slower_by(dynamics: &str) -> Vec<Edit> {
     let linear = r#"dynamicsShape="linear" dynamicsDimension="rate" value="1""#;
     vec![edit(SLOWER, SLOWER.replace(linear, dynamics))]
@@ -178,6 +227,11 @@ fn run(world: &Scenario) -> Episode {
 
 /// The rear axle of somebody at a time.
 fn at(episode: &Episode, name: &str, time_s: f64) -> (f64, f64) {
+    at_by(episode, name, time_s, LEVER_M)
+}
+
+/// The point of somebody at a distance behind its front.
+fn at_by(episode: &Episode, name: &str, time_s: f64, lever_m: f64) -> (f64, f64) {
     let row = (time_s / 0.05).round() as usize;
     let of = |what: &str| {
         let signal = episode.trace.signal(&format!("{name}.{what}"));
@@ -185,8 +239,8 @@ fn at(episode: &Episode, name: &str, time_s: f64) -> (f64, f64) {
     };
     let (x_m, y_m, heading_rad) = (of("x"), of("y"), of("heading"));
     (
-        x_m - LEVER_M * heading_rad.cos(),
-        y_m - LEVER_M * heading_rad.sin(),
+        x_m - lever_m * heading_rad.cos(),
+        y_m - lever_m * heading_rad.sin(),
     )
 }
 
@@ -211,6 +265,26 @@ fn small_scenarios_move_as_their_files_say() {
         edits.push(edit(FIRST, below));
         edits
     };
+    let ego_at = |s_m: f64| edit(r#"laneId="-1" s="50""#, format!(r#"laneId="-1" s="{s_m}""#));
+    let slow_ego = || {
+        edit(
+            r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+            r#"<AbsoluteTargetSpeed value="10"/>"#,
+        )
+    };
+    let nearer = |value_m: f64| distance(&["Ego"], "lessThan", "rising", "any", value_m);
+    let at_start = |action: String| vec![edit(FIRST, time(0.0, "none", 0.0)), edit(SLOWER, action)];
+    let later = || edit(r#"laneId="-2" s="150""#, r#"laneId="-2" s="160""#);
+    let offset = r#" initialDistanceOffset="10""#;
+    let against = third()
+        .into_iter()
+        .map(|(from, text)| {
+            let lane = r#"<LanePosition roadId="0" laneId="-1" s="120" offset="0"/>"#;
+            let turned = r#"<LanePosition roadId="0" laneId="-2" s="900"><Orientation type="relative" h="3.141592653589793"/></LanePosition>"#;
+            (from, text.replace(lane, turned))
+        })
+        .collect::<Vec<Edit>>();
+    let relative = r#"<RelativeTargetLane entityRef="Other" value="-1"/>"#;
     let parameter = r#"<Condition name="c" delay="3" conditionEdge="none"><ByValueCondition><ParameterCondition parameterRef="on" rule="equalTo" value="1"/></ByValueCondition></Condition>"#;
     let declared = r#"<ParameterDeclarations><ParameterDeclaration name="on" parameterType="integer" value="1"/></ParameterDeclarations><CatalogLocations/>"#;
     type Case = (&'static str, Vec<Edit>, Vec<(f64, f64, f64)>);
@@ -450,6 +524,182 @@ fn small_scenarios_move_as_their_files_say() {
                 (12.0, 269.852, 3.5),
             ],
         ),
+        (
+            "an edge of what holds from the start on, when it comes again",
+            vec![
+                ego_at(90.0),
+                edit(FIRST, distance(&["Ego"], "greaterThan", "rising", "any", 30.0)),
+            ],
+            vec![(9.0, 240.0, 0.0), (12.0, 266.723, 0.0)],
+        ),
+        (
+            "an edge in an act that begins later",
+            vec![edit(ACT, time(3.0, "none", 0.0)), edit(FIRST, nearer(20.0))],
+            vec![(12.0, 260.1432, 0.0)],
+        ),
+        (
+            "an edge that came before its act",
+            vec![
+                ego_at(140.0),
+                edit(ACT, time(3.0, "none", 0.0)),
+                edit(FIRST, nearer(20.0)),
+            ],
+            vec![(12.0, 270.0, 0.0)],
+        ),
+        (
+            "a change of speed that waits beside a change of lane that waits",
+            vec![
+                edit(FIRST, nearer(40.0)),
+                edit(SLOWER, lane_change("sinusoidal", "time", 3.0)),
+                beside(&nearer(20.0), SLOWER),
+            ],
+            vec![(7.0, 219.886, 1.622), (8.0, 229.648, 3.197)],
+        ),
+        (
+            "a change of speed that waits, and cuts a change of lane that waits",
+            vec![
+                edit(FIRST, nearer(40.0)),
+                edit(SLOWER, lane_change("sinusoidal", "time", 3.0)),
+                second(&nearer(20.0), SLOWER),
+            ],
+            vec![(7.0, 219.886, 1.622), (8.0, 229.689, 2.6)],
+        ),
+        (
+            "a trajectory with corners at its own speed",
+            at_start(trajectory(
+                "<None/>",
+                "",
+                &[
+                    (0.0, 150.0, -5.25),
+                    (0.0, 180.0, -5.25),
+                    (0.0, 200.0, 4.75),
+                    (0.0, 290.0, 4.75),
+                ],
+            )),
+            vec![(2.0, 170.0, 0.0), (4.0, 188.944, 4.472), (8.0, 227.639, 10.0)],
+        ),
+        (
+            "a trajectory with times",
+            at_start(timed("relative", 1.0, 0.0, "")),
+            vec![(2.0, 170.0, 0.0), (4.0, 190.0, 5.0), (8.0, 215.0, 10.0)],
+        ),
+        (
+            "a trajectory at half the pace, from a place on it",
+            [vec![later()], at_start(timed("relative", 0.5, 0.0, offset))].concat(),
+            vec![(4.0, 180.0, 0.0), (6.0, 190.0, 5.0), (8.0, 200.0, 10.0)],
+        ),
+        (
+            "a trajectory with absolute times, ahead of which it is by an offset",
+            [vec![later()], at_start(timed("absolute", 1.0, 1.0, ""))].concat(),
+            vec![(2.0, 180.0, 0.0), (4.0, 200.0, 10.0), (6.0, 210.0, 10.0)],
+        ),
+        (
+            "a profile of speeds",
+            vec![
+                slow_ego(),
+                edit(SLOWER, profile(&[(2.0, 4.0), (1.0, 4.0), (3.0, 10.0)])),
+            ],
+            vec![(3.0, 178.5, 0.0), (4.5, 186.0, 0.0), (6.0, 193.0, 0.0), (10.0, 229.0, 0.0)],
+        ),
+        (
+            "a profile that begins with a speed at once",
+            vec![slow_ego(), edit(SLOWER, profile(&[(0.0, 6.0), (2.0, 4.0)]))],
+            vec![(3.0, 175.5, 0.0), (4.5, 182.0, 0.0), (10.0, 204.0, 0.0)],
+        ),
+        (
+            "a change of lane at once",
+            vec![slow_ego(), edit(SLOWER, lane_change("step", "time", 0.0))],
+            vec![(1.95, 169.5, 0.0), (2.5, 175.0, 3.5), (6.0, 210.0, 3.5)],
+        ),
+        (
+            "a lane relative to somebody who faces against the road",
+            [
+                vec![
+                    slow_ego(),
+                    edit(
+                        SLOWER,
+                        lane_change("cubic", "time", 3.0)
+                            .replace(r#"<AbsoluteTargetLane value="-1"/>"#, relative),
+                    ),
+                ],
+                against,
+            ]
+            .concat(),
+            vec![(3.5, 184.879, 1.75), (8.0, 229.754, 3.5)],
+        ),
+        (
+            "an offset relative to somebody on another lane",
+            [
+                vec![
+                    slow_ego(),
+                    edit(
+                        SLOWER,
+                        CENTRE.replace(
+                            r#"<AbsoluteTargetLaneOffset value="0"/>"#,
+                            r#"<RelativeTargetLaneOffset entityRef="Other" value="-1"/>"#,
+                        ),
+                    ),
+                ],
+                third(),
+            ]
+            .concat(),
+            vec![(3.5, 185.0, 0.965), (4.5, 195.0, 2.022)],
+        ),
+        (
+            "a time to collision",
+            vec![edit(
+                FIRST,
+                watch("Ego", r#"<TimeToCollisionCondition freespace="true" relativeDistanceType="longitudinal" value="5" rule="lessThan"><TimeToCollisionConditionTarget><EntityRef entityRef="Lead"/></TimeToCollisionConditionTarget></TimeToCollisionCondition>"#),
+            )],
+            vec![(6.0, 208.97, 0.0), (12.0, 243.36, 0.0)],
+        ),
+        (
+            "a speed relative to another",
+            vec![edit(
+                FIRST,
+                watch("Lead", r#"<RelativeSpeedCondition entityRef="Ego" value="-9" rule="lessThan"/>"#),
+            )],
+            vec![(12.0, 216.0, 0.0)],
+        ),
+        (
+            "a headway to what is ahead only",
+            vec![
+                ego_at(140.0),
+                edit(
+                    FIRST,
+                    watch("Lead", r#"<TimeHeadwayCondition entityRef="Ego" freespace="true" value="2" rule="greaterThan"/>"#),
+                ),
+            ],
+            vec![(6.0, 206.71, 0.0), (12.0, 236.64, 0.0)],
+        ),
+        (
+            "the first instant and a distance never come together",
+            vec![edit(
+                FIRST,
+                format!(
+                    "{}{}",
+                    FIRST.replace(r#"value="2" rule="greaterThan""#, r#"value="0" rule="equalTo""#),
+                    watch("Lead", r#"<TraveledDistanceCondition value="1"/>"#)
+                ),
+            )],
+            vec![(12.0, 270.0, 0.0)],
+        ),
+        (
+            "what follows a contact never begins, nor what follows that",
+            vec![
+                edit(FIRST, watch("Ego", r#"<CollisionCondition><EntityRef entityRef="Lead"/></CollisionCondition>"#)),
+                second(&after("action", "slower", 0.0), FASTER),
+            ],
+            vec![(12.0, 270.0, 0.0)],
+        ),
+        (
+            "a controller that nobody has moves nobody",
+            vec![edit(
+                "<!--lead init-->",
+                r#"<PrivateAction><ControllerAction><ActivateControllerAction longitudinal="true" lateral="true"/></ControllerAction></PrivateAction>"#,
+            )],
+            vec![(12.0, 228.0, 0.0)],
+        ),
     ];
     let mut wrong = Vec::new();
     for (name, edits, places) in cases {
@@ -499,12 +749,95 @@ fn a_bicycle_becomes_a_bicyclist_of_the_files_size() {
     }
 }
 
+#[test]
+fn an_init_adds_and_deletes_entities() {
+    let global = |action: &str| {
+        let text = format!("<GlobalAction>{action}</GlobalAction>");
+        edit("<!--global-->", text)
+    };
+    let deleted = global(r#"<EntityAction entityRef="Lead"><DeleteEntityAction/></EntityAction>"#);
+    let imported = import(&files(&[deleted])).expect("a world");
+    assert!(!imported.worlds[0].text.contains("\"lead\""));
+    // It stands where it is added.
+    let object = third().remove(0);
+    let added = global(
+        r#"<EntityAction entityRef="Other"><AddEntityAction><Position><LanePosition roadId="0" laneId="-1" s="400"/></Position></AddEntityAction></EntityAction>"#,
+    );
+    let imported = import(&files(&[object, added])).expect("a world");
+    let episode = run(&world(&imported));
+    assert_eq!(off(&episode, "other", (0.0, 400.0, 3.5)), None);
+    assert_eq!(off(&episode, "other", (6.0, 400.0, 3.5)), None);
+    assert_eq!(off(&episode, "lead", (12.0, 228.0, 0.0)), None);
+}
+
+#[test]
+fn an_ego_on_a_trajectory_with_times_begins_with_its_speed() {
+    let way = timed("relative", 1.0, 0.0, "")
+        .replace("-5.25", "-1.75")
+        .replace(r#"x="150""#, r#"x="50""#)
+        .replace(r#"x="180""#, r#"x="95""#);
+    let init = format!("<PrivateAction>{way}</PrivateAction>");
+    let files = files(&[edit("<!--ego init-->", init)]);
+    let error = import(&files).expect_err("the file moves the ego");
+    assert!(error.help.is_some(), "{error}");
+    let imported = import_as(&files, (None, true), &[]).expect("a world");
+    assert_eq!(imported.ego_events.len(), 1);
+    let episode = run(&world(&imported));
+    // 45 m in 3 s.
+    assert_eq!(off(&episode, "ego", (2.0, 80.0, 3.5)), None);
+}
+
+#[test]
+fn somebody_on_foot_waits_and_walks_around_a_corner() {
+    let begins = r#"<Vehicle name="sedan""#;
+    let (before, rest) = BASE
+        .split_once(r#"<ScenarioObject name="Lead">"#)
+        .expect("the lead");
+    assert!(before.contains(begins));
+    let (car, _) = rest.split_once("</Vehicle>").expect("a car");
+    let car = format!(r#"<ScenarioObject name="Lead">{car}</Vehicle>"#);
+    let walker = r#"<ScenarioObject name="Lead"><Pedestrian name="walker" mass="80" pedestrianCategory="pedestrian"><BoundingBox><Center x="0" y="0" z="0.9"/><Dimensions width="0.6" length="0.6" height="1.8"/></BoundingBox><Properties/></Pedestrian>"#;
+    let stands = BASE.replace(&car, walker).replace(
+        r#"<AbsoluteTargetSpeed value="10"/>"#,
+        r#"<AbsoluteTargetSpeed value="0"/>"#,
+    );
+    // A slow ego comes there only later.
+    let stands = stands.replace(
+        r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+        r#"<AbsoluteTargetSpeed value="10"/>"#,
+    );
+    let way = trajectory(
+        "<None/>",
+        "",
+        &[
+            (0.0, 150.0, -5.25),
+            (0.0, 150.0, -1.25),
+            (0.0, 154.0, -1.25),
+        ],
+    );
+    let speed = SLOWER.replace(r#"value="4""#, r#"value="1.5""#);
+    let both =
+        format!(r#"{speed}</PrivateAction></Action><Action name="way"><PrivateAction>{way}"#);
+    let mut files = files(&[]);
+    files[0].1 = stands.replace(SLOWER, &both);
+    let imported = import(&files).expect("a world");
+    let world = world(&imported);
+    // The way is over after 8 m: at 1.5 m/s, of which the ramp takes 0.75 s.
+    let horizon_s = world.world().clock().horizon_s;
+    assert!((7.0..=8.1).contains(&horizon_s), "{horizon_s}");
+    let episode = run(&world);
+    let places = [(2.0, 150.0, 0.0), (4.0, 150.0, 1.875), (6.0, 150.875, 4.0)];
+    for (time_s, x_m, y_m) in places {
+        let (x, y) = at_by(&episode, "lead", time_s, 0.3);
+        assert!((x - x_m).hypot(y - y_m) < 0.02, "({x}, {y}) at {time_s} s");
+    }
+}
+
 /// A file with a change, what is said of it, and what stands on the line that is
 /// named.
 type Refusal = (Vec<Edit>, &'static str, &'static str);
 
 fn refused_of_storyboards() -> Vec<Refusal> {
-    let near = edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="140""#);
     let lead = |action: &str| {
         let action = format!("<PrivateAction>{action}</PrivateAction><!--added-->");
         vec![edit("<!--lead init-->", action)]
@@ -546,19 +879,6 @@ fn refused_of_storyboards() -> Vec<Refusal> {
             vec![edit(FIRST, below("falling"))],
             "falling edge",
             "falling",
-        ),
-        (
-            vec![near.clone(), edit(FIRST, below("rising"))],
-            "holds from the start",
-            "RelativeDistance",
-        ),
-        (
-            vec![
-                edit(ACT, time(3.0, "none", 0.0)),
-                edit(FIRST, below("rising")),
-            ],
-            "rising edge in an act that begins later",
-            r#"<Event name="first""#,
         ),
         (
             vec![
@@ -621,11 +941,59 @@ fn refused_of_storyboards() -> Vec<Refusal> {
             "SpeedProfileAction",
         ),
         (
-            lead(
-                r#"<ControllerAction><ActivateControllerAction longitudinal="true" lateral="false"/></ControllerAction>"#,
-            ),
+            [
+                lead(
+                    r#"<ControllerAction><ActivateControllerAction longitudinal="true" lateral="false"/></ControllerAction>"#,
+                ),
+                vec![edit(
+                    "<!--lead object-->",
+                    r#"<ObjectController><Controller name="c"/></ObjectController>"#,
+                )],
+            ]
+            .concat(),
             "that a controller moves",
             "ControllerAction",
+        ),
+        (
+            vec![
+                edit(SLOWER, trajectory("<None/>", "", &[(0.0, 150.0, -5.25), (0.0, 250.0, 5.0)])),
+            ],
+            "an agent that moves already",
+            "FollowTrajectoryAction",
+        ),
+        (
+            vec![
+                edit(FIRST, time(0.0, "none", 0.0)),
+                edit(SLOWER, trajectory("<None/>", "", &[(0.0, 150.0, -5.25), (0.0, 250.0, 5.0), (0.0, 160.0, -5.0)])),
+            ],
+            "turns back at a place",
+            "FollowTrajectoryAction",
+        ),
+        (
+            vec![
+                edit(FIRST, time(0.0, "none", 0.0)),
+                edit(
+                    SLOWER,
+                    trajectory("<None/>", "", &[(0.0, 150.0, -5.25), (0.0, 180.0, -5.25), (0.0, 220.0, 5.0)])
+                        .replace(r#"y="5"/>"#, r#"y="5" h="1.5"/>"#),
+                ),
+            ],
+            "whose places face elsewhere",
+            "FollowTrajectoryAction",
+        ),
+        (
+            vec![
+                edit(FIRST, time(0.0, "none", 0.0)),
+                edit(SLOWER, trajectory("<None/>", "", &[(0.0, 150.0, -5.25), (0.0, 250.0, 5.0)])),
+                second(&time(2.0, "none", 0.0), FASTER),
+            ],
+            "that an event may cut",
+            "second",
+        ),
+        (
+            vec![edit(SLOWER, profile(&[(1.0, 2.0)]))],
+            "a rate above 5 m/s²",
+            "SpeedProfileAction",
         ),
         (
             lead(
@@ -683,6 +1051,14 @@ fn refused_of_storyboards() -> Vec<Refusal> {
             vec![rain("0.3")],
             "friction that changes on the way",
             "EnvironmentAction",
+        ),
+        (
+            vec![edit(
+                "<!--global-->",
+                r#"<GlobalAction><TrafficAction trafficName="t"/></GlobalAction>"#,
+            )],
+            "not read in Init",
+            "TrafficAction",
         ),
     ]
 }

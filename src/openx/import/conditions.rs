@@ -14,18 +14,18 @@ const STRICT: f64 = 0.000_001;
 
 /// Formula of a quantity below or above a parameter.
 ///
-/// It concerns one of several entities, or all of them.
+/// It concerns one of several entities, or all of them. Also returns whether it must
+/// have been false before.
 ///
 /// # Errors
 ///
-/// Returns an error for a rising edge that is not seen, and for a distance that a
-/// world has no signal for.
+/// Returns an error for a quantity that a world has no signal for.
 pub(super) fn formula(
     concrete: &Concrete,
     all: &[EntityInFrame],
     watch: &WatchedCondition,
     (parameter, is_first): (&str, bool),
-) -> Result<String, ImportError> {
+) -> Result<(String, bool), ImportError> {
     let find = |name: &str| {
         let found = all.iter().find(|it| it.entity.name == name);
         let what = format!("no agent is called `{name}`");
@@ -35,13 +35,21 @@ pub(super) fn formula(
         Measure::Clearance { target, .. }
         | Measure::Along { target, .. }
         | Measure::Gap { target }
-        | Measure::Apart { target } => Some(find(target)?),
-        Measure::Speed | Measure::Travelled | Measure::Place { .. } => None,
+        | Measure::Apart { target }
+        | Measure::Collision { target }
+        | Measure::Faster { target } => Some(find(target)?),
+        Measure::Speed | Measure::Acceleration | Measure::Travelled | Measure::Place { .. } => None,
     };
     let who = watch.who.iter().map(|name| find(name));
     let who = who.collect::<Result<Vec<&EntityInFrame>, ImportError>>()?;
-    let is_on_roads = !matches!(watch.measure, Measure::Speed | Measure::Gap { .. });
-    let turns = |it: &&EntityInFrame| matches!(it.path, EntityPath::Own(_, on) if on.is_lane);
+    let is_on_roads = !matches!(
+        watch.measure,
+        Measure::Speed | Measure::Acceleration | Measure::Faster { .. } | Measure::Gap { .. }
+    );
+    let turns = |it: &&EntityInFrame| match it.path {
+        EntityPath::Own(_, on) => on.is_lane || on.way.has_corners() || it.entity.body.on_foot,
+        _ => false,
+    };
     if is_on_roads && who.iter().chain(target.iter()).any(turns) {
         let what = "a distance between entities on different roads is not read";
         let help = "wait for a time, a speed or the distance between both boxes";
@@ -57,21 +65,18 @@ pub(super) fn formula(
     } else {
         holding.any(|holds| holds)
     };
-    // An edge from false to true requires a false start.
-    if watch.rises && holds {
-        let what = "its rising edge is not seen: it holds from the start on";
-        let help = "write conditionEdge=\"none\", or place them so that it does not hold";
-        return Err(watch.at.error(what).helped(help));
-    }
+    // An edge from false to true requires that it was false since the step waits.
+    let is_seen = watch.rises && (holds || watch.is_late || quantities.iter().any(|it| it.is_near));
     let parts = quantities.iter().zip(&who);
     let parts: Vec<String> = parts
         .map(|(it, who)| it.text(watch, who, target, (parameter, is_first)))
         .collect();
-    Ok(match (&parts[..], watch.needs_all) {
+    let text = match (&parts[..], watch.needs_all) {
         ([one], _) => one.clone(),
         (_, true) => format!("({})", parts.join(") and (")),
         (_, false) => format!("({})", parts.join(") or (")),
-    })
+    };
+    Ok((text, is_seen))
 }
 
 /// ConditionQuantity of one entity: its expression, and its value at the start.
@@ -82,6 +87,8 @@ struct ConditionQuantity {
     over: Option<f64>,
     /// False while the quantity has no value at the start.
     is_defined: bool,
+    /// True if the value at the start is too near to the bound to tell on which side it is.
+    is_near: bool,
 }
 
 impl ConditionQuantity {
@@ -97,6 +104,7 @@ impl ConditionQuantity {
             start,
             over: None,
             is_defined: true,
+            is_near: false,
         };
         let refused = |what: &str| Err(watch.at.error(what));
         let name = &who.name;
@@ -110,12 +118,14 @@ impl ConditionQuantity {
                 let ahead_m = front_m(target) - front_m(who);
                 // The pair is clear by the gap on either side. The gap is negative
                 // while they overlap.
-                let clear_m = (ahead_m - target.rear_m()).max(-ahead_m - who.rear_m());
+                let behind_m = -ahead_m - who.rear_m();
+                let clear_m = (ahead_m - target.rear_m()).max(behind_m);
                 ConditionQuantity {
-                    text: String::new(),
                     start: clear_m.max(0.0),
                     over: is_time.then_some(who.entity.speed_mps),
-                    is_defined: true,
+                    // A time to what is behind is no value.
+                    is_defined: !is_time || (behind_m <= 0.0 && 0.0 < who.entity.speed_mps),
+                    ..plain(String::new(), 0.0)
                 }
             }
             (Measure::Along { is_time, .. }, Some(target)) => {
@@ -136,6 +146,7 @@ impl ConditionQuantity {
                     start: if *is_time { ahead_m } else { ahead_m.abs() },
                     over: is_time.then_some(who.entity.speed_mps),
                     is_defined: !is_time || (0.0 <= ahead_m && 0.0 < who.entity.speed_mps),
+                    is_near: false,
                 }
             }
             (Measure::Gap { .. }, Some(target)) => {
@@ -144,10 +155,10 @@ impl ConditionQuantity {
                 // at most.
                 let reach_m = who.entity.body.length_m + target.entity.body.length_m;
                 let start = libm::hypot(apart_m.x_m, apart_m.y_m);
-                if watch.rises && (start - watch.value).abs() < reach_m {
-                    return refused("its rising edge near the start is not read");
+                ConditionQuantity {
+                    is_near: (start - watch.value).abs() < reach_m,
+                    ..plain(format!("{name}.{}.gap", target.name), start)
                 }
-                plain(format!("{name}.{}.gap", target.name), start)
             }
             (Measure::Apart { .. }, Some(target)) => {
                 if concrete.bends_most_per_m() > STRAIGHT_PER_M {
@@ -168,6 +179,39 @@ impl ConditionQuantity {
                     hypotenuse(&along, &aside),
                     libm::hypot(apart.x_m, apart.y_m),
                 )
+            }
+            (Measure::Collision { .. }, Some(target)) => {
+                if !matches!(
+                    (&who.path, &target.path),
+                    (EntityPath::With, EntityPath::With)
+                ) {
+                    return refused("a time to collision is only read along the ego's road");
+                }
+                let clear_m = (front_m(target) - front_m(who) - target.rear_m()).max(0.0);
+                let closing_mps = who.entity.speed_mps - target.entity.speed_mps;
+                ConditionQuantity {
+                    start: clear_m,
+                    over: Some(closing_mps),
+                    is_defined: 0.0 < clear_m && 0.0 < closing_mps,
+                    ..plain(
+                        format!(
+                            "({name}.{}.headway - {})",
+                            target.name,
+                            tidy(target.rear_m())
+                        ),
+                        0.0,
+                    )
+                }
+            }
+            (Measure::Faster { .. }, Some(target)) => {
+                let more_mps = who.entity.speed_mps - target.entity.speed_mps;
+                plain(format!("({name}.speed - {}.speed)", target.name), more_mps)
+            }
+            // It also has a part across the path, on bends.
+            // It also has a part across the path, on bends.
+            (Measure::Acceleration, _) => {
+                let across = format!("({name}.speed * {name}.yaw_rate)");
+                plain(hypotenuse(&format!("{name}.accel"), &across), 0.0)
             }
             (Measure::Speed, _) => plain(format!("{name}.speed"), who.entity.speed_mps),
             (Measure::Travelled, _) => {
@@ -218,12 +262,18 @@ impl ConditionQuantity {
         target: Option<&EntityInFrame>,
         (parameter, is_first): (&str, bool),
     ) -> String {
+        let speed = match (&watch.measure, target) {
+            (Measure::Collision { .. }, Some(target)) => {
+                format!("({}.speed - {}.speed)", who.name, target.name)
+            }
+            _ => format!("{}.speed", who.name),
+        };
         let bound = match self.over {
-            Some(_) => format!("{parameter} * {}.speed", who.name),
+            Some(_) => format!("{parameter} * {speed}"),
             None => parameter.to_owned(),
         };
-        if let (Measure::Clearance { .. }, Some(target)) = (&watch.measure, target) {
-            return clearance(watch, (who, target), &bound, is_first);
+        if let (Measure::Clearance { is_time, .. }, Some(target)) = (&watch.measure, target) {
+            return clearance(watch, (who, target), (&bound, *is_time), is_first);
         }
         let text = &self.text;
         // A formula has no strict comparison, so a small difference separates the
@@ -234,7 +284,7 @@ impl ConditionQuantity {
             format!("{text} >= {bound} + {STRICT}")
         };
         match self.over {
-            Some(_) => format!("{compared} and {text} >= 0 and {}.speed >= 0.001", who.name),
+            Some(_) => format!("{compared} and {text} >= 0 and {speed} >= 0.001"),
             None => compared,
         }
     }
@@ -247,7 +297,7 @@ fn hypotenuse(along: &str, aside: &str) -> String {
 fn clearance(
     watch: &WatchedCondition,
     (who, target): (&EntityInFrame, &EntityInFrame),
-    bound: &str,
+    (bound, is_time): (&str, bool),
     is_first: bool,
 ) -> String {
     let headway = format!("{}.{}.headway", who.name, target.name);
@@ -255,17 +305,24 @@ fn clearance(
     let behind = format!("-{headway} - {}", tidy(who.rear_m()));
     // Entities approach before they pass, and are far apart again after
     // passing. A first step below a bound therefore only watches the side of
-    // the approach.
-    let clearance = match (watch.is_below && is_first, who.spot.x_m <= target.spot.x_m) {
+    // the approach. A time to what is behind is no value.
+    let is_ahead = who.spot.x_m <= target.spot.x_m;
+    let clearance = match (watch.is_below && is_first, is_ahead) {
         (true, true) => ahead,
-        (true, false) => behind,
+        (true, false) => behind.clone(),
+        (false, _) if is_time => ahead,
         (false, _) => format!("max({ahead}, {behind})"),
     };
     // The comparison is strict: a touching entity has a clearance of 0 m, not
     // less.
-    if watch.is_below {
+    let compared = if watch.is_below {
         format!("max({clearance}, 0) + {STRICT} <= {bound}")
     } else {
         format!("{clearance} >= {bound} + {STRICT}")
+    };
+    match (is_time, watch.is_below, is_first && is_ahead) {
+        (true, true, false) => format!("{compared} and 0 >= {behind}"),
+        (true, false, _) => format!("{compared} and {}.speed >= 0.001", who.name),
+        _ => compared,
     }
 }

@@ -14,11 +14,8 @@ const BESIDE_M: f64 = 20.0;
 /// It is infinite for an entity that faces the side of its road.
 pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f64 {
     if let Some(on) = &placed.way {
-        // Pedestrians stop at the end of their path.
-        if on_foot {
-            return f64::INFINITY;
-        }
-        if on.is_lane {
+        // What comes after the end of such a path is not in the file.
+        if on_foot || on.is_lane || on.way.has_corners() {
             return on.ends_m - on.along_m;
         }
         // A path continues straight after its end, up to the last end of a

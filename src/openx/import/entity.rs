@@ -60,7 +60,7 @@ pub(super) struct ImportedStep {
 }
 
 /// ConditionQuantity that a condition compares with a value.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum Measure {
     /// Clearance along the road to an entity, as a length or a time.
     ///
@@ -72,8 +72,14 @@ pub(super) enum Measure {
     Gap { target: String },
     /// Distance between the reference points of two entities.
     Apart { target: String },
+    /// Time until the clearance along the road to an entity is used up.
+    Collision { target: String },
     /// Own speed.
     Speed,
+    /// Own speed less that of another entity.
+    Faster { target: String },
+    /// Own acceleration, whatever its direction.
+    Acceleration,
     /// Own distance since the start.
     Travelled,
     /// Distance of the own reference point to a place, in the plane or along the road.
@@ -89,8 +95,10 @@ pub(super) struct WatchedCondition {
     pub measure: Measure,
     pub is_below: bool,
     pub value: f64,
-    /// True if the condition must be false at the start.
+    /// True if the condition must have been false before.
     pub rises: bool,
+    /// True if it is first evaluated after the start.
+    pub is_late: bool,
     /// Place of the condition in the file.
     pub at: At,
 }

@@ -109,6 +109,10 @@ impl FrameOfEgo {
         ego: &ImportedEntity,
     ) -> Result<FrameOfEgo, ImportError> {
         if let Some(OnWay { way, .. }) = &ego.placed.way {
+            if way.has_corners() {
+                let help = "--leave-ego leaves its trajectory to your controller";
+                return Err(asks.refused("an ego on a way that turns at its places", help));
+            }
             // A path has no lanes of its own, so two of a usual width are drawn.
             return Ok(FrameOfEgo::usual(if way.pieces.is_empty() {
                 RoadFrame::Straight(way.begins)

@@ -5,7 +5,6 @@ use super::places::PositionContext;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::OnWay;
 use crate::scene::drive::ChangeShape;
 
 /// Bumper-to-bumper gap in metres at which an entity is placed ahead of the ego.
@@ -30,6 +29,9 @@ pub(super) fn gap_of(
         None => scope.number(action, "distance"),
     }
 }
+
+/// Lateral speed in m/s of a change of lane at once: it takes about a millisecond.
+const AT_ONCE_MPS: f64 = 5000.0;
 
 /// Speed of an entity as far as it is known before the run.
 ///
@@ -207,10 +209,13 @@ pub(super) fn lane_change(
 ) -> Result<ImportedLaw, ImportError> {
     keeps_place(it)?;
     let value = scope.number_or_zero(it, "value")?;
-    let shape = shape_of(it)?.filter(|_| 0.0 < value).ok_or_else(|| {
-        let help = "give it a shape and a rate, a time or a distance above 0";
-        it.refused("a lane that changes at once is not read", help)
-    })?;
+    let Some(shape) = shape_of(it)?.filter(|_| 0.0 < value) else {
+        return Ok(ImportedLaw::LaneChange {
+            by_m,
+            rate_mps: AT_ONCE_MPS,
+            shape: ChangeShape::Linear,
+        });
+    };
     let rate_mps = match it.raw("dynamicsDimension").unwrap_or_default() {
         "rate" => value,
         "time" => shape.peak() * by_m.abs() / value,
@@ -294,63 +299,35 @@ pub(super) fn approached(
     })
 }
 
-/// Reads a straight path that is walked in the time between its vertices.
-pub(super) fn walked(
+/// Reads a profile of speeds that change evenly, as durations and speeds.
+///
+/// `most_mps2` is lowered to the limits of the profile.
+pub(super) fn speed_profile(
     it: &XmlNode,
     scope: &ParameterScope,
-    ground: PositionContext<'_>,
-) -> Result<(OnWay, ImportedLaw), ImportError> {
-    let (trajectory, own) = ground.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
-    timed(it, scope, &trajectory)?;
-    let on = ground.way(&trajectory, &own)?;
-    let shape = trajectory.inner("Shape")?.only()?;
-    let vertices: Vec<&XmlNode> = shape.all("Vertex").collect();
-    let (Some(first), Some(last)) = (vertices.first(), vertices.last()) else {
-        return Err(shape.refused("a way without places", "give the way at least two vertices"));
-    };
-    let end = ground.place(last.inner("Position")?, &own)?;
-    let way_m = on.way.begins.sees(&end.spot).x_m;
-    let begins_s = own.number(first, "time")?;
-    let lasts_s = own.number(last, "time")? - begins_s;
-    let is_straight = on.way.pieces.is_empty();
-    // One constant speed describes the motion, so only two vertices are
-    // possible.
-    if !is_straight || vertices.len() != 2 || lasts_s <= 0.0 || begins_s != 0.0 {
-        let help = "give it two vertices, the first with time=\"0\"";
-        return Err(shape.refused("only a way between two times is read", help));
+    most_mps2: &mut (f64, f64),
+) -> Result<Vec<(f64, f64)>, ImportError> {
+    if let Some(limits) = it.child("DynamicConstraints") {
+        for (name, most) in [
+            ("maxAcceleration", &mut most_mps2.0),
+            ("maxDeceleration", &mut most_mps2.1),
+        ] {
+            if limits.raw(name).is_some() {
+                *most = most.min(scope.number(limits, name)?);
+            }
+        }
     }
-    Ok((
-        on,
-        ImportedLaw::Walk {
-            speed_mps: way_m / lasts_s,
-            way_m,
-        },
-    ))
-}
-
-/// Refuses a trajectory with other times than from the start of its event.
-///
-/// It also refuses trajectories that are not followed exactly.
-fn timed(it: &XmlNode, scope: &ParameterScope, trajectory: &XmlNode) -> Result<(), ImportError> {
-    let timing = it.child("TimeReference").and_then(|it| it.child("Timing"));
-    let Some(timing) = timing else {
-        let help = "write a <Timing domainAbsoluteRelative=\"relative\" scale=\"1\" offset=\"0\"/>";
-        return Err(it.refused("a way without times is not read here", help));
-    };
-    let scale = scope.number(timing, "scale")?;
-    let offset_s = scope.number_or_zero(timing, "offset")?;
-    let is_relative = timing.raw("domainAbsoluteRelative") == Some("relative");
-    if !is_relative || scale != 1.0 || offset_s != 0.0 {
-        let help = "use the domain `relative` with a scale of 1 and an offset of 0";
-        return Err(timing.refused("times of this kind are not read", help));
+    if it.raw("entityRef").is_some() {
+        let help = "leave out `entityRef`, and state the speeds themselves";
+        return Err(it.refused("a profile of relative speeds is not read", help));
     }
-    let mode = it.child("TrajectoryFollowingMode");
-    let follows = mode.is_some_and(|it| it.raw("followingMode") != Some("position"));
-    let closed = trajectory.raw("closed").is_some_and(|it| it != "false");
-    let offset_m = scope.number_or_zero(it, "initialDistanceOffset")?;
-    if follows || closed || offset_m != 0.0 {
-        let help = "use followingMode=\"position\", closed=\"false\", and no offset";
-        return Err(it.refused("a way that is followed in this way is not read", help));
+    keeps_place(it)?;
+    let entries = it.all("SpeedProfileEntry");
+    let entries = entries.map(|it| Ok((scope.number(it, "time")?, scope.number(it, "speed")?)));
+    let entries = entries.collect::<Result<Vec<(f64, f64)>, ImportError>>()?;
+    if let Some((_, speed_mps)) = entries.iter().find(|(_, speed_mps)| *speed_mps < 0.0) {
+        let help = "reversing is not read: a speed is at least 0";
+        return Err(it.refused(format!("a speed of {speed_mps} m/s"), help));
     }
-    Ok(())
+    Ok(entries)
 }

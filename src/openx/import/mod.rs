@@ -26,9 +26,11 @@ mod motion;
 mod places;
 mod plans;
 mod points;
+mod relations;
 mod request;
 mod scenario;
 mod seen;
+mod trajectories;
 mod triggers;
 mod world;
 

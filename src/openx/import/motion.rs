@@ -32,19 +32,33 @@ const HANDS_OVER: [&str; 4] = [
 
 /// Returns true for an action without an effect on motion.
 ///
+/// `is_free` is true for the ego, and for entities without a controller.
+///
 /// # Errors
 ///
 /// Returns an error for a controller that moves an entity other than the ego.
-pub(super) fn is_still(action: &XmlNode, is_for_ego: bool) -> Result<bool, ImportError> {
-    fn hands_over(node: &XmlNode) -> bool {
+pub(super) fn is_still(
+    action: &XmlNode,
+    scope: &ParameterScope,
+    is_free: bool,
+) -> Result<bool, ImportError> {
+    fn hands_over(node: &XmlNode, scope: &ParameterScope) -> Result<bool, ImportError> {
+        for value in HANDS_OVER.iter().filter_map(|name| node.raw(name)) {
+            if scope.resolve_text(node, value)? != "false" {
+                return Ok(true);
+            }
+        }
         // The attributes may belong to a nested element of the action.
-        let names = HANDS_OVER.iter();
-        let mut set = names.filter_map(|name| node.raw(name));
-        set.any(|value| value != "false") || node.children.iter().any(hands_over)
+        for child in &node.children {
+            if hands_over(child, scope)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
     let name = action.name.as_str();
     let controls = matches!(name, "ControllerAction" | "ActivateControllerAction");
-    if controls && !is_for_ego && hands_over(action) {
+    if controls && !is_free && hands_over(action, scope)? {
         let what = "an agent that a controller moves is not read";
         let help = "only the ego may have a controller: state the others' motion by actions";
         return Err(action.refused(what, help));
@@ -59,16 +73,14 @@ pub(super) fn is_still(action: &XmlNode, is_for_ego: bool) -> Result<bool, Impor
 pub(super) fn present(
     init: &XmlNode,
     objects: &[&XmlNode],
-    catalogs: &Catalogs,
+    (absent, catalogs): (&[String], &Catalogs),
 ) -> Result<Vec<XmlNode>, ImportError> {
     let mut present: Vec<XmlNode> = init.all("Private").cloned().collect();
-    let mut deleted = Vec::new();
     let global = init.all("GlobalAction");
     for action in global.filter_map(|it| it.child("EntityAction")) {
         let name = action.need("entityRef")?;
         let is_its = |it: &XmlNode| it.raw("entityRef") == Some(name);
         let Some(added) = action.child("AddEntityAction") else {
-            deleted.push(name);
             present.retain(|it| !is_its(it));
             continue;
         };
@@ -87,14 +99,16 @@ pub(super) fn present(
     for object in objects {
         let name = object.need("name")?;
         let is_known = present.iter().any(|it| it.raw("entityRef") == Some(name));
-        if !is_known && !deleted.contains(&name) {
+        if !is_known && !absent.iter().any(|it| it == name) {
             catalogs.note("entities that are never placed", object);
         }
     }
     Ok(present)
 }
 
-/// Returns the initial place of an entity.
+/// Returns the initial place of an entity, and the roads of its route.
+///
+/// What else moves the ego is left to the user, if the ego is.
 pub(super) fn begins(
     private: &XmlNode,
     scope: &ParameterScope,
@@ -102,7 +116,7 @@ pub(super) fn begins(
 ) -> Result<(Placed, Vec<String>), ImportError> {
     let mut at = None;
     let name = private.need("entityRef")?;
-    let is_ego = name == ground.ego.name;
+    let is_left = ground.ego.is_left && ground.ego.name == name;
     // A later place may be relative to an earlier one of the same entity.
     let mut placed = ground.placed.clone();
     // Routes are checked last, since the place may follow in the file.
@@ -120,21 +134,32 @@ pub(super) fn begins(
                 let it = it.only()?;
                 match it.name.as_str() {
                     "AssignRouteAction" => routes.push(it),
-                    "FollowTrajectoryAction" => at = Some(on_trajectory(it, scope, ground)?),
+                    "FollowTrajectoryAction" => match on_trajectory(it, scope, ground) {
+                        Ok(on) if !(is_left && on.turns()) => at = Some(on),
+                        Err(error) if !is_left => return Err(error),
+                        _ => {
+                            ground.ego.leave(private);
+                            at = on_first(it, scope, ground).ok().or(at);
+                        }
+                    },
+                    _ if is_left => ground.ego.leave(private),
                     _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
                 }
             }
             "LongitudinalAction" => match it.only()? {
                 it if FIRST.contains(&it.name.as_str()) => {}
+                _ if is_left => ground.ego.leave(private),
                 it => {
                     let help = "state the speed with which it starts, as a step, in a SpeedAction";
                     return Err(it.refused("an action of this kind is not read in Init", help));
                 }
             },
-            _ if is_still(it, is_ego)? => {}
+            _ if is_still(it, scope, !ground.is_steered(name))? => {}
+            _ if is_left => ground.ego.leave(private),
             _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
         }
     }
+    // An entity that the Init adds has a place and nothing else.
     let at = at.ok_or_else(|| {
         private.refused(
             "nothing says where it begins",
@@ -146,6 +171,40 @@ pub(super) fn begins(
         turns = ground.turns_of(route, scope, &at)?;
     }
     Ok((at, turns))
+}
+
+/// Speed in m/s with which an entity begins on a trajectory with times, if it has one.
+pub(super) fn timed_mps(
+    private: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+) -> Option<f64> {
+    let actions = private.all("PrivateAction");
+    let mut routing = actions.filter_map(|it| it.child("RoutingAction"));
+    let follows = routing.find_map(|it| it.child("FollowTrajectoryAction"))?;
+    // A trajectory that is not read has no known speed.
+    let (_, times) = ground.followed(follows, scope).ok()?;
+    match times?[..] {
+        [(from_s, from_m), (to_s, to_m), ..] => Some((to_m - from_m) / (to_s - from_s)),
+        _ => None,
+    }
+}
+
+/// Place at which a trajectory begins, whatever its shape.
+fn on_first(
+    it: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+) -> Result<Placed, ImportError> {
+    fn first(node: &XmlNode) -> Option<&XmlNode> {
+        match node.name.as_str() {
+            "Position" | "PositionStart" => Some(node),
+            _ => node.children.iter().find_map(first),
+        }
+    }
+    let (trajectory, own) = ground.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
+    let place = first(&trajectory).ok_or_else(|| it.error("there is no place in it"))?;
+    ground.place(place, &own)
 }
 
 fn on_trajectory(

@@ -10,7 +10,7 @@ use crate::opendrive::files::Files;
 use crate::opendrive::roads::{OnLane, RoadMap};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::{Bend, ImportedPath, OnWay, Spiral};
+use crate::opendrive::ways::{ImportedPath, OnWay};
 use crate::sim::{Pose, wrapped};
 
 /// Greatest angle in radians between two directions that count as equal.
@@ -19,17 +19,26 @@ const SAME_RAD: f64 = 1e-6;
 const SAME_M: f64 = 1e-6;
 /// Sine of the least turn of a route that is not straight.
 const TURNED_SINE: f64 = 0.1;
+/// Angle in radians between a lane and a straight route from which on the road bends.
+const BENDS_RAD: f64 = 0.001;
 /// Lateral distance in metres within which a route follows the lane.
 const ASIDE_M: f64 = 10.0;
 
 /// Place, with its description in the file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Placed {
     pub spot: Pose,
     /// Lane, if the file gives the place by a lane.
     pub lane: Option<OnLane>,
     /// Position on a path, if the file gives the place by a path.
     pub way: Option<OnWay>,
+}
+
+impl Placed {
+    /// Returns true for a place on a path that turns at its places.
+    pub(super) fn turns(&self) -> bool {
+        self.way.as_ref().is_some_and(|on| on.way.has_corners())
+    }
 }
 
 /// Context to which positions may refer.
@@ -43,9 +52,18 @@ pub(super) struct PositionContext<'a> {
     pub ego: &'a EgoRequest,
     /// Parameters that an event changes.
     pub changed: &'a [String],
+    /// Entities that a controller may move.
+    pub steered: &'a [String],
+    /// Entities that the Init deletes.
+    pub absent: &'a [String],
 }
 
 impl PositionContext<'_> {
+    /// Returns true for an entity other than the ego with a controller.
+    pub(super) fn is_steered(&self, name: &str) -> bool {
+        name != self.ego.name && self.steered.iter().any(|it| it == name)
+    }
+
     /// Returns the place of a `Position`.
     pub(super) fn place(
         &self,
@@ -127,120 +145,6 @@ impl PositionContext<'_> {
             "RoutePosition" => self.on_route(it, scope),
             _ => Err(it.refused("a position of this kind is not read", "place it in the world, on a lane, a road, a trajectory or a route, or relative to these")),
         }
-    }
-
-    /// Returns a trajectory, with the parameters that it may use.
-    pub(super) fn trajectory(
-        &self,
-        reference: &XmlNode,
-        scope: &ParameterScope,
-    ) -> Result<(XmlNode, ParameterScope), ImportError> {
-        // Older files have no element around their trajectory.
-        let inner = reference.child("CatalogReference");
-        match inner.or(reference.child("Trajectory")) {
-            Some(it) if it.name == "CatalogReference" => self.catalogs.entry(it, scope, self.files),
-            Some(it) => Ok((it.clone(), scope.clone())),
-            None => Err(reference.error("there is no trajectory in it")),
-        }
-    }
-
-    /// Returns the path of a trajectory, and the position of its start on the path.
-    pub(super) fn way(
-        &self,
-        trajectory: &XmlNode,
-        scope: &ParameterScope,
-    ) -> Result<OnWay, ImportError> {
-        let shape = trajectory.inner("Shape")?.only()?;
-        match shape.name.as_str() {
-            "Polyline" => {
-                let vertices = shape.all("Vertex").map(|vertex| {
-                    let placed = self.place(vertex.inner("Position")?, scope)?;
-                    Ok(placed.spot)
-                });
-                let vertices = vertices.collect::<Result<Vec<Pose>, ImportError>>()?;
-                let way = ImportedPath::through(shape, &vertices)?;
-                let last = vertices.last().unwrap_or(&way.begins);
-                Ok(OnWay {
-                    ends_m: way.begins.sees(last).x_m,
-                    way,
-                    along_m: 0.0,
-                    is_lane: false,
-                })
-            }
-            "ClothoidSpline" => self.spline(shape, scope),
-            other => Err(shape.error(format!("a way along a `{other}` is not read"))),
-        }
-    }
-
-    /// Returns a path of lines, arcs and spirals.
-    fn spline(&self, shape: &XmlNode, scope: &ParameterScope) -> Result<OnWay, ImportError> {
-        let mut begins = None;
-        let mut pieces = Vec::new();
-        for segment in shape.all("ClothoidSplineSegment") {
-            match (segment.child("PositionStart"), begins.is_none()) {
-                (Some(position), true) => begins = Some(self.place(position, scope)?),
-                (None, true) => {
-                    return Err(segment.refused(
-                        "nothing says where it begins",
-                        "give its first segment a `PositionStart`",
-                    ));
-                }
-                (Some(_), false) => {
-                    return Err(segment.refused(
-                        "a way that begins anew is not read",
-                        "keep the `PositionStart` of the first segment only",
-                    ));
-                }
-                (None, false) => {}
-            }
-            // A heading offset between segments would be a corner.
-            let turns = scope.number_or_zero(segment, "hOffset")? != 0.0;
-            if turns || shape.raw("timeEnd").is_some() {
-                return Err(segment.refused(
-                    "a way with corners or times is not read",
-                    "leave out `hOffset` and `timeEnd`",
-                ));
-            }
-            let spiral = Spiral {
-                length_m: scope.number(segment, "length")?,
-                from_per_m: scope.number(segment, "curvatureStart")?,
-                to_per_m: scope.number(segment, "curvatureEnd")?,
-            };
-            if spiral.length_m <= 0.0 {
-                return Err(segment.error(format!("a piece of {} m", spiral.length_m)));
-            }
-            // A path of its own has no lanes beside it, so its arcs need no
-            // margin.
-            pieces.extend(spiral.arcs(0.0));
-        }
-        let begins = begins.ok_or_else(|| {
-            shape.refused("a way without pieces", "give it a `ClothoidSplineSegment`")
-        })?;
-        let lengths = pieces.iter().map(|piece: &Bend| piece.length_m);
-        let mut on = OnWay {
-            ends_m: lengths.sum(),
-            way: ImportedPath {
-                begins: begins.spot,
-                pieces,
-            },
-            along_m: 0.0,
-            is_lane: false,
-        };
-        // A path that starts on a straight road is extended back to the start
-        // of the road. Points that start elsewhere on the road then share a
-        // world.
-        let lane = begins.lane.as_ref().filter(|at| 0.0 < at.s_m);
-        if let Some((line, at)) = lane.and_then(|at| Some((self.roads.get(&at.road)?, at))) {
-            let first = line.at(0.0, at.t_m);
-            let is_on = line.is_straight() && is_along(first.sees(&begins.spot).heading_rad, 0.0);
-            if is_on {
-                on.begin_at(first);
-            }
-        }
-        // A path continues straight after its last piece, so a final line adds
-        // nothing.
-        on.way.end_straight();
-        Ok(on)
     }
 
     fn other(&self, it: &XmlNode, scope: &ParameterScope) -> Result<&Placed, ImportError> {
@@ -354,10 +258,16 @@ impl PositionContext<'_> {
         if let Some(lanes) = lanes.filter(|_| spots.iter().any(turns)) {
             return self.on_roads(it, scope, &lanes);
         }
-        // Of a straight route only the direction matters, whatever its roads are.
-        let begins = ImportedPath::through(&route, &spots)?.begins;
         let on = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(on, "pathS")?;
+        // Only the direction of the route matters here: it must be straight, with
+        // the lanes along it.
+        let begins = ImportedPath::through(&route, &spots)?.begins;
+        let bends = stops.iter().filter(|stop| stop.lane.is_some());
+        let mut bends = bends.map(|stop| begins.sees(&stop.spot).heading_rad.abs());
+        if bends.any(|off_rad| BENDS_RAD < off_rad) {
+            return self.on_lane_of(on, scope, &stops[0], along_m);
+        }
         let last = spots.last().unwrap_or(&begins);
         let ends_m = begins.sees(last).x_m;
         within(on, along_m, ends_m, "the route")?;
@@ -417,6 +327,29 @@ impl PositionContext<'_> {
         let at = (stretch.road.as_str(), lane, stretch.is_forward());
         let offset_m = scope.number_or_zero(on, "laneOffset")?;
         self.on_lane(it, scope, at, (stretch.station_m(left_m), offset_m))
+    }
+
+    /// Place at the start of a route that bends.
+    fn on_lane_of(
+        &self,
+        on: &XmlNode,
+        scope: &ParameterScope,
+        first: &Placed,
+        along_m: f64,
+    ) -> Result<Placed, ImportError> {
+        let lane = first.lane.as_ref().filter(|_| along_m == 0.0);
+        let lane = lane.ok_or_else(|| {
+            let help = "place it by a `LanePosition`";
+            on.refused("a place along a route that bends is not read", help)
+        })?;
+        let offset_m = scope.number_or_zero(on, "laneOffset")?;
+        let (road, number) = (lane.road.clone(), lane.lane);
+        self.on_lane(
+            on,
+            scope,
+            (&road, number, lane.forward),
+            (lane.s_m, offset_m),
+        )
     }
 
     /// Returns a route and its waypoints.

@@ -58,8 +58,9 @@ pub(super) fn plan(
         return Ok(());
     }
     draft.text("Script([");
-    for (step, number) in it.entity.steps.iter().zip(1..) {
-        step_of(draft, concrete, all, it, (step, number), triggers)?;
+    let mut number = 1;
+    for step in &it.entity.steps {
+        number = step_of(draft, concrete, all, it, (step, number), triggers)?;
     }
     draft.text(if it.entity.steps.is_empty() {
         "])"
@@ -69,6 +70,7 @@ pub(super) fn plan(
     Ok(())
 }
 
+/// Writes a step, and returns the number of the next.
 fn step_of(
     draft: &mut Draft,
     concrete: &Concrete,
@@ -76,11 +78,9 @@ fn step_of(
     it: &EntityInFrame,
     (step, number): (&ImportedStep, usize),
     triggers: &mut Vec<(String, f64)>,
-) -> Result<(), ImportError> {
-    // Names of axes start with the entity and the number of the step, so they are
-    // unique.
-    let axis = |what: &str| format!("{}.step{number}.{what}", it.name);
-    draft.text("\n                (");
+) -> Result<usize, ImportError> {
+    let mut number = number;
+    let mut when = String::new();
     if let Some(watch) = &step.when {
         // All points of a world share the names of its parameters.
         let parameter = match triggers.len() {
@@ -88,9 +88,20 @@ fn step_of(
             before => format!("{}_trigger_{}", it.name, before + 1),
         };
         triggers.push((parameter.clone(), watch.value));
-        let formula = formula(concrete, all, watch, (&parameter, number == 1))?;
-        draft.text(&format!("when: \"{formula}\", "));
+        let (formula, is_edge) = formula(concrete, all, watch, (&parameter, number == 1))?;
+        if is_edge {
+            // An empty step waits until the formula is false.
+            draft.text(&format!(
+                "\n                (when: \"not ({formula})\", does: []),"
+            ));
+            number += 1;
+        }
+        when = format!("when: \"{formula}\", ");
     }
+    // Names of axes start with the entity and the number of the step, so they are
+    // unique.
+    let axis = |what: &str| format!("{}.step{number}.{what}", it.name);
+    draft.text(&format!("\n                ({when}"));
     if step.after_s != 0.0 {
         draft.text("after_s: ");
         draft.hole(&axis("after"), step.after_s);
@@ -108,7 +119,7 @@ fn step_of(
     } else {
         "]),"
     });
-    Ok(())
+    Ok(number + 1)
 }
 
 fn law_of(

@@ -16,6 +16,7 @@ use super::lights::{ImportedLight, lights};
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
+use super::relations::{absent, changed_parameters, ordered, steered};
 use super::request::Import;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::files::Files;
@@ -165,8 +166,10 @@ impl Protocol {
         let changed = changed_parameters(&self.root);
         let objects = self.root.inner("Entities")?;
         let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
-        let privates = motion::present(init, &objects, &self.catalogs)?;
+        let absent = absent(init);
+        let privates = motion::present(init, &objects, (&absent, &self.catalogs))?;
         let privates: Vec<&XmlNode> = privates.iter().collect();
+        let steered = steered(&self.root, &objects);
         for begun in ordered(&privates) {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
@@ -189,6 +192,8 @@ impl Protocol {
                 placed: &placed,
                 ego: &self.ego,
                 changed: &changed,
+                steered: &steered,
+                absent: &absent,
             };
             // `ground` borrows the places so far, so an entity cannot refer to
             // a later entity.
@@ -196,6 +201,10 @@ impl Protocol {
             let before = (&entities[..], body.most_mps2);
             let (speed_mps, ramp) = motion::first_speed_mps(begun, scope, before)?;
             let is_ego = name == self.ego.name;
+            // The trajectory of an ego that is left states the speed with which it begins.
+            let timed_mps = motion::timed_mps(begun, scope, ground);
+            let timed_mps = timed_mps.filter(|_| is_ego && self.ego.is_left);
+            let speed_mps = timed_mps.unwrap_or(speed_mps);
             if is_ego && ramp.is_some() && !self.ego.is_left {
                 let help = "--leave-ego leaves its events to your controller and lists them";
                 return Err(begun.refused("the ego begins with a change of speed", help));
@@ -231,6 +240,8 @@ impl Protocol {
             placed: &placed,
             ego: &self.ego,
             changed: &changed,
+            steered: &steered,
+            absent: &absent,
         };
         let board = self.root.inner("Storyboard")?;
         let scale = motion::friction_scale(init, scope, ground)?;
@@ -376,6 +387,9 @@ impl Concrete {
                 },
                 _ => way.begins.sees(&placed.spot),
             }),
+            RoadFrame::Beside { .. } if placed.lane.is_none() && placed.way.is_some() => {
+                Ok(self.in_plane(&placed.spot))
+            }
             RoadFrame::Beside { road, t_m } => {
                 let OnLane {
                     road: own,
@@ -406,6 +420,18 @@ impl Concrete {
                     y_m: own_t_m - t_m,
                     heading_rad: on.sees(&placed.spot).heading_rad,
                 })
+            }
+        }
+    }
+
+    /// Returns a place in the plane of the world.
+    pub(super) fn in_plane(&self, spot: &Pose) -> Pose {
+        match &self.frame {
+            RoadFrame::Straight(origin) => origin.sees(spot),
+            RoadFrame::Along(way) => way.begins.sees(spot),
+            RoadFrame::Beside { road, t_m } => {
+                let line = self.roads.get(road);
+                line.map_or(*spot, |line| line.at(0.0, *t_m).sees(spot))
             }
         }
     }
@@ -506,35 +532,4 @@ impl Concrete {
         }
         pieces
     }
-}
-
-/// Orders the entities of an Init so that each follows those to which it is relative.
-fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
-    fn refers_to(node: &XmlNode, name: &str) -> bool {
-        let here = node.name != "Private" && node.raw("entityRef") == Some(name);
-        here || node.children.iter().any(|child| refers_to(child, name))
-    }
-    let mut left = privates.to_vec();
-    let mut all = Vec::new();
-    while !left.is_empty() {
-        let name = |it: &XmlNode| it.raw("entityRef").unwrap_or_default().to_owned();
-        let is_free = |it: &&XmlNode| {
-            let mut others = left.iter().filter(|other| name(other) != name(it));
-            !others.any(|other| refers_to(it, &name(other)))
-        };
-        // Places that refer to each other in a circle are refused later.
-        let next = left.iter().position(is_free).unwrap_or(0);
-        all.push(left.remove(next));
-    }
-    all
-}
-
-/// Parameters that an action changes during the run.
-fn changed_parameters(node: &XmlNode) -> Vec<String> {
-    let here = (node.name == "ParameterAction").then(|| node.raw("parameterRef"));
-    let here = here
-        .flatten()
-        .map(|name| name.trim_start_matches('$').to_owned());
-    let inner = node.children.iter().flat_map(changed_parameters);
-    here.into_iter().chain(inner).collect()
 }

@@ -118,7 +118,14 @@ pub(super) fn seen<'a>(
         let off_rad = wrapped(heading_rad - direction_rad).abs();
         is_along(heading_rad, direction_rad) || (on_lanes && off_rad < LANE_RAD)
     };
-    let path = if entity.body.on_foot {
+    let own = entity.placed.way.as_ref();
+    // Who walks on a path in another direction than these does so on its own.
+    let is_square = [0.0, FRAC_PI_2, -FRAC_PI_2, PI, -PI].into_iter().any(near);
+    let turns = own.is_some_and(|on| on.way.has_corners());
+    let own = own.filter(|_| moves && (turns || entity.body.on_foot && !is_square));
+    let path = if let Some(on) = own {
+        EntityPath::Own(concrete.in_plane(&on.way.begins), on)
+    } else if entity.body.on_foot {
         if !shares_road {
             return Err(refused(
                 "a pedestrian beside a way that bends is not read".to_owned(),
@@ -138,21 +145,22 @@ pub(super) fn seen<'a>(
         }
     } else if shares_road && leads(0.0) {
         EntityPath::With
+    } else if shares_road && leads(PI) && entity.is_ego {
+        let help = "let it drive in the direction of its lane";
+        return Err(refused("the ego faces against its lane".to_owned()).helped(help));
     } else if shares_road && leads(PI) {
         EntityPath::Against
     } else {
         match (&entity.placed.way, moves) {
-            (Some(on), true) => {
-                let placed = super::places::Placed {
-                    spot: on.way.begins,
-                    ..entity.placed.clone()
-                };
-                EntityPath::Own(concrete.in_frame(&placed)?, on)
-            }
+            (Some(on), true) => EntityPath::Own(concrete.in_plane(&on.way.begins), on),
             (None, true) => {
                 return Err(refused(
                     "it moves across the ego's road on no way of its own".to_owned(),
                 ));
+            }
+            (_, false) if entity.is_ego => {
+                let help = "place it along its lane, or name another entity with --ego";
+                return Err(refused("the ego stands across its road".to_owned()).helped(help));
             }
             // A standing entity needs no path.
             (_, false) => EntityPath::Turned,

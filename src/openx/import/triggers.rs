@@ -40,6 +40,8 @@ impl StoryElement {
 }
 
 /// Places, and the times at which elements begin as far as they are known.
+///
+/// What never begins has an infinite time.
 pub(super) type TriggerContext<'a> = (PositionContext<'a>, &'a [(StoryElement, f64)]);
 
 /// Returns the start of an act or an event.
@@ -71,6 +73,10 @@ pub(super) fn starts(
             continue;
         }
         if 1 < group.children.len() && group.children.iter().any(is_instant) {
+            if never_together(group, scope)? {
+                context.0.catalogs.note("what never begins", node);
+                continue;
+            }
             let help = "use the rule greaterThan";
             return Err(group.refused("a condition of one instant beside others is not read", help));
         }
@@ -128,6 +134,24 @@ fn is_instant(condition: &XmlNode) -> bool {
     let by = condition.child("ByValueCondition");
     let time = by.and_then(|it| it.child("SimulationTimeCondition"));
     time.is_some_and(|it| it.raw("rule") == Some("equalTo"))
+}
+
+/// Returns true if a group needs the first instant and a distance travelled by then.
+fn never_together(group: &XmlNode, scope: &ParameterScope) -> Result<bool, ImportError> {
+    let mut is_first = false;
+    let mut has_moved = false;
+    for condition in group.all("Condition") {
+        let by = condition.child("ByValueCondition");
+        if let Some(time) = by.and_then(|it| it.child("SimulationTimeCondition")) {
+            is_first |= is_instant(condition) && scope.number(time, "value")? == 0.0;
+        }
+        let way = condition.child("ByEntityCondition");
+        let way = way.and_then(|it| it.child("EntityCondition"));
+        if let Some(way) = way.and_then(|it| it.child("TraveledDistanceCondition")) {
+            has_moved |= 0.0 < scope.number(way, "value")?;
+        }
+    }
+    Ok(is_first && has_moved)
 }
 
 /// Returns true if a condition must become true while it is evaluated.
@@ -192,15 +216,17 @@ fn condition_of(
                     kind: by.need("storyboardElementType")?.to_owned(),
                     name: scope.text(by, "storyboardElementRef")?,
                 };
+                let begins_s = known.iter().find(|(known, _)| *known == element);
+                let begins_s = begins_s.map(|(_, begins_s)| begins_s.max(from_s));
                 match by.raw("state") {
+                    // It waits for what never begins.
+                    _ if begins_s == Some(f64::INFINITY) => Ok(StartTrigger::Never),
                     // Both states begin when the element ends.
                     Some("endTransition" | "completeState") => {
                         Ok(StartTrigger::After { element, delay_s })
                     }
                     // Both states begin when the element begins.
                     Some("startTransition" | "runningState") => {
-                        let begins_s = known.iter().find(|(known, _)| *known == element);
-                        let begins_s = begins_s.map(|(_, begins_s)| begins_s.max(from_s));
                         let begins_s = begins_s.ok_or_else(|| {
                             let what = format!("nothing says when `{}` begins", element.name);
                             by.refused(what, "wait for a time, or for the end of an element")
@@ -218,6 +244,11 @@ fn condition_of(
                 "wait for a time, a parameter, or the end of an element",
             )),
         };
+    }
+    let entity = kind.child("EntityCondition").and_then(|it| it.only().ok());
+    if entity.is_some_and(|it| it.name == "CollisionCondition") {
+        ground.catalogs.note("what follows a contact", condition);
+        return Ok(StartTrigger::Never);
     }
     let watch = watch(kind, scope, rises, ground)?;
     Ok(StartTrigger::When { watch, delay_s })
@@ -322,6 +353,7 @@ fn watch(
         is_below,
         value: scope.number(it, value)?,
         rises,
+        is_late: false,
         at: it.at(),
     })
 }
@@ -388,7 +420,20 @@ fn measure(
             }
             _ => return refused(it),
         },
+        "TimeToCollisionCondition" => {
+            let target = it.inner("TimeToCollisionConditionTarget")?.only()?;
+            match (target.raw("entityRef"), kind, clear) {
+                (Some(_), "longitudinal", true) => Measure::Collision {
+                    target: scope.text(target, "entityRef")?,
+                },
+                _ => return refused(it),
+            }
+        }
         "SpeedCondition" if it.raw("direction").is_none() => Measure::Speed,
+        "RelativeSpeedCondition" if it.raw("direction").is_none() => {
+            Measure::Faster { target: target()? }
+        }
+        "AccelerationCondition" if it.raw("direction").is_none() => Measure::Acceleration,
         "TraveledDistanceCondition" => Measure::Travelled,
         "ReachPositionCondition" => Measure::Place {
             at: Box::new(ground.place(it.inner("Position")?, scope)?),

@@ -32,6 +32,8 @@ const LEAST_TURN_RAD: f64 = 5.0;
 const LEAST_CRUISE_MPS: f64 = 0.1;
 /// Distance in metres by which the front of an ego may swing out.
 const SWING_M: f64 = 0.3;
+/// Width in metres of a path with corners.
+const PATH_M: f64 = 0.0001;
 /// Step in metres in which a longer bend grows.
 const STEP_M: f64 = 100.0;
 
@@ -147,6 +149,8 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
 }
 
 /// Specification of an ego without other agents: its sides stay within its lane.
+///
+/// Where they begin beside it, they leave it no further.
 fn within_lane(concrete: &Concrete, ego: &EntityInFrame) -> String {
     let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
     // An ego that starts beyond its lane must not leave it further, except for its
@@ -215,6 +219,10 @@ fn first_leaves_s(
             Some(approach) => {
                 let ego = concrete.station(&approach.ego)?;
                 let encounter_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
+                // Pedestrians stop at the end of their path.
+                if on_foot && approach.here.way.is_some() {
+                    continue;
+                }
                 encounter_s + ahead_m(&approach.here) / approach.speed_mps
             }
             None => leaves_s(it.entity, ahead_m(&it.entity.placed), ego_mps),
@@ -281,6 +289,12 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[EntityInFrame], until_s: 
     });
     let ways: Vec<String> = ways
         .map(|(it, begins, on)| {
+            // The width of a path with corners is below their radius.
+            let width = if on.way.has_corners() {
+                format!(", lane_width_m: {PATH_M:?}")
+            } else {
+                String::new()
+            };
             // A path without pieces is a straight road.
             let pieces = if on.way.pieces.is_empty() {
                 String::new()
@@ -288,7 +302,7 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[EntityInFrame], until_s: 
                 format!(", pieces: [{}]", bends(&on.way.pieces))
             };
             format!(
-                "        \"{}_way\": (at: (x_m: {}, y_m: {}, heading_rad: {}){pieces}),\n",
+                "        \"{}_way\": (at: (x_m: {}, y_m: {}, heading_rad: {}){width}{pieces}),\n",
                 it.name,
                 tidy(begins.x_m),
                 tidy(begins.y_m),
@@ -363,8 +377,12 @@ fn agent(
             EntityPath::Against => "Back",
             _ => "Ahead",
         };
+        let (road, left_m) = match it.path {
+            EntityPath::Own(..) => (format!(" road: \"{name}_way\","), 0.0),
+            _ => (String::new(), left_m),
+        };
         draft.text(&format!(
-            "        Pedestrian(\n            name: \"{name}\", body: \"{}\", facing: {facing}, \
+            "        Pedestrian(\n            name: \"{name}\", body: \"{}\",{road} facing: {facing}, \
                  lateral_m: ",
             body.name
         ));

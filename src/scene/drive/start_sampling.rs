@@ -96,8 +96,17 @@ impl DriveSpec {
 
     fn carried(&self, agent: usize, whens: Arc<[Option<Monitor>]>) -> PlanConstants {
         let agent = &self.agents[agent];
+        let road = agent.road.checked_sub(1);
+        let road = road.and_then(|number| self.roads.get_index(number));
+        // On a bent road, the middle of a walker keeps the line. Elsewhere its heading
+        // never changes, so its front may stand for its middle.
+        let bends = road.is_some_and(|(_, road)| !road.pieces.is_empty());
         PlanConstants {
-            lever_m: agent.body.lever_m(),
+            lever_m: if bends && agent.body.is_on_foot() {
+                agent.body.half_length_m()
+            } else {
+                agent.body.lever_m()
+            },
             facing_rad: agent.facing_rad,
             on_foot: agent.body.is_on_foot(),
             whens,

@@ -25,9 +25,7 @@ impl Reader<'_> {
             "AbsoluteTargetLane" => value,
             _ => {
                 let of = self.lane_of(who, target, scope)?;
-                // To the left of an entity is the right of a road that it drives
-                // against.
-                lane_beside(&of, if of.forward { value } else { -value })
+                lane_beside(&of, value * of.side())
             }
         };
         let line = ground.roads.road(it, &on.road)?;
@@ -61,7 +59,7 @@ impl Reader<'_> {
         let middle_m = line.middle_m(it, lane)?;
         if target.name == "RelativeTargetLaneOffset" {
             let other = self.lane_of(who, target, scope)?;
-            offset_m += other.t_m - line.middle_m(it, other.lane)?;
+            offset_m = offset_m * f64::from(other.side()) + other.t_m - middle_m;
         }
         let dynamics = it.inner("LaneOffsetActionDynamics")?;
         if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
@@ -85,8 +83,7 @@ impl Reader<'_> {
 
     /// Lane of the entity to which a target is relative.
     ///
-    /// The entity must keep its initial lane for as long as it exists.
-    /// `lanes_stay` checks this after all acts are read.
+    /// The entity must keep its initial lane for as long as it exists. `lanes_stay` checks this after all acts are read.
     fn lane_of(
         &mut self,
         who: usize,
@@ -131,6 +128,10 @@ impl Reader<'_> {
     }
 }
 fn own_lane(script: &EntityScript, it: &XmlNode) -> Result<OnLane, ImportError> {
+    if script.is_cut {
+        let help = "let the event that cuts the change before it begin after its end";
+        return Err(it.refused("a lane after a change that is cut is not read", help));
+    }
     let lane = script.placed.lane.clone();
     lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }

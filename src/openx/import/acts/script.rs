@@ -41,14 +41,23 @@ pub(super) struct EntityScript {
     pub has_begun: bool,
     /// Elements that end together with the previous step.
     pub ended: Vec<StoryElement>,
-    /// Place of the act of the previous step.
+    /// Places of the act and of the maneuver of the previous step.
     pub act: usize,
+    pub maneuver: usize,
     /// Time and speed at which the previous step begins, as far as known before the run.
     pub last: Option<(f64, Option<f64>)>,
     /// Time in seconds at which the previous step ends, if it is known before the run.
     pub ends_s: Option<f64>,
     /// Time in seconds until which a law across the path goes on beside later steps.
     pub aside_s: f64,
+    /// True if a change across the path may have been cut anywhere.
+    pub is_cut: bool,
+    /// True for an entity on foot.
+    pub on_foot: bool,
+    /// True once it follows a trajectory of an event.
+    pub follows: bool,
+    /// Steps of the same event after the first.
+    pub later: Vec<ImportedStep>,
 }
 
 impl EntityScript {
@@ -71,10 +80,36 @@ impl EntityScript {
             gap_m: entity.gap_m,
             ended: Vec::new(),
             act: 0,
+            maneuver: 0,
             ends_s: first_s(entity),
             aside_s: 0.0,
+            is_cut: false,
+            on_foot: entity.body.on_foot,
+            follows: false,
+            later: Vec::new(),
             last: (!entity.steps.is_empty()).then_some((0.0, Some(entity.speed_mps))),
         }
+    }
+
+    /// Lets a step that waits begin beside a change across the path that waits too.
+    ///
+    /// Returns false if it might begin first, or if both cannot overlap.
+    pub(super) fn overlaps_with(
+        &mut self,
+        watch: &WatchedCondition,
+        (along, across): (bool, bool),
+    ) -> bool {
+        let Some(last) = self.steps.last_mut() else {
+            return false;
+        };
+        let is_across = matches!(
+            last.laws[..],
+            [ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }]
+        );
+        let before = last.when.as_ref().filter(|_| last.after_s == 0.0);
+        let follows = before.is_some_and(|before| watch.follows(before));
+        last.overlaps = is_across && follows && along && !across;
+        last.overlaps
     }
 
     /// Makes room for a step at a time before the end of the previous step.
@@ -206,6 +241,19 @@ fn is_relative(action: &XmlNode) -> bool {
     let mut all = Vec::new();
     leaves(action, &mut all);
     all.is_empty() || all.iter().any(|name| !absolute.contains(name))
+}
+
+impl EventContext<'_> {
+    /// Returns true for an event that stops the previous one of an entity, if that goes on.
+    ///
+    /// Its priority only counts within its maneuver.
+    pub(super) fn replaces(&self, script: &EntityScript) -> bool {
+        let priority = self.event.raw("priority");
+        // A change of the Init has no maneuver, and ends with any.
+        let is_same = (script.act, script.maneuver) == (self.act.place, self.maneuver.place)
+            || script.act == 0;
+        is_same && matches!(priority, Some("override" | "overwrite"))
+    }
 }
 
 /// Elements that end with the event: those without other activity.

@@ -39,6 +39,10 @@ impl Reader<'_> {
                             what it does by its own dynamics";
                 group.refused("an act that is stopped in this way is not read", help)
             };
+            // It waits for what never begins.
+            if self.waits_in_vain(group, scope) {
+                continue;
+            }
             let at_s = match lone_time(group) {
                 Some((_, time)) => scope.number(time, "value")?,
                 None => {
@@ -58,6 +62,22 @@ impl Reader<'_> {
             first_s = first_s.min(at_s);
         }
         Ok(first_s)
+    }
+
+    /// Returns true for a group with an element that never begins.
+    fn waits_in_vain(&self, group: &XmlNode, scope: &ParameterScope) -> bool {
+        let by = group
+            .all("Condition")
+            .filter_map(|it| it.child("ByValueCondition"));
+        let mut states = by.filter_map(|it| it.child("StoryboardElementStateCondition"));
+        states.any(|state| {
+            let kind = state.raw("storyboardElementType").unwrap_or_default();
+            let name = scope
+                .text(state, "storyboardElementRef")
+                .unwrap_or_default();
+            let mut known = self.begun.iter().filter(|(_, at_s)| at_s.is_infinite());
+            known.any(|(element, _)| element.kind == kind && element.name == name)
+        })
     }
 
     /// Refuses weather that changes the friction after the Init.

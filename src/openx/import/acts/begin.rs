@@ -1,0 +1,262 @@
+//! Begins of the steps of an entity.
+
+use super::script::{EventContext, ended};
+use super::{Reader, SOON_S, directions};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::tree::XmlNode;
+use crate::openx::import::ends::to_mps;
+use crate::openx::import::entity::{ImportedLaw, ImportedStep, Measure, WatchedCondition};
+use crate::openx::import::triggers::{StartTrigger, StoryElement, starts};
+use crate::scene::drive::ChangeShape;
+
+/// Step without laws, and what goes on of a law that it cuts.
+type Begun = (ImportedStep, Option<ImportedLaw>);
+
+impl Reader<'_> {
+    pub(super) fn step(
+        &mut self,
+        who: usize,
+        context: &EventContext<'_>,
+        actions: &[&XmlNode],
+    ) -> Result<(), ImportError> {
+        let event = context.event;
+        let script = &self.scripts[who];
+        let is_first = !script.has_begun;
+        if script.approach.is_some() {
+            let help = "let the SynchronizeAction be the only event of the entity";
+            return Err(event.refused("an event beside a meeting is not read", help));
+        }
+        let Some((mut step, rest)) = self.begun_step(who, context, actions)? else {
+            self.never(context);
+            return Ok(());
+        };
+        let script = &mut self.scripts[who];
+        if script.follows && context.replaces(script) {
+            let help = "write priority=\"parallel\", or end the trajectory there";
+            return Err(event.refused("a trajectory that an event may cut is not read", help));
+        }
+        script.has_begun = true;
+        self.scripts[who].act = context.act.place;
+        self.scripts[who].maneuver = context.maneuver.place;
+        // Some actions are only read at the start of the run.
+        let at_start = is_first && step.when.is_none() && step.after_s <= SOON_S;
+        let script = &self.scripts[who];
+        let (from_mps, from_m) = (script.speeds.now_mps, (script.t_m, script.changed_m));
+        // What follows a trajectory stands until then, whatever speed comes with it.
+        let (routes, others): (Vec<&XmlNode>, Vec<&XmlNode>) =
+            actions.iter().partition(|it| it.name == "RoutingAction");
+        for action in routes.into_iter().chain(others) {
+            self.action(who, context, action, at_start, &mut step)?;
+        }
+        let script = &mut self.scripts[who];
+        if let Some(rest) = rest {
+            // The change of speed goes on beside what the step does.
+            script.speeds.now_mps = to_mps(&rest, 0.0);
+            step.laws.push(rest);
+        }
+        script.ended = ended(context, actions.len());
+        if script.approach.is_some() && !step.laws.is_empty() {
+            let help = "let the SynchronizeAction be the only action of the entity";
+            return Err(event.refused("an action beside a meeting is not read", help));
+        }
+        let lasts_s = step.laws.iter().map(|law| law.lasts_s(from_mps, from_m));
+        let lasts_s = lasts_s.reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)));
+        let lasts_s = lasts_s.unwrap_or(Some(0.0));
+        let begins_s = script.ends_s.filter(|_| step.when.is_none());
+        // What follows a step of an act that waits has no known time.
+        let begins_s = begins_s.filter(|_| context.waits.is_none());
+        if let Some(begins_s) = begins_s {
+            let elements = [
+                StoryElement::of("event", event),
+                StoryElement::of("maneuver", context.maneuver),
+            ];
+            let begun = elements.into_iter().flatten();
+            let begun = begun.map(|element| (element, begins_s + step.after_s));
+            // The first event of a maneuver begins it.
+            for (element, at_s) in begun.collect::<Vec<_>>() {
+                if self.begun.iter().all(|(known, _)| *known != element) {
+                    self.begun.push((element, at_s));
+                }
+            }
+        }
+        script.last = begins_s.map(|at_s| (at_s + step.after_s, from_mps));
+        script.ends_s = begins_s
+            .zip(lasts_s)
+            .map(|(at_s, lasts_s)| at_s + step.after_s + lasts_s);
+        // Actions at the start that change the initial state need no step.
+        if !step.laws.is_empty() {
+            script.steps.push(step);
+        }
+        // When a trajectory or several steps end is not known.
+        if script.follows || !script.later.is_empty() {
+            script.ended.clear();
+        }
+        if !script.later.is_empty() {
+            script.steps.append(&mut script.later);
+            script.ends_s = None;
+        }
+        Ok(())
+    }
+
+    /// Notes the elements of an event that never begins.
+    fn never(&mut self, context: &EventContext<'_>) {
+        let actions = context.event.all("Action");
+        let actions = actions.filter_map(|it| StoryElement::of("action", it));
+        let event = StoryElement::of("event", context.event);
+        let elements = event.into_iter().chain(actions);
+        self.begun.extend(elements.map(|it| (it, f64::INFINITY)));
+    }
+
+    /// Step of an event without its laws, or `None` if the event never begins.
+    fn begun_step(
+        &mut self,
+        who: usize,
+        context: &EventContext<'_>,
+        actions: &[&XmlNode],
+    ) -> Result<Option<Begun>, ImportError> {
+        let event = context.event;
+        let script = &self.scripts[who];
+        let is_first = !script.has_begun;
+        let mut step = ImportedStep {
+            when: None,
+            after_s: 0.0,
+            laws: Vec::new(),
+            overlaps: false,
+        };
+        let mut rest = None;
+        let priority = event.raw("priority").unwrap_or_default();
+        let replaces = context.replaces(script);
+        // A later act may begin after an element of another act has ended. Its
+        // trigger would then miss that end.
+        let in_time = context.begins_s == 0.0 || script.act == context.act.place;
+        let in_time = in_time && (context.waits.is_none() || script.act == context.act.place);
+        // The first event of an act waits for what the act waits for.
+        let waits = context.waits.filter(|_| script.act != context.act.place);
+        if waits.is_some() && !is_first {
+            let what =
+                "an act that waits for something, after other events of an agent, is not read";
+            return Err(event.refused(what, "let the act begin by a time"));
+        }
+        // Whether all that came before has ended when the act begins.
+        let (ends_s, aside_s, same_act) = (
+            script.ends_s,
+            script.aside_s,
+            script.act == context.act.place,
+        );
+        let is_idle = ends_s.is_some_and(|ends_s| ends_s <= context.begins_s);
+        match starts(
+            event,
+            context.scope,
+            context.begins_s,
+            (self.ground, &self.begun),
+        )? {
+            StartTrigger::Never => return Ok(None),
+            StartTrigger::At(at_s) if is_first => {
+                step.after_s = at_s;
+                if let Some((watch, delay_s)) = waits {
+                    // A time of its own would count from another instant.
+                    if at_s != 0.0 {
+                        let what = "a time beside an act that waits for something is not read";
+                        return Err(event.refused(what, "let the act begin by a time"));
+                    }
+                    step.when = Some(watch.clone());
+                    step.after_s = *delay_s;
+                }
+            }
+            // A time after the end of the event before it.
+            StartTrigger::At(at_s)
+                if aside_s <= at_s && ends_s.is_some_and(|ends_s| ends_s <= at_s) =>
+            {
+                step.after_s = at_s - ends_s.unwrap_or(0.0);
+            }
+            StartTrigger::At(at_s)
+                if priority != "skip"
+                    && let Some((after_s, left)) =
+                        self.scripts[who].overlap(at_s, directions(actions), replaces) =>
+            {
+                step.after_s = after_s;
+                rest = left;
+            }
+            StartTrigger::After { element, delay_s }
+                if self.scripts[who].ended.contains(&element) && in_time =>
+            {
+                step.after_s = delay_s;
+            }
+            StartTrigger::When { mut watch, delay_s } if is_first || is_idle => {
+                // A condition is only observed once its act has begun, so an
+                // empty step waits for it.
+                let idle_s = context.begins_s - ends_s.unwrap_or(0.0);
+                if let Some((act_watch, act_delay_s)) = waits {
+                    self.scripts[who].steps.push(ImportedStep {
+                        when: Some(act_watch.clone()),
+                        after_s: *act_delay_s,
+                        ..step.clone()
+                    });
+                } else if 0.0 < idle_s {
+                    self.scripts[who].steps.push(ImportedStep {
+                        after_s: idle_s,
+                        ..step.clone()
+                    });
+                }
+                watch.is_late = waits.is_some() || 0.0 < context.begins_s;
+                step.when = Some(watch);
+                step.after_s = delay_s;
+            }
+            StartTrigger::When { watch, delay_s }
+                if same_act
+                    && priority != "skip"
+                    && self.scripts[who].overlaps_with(&watch, directions(actions)) =>
+            {
+                if replaces {
+                    // It cuts the change across the path, wherever that is by then.
+                    self.scripts[who].is_cut = true;
+                    step.laws.push(ImportedLaw::LaneChange {
+                        by_m: 0.0,
+                        rate_mps: 1.0,
+                        shape: ChangeShape::Cosine,
+                    });
+                }
+                step.when = Some(watch);
+                step.after_s = delay_s;
+            }
+            _ => {
+                let what = "an event that may begin before the one before it has ended is not read";
+                let help = "begin it by a StoryboardElementStateCondition: the endTransition of \
+                            the event before it, which only this entity carries out";
+                return Err(event.refused(what, help));
+            }
+        }
+        Ok(Some((step, rest)))
+    }
+}
+
+impl WatchedCondition {
+    /// Returns true if it never comes before another condition.
+    pub(super) fn follows(&self, other: &WatchedCondition) -> bool {
+        let is_stricter = if self.is_below {
+            self.value <= other.value
+        } else {
+            self.value >= other.value
+        };
+        // The clear way to what is ahead is no longer than that between reference points.
+        let is_same = match (&self.measure, &other.measure) {
+            (
+                Measure::Clearance {
+                    target,
+                    is_time: true,
+                },
+                Measure::Along {
+                    target: before,
+                    is_time: true,
+                },
+            ) => target == before && !self.is_below,
+            (measure, before) => measure == before,
+        };
+        self.who == other.who
+            && self.needs_all == other.needs_all
+            && is_same
+            && self.is_below == other.is_below
+            && is_stricter
+            && (self.rises || !other.rises)
+    }
+}

@@ -1,0 +1,59 @@
+//! Relations between the entities and the elements of a file.
+
+use crate::opendrive::tree::XmlNode;
+
+/// Orders the entities of an Init so that each follows those to which it is relative.
+pub(super) fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
+    fn refers_to(node: &XmlNode, name: &str) -> bool {
+        let here = node.name != "Private" && node.raw("entityRef") == Some(name);
+        here || node.children.iter().any(|child| refers_to(child, name))
+    }
+    let mut left = privates.to_vec();
+    let mut all = Vec::new();
+    while !left.is_empty() {
+        let name = |it: &XmlNode| it.raw("entityRef").unwrap_or_default().to_owned();
+        let is_free = |it: &&XmlNode| {
+            let mut others = left.iter().filter(|other| name(other) != name(it));
+            !others.any(|other| refers_to(it, &name(other)))
+        };
+        // Places that refer to each other in a circle are refused later.
+        let next = left.iter().position(is_free).unwrap_or(0);
+        all.push(left.remove(next));
+    }
+    all
+}
+
+/// Names of the entities that an Init deletes.
+pub(super) fn absent(init: &XmlNode) -> Vec<String> {
+    let global = init.all("GlobalAction");
+    let entities = global.filter_map(|it| it.child("EntityAction"));
+    let deletes = entities.filter(|it| it.child("DeleteEntityAction").is_some());
+    let names = deletes.filter_map(|it| it.raw("entityRef"));
+    names.map(str::to_owned).collect()
+}
+
+/// Names of the entities that a controller may move.
+pub(super) fn steered(root: &XmlNode, objects: &[&XmlNode]) -> Vec<String> {
+    fn assigns(node: &XmlNode) -> bool {
+        node.name == "AssignControllerAction" || node.children.iter().any(assigns)
+    }
+    let may_be_assigned = assigns(root);
+    let has_one = |it: &&XmlNode| {
+        let mut own = it.all("ObjectController");
+        may_be_assigned || own.any(|own| !own.children.is_empty())
+    };
+    let steered = objects.iter().copied().filter(has_one);
+    steered
+        .filter_map(|it| it.raw("name").map(str::to_owned))
+        .collect()
+}
+
+/// Parameters that an action changes during the run.
+pub(super) fn changed_parameters(node: &XmlNode) -> Vec<String> {
+    let here = (node.name == "ParameterAction").then(|| node.raw("parameterRef"));
+    let here = here
+        .flatten()
+        .map(|name| name.trim_start_matches('$').to_owned());
+    let inner = node.children.iter().flat_map(changed_parameters);
+    here.into_iter().chain(inner).collect()
+}

@@ -1,0 +1,268 @@
+//! Trajectories of scenario files, as paths.
+
+use super::places::{PositionContext, is_along};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::{Bend, ImportedPath, OnWay, Spiral};
+use crate::sim::{Pose, wrapped};
+
+/// Greatest angle in radians between the heading at a place and the line to the next.
+const FACES_RAD: f64 = 0.1;
+/// Length in metres up to which a line may differ more.
+const SHORT_M: f64 = 1.0;
+
+/// Place of a trajectory with times: its time in seconds and its station in metres.
+pub(super) type TimedPlace = (f64, f64);
+
+impl PositionContext<'_> {
+    /// Returns a trajectory, with the parameters that it may use.
+    pub(super) fn trajectory(
+        &self,
+        reference: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<(XmlNode, ParameterScope), ImportError> {
+        // Older files have no element around their trajectory.
+        let inner = reference.child("CatalogReference");
+        match inner.or(reference.child("Trajectory")) {
+            Some(it) if it.name == "CatalogReference" => self.catalogs.entry(it, scope, self.files),
+            Some(it) => Ok((it.clone(), scope.clone())),
+            None => Err(reference.error("there is no trajectory in it")),
+        }
+    }
+
+    /// Returns the path of a trajectory, and the position of its start on the path.
+    pub(super) fn way(
+        &self,
+        trajectory: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<OnWay, ImportError> {
+        let shape = trajectory.inner("Shape")?.only()?;
+        match shape.name.as_str() {
+            "Polyline" => {
+                let vertices = shape.all("Vertex").map(|vertex| {
+                    let placed = self.place(vertex.inner("Position")?, scope)?;
+                    Ok(placed.spot)
+                });
+                let vertices = vertices.collect::<Result<Vec<Pose>, ImportError>>()?;
+                if let Ok(way) = ImportedPath::through(shape, &vertices) {
+                    let last = vertices.last().unwrap_or(&way.begins);
+                    return Ok(OnWay {
+                        ends_m: way.begins.sees(last).x_m,
+                        way,
+                        along_m: 0.0,
+                        is_lane: false,
+                    });
+                }
+                faces_ahead(shape, &vertices)?;
+                let (way, stations) = ImportedPath::cornered(shape, &vertices)?;
+                Ok(OnWay {
+                    ends_m: stations.last().copied().unwrap_or(0.0),
+                    way,
+                    along_m: 0.0,
+                    is_lane: false,
+                })
+            }
+            "Clothoid" => self.clothoid(shape, scope),
+            "ClothoidSpline" => self.spline(shape, scope),
+            other => Err(shape.error(format!("a way along a `{other}` is not read"))),
+        }
+    }
+
+    /// Returns a path along one clothoid.
+    fn clothoid(&self, shape: &XmlNode, scope: &ParameterScope) -> Result<OnWay, ImportError> {
+        let begins = self.place(shape.inner("Position")?, scope)?.spot;
+        // The attribute has had both names.
+        let name = match shape.raw("curvaturePrime") {
+            Some(_) => "curvaturePrime",
+            None => "curvatureDot",
+        };
+        let (length_m, from_per_m) = (
+            scope.number(shape, "length")?,
+            scope.number(shape, "curvature")?,
+        );
+        let spiral = Spiral {
+            length_m,
+            from_per_m,
+            to_per_m: from_per_m + scope.number_or_zero(shape, name)? * length_m,
+        };
+        if length_m <= 0.0 {
+            return Err(shape.error(format!("a piece of {length_m} m")));
+        }
+        let pieces = spiral.arcs(0.0);
+        Ok(OnWay {
+            way: ImportedPath { begins, pieces },
+            along_m: 0.0,
+            ends_m: length_m,
+            is_lane: false,
+        })
+    }
+
+    /// Returns a path of lines, arcs and spirals.
+    fn spline(&self, shape: &XmlNode, scope: &ParameterScope) -> Result<OnWay, ImportError> {
+        let mut begins = None;
+        let mut pieces = Vec::new();
+        for segment in shape.all("ClothoidSplineSegment") {
+            match (segment.child("PositionStart"), begins.is_none()) {
+                (Some(position), true) => begins = Some(self.place(position, scope)?),
+                (None, true) => {
+                    return Err(segment.refused(
+                        "nothing says where it begins",
+                        "give its first segment a `PositionStart`",
+                    ));
+                }
+                (Some(_), false) => {
+                    return Err(segment.refused(
+                        "a way that begins anew is not read",
+                        "keep the `PositionStart` of the first segment only",
+                    ));
+                }
+                (None, false) => {}
+            }
+            // A heading offset between segments would be a corner.
+            let turns = scope.number_or_zero(segment, "hOffset")? != 0.0;
+            if turns || shape.raw("timeEnd").is_some() {
+                return Err(segment.refused(
+                    "a way with corners or times is not read",
+                    "leave out `hOffset` and `timeEnd`",
+                ));
+            }
+            let spiral = Spiral {
+                length_m: scope.number(segment, "length")?,
+                from_per_m: scope.number(segment, "curvatureStart")?,
+                to_per_m: scope.number(segment, "curvatureEnd")?,
+            };
+            if spiral.length_m <= 0.0 {
+                return Err(segment.error(format!("a piece of {} m", spiral.length_m)));
+            }
+            // A path of its own has no lanes beside it, so its arcs need no
+            // margin.
+            pieces.extend(spiral.arcs(0.0));
+        }
+        let begins = begins.ok_or_else(|| {
+            shape.refused("a way without pieces", "give it a `ClothoidSplineSegment`")
+        })?;
+        let lengths = pieces.iter().map(|piece: &Bend| piece.length_m);
+        let mut on = OnWay {
+            ends_m: lengths.sum(),
+            way: ImportedPath {
+                begins: begins.spot,
+                pieces,
+            },
+            along_m: 0.0,
+            is_lane: false,
+        };
+        // A path that starts on a straight road is extended back to the start
+        // of the road. Points that start elsewhere on the road then share a
+        // world.
+        let lane = begins.lane.as_ref().filter(|at| 0.0 < at.s_m);
+        if let Some((line, at)) = lane.and_then(|at| Some((self.roads.get(&at.road)?, at))) {
+            let first = line.at(0.0, at.t_m);
+            let is_on = line.is_straight() && is_along(first.sees(&begins.spot).heading_rad, 0.0);
+            if is_on {
+                on.begin_at(first);
+            }
+        }
+        // A path continues straight after its last piece, so a final line adds
+        // nothing.
+        on.way.end_straight();
+        Ok(on)
+    }
+
+    /// Returns the path of an action, and its places with times if it states them.
+    ///
+    /// Times are those from the begin of the action on.
+    pub(super) fn followed(
+        &self,
+        it: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<(OnWay, Option<Vec<TimedPlace>>), ImportError> {
+        let (trajectory, own) = self.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
+        let mut on = self.way(&trajectory, &own)?;
+        let closed = trajectory.raw("closed").is_some_and(|it| it != "false");
+        // The run ends with the path if that has corners, before it begins again.
+        if closed && !on.way.has_corners() {
+            let help = "write closed=\"false\"";
+            return Err(trajectory.refused("a trajectory that begins again is not read", help));
+        }
+        let offset_m = scope.number_or_zero(it, "initialDistanceOffset")?;
+        on.move_on(it, offset_m)?;
+        let timing = it.child("TimeReference").and_then(|it| it.child("Timing"));
+        let Some(timing) = timing else {
+            return Ok((on, None));
+        };
+        let shape = trajectory.inner("Shape")?.only()?;
+        if shape.name != "Polyline" {
+            let help = "write a polyline, or leave out the times";
+            return Err(shape.refused("times along this shape are not read", help));
+        }
+        let mut places = Vec::new();
+        for vertex in shape.all("Vertex") {
+            let spot = self.place(vertex.inner("Position")?, &own)?.spot;
+            places.push((own.number(vertex, "time")?, spot));
+        }
+        let spots: Vec<Pose> = places.iter().map(|(_, spot)| *spot).collect();
+        let (_, stations) = ImportedPath::cornered(shape, &spots)?;
+        let times = places.iter().map(|(at_s, _)| *at_s);
+        let timed: Vec<TimedPlace> = times.zip(stations).collect();
+        if timed.windows(2).any(|pair| pair[1].0 <= pair[0].0) {
+            let help = "let each place have a later time than the one before it";
+            return Err(shape.refused("times that do not rise", help));
+        }
+        let scale = scope.number(timing, "scale")?;
+        if scale <= 0.0 {
+            return Err(timing.refused(format!("a scale of {scale}"), "write a scale above 0"));
+        }
+        // Relative times go on from that of the place at which it begins.
+        let is_relative = timing.raw("domainAbsoluteRelative") == Some("relative");
+        let first_s = if is_relative {
+            at(&timed, offset_m, |it| (it.1, it.0))
+        } else {
+            0.0
+        };
+        let from_s = first_s + scope.number_or_zero(timing, "offset")?;
+        let begins_m = at(&timed, from_s, |it| it);
+        let later = timed.iter().filter(|(at_s, _)| from_s < *at_s);
+        let later = later.map(|(at_s, at_m)| ((at_s - from_s) / scale, *at_m));
+        let timed = std::iter::once((0.0, begins_m)).chain(later).collect();
+        on.along_m = begins_m;
+        Ok((on, Some(timed)))
+    }
+}
+
+/// Value between places at a value of their other coordinate.
+fn at(timed: &[TimedPlace], x: f64, of: impl Fn(TimedPlace) -> (f64, f64)) -> f64 {
+    let pairs = timed.windows(2).map(|pair| (of(pair[0]), of(pair[1])));
+    let mut pairs = pairs.filter(|(from, to)| from.0 <= x && x < to.0);
+    let ends = timed.first().zip(timed.last());
+    match (pairs.next(), ends) {
+        (Some((from, to)), _) => from.1 + (to.1 - from.1) * (x - from.0) / (to.0 - from.0),
+        (None, Some((first, _))) if x < of(*first).0 => of(*first).1,
+        (None, Some((_, last))) => of(*last).1,
+        (None, None) => 0.0,
+    }
+}
+
+/// Refuses places at which an entity faces elsewhere than along the lines between them.
+///
+/// Between two places the heading of a file turns evenly, so short lines may differ.
+fn faces_ahead(shape: &XmlNode, vertices: &[Pose]) -> Result<(), ImportError> {
+    fn states_heading(vertex: &XmlNode) -> bool {
+        let is_world = vertex.name == "WorldPosition" && vertex.raw("h").is_some();
+        let is_turned = vertex.name == "Orientation" && vertex.raw("h").is_some();
+        is_world || is_turned || vertex.children.iter().any(states_heading)
+    }
+    let stated: Vec<bool> = shape.all("Vertex").map(states_heading).collect();
+    for (i, pair) in vertices.windows(2).enumerate() {
+        let (dx, dy) = (pair[1].x_m - pair[0].x_m, pair[1].y_m - pair[0].y_m);
+        let along_rad = libm::atan2(dy, dx);
+        let ends = pair.iter().zip(&stated[i..]);
+        let mut off = ends.filter(|(_, stated)| **stated);
+        let is_off = off.any(|(at, _)| FACES_RAD < wrapped(at.heading_rad - along_rad).abs());
+        if is_off && SHORT_M < libm::hypot(dx, dy) {
+            let help = "leave the headings of its places out, or let them face along the way";
+            return Err(shape.refused("a way whose places face elsewhere is not read", help));
+        }
+    }
+    Ok(())
+}
