@@ -25,7 +25,7 @@ const MOST_PER_M: f64 = 0.5;
 /// Width in metres of a way that must not come back to itself, and how far before
 /// that it ends.
 const ROUND_M: f64 = 8.0;
-const BEFORE_M: f64 = 20.0;
+const BEFORE_M: f64 = 60.0;
 /// Curvature in 1/m below which a piece is a line.
 const LINE_PER_M: f64 = 1e-9;
 
