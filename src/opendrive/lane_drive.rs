@@ -204,7 +204,7 @@ impl RoadMap {
         let way = ImportedPath { begins, pieces };
         let turns = way.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
         let meets_m = meets_itself_m((&|at_m| way.at(at_m), ends_m), turns.sum(), ROUND_M);
-        let ends_m = meets_m.map_or(ends_m, |meets_m| meets_m - BEFORE_M);
+        let ends_m = meets_m.map_or(ends_m, |meets_m| (meets_m - BEFORE_M).max(0.5 * meets_m));
         Ok(OnWay {
             way: way.cut(ends_m),
             ends_m,
