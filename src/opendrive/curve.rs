@@ -25,7 +25,7 @@ const MOST_SAMPLES: f64 = 20_000.0;
 /// Distance along a curve at which it comes near an earlier part of itself.
 ///
 /// `turn_rad` is the sum of its turns in either direction.
-pub(crate) fn meets_itself_m(
+pub(crate) fn self_overlap_m(
     (at, length_m): (&dyn Fn(f64) -> Pose, f64),
     turn_rad: f64,
     width_m: f64,

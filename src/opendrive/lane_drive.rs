@@ -3,7 +3,7 @@
 
 use core::f64::consts::PI;
 
-use super::curve::{arcs_of, meets_itself_m, pair_of};
+use super::curve::{arcs_of, pair_of, self_overlap_m};
 use super::error::ImportError;
 use super::links::RoadLink;
 use super::roads::{ImportedRoad, OnLane, RoadMap};
@@ -25,7 +25,7 @@ const MOST_PER_M: f64 = 0.5;
 /// Width in metres of a way that must not come back to itself, and how far before
 /// that it ends.
 const ROUND_M: f64 = 8.0;
-const BEFORE_M: f64 = 20.0;
+const BEFORE_M: f64 = 60.0;
 /// Curvature in 1/m below which a piece is a line.
 const LINE_PER_M: f64 = 1e-9;
 
@@ -203,8 +203,10 @@ impl RoadMap {
         let ends_m = pieces.iter().map(|piece| piece.length_m).sum();
         let way = ImportedPath { begins, pieces };
         let turns = way.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
-        let meets_m = meets_itself_m((&|at_m| way.at(at_m), ends_m), turns.sum(), ROUND_M);
-        let ends_m = meets_m.map_or(ends_m, |meets_m| meets_m - BEFORE_M);
+        let overlap_m = self_overlap_m((&|at_m| way.at(at_m), ends_m), turns.sum(), ROUND_M);
+        let ends_m = overlap_m.map_or(ends_m, |overlap_m| {
+            (overlap_m - BEFORE_M).max(0.5 * overlap_m)
+        });
         Ok(OnWay {
             way: way.cut(ends_m),
             ends_m,

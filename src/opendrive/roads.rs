@@ -6,7 +6,7 @@ use core::cmp::Ordering;
 use core::f64::consts::{FRAC_PI_2, PI};
 use std::collections::BTreeMap;
 
-use super::curve::{Cubic, meets_itself_m};
+use super::curve::{Cubic, self_overlap_m};
 use super::error::ImportError;
 use super::lanes::{RoadLanes, heights_of};
 use super::links::{Junctions, RoadLink, controllers};
@@ -23,7 +23,7 @@ pub(crate) struct ImportedRoad {
     pub length_m: f64,
     pub pieces: Vec<ReferenceSegment>,
     /// True for a road that closes on itself, or crosses itself.
-    pub meets_itself: bool,
+    pub overlaps_itself: bool,
     /// True for left-hand traffic.
     pub is_left_hand: bool,
     /// First unsupported content, returned when an entity is on the road.
@@ -215,7 +215,7 @@ impl ImportedRoad {
         }
         let lanes = road.inner("lanes")?;
         let mut line = ImportedRoad {
-            meets_itself: false,
+            overlaps_itself: false,
             surface: Surface::of(road, lanes.child("laneSection"))?,
             node: road.clone(),
             length_m,
@@ -226,7 +226,7 @@ impl ImportedRoad {
             is_left_hand: road.raw("rule") == Some("LHT"),
             refused,
         };
-        line.meets_itself = line.comes_back();
+        line.overlaps_itself = line.comes_back();
         Ok(line)
     }
 
@@ -251,7 +251,7 @@ impl ImportedRoad {
                 .sum::<f64>()
         };
         let at = |s_m: f64| self.at(s_m, 0.0);
-        meets_itself_m((&at, self.length_m), turns.sum(), side_m(1) + side_m(-1)).is_some()
+        self_overlap_m((&at, self.length_m), turns.sum(), side_m(1) + side_m(-1)).is_some()
     }
 
     /// Returns whether the reference line is straight between two stations.

@@ -246,14 +246,14 @@ fn an_import_says_what_it_drops_and_what_to_write_instead() {
         { "kind": "lateral profile", "file": "straight.xodr", "line": 10, "count": 1 }
     ]);
     assert_eq!(json(&said)["dropped"], dropped);
-    copied("straight.xodr", "RHT", "LHT");
+    copied("straight.xodr", r#"length="1000" id"#, r#"length="900" id"#);
     let said = new(&["three"]);
     assert_eq!(code(&said), 2);
     for part in [
         "straight.xodr",
         "line 4",
-        "left-hand traffic",
-        "mirror the road",
+        "its length is 900 m",
+        "make both the same",
     ] {
         assert!(stderr(&said).contains(part), "{part}: {}", stderr(&said));
     }

@@ -316,7 +316,7 @@ fn keeps_road(
     Ok(at.lane < 0
         && at.forward
         && !line.is_left_hand
-        && !line.meets_itself
+        && !line.overlaps_itself
         && (line.is_straight() || aside_m <= MOST_ASIDE_M)
         && fixed
         && alone
