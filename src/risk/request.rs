@@ -42,11 +42,11 @@ pub struct RiskRequest<'a> {
     pub dir: Option<PathBuf>,
 }
 
-/// Fault of proposals that the checks have to find.
+/// Fault of proposals that the checks have to find, with no share of the law to bound weights.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub enum ProposalFault {
-    /// V depends on the remaining time alone, and no share of the law bounds the weights.
+    /// V depends on the remaining time alone.
     StateBlind,
     /// V takes all failures but those of a kind for runs without one.
     Only(&'static str),
