@@ -1,8 +1,8 @@
 //! Conditions of steps in the form of a world file: formulas over signals.
 
+use super::concrete::Concrete;
 use super::draft::tidy;
 use super::entity::{Measure, WatchedCondition};
-use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath};
 use crate::opendrive::error::ImportError;
 

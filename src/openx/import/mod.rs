@@ -12,6 +12,7 @@
 mod acts;
 mod bodies;
 mod catalog;
+mod concrete;
 mod conditions;
 mod draft;
 mod driven_lanes;

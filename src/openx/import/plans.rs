@@ -1,9 +1,9 @@
 //! Plans of entities in the form of a world file: meetings and scripts.
 
+use super::concrete::Concrete;
 use super::conditions::formula;
 use super::draft::Draft;
 use super::entity::{ImportedLaw, ImportedStep, Steady};
-use super::scenario::Concrete;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, named};
 use crate::opendrive::error::ImportError;
 use crate::scene::drive::ChangeShape;

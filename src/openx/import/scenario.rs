@@ -1,4 +1,4 @@
-//! Scenario file, and its content at one point.
+//! Scenario file, and how its content is read at one point.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -8,11 +8,12 @@ use std::rc::Rc;
 use super::acts::acts;
 use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
+use super::concrete::Concrete;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::{ImportedEntity, ImportedStep};
-use super::frame::{FrameOfEgo, MOST_ASIDE_M, RoadFrame};
-use super::lights::{ImportedLight, lights};
+use super::frame::FrameOfEgo;
+use super::lights::lights;
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
@@ -20,12 +21,9 @@ use super::relations::{absent, changed_parameters, ordered, steered};
 use super::request::Import;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::files::Files;
-use crate::opendrive::roads::{OnLane, RoadMap};
+use crate::opendrive::roads::RoadMap;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::Bend;
-use crate::road::Grade;
-use crate::sim::Pose;
 
 /// Valid range of friction coefficients.
 const FRICTIONS: core::ops::RangeInclusive<f64> = 0.01..=2.0;
@@ -43,28 +41,6 @@ pub(super) struct Protocol {
     ego: EgoRequest,
     /// Road files by the name of a map.
     maps: Vec<(String, PathBuf)>,
-}
-
-/// Scenario at a point.
-pub(super) struct Concrete {
-    pub frame: RoadFrame,
-    /// Lateral position of a straight frame, from its reference line.
-    straight_zero_m: f64,
-    pub roads: Rc<RoadMap>,
-    pub lanes: usize,
-    pub lane_width_m: f64,
-    /// Friction coefficient μ of the ego's road.
-    pub friction: f64,
-    pub limit_mps: Option<f64>,
-    /// Grades of the ego's road.
-    pub grades: Vec<Grade>,
-    /// Lights of the ego's road.
-    pub lights: Vec<ImportedLight>,
-    pub entities: Vec<ImportedEntity>,
-    /// Time at which the file ends the run, if it states a time alone.
-    pub stop_s: Option<f64>,
-    /// Place of the file, for later errors.
-    pub at: At,
 }
 
 impl Protocol {
@@ -344,192 +320,5 @@ impl Protocol {
         let map = Rc::new(RoadMap::of(&root)?);
         self.roads.borrow_mut().insert(path, Rc::clone(&map));
         Ok(map)
-    }
-}
-
-impl Concrete {
-    /// Names of the entities that stand too far from all ways for a world.
-    fn far_off(&self) -> Result<Vec<String>, ImportError> {
-        let mut far = Vec::new();
-        let others = self.entities.iter().filter(|it| !it.is_ego);
-        for entity in others.filter(|it| !it.moves() && it.gap_m.is_none()) {
-            let left_m = self.station(&entity.placed)?.y_m;
-            let middle_m = self.lane_at(left_m) * self.lane_width_m;
-            let is_far = |left_m: f64| MOST_ASIDE_M < left_m.abs();
-            // It may stand beside the way of somebody who crosses the ego's road.
-            let ways = self.entities.iter().filter_map(|it| it.placed.way.as_ref());
-            let mut beside = ways
-                .filter_map(|on| on.way.course().ok())
-                .map(|course| course.locate(&entity.placed.spot).lateral_m);
-            if is_far(left_m - middle_m) && beside.all(is_far) {
-                far.push(entity.name.clone());
-            }
-        }
-        Ok(far)
-    }
-
-    /// Returns a place in the frame: along the ego's road, to its left, and turned.
-    ///
-    /// Beside a bent path, a place that is not on the path is a place in the
-    /// plane.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error for a place on another road than a bent one of the ego.
-    pub(super) fn in_frame(&self, placed: &Placed) -> Result<Pose, ImportError> {
-        let refused = |what: String| self.at.error(what);
-        match &self.frame {
-            RoadFrame::Straight(origin) => Ok(origin.sees(&placed.spot)),
-            RoadFrame::Along(way) => Ok(match &placed.way {
-                Some(on) if on.way == *way => Pose {
-                    x_m: on.along_m,
-                    ..on.spot().sees(&placed.spot)
-                },
-                _ => way.begins.sees(&placed.spot),
-            }),
-            RoadFrame::Beside { .. } if placed.lane.is_none() && placed.way.is_some() => {
-                Ok(self.in_plane(&placed.spot))
-            }
-            RoadFrame::Beside { road, t_m } => {
-                let OnLane {
-                    road: own,
-                    s_m,
-                    t_m: own_t_m,
-                    ..
-                } = placed
-                    .lane
-                    .as_ref()
-                    .ok_or_else(|| refused("a place beside a bend is on no lane".to_owned()))?;
-                if own != road {
-                    return Err(refused(format!(
-                        "a place on road `{own}` beside a bend of `{road}`"
-                    )));
-                }
-                let root = self.roads.get(road);
-                let root = root.ok_or_else(|| refused(format!("there is no road `{road}`")))?;
-                // The frame is a parallel of the reference line, and its length
-                // differs by 1 − κ·t.
-                let pieces = root.pieces.iter();
-                let along = pieces.filter(|piece| piece.s_m < *s_m).map(|piece| {
-                    let way_m = (s_m - piece.s_m).min(piece.length_m);
-                    way_m * (1.0 - piece.per_m * t_m)
-                });
-                let on = root.at(*s_m, *own_t_m);
-                Ok(Pose {
-                    x_m: along.sum(),
-                    y_m: own_t_m - t_m,
-                    heading_rad: on.sees(&placed.spot).heading_rad,
-                })
-            }
-        }
-    }
-
-    /// Returns a place in the plane of the world.
-    pub(super) fn in_plane(&self, spot: &Pose) -> Pose {
-        match &self.frame {
-            RoadFrame::Straight(origin) => origin.sees(spot),
-            RoadFrame::Along(way) => way.begins.sees(spot),
-            RoadFrame::Beside { road, t_m } => {
-                let line = self.roads.get(road);
-                line.map_or(*spot, |line| line.at(0.0, *t_m).sees(spot))
-            }
-        }
-    }
-
-    /// Place along the ego's road and to its left, also beside its bends.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error for a place on another road than a bent one of the ego.
-    pub(super) fn station(&self, placed: &Placed) -> Result<Pose, ImportError> {
-        let way = match &self.frame {
-            // Places on the ego's own way have their station there.
-            RoadFrame::Along(way) if !self.is_on_road(placed) => way,
-            _ => return self.in_frame(placed),
-        };
-        let course = way.course().map_err(|what| self.at.error(what))?;
-        let at = course.locate(&placed.spot);
-        Ok(Pose {
-            x_m: at.s_m,
-            y_m: at.lateral_m,
-            heading_rad: at.heading_rad,
-        })
-    }
-
-    /// Greatest curvature of the ego's lane 0, in 1/m.
-    pub(super) fn bends_most_per_m(&self) -> f64 {
-        let pieces = self.pieces(f64::INFINITY);
-        pieces.iter().map(|it| it.per_m.abs()).fold(0.0, f64::max)
-    }
-
-    /// Curvature of the ego's lane 0 at the start of its road, in 1/m.
-    pub(super) fn bend_per_m(&self) -> f64 {
-        // Any positive length returns the first piece.
-        self.pieces(1.0).first().map_or(0.0, |piece| piece.per_m)
-    }
-
-    /// Returns true if a place is on the ego's road.
-    ///
-    /// Every place is, except beside an ego that turns off.
-    pub(super) fn is_on_road(&self, placed: &Placed) -> bool {
-        match &self.frame {
-            RoadFrame::Along(way) => placed.way.as_ref().is_some_and(|on| on.way == *way),
-            RoadFrame::Straight(_) | RoadFrame::Beside { .. } => {
-                placed.way.as_ref().is_none_or(|on| !on.is_lane)
-            }
-        }
-    }
-
-    /// Returns true if the ego's lane bends anywhere.
-    pub(super) fn bends(&self) -> bool {
-        !matches!(self.frame, RoadFrame::Straight(_))
-    }
-
-    /// Returns true if the curvature of the ego's lane changes.
-    pub(super) fn bends_change(&self) -> bool {
-        let pieces = self.pieces(f64::INFINITY);
-        pieces.windows(2).any(|pair| pair[0].per_m != pair[1].per_m)
-    }
-
-    /// Lateral position of lane 0, from the reference line of the ego's road.
-    pub(super) fn zero_m(&self) -> f64 {
-        match &self.frame {
-            RoadFrame::Beside { t_m, .. } => *t_m,
-            RoadFrame::Straight(_) | RoadFrame::Along(_) => self.straight_zero_m,
-        }
-    }
-
-    /// Number of the lane at a lateral distance from the middle of lane 0.
-    pub(super) fn lane_at(&self, left_m: f64) -> f64 {
-        // Places beside all lanes belong to the nearest lane.
-        let lane = (left_m / self.lane_width_m).round().max(0.0);
-        lane.min(self.lanes as f64 - 1.0)
-    }
-
-    /// Pieces of the ego's lane 0 up to a length. A straight lane has none.
-    pub(super) fn pieces(&self, until_m: f64) -> Vec<Bend> {
-        let (road, t_m) = match &self.frame {
-            RoadFrame::Straight(_) => return Vec::new(),
-            RoadFrame::Along(way) => return way.pieces.clone(),
-            RoadFrame::Beside { road, t_m } => (road, t_m),
-        };
-        let Some(line) = self.roads.get(road) else {
-            return Vec::new();
-        };
-        let mut left_m = until_m;
-        let mut pieces = Vec::new();
-        for piece in &line.pieces {
-            // A parallel at t has the length 1 − κ·t times that of the
-            // reference line, and the curvature κ / (1 − κ·t).
-            let scale = 1.0 - piece.per_m * t_m;
-            let length_m = (piece.length_m * scale).min(left_m);
-            left_m -= length_m;
-            let per_m = piece.per_m / scale;
-            pieces.push(Bend { length_m, per_m });
-            if left_m <= 0.0 {
-                break;
-            }
-        }
-        pieces
     }
 }

@@ -2,9 +2,9 @@
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
+use super::concrete::Concrete;
 use super::entity::ImportedEntity;
 use super::places::is_along;
-use super::scenario::Concrete;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::ways::OnWay;
 use crate::sim::{Pose, wrapped};
