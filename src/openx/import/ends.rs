@@ -1,93 +1,18 @@
-//! Ends of runs: the expected encounters, and the first entity that leaves its road.
+//! Earliest times at which entities leave their roads.
 
 use core::f64::consts::{FRAC_PI_3, PI};
 
-use super::concrete::Concrete;
 use super::entity::{ImportedEntity, ImportedLaw, ImportedStep};
 use super::places::Placed;
-use super::seen::{EntityInFrame, EntityPath, ego_lever_m};
-use crate::opendrive::error::ImportError;
 use crate::opendrive::roads::RoadMap;
 
-/// Duration in seconds of a run after the expected encounter.
-const BEYOND_S: f64 = 5.0;
 /// Lateral distance in metres within which the end of a road is the end of a path.
 const BESIDE_M: f64 = 20.0;
-
-/// End of the expected encounters in seconds, where it is known.
-pub(super) fn ends_s(
-    concrete: &Concrete,
-    all: &[EntityInFrame],
-    (ego_front_m, ego_mps): (f64, f64),
-) -> Result<Option<f64>, ImportError> {
-    let mut until_s: Option<f64> = None;
-    for it in all.iter().filter(|it| !it.entity.is_ego) {
-        let encounter_s = match &it.entity.approach {
-            Some(approach) => {
-                let ego = concrete.station(&approach.ego)?;
-                // The ego coasts, so it arrives at a time that is known in
-                // advance.
-                (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps
-            }
-            None => {
-                let way_m = it.spot.x_m - ego_front_m;
-                let away_mps = match it.path {
-                    EntityPath::With => it.entity.speed_mps,
-                    EntityPath::Against => -it.entity.speed_mps,
-                    _ => 0.0,
-                };
-                // Steps change the speeds, so the time of the encounter is not
-                // known.
-                match way_m / (ego_mps - away_mps) {
-                    encounter_s if it.entity.steps.is_empty() => encounter_s,
-                    _ => continue,
-                }
-            }
-        };
-        // Parallel motion never leads to an encounter, and a negative time lies
-        // in the past.
-        if encounter_s.is_finite() && 0.0 < encounter_s {
-            until_s = Some(until_s.unwrap_or(0.0).max(encounter_s + BEYOND_S));
-        }
-    }
-    // A stop time of the file takes precedence.
-    Ok(concrete.stop_s.or(until_s))
-}
-
-/// Time in seconds at which the first entity leaves its road.
-pub(super) fn first_leaves_s(
-    concrete: &Concrete,
-    all: &[EntityInFrame],
-    (ego_front_m, ego_mps): (f64, f64),
-) -> Result<f64, ImportError> {
-    let mut first_s = f64::INFINITY;
-    for it in all {
-        let on_foot = it.entity.body.on_foot;
-        let ahead_m = |placed| road_ahead_m(&concrete.roads, placed, on_foot);
-        let own_s = match &it.entity.approach {
-            Some(approach) => {
-                let ego = concrete.station(&approach.ego)?;
-                let encounter_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
-                // Pedestrians stop at the end of their path.
-                if on_foot && approach.here.way.is_some() {
-                    continue;
-                }
-                encounter_s + ahead_m(&approach.here) / approach.speed_mps
-            }
-            None => leaves_s(it.entity, ahead_m(&it.entity.placed), ego_mps),
-        };
-        // A standing entity never leaves, even from the end of a road.
-        if own_s.is_finite() {
-            first_s = first_s.min(own_s);
-        }
-    }
-    Ok(first_s)
-}
 
 /// Distance in metres to the end of an entity's road, in its direction.
 ///
 /// It is infinite for an entity that faces the side of its road.
-fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f64 {
+pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f64 {
     if let Some(on) = &placed.way {
         // What comes after the end of such a path is not in the file.
         if on_foot || on.is_lane || on.way.has_corners() {
@@ -123,7 +48,7 @@ fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f64 {
 /// Earliest time in seconds at which an entity has driven `ahead_m`.
 ///
 /// Relative speeds assume an ego that coasts.
-fn leaves_s(entity: &ImportedEntity, ahead_m: f64, ego_mps: f64) -> f64 {
+pub(super) fn leaves_s(entity: &ImportedEntity, ahead_m: f64, ego_mps: f64) -> f64 {
     let t_m = entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m);
     let mut journey = Journey {
         time_s: 0.0,

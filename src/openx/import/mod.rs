@@ -29,6 +29,7 @@ mod plans;
 mod points;
 mod relations;
 mod request;
+mod run_end;
 mod scenario;
 mod seen;
 mod trajectories;

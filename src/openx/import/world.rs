@@ -2,9 +2,10 @@
 
 use super::concrete::Concrete;
 use super::draft::{Draft, tidy};
-use super::ends::{ends_s, first_leaves_s, to_mps};
+use super::ends::to_mps;
 use super::places::Placed;
 use super::plans::plan;
+use super::run_end::{ends_s, first_leaves_s};
 use super::seen::{EntityInFrame, EntityPath, seen};
 use crate::opendrive::error::ImportError;
 use crate::opendrive::grade_list;

@@ -83,7 +83,8 @@ impl Reader<'_> {
 
     /// Lane of the entity to which a target is relative.
     ///
-    /// The entity must keep its initial lane for as long as it exists. `lanes_stay` checks this after all acts are read.
+    /// The entity must keep its initial lane for as long as it exists.
+    /// `lanes_stay` checks this after all acts are read.
     fn lane_of(
         &mut self,
         who: usize,
