@@ -21,6 +21,8 @@ pub struct RiskCase {
     pub name: &'static str,
     /// Name of the world.
     pub world: &'static str,
+    /// Text of the world, if it is not shipped.
+    pub text: Option<&'static str>,
     /// Text of the traffic.
     pub traffic: &'static str,
     /// Plant of the ego.

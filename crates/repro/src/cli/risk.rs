@@ -24,6 +24,7 @@ const FEW_RUNS: Option<[usize; 2]> = Some([10_000, 1_000]);
 const ACC: RiskCase = RiskCase {
     name: "acc",
     world: "acc",
+    text: None,
     traffic: include_str!("../../../../examples/traffic/acc.ron"),
     plant: PlantKind::Kinematic,
     learn_on: None,
@@ -37,8 +38,16 @@ const CUT_IN: RiskCase = RiskCase {
     traffic: include_str!("../../../../examples/traffic/cut_in.ron"),
     ..ACC
 };
+/// World of two cars whose failures are independent.
+const TWO_CARS: RiskCase = RiskCase {
+    name: "two_cars",
+    world: "two_cars",
+    text: Some(include_str!("../../worlds/two_cars.ron")),
+    traffic: include_str!("../../worlds/two_cars_traffic.ron"),
+    ..ACC
+};
 /// Cases, of which `--world` chooses some by name.
-const CASES: [RiskCase; 13] = [
+const CASES: [RiskCase; 15] = [
     ACC,
     CUT_IN,
     RiskCase {
@@ -104,13 +113,23 @@ const CASES: [RiskCase; 13] = [
         fault: Some(ProposalFault::Only("side-swipe")),
         ..CUT_IN
     },
+    TWO_CARS,
+    RiskCase {
+        name: "two_cars-lead-only",
+        fault: Some(ProposalFault::Only("lead")),
+        ..TWO_CARS
+    },
 ];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let seeds = args.seeds_within(MOST_SEEDS);
     let mut studies = Vec::new();
     for case in CASES.iter().filter(|case| args.wants(case.name)) {
-        let scenario = world(args, case.world)?.on(case.plant);
+        let scenario = match case.text {
+            Some(text) => Scenario::parse(&format!("{}.ron", case.world), text)?,
+            None => world(args, case.world)?,
+        };
+        let scenario = scenario.on(case.plant);
         let traffic = case.traffic(&scenario)?;
         let counted = counted(args, case, (&scenario, &traffic))?;
         let estimates = estimates(args, case, (&scenario, &traffic))?;
@@ -176,4 +195,22 @@ fn counted(
         all = all.plus(made);
     }
     Ok(Some(all))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_case_has_a_world_that_fits_its_traffic() {
+        for case in CASES {
+            let world = match case.text {
+                Some(text) => Scenario::parse(case.name, text).ok(),
+                None => Scenario::shipped(case.world).and_then(Result::ok),
+            };
+            let world = world.unwrap_or_else(|| panic!("{} has no world", case.name));
+            let traffic = case.traffic(&world);
+            assert!(traffic.is_ok(), "{}: {:?}", case.name, traffic.err());
+        }
+    }
 }
