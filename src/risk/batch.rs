@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::mixture::Mixture;
+use super::natural_counts::NaturalCounts;
 use super::natural_runs::LANES;
 use super::record::{KnownFailure, RiskRun, RunEnd};
 use super::run::{EpisodeSource, Order, RiskWorld};
@@ -54,7 +55,7 @@ impl Content<'_> {
 }
 
 impl Player<'_> {
-    /// Plays a batch, or reads its finished pieces. `None`: stopped.
+    /// Plays a batch. `None`: stopped.
     ///
     /// # Errors
     /// The disk refuses, or a stored piece is damaged.
@@ -64,14 +65,41 @@ impl Player<'_> {
         content: Content<'_>,
         mixture: &Mixture,
     ) -> Result<Option<Vec<RiskRun>>, RunError> {
+        let mut all = Vec::with_capacity(content.len());
+        let played = self.play_pieces(stage, (content, mixture), |piece| all.extend(piece))?;
+        Ok(played.map(|()| all))
+    }
+
+    /// Counts natural runs. `None`: stopped.
+    ///
+    /// # Errors
+    /// As [`Player::play`].
+    pub(super) fn count(
+        &self,
+        stage: u64,
+        runs: usize,
+        mixture: &Mixture,
+    ) -> Result<Option<NaturalCounts>, RunError> {
+        let mut counts = NaturalCounts::default();
+        let batch = (Content::Natural(runs), mixture);
+        let played = self.play_pieces(stage, batch, |piece| counts.add(piece))?;
+        Ok(played.map(|()| counts))
+    }
+
+    /// Plays a batch, or reads its finished pieces, and uses each. `None`: stopped.
+    fn play_pieces(
+        &self,
+        stage: u64,
+        (content, mixture): (Content<'_>, &Mixture),
+        mut used: impl FnMut(Vec<RiskRun>),
+    ) -> Result<Option<()>, RunError> {
         let total = content.len();
         let components = mixture.allocation(total);
-        let mut all = Vec::with_capacity(total);
         for first in (0..total).step_by(PIECE) {
             let items: Vec<usize> = (first..total.min(first + PIECE)).collect();
             let file = self.file(stage, (first, total));
             if let Some(piece) = file.as_deref().map(run_file::read).transpose()?.flatten() {
-                all.extend(piece);
+                used(piece);
                 continue;
             }
             let work = EpisodeLoop::counted_from(self.watch, first, total);
@@ -97,9 +125,9 @@ impl Player<'_> {
             if let Some(file) = file {
                 write_file(&file, &run_file::bytes(&piece, &file)?)?;
             }
-            all.extend(piece);
+            used(piece);
         }
-        Ok(Some(all))
+        Ok(Some(()))
     }
 
     /// Plays a run on a bench. `is_counted`: only its failure is of use.

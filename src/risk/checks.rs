@@ -5,8 +5,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::mixture::Mixture;
+use super::natural_counts::NaturalCounts;
 use super::pool::{RiskEstimate, Round, WeightTail, bound, greatest_share, pooled, weight_tail};
-use super::record::{RiskRun, RunEnd};
+use super::record::RiskRun;
 use crate::stats::poisson_tail;
 
 /// Least effective number of failures.
@@ -97,20 +98,12 @@ impl Checks {
     /// greatest failing weight before the last round.
     pub(super) fn of(
         rounds: &[Round],
-        (natural, limit): (&[RiskRun], f64),
+        (natural, limit): (&NaturalCounts, f64),
         mixture: &Mixture,
         probes: &[&Probe],
     ) -> Checks {
-        // Starts outside X_init count here, as they do in every mean of a round. Faults
-        // say nothing about the ego.
-        let drawn = natural.iter().filter(|it| it.end != RunEnd::Invalid);
-        let (mut n, mut failures, mut beyond) = (0, 0, 0);
-        for run in drawn {
-            n += 1;
-            let is_failure = run.failure().is_some();
-            failures += usize::from(is_failure);
-            beyond += usize::from(is_failure && limit < mixture.weight_of(run));
-        }
+        let (n, failures) = (natural.drawn(), natural.failures());
+        let beyond = natural.stored_with(|run| limit < mixture.weight_of(run));
         // Two draws avoid a division by 0 in the bound.
         let none = Round {
             draws: vec![2],
@@ -130,8 +123,8 @@ impl Checks {
                 [sum[0] + covered, sum[1] + all]
             }),
             natural_failures: failures,
-            natural_beyond: beyond,
-            bound: bound(last, limit, (beyond, n)).min(1.0),
+            natural_beyond: beyond.0,
+            bound: bound(last, limit, beyond).min(1.0),
             refusals: Vec::new(),
         };
         checks.refusals = if rounds.is_empty() && 0 < failures {
@@ -139,7 +132,7 @@ impl Checks {
         } else {
             checks.found(rounds, tail, &covered)
         };
-        let disagreement = checks.disagreement(estimate, n);
+        let disagreement = checks.disagreement(estimate, [n, beyond.1]);
         checks.refusals.extend(disagreement);
         checks
     }
@@ -196,15 +189,18 @@ impl Checks {
     }
 
     /// Returns the refusal for natural failures that are too many for the estimate.
-    fn disagreement(&self, estimate: Option<RiskEstimate>, natural: usize) -> Option<Refusal> {
+    ///
+    /// `of` has all natural runs, and those up to the last stored failure.
+    fn disagreement(&self, estimate: Option<RiskEstimate>, of: [usize; 2]) -> Option<Refusal> {
         let risk = estimate?;
-        let n = natural as f64;
         let (all, beyond) = (self.natural_failures, self.natural_beyond);
         // The upper end of the interval is the most that the estimate allows.
-        let too_many = |count, mean: f64| poisson_tail(count, n * mean) < FALSE_ALARM;
-        let reason = if too_many(beyond, BEYOND * risk.interval[1]) {
+        let most = risk.interval[1];
+        let too_many = |count, mean: f64| poisson_tail(count, mean) < FALSE_ALARM;
+        let [natural, stored_of] = of.map(|n| n as f64);
+        let reason = if too_many(beyond, stored_of * BEYOND * most) {
             format!("{beyond} natural failures of kinds that the proposals play too rarely")
-        } else if too_many(all, risk.interval[1]) {
+        } else if too_many(all, natural * most) {
             format!("{all} failures of {natural} natural runs, more than the estimate allows")
         } else {
             return None;
@@ -270,7 +266,7 @@ fn coverage<'a>(
 #[cfg(test)]
 mod tests {
     use super::super::pool::WeightedFailure;
-    use super::super::record::EgoFailure;
+    use super::super::record::{EgoFailure, RunEnd};
     use super::*;
 
     fn failure() -> EgoFailure {
@@ -304,7 +300,12 @@ mod tests {
         let probes = vec![Probe { ego: 0, run }; LEAST_PROBES];
         let probes: Vec<&Probe> = probes.iter().collect();
         let round = round(failures, weight);
-        Checks::of(&[round], (&[], 1.0), &Mixture::natural(0), &probes)
+        Checks::of(
+            &[round],
+            (&NaturalCounts::default(), 1.0),
+            &Mixture::natural(0),
+            &probes,
+        )
     }
 
     #[test]
@@ -327,7 +328,7 @@ mod tests {
     }
 
     /// Natural runs, of which these numbers are outside X_init and fail.
-    fn natural(n: usize, outside: usize, failing: usize) -> Vec<RiskRun> {
+    fn natural(n: usize, outside: usize, failing: usize) -> NaturalCounts {
         let end = |at: usize| {
             if at < outside {
                 RunEnd::Outside
@@ -337,12 +338,14 @@ mod tests {
                 RunEnd::Held { lawful: None }
             }
         };
-        (0..n).map(|at| RiskRun::ending(end(at))).collect()
+        let mut counts = NaturalCounts::default();
+        counts.add((0..n).map(|at| RiskRun::ending(end(at))).collect());
+        counts
     }
 
     #[test]
     fn natural_starts_outside_count_as_those_of_rounds() {
-        let refusals = |natural: &[RiskRun]| {
+        let refusals = |natural: &NaturalCounts| {
             let mixture = Mixture::natural(0);
             let checks = Checks::of(&[round(100, 0.1)], (natural, 2.0), &mixture, &[]);
             let reasons = checks.refusals.into_iter().map(|it| it.reason);

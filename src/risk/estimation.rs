@@ -4,9 +4,10 @@ use super::batch::{self, Content, Player};
 use super::checks::{Checks, Probe};
 use super::learning::Learning;
 use super::mixture::Mixture;
+use super::natural_counts::NaturalCounts;
 use super::pool::{Round, WeightedFailure, pooled};
 use super::record::{EgoFailure, RiskRun, RunEnd};
-use super::report::{EgoRisk, RiskCost, RiskReport, lawful_rate};
+use super::report::{EgoRisk, RiskCost, RiskReport};
 use super::request::RiskRequest;
 use super::run::RiskWorld;
 use crate::experiment::{EgoUnderTest, Watch};
@@ -31,7 +32,7 @@ pub(super) struct Estimation<'a> {
     /// Players of runs that only learn, on a plant of their own.
     learners: Vec<Player<'a>>,
     stage: u64,
-    natural: Vec<Vec<RiskRun>>,
+    natural: Vec<NaturalCounts>,
     learning: Learning,
     probes: Vec<Probe>,
     /// Counterexamples from elsewhere that the traffic cannot produce, by ego.
@@ -142,8 +143,11 @@ impl<'a> Estimation<'a> {
         let [natural_runs, ..] = settings.before_rounds();
         self.watch.phase("natural runs");
         // Nothing is learned from them, so that they can refute the proposals.
-        let natural = Content::Natural(natural_runs);
-        let Some(natural) = self.batches(natural, false)? else {
+        let stage = self.stage;
+        self.stage += 1;
+        let players = self.players.iter();
+        let natural = players.map(|it| it.count(stage, natural_runs, &self.mixture));
+        let Some(natural) = natural.collect::<Result<Option<Vec<_>>, _>>()? else {
             return Ok(None);
         };
         self.cost.natural = natural[0].len();
@@ -294,8 +298,7 @@ impl<'a> Estimation<'a> {
     }
 
     fn is_counted(&self) -> bool {
-        let hits = |runs: &Vec<RiskRun>| runs.iter().filter(|run| run.failure().is_some()).count();
-        self.natural.iter().all(|runs| ENOUGH <= hits(runs))
+        self.natural.iter().all(|it| ENOUGH <= it.failures())
     }
 
     fn note_round(&mut self, ego: usize, runs: Vec<RiskRun>) {
@@ -406,9 +409,8 @@ impl<'a> Estimation<'a> {
     fn ego_risk(&self, ego: usize) -> EgoRisk {
         let name = self.request.egos[ego].name();
         let natural = &self.natural[ego];
-        let lawful = lawful_rate(natural);
         if self.is_counted() {
-            return EgoRisk::counted(name, natural, &lawful);
+            return EgoRisk::counted(name, natural);
         }
         let likeliest = self.likeliest.iter().filter(|(of, ..)| *of == ego);
         let likeliest = likeliest.map(|(_, _, run)| run.clone()).collect();
@@ -419,7 +421,7 @@ impl<'a> Estimation<'a> {
             name,
             (&self.rounds[ego], &self.learning.inside()),
             (checks, self.impossible[ego]),
-            &lawful,
+            &natural.lawful_rate(),
             likeliest,
         )
         .with_known(&known)

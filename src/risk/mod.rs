@@ -18,6 +18,7 @@ mod known;
 mod law_binding;
 mod learning;
 mod mixture;
+mod natural_counts;
 mod natural_runs;
 mod pool;
 mod record;

@@ -4,10 +4,10 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
-use super::batch::JUDGED;
 use super::checks::{Checks, Refusal};
+use super::natural_counts::NaturalCounts;
 use super::pool::{RiskEstimate, Round, pooled};
-use super::record::{RiskRun, RunEnd};
+use super::record::RiskRun;
 use crate::world::EncounterRate;
 
 /// Runs behind a risk, per ego.
@@ -128,21 +128,15 @@ impl EgoRisk {
         self.checks.as_ref().map_or(&[], |checks| &checks.refusals)
     }
 
-    /// Counts natural runs, of which `rate` keep every rule.
-    pub(super) fn counted(ego: &str, natural: &[RiskRun], rate: &RiskEstimate) -> EgoRisk {
-        // Starts outside X_init and faults say nothing about the ego.
-        let valid = |run: &&RiskRun| !matches!(run.end, RunEnd::Outside | RunEnd::Invalid);
-        let n = natural.iter().filter(valid).count();
-        let failures = || natural.iter().filter_map(RiskRun::failure);
-        let counted = |hits: usize| RiskEstimate::counted(hits, n);
-        let hits = failures().count();
-        let lawful = failures().filter(|it| it.lawful).count();
-        let prevented = failures().filter(|it| it.preventable == Some(true)).count();
-        let mut modes: indexmap::IndexMap<&str, usize> = indexmap::IndexMap::new();
-        failures().for_each(|it| *modes.entry(&it.mode).or_default() += 1);
+    /// Returns the risk by the counts of natural runs.
+    pub(super) fn counted(ego: &str, natural: &NaturalCounts) -> EgoRisk {
+        let counted = |hits: usize| RiskEstimate::counted(hits, natural.inside());
+        let (hits, lawful) = (natural.failures(), natural.lawful);
+        let rate = natural.lawful_rate();
+        let mut modes = natural.modes.clone();
         modes.sort_by(|_, a, _, b| b.cmp(a));
         let modes = modes.into_iter().map(|(mode, count)| ModeRisk {
-            mode: mode.to_owned(),
+            mode,
             share: count as f64 / hits.max(1) as f64,
             risk: counted(count),
         });
@@ -150,13 +144,13 @@ impl EgoRisk {
             ego: ego.to_owned(),
             fails: Some(counted(hits)),
             fails_lawful: Some(counted(lawful)),
-            fails_given_lawful: (0 < rate.hits).then(|| counted(lawful).over(rate)),
-            fails_preventable: Some(counted(prevented)),
+            fails_given_lawful: (0 < rate.hits).then(|| counted(lawful).over(&rate)),
+            fails_preventable: Some(counted(natural.preventable)),
             modes: modes.collect(),
             known_share: None,
             checks: None,
             impossible: 0,
-            crude_runs: Some(n as f64),
+            crude_runs: Some(natural.inside() as f64),
             likeliest: Vec::new(),
             unchecked: Some(counted(hits)),
         }
@@ -235,22 +229,6 @@ impl EgoRisk {
         let spread = libm::log(1.0 + all.half_width()) / 1.96;
         self.crude_runs = Some((1.0 - all.probability) / (all.probability * spread * spread));
     }
-}
-
-/// Returns the rate at which natural runs keep every rule.
-///
-/// `natural` has all natural runs in order, of which only the first are judged.
-pub(super) fn lawful_rate(natural: &[RiskRun]) -> RiskEstimate {
-    // Later failures are judged too, but beside them no run that held.
-    let first = natural.iter().take(JUDGED);
-    let judged = first.filter_map(|run| match &run.end {
-        RunEnd::Held { lawful } => *lawful,
-        RunEnd::Failed(failure) => Some(failure.lawful),
-        RunEnd::Outside | RunEnd::Invalid | RunEnd::Impossible => None,
-    });
-    let judged: Vec<bool> = judged.collect();
-    let hits = judged.iter().filter(|it| **it).count();
-    RiskEstimate::counted(hits, judged.len())
 }
 
 /// Returns the estimate of an ego as if no check had refused it.
@@ -459,7 +437,8 @@ fn interval(risk: &RiskEstimate) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::EgoFailure;
+    use super::super::batch::JUDGED;
+    use super::super::record::{EgoFailure, RunEnd};
     use super::*;
 
     #[test]
@@ -479,11 +458,12 @@ mod tests {
         });
         let later = [RunEnd::Failed(failure), RunEnd::Held { lawful: None }];
         let later = later.into_iter().cycle().take(1000);
-        let natural: Vec<RiskRun> = judged.chain(later).map(RiskRun::ending).collect();
-        let rate = lawful_rate(&natural);
+        let mut natural = NaturalCounts::default();
+        natural.add(judged.chain(later).map(RiskRun::ending).collect());
+        let rate = natural.lawful_rate();
         assert_eq!((rate.probability, rate.hits), (0.9, 900));
         // 500 failures, of which none is lawful: nothing to divide, but no NaN either.
-        let counted = EgoRisk::counted("ego", &natural, &rate);
+        let counted = EgoRisk::counted("ego", &natural);
         let given = counted.fails_given_lawful.expect("a rate");
         assert_eq!((given.probability, given.interval[0]), (0.0, 0.0));
         assert!(
