@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::mixture::Mixture;
 use super::natural_counts::NaturalCounts;
 use super::natural_runs::LANES;
-use super::record::{KnownFailure, RiskRun, RunEnd};
+use super::record::{KnownFailure, RiskRun};
 use super::run::{EpisodeSource, Order, RiskWorld};
 use super::run_file;
 use crate::experiment::{EpisodeLoop, Watch};
@@ -99,6 +99,10 @@ impl Player<'_> {
             let items: Vec<usize> = (first..total.min(first + PIECE)).collect();
             let file = self.file(stage, (first, total));
             if let Some(piece) = file.as_deref().map(run_file::read).transpose()?.flatten() {
+                // A resumed verb ends as one that was not killed.
+                for (index, run) in (first as u64..).zip(&piece) {
+                    self.watch.faults.note_stored(index, run.fault());
+                }
                 used(piece);
                 continue;
             }
@@ -142,8 +146,7 @@ impl Player<'_> {
             // Millions of them are counted, and nothing is learned from them.
             (run.actions, run.inputs, run.laws) = Default::default();
         }
-        let fault = bench.fault().filter(|_| run.end == RunEnd::Invalid);
-        self.watch.faults.note(order.index, fault);
+        self.watch.faults.note(order.index, run.fault());
         run
     }
 
@@ -226,4 +229,45 @@ pub(super) fn open(dir: &Path, fingerprint: &str) -> Result<(), RunError> {
         return Ok(());
     }
     Err(RunError::OtherRisk { path: dir.into() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::RunEnd;
+    use super::super::tests::{directory, traffic, world};
+    use super::*;
+    use crate::ego::Fault;
+
+    #[test]
+    fn faults_of_stored_runs_are_reported_again() {
+        let (world, dir) = (world(), directory("risk-faults"));
+        let traffic = traffic(&world, &dir);
+        let counted = || {
+            let watch = Watch::unwatched();
+            let world = RiskWorld::new(&world, traffic.starts.clone(), traffic.actions.clone());
+            let player = Player {
+                world,
+                has_lanes: false,
+                seed: 0,
+                name: "ego".to_owned(),
+                dir: Some(dir.clone()),
+                watch: &watch,
+            };
+            let counts = player.count(0, 10, &Mixture::natural(1)).expect("a disk");
+            let file = player.file(0, (0, 10)).expect("a directory");
+            (counts.expect("not stopped"), watch.faults.complaint(), file)
+        };
+        let (counts, complaint, file) = counted();
+        assert_eq!((counts.drawn(), complaint), (10, None));
+        let mut runs = run_file::read(&file).expect("sound").expect("stored");
+        let fault = Some(Fault::error("the ego did not answer"));
+        runs[3].end = RunEnd::Invalid { fault };
+        let bytes = run_file::bytes(&runs, &file).expect("fits");
+        std::fs::write(&file, bytes).expect("written");
+        let (counts, complaint, _) = counted();
+        let complaint = complaint.expect("a fault");
+        assert_eq!((counts.drawn(), complaint.episodes), (9, 10));
+        assert_eq!(complaint.faults[0].first_start, 3);
+        std::fs::remove_dir_all(&dir).expect("removed");
+    }
 }

@@ -19,6 +19,11 @@ use crate::world::Scenario;
 pub(super) const ENOUGH: usize = 100;
 /// Runs of the first round. Rounds grow from the second one on.
 const FIRST_ROUND: usize = 5_000;
+/// Fewest rounds, unless the budget ends.
+///
+/// An estimate that has not yet drawn its heavy failures is too low and looks narrow, so a
+/// stop at the first narrow interval would prefer such estimates.
+const LEAST_ROUNDS: usize = 3;
 /// Fewest runs of a round.
 const LEAST_ROUND: usize = 500;
 /// Rounds that only learn, where learning has a plant of its own.
@@ -215,7 +220,8 @@ impl<'a> Estimation<'a> {
             for (ego, runs) in runs.into_iter().enumerate() {
                 self.note_round(ego, runs);
             }
-            if (0..self.players.len()).all(|ego| self.is_good(ego)) {
+            let are_good = (0..self.players.len()).all(|ego| self.is_good(ego));
+            if are_good && LEAST_ROUNDS <= round + 1 {
                 break;
             }
             // Two small rounds find the failures, larger ones measure them.
@@ -309,7 +315,7 @@ impl<'a> Estimation<'a> {
         for (index, run) in runs.iter().enumerate() {
             round.draws[run.component] += 1;
             let weight = self.mixture.weight(&run.ratios);
-            if run.end == RunEnd::Invalid {
+            if matches!(run.end, RunEnd::Invalid { .. }) {
                 round.invalid += weight;
             }
             if let Some(failure) = run.failure() {

@@ -40,7 +40,7 @@ impl NaturalCounts {
                     self.outside += 1;
                     None
                 }
-                RunEnd::Invalid | RunEnd::Impossible => {
+                RunEnd::Invalid { .. } | RunEnd::Impossible => {
                     self.invalid += 1;
                     None
                 }
@@ -118,7 +118,7 @@ mod tests {
         // Of ten runs, three fail, one is outside and one has a fault.
         for _ in 0..1000 {
             let held = (0..5).map(|_| RiskRun::ending(RunEnd::Held { lawful: None }));
-            let ends = [RunEnd::Outside, RunEnd::Invalid].map(RiskRun::ending);
+            let ends = [RunEnd::Outside, RunEnd::Invalid { fault: None }].map(RiskRun::ending);
             let failing = [failed(true), failed(true), failed(false)];
             counts.add(held.chain(ends).chain(failing).collect());
         }

@@ -180,9 +180,13 @@ pub(super) fn pooled(
         return None;
     }
     let ess = probability * probability / squares;
+    // A few heavy weights make the spread itself uncertain. By Satterthwaite, it has as
+    // many degrees of freedom.
+    let fourths: f64 = parts.iter().map(|it| it * it * it * it).sum();
+    let freedom = (2.0 * squares * squares / fourths).min(ess - 1.0);
     // On the logarithmic scale, and with Student's t, because few heavy weights skew the
     // estimate.
-    let t = student_quantile(1.0 - 0.5 * ERROR, (ess - 1.0).max(1.0));
+    let t = student_quantile(1.0 - 0.5 * ERROR, freedom.max(1.0));
     let factor = libm::exp(t * libm::sqrt(variance) / probability);
     Some(RiskEstimate {
         probability,

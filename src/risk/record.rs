@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::ego::Fault;
 use crate::scene::Start;
 
 /// Record of a run.
@@ -34,8 +35,8 @@ pub(super) enum RunEnd {
     Held { lawful: Option<bool> },
     /// The ego violated ψ_ego.
     Failed(EgoFailure),
-    /// A fault of the ego or of the physics.
-    Invalid,
+    /// The ego or the physics failed.
+    Invalid { fault: Option<Fault> },
     /// The traffic model gives an action of the run the probability 0.
     Impossible,
 }
@@ -94,6 +95,14 @@ impl RiskRun {
     pub(super) fn is_possible(&self) -> bool {
         // Component 0 has the ratio 1 as long as the law allows every action.
         self.end != RunEnd::Impossible && self.ratios.first().is_some_and(|it| 0.0 < *it)
+    }
+
+    /// Returns the fault, if the run is invalid by one.
+    pub(super) fn fault(&self) -> Option<&Fault> {
+        match &self.end {
+            RunEnd::Invalid { fault } => fault.as_ref(),
+            _ => None,
+        }
     }
 
     /// Returns the failure, if the run is one.

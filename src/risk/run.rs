@@ -190,7 +190,8 @@ impl RiskWorld {
         let verdict = bench.verdict().unwrap_or(Verdict::Invalid);
         match verdict {
             Verdict::Invalid => {
-                run.end = RunEnd::Invalid;
+                let fault = bench.fault().cloned();
+                run.end = RunEnd::Invalid { fault };
                 None
             }
             verdict if verdict.is_success() => {

@@ -123,6 +123,7 @@ fn taken<T: Clone>(list: &mut &[T], count: usize) -> Option<Vec<T>> {
 mod tests {
     use super::super::record::EgoFailure;
     use super::*;
+    use crate::ego::Fault;
 
     #[test]
     fn stored_runs_are_read_with_the_same_bits_and_damage_is_an_error() {
@@ -151,7 +152,9 @@ mod tests {
         let runs = vec![
             run(RunEnd::Failed(failure)),
             empty.clone(),
-            run(RunEnd::Invalid),
+            run(RunEnd::Invalid {
+                fault: Some(Fault::error("x")),
+            }),
         ];
         let dir = std::env::temp_dir().join(format!("brakecheck-runs-{}", std::process::id()));
         std::fs::create_dir_all(&dir).expect("a directory");

@@ -33,7 +33,7 @@ fn declaring(traffic: &str) -> Result<Scenario, crate::world::ScenarioError> {
 }
 
 /// Following of a braking car for 2.5 s: 243 sequences of actions, and one axis of starts.
-fn world() -> Scenario {
+pub(super) fn world() -> Scenario {
     let text = include_str!("../../worlds/acc.ron")
         .replace("horizon_s: 15.0", "horizon_s: 2.5")
         .replace(
@@ -48,13 +48,13 @@ fn world() -> Scenario {
     world.on(PlantKind::Kinematic)
 }
 
-fn traffic(world: &Scenario, dir: &Path) -> RiskTraffic {
+pub(super) fn traffic(world: &Scenario, dir: &Path) -> RiskTraffic {
     let file = dir.join("traffic.ron");
     std::fs::write(&file, TRAFFIC).expect("written");
     RiskTraffic::read(world, &file.display().to_string()).expect("sound")
 }
 
-fn directory(name: &str) -> std::path::PathBuf {
+pub(super) fn directory(name: &str) -> std::path::PathBuf {
     let dir = std::env::temp_dir().join(format!("brakecheck-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&dir).expect("a directory");
     dir

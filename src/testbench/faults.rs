@@ -100,6 +100,13 @@ struct State {
     worst: Option<(f64, String)>,
 }
 
+impl State {
+    fn add(&mut self, start: u64, fault: &Fault) {
+        let before = std::mem::take(&mut self.faults);
+        self.faults = merged(before, count_faults([(start, fault)]));
+    }
+}
+
 impl FaultLog {
     /// Creates a log that allows a share of invalid episodes per row, from 0 to 1.
     pub fn allowing(share: f64) -> FaultLog {
@@ -133,14 +140,22 @@ impl FaultLog {
             _ => 1,
         };
         state.streak = Some((fault.kind, streak));
-        let before = std::mem::take(&mut state.faults);
-        state.faults = merged(before, count_faults([(start, fault)]));
+        state.add(start, fault);
         let invalid: u64 = state.faults.iter().map(|fault| fault.count).sum();
         let never_ran = invalid == state.episodes;
         let patient = 0.0 < self.0.allowed && !never_ran;
         // A program that cannot be started will not start later either.
         if fault.kind == FaultKind::CannotStart || (PATIENCE <= streak && !patient) {
             self.0.given_up.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Records an episode of an earlier process, which did not give up on the ego.
+    pub fn note_stored(&self, start: u64, fault: Option<&Fault>) {
+        let mut state = self.lock();
+        state.episodes += 1;
+        if let Some(fault) = fault {
+            state.add(start, fault);
         }
     }
 
