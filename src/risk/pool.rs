@@ -180,8 +180,8 @@ pub(super) fn pooled(
         return None;
     }
     let ess = probability * probability / squares;
-    // A few heavy weights make the spread itself uncertain. By Satterthwaite, it has as
-    // many degrees of freedom.
+    // A few heavy weights make the spread itself uncertain: its degrees of freedom are
+    // 2 (Σ x²)² / Σ x⁴ (Satterthwaite).
     let fourths: f64 = parts.iter().map(|it| it * it * it * it).sum();
     let freedom = (2.0 * squares * squares / fourths).min(ess - 1.0);
     // On the logarithmic scale, and with Student's t, because few heavy weights skew the
