@@ -17,7 +17,7 @@ use crate::world::Scenario;
 
 /// Natural failures from which counting is enough.
 pub(super) const ENOUGH: usize = 100;
-/// Runs of the first round. Rounds grow from the second one on.
+/// Most runs of the first round. Rounds grow from the second one on.
 const FIRST_ROUND: usize = 5_000;
 /// Fewest rounds, unless the budget ends.
 ///
@@ -200,7 +200,9 @@ impl<'a> Estimation<'a> {
 
     /// Plays rounds until all checks hold and the interval is narrow enough.
     fn rounds_within(&mut self, budget: usize) -> Result<Option<()>, RunError> {
-        let mut size = FIRST_ROUND;
+        let left = budget.saturating_sub(self.cost.of_ego());
+        // The third round is twice as large as each of the first two.
+        let mut size = FIRST_ROUND.min(left / 4).max(LEAST_ROUND);
         for round in 0.. {
             let left = budget.saturating_sub(self.cost.of_ego());
             let n = size.min(left);

@@ -208,6 +208,26 @@ fn threads_and_kills_change_no_byte() {
 }
 
 #[test]
+fn narrow_estimates_play_three_rounds_too() {
+    let (world, dir) = (world(), directory("risk-rounds"));
+    let traffic = traffic(&world, &dir);
+    let egos = [EgoUnderTest::nominal(&world)];
+    // After the natural runs and those that only learn, four equal parts are left.
+    for (budget, in_rounds) in [(60_000, 20_000), (20_400, 14_000)] {
+        let settings = RiskSettings {
+            budget,
+            // The first estimate is narrow enough.
+            width: 100.0,
+            value: ValueKind::Table,
+            ..settings(5)
+        };
+        let report = estimated(&traffic, &egos, settings);
+        assert_eq!(report.cost.rounds, in_rounds);
+    }
+    std::fs::remove_dir_all(&dir).expect("removed");
+}
+
+#[test]
 fn a_greater_budget_continues_from_the_stored_runs() {
     let (world, dir) = (world(), directory("risk-budget"));
     let traffic = traffic(&world, &dir);
