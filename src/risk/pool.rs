@@ -180,13 +180,9 @@ pub(super) fn pooled(
         return None;
     }
     let ess = probability * probability / squares;
-    // A few heavy weights make the spread itself uncertain: its degrees of freedom are
-    // 2 (Σ x²)² / Σ x⁴ (Satterthwaite).
-    let fourths: f64 = parts.iter().map(|it| it * it * it * it).sum();
-    let freedom = (2.0 * squares * squares / fourths).min(ess - 1.0);
     // On the logarithmic scale, and with Student's t, because few heavy weights skew the
     // estimate.
-    let t = student_quantile(1.0 - 0.5 * ERROR, freedom.max(1.0));
+    let t = student_quantile(1.0 - 0.5 * ERROR, freedom(&parts, ess));
     let factor = libm::exp(t * libm::sqrt(variance) / probability);
     Some(RiskEstimate {
         probability,
@@ -194,6 +190,18 @@ pub(super) fn pooled(
         ess,
         hits: parts.len(),
     })
+}
+
+/// Returns the degrees of freedom of the spread of an estimate, at least 1.
+///
+/// A few heavy contributions x make the spread itself uncertain. Satterthwaite's formula
+/// is 2 (Σ x²)² / Σ x⁴, for rare contributions.
+fn freedom(contributions: &[f64], ess: f64) -> f64 {
+    let squares = contributions.iter().map(|it| it * it);
+    let fourths: f64 = squares.clone().map(|it| it * it).sum();
+    let sum: f64 = squares.sum();
+    // Without any spread, 0 / 0 leaves the other number.
+    (2.0 * sum * sum / fourths).min(ess - 1.0).max(1.0)
 }
 
 /// Tail of the weights.
@@ -281,7 +289,7 @@ pub(super) fn bound(last: &Round, limit: f64, (beyond, natural): (usize, usize))
 /// The interval is for the ratio of the first to the second. `None` without failures.
 pub(super) fn ratio(first: &[Round], second: &[Round]) -> Option<RiskEstimate> {
     let [a, b] = [pooled(first, |_| true)?, pooled(second, |_| true)?];
-    let mut variance = 0.0;
+    let (mut variance, mut parts) = (0.0, Vec::new());
     let shares = round_shares(first);
     for ((own, other), share) in first.iter().zip(second).zip(shares) {
         let side = |round: &Round, by: f64| -> Vec<(usize, usize, f64)> {
@@ -295,12 +303,15 @@ pub(super) fn ratio(first: &[Round], second: &[Round]) -> Option<RiskEstimate> {
         values.sort_by_key(|(index, ..)| *index);
         let paired = values.chunk_by(|a, b| a.0 == b.0);
         let sums = paired.map(|of| (of[0].1, of.iter().map(|it| it.2).sum::<f64>()));
-        variance += share * share * own.mean(sums).1;
+        let sums: Vec<(usize, f64)> = sums.collect();
+        let each = share / own.len() as f64;
+        parts.extend(sums.iter().map(|(_, sum)| each * sum));
+        variance += share * share * own.mean(sums.into_iter()).1;
     }
     let probability = a.probability / b.probability;
     // The weaker of both estimates limits the ratio.
     let ess = a.ess.min(b.ess);
-    let t = student_quantile(1.0 - 0.5 * ERROR, (ess - 1.0).max(1.0));
+    let t = student_quantile(1.0 - 0.5 * ERROR, freedom(&parts, ess));
     let factor = libm::exp(t * libm::sqrt(variance));
     Some(RiskEstimate {
         probability,
@@ -375,6 +386,20 @@ mod tests {
         assert!(180 <= covered, "{covered} of 200 intervals cover");
         // Without weights the estimate is that of the proposal.
         assert!(0.3 < unweighted / n);
+    }
+
+    #[test]
+    fn a_heavy_contribution_leaves_few_degrees_of_freedom() {
+        // Equal contributions have twice as many as there are.
+        assert!((freedom(&[1e-9; 40], 1e9) - 80.0).abs() < 1e-9);
+        assert_eq!(freedom(&[1e-9; 40], 40.0), 39.0);
+        // One of 20 that is ten times as heavy carries nearly all of the spread.
+        let mut heavy = [1e-9; 20];
+        heavy[7] = 1e-8;
+        let exact = 2.0 * 119.0 * 119.0 / 10_019.0;
+        assert!((freedom(&heavy, 1e9) - exact).abs() < 1e-9);
+        assert_eq!(freedom(&[0.0; 3], 3.0), 2.0);
+        assert_eq!(freedom(&[1.0], 1.0), 1.0);
     }
 
     #[test]
