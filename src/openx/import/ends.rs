@@ -2,17 +2,18 @@
 
 use core::f64::consts::{FRAC_PI_3, PI};
 
+use super::concrete::Concrete;
 use super::entity::{ImportedEntity, ImportedLaw, ImportedStep};
 use super::places::Placed;
-use crate::opendrive::roads::RoadMap;
 
 /// Lateral distance in metres within which the end of a road is the end of a path.
 const BESIDE_M: f64 = 20.0;
 
 /// Distance in metres to the end of an entity's road, in its direction.
 ///
-/// It is infinite for an entity that faces the side of its road.
-pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f64 {
+/// The road ends where that of the world ends. The distance is infinite for an entity that faces the side of its road.
+pub(super) fn road_ahead_m(concrete: &Concrete, placed: &Placed, on_foot: bool) -> f64 {
+    let roads = &concrete.roads;
     if let Some(on) = &placed.way {
         // What comes after the end of such a path is not in the file.
         if on_foot || on.is_lane || on.way.has_corners() {
@@ -37,7 +38,7 @@ pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f
     // entity drives along it.
     let turned_rad = line.at(at.s_m, at.t_m).sees(&placed.spot).heading_rad.abs();
     if turned_rad < FRAC_PI_3 {
-        line.way_m(at.s_m, line.length_m, at.t_m)
+        line.way_m(at.s_m, concrete.ends_m(&at.road), at.t_m)
     } else if PI - FRAC_PI_3 < turned_rad {
         line.way_m(0.0, at.s_m, at.t_m)
     } else {

@@ -57,7 +57,7 @@ pub(super) fn first_leaves_s(
     let mut first_s = f64::INFINITY;
     for it in all {
         let on_foot = it.entity.body.on_foot;
-        let ahead_m = |placed| road_ahead_m(&concrete.roads, placed, on_foot);
+        let ahead_m = |placed| road_ahead_m(concrete, placed, on_foot);
         let own_s = match &it.entity.approach {
             Some(approach) => {
                 let ego = concrete.station(&approach.ego)?;
