@@ -111,12 +111,12 @@ mod tests {
 
     #[test]
     fn shapes_of_a_file_are_found_without_its_root() {
-        let sheet = ":root { --ink: #111; } svg { font: 9px sans-serif; } \
-            svg .tick, svg .word { fill: var(--ink); } svg text.bad { x: 1; } .svg rect { y: 2; }";
+        let sheet = ":root { --ink: #111; } @media (prefers-color-scheme: dark) { :root { --ink: #eee; } } \
+            svg { font: 9px sans-serif; } svg .tick, svg .word { fill: var(--ink); } svg text.bad { x: 1; } .svg rect { y: 2; }";
         assert_eq!(
             file_style(&[sheet]),
             "svg{font: 9px sans-serif;}.tick, .word{fill: #111;}text.bad{x: 1;}.svg rect{y: 2;}\
-             @media (prefers-color-scheme: dark){}"
+             @media (prefers-color-scheme: dark){.tick, .word{fill: #eee}}"
         );
     }
 
