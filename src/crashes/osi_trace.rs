@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use brakecheck_traffic::{Class, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
+use brakecheck_traffic::{Class, OsiAxles, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
 
 use crate::openx::vehicle_category;
 use crate::scene::drive::{Agent, Drive};
@@ -70,19 +70,23 @@ fn body(body: &Body) -> OsiBody {
         Some("truck") => Class::Truck,
         Some(_) => Class::Car,
     };
-    let wheelbase_m = match &body.kind {
-        BodyKind::Vehicle(vehicle) => Some(vehicle.wheelbase_m),
-        BodyKind::Cyclist(cyclist) => Some(cyclist.wheelbase_m),
+    let wheels = match &body.kind {
+        BodyKind::Vehicle(vehicle) => Some((vehicle.wheelbase_m, vehicle.wheel_radius_m)),
+        BodyKind::Cyclist(cyclist) => Some((cyclist.wheelbase_m, cyclist.wheel_radius_m)),
         BodyKind::Walker(_) => None,
     };
-    let axles_m = wheelbase_m.map(|wheelbase_m| {
+    let axles = wheels.map(|(wheelbase_m, wheel_radius_m)| {
         let rear_m = body.half_length_m() - body.lever_m();
-        (rear_m, rear_m + wheelbase_m)
+        OsiAxles {
+            rear_m,
+            front_m: rear_m + wheelbase_m,
+            height_m: wheel_radius_m,
+        }
     });
     OsiBody {
         class,
         size_m: [body.length_m, body.width_m, body.height_m],
-        axles_m,
+        axles,
     }
 }
 

@@ -34,14 +34,23 @@ impl XmlNode {
     ///
     /// Returns an error for an unreadable or too large file, and for invalid
     /// XML.
-    pub(crate) fn read(path: &Path, files: Files<'_>) -> Result<XmlNode, ImportError> {
+    pub(crate) fn read(
+        path: &Path,
+        standard: &str,
+        files: Files<'_>,
+    ) -> Result<XmlNode, ImportError> {
         let at = At::file(path);
         let text = files(path).map_err(|error| at.error(error.to_string()))?;
         if MAX_BYTES < text.len() {
             return Err(at.error(format!("it is larger than {MAX_BYTES} bytes")));
         }
         // A byte order mark is no part of the XML.
-        XmlNode::parse(path, text.trim_start_matches('\u{feff}'))
+        let text = text.trim_start_matches('\u{feff}');
+        // The words of the XML reader do not help with other kinds of files.
+        if !text.trim_start().starts_with('<') {
+            return Err(at.error(format!("it is not an {standard} XML file")));
+        }
+        XmlNode::parse(path, text)
     }
 
     pub(crate) fn parse(path: &Path, text: &str) -> Result<XmlNode, ImportError> {

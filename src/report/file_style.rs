@@ -2,7 +2,8 @@
 //!
 //! Browsers read the style of a page as it is. librsvg and Inkscape know neither
 //! `var()` nor `@container`, and draw shapes without a colour in black. The style of a
-//! file therefore has every colour as a value. The dark colours follow in a media
+//! file therefore has every colour as a value. Inkscape also finds no shape by its
+//! place in the root, so selectors do not name it. The dark colours follow in a media
 //! query, which such programs skip.
 
 /// Beginning of a media query for dark themes, as the style of the page writes it.
@@ -25,7 +26,7 @@ pub(super) fn file_style(sheets: &[&str]) -> String {
                     .map_or(Vec::new(), |it| variables(it.1))
             }
             at if at.starts_with('@') => {}
-            _ => rules.push((selector, body)),
+            _ => rules.push((within_file(selector), body)),
         }
     }
     let plain = rules
@@ -39,6 +40,15 @@ pub(super) fn file_style(sheets: &[&str]) -> String {
     });
     let (plain, themed): (String, String) = (plain.collect(), themed.collect());
     format!("{plain}{DARK}{{{themed}}}")
+}
+
+/// Returns a selector that needs no `svg` around its shapes.
+///
+/// A file has nothing else, and Inkscape does not find its root by a selector.
+fn within_file(selector: &str) -> String {
+    let parts = selector.split(',').map(str::trim);
+    let parts = parts.map(|it| it.strip_prefix("svg ").unwrap_or(it).trim_start());
+    parts.collect::<Vec<_>>().join(", ")
 }
 
 /// Returns the blocks of a sheet: text before the braces, and text within them.
@@ -100,11 +110,22 @@ mod tests {
     }
 
     #[test]
+    fn shapes_of_a_file_are_found_without_its_root() {
+        let sheet = ":root { --ink: #111; } @media (prefers-color-scheme: dark) { :root { --ink: #eee; } } \
+            svg { font: 9px sans-serif; } svg .tick, svg .word { fill: var(--ink); } svg text.bad { x: 1; } .svg rect { y: 2; }";
+        assert_eq!(
+            file_style(&[sheet]),
+            "svg{font: 9px sans-serif;}.tick, .word{fill: #111;}text.bad{x: 1;}.svg rect{y: 2;}\
+             @media (prefers-color-scheme: dark){.tick, .word{fill: #eee}}"
+        );
+    }
+
+    #[test]
     fn the_sheets_of_files_have_no_variable_left() {
         let sheets = [crate::report::page::STYLE, crate::report::animation::SHAPES];
         let style = file_style(&sheets);
         assert!(style.contains(".paint{fill: currentColor"), "{style}");
-        for forbidden in ["var(", "--", "@container", ":root"] {
+        for forbidden in ["var(", "--", "@container", ":root", "svg ."] {
             assert!(!style.contains(forbidden), "{forbidden} in {style}");
         }
     }

@@ -127,12 +127,24 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
             span = from + at..from + at + found.len();
         }
     }
+    let what = match shape(&error.code).zip(field_before(text, span.start)) {
+        Some(((shape, _), field)) => format!("`{field}` requires {shape}"),
+        None => what,
+    };
     Problem {
         what,
         span,
         label,
         help,
     }
+}
+
+/// Field whose value begins at an offset, if a field is written right before it.
+fn field_before(text: &str, at: usize) -> Option<&str> {
+    let before = text.get(..at)?.trim_end().strip_suffix(':')?.trim_end();
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let name = &before[before.trim_end_matches(is_part).len()..];
+    (!name.is_empty()).then_some(name)
 }
 
 /// Name in the file that an error concerns.
@@ -175,8 +187,11 @@ fn shape(code: &Error) -> Option<(String, String)> {
 
 fn explain(code: &Error) -> (String, String, Option<String>) {
     if let Some((what, how)) = shape(code) {
-        let label = format!("{what} is expected");
-        return (label, "this is none".to_owned(), Some(how));
+        return (
+            format!("{what} is expected"),
+            format!("not {what}"),
+            Some(how),
+        );
     }
     match code {
         Error::NoSuchStructField {

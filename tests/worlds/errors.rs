@@ -256,6 +256,10 @@ fn mistakes() -> Vec<(&'static str, String)> {
             "a number in words",
             with("friction: 0.9", "friction: \"wet\""),
         ),
+        (
+            "a horizon in words",
+            with("horizon_s: 15.0", "horizon_s: nine"),
+        ),
         ("too many lanes", with("lanes: 1,", "lanes: 1000000000,")),
         (
             "half of the file",

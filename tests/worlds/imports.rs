@@ -1383,6 +1383,95 @@ fn a_bend_goes_on_as_far_as_anybody_drives() {
 }
 
 #[test]
+fn files_of_other_kinds_are_named_in_words_of_their_own() {
+    let with = |name: &str, text: &str| {
+        let mut all = files(&[]);
+        let (_, content) = all.iter_mut().find(|(it, _)| *it == name).expect("a file");
+        *content = text.to_owned();
+        import(&all).expect_err("no XML").to_string()
+    };
+    for text in ["", "a car brakes & stops\n", "Scenario(\n    name: <b,\n)"] {
+        let said = with("base.xosc", text);
+        assert_eq!(said, "`base.xosc`: it is not an OpenSCENARIO XML file");
+        let said = with("straight.xodr", text);
+        assert!(said.starts_with("`straight.xodr`"), "{said}");
+        assert!(said.ends_with("it is not an OpenDRIVE XML file"), "{said}");
+    }
+    // In a file of the right kind, the place of the mistake is more useful.
+    let said = with("base.xosc", &BASE.replacen("</Story>", "</Stori>", 1));
+    assert!(said.contains("line ") && said.contains("Stori"), "{said}");
+}
+
+/// In world files a road goes straight on at both ends, so a road of nearly a full
+/// circle would cross its beginning.
+#[test]
+fn a_road_of_nearly_a_full_circle_ends_before_it_comes_back() {
+    let edits = [
+        edit(r#"filepath="straight.xodr""#, r#"filepath="bend.xodr""#),
+        edit(r#"curvature="0.004""#, r#"curvature="-0.004""#),
+        edit(
+            r#"<SimulationTimeCondition value="12""#,
+            r#"<SimulationTimeCondition value="90""#,
+        ),
+    ];
+    let imported = import(&files(&edits)).expect("a world");
+    let episode = run(&world(&imported));
+    // The run ends with the road, which the import says.
+    let ends_s = 0.05 * (episode.trace.len() - 1) as f64;
+    assert!((65.0..72.0).contains(&ends_s), "{ends_s} s");
+    let kinds: Vec<&str> = imported.dropped.iter().map(|it| it.kind).collect();
+    assert!(
+        kinds.contains(&"what happens behind the end of a road"),
+        "{kinds:?}"
+    );
+    // Lane -1 is 1.75 m inside an arc of 250 m, lane -2, on which the world's road
+    // begins, 5.25 m.
+    for row in 0..episode.trace.len() {
+        let (x, y) = at(&episode, "ego", 0.05 * row as f64);
+        let off_m = x.hypot(y + 244.75) - 248.25;
+        assert!(off_m.abs() < 0.001, "{off_m} m off in row {row}");
+    }
+}
+
+/// A gap is one between boxes that are turned against each other in a bend.
+#[test]
+fn a_gap_in_a_bend_counts_along_the_axis_of_the_car_ahead() {
+    let gap = r#"<LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" freespace="true" continuous="false" displacement="leadingReferencedEntity" distance="40"/></LongitudinalAction>"#;
+    for curvature in ["0.004", "-0.004"] {
+        let edits = [
+            edit(r#"filepath="straight.xodr""#, r#"filepath="bend.xodr""#),
+            edit(
+                r#"curvature="0.004""#,
+                format!(r#"curvature="{curvature}""#),
+            ),
+            edit(
+                "<!--lead init-->",
+                format!("<PrivateAction>{gap}</PrivateAction>"),
+            ),
+            edit(r#"laneId="-2" s="150""#, r#"laneId="-1" s="150""#),
+        ];
+        let imported = import(&files(&edits)).expect("a world");
+        let episode = run(&world(&imported));
+        let (ego, lead) = (at(&episode, "ego", 0.0), at(&episode, "lead", 0.0));
+        let of = |name: &str| {
+            episode
+                .trace
+                .signal(&format!("{name}.heading"))
+                .expect("there")[0]
+        };
+        let (turned, h) = (of("ego"), of("lead"));
+        // From the corners of the ego's front to the rear of the lead.
+        let clear_m = [-0.9, 0.9].map(|side_m| {
+            let x = ego.0 + LEVER_M * turned.cos() - side_m * turned.sin();
+            let y = ego.1 + LEVER_M * turned.sin() + side_m * turned.cos();
+            (lead.0 - x) * h.cos() + (lead.1 - y) * h.sin() - (4.4 - LEVER_M)
+        });
+        let clear_m = clear_m[0].min(clear_m[1]);
+        assert!((clear_m - 40.0).abs() < 0.005, "{curvature}: {clear_m} m");
+    }
+}
+
+#[test]
 fn an_ego_has_any_name_and_its_events_are_left_only_on_request() {
     let renamed = files(&[edit("\"Ego\"", "\"Host\"")]);
     let unknown = import(&renamed).expect_err("nobody is called Ego");

@@ -300,3 +300,54 @@ fn signals_of_other_directions_lanes_and_ways_are_refused() {
         assert!(error.contains(what), "{place}: {error}");
     }
 }
+
+/// The network at the x axis mirrored, with traffic on the left.
+fn mirrored() -> String {
+    let mut network = NETWORK.replace("RHT", "LHT");
+    for (attribute, values) in [
+        ("y", &["20"][..]),
+        ("hdg", &["1.5707963267948966"]),
+        ("curvature", &["0.05"]),
+    ] {
+        for value in values {
+            let from = format!(" {attribute}=\"{value}\"");
+            assert!(network.contains(&from), "{from}");
+            network = network.replace(&from, &format!(" {attribute}=\"-{value}\""));
+        }
+    }
+    // Lanes change sides: `1` and `-1` swap, over a third word.
+    for attribute in ["lane id", "predecessor id", "successor id", "from", "to"] {
+        let of = |value: &str| format!("{attribute}=\"{value}\"");
+        network = network.replace(&of("1"), &of("*"));
+        network = network.replace(&of("-1"), &of("1"));
+        network = network.replace(&of("*"), &of("-1"));
+    }
+    let network = network.replace("left>", "*>").replace("right>", "left>");
+    network.replace("*>", "right>")
+}
+
+#[test]
+fn left_hand_traffic_drives_as_in_a_mirror() {
+    let text = WORLD.replace("lane: -1", "lane: *");
+    let text = text
+        .replace("lane: 1", "lane: -1")
+        .replace("lane: *", "lane: 1");
+    let world = load(&text, &[("network.xodr", &mirrored())]).expect("a world");
+    let (left, right) = (
+        run(&world),
+        run(&load(WORLD, &[("network.xodr", NETWORK)]).expect("a world")),
+    );
+    for name in ["ego", "turning", "coming"] {
+        let both = |what: &str| {
+            let signal = format!("{name}.{what}");
+            [&left, &right].map(|it| it.trace.signal(&signal).expect("there").to_vec())
+        };
+        for (what, sign) in [("x", 1.0), ("y", -1.0)] {
+            let [left, right] = both(what);
+            assert!(left.len() > 200);
+            for (a, b) in left.iter().zip(&right) {
+                assert!((a - sign * b).abs() < 1e-6, "{name}.{what}: {a} and {b}");
+            }
+        }
+    }
+}

@@ -78,7 +78,7 @@ pub use limit::NaturalLimit;
 pub use mcap::read_mcap;
 pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use osi::read_osi;
-pub use osi_writer::{OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
+pub use osi_writer::{OsiAxles, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
 pub use other_plan::OtherPlan;
 pub use path::{Path, PathPlace};
 pub use picture::{svg_instant, svg_overview};

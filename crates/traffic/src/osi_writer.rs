@@ -43,10 +43,19 @@ pub struct OsiBody {
     pub class: Class,
     /// Length, width and height.
     pub size_m: [f64; 3],
-    /// Distance of the rear and of the front axle from the centre, rear and front.
-    ///
-    /// `None` for a road user without axles.
-    pub axles_m: Option<(f64, f64)>,
+    /// Axles. `None` for a road user without axles.
+    pub axles: Option<OsiAxles>,
+}
+
+/// Places of the axles of a body.
+#[derive(Clone, Copy, Debug)]
+pub struct OsiAxles {
+    /// Distance of the rear axle ahead of the centre.
+    pub rear_m: f64,
+    /// Distance of the front axle ahead of the centre.
+    pub front_m: f64,
+    /// Height of the centres of the wheels above the ground.
+    pub height_m: f64,
 }
 
 /// State of all road users at one instant.
@@ -161,10 +170,12 @@ impl OsiBody {
                 orientation_rate: Some(orientation([0.0, 0.0, state.yaw_rate_rad_per_s])),
             }),
             kind: Some(kind),
-            // Axles are at the height of the wheels' centres, and that is not known here.
-            attributes: self.axles_m.map(|(rear_m, front_m)| OsiVehicleAttributes {
-                bbcenter_to_rear: Some(vector([rear_m, 0.0, -0.5 * height_m])),
-                bbcenter_to_front: Some(vector([front_m, 0.0, -0.5 * height_m])),
+            attributes: self.axles.map(|axles| {
+                let up_m = axles.height_m - 0.5 * height_m;
+                OsiVehicleAttributes {
+                    bbcenter_to_rear: Some(vector([axles.rear_m, 0.0, up_m])),
+                    bbcenter_to_front: Some(vector([axles.front_m, 0.0, up_m])),
+                }
             }),
             vehicle: vehicle.map(|kind| OsiVehicleClassification {
                 kind: Some(kind),
@@ -221,7 +232,11 @@ mod tests {
         let body = |class| OsiBody {
             class,
             size_m: [4.5, 1.8, 1.5],
-            axles_m: Some((-1.4, 1.3)),
+            axles: Some(OsiAxles {
+                rear_m: -1.4,
+                front_m: 1.3,
+                height_m: 0.33,
+            }),
         };
         let frame = |i: u64| {
             let x_m = 2.0 * i as f64;
@@ -261,6 +276,18 @@ mod tests {
         assert!((recording.duration_s() - 3.0).abs() < 1e-9);
         let last = driven.x_m.len() - 1;
         assert!((driven.x_m[last] - driven.x_m[0] - 60.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn axles_are_at_the_height_of_the_wheels() {
+        let trace = trace();
+        let object = trace.bodies[0].message(&trace.frames[0].states[0], 1);
+        let attributes = object.attributes.expect("axles");
+        let of = |it: Option<OsiVector>| it.map(|it| (it.x, it.z)).expect("a vector");
+        // The centre is 0.75 m above the ground, and the wheels have a radius of 0.33 m.
+        let up_m = Some(0.33 - 0.75);
+        assert_eq!(of(attributes.bbcenter_to_rear), (Some(-1.4), up_m));
+        assert_eq!(of(attributes.bbcenter_to_front), (Some(1.3), up_m));
     }
 
     #[test]

@@ -115,7 +115,7 @@ impl Catalogs {
             .map(|it| it.join(format!("{name}.xosc")));
         let mut found = None;
         for path in paths.filter(|path| files(path).is_ok()) {
-            let root = XmlNode::read(&path, files)?;
+            let root = XmlNode::read(&path, "OpenSCENARIO", files)?;
             let catalog = root.child("Catalog");
             // A file of the right name may be another catalog, so the search
             // continues. It counts if no other does.

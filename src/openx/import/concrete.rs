@@ -8,9 +8,14 @@ use super::lights::ImportedLight;
 use super::places::Placed;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::roads::{OnLane, RoadMap};
-use crate::opendrive::ways::Bend;
+use crate::opendrive::ways::{Bend, ImportedPath};
 use crate::road::Grade;
 use crate::sim::Pose;
+
+/// Step in metres in which a road that comes back onto itself is shortened.
+const SHORTER_M: f64 = 10.0;
+/// Length in metres behind a reference point and ahead of it that holds its body.
+const BODY_M: f64 = 20.0;
 
 /// Scenario at a point.
 pub(super) struct Concrete {
@@ -28,6 +33,10 @@ pub(super) struct Concrete {
     /// Lights of the ego's road.
     pub lights: Vec<ImportedLight>,
     pub entities: Vec<ImportedEntity>,
+    /// Station of the ego's bent road at which the road of the world ends.
+    ///
+    /// It is infinite for a road that is complete.
+    pub road_ends_m: f64,
     /// Time at which the file ends the run, if it states a time alone.
     pub stop_s: Option<f64>,
     /// Place of the file, for later errors.
@@ -193,8 +202,62 @@ impl Concrete {
         lane.min(self.lanes as f64 - 1.0)
     }
 
+    /// Station at which the world's part of a road ends, infinite for a complete road.
+    pub(super) fn ends_m(&self, road: &str) -> f64 {
+        match &self.frame {
+            RoadFrame::Beside { road: own, .. } if own == road => self.road_ends_m,
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// Returns the station at which the ego's road has to end.
+    ///
+    /// A world's road goes straight on at both ends. On a road of nearly a full
+    /// circle these ends cross, so positions would have two stations. Infinite
+    /// for a road that may be complete.
+    pub(super) fn unlapped_m(&self) -> f64 {
+        let RoadFrame::Beside { road, .. } = &self.frame else {
+            return f64::INFINITY;
+        };
+        let length_m = self.roads.get(road).map_or(0.0, |line| line.length_m);
+        let lanes = self
+            .entities
+            .iter()
+            .filter_map(|it| it.placed.lane.as_ref());
+        let stations = lanes.filter(|at| at.road == *road).map(|at| at.s_m);
+        let last_m = stations.fold(0.0, f64::max);
+        let borders_m = (
+            -0.5 * self.lane_width_m,
+            (self.lanes as f64 - 0.5) * self.lane_width_m,
+        );
+        let laps = |ends_m: f64| {
+            let pieces = self.pieces_between(f64::INFINITY, ends_m);
+            let begins = Pose::default();
+            let course = ImportedPath { begins, pieces }.course().ok();
+            course.is_some_and(|course| {
+                let driven_m = (-BODY_M, course.end_s_m() + BODY_M);
+                course.self_overlap(driven_m, borders_m).is_some()
+            })
+        };
+        if !laps(length_m) {
+            return f64::INFINITY;
+        }
+        let shorter = (1..).map(|steps| length_m - f64::from(steps) * SHORTER_M);
+        let mut shorter = shorter.take_while(|ends_m| *ends_m > last_m);
+        // A road on which an entity is placed so late is left as it is, and
+        // refused.
+        shorter
+            .find(|ends_m| !laps(*ends_m))
+            .unwrap_or(f64::INFINITY)
+    }
+
     /// Pieces of the ego's lane 0 up to a length. A straight lane has none.
     pub(super) fn pieces(&self, until_m: f64) -> Vec<Bend> {
+        self.pieces_between(until_m, self.road_ends_m)
+    }
+
+    /// Pieces up to a length, and up to a station of the reference line.
+    fn pieces_between(&self, until_m: f64, ends_m: f64) -> Vec<Bend> {
         let (road, t_m) = match &self.frame {
             RoadFrame::Straight(_) => return Vec::new(),
             RoadFrame::Along(way) => return way.pieces.clone(),
@@ -205,11 +268,12 @@ impl Concrete {
         };
         let mut left_m = until_m;
         let mut pieces = Vec::new();
-        for piece in &line.pieces {
+        for piece in line.pieces.iter().filter(|piece| piece.s_m < ends_m) {
             // A parallel at t has the length 1 − κ·t times that of the
             // reference line, and the curvature κ / (1 − κ·t).
             let scale = 1.0 - piece.per_m * t_m;
-            let length_m = (piece.length_m * scale).min(left_m);
+            let whole_m = piece.length_m.min(ends_m - piece.s_m);
+            let length_m = (whole_m * scale).min(left_m);
             left_m -= length_m;
             let per_m = piece.per_m / scale;
             pieces.push(Bend { length_m, per_m });

@@ -27,7 +27,7 @@ pub struct DrivenLanes {
 ///
 /// Returns an error with file and element for content that is not supported.
 pub fn driven_lanes(path: &Path, files: Files<'_>) -> Result<Vec<DrivenLanes>, ImportError> {
-    let root = XmlNode::read(path, files)?;
+    let root = XmlNode::read(path, "OpenDRIVE", files)?;
     let roads = RoadMap::of(&root)?;
     let mut all = Vec::new();
     for node in root.all("road") {
@@ -72,7 +72,7 @@ pub fn lane_places(
     files: Files<'_>,
     step_m: f64,
 ) -> Result<Vec<PlaceOnLane>, ImportError> {
-    let root = XmlNode::read(path, files)?;
+    let root = XmlNode::read(path, "OpenDRIVE", files)?;
     let roads = RoadMap::of(&root)?;
     let mut places = Vec::new();
     for node in root.all("road") {

@@ -1,49 +1,6 @@
 //! Earliest times at which entities leave their roads.
 
-use core::f64::consts::{FRAC_PI_3, PI};
-
 use super::entity::{ImportedEntity, ImportedLaw, ImportedStep};
-use super::places::Placed;
-use crate::opendrive::roads::RoadMap;
-
-/// Lateral distance in metres within which the end of a road is the end of a path.
-const BESIDE_M: f64 = 20.0;
-
-/// Distance in metres to the end of an entity's road, in its direction.
-///
-/// It is infinite for an entity that faces the side of its road.
-pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f64 {
-    if let Some(on) = &placed.way {
-        // What comes after the end of such a path is not in the file.
-        if on_foot || on.is_lane || on.way.has_corners() {
-            return on.ends_m - on.along_m;
-        }
-        // A path continues straight after its end, up to the last end of a
-        // road.
-        let end = on.way.at(on.ends_m);
-        let ends = roads.all().flat_map(|(_, line)| {
-            let places = [line.at(0.0, 0.0), line.at(line.length_m, 0.0)];
-            places.map(|place| end.sees(&place))
-        });
-        let ahead = ends.filter(|place| place.y_m.abs() <= BESIDE_M);
-        let beyond_m = ahead.map(|place| place.x_m).fold(0.0, f64::max);
-        return on.ends_m - on.along_m + beyond_m;
-    }
-    let at = placed.lane.as_ref();
-    let Some((line, at)) = at.and_then(|at| Some((roads.get(&at.road)?, at))) else {
-        return f64::INFINITY;
-    };
-    // Within 60° of the road's direction, or of the opposite direction, an
-    // entity drives along it.
-    let turned_rad = line.at(at.s_m, at.t_m).sees(&placed.spot).heading_rad.abs();
-    if turned_rad < FRAC_PI_3 {
-        line.way_m(at.s_m, line.length_m, at.t_m)
-    } else if PI - FRAC_PI_3 < turned_rad {
-        line.way_m(0.0, at.s_m, at.t_m)
-    } else {
-        f64::INFINITY
-    }
-}
 
 /// Earliest time in seconds at which an entity has driven `ahead_m`.
 ///

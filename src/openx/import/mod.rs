@@ -21,6 +21,7 @@ mod ego_events;
 mod ends;
 mod entity;
 mod frame;
+mod gaps;
 mod laws;
 mod lights;
 mod motion;

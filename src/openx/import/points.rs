@@ -20,7 +20,7 @@ pub struct ImportedPoint(pub Vec<(String, String)>);
 ///
 /// Returns an error for other distributions and for more than [`MAX_POINTS`].
 pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, ImportError> {
-    let root = XmlNode::read(path, files)?;
+    let root = XmlNode::read(path, "OpenSCENARIO", files)?;
     let list = root
         .child("ParameterValueDistribution")
         .ok_or_else(|| root.error("it has no `ParameterValueDistribution`: no variation file"))?;

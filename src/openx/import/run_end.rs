@@ -1,12 +1,17 @@
 //! End of a run: the expected encounters, and the first entity that leaves its road.
 
+use core::f64::consts::{FRAC_PI_3, PI};
+
 use super::concrete::Concrete;
-use super::ends::{leaves_s, road_ahead_m};
+use super::ends::leaves_s;
+use super::places::Placed;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m};
 use crate::opendrive::error::ImportError;
 
 /// Duration in seconds of a run after the expected encounter.
 const BEYOND_S: f64 = 5.0;
+/// Lateral distance in metres within which the end of a road is the end of a path.
+const BESIDE_M: f64 = 20.0;
 
 /// End of the expected encounters in seconds, where it is known.
 pub(super) fn ends_s(
@@ -57,7 +62,7 @@ pub(super) fn first_leaves_s(
     let mut first_s = f64::INFINITY;
     for it in all {
         let on_foot = it.entity.body.on_foot;
-        let ahead_m = |placed| road_ahead_m(&concrete.roads, placed, on_foot);
+        let ahead_m = |placed| road_ahead_m(concrete, placed, on_foot);
         let own_s = match &it.entity.approach {
             Some(approach) => {
                 let ego = concrete.station(&approach.ego)?;
@@ -76,4 +81,42 @@ pub(super) fn first_leaves_s(
         }
     }
     Ok(first_s)
+}
+
+/// Distance in metres to the end of an entity's road, in its direction.
+///
+/// The road ends where that of the world ends. The distance is infinite for an
+/// entity that faces the side of its road.
+fn road_ahead_m(concrete: &Concrete, placed: &Placed, on_foot: bool) -> f64 {
+    let roads = &concrete.roads;
+    if let Some(on) = &placed.way {
+        // What comes after the end of such a path is not in the file.
+        if on_foot || on.is_lane || on.way.has_corners() {
+            return on.ends_m - on.along_m;
+        }
+        // A path continues straight after its end, up to the last end of a
+        // road.
+        let end = on.way.at(on.ends_m);
+        let ends = roads.all().flat_map(|(_, line)| {
+            let places = [line.at(0.0, 0.0), line.at(line.length_m, 0.0)];
+            places.map(|place| end.sees(&place))
+        });
+        let ahead = ends.filter(|place| place.y_m.abs() <= BESIDE_M);
+        let beyond_m = ahead.map(|place| place.x_m).fold(0.0, f64::max);
+        return on.ends_m - on.along_m + beyond_m;
+    }
+    let at = placed.lane.as_ref();
+    let Some((line, at)) = at.and_then(|at| Some((roads.get(&at.road)?, at))) else {
+        return f64::INFINITY;
+    };
+    // Within 60° of the road's direction, or of the opposite direction, an
+    // entity drives along it.
+    let turned_rad = line.at(at.s_m, at.t_m).sees(&placed.spot).heading_rad.abs();
+    if turned_rad < FRAC_PI_3 {
+        line.way_m(at.s_m, concrete.ends_m(&at.road), at.t_m)
+    } else if PI - FRAC_PI_3 < turned_rad {
+        line.way_m(0.0, at.s_m, at.t_m)
+    } else {
+        f64::INFINITY
+    }
 }

@@ -46,7 +46,7 @@ pub(super) struct Protocol {
 impl Protocol {
     pub(super) fn open(import: &Import<'_>, files: Files<'_>) -> Result<Protocol, ImportError> {
         let path = import.scenario;
-        let root = XmlNode::read(path, files)?;
+        let root = XmlNode::read(path, "OpenSCENARIO", files)?;
         if root.child("Storyboard").is_none() {
             let error = root.error("there is no `Storyboard` in it: it is no scenario");
             return Err(error.helped("a variation file is named with --points"));
@@ -275,6 +275,7 @@ impl Protocol {
             stop_s,
             at: At::file(self.root.file()),
             entities,
+            road_ends_m: f64::INFINITY,
             roads,
         };
         for name in concrete.far_off()? {
@@ -287,6 +288,7 @@ impl Protocol {
             );
             concrete.entities.retain(|it| it.name != name);
         }
+        concrete.road_ends_m = concrete.unlapped_m();
         Ok(concrete)
     }
 
@@ -309,7 +311,7 @@ impl Protocol {
         if let Some(known) = self.roads.borrow().get(&path) {
             return Ok(Rc::clone(known));
         }
-        let root = XmlNode::read(&path, files).map_err(|error| match given {
+        let root = XmlNode::read(&path, "OpenDRIVE", files).map_err(|error| match given {
             None if !name.ends_with(".xodr") => {
                 let what = format!("the road file of the map `{name}` is not known");
                 file.refused(what, &format!("name it with --map {name}=FILE.xodr"))

@@ -3,6 +3,7 @@
 use super::concrete::Concrete;
 use super::draft::{Draft, tidy};
 use super::ends::to_mps;
+use super::gaps::place_by_gaps;
 use super::places::Placed;
 use super::plans::plan;
 use super::run_end::{ends_s, first_leaves_s};
@@ -49,20 +50,12 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     let mut all = all.collect::<Result<Vec<EntityInFrame>, ImportError>>()?;
     let ego = all.iter().position(|it| it.entity.is_ego);
     let ego = ego.ok_or_else(|| concrete.at.error("no agent is called `Ego`"))?;
-    // A stated gap to the ego replaces the place in the file.
     let (ego_front_m, ego_mps) = (
         all[ego].spot.x_m + all[ego].entity.body.front_m,
         all[ego].entity.speed_mps,
     );
-    // Stations count along lane 0, and a gap counts along the ego's own line.
-    let scale = 1.0 - concrete.bend_per_m() * all[ego].spot.y_m;
-    for it in &mut all {
-        if let Some(gap_m) = it.entity.gap_m {
-            let body = &it.entity.body;
-            let way_m = (gap_m + body.length_m) / scale;
-            it.spot.x_m = ego_front_m + way_m - body.front_m;
-        }
-    }
+    // A stated gap to the ego replaces the place in the file.
+    place_by_gaps(concrete, &mut all, ego)?;
     let ego_at = (ego_front_m, ego_mps);
     // A run ends before an entity that moves as in the file leaves its road.
     let leaves_s = first_leaves_s(concrete, &all, ego_at)?;

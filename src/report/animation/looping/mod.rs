@@ -182,7 +182,8 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
     let height_px = top_px + LINE_PX * lines.len() as f64;
     let picture = panels[0].picture;
     let drawn = html! {
-        svg xmlns="http://www.w3.org/2000/svg" class="loop" viewBox=(format!("0 0 {WIDTH_PX} {height_px}")) width=(WIDTH_PX) height=(height_px) role="img" {
+        // Inkscape before 1.3 reads `href` of `use` in this namespace only.
+        svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" class="loop" viewBox=(format!("0 0 {WIDTH_PX} {height_px}")) width=(WIDTH_PX) height=(height_px) role="img" {
             title { (said.join(" ")) }
             style { (PreEscaped(file_style(&[STYLE, SHAPES, OWN_STYLE]))) (PreEscaped(format!("svg.loop{{width:{WIDTH_PX}px;height:{height_px}px}}{}", strokes(scale)))) (PreEscaped(keyframes.into_css())) }
             defs {

@@ -98,7 +98,7 @@ impl LoopPanel<'_> {
             g transform=(format!("translate({x} {y}) scale({} {})", n(scale, 3), n(-scale, 3))) {
                 g class=(moved) transform=(format!("translate({} {})", n(-u, 2), n(-v, 2))) {
                     g transform=(format!("rotate({turn_deg})")) {
-                        use href={ "#" (self.picture.part("ground")) } {}
+                        use xlink:href={ "#" (self.picture.part("ground")) } {}
                         (self.lights(keyframes))
                         @for who in everybody.clone() { (self.body(keyframes, who, &shown)) }
                     }
@@ -136,10 +136,10 @@ impl LoopPanel<'_> {
         let end = shown[shown.len() - 1];
         html! {
             g class={ "body " (moved) } transform=(self.picture.pose(self.film, who, end)) {
-                use href={ "#" (self.picture.body(who)) } {}
+                use xlink:href={ "#" (self.picture.body(who)) } {}
                 @if lit {
                     g class={ "braking " (keyframes.seen(&braking)) } visibility=(if brakes(end) { "visible" } else { "hidden" }) {
-                        use href={ "#" (self.picture.body(who)) } {}
+                        use xlink:href={ "#" (self.picture.body(who)) } {}
                     }
                 }
             }
