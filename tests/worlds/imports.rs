@@ -6,6 +6,8 @@
 
 #[path = "imports/places.rs"]
 mod places;
+#[path = "imports/precedence.rs"]
+mod precedence;
 
 use std::path::{Path, PathBuf};
 

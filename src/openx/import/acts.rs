@@ -227,7 +227,8 @@ fn moving<'a>(
     let mut moving = Vec::new();
     for action in event.all("Action") {
         // An action without content does nothing.
-        let Some(kind) = action.children.first() else {
+        let kind = action.children.first();
+        let Some(kind) = kind.filter(|it| !it.children.is_empty()) else {
             continue;
         };
         let inner = kind.only()?;

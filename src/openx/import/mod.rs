@@ -21,6 +21,7 @@ mod ego_events;
 mod ends;
 mod entity;
 mod frame;
+mod joined;
 mod laws;
 mod lights;
 mod motion;

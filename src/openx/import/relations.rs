@@ -1,5 +1,6 @@
 //! Relations between the entities and the elements of a file.
 
+use super::triggers::StoryElement;
 use crate::opendrive::tree::XmlNode;
 
 /// Orders the entities of an Init so that each follows those to which it is relative.
@@ -56,4 +57,33 @@ pub(super) fn changed_parameters(node: &XmlNode) -> Vec<String> {
         .map(|name| name.trim_start_matches('$').to_owned());
     let inner = node.children.iter().flat_map(changed_parameters);
     here.into_iter().chain(inner).collect()
+}
+
+/// Elements of a storyboard whose kind and name another of its elements has, too.
+pub(super) fn ambiguous(board: &XmlNode) -> Vec<StoryElement> {
+    const KINDS: [(&str, &str); 6] = [
+        ("Story", "story"),
+        ("Act", "act"),
+        ("ManeuverGroup", "maneuverGroup"),
+        ("Maneuver", "maneuver"),
+        ("Event", "event"),
+        ("Action", "action"),
+    ];
+    fn elements(node: &XmlNode, all: &mut Vec<StoryElement>) {
+        let kind = KINDS.iter().find(|(name, _)| *name == node.name);
+        all.extend(kind.and_then(|(_, kind)| StoryElement::of(kind, node)));
+        node.children.iter().for_each(|child| elements(child, all));
+    }
+    let mut all = Vec::new();
+    elements(board, &mut all);
+    let mut known: Vec<StoryElement> = Vec::new();
+    let mut twice = Vec::new();
+    for element in all {
+        if known.contains(&element) {
+            twice.push(element);
+        } else {
+            known.push(element);
+        }
+    }
+    twice
 }
