@@ -206,26 +206,23 @@ pub(super) fn relative_speed(
     }
 }
 
-/// Speed of an entity in m/s relative to its own, at the begin of the change.
+/// Speed of an entity in m/s relative to its own, which it keeps.
+///
+/// Players let any other grow with the speed that it changes.
 fn own_speed(
     target: &XmlNode,
     scope: &ParameterScope,
     now_mps: Option<f64>,
 ) -> Result<f64, ImportError> {
     let value = scope.number(target, "value")?;
-    let is_factor = target.raw("speedTargetValueType") == Some("factor");
-    // To keep the own speed for ever is to go on.
-    let grows = target.raw("continuous") == Some("true") && (is_factor || value != 0.0);
-    let now_mps = now_mps.filter(|_| !grows).ok_or_else(|| {
+    let is_same = match target.raw("speedTargetValueType") {
+        Some("factor") => value == 1.0,
+        _ => value == 0.0,
+    };
+    now_mps.filter(|_| is_same).ok_or_else(|| {
         let help = "write an `AbsoluteTargetSpeed`";
         target.refused("this target speed relative to its own is not read", help)
-    })?;
-    let to_mps = if is_factor {
-        value * now_mps
-    } else {
-        value + now_mps
-    };
-    Ok(to_mps.max(0.0))
+    })
 }
 
 /// Reads the change of a lane by a distance, whose greatest lateral speed is computed.

@@ -28,7 +28,8 @@ fn what_counts_of_two_statements_moves_the_lead() {
     );
     let itself = |value: &str, more: &str| {
         let target = format!(r#"<RelativeTargetSpeed entityRef="Lead" value="{value}" {more}/>"#);
-        SLOWER.replace(r#"<AbsoluteTargetSpeed value="4"/>"#, &target)
+        let action = SLOWER.replace(r#"<AbsoluteTargetSpeed value="4"/>"#, &target);
+        vec![edit(SLOWER, action)]
     };
     type Case = (&'static str, Vec<Edit>, Vec<(f64, f64, f64)>);
     let cases: Vec<Case> = vec![
@@ -89,20 +90,14 @@ fn what_counts_of_two_statements_moves_the_lead() {
             vec![(12.0, 270.0, 0.0)],
         ),
         (
-            "a speed relative to its own",
-            vec![edit(
-                SLOWER,
-                itself("-6", r#"speedTargetValueType="delta" continuous="false""#),
-            )],
-            vec![(2.0, 170.0, 0.0), (12.0, 228.0, 0.0)],
+            "a speed that is its own",
+            itself("0", r#"speedTargetValueType="delta" continuous="true""#),
+            vec![(2.0, 170.0, 0.0), (12.0, 270.0, 0.0)],
         ),
         (
-            "a share of its own speed",
-            vec![edit(
-                SLOWER,
-                itself("0.4", r#"speedTargetValueType="factor" continuous="false""#),
-            )],
-            vec![(2.0, 170.0, 0.0), (12.0, 228.0, 0.0)],
+            "the whole of its own speed",
+            itself("1", r#"speedTargetValueType="factor" continuous="false""#),
+            vec![(12.0, 270.0, 0.0)],
         ),
     ];
     let mut wrong = Vec::new();
@@ -178,7 +173,7 @@ fn what_another_player_reads_otherwise_is_refused() {
     };
     let itself = SLOWER.replace(
         r#"<AbsoluteTargetSpeed value="4"/>"#,
-        r#"<RelativeTargetSpeed entityRef="Lead" value="1" speedTargetValueType="delta" continuous="true"/>"#,
+        r#"<RelativeTargetSpeed entityRef="Lead" value="1" speedTargetValueType="delta" continuous="false"/>"#,
     );
     let twice = second(&after("event", "first", 0.0), FASTER);
     let twice = (
