@@ -12,7 +12,7 @@ const STRAIGHT_PER_M: f64 = 1.0 / 2000.0;
 /// Curvature in 1/m up to which a clear distance is that of players, to some decimetres.
 ///
 /// Beside it, they measure from the corners of boxes, and along the reference line.
-const TIGHT_PER_M: f64 = 1.0 / 240.0;
+const TIGHT_PER_M: f64 = 1.0 / 200.0;
 /// Difference that separates a strict comparison from one that is not.
 const STRICT: f64 = 0.000_001;
 

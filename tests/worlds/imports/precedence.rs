@@ -5,6 +5,8 @@
 use super::*;
 
 const LEAD: &str = r#"<LanePosition roadId="0" laneId="-2" s="150" offset="0"/>"#;
+/// Between two groups of conditions.
+const OR: &str = "</ConditionGroup><ConditionGroup>";
 const FACES_AHEAD: &str = r#"<Orientation h="0"/>"#;
 
 /// Events of the entities in turn.
@@ -31,12 +33,19 @@ fn what_counts_of_two_statements_moves_the_lead() {
         let action = SLOWER.replace(r#"<AbsoluteTargetSpeed value="4"/>"#, &target);
         vec![edit(SLOWER, action)]
     };
+    let near = distance(&["Ego"], "lessThan", "none", "any", 20.0);
+    // An ego far ahead meets no lead on its lane.
+    let far = |mut edits: Vec<Edit>| {
+        edits.push(edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="400""#));
+        edits
+    };
     type Case = (&'static str, Vec<Edit>, Vec<(f64, f64, f64)>);
     let cases: Vec<Case> = vec![
         (
             "a change of speed stops a change of lane half-way",
-            events(&lane_change("sinusoidal", "time", 4.0), 4.0, SLOWER),
-            vec![(4.0, 190.0, 1.75), (12.0, 240.0, 1.75)],
+            far(events(&lane_change("sinusoidal", "time", 4.0), 4.0, SLOWER)),
+            // The slanted way takes 9.5 cm of that along the road.
+            vec![(4.0, 189.9052, 1.75), (12.0, 239.9052, 1.75)],
         ),
         (
             "a change of speed stops a lane offset",
@@ -50,19 +59,19 @@ fn what_counts_of_two_statements_moves_the_lead() {
         ),
         (
             "a change of lane stops a change of speed",
-            events(SLOWER, 4.0, &lane_change("sinusoidal", "time", 4.0)),
-            vec![(12.0, 252.0, 3.5)],
+            far(events(SLOWER, 4.0, &lane_change("sinusoidal", "time", 4.0))),
+            vec![(12.0, 251.7626, 3.5)],
         ),
         (
             "a change of lane does not stop a change of speed of the Init",
-            vec![
+            far(vec![
                 edit(
                     r#"dynamicsShape="step" dynamicsDimension="time" value="0"/><!--init dynamics-->"#,
                     r#"dynamicsShape="linear" dynamicsDimension="time" value="5"/>"#,
                 ),
                 edit(SLOWER, lane_change("sinusoidal", "time", 4.0)),
-            ],
-            vec![(12.0, 245.0, 3.5)],
+            ]),
+            vec![(12.0, 244.7532, 3.5)],
         ),
         (
             "a speed above the greatest of the body",
@@ -88,6 +97,34 @@ fn what_counts_of_two_statements_moves_the_lead() {
             "an event with an empty action changes nothing",
             vec![edit(SLOWER, "")],
             vec![(12.0, 270.0, 0.0)],
+        ),
+        (
+            "two times that must both have come",
+            vec![edit(
+                FIRST,
+                time(2.0, "none", 0.0) + &time(4.0, "none", 0.0),
+            )],
+            vec![(12.0, 240.0, 0.0)],
+        ),
+        (
+            "a distance after a time that has come before",
+            vec![edit(FIRST, time(2.0, "none", 0.0) + &near)],
+            vec![(12.0, 260.143, 0.0)],
+        ),
+        (
+            "a time after a distance that was reached before",
+            vec![edit(FIRST, time(9.0, "none", 0.0) + &near)],
+            vec![(12.0, 265.5, 0.0)],
+        ),
+        (
+            "a time before a distance, of which either is enough",
+            vec![edit(FIRST, time(5.0, "none", 0.0) + OR + &near)],
+            vec![(12.0, 246.0, 0.0)],
+        ),
+        (
+            "a distance before a time, of which either is enough",
+            vec![edit(FIRST, time(9.0, "none", 0.0) + OR + &near)],
+            vec![(12.0, 260.143, 0.0)],
         ),
         (
             "a speed that is its own",
@@ -175,6 +212,8 @@ fn what_another_player_reads_otherwise_is_refused() {
         r#"<AbsoluteTargetSpeed value="4"/>"#,
         r#"<RelativeTargetSpeed entityRef="Lead" value="1" speedTargetValueType="delta" continuous="false"/>"#,
     );
+    let near = distance(&["Ego"], "lessThan", "none", "any", 20.0);
+    let instant = time(2.0, "rising", 0.0) + &near;
     let twice = second(&after("event", "first", 0.0), FASTER);
     let twice = (
         twice.0,
@@ -191,6 +230,7 @@ fn what_another_player_reads_otherwise_is_refused() {
         (run_times(), "a way that begins 20.000 m from"),
         (waiting(), "times of the run"),
         (vec![edit(SLOWER, itself)], "relative to its own"),
+        (vec![edit(FIRST, instant)], "several conditions at a time"),
         (vec![twice], "several elements are called `first`"),
     ];
     for (edits, what) in cases {
