@@ -1,9 +1,24 @@
 //! Several conditions that begin one event: all of a group, or any of several groups.
 
 use super::entity::{Measure, WatchedCondition};
-use super::triggers::StartTrigger;
+use super::relations::StoryElement;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
+
+/// Start of an act or an event.
+pub(super) enum StartTrigger {
+    Never,
+    /// Simulation time in seconds.
+    At(f64),
+    After {
+        element: StoryElement,
+        delay_s: f64,
+    },
+    When {
+        watch: WatchedCondition,
+        delay_s: f64,
+    },
+}
 
 /// Returns the start of a group whose conditions must hold together.
 ///

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::catalog::Catalogs;
 use super::ego_events::EgoRequest;
-use super::triggers::StoryElement;
+use super::relations::StoryElement;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::{OnLane, RoadMap};

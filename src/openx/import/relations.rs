@@ -1,7 +1,24 @@
 //! Relations between the entities and the elements of a file.
 
-use super::triggers::StoryElement;
 use crate::opendrive::tree::XmlNode;
+
+/// Element of a storyboard, as conditions refer to it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct StoryElement {
+    /// Kind: `act`, `maneuver`, `event`, `action`, ….
+    pub kind: String,
+    pub name: String,
+}
+
+impl StoryElement {
+    /// Returns the element of a node, or `None` without a name.
+    pub(super) fn of(kind: &str, node: &XmlNode) -> Option<StoryElement> {
+        node.raw("name").map(|name| StoryElement {
+            kind: kind.to_owned(),
+            name: name.to_owned(),
+        })
+    }
+}
 
 /// Orders the entities of an Init so that each follows those to which it is relative.
 pub(super) fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {

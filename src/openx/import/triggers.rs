@@ -1,44 +1,12 @@
 //! Start times of acts and events.
 
 use super::entity::{Measure, WatchedCondition};
-use super::joined::{all_of, any_of};
+use super::joined::{StartTrigger, all_of, any_of};
 use super::places::PositionContext;
+use super::relations::StoryElement;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::{ParameterScope, compared};
 use crate::opendrive::tree::XmlNode;
-
-/// Start of an act or an event.
-pub(super) enum StartTrigger {
-    Never,
-    /// Simulation time in seconds.
-    At(f64),
-    After {
-        element: StoryElement,
-        delay_s: f64,
-    },
-    When {
-        watch: WatchedCondition,
-        delay_s: f64,
-    },
-}
-
-/// Element of a storyboard, as conditions refer to it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct StoryElement {
-    /// Kind: `act`, `maneuver`, `event`, `action`, ….
-    pub kind: String,
-    pub name: String,
-}
-
-impl StoryElement {
-    /// Returns the element of a node, or `None` without a name.
-    pub(super) fn of(kind: &str, node: &XmlNode) -> Option<StoryElement> {
-        node.raw("name").map(|name| StoryElement {
-            kind: kind.to_owned(),
-            name: name.to_owned(),
-        })
-    }
-}
 
 /// Places, and the times at which elements begin as far as they are known.
 ///

@@ -6,7 +6,9 @@ use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::ends::to_mps;
 use crate::openx::import::entity::{ImportedLaw, ImportedStep, Measure, WatchedCondition};
-use crate::openx::import::triggers::{StartTrigger, StoryElement, starts};
+use crate::openx::import::joined::StartTrigger;
+use crate::openx::import::relations::StoryElement;
+use crate::openx::import::triggers::starts;
 
 /// Step without laws, and what goes on of a law that it cuts.
 type Begun = (ImportedStep, Option<ImportedLaw>);

@@ -9,7 +9,7 @@ use crate::openx::import::entity::{
 };
 use crate::openx::import::laws::Speeds;
 use crate::openx::import::places::Placed;
-use crate::openx::import::triggers::StoryElement;
+use crate::openx::import::relations::StoryElement;
 use crate::scene::drive::ChangeShape;
 
 /// Event with its surrounding elements.
