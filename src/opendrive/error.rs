@@ -65,7 +65,7 @@ impl ImportError {
 }
 
 /// Place in a file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct At {
     file: PathBuf,
     element: Option<Box<(String, usize)>>,

@@ -154,6 +154,7 @@ impl RoadMap {
                 let slant_rad = libm::atan2(slope, 1.0 - road.per_m(s_m) * t_m);
                 let road_rad = road.at(s_m, 0.0).heading_rad;
                 let along_rad = road_rad + turn_rad + slant_rad;
+                let faces_rad = road_rad + slant_rad;
                 let turned_rad = wrapped(spot.heading_rad - along_rad).abs();
                 let rank = if is_turned {
                     (turned_rad * 100.0).floor()
@@ -165,13 +166,9 @@ impl RoadMap {
                     lane: lane.id,
                     s_m,
                     t_m,
-                    forward: if is_turned {
-                        wrapped(spot.heading_rad - road_rad).abs() < FRAC_PI_2
-                    } else {
-                        road.leads_forward(lane.id)
-                    },
+                    forward: !is_turned || wrapped(spot.heading_rad - road_rad).abs() < FRAC_PI_2,
                 };
-                is_on.then_some(((rank, off_m), (at, wrapped(along_rad))))
+                is_on.then_some(((rank, off_m), (at, wrapped(faces_rad))))
             });
             here.min_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal))
         };

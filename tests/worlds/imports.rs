@@ -6,6 +6,8 @@
 
 #[path = "imports/places.rs"]
 mod places;
+#[path = "imports/precedence.rs"]
+mod precedence;
 
 use std::path::{Path, PathBuf};
 
@@ -386,7 +388,7 @@ fn small_scenarios_move_as_their_files_say() {
                     r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
                     r#"<AbsoluteTargetSpeed value="10"/>"#,
                 ),
-                second(&time(4.0, "none", 0.0), CHANGE),
+                beside(&time(4.0, "none", 0.0), CHANGE),
             ],
             vec![(4.0, 188.0, 0.0), (7.0, 207.376, 1.859)],
         ),
@@ -398,7 +400,7 @@ fn small_scenarios_move_as_their_files_say() {
                     r#"<AbsoluteTargetSpeed value="10"/>"#,
                 ),
                 edit(SLOWER, CHANGE),
-                second(&time(4.0, "none", 0.0), SLOWER),
+                beside(&time(4.0, "none", 0.0), SLOWER),
             ],
             vec![(6.0, 207.870, 2.832), (9.0, 227.318, 4.0)],
         ),
@@ -1018,7 +1020,7 @@ fn refused_of_storyboards() -> Vec<Refusal> {
                     r#"<RelativeTargetSpeed entityRef="Lead" value="0.5" speedTargetValueType="factor" continuous="false"/>"#,
                 ),
             )],
-            "depends on how `Lead` drives",
+            "relative to its own is not read",
             "second",
         ),
         (

@@ -13,10 +13,12 @@ mod trajectory;
 use script::{EntityScript, EventContext, happens_once};
 
 use super::entity::{ImportedEntity, ImportedStep};
+use super::joined::StartTrigger;
 use super::laws::{approached, gap_of, speed, speed_profile};
 use super::motion::is_still;
 use super::places::PositionContext;
-use super::triggers::{StartTrigger, StoryElement, starts};
+use super::relations::StoryElement;
+use super::triggers::starts;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
@@ -227,7 +229,8 @@ fn moving<'a>(
     let mut moving = Vec::new();
     for action in event.all("Action") {
         // An action without content does nothing.
-        let Some(kind) = action.children.first() else {
+        let kind = action.children.first();
+        let Some(kind) = kind.filter(|it| !it.children.is_empty()) else {
             continue;
         };
         let inner = kind.only()?;

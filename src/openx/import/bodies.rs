@@ -126,6 +126,25 @@ impl ImportedBody {
     }
 }
 
+impl ImportedBody {
+    /// Returns the body with a name of its own, if another one has its name.
+    pub(super) fn beside<'a>(
+        mut self,
+        others: impl Iterator<Item = &'a ImportedBody> + Clone,
+    ) -> ImportedBody {
+        let stated = self.name.clone();
+        let mut number = 2;
+        while let Some(other) = others.clone().find(|it| it.name == self.name) {
+            if other.ron == self.ron {
+                break;
+            }
+            self.name = format!("{stated} {number}");
+            number += 1;
+        }
+        self
+    }
+}
+
 /// Returns whether a vehicle is a bicycle with the axles of one.
 fn is_bicycle(
     entity: &XmlNode,

@@ -9,6 +9,10 @@ use crate::opendrive::error::ImportError;
 /// Curvature in 1/m up to which a distance along the road is that in the direction
 /// of an entity.
 const STRAIGHT_PER_M: f64 = 1.0 / 2000.0;
+/// Curvature in 1/m up to which a clear distance is that of players, to some decimetres.
+///
+/// Beside it, they measure from the corners of boxes, and along the reference line.
+const TIGHT_PER_M: f64 = 1.0 / 200.0;
 /// Difference that separates a strict comparison from one that is not.
 const STRICT: f64 = 0.000_001;
 
@@ -24,8 +28,31 @@ pub(super) fn formula(
     concrete: &Concrete,
     all: &[EntityInFrame],
     watch: &WatchedCondition,
-    (parameter, is_first): (&str, bool),
+    (parameters, is_first): (&mut TriggerParameters<'_>, bool),
 ) -> Result<(String, bool), ImportError> {
+    if let Measure::All(parts) | Measure::Any(parts) = &watch.measure {
+        let mut texts = Vec::new();
+        for part in parts {
+            // It may hold after its entities have passed each other.
+            let (text, is_seen) = formula(concrete, all, part, (&mut *parameters, false))?;
+            if is_seen {
+                let what = "an edge beside other conditions is not read";
+                let help = "write conditionEdge=\"none\"";
+                return Err(part.at.error(what).helped(help));
+            }
+            texts.push(text);
+        }
+        let and = if matches!(watch.measure, Measure::All(_)) {
+            "and"
+        } else {
+            "or"
+        };
+        return Ok((format!("({})", texts.join(&format!(") {and} ("))), false));
+    }
+    let parameter = &parameters.next(watch.value);
+    if let Measure::Time = watch.measure {
+        return Ok((format!("time >= {parameter} + {STRICT}"), false));
+    }
     let find = |name: &str| {
         let found = all.iter().find(|it| it.entity.name == name);
         let what = format!("no agent is called `{name}`");
@@ -38,7 +65,7 @@ pub(super) fn formula(
         | Measure::Apart { target }
         | Measure::Collision { target }
         | Measure::Faster { target } => Some(find(target)?),
-        Measure::Speed | Measure::Acceleration | Measure::Travelled | Measure::Place { .. } => None,
+        _ => None,
     };
     let who = watch.who.iter().map(|name| find(name));
     let who = who.collect::<Result<Vec<&EntityInFrame>, ImportError>>()?;
@@ -79,6 +106,25 @@ pub(super) fn formula(
     Ok((text, is_seen))
 }
 
+/// Parameters of the conditions of a world, named after the entity that waits.
+pub(super) struct TriggerParameters<'a> {
+    pub name: &'a str,
+    pub list: &'a mut Vec<(String, f64)>,
+}
+
+impl TriggerParameters<'_> {
+    /// Adds a parameter, and returns its name.
+    fn next(&mut self, value: f64) -> String {
+        // All points of a world share the names of its parameters.
+        let parameter = match self.list.len() {
+            0 => format!("{}_trigger", self.name),
+            before => format!("{}_trigger_{}", self.name, before + 1),
+        };
+        self.list.push((parameter.clone(), value));
+        parameter
+    }
+}
+
 /// ConditionQuantity of one entity: its expression, and its value at the start.
 struct ConditionQuantity {
     text: String,
@@ -115,6 +161,9 @@ impl ConditionQuantity {
         );
         Ok(match (&watch.measure, target) {
             (Measure::Clearance { is_time, .. }, Some(target)) => {
+                if concrete.bends_most_per_m() > TIGHT_PER_M {
+                    return refused("a clear distance on a tight bend is not read");
+                }
                 let ahead_m = front_m(target) - front_m(who);
                 // The pair is clear by the gap on either side. The gap is negative
                 // while they overlap.
@@ -181,6 +230,9 @@ impl ConditionQuantity {
                 )
             }
             (Measure::Collision { .. }, Some(target)) => {
+                if concrete.bends_most_per_m() > STRAIGHT_PER_M {
+                    return refused("a time to collision on a bend is not read");
+                }
                 if !matches!(
                     (&who.path, &target.path),
                     (EntityPath::With, EntityPath::With)
@@ -207,7 +259,6 @@ impl ConditionQuantity {
                 let more_mps = who.entity.speed_mps - target.entity.speed_mps;
                 plain(format!("({name}.speed - {}.speed)", target.name), more_mps)
             }
-            // It also has a part across the path, on bends.
             // It also has a part across the path, on bends.
             (Measure::Acceleration, _) => {
                 let across = format!("({name}.speed * {name}.yaw_rate)");

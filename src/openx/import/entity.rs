@@ -65,29 +65,51 @@ pub(super) enum Measure {
     /// Clearance along the road to an entity, as a length or a time.
     ///
     /// As a time, it is the clearance divided by the triggering entity's speed.
-    Clearance { target: String, is_time: bool },
+    Clearance {
+        target: String,
+        is_time: bool,
+    },
     /// Distance along the road between the reference points of two entities.
-    Along { target: String, is_time: bool },
+    Along {
+        target: String,
+        is_time: bool,
+    },
     /// Distance between the boxes of two entities.
-    Gap { target: String },
+    Gap {
+        target: String,
+    },
     /// Distance between the reference points of two entities.
-    Apart { target: String },
+    Apart {
+        target: String,
+    },
     /// Time until the clearance along the road to an entity is used up.
-    Collision { target: String },
+    Collision {
+        target: String,
+    },
     /// Own speed.
     Speed,
     /// Own speed less that of another entity.
-    Faster { target: String },
+    Faster {
+        target: String,
+    },
     /// Own acceleration, whatever its direction.
     Acceleration,
     /// Own distance since the start.
     Travelled,
     /// Distance of the own reference point to a place, in the plane or along the road.
-    Place { at: Box<Placed>, is_along: bool },
+    Place {
+        at: Box<Placed>,
+        is_along: bool,
+    },
+    /// Time of the run.
+    Time,
+    /// Conditions that must hold together, of which any is enough.
+    All(Vec<WatchedCondition>),
+    Any(Vec<WatchedCondition>),
 }
 
 /// Condition of a step: a quantity of some entities, and a value.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct WatchedCondition {
     /// Entities of which one, or all, must meet the condition.
     pub who: Vec<String>,

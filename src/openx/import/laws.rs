@@ -13,15 +13,18 @@ pub(super) fn gap_of(
     scope: &ParameterScope,
     (speed_mps, ego): (f64, &str),
 ) -> Result<f64, ImportError> {
-    // Attributes that are left out have the values that are read.
-    let is = |name: &str, value: &str| action.raw(name).is_none_or(|it| it == value);
+    let is = |name: &str, value: &str| action.raw(name) == Some(value);
+    // Without a displacement, the entity trails the other, and with limits it takes its time.
     let fits = is("continuous", "false")
         && is("freespace", "true")
         && is("displacement", "leadingReferencedEntity")
+        && action.child("DynamicConstraints").is_none()
         && scope.text(action, "entityRef")? == ego;
     if !fits {
         let what = "only a clear gap before the ego is read, taken once";
-        return Err(action.error(what));
+        let help = "write freespace=\"true\", continuous=\"false\" and \
+                    displacement=\"leadingReferencedEntity\", without limits";
+        return Err(action.refused(what, help));
     }
     // A time gap is measured at the entity's own speed.
     match action.raw("timeGap") {
@@ -31,12 +34,13 @@ pub(super) fn gap_of(
 }
 
 /// Lateral speed in m/s of a change of lane at once: it takes about a millisecond.
-const AT_ONCE_MPS: f64 = 5000.0;
+pub(super) const AT_ONCE_MPS: f64 = 5000.0;
 
 /// Speed of an entity as far as it is known before the run.
 ///
 /// `most_mps2` is the greatest acceleration and deceleration of its body.
 pub(super) struct Speeds {
+    pub name: String,
     pub now_mps: Option<f64>,
     pub most_mps: f64,
     pub most_mps2: (f64, f64),
@@ -72,6 +76,9 @@ pub(super) fn speed(
     let target = it.inner("SpeedActionTarget")?.only()?;
     let (to_mps, relative_to) = match target.name.as_str() {
         "AbsoluteTargetSpeed" => (scope.number(target, "value")?, None),
+        "RelativeTargetSpeed" if scope.text(target, "entityRef")? == speeds.name => {
+            (own_speed(target, scope, speeds.now_mps)?, None)
+        }
         "RelativeTargetSpeed" => relative_speed(target, scope, of)?,
         _ => return Err(unknown_target(target)),
     };
@@ -197,6 +204,25 @@ pub(super) fn relative_speed(
         Some("factor") => Ok((value * of_mps, None)),
         _ => Ok((value + of_mps, None)),
     }
+}
+
+/// Speed of an entity in m/s relative to its own, which it keeps.
+///
+/// Players let any other grow with the speed that it changes.
+fn own_speed(
+    target: &XmlNode,
+    scope: &ParameterScope,
+    now_mps: Option<f64>,
+) -> Result<f64, ImportError> {
+    let value = scope.number(target, "value")?;
+    let is_same = match target.raw("speedTargetValueType") {
+        Some("factor") => value == 1.0,
+        _ => value == 0.0,
+    };
+    now_mps.filter(|_| is_same).ok_or_else(|| {
+        let help = "write an `AbsoluteTargetSpeed`";
+        target.refused("this target speed relative to its own is not read", help)
+    })
 }
 
 /// Reads the change of a lane by a distance, whose greatest lateral speed is computed.

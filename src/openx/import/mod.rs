@@ -22,6 +22,7 @@ mod ends;
 mod entity;
 mod frame;
 mod gaps;
+mod joined;
 mod laws;
 mod lights;
 mod motion;

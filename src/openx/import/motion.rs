@@ -1,5 +1,6 @@
 //! Init of a storyboard: initial places, initial speeds and the end of the run.
 
+use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
 use super::dropped::lone_time;
 use super::entity::{ImportedEntity, ImportedLaw};
@@ -121,8 +122,9 @@ pub(super) fn begins(
     let mut placed = ground.placed.clone();
     // Routes are checked last, since the place may follow in the file.
     let mut routes = Vec::new();
-    for action in private.all("PrivateAction") {
-        let it = action.only()?;
+    // An action without content does nothing.
+    let actions = private.all("PrivateAction");
+    for it in actions.filter_map(|it| it.children.first()) {
         placed.extend(at.clone().map(|at| (name.to_owned(), at)));
         let ground = PositionContext {
             placed: &placed,
@@ -183,7 +185,7 @@ pub(super) fn timed_mps(
     let mut routing = actions.filter_map(|it| it.child("RoutingAction"));
     let follows = routing.find_map(|it| it.child("FollowTrajectoryAction"))?;
     // A trajectory that is not read has no known speed.
-    let (_, times) = ground.followed(follows, scope).ok()?;
+    let (_, times) = ground.followed(follows, scope, Some(0.0)).ok()?;
     match times?[..] {
         [(from_s, from_m), (to_s, to_m), ..] => Some((to_m - from_m) / (to_s - from_s)),
         _ => None,
@@ -239,7 +241,7 @@ fn longitudinal<'a>(private: &'a XmlNode, name: &'a str) -> impl Iterator<Item =
 pub(super) fn first_speed_mps(
     private: &XmlNode,
     scope: &ParameterScope,
-    (before, most_mps2): (&[ImportedEntity], (f64, f64)),
+    (before, body): (&[ImportedEntity], &ImportedBody),
 ) -> Result<(f64, Option<ImportedLaw>), ImportError> {
     let mut speed_mps = 0.0;
     let mut ramp = None;
@@ -249,9 +251,10 @@ pub(super) fn first_speed_mps(
         let lasts = scope.number_or_zero(dynamics, "value")? != 0.0;
         if dynamics.raw("dynamicsShape") != Some("step") && lasts {
             let mut speeds = Speeds {
+                name: private.need("entityRef")?.to_owned(),
                 now_mps: Some(speed_mps),
-                most_mps: f64::INFINITY,
-                most_mps2,
+                most_mps: body.most_mps,
+                most_mps2: body.most_mps2,
             };
             let law = speed(action, scope, &mut speeds, |_| None)?;
             if ramp.replace(law).is_some() {
@@ -276,6 +279,8 @@ pub(super) fn first_speed_mps(
             }
             _ => return Err(unknown_target(target)),
         };
+        // A body is never faster than its greatest speed.
+        speed_mps = speed_mps.min(body.most_mps);
     }
     if 0.0 <= speed_mps {
         Ok((speed_mps, ramp))

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 
 use super::catalog::Catalogs;
 use super::ego_events::EgoRequest;
+use super::relations::StoryElement;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::{OnLane, RoadMap};
-use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::scope::{ParameterScope, number};
 use crate::opendrive::tree::XmlNode;
 use crate::opendrive::ways::{ImportedPath, OnWay};
 use crate::sim::{Pose, wrapped};
@@ -56,6 +57,10 @@ pub(super) struct PositionContext<'a> {
     pub steered: &'a [String],
     /// Entities that the Init deletes.
     pub absent: &'a [String],
+    /// True if an `Orientation` without a type is relative, as from OpenSCENARIO 1.3 on.
+    pub turns_relative: bool,
+    /// Elements whose kind and name another element of the storyboard has, too.
+    pub ambiguous: &'a [StoryElement],
 }
 
 impl PositionContext<'_> {
@@ -74,7 +79,7 @@ impl PositionContext<'_> {
         match it.name.as_str() {
             "WorldPosition" => self.in_world(it, scope),
             "LanePosition" => {
-                let road = scope.text(it, "roadId")?;
+                let road = self.road_id(it, scope)?;
                 let lane = scope.number(it, "laneId")? as i32;
                 let offset_m = scope.number_or_zero(it, "offset")?;
                 let s_m = scope.number(it, "s")?;
@@ -82,7 +87,7 @@ impl PositionContext<'_> {
                 self.on_lane(it, scope, (&road, lane, forward), (s_m, offset_m))
             }
             "RoadPosition" => {
-                let road = scope.text(it, "roadId")?;
+                let road = self.road_id(it, scope)?;
                 let (s_m, t_m) = (scope.number(it, "s")?, scope.number_or_zero(it, "t")?);
                 self.on_road(it, scope, road, (s_m, t_m))
             }
@@ -124,10 +129,25 @@ impl PositionContext<'_> {
                 let other = self.other(it, scope)?.spot;
                 let ahead_m = scope.number_or_zero(it, "dx")?;
                 let moved = other.moved(ahead_m, scope.number_or_zero(it, "dy")?);
-                let spot = turned(it, scope, moved)?;
+                let spot = self.turned(it, scope, moved)?;
                 Ok(Placed {
                     spot,
                     lane: None,
+                    way: None,
+                })
+            }
+            "RelativeWorldPosition" => {
+                let other = self.other(it, scope)?.spot;
+                let spot = Pose {
+                    x_m: other.x_m + scope.number(it, "dx")?,
+                    y_m: other.y_m + scope.number(it, "dy")?,
+                    ..other
+                };
+                let spot = self.turned(it, scope, spot)?;
+                let found = self.roads.nearest_lane(&spot, true);
+                Ok(Placed {
+                    spot,
+                    lane: found.map(|(lane, _)| lane),
                     way: None,
                 })
             }
@@ -137,13 +157,28 @@ impl PositionContext<'_> {
                 on.move_on(it, scope.number(it, "s")?)?;
                 let spot = on.spot().moved(0.0, scope.number_or_zero(it, "t")?);
                 Ok(Placed {
-                    spot: turned(it, scope, spot)?,
+                    spot: self.turned(it, scope, spot)?,
                     lane: None,
                     way: Some(on),
                 })
             }
             "RoutePosition" => self.on_route(it, scope),
             _ => Err(it.refused("a position of this kind is not read", "place it in the world, on a lane, a road, a trajectory or a route, or relative to these")),
+        }
+    }
+
+    /// Returns the road of a place.
+    ///
+    /// Older files count their roads from 0, whatever name a single road has.
+    fn road_id(&self, it: &XmlNode, scope: &ParameterScope) -> Result<String, ImportError> {
+        let road = scope.text(it, "roadId")?;
+        let mut all = self.roads.all().map(|(id, _)| id);
+        match (all.next(), all.next()) {
+            (Some(single), None) if road == "0" && number(single).is_none() => {
+                self.catalogs.note("names of single roads", it);
+                Ok(single.clone())
+            }
+            _ => Ok(road),
         }
     }
 
@@ -163,7 +198,7 @@ impl PositionContext<'_> {
             heading_rad: heading_rad.unwrap_or(0.0),
         };
         let found = self.roads.nearest_lane(&spot, heading_rad.is_some());
-        // Without a heading, an entity faces along its lane.
+        // Without a heading, an entity faces along its road.
         let spot = match (&found, heading_rad) {
             (Some((_, along_rad)), None) => Pose {
                 heading_rad: *along_rad,
@@ -213,7 +248,7 @@ impl PositionContext<'_> {
         (spot, road, lane): (Pose, &str, i32),
         (s_m, t_m): (f64, f64),
     ) -> Result<Placed, ImportError> {
-        let spot = turned(it, scope, spot)?;
+        let spot = self.turned(it, scope, spot)?;
         let line = self.roads.road(it, road)?;
         // An entity goes on in the direction that it faces.
         let turned_rad = wrapped(spot.heading_rad - line.at(s_m, 0.0).heading_rad);
@@ -227,6 +262,28 @@ impl PositionContext<'_> {
                 forward: turned_rad.abs() < FRAC_PI_2,
             }),
             way: None,
+        })
+    }
+
+    /// Turns a place by its `Orientation`.
+    fn turned(
+        &self,
+        it: &XmlNode,
+        scope: &ParameterScope,
+        spot: Pose,
+    ) -> Result<Pose, ImportError> {
+        let Some(orientation) = it.child("Orientation") else {
+            return Ok(spot);
+        };
+        let h_rad = scope.number_or_zero(orientation, "h")?;
+        let is_relative = match orientation.raw("type") {
+            Some(kind) => kind == "relative",
+            None => self.turns_relative,
+        };
+        let base_rad = if is_relative { spot.heading_rad } else { 0.0 };
+        Ok(Pose {
+            heading_rad: wrapped(base_rad + h_rad),
+            ..spot
         })
     }
 
@@ -414,23 +471,6 @@ fn within(it: &XmlNode, s_m: f64, length_m: f64, what: &str) -> Result<(), Impor
                         --skip-broken";
         Err(it.refused(what, help).of_point())
     }
-}
-
-/// Turns a place by its `Orientation`.
-fn turned(it: &XmlNode, scope: &ParameterScope, spot: Pose) -> Result<Pose, ImportError> {
-    let Some(orientation) = it.child("Orientation") else {
-        return Ok(spot);
-    };
-    let h_rad = scope.number_or_zero(orientation, "h")?;
-    let base_rad = match orientation.raw("type") {
-        Some("relative") => spot.heading_rad,
-        // Absolute headings are the default of OpenSCENARIO.
-        _ => 0.0,
-    };
-    Ok(Pose {
-        heading_rad: wrapped(base_rad + h_rad),
-        ..spot
-    })
 }
 
 /// Lane that lies `by` lanes to the left.

@@ -1,7 +1,7 @@
 //! Plans of entities in the form of a world file: meetings and scripts.
 
 use super::concrete::Concrete;
-use super::conditions::formula;
+use super::conditions::{TriggerParameters, formula};
 use super::draft::Draft;
 use super::entity::{ImportedLaw, ImportedStep, Steady};
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, named};
@@ -82,13 +82,11 @@ fn step_of(
     let mut number = number;
     let mut when = String::new();
     if let Some(watch) = &step.when {
-        // All points of a world share the names of its parameters.
-        let parameter = match triggers.len() {
-            0 => format!("{}_trigger", it.name),
-            before => format!("{}_trigger_{}", it.name, before + 1),
+        let mut parameters = TriggerParameters {
+            name: &it.name,
+            list: triggers,
         };
-        triggers.push((parameter.clone(), watch.value));
-        let (formula, is_edge) = formula(concrete, all, watch, (&parameter, number == 1))?;
+        let (formula, is_edge) = formula(concrete, all, watch, (&mut parameters, number == 1))?;
         if is_edge {
             // An empty step waits until the formula is false.
             draft.text(&format!(

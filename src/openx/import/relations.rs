@@ -2,6 +2,24 @@
 
 use crate::opendrive::tree::XmlNode;
 
+/// Element of a storyboard, as conditions refer to it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct StoryElement {
+    /// Kind: `act`, `maneuver`, `event`, `action`, ….
+    pub kind: String,
+    pub name: String,
+}
+
+impl StoryElement {
+    /// Returns the element of a node, or `None` without a name.
+    pub(super) fn of(kind: &str, node: &XmlNode) -> Option<StoryElement> {
+        node.raw("name").map(|name| StoryElement {
+            kind: kind.to_owned(),
+            name: name.to_owned(),
+        })
+    }
+}
+
 /// Orders the entities of an Init so that each follows those to which it is relative.
 pub(super) fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
     fn refers_to(node: &XmlNode, name: &str) -> bool {
@@ -56,4 +74,33 @@ pub(super) fn changed_parameters(node: &XmlNode) -> Vec<String> {
         .map(|name| name.trim_start_matches('$').to_owned());
     let inner = node.children.iter().flat_map(changed_parameters);
     here.into_iter().chain(inner).collect()
+}
+
+/// Elements of a storyboard whose kind and name another of its elements has, too.
+pub(super) fn ambiguous(board: &XmlNode) -> Vec<StoryElement> {
+    const KINDS: [(&str, &str); 6] = [
+        ("Story", "story"),
+        ("Act", "act"),
+        ("ManeuverGroup", "maneuverGroup"),
+        ("Maneuver", "maneuver"),
+        ("Event", "event"),
+        ("Action", "action"),
+    ];
+    fn elements(node: &XmlNode, all: &mut Vec<StoryElement>) {
+        let kind = KINDS.iter().find(|(name, _)| *name == node.name);
+        all.extend(kind.and_then(|(_, kind)| StoryElement::of(kind, node)));
+        node.children.iter().for_each(|child| elements(child, all));
+    }
+    let mut all = Vec::new();
+    elements(board, &mut all);
+    let mut known: Vec<StoryElement> = Vec::new();
+    let mut twice = Vec::new();
+    for element in all {
+        if known.contains(&element) {
+            twice.push(element);
+        } else {
+            known.push(element);
+        }
+    }
+    twice
 }

@@ -17,12 +17,12 @@ use super::lights::lights;
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
-use super::relations::{absent, changed_parameters, ordered, steered};
+use super::relations::{absent, ambiguous, changed_parameters, ordered, steered};
 use super::request::Import;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::RoadMap;
-use crate::opendrive::scope::ParameterScope;
+use crate::opendrive::scope::{ParameterScope, number};
 use crate::opendrive::tree::XmlNode;
 
 /// Valid range of friction coefficients.
@@ -80,6 +80,15 @@ impl Protocol {
         let board = self.root.child("Storyboard");
         let stop = board.and_then(|it| it.child("StopTrigger"));
         stop.unwrap_or(&self.root).line
+    }
+
+    /// Returns true if an `Orientation` without a type is relative.
+    ///
+    /// Up to OpenSCENARIO 1.2 it is absolute.
+    fn turns_relative(&self) -> bool {
+        let header = self.root.child("FileHeader");
+        let minor = header.and_then(|it| it.raw("revMinor"));
+        minor.and_then(number).is_some_and(|minor| 3.0 <= minor)
     }
 
     fn declarations(&self) -> Option<&XmlNode> {
@@ -146,6 +155,8 @@ impl Protocol {
         let privates = motion::present(init, &objects, (&absent, &self.catalogs))?;
         let privates: Vec<&XmlNode> = privates.iter().collect();
         let steered = steered(&self.root, &objects);
+        let ambiguous = ambiguous(self.root.inner("Storyboard")?);
+        let turns_relative = self.turns_relative();
         for begun in ordered(&privates) {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
@@ -161,6 +172,7 @@ impl Protocol {
                 }
             };
             let body = ImportedBody::of(&body, &own)?;
+            let body = body.beside(entities.iter().map(|it: &ImportedEntity| &it.body));
             let ground = PositionContext {
                 roads: &roads,
                 catalogs: &self.catalogs,
@@ -170,11 +182,13 @@ impl Protocol {
                 changed: &changed,
                 steered: &steered,
                 absent: &absent,
+                turns_relative,
+                ambiguous: &ambiguous,
             };
             // `ground` borrows the places so far, so an entity cannot refer to
             // a later entity.
             let (at, route) = motion::begins(begun, scope, ground)?;
-            let before = (&entities[..], body.most_mps2);
+            let before = (&entities[..], &body);
             let (speed_mps, ramp) = motion::first_speed_mps(begun, scope, before)?;
             let is_ego = name == self.ego.name;
             // The trajectory of an ego that is left states the speed with which it begins.
@@ -218,6 +232,8 @@ impl Protocol {
             changed: &changed,
             steered: &steered,
             absent: &absent,
+            turns_relative,
+            ambiguous: &ambiguous,
         };
         let board = self.root.inner("Storyboard")?;
         let scale = motion::friction_scale(init, scope, ground)?;

@@ -171,11 +171,13 @@ impl PositionContext<'_> {
 
     /// Returns the path of an action, and its places with times if it states them.
     ///
-    /// Times are those from the begin of the action on.
+    /// Times are those from the begin of the action on, which is at `begins_s` of the run
+    /// if that is known.
     pub(super) fn followed(
         &self,
         it: &XmlNode,
         scope: &ParameterScope,
+        begins_s: Option<f64>,
     ) -> Result<(OnWay, Option<Vec<TimedPlace>>), ImportError> {
         let (trajectory, own) = self.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
         let mut on = self.way(&trajectory, &own)?;
@@ -218,7 +220,12 @@ impl PositionContext<'_> {
         let first_s = if is_relative {
             at(&timed, offset_m, |it| (it.1, it.0))
         } else {
-            0.0
+            let begins_s = begins_s.ok_or_else(|| {
+                let help = "write domainAbsoluteRelative=\"relative\"";
+                let what = "times of the run, of a trajectory that waits for something";
+                timing.refused(what, help)
+            })?;
+            begins_s * scale
         };
         let from_s = first_s + scope.number_or_zero(timing, "offset")?;
         let begins_m = at(&timed, from_s, |it| it);

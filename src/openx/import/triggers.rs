@@ -1,43 +1,12 @@
 //! Start times of acts and events.
 
 use super::entity::{Measure, WatchedCondition};
+use super::joined::{StartTrigger, all_of, any_of};
 use super::places::PositionContext;
+use super::relations::StoryElement;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::{ParameterScope, compared};
 use crate::opendrive::tree::XmlNode;
-
-/// Start of an act or an event.
-pub(super) enum StartTrigger {
-    Never,
-    /// Simulation time in seconds.
-    At(f64),
-    After {
-        element: StoryElement,
-        delay_s: f64,
-    },
-    When {
-        watch: WatchedCondition,
-        delay_s: f64,
-    },
-}
-
-/// Element of a storyboard, as conditions refer to it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct StoryElement {
-    /// Kind: `act`, `maneuver`, `event`, `action`, ….
-    pub kind: String,
-    pub name: String,
-}
-
-impl StoryElement {
-    /// Returns the element of a node, or `None` without a name.
-    pub(super) fn of(kind: &str, node: &XmlNode) -> Option<StoryElement> {
-        node.raw("name").map(|name| StoryElement {
-            kind: kind.to_owned(),
-            name: name.to_owned(),
-        })
-    }
-}
 
 /// Places, and the times at which elements begin as far as they are known.
 ///
@@ -50,7 +19,7 @@ pub(super) type TriggerContext<'a> = (PositionContext<'a>, &'a [(StoryElement, f
 ///
 /// # Errors
 ///
-/// Returns an error for more than one relevant condition.
+/// Returns an error for conditions that a world cannot join.
 pub(super) fn starts(
     node: &XmlNode,
     scope: &ParameterScope,
@@ -90,27 +59,17 @@ pub(super) fn starts(
         // A condition that holds at once adds nothing to the others.
         let is_now = |it: &StartTrigger| matches!(it, StartTrigger::At(at_s) if *at_s == from_s);
         all.retain(|it| !is_now(it));
-        match (all.pop(), all.is_empty()) {
-            (None, _) => return Ok(StartTrigger::At(from_s)),
-            (Some(one), true) => possible.push(one),
-            _ => {
-                let what = "several conditions at a time are not read";
-                let help = "begin the event by one condition, or put what it waits for into \
-                            an event before it";
-                return Err(group.refused(what, help));
-            }
+        match all_of(group, all)? {
+            None => return Ok(StartTrigger::At(from_s)),
+            Some(one) => possible.push(one),
         }
     }
-    match (possible.pop(), possible.is_empty()) {
+    match any_of(trigger, possible)? {
+        Some(one) => Ok(one),
         // An empty trigger starts at once. Groups that never hold never start
         // it.
-        (None, _) if groups == 0 => Ok(StartTrigger::At(from_s)),
-        (None, _) => Ok(StartTrigger::Never),
-        (Some(one), true) => Ok(one),
-        _ => {
-            let help = "begin the event by one condition group";
-            Err(trigger.refused("several ways to begin are not read", help))
-        }
+        None if groups == 0 => Ok(StartTrigger::At(from_s)),
+        None => Ok(StartTrigger::Never),
     }
 }
 
@@ -216,6 +175,11 @@ fn condition_of(
                     kind: by.need("storyboardElementType")?.to_owned(),
                     name: scope.text(by, "storyboardElementRef")?,
                 };
+                // Players take the first of several elements of a name, or none.
+                if ground.ambiguous.contains(&element) {
+                    let what = format!("several elements are called `{}`", element.name);
+                    return Err(by.refused(what, "give each of them a name of its own"));
+                }
                 let begins_s = known.iter().find(|(known, _)| *known == element);
                 let begins_s = begins_s.map(|(_, begins_s)| begins_s.max(from_s));
                 match by.raw("state") {
@@ -385,6 +349,13 @@ fn measure(
     // Longitudinal is the default of headways, and the older attribute `alongRoute`
     // means the same.
     let kind = it.raw("relativeDistanceType").unwrap_or("longitudinal");
+    let euclidian = matches!(kind, "cartesianDistance" | "euclidianDistance");
+    let system = it.raw("coordinateSystem").filter(|_| !euclidian);
+    if let Some(system @ ("world" | "trajectory")) = system {
+        let what = format!("a distance in the coordinate system `{system}` is not read");
+        let help = "measure it in the coordinate system of the entity, the lane or the road";
+        return Err(it.refused(what, help));
+    }
     let refused = |it: &XmlNode| {
         Err(it.refused(
             "a distance of this kind is not read",

@@ -5,7 +5,9 @@ use super::{Reader, moving};
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::openx::import::triggers::{StartTrigger, StoryElement, starts};
+use crate::openx::import::joined::StartTrigger;
+use crate::openx::import::relations::StoryElement;
+use crate::openx::import::triggers::starts;
 
 impl Reader<'_> {
     pub(super) fn act(&mut self, act: &XmlNode, scope: &ParameterScope) -> Result<(), ImportError> {

@@ -1,13 +1,14 @@
 //! Begins of the steps of an entity.
 
-use super::script::{EventContext, ended};
+use super::script::{EventContext, ended, stop_aside};
 use super::{Reader, SOON_S, directions};
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::ends::to_mps;
 use crate::openx::import::entity::{ImportedLaw, ImportedStep, Measure, WatchedCondition};
-use crate::openx::import::triggers::{StartTrigger, StoryElement, starts};
-use crate::scene::drive::ChangeShape;
+use crate::openx::import::joined::StartTrigger;
+use crate::openx::import::relations::StoryElement;
+use crate::openx::import::triggers::starts;
 
 /// Step without laws, and what goes on of a law that it cuts.
 type Begun = (ImportedStep, Option<ImportedLaw>);
@@ -50,8 +51,8 @@ impl Reader<'_> {
         }
         let script = &mut self.scripts[who];
         if let Some(rest) = rest {
-            // The change of speed goes on beside what the step does.
-            script.speeds.now_mps = to_mps(&rest, 0.0);
+            // A change of speed goes on beside what the step does.
+            script.speeds.now_mps = to_mps(&rest, 0.0).or(script.speeds.now_mps);
             step.laws.push(rest);
         }
         script.ended = ended(context, actions.len());
@@ -87,8 +88,9 @@ impl Reader<'_> {
         if !step.laws.is_empty() {
             script.steps.push(step);
         }
-        // When a trajectory or several steps end is not known.
-        if script.follows || !script.later.is_empty() {
+        // When a trajectory or several steps end is not known, and a speed that is kept
+        // never ends.
+        if script.follows || !script.later.is_empty() || actions.iter().any(|it| keeps_on(it)) {
             script.ended.clear();
         }
         if !script.later.is_empty() {
@@ -210,11 +212,7 @@ impl Reader<'_> {
                 if replaces {
                     // It cuts the change across the path, wherever that is by then.
                     self.scripts[who].is_cut = true;
-                    step.laws.push(ImportedLaw::LaneChange {
-                        by_m: 0.0,
-                        rate_mps: 1.0,
-                        shape: ChangeShape::Cosine,
-                    });
+                    step.laws.push(stop_aside());
                 }
                 step.when = Some(watch);
                 step.after_s = delay_s;
@@ -228,6 +226,12 @@ impl Reader<'_> {
         }
         Ok(Some((step, rest)))
     }
+}
+
+/// Returns whether an action or an element of it goes on for ever.
+fn keeps_on(node: &XmlNode) -> bool {
+    let is_kept = node.name == "RelativeTargetSpeed" && node.raw("continuous") == Some("true");
+    is_kept || node.children.iter().any(keeps_on)
 }
 
 impl WatchedCondition {

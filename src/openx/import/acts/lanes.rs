@@ -7,8 +7,9 @@ use crate::opendrive::roads::OnLane;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::entity::ImportedLaw;
-use crate::openx::import::laws::lane_change;
+use crate::openx::import::laws::{AT_ONCE_MPS, lane_change, shape_of};
 use crate::openx::import::places::lane_beside;
+use crate::scene::drive::ChangeShape;
 
 impl Reader<'_> {
     pub(super) fn lane_change(
@@ -62,23 +63,50 @@ impl Reader<'_> {
             offset_m = offset_m * f64::from(other.side()) + other.t_m - middle_m;
         }
         let dynamics = it.inner("LaneOffsetActionDynamics")?;
-        if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
-            return Err(dynamics.refused(
-                "only sinusoidal lane offsets are read",
-                "write dynamicsShape=\"sinusoidal\"",
-            ));
-        }
-        // The greatest lateral acceleration of a cosine determines its
-        // duration.
-        let most_lateral_mps2 = scope.number(dynamics, "maxLateralAcc")?;
+        let shape = match shape_of(dynamics)? {
+            shape @ (None | Some(ChangeShape::Cosine | ChangeShape::Cubic)) => shape,
+            Some(_) => {
+                let help = "write dynamicsShape=\"sinusoidal\", \"cubic\" or \"step\"";
+                return Err(dynamics.refused("linear lane offsets are not read", help));
+            }
+        };
+        let to_m = middle_m + offset_m;
+        let by_m = to_m - self.scripts[who].t_m;
+        let law = match shape {
+            // The greatest lateral acceleration of a cosine determines its duration.
+            Some(ChangeShape::Cosine) => {
+                // A world adds lane changes and offsets, so the changes so far are
+                // subtracted.
+                let t_m = to_m - self.scripts[who].changed_m;
+                let most_lateral_mps2 = scope.number(dynamics, "maxLateralAcc")?;
+                self.scripts[who].t_m = to_m;
+                return Ok(ImportedLaw::Beside {
+                    t_m,
+                    most_lateral_mps2,
+                });
+            }
+            Some(shape) => {
+                // That of a cubic curve is 6·by/T².
+                let most_mps2 = scope.number(dynamics, "maxLateralAcc")?;
+                let lasts_s = (6.0 * by_m.abs() / most_mps2).sqrt();
+                let rate_mps = shape.peak() * by_m.abs() / lasts_s;
+                let rate_mps = if by_m == 0.0 { 1.0 } else { rate_mps };
+                ImportedLaw::LaneChange {
+                    by_m,
+                    rate_mps,
+                    shape,
+                }
+            }
+            None => ImportedLaw::LaneChange {
+                by_m,
+                rate_mps: AT_ONCE_MPS,
+                shape: ChangeShape::Linear,
+            },
+        };
         let script = &mut self.scripts[who];
-        script.t_m = middle_m + offset_m;
-        Ok(ImportedLaw::Beside {
-            // A world adds lane changes and offsets, so the changes so far are
-            // subtracted.
-            t_m: script.t_m - script.changed_m,
-            most_lateral_mps2,
-        })
+        script.t_m = to_m;
+        script.changed_m += by_m;
+        Ok(law)
     }
 
     /// Lane of the entity to which a target is relative.
@@ -128,6 +156,7 @@ impl Reader<'_> {
         wrong.map_or(Ok(()), |(_, error)| Err(error.clone()))
     }
 }
+
 fn own_lane(script: &EntityScript, it: &XmlNode) -> Result<OnLane, ImportError> {
     if script.is_cut {
         let help = "let the event that cuts the change before it begin after its end";

@@ -9,7 +9,7 @@ use crate::openx::import::entity::{
 };
 use crate::openx::import::laws::Speeds;
 use crate::openx::import::places::Placed;
-use crate::openx::import::triggers::StoryElement;
+use crate::openx::import::relations::StoryElement;
 use crate::scene::drive::ChangeShape;
 
 /// Event with its surrounding elements.
@@ -66,6 +66,7 @@ impl EntityScript {
             name: entity.name.clone(),
             placed: entity.placed.clone(),
             speeds: Speeds {
+                name: entity.name.clone(),
                 now_mps: Some(final_mps(entity)),
                 most_mps: entity.body.most_mps,
                 most_mps2: entity.body.most_mps2,
@@ -124,14 +125,21 @@ impl EntityScript {
         replaces: bool,
     ) -> Option<(f64, Option<ImportedLaw>)> {
         let (begins_s, from_mps) = self.last?;
+        // A change of the Init is none of an event: only another of the same kind stops it.
+        let stops = replaces && self.act != 0;
+        // Two changes that the step would stop are not read.
+        if stops && at_s < self.aside_s {
+            return None;
+        }
         let last = self.steps.last_mut().filter(|_| begins_s <= at_s)?;
         match &mut last.laws[..] {
             [ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }] if along && !across => {
                 last.overlaps = true;
                 // The next step counts from the begin of this one, and ends beside it.
-                self.aside_s = self.ends_s?;
+                self.aside_s = if stops { at_s } else { self.ends_s? };
                 self.ends_s = Some(begins_s);
-                Some((at_s - begins_s, None))
+                self.is_cut |= stops;
+                Some((at_s - begins_s, stops.then(stop_aside)))
             }
             [
                 ImportedLaw::Speed {
@@ -156,10 +164,19 @@ impl EntityScript {
                 *to_mps = from_mps + sign * *rate_mps2 * (at_s - begins_s);
                 self.speeds.now_mps = Some(*to_mps);
                 self.ends_s = Some(at_s);
-                Some((0.0, (!along).then_some(rest)))
+                Some((0.0, (!along && !stops).then_some(rest)))
             }
             _ => None,
         }
+    }
+}
+
+/// Law that stops a change across the path, wherever that is by then.
+pub(super) fn stop_aside() -> ImportedLaw {
+    ImportedLaw::LaneChange {
+        by_m: 0.0,
+        rate_mps: 1.0,
+        shape: ChangeShape::Cosine,
     }
 }
 

@@ -26,7 +26,11 @@ impl Reader<'_> {
     ) -> Result<(), ImportError> {
         let (scope, ground) = (context.scope, self.ground);
         let script = &mut self.scripts[who];
-        let (way, times) = ground.followed(it, scope)?;
+        let begins_s = script.ends_s.filter(|_| step.when.is_none());
+        let begins_s = begins_s.map(|ends_s| ends_s + step.after_s);
+        // Its first step is that of the run.
+        let begins_s = begins_s.map(|at_s| if at_s <= SAME_S { 0.0 } else { at_s });
+        let (way, times) = ground.followed(it, scope, begins_s)?;
         // The path replaces the placement, so both must agree at the
         // start.
         let off = way.spot().sees(&script.placed.spot);
