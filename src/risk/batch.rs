@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::mixture::Mixture;
-use super::natural_counts::NaturalCounts;
+use super::natural_counts::{JUDGED, NaturalCounts};
 use super::natural_runs::LANES;
 use super::record::{KnownFailure, RiskRun};
 use super::run::{EpisodeSource, Order, RiskWorld};
@@ -14,8 +14,6 @@ use crate::testbench::Testbench;
 
 /// Runs of a piece, which is stored as a whole.
 const PIECE: usize = 500;
-/// Natural runs whose rules are judged.
-pub(super) const JUDGED: usize = 2000;
 /// Runs of a round in which failures are assessed for preventability.
 const ASSESSED: usize = 4000;
 

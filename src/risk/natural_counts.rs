@@ -2,10 +2,11 @@
 
 use indexmap::IndexMap;
 
-use super::batch::JUDGED;
 use super::pool::RiskEstimate;
 use super::record::{RiskRun, RunEnd};
 
+/// First natural runs, whose rules are judged.
+pub(super) const JUDGED: usize = 2000;
 /// Most failures of which every decision is stored.
 const STORED: usize = 1000;
 

@@ -437,7 +437,7 @@ fn interval(risk: &RiskEstimate) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::batch::JUDGED;
+    use super::super::natural_counts::JUDGED;
     use super::super::record::{EgoFailure, RunEnd};
     use super::*;
 
