@@ -99,6 +99,14 @@ impl RiskEstimate {
         })
     }
 
+    /// Returns the estimate with an interval of probabilities.
+    pub(super) fn at_most_one(&self) -> RiskEstimate {
+        RiskEstimate {
+            interval: self.interval.map(|end| end.min(1.0)),
+            ..*self
+        }
+    }
+
     /// Returns the estimate times a number.
     pub(super) fn scaled(&self, by: f64) -> RiskEstimate {
         RiskEstimate {
@@ -467,6 +475,13 @@ mod tests {
         assert!(risk.half_width() < over.half_width());
         let back = over.times(&rate);
         assert!((back.probability - 0.01).abs() < 1e-12);
+        // A wide interval over a rate ends at 1.
+        let wide = RiskEstimate {
+            interval: [1e-9, 0.95],
+            ..risk
+        };
+        assert!(1.0 < wide.over(&rate).interval[1]);
+        assert_eq!(wide.over(&rate).at_most_one().interval[1], 1.0);
         // No hit leaves an upper end, above that of the count alone.
         let none = RiskEstimate::counted(0, 10_000);
         let [lo, hi] = none.over(&rate).interval;

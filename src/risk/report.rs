@@ -144,7 +144,7 @@ impl EgoRisk {
             ego: ego.to_owned(),
             fails: Some(counted(hits)),
             fails_lawful: Some(counted(lawful)),
-            fails_given_lawful: (0 < rate.hits).then(|| counted(lawful).over(&rate)),
+            fails_given_lawful: (0 < rate.hits).then(|| counted(lawful).over(&rate).at_most_one()),
             fails_preventable: Some(counted(natural.preventable)),
             modes: modes.collect(),
             known_share: None,
@@ -202,7 +202,7 @@ impl EgoRisk {
         self.fails_lawful = with_rules;
         self.fails_given_lawful = with_rules
             .filter(|_| 0 < lawful.hits)
-            .map(|it| it.over(lawful));
+            .map(|it| it.over(lawful).at_most_one());
         // Only some failures are assessed, so their share is carried over to all.
         let assessed = pooled(rounds, |it| it.preventable.is_some());
         let prevented = pooled(rounds, |it| it.preventable == Some(true));
