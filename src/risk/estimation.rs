@@ -222,8 +222,9 @@ impl<'a> Estimation<'a> {
             for (ego, runs) in runs.into_iter().enumerate() {
                 self.note_round(ego, runs);
             }
-            let are_good = (0..self.players.len()).all(|ego| self.is_good(ego));
-            if are_good && LEAST_ROUNDS <= round + 1 {
+            // Checks replay V on every probe, so the number of rounds comes first.
+            let are_enough = LEAST_ROUNDS <= round + 1;
+            if are_enough && (0..self.players.len()).all(|ego| self.is_good(ego)) {
                 break;
             }
             // Two small rounds find the failures, larger ones measure them.

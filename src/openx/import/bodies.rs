@@ -124,9 +124,7 @@ impl ImportedBody {
             on_foot,
         })
     }
-}
 
-impl ImportedBody {
     /// Returns the body with a name of its own, if another one has its name.
     pub(super) fn beside<'a>(
         mut self,
