@@ -67,13 +67,13 @@ pub mod rl {
 pub mod run_dir {
     pub use crate::run_dir::cached_result::CachedResult;
     pub use crate::run_dir::counterexample::{csv_of, digests_of};
-    pub use crate::run_dir::disk::make_dir;
-    pub use crate::run_dir::run_lookup::RunsOnDisk;
+    pub use crate::run_files::disk::make_dir;
+    pub use crate::world::RunsOnDisk;
 }
 pub mod scene {
     pub mod drive {
         pub use crate::road::{
-            Course, CourseError, Direction, Grade, LaneKeeping, OnRoad, Piece, PlacedRoad,
+            ChangeShape, Course, CourseError, Direction, Grade, OnRoad, Piece, PlacedRoad,
             Priority, Road, RoadPlace,
         };
         pub use crate::scene::drive::*;

@@ -52,6 +52,7 @@ pub mod internals;
 mod opendrive;
 pub mod openx;
 pub mod population;
+mod pose;
 pub mod preventability;
 pub mod report;
 pub mod risk;
@@ -60,6 +61,7 @@ mod road;
 mod ron_file;
 pub mod rulebook;
 pub mod run_dir;
+mod run_files;
 pub mod scene;
 pub mod search;
 pub mod seed;
@@ -76,6 +78,9 @@ pub mod vector_env;
 pub mod view;
 mod visible;
 pub mod world;
+
+#[doc(inline)]
+pub use cli::Report;
 
 #[doc(inline)]
 pub use brakecheck_stl as stl;

@@ -309,7 +309,7 @@ impl EvalRequest<'_> {
         row.solved = marks
             .map(|(played, trivial)| match (played.as_ref(), trivial) {
                 (_, true) => StartOutcome::Trivial,
-                (Some(played), _) => StartOutcome::of(&played.outcome.verdict),
+                (Some(played), _) => StartOutcome::from(&played.outcome.verdict),
                 (None, _) => StartOutcome::NotReached,
             })
             .collect();

@@ -12,10 +12,7 @@ use crate::testbench::Complaint;
 use crate::training::SessionError;
 
 /// A campaign could not be planned, run or merged.
-///
-/// `Debug` prints it as the command line does, so a test that returns it shows the
-/// mistake, its place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CampaignError {
     /// The campaign file cannot be read.

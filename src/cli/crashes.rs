@@ -5,6 +5,9 @@
 //! verb fail, chosen by a seeded draw. `BRAKECHECK_CRASHES=all cargo test --release
 //! crashes` makes every step fail (docs/background/testing.md).
 
+#[path = "../../tests/support/disk_faults.rs"]
+mod disk_faults;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,8 +18,11 @@ use rand::RngExt;
 
 use super::terminal::with_jobs;
 use super::{Cli, Exit, carry_out};
-use crate::run_dir::disk::crash::{How, failing};
 use crate::seed::generator;
+use disk_faults::{How, failing};
+
+/// Intervals at which a short training has several lines and checkpoints.
+const FREQUENT: &str = "--report-every 7 --checkpoint-every 400";
 
 /// Steps per verb and kind of failure, unless all are requested.
 const FEW: usize = 4;
@@ -184,7 +190,7 @@ fn words(text: &str) -> Vec<String> {
 fn train(dir: &Path, world: &str, options: &str) -> Vec<String> {
     let run = dir.join("run");
     words(&format!(
-        "train {world} -o {} --starts 6 --jobs 1 {options}",
+        "train {world} -o {} --starts 6 --jobs 1 {FREQUENT} {options}",
         run.display()
     ))
 }
@@ -272,7 +278,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
     let pieces = |dir: &Path| {
         copied(&plan, &dir.join("plan"));
         words(&format!(
-            "campaign run {} --jobs 1",
+            "campaign run {} --jobs 1 {FREQUENT}",
             dir.join("plan").display()
         ))
     };

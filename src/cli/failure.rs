@@ -2,6 +2,8 @@
 
 mod conversion;
 
+pub use conversion::Report;
+
 use std::fmt;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Severity};

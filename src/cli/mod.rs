@@ -54,7 +54,7 @@ use miette::GraphicalTheme;
 use serde_json::json;
 use strum::{EnumMessage, VariantArray};
 
-pub use failure::{Exit, Failure};
+pub use failure::{Exit, Failure, Report};
 use terminal::{Common, Program};
 
 use crate::experiment::NeutralRule;

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
 use super::terminal::{self, Common};
-use crate::experiment::{Remark, StepPlace, Watch};
+use crate::experiment::{Remark, StepPlace, TrainingIntervals, Watch};
 use crate::testbench::FaultLog;
 use crate::visible::visible_line;
 
@@ -193,10 +193,22 @@ impl SharedProgress {
 pub struct Bar {
     shown: ProgressBar,
     faults: FaultLog,
+    intervals: TrainingIntervals,
     shared: Arc<SharedProgress>,
     lines: Option<JoinHandle<()>>,
     progress: Box<dyn Fn(u64, u64) + Send + Sync>,
     remarks: Box<dyn Fn(Remark<'_>) + Send + Sync>,
+}
+
+/// Returns the intervals at which trainings write their progress.
+fn intervals(common: &Common) -> TrainingIntervals {
+    let usual = TrainingIntervals::default();
+    TrainingIntervals {
+        report_episodes: common.report_every.unwrap_or(usual.report_episodes),
+        checkpoint_decisions: common
+            .checkpoint_every
+            .unwrap_or(usual.checkpoint_decisions),
+    }
 }
 
 /// Creates a bar whose phases and counts come from the work, after `title`.
@@ -246,6 +258,7 @@ pub fn bar(common: &Common, title: &str) -> Bar {
     Bar {
         shown,
         faults: common.faults(),
+        intervals: intervals(common),
         shared,
         lines: lines.and_then(Result::ok),
         progress,
@@ -283,6 +296,7 @@ impl Bar {
             faults: self.faults.clone(),
             place: StepPlace::Unnumbered,
             audience: None,
+            intervals: self.intervals,
         }
     }
 }

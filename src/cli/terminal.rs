@@ -38,6 +38,12 @@ pub struct Common {
     /// Share of invalid episodes to tolerate in each table row, 0 to 1.
     #[arg(long, global = true, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     pub allow_invalid: f64,
+    /// Episodes per line of a training's `progress.jsonl`.
+    #[arg(long, global = true, hide = true, value_name = "EPISODES", value_parser = clap::value_parser!(u64).range(1..))]
+    pub report_every: Option<u64>,
+    /// Decisions between two checkpoints of a training.
+    #[arg(long, global = true, hide = true, value_name = "DECISIONS", value_parser = clap::value_parser!(u64).range(1..))]
+    pub checkpoint_every: Option<u64>,
     /// Log of the faults in all episodes of the command, shared by clones.
     #[arg(skip)]
     pub(super) faults: Arc<OnceLock<FaultLog>>,

@@ -9,10 +9,7 @@ use crate::run_dir::KeptError;
 use crate::world::Scenario;
 
 /// No kept counterexample fits the request.
-///
-/// As `Debug` it prints as on the command line, so a failing test shows the problem, its
-/// place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {
     /// The directory has fewer counterexamples.

@@ -34,10 +34,7 @@ enum ReplayedEgo {
 }
 
 /// Failed regression test, or a test that could not run.
-///
-/// As `Debug` it prints as on the command line, so a failing test shows the problem, its
-/// place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RegressionError {
     /// A file is not usable.

@@ -60,6 +60,7 @@ mod traffic_light_acc;
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::road::RoadPiece;
 pub use actuator::Actuated;
 pub(crate) use actuator::Actuator;
 pub use fault::{Fault, FaultKind};
@@ -262,17 +263,6 @@ pub struct RoadGeometry {
     pub lane_width_m: f64,
     /// The course in pieces. Around the pieces, or without any, it is straight.
     pub pieces: Vec<RoadPiece>,
-}
-
-/// A part of the course with constant curvature.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct RoadPiece {
-    /// Start along the course.
-    pub from_s_m: f64,
-    /// Its length.
-    pub length_m: f64,
-    /// Its curvature, positive to the left.
-    pub curvature_per_m: f64,
 }
 
 /// Command of the ego to its vehicle until the next sample.

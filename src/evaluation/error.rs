@@ -10,10 +10,7 @@ use crate::theorems::TheoremsError;
 use crate::training::TrainError;
 
 /// Failure of an evaluation.
-///
-/// As `Debug` it prints as on the command line, so a failing test shows the problem, its
-/// place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
     /// Too few runs to learn an ego from.

@@ -46,14 +46,13 @@ impl Relation {
     }
 }
 
-impl EgoUnderTest {
+impl Relation {
     /// Returns the relation of the ego to the ado of a run, whose world is `nominal`.
-    #[doc(hidden)]
-    pub fn relation(&self, run: &RunDir, nominal: &Scenario) -> Relation {
+    pub fn of(ego: &EgoUnderTest, run: &RunDir, nominal: &Scenario) -> Relation {
         let trained = run.manifest().ego.as_ref();
-        if self.is_own() || trained.is_some_and(ChangedEgo::is_own) {
+        if ego.is_own() || trained.is_some_and(ChangedEgo::is_own) {
             // Of such an ego nothing is known but its name.
-            return if self.is_own() && trained.is_some_and(|ego| ego.name == self.name()) {
+            return if ego.is_own() && trained.is_some_and(|other| other.name == ego.name()) {
                 Relation::Trained
             } else {
                 Relation::ZeroShot
@@ -61,12 +60,12 @@ impl EgoUnderTest {
         }
         let trained = trained.map(|ego| &ego.change);
         // An ego is compared by its changes, because names can differ.
-        if *self.change() == trained.cloned().unwrap_or_default() {
+        if *ego.change() == trained.cloned().unwrap_or_default() {
             return Relation::Trained;
         }
         match (nominal.against, nominal.family()) {
             (TrainingEgos::Nominal, _) | (_, None) => Relation::ZeroShot,
-            (_, Some(family)) if family.covers(self.change()) => Relation::Inside,
+            (_, Some(family)) if family.covers(ego.change()) => Relation::Inside,
             _ => Relation::Outside,
         }
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::ego_evaluation::EgoEvaluation;
 use super::error::EvaluationError;
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
-use super::reuse::{ReusedOn, reused_on};
+use super::reuse::{Relation, ReusedOn, reused_on};
 use crate::adversary::Baselines;
 use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable};
@@ -142,7 +142,7 @@ impl<'a> EvaluationTable<'a> {
             return played;
         }
         note_if_unrepeatable(ego, starts, watch);
-        let relation = ego.relation(evaluation.run, evaluation.nominal);
+        let relation = Relation::of(ego, evaluation.run, evaluation.nominal);
         let mut reused = reused_on(ego, relation, starts, rows, watch);
         for row in &mut reused.rows {
             // On its own plant, the nominal ego fails alone exactly from the trivial

@@ -5,10 +5,7 @@ use crate::visible::command_line;
 use crate::world::ChangeError;
 
 /// Error of an ego that cannot be tested.
-///
-/// `Debug` prints it as the command line does, so a test that returns it shows the
-/// mistake, its place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EgoError {
     /// Ego that the world does not name.

@@ -30,7 +30,7 @@ pub(crate) use episode_loop::{EpisodeLoop, WorkItem};
 pub use error::EgoError;
 pub(crate) use failed_leaf::{leaf, violated};
 pub use neutral_rule::NeutralRule;
-pub use progress::{Remark, StepPlace, Watch};
+pub use progress::{Remark, StepPlace, TrainingIntervals, Watch};
 pub use test_starts::{TestStarts, test_starts};
 pub(crate) use test_starts::{drawn_starts, test_noise, test_start, untried_starts};
 pub(crate) use traffic::traffic_model;

@@ -40,6 +40,24 @@ pub enum StepPlace {
     Inside,
 }
 
+/// Intervals at which a training writes its progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrainingIntervals {
+    /// Episodes per line of `progress.jsonl`.
+    pub report_episodes: u64,
+    /// Decisions between two checkpoints.
+    pub checkpoint_decisions: u64,
+}
+
+impl Default for TrainingIntervals {
+    fn default() -> TrainingIntervals {
+        TrainingIntervals {
+            report_episodes: 250,
+            checkpoint_decisions: 50_000,
+        }
+    }
+}
+
 /// Observer of long work, which can stop it but never changes a result.
 pub struct Watch<'a> {
     /// Called when `done` of `total` units of work are finished, from any thread.
@@ -54,6 +72,8 @@ pub struct Watch<'a> {
     pub place: StepPlace,
     /// Viewer of the work, if any.
     pub audience: Option<&'a dyn Audience>,
+    /// Intervals at which trainings write their progress.
+    pub intervals: TrainingIntervals,
 }
 
 impl<'a> Watch<'a> {
@@ -66,6 +86,7 @@ impl<'a> Watch<'a> {
             faults: FaultLog::default(),
             place: StepPlace::Unnumbered,
             audience: None,
+            intervals: TrainingIntervals::default(),
         }
     }
 

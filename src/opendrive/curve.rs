@@ -8,7 +8,7 @@ use core::f64::consts::PI;
 use std::collections::HashMap;
 
 use super::ways::Bend;
-use crate::sim::{Pose, wrapped};
+use crate::pose::{Pose, wrapped};
 
 /// Greatest distance in metres of the arcs from their curve.
 const NEAR_M: f64 = 0.001;

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::error::{At, ImportError};
 use super::roads::{OnLane, RoadMap};
 use super::tree::XmlNode;
+use crate::pose::Pose;
 use crate::road::{Grade, Piece};
-use crate::sim::Pose;
 
 /// Greatest length in metres of a way along lanes.
 const MOST_M: f64 = 5_000.0;

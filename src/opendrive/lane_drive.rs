@@ -9,7 +9,7 @@ use super::links::RoadLink;
 use super::roads::{ImportedRoad, OnLane, RoadMap};
 use super::tree::XmlNode;
 use super::ways::{Bend, ImportedPath, OnWay};
-use crate::sim::{Pose, wrapped};
+use crate::pose::{Pose, wrapped};
 
 /// Length in metres that a lane may lose by slanting, on the whole way.
 ///

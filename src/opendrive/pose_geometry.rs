@@ -1,6 +1,6 @@
 //! Poses along lines and arcs, and relative to each other.
 
-use crate::sim::{Pose, wrapped};
+use crate::pose::{Pose, wrapped};
 
 impl Pose {
     /// Pose ahead and to the left, with the same heading.

@@ -5,7 +5,7 @@ use super::error::ImportError;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
 use super::ways::{Bend, Spiral};
-use crate::sim::{Pose, wrapped};
+use crate::pose::{Pose, wrapped};
 
 /// Lateral distance in metres up to which lanes stay near their curves.
 const LANES_M: f64 = 12.0;

@@ -14,7 +14,7 @@ use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
 use super::surface::Surface;
 use super::tree::XmlNode;
-use crate::sim::{Pose, wrapped};
+use crate::pose::{Pose, wrapped};
 
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]

@@ -2,10 +2,12 @@
 //!
 //! Spirals are replaced by arcs within a millimetre of them.
 
-use super::error::ImportError;
+use core::f64::consts::FRAC_PI_2;
+
+use super::error::{At, ImportError};
 use super::tree::XmlNode;
+use crate::pose::{Pose, wrapped};
 use crate::road::{Course, Piece};
-use crate::sim::{Pose, wrapped};
 
 /// Greatest distance in metres of the arcs from their spiral.
 const NEAR_M: f64 = 0.001;
@@ -37,6 +39,14 @@ pub(crate) struct ImportedPath {
     /// Pieces. An empty list is a straight line.
     pub pieces: Vec<Bend>,
 }
+
+/// Greatest distance in metres of an entity from its lane of a world.
+pub(crate) const MOST_ASIDE_M: f64 = 20.0;
+/// Tolerances within which a way keeps its distance to another.
+pub(crate) const SAME_WAY_M: f64 = 0.005;
+pub(crate) const SAME_WAY_RAD: f64 = 0.002;
+/// Distance in metres of the places at which two ways are compared.
+const STEP_M: f64 = 2.0;
 
 /// Position on a path.
 #[derive(Clone, Debug, PartialEq)]
@@ -238,6 +248,50 @@ impl ImportedPath {
 }
 
 impl OnWay {
+    /// Returns the way with the position that is nearest to a place.
+    pub(crate) fn located(&self, asks: &XmlNode, spot: &Pose) -> Result<OnWay, ImportError> {
+        Ok(OnWay {
+            along_m: self.station_m(&asks.at(), spot)?,
+            ..self.clone()
+        })
+    }
+
+    /// Returns the station that is nearest to a place.
+    pub(crate) fn station_m(&self, at: &At, spot: &Pose) -> Result<f64, ImportError> {
+        let course = self.way.course().map_err(|what| at.error(what))?;
+        Ok(course.locate(spot).s_m)
+    }
+
+    /// Returns the position of another way on this one, if it keeps its distance.
+    ///
+    /// The other may lead in the opposite direction.
+    pub(crate) fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
+        let course = self.way.course().map_err(|what| asks.error(what)).ok()?;
+        let first = course.locate(&other.way.begins);
+        if MOST_ASIDE_M < first.lateral_m.abs() {
+            return None;
+        }
+        let against = FRAC_PI_2 < first.heading_rad.abs();
+        // Up to the end of both, in the direction of the other.
+        let left_m = if against {
+            first.s_m
+        } else {
+            self.ends_m - first.s_m
+        };
+        let ahead_m = other.ends_m.min(left_m);
+        let steps = (ahead_m / STEP_M).ceil().max(1.0) as usize;
+        let keeps = (0..=steps).all(|step| {
+            let at = course.locate(&other.way.at(ahead_m * step as f64 / steps as f64));
+            let turned_rad = (at.heading_rad - first.heading_rad).abs();
+            (at.lateral_m - first.lateral_m).abs() < SAME_WAY_M && turned_rad < SAME_WAY_RAD
+        });
+        keeps.then(|| OnWay {
+            along_m: first.s_m,
+            ends_m: first.s_m + ahead_m,
+            ..self.clone()
+        })
+    }
+
     /// Moves along the path. `asks` is the element that states the distance.
     ///
     /// # Errors

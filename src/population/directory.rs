@@ -8,11 +8,11 @@ use super::manifest::{
 };
 use crate::content_hash::sha256;
 use crate::ron_file::file_bytes;
-use crate::run_dir::append_log::{Growing, Grown, verified};
-use crate::run_dir::disk::{io_error, is_taken, lock, remove, sweep};
 use crate::run_dir::{
     MANIFEST, MEMBERS, POPULATION, RunDir, RunError, make_dir, version, write_file,
 };
+use crate::run_files::append_log::{Growing, Grown, verified};
+use crate::run_files::disk::{io_error, is_taken, lock, remove, sweep};
 use crate::world::Scenario;
 
 /// Open directory of a population.

@@ -5,7 +5,7 @@ use crate::run_dir::RunError;
 use crate::training::SessionError;
 
 /// Error of a population that cannot be trained or evaluated.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PopulationError {
     /// World without driving.

@@ -5,9 +5,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::content_hash;
-use crate::run_dir::append_log::Grown;
-use crate::run_dir::disk::read_text;
 use crate::run_dir::{POPULATION, RunError};
+use crate::run_files::append_log::Grown;
+use crate::run_files::disk::read_text;
 use crate::scene::Dynamics;
 
 /// Version of the layout. Other versions are refused.

@@ -355,6 +355,7 @@ mod tests {
     use std::sync::atomic::{AtomicBool, Ordering};
 
     use super::*;
+    use crate::experiment::TrainingIntervals;
     use crate::rl::LearnerConfig;
     use crate::sim::PlantKind;
 
@@ -378,6 +379,17 @@ mod tests {
         train_distinct(&world(), path, &request, resume, watch).expect("trained")
     }
 
+    /// A watch under which a short training has several lines and checkpoints.
+    fn frequent(watch: Watch<'_>) -> Watch<'_> {
+        Watch {
+            intervals: TrainingIntervals {
+                report_episodes: 7,
+                checkpoint_decisions: 400,
+            },
+            ..watch
+        }
+    }
+
     /// Every file below a directory, without processor times.
     fn files(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
         let (mut all, mut left) = (BTreeMap::new(), vec![dir.to_owned()]);
@@ -399,7 +411,7 @@ mod tests {
     fn a_population_has_the_same_bytes_on_any_threads_and_after_an_interruption() {
         let dir = tempfile::tempdir().expect("scratch");
         let (whole, broken) = (dir.path().join("whole"), dir.path().join("broken"));
-        let trained = train(&whole, false, &Watch::unwatched());
+        let trained = train(&whole, false, &frequent(Watch::unwatched()));
         assert!(!trained.interrupted && trained.members.len() == 2);
         let threads = rayon::ThreadPoolBuilder::new().num_threads(3).build();
         let threads = threads.expect("a pool");
@@ -412,12 +424,12 @@ mod tests {
             };
             let watch = Watch {
                 remarks: &remarks,
-                ..Watch::new(&|_, _| {}, &stop)
+                ..frequent(Watch::new(&|_, _| {}, &stop))
             };
             let stopped = train(&broken, false, &watch);
             assert!(stopped.interrupted && stopped.archive.is_some());
             assert_eq!(PopulationDir::open(&broken).expect("sound").manifest().members.len(), 1);
-            assert!(!train(&broken, true, &Watch::unwatched()).interrupted);
+            assert!(!train(&broken, true, &frequent(Watch::unwatched())).interrupted);
         });
         let (whole, broken) = (files(&whole), files(&broken));
         let names: Vec<&PathBuf> = whole
@@ -431,7 +443,7 @@ mod tests {
     fn the_first_member_is_an_ordinary_training_and_the_second_sees_the_archive() {
         let dir = tempfile::tempdir().expect("scratch");
         let (path, alone) = (dir.path().join("population"), dir.path().join("alone"));
-        let watch = Watch::unwatched();
+        let watch = frequent(Watch::unwatched());
         train(&path, false, &watch);
         let mut session = TrainSession::begin(&world(), &alone, &request()).expect("begun");
         session.train(&watch).expect("trained");
@@ -469,7 +481,7 @@ mod tests {
         let path = dir.path().join("population");
         let grid = Scenario::shipped("grid").expect("shipped").expect("sound");
         let request = DistinctRequest::new(request(), 2);
-        let watch = Watch::unwatched();
+        let watch = frequent(Watch::unwatched());
         let refused = train_distinct(&grid, &path, &request, false, &watch);
         assert!(matches!(refused, Err(PopulationError::Grid { .. })));
         assert!(!path.exists());

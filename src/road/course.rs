@@ -7,8 +7,7 @@ use core::f64::consts::PI;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use crate::ego::RoadPiece;
-use crate::sim::{BodyState, GroundFrame, Pose, rotation_by};
+use crate::pose::{GroundFrame, Pose, rotation_by};
 
 /// A piece of a curved road.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +27,17 @@ pub enum Piece {
     },
 }
 
+/// A part of the course with constant curvature.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RoadPiece {
+    /// Start along the course.
+    pub from_s_m: f64,
+    /// Its length.
+    pub length_m: f64,
+    /// Its curvature, positive to the left.
+    pub curvature_per_m: f64,
+}
+
 /// Position and heading of an agent relative to a road.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OnRoad {
@@ -42,10 +52,11 @@ pub struct OnRoad {
 }
 
 impl OnRoad {
-    /// Returns the velocity of a body along and across the road.
+    /// Returns the velocity along and across the road of a body with a velocity along
+    /// and across its heading.
     #[inline]
-    pub(crate) fn velocity_mps(&self, state: &BodyState) -> Vector2<f64> {
-        rotation_by(self.heading_rad) * Vector2::new(state.speed_mps, state.lateral_mps)
+    pub(crate) fn velocity_mps(&self, speed_mps: f64, lateral_mps: f64) -> Vector2<f64> {
+        rotation_by(self.heading_rad) * Vector2::new(speed_mps, lateral_mps)
     }
 
     /// Returns the same place for an agent that drives against the road.
@@ -435,7 +446,7 @@ impl Leg {
 
 /// Returns an angle in −π ..= π.
 ///
-/// Recorded episodes contain its bits, which differ from those of `sim::wrapped`.
+/// Recorded episodes contain its bits, which differ from those of `pose::wrapped`.
 pub(crate) fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
 }

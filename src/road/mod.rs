@@ -5,16 +5,17 @@
 //!
 //! Architecture Invariant: a road knows no world, no agent and no rule.
 
+mod change_shape;
 mod course;
 mod lanes;
 mod network;
 mod placement;
 mod self_overlap;
 mod slope;
-mod steering;
 
+pub use change_shape::ChangeShape;
 pub(crate) use course::wrapped;
-pub use course::{Course, CourseError, OnRoad, Piece};
+pub use course::{Course, CourseError, OnRoad, Piece, RoadPiece};
 pub use lanes::Road;
 pub(crate) use network::{RoadNetwork, Traveller, goes_first};
 pub(crate) use placement::PlacedRoads;
@@ -22,5 +23,3 @@ pub use placement::{Direction, PlacedRoad, Priority, RoadPlace};
 pub(crate) use self_overlap::SelfOverlap;
 pub use slope::Grade;
 pub(crate) use slope::{MAX_RISE, grade_at};
-pub(crate) use steering::LaneKeeper;
-pub use steering::LaneKeeping;

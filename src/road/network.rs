@@ -2,7 +2,7 @@
 
 use super::course::{Course, OnRoad, wrapped};
 use super::placement::{Direction, Priority};
-use crate::sim::Pose;
+use crate::pose::Pose;
 
 /// Length beyond the pieces of a road that is searched for crossings.
 const BEYOND_M: f64 = 1000.0;

@@ -16,9 +16,7 @@ pub struct Problem {
 }
 
 /// World file that cannot be used.
-///
-/// Its `Debug` form equals the output of the command line.
-#[derive(Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ScenarioError {
     /// Name of the file, as the user gave it.
     pub file: String,
@@ -97,10 +95,7 @@ pub(crate) fn guessed<'a>(
 }
 
 /// Failure to read or use a world file.
-///
-/// Its `Debug` form equals the output of the command line. A test that returns
-/// it then shows the problem, its place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
     /// The file could not be read.

@@ -1,6 +1,6 @@
 //! Mistakes of a world file with their places.
 
-use super::error::Problem;
+use super::error::{Problem, did_you_mean, known_names};
 use super::locate::ValuePath;
 use crate::stl::StlError;
 
@@ -38,6 +38,16 @@ impl<'a> Problems<'a> {
             label: label.to_owned(),
             help,
         });
+    }
+
+    /// Reports an unknown name, with a guess and the known names.
+    pub(crate) fn unknown(&mut self, path: &ValuePath, what: &str, name: &str, known: &[&str]) {
+        let list = known_names("known", known.iter().copied());
+        let help = match did_you_mean(name, known.iter().copied()) {
+            Some(guess) => format!("{guess} — {list}"),
+            None => list,
+        };
+        self.add(path, format!("no {what} `{name}`"), "unknown", Some(help));
     }
 
     /// Reports a mistake inside the STL string under `path`.

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::stats::StartOutcome;
+
 /// Verdict of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Verdict {
@@ -92,6 +94,18 @@ impl std::fmt::Display for RulesUntilContact {
             RulesUntilContact::Broken { rule, ado, time_s } => {
                 write!(f, "{ado} broke `{rule}` at {time_s:.2} s")
             }
+        }
+    }
+}
+
+impl From<&Verdict> for StartOutcome {
+    fn from(verdict: &Verdict) -> StartOutcome {
+        match verdict {
+            Verdict::Counterexample { .. } => StartOutcome::Solved,
+            Verdict::Uncounted { .. } => StartOutcome::Uncounted,
+            Verdict::Held { .. } => StartOutcome::Held,
+            Verdict::Foul { .. } => StartOutcome::RuleViolation,
+            Verdict::Invalid => StartOutcome::Invalid,
         }
     }
 }

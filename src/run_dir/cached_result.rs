@@ -8,10 +8,11 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::RunError;
-use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
+use super::manifest::settings_of;
 use crate::content_hash;
 use crate::content_hash::sha256;
 use crate::ron_file::file_bytes;
+use crate::run_files::disk::{file_name, io_error, make_dir, write_file};
 use crate::world::Scenario;
 
 /// Piece of work: a file, and the question that it answers.
@@ -199,7 +200,7 @@ mod tests {
     /// Tables are made again from such files, so a killed one must not leave half a result.
     #[test]
     fn work_that_is_killed_at_any_step_is_old_or_new_and_goes_on() {
-        use crate::run_dir::disk::crash::{How, failing};
+        use super::super::disk_faults::{How, failing};
 
         let write = |dir: &Path, made: f64| of(&dir.join("parts"), WORLD, 3).write(&made).is_ok();
         let undisturbed = tempfile::tempdir().expect("scratch");

@@ -11,13 +11,13 @@ use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use super::about::About;
-use super::disk::read_text;
 use super::{RunError, trace_of_csv, write_file};
 use crate::content_hash;
 use crate::content_hash::sha256;
 use crate::ego::Command;
 use crate::ron_file::ScenarioError;
 use crate::rulebook::{RulesUntilContact, Verdict};
+use crate::run_files::disk::read_text;
 use crate::scene::{ContactEvent, Dynamics, Start};
 use crate::testbench::Episode;
 use crate::trace::Trace;
@@ -91,10 +91,7 @@ pub struct Counterexample {
 }
 
 /// Failure to use a kept counterexample.
-///
-/// Its `Debug` form equals the output of the command line. A test that returns
-/// it then shows the problem, its place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum KeptError {
     /// Failure to read or write the file.

@@ -4,33 +4,14 @@
 //! kind of machine, the same world and the same settings. Otherwise it would
 //! end in a policy that no single command reproduces.
 
-use std::fmt;
-
 use serde_json::Value;
 
-use super::disk::settings_of;
-use super::{ChangedEgo, RunDir, RunError};
+use super::manifest::settings_of;
+use super::{ChangedEgo, RunDifference, RunDir, RunError};
 use crate::content_hash::sha256;
 use crate::natural::NaturalTraining;
 use crate::rulebook::TrainingGoal;
 use crate::world::Scenario;
-
-/// Property that differs from the run's beginning.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RunDifference {
-    /// Name of the property.
-    pub what: String,
-    /// Value at the beginning.
-    pub begun: String,
-    /// Value now.
-    pub now: String,
-}
-
-impl fmt::Display for RunDifference {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}, now {}", self.what, self.begun, self.now)
-    }
-}
 
 /// Requested training.
 #[derive(Clone, Copy, Debug)]

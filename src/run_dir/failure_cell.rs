@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 use super::{RunDir, RunError};
 use crate::content_hash::sha256;
 use crate::rl::Demonstration;
+use crate::run_files::KNOWN;
 use crate::severity::CrashKind;
 use crate::world::Scenario;
 
 /// File of the failures that are known before a training.
-pub(super) const KNOWN: &str = "known.json";
 
 /// Width of the bins of closing speeds.
 pub const CLOSING_BIN_MPS: f64 = 2.0;

@@ -4,70 +4,24 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::append_log::Grown;
 use super::calibration::{Calibration, TrainingEnd};
-use super::disk::read_text;
 use super::training_counterexamples::StoredCount;
-use super::{FORMAT, RunError};
-use crate::content_hash;
+use crate::content_hash::{self, fingerprint};
 use crate::natural::NaturalTraining;
 use crate::rulebook::TrainingGoal;
+use crate::run_files::append_log::Grown;
+use crate::run_files::sealed::{SealedCounterexamples, manifest_text, timing_s};
+use crate::run_files::{MANIFEST, RunError, SealedFiles};
 use crate::scene::Dynamics;
-use crate::world::{Change, TrainingEgos};
+use crate::world::{Change, Scenario, TrainingEgos};
 
-pub(crate) const FILE: &str = "manifest.json";
-/// File that makes a directory a population of runs, in place of the manifest.
-pub(crate) const POPULATION: &str = "population.json";
-/// Directory of a population's runs, which are called `000`, `001` and so on.
-pub(crate) const MEMBERS: &str = "members";
-/// Separate file of the processor time, in which equal trainings differ.
-pub(super) const TIMING: &str = "timing.json";
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Content of the file with the processor time.
+#[derive(Serialize)]
 struct Timing {
     cpu_s: f64,
     /// Seal of its own, because manifests of equal trainings are equal.
     seal: String,
 }
-
-/// Processor time from the file beside the manifest.
-///
-/// It is 0 before the first checkpoint.
-fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
-    let path = &run.join(TIMING);
-    let damaged = |why: String| RunError::Damaged {
-        path: path.into(),
-        why,
-    };
-    if !path.is_file() {
-        // It is written before every checkpoint and before the policy.
-        let is_due = manifest.checkpoint.is_some() || manifest.is_finished();
-        return if is_due {
-            Err(RunError::NotARun {
-                path: run.into(),
-                why: format!("`{TIMING}` is missing"),
-            })
-        } else {
-            Ok(0.0)
-        };
-    }
-    let text = read_text(path)?;
-    let read: Timing = serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
-    content_hash::check(&text, &read.seal).map_err(damaged)?;
-    Ok(read.cpu_s)
-}
-
-/// Fields that decide whether this version can use a run.
-#[derive(Deserialize)]
-struct Layout {
-    format: u32,
-    #[serde(default)]
-    against: Option<String>,
-}
-
-/// Retired word of [`TrainingEgos`].
-const CONDITIONAL: &str = "conditional";
 
 /// Properties of a run, and the hashes of its files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -229,42 +183,17 @@ impl Manifest {
     ///
     /// Returns an error if it is missing or damaged.
     pub(super) fn read(run: &Path) -> Result<Manifest, RunError> {
-        let not_a_run = |why: String| RunError::NotARun {
-            path: run.into(),
+        let text = manifest_text(run)?;
+        let damaged = |why: String| RunError::Damaged {
+            path: run.join(MANIFEST),
             why,
         };
-        if !run.is_dir() {
-            let why = if run.exists() {
-                "it is a file"
-            } else {
-                "there is no such directory"
-            };
-            return Err(not_a_run(why.to_owned()));
-        }
-        let file = run.join(FILE);
-        if !file.is_file() && run.join(POPULATION).is_file() {
-            return Err(RunError::Population { path: run.into() });
-        }
-        if !file.is_file() {
-            return Err(not_a_run(format!("it has no `{FILE}`")));
-        }
-        let damaged = |path: &Path, why: String| RunError::Damaged {
-            path: path.into(),
-            why,
-        };
-        let text = read_text(&file)?;
-        let invalid = |error: serde_json::Error| damaged(&file, error.to_string());
-        // The version comes first, because another layout may lack any field.
-        let Layout { format, against } = serde_json::from_str(&text).map_err(invalid)?;
-        if format != FORMAT {
-            return Err(damaged(&file, format!("format {format} is not {FORMAT}")));
-        }
-        if against.as_deref() == Some(CONDITIONAL) {
-            return Err(RunError::Conditional { path: run.into() });
-        }
+        let invalid = |error: serde_json::Error| damaged(error.to_string());
         let mut manifest: Manifest = serde_json::from_str(&text).map_err(invalid)?;
-        content_hash::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;
-        manifest.cpu_s = read_timing(run, &manifest)?;
+        content_hash::check(&text, &manifest.sha256).map_err(damaged)?;
+        // It is written before every checkpoint and before the policy.
+        let is_due = manifest.checkpoint.is_some() || manifest.is_finished();
+        manifest.cpu_s = timing_s(run, is_due)?;
         Ok(manifest)
     }
 
@@ -276,7 +205,7 @@ impl Manifest {
         };
         let text = serde_json::to_string_pretty(&blank);
         let text = text.map_err(|error| RunError::Damaged {
-            path: run.join(FILE),
+            path: run.join(MANIFEST),
             why: error.to_string(),
         })?;
         Ok(content_hash::seal(&text))
@@ -289,6 +218,23 @@ impl Manifest {
             seal: content_hash::BLANK.to_owned(),
         };
         content_hash::seal(&serde_json::json!(timing).to_string()).into_bytes()
+    }
+
+    /// Returns the hashes of the files.
+    pub(super) fn files(&self) -> SealedFiles {
+        let stored = self.counterexamples.as_ref();
+        SealedFiles {
+            world_sha256: self.world_sha256.clone(),
+            from_sha256: self.from_sha256.clone(),
+            bank_sha256: self.bank_sha256.clone(),
+            known_sha256: self.known_sha256.clone(),
+            policy_sha256: self.policy_sha256.clone(),
+            progress: self.progress.clone(),
+            counterexamples: stored.map(|stored| SealedCounterexamples {
+                bytes: stored.bytes,
+                sha256: stored.sha256.clone(),
+            }),
+        }
     }
 
     /// Returns true if training has finished.
@@ -311,4 +257,14 @@ impl ChangedEgo {
     pub fn is_own(&self) -> bool {
         self.change == Change::default()
     }
+}
+
+/// Returns the hash of the complete settings of learner and family, including defaults.
+///
+/// Another version of the program may have other defaults.
+pub(super) fn settings_of(scenario: &Scenario) -> String {
+    fingerprint(&serde_json::json!({
+        "learner": scenario.learner,
+        "family": scenario.family(),
+    }))
 }

@@ -21,53 +21,54 @@
 
 mod about;
 mod adversary_id;
-pub(crate) mod append_log;
 pub(crate) mod cached_result;
 mod calibration;
 mod contact_severity;
 pub(crate) mod counterexample;
 mod differences;
-pub(crate) mod disk;
-mod error;
 mod failure_cell;
 mod manifest;
 mod opening;
 mod progress;
 mod repeated_runs;
 mod row;
-pub(crate) mod run_lookup;
 mod samples;
 mod trained_policy;
 pub(crate) use trained_policy::trained_naturally;
 mod training_counterexamples;
 
+#[cfg(test)]
+#[path = "../../tests/support/disk_faults.rs"]
+mod disk_faults;
+
 use std::fmt;
 use std::fs::File;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+pub(crate) use crate::run_files::append_log::Grown;
+pub use crate::run_files::disk::write_file;
+pub(crate) use crate::run_files::disk::{WholeFile, file_name, make_dir, read_text};
+pub(crate) use crate::run_files::{MANIFEST, MEMBERS, POPULATION};
+pub use crate::run_files::{RunDifference, RunError};
+pub use crate::world::RunsOnDisk;
 pub use about::{
     About, Decisive, Effort, EgoRuns, LastChance, NotAsked, Persistence, Severity, Shrunk,
     Variation, Why,
 };
 pub use adversary_id::AdversaryId;
 pub(crate) use adversary_id::keys as adversary_keys;
-pub(crate) use append_log::Grown;
 pub(crate) use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
 pub use contact_severity::{ClosingSpeed, ContactSeverity};
 pub(crate) use counterexample::digests_of;
 pub use counterexample::{Counterexample, KeptError};
-pub use differences::{RequestedTraining, RunDifference};
-pub use disk::write_file;
-pub(crate) use disk::{WholeFile, file_name, make_dir, read_text};
-pub use error::RunError;
+pub use differences::RequestedTraining;
 pub use failure_cell::{
     CLOSING_BIN_MPS, CellCount, CellFailure, DecisiveAction, FailureCell, KnownFailures,
 };
+pub(crate) use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
-pub(crate) use manifest::{FILE as MANIFEST, MEMBERS, POPULATION, Window};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
 pub use row::{Anytime, BrokenRule, FailsAlone, FailureKind, Row, Unconfirmed};
@@ -78,17 +79,12 @@ pub(crate) use training_counterexamples::StoredCount;
 use crate::content_hash::sha256;
 use crate::natural::NaturalTraining;
 use crate::rl::TensorFile;
-use crate::ron_file::file_bytes;
+use crate::run_files::append_log::Growing;
+use crate::run_files::disk::{self, io_error, is_taken, lock};
+use crate::run_files::{BANK, COUNTEREXAMPLES, FORMAT, PROGRESS, TIMING, sealed};
 use crate::testbench::KnownEpisode;
 use crate::world::Scenario;
-use append_log::Growing;
-use disk::{io_error, is_taken, lock, settings_of};
-
-/// Version of the layout. Other versions are refused.
-const FORMAT: u32 = 3;
-
-/// File with the episodes of other trainings.
-const BANK: &str = "bank.json";
+use manifest::settings_of;
 
 /// Optional start conditions of a training.
 #[derive(Clone, Debug, Default)]
@@ -186,8 +182,8 @@ impl RunDir {
             },
             programs_allowed: false,
             world: OnceLock::new(),
-            progress: Growing::new(path.join(progress::FILE)),
-            counterexamples: Growing::new(path.join(training_counterexamples::FILE)),
+            progress: Growing::new(path.join(PROGRESS)),
+            counterexamples: Growing::new(path.join(COUNTEREXAMPLES)),
             _lock: Some(lock),
         };
         run.write("world.ron", scenario.text.as_bytes())?;
@@ -344,12 +340,12 @@ impl RunDir {
         if let Some(count) = &mut self.manifest.counterexamples {
             count.note(self.counterexamples.now());
         }
-        self.write(manifest::TIMING, &self.manifest.timing())
+        self.write(TIMING, &self.manifest.timing())
     }
 
     fn write_manifest(&self) -> Result<(), RunError> {
         let text = self.manifest.sealed(&self.path)?;
-        self.write(manifest::FILE, text.as_bytes())
+        self.write(MANIFEST, text.as_bytes())
     }
 
     fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
@@ -361,22 +357,7 @@ impl RunDir {
     }
 
     fn read_verified(&self, name: &str, expected: Option<&str>) -> Result<Vec<u8>, RunError> {
-        let path = self.path.join(name);
-        let bytes = file_bytes(&path).map_err(|source| match source.kind() {
-            io::ErrorKind::NotFound => RunError::NotARun {
-                path: self.path.clone(),
-                why: format!("`{name}` is missing"),
-            },
-            _ => io_error("reading", &path)(source),
-        })?;
-        let found = sha256(&bytes);
-        match expected {
-            Some(expected) if expected != found => Err(RunError::Damaged {
-                path,
-                why: format!("SHA-256 is {found}, the manifest says {expected}"),
-            }),
-            _ => Ok(bytes),
-        }
+        sealed::read_verified(&self.path, name, expected)
     }
 
     fn damaged<E: fmt::Display>(&self, name: &str) -> impl Fn(E) -> RunError + use<E> {

@@ -4,11 +4,10 @@ use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use super::append_log::{Growing, Grown, verified};
-use super::disk::{self, io_error, lock};
-use super::{
-    BANK, Manifest, RunDir, RunError, StoredCount, failure_cell, progress, training_counterexamples,
-};
+use super::{Manifest, RunDir, RunError, StoredCount};
+use crate::run_files::append_log::{Growing, Grown};
+use crate::run_files::disk::{self, io_error, lock};
+use crate::run_files::{COUNTEREXAMPLES, KNOWN, PROGRESS};
 
 impl RunDir {
     /// Opens a run directory for reading and verifies its hashes.
@@ -23,50 +22,16 @@ impl RunDir {
             manifest,
             programs_allowed: false,
             world: OnceLock::new(),
-            progress: Growing::new(path.join(progress::FILE)),
-            counterexamples: Growing::new(path.join(training_counterexamples::FILE)),
+            progress: Growing::new(path.join(PROGRESS)),
+            counterexamples: Growing::new(path.join(COUNTEREXAMPLES)),
             _lock: None,
         };
-        run.verify()?;
+        run.manifest.files().verify(path)?;
+        // Their content is checked too, since only later members have them.
+        if path.join(KNOWN).exists() {
+            run.known_failures()?;
+        }
         Ok(run)
-    }
-
-    /// Verifies every file with a hash in the manifest.
-    ///
-    /// Results that are computed later then rest on the written data. The
-    /// checkpoint is verified when training continues, since another process
-    /// may be replacing it.
-    fn verify(&self) -> Result<(), RunError> {
-        let manifest = &self.manifest;
-        self.read_verified("world.ron", Some(&manifest.world_sha256))?;
-        if let Some(from) = &manifest.from_sha256 {
-            self.read_verified("from.safetensors", Some(from))?;
-        }
-        if let Some(bank) = &manifest.bank_sha256 {
-            self.read_verified(BANK, Some(bank))?;
-        }
-        if self.path.join(failure_cell::KNOWN).exists() {
-            self.known_failures()?;
-        }
-        if let Some(policy) = &manifest.policy_sha256 {
-            self.read_verified("policy.safetensors", Some(policy))?;
-        }
-        let stored = manifest.counterexamples.as_ref();
-        let files = [
-            (progress::FILE, Some(manifest.progress.clone())),
-            (
-                training_counterexamples::FILE,
-                stored.map(StoredCount::grown),
-            ),
-        ];
-        for (name, known) in files {
-            let path = self.path.join(name);
-            // A copy of a trained ado has neither file.
-            if let (Some(known), true) = (known, path.exists()) {
-                verified(&path, &known, manifest.is_finished())?;
-            }
-        }
-        Ok(())
     }
 
     /// Opens a run directory to continue its training from the last checkpoint.
@@ -86,10 +51,7 @@ impl RunDir {
         run._lock = Some(lock);
         run.sweep()?;
         if !run.manifest.is_finished() {
-            let (progress, stored) = (
-                path.join(progress::FILE),
-                path.join(training_counterexamples::FILE),
-            );
+            let (progress, stored) = (path.join(PROGRESS), path.join(COUNTEREXAMPLES));
             run.progress = Growing::cut_back(progress, &run.manifest.progress)?;
             let known = run.manifest.counterexamples.as_ref();
             let known = known.map_or(Grown::default(), StoredCount::grown);

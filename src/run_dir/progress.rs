@@ -4,12 +4,13 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use super::append_log::verified;
-use super::{Row, RunDir, RunError, io_error};
+use super::{Row, RunDir, RunError};
 use crate::content_hash;
 use crate::ron_file::file_text;
+use crate::run_files::PROGRESS;
+use crate::run_files::append_log::verified;
+use crate::run_files::disk::io_error;
 
-pub(super) const FILE: &str = "progress.jsonl";
 const REPORT: &str = "report.json";
 
 /// Content of `report.json`.
@@ -65,7 +66,7 @@ impl RunDir {
     /// manifest.
     pub fn progress(&self) -> Result<Vec<Progress>, RunError> {
         let manifest = self.manifest();
-        let path = self.path().join(FILE);
+        let path = self.path().join(PROGRESS);
         let bytes = verified(&path, &manifest.progress, manifest.is_finished())?;
         let text = String::from_utf8_lossy(&bytes);
         let lines = text.lines().map(serde_json::from_str);

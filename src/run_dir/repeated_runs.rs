@@ -69,7 +69,7 @@ impl StartRepeated {
     pub fn of(episodes: &[Episode], gate: u32) -> (StartRepeated, usize) {
         use StartOutcome::{Invalid, Solved, Unsolved};
         let verdicts = episodes.iter().map(|episode| &episode.verdict);
-        let outcomes: Outcomes = verdicts.map(StartOutcome::of).collect();
+        let outcomes: Outcomes = verdicts.map(StartOutcome::from).collect();
         let first = |wanted| outcomes.iter().position(|outcome| *outcome == wanted);
         let standing = if gate.max(1) as usize <= outcomes.count(Solved) {
             first(Solved)

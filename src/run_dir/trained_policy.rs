@@ -5,11 +5,12 @@ use std::sync::{Arc, OnceLock};
 
 use brakecheck_traffic::{ModelError, TrafficModel};
 
-use super::disk::{io_error, make_dir, write_file};
-use super::{RunDir, RunError, manifest};
+use super::{RunDir, RunError};
 use crate::natural::NaturalTraining;
 use crate::rl::{LearnerConfig, Policy, TensorFile, load_policy_for};
 use crate::ron_file::LoadError;
+use crate::run_files::disk::{io_error, make_dir, write_file};
+use crate::run_files::{MANIFEST, TIMING};
 use crate::world::Scenario;
 
 impl RunDir {
@@ -152,7 +153,7 @@ impl RunDir {
         write_file(&path.join("world.ron"), world.as_bytes())?;
         write_file(&path.join("policy.safetensors"), &policy)?;
         // The manifest is last: without it the directory is no run.
-        for name in [manifest::TIMING, manifest::FILE] {
+        for name in [TIMING, MANIFEST] {
             if self.path.join(name).is_file() {
                 write_file(&path.join(name), self.read_text(name)?.as_bytes())?;
             }

@@ -6,13 +6,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::append_log::verified;
 use super::{Grown, RunDir, RunError};
+use crate::run_files::COUNTEREXAMPLES;
+use crate::run_files::append_log::verified;
 use crate::scene::{Axis, Start};
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Success, start_of};
-
-pub(super) const FILE: &str = "counterexamples.jsonl";
 
 /// Greatest number of counterexamples of a training that a run directory keeps.
 ///
@@ -120,7 +119,7 @@ impl RunDir {
         let kept = &successes[..room.min(successes.len())];
         count.kept += kept.len() as u64;
         count.dropped += (successes.len() - kept.len()) as u64;
-        let path = self.path.join(FILE);
+        let path = self.path.join(COUNTEREXAMPLES);
         let mut text = String::new();
         for success in kept {
             let line = serde_json::to_string(success).map_err(|error| RunError::Damaged {
@@ -152,7 +151,7 @@ impl RunDir {
     ///
     /// Returns an error if the training stored none, or the file is damaged.
     pub fn counterexamples_so_far(&self) -> Result<Stored, RunError> {
-        let path = self.path.join(FILE);
+        let path = self.path.join(COUNTEREXAMPLES);
         let Some(count) = &self.manifest.counterexamples else {
             let path = self.path.clone();
             return Err(RunError::NothingStored { path });

@@ -151,7 +151,7 @@ impl ExperimentCell {
         let results = outcomes.into_iter().zip(successes);
         let results = results.map(|(outcome, success)| {
             outcome.map(|outcome| StartResult {
-                outcome: StartOutcome::of(&outcome.verdict),
+                outcome: StartOutcome::from(&outcome.verdict),
                 verdict: Some(outcome.verdict),
                 closing_speed_mps: outcome.closing_speed_mps,
                 simulations: outcome.simulations,

@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use strum::IntoStaticStr;
 
 use super::interval::mcnemar;
-use crate::rulebook::Verdict;
 
 /// Outcome of one start.
 ///
@@ -52,17 +51,6 @@ impl StartOutcome {
         (StartOutcome::Invalid, 'x'),
         (StartOutcome::NotReached, '-'),
     ];
-
-    /// Returns the outcome of a verdict.
-    pub fn of(verdict: &Verdict) -> StartOutcome {
-        match verdict {
-            Verdict::Counterexample { .. } => StartOutcome::Solved,
-            Verdict::Uncounted { .. } => StartOutcome::Uncounted,
-            Verdict::Held { .. } => StartOutcome::Held,
-            Verdict::Foul { .. } => StartOutcome::RuleViolation,
-            Verdict::Invalid => StartOutcome::Invalid,
-        }
-    }
 
     /// Returns 1 if solved and 0 if not. `None` if the start is in no rate.
     pub fn score(self) -> Option<f64> {

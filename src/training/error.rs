@@ -9,10 +9,7 @@ use crate::run_dir::{KeptError, RunError};
 use crate::world::ChangeError;
 
 /// Error of a training that cannot begin, continue or end.
-///
-/// `Debug` prints it as the command line does, so a test that returns it shows the
-/// mistake, its place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
     /// World without an ado.

@@ -5,9 +5,6 @@ use crate::rl::{Learner, LearnerReport};
 use crate::run_dir::{Done, Manifest, Progress, Window};
 use crate::testbench::Spent;
 
-/// Episodes per line of `progress.jsonl`.
-const REPORT_EPISODES: u64 = if cfg!(test) { 7 } else { 250 };
-
 /// Counter of episodes, which writes progress lines.
 #[derive(Default)]
 pub(super) struct ProgressLog {
@@ -17,14 +14,17 @@ pub(super) struct ProgressLog {
     pub(super) aborted: u64,
     /// Episodes since the last line.
     window: Window,
+    /// Episodes per line.
+    report_episodes: u64,
 }
 
 impl ProgressLog {
-    /// Continues the counts of a run.
-    pub(super) fn of(run: &Manifest) -> ProgressLog {
+    /// Continues the counts of a run, with a line per `report_episodes`.
+    pub(super) fn of(run: &Manifest, report_episodes: u64) -> ProgressLog {
         ProgressLog {
             episodes: run.episodes,
             window: run.window,
+            report_episodes,
             ..ProgressLog::default()
         }
     }
@@ -39,7 +39,7 @@ impl ProgressLog {
         window.solved += u64::from(0.0 < progress.episode_return);
         window.losses += progress.losses.sum;
         window.updates += progress.losses.updates;
-        if window.episodes < REPORT_EPISODES {
+        if window.episodes < self.report_episodes {
             return None;
         }
         let line = Progress {

@@ -14,9 +14,6 @@ use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
 use crate::world::Scenario;
 
-/// Decisions between two checkpoints. Unit tests need several of them soon.
-const CHECKPOINT_DECISIONS: u64 = if cfg!(test) { 400 } else { 50_000 };
-
 /// Outcome of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainingOutcome {
@@ -36,10 +33,7 @@ pub(super) fn steps(scenario: &Scenario) -> usize {
 }
 
 /// Error of a training that cannot continue.
-///
-/// `Debug` prints it as the command line does, so a test that returns it shows the
-/// mistake, its place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrainError {
     /// Error of the run directory.
@@ -157,7 +151,7 @@ impl<'a> TrainLoop<'a> {
             gym,
             learner,
             stopping: StoppingRule::new(scenario, manifest, seed, judging),
-            log: ProgressLog::of(manifest),
+            log: ProgressLog::of(manifest, watch.intervals.report_episodes),
             spent_s,
             own,
             stores,
@@ -214,7 +208,8 @@ impl<'a> TrainLoop<'a> {
     /// Returns the decision at which learning pauses next.
     fn next_pause(&self) -> u64 {
         let now = self.learner.decisions();
-        let checkpoint = (now / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
+        let every = self.watch.intervals.checkpoint_decisions.max(1);
+        let checkpoint = (now / every + 1) * every;
         self.stopping.next_look(now).min(checkpoint)
     }
 

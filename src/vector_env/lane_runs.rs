@@ -12,10 +12,12 @@ use super::StepInto;
 use super::eligible::LaneWorld;
 use super::run::EnvRun;
 use crate::ego::{Actuator, Controller, Percept};
-use crate::road::{LaneKeeper, OnRoad};
+use crate::road::OnRoad;
 use crate::rulebook::{NewSamples, RunsJudge, Stop, Verdict};
 use crate::scene::Start;
-use crate::scene::drive::{Drive, Maneuver, SceneState, Sensing, blank_percept, fill_percept};
+use crate::scene::drive::{
+    Drive, LaneKeeper, Maneuver, SceneState, Sensing, blank_percept, fill_percept,
+};
 use crate::seed::StartKey;
 use crate::sim::kinematic::KinematicLanes;
 use crate::sim::{BodyId, BodyState};

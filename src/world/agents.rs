@@ -24,8 +24,8 @@ use crate::road::{Direction, PlacedRoads, Road};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{
-    Agent, Drive, EgoController, EgoDrive, Light, MotionPlan, Range, RoadAdo, StartPlace,
-    TrainedAdo, TurnsAdo, Weather,
+    Agent, Drive, EgoDrive, Light, MotionPlan, Range, RoadAdo, StartPlace, TrainedAdo, TurnsAdo,
+    Weather,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.
@@ -302,7 +302,7 @@ impl Agents<'_> {
                     let help = "write `Ado(actions: Walks([…]), …)` or `Scripted(Walk([…]))`";
                     problems.add(path, what, "here", Some(help.to_owned()));
                 }
-                self.ego = Some(controller.clone().map(EgoController::Stock));
+                self.ego = Some(controller.clone().into());
                 Drive::Ego
             }
             DriveFile::Scripted(script) => {

@@ -5,7 +5,7 @@ use super::check::sensor_flaw;
 use super::file::Change;
 use crate::ego::Process;
 use crate::ron_file::{did_you_mean, known_names};
-use crate::scene::drive::{Drive, DriveSpec, EgoController, EnvironmentQuantity};
+use crate::scene::drive::{Drive, DriveSpec, EnvironmentQuantity};
 use crate::sim::Body;
 
 /// Applies a change to a spec.
@@ -57,7 +57,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
     }
     // The controller is replaced before its parameters are set below.
     if let Some(controller) = &change.controller {
-        spec.ego = controller.clone().map(EgoController::Stock);
+        spec.ego = controller.clone().into();
     }
     // A controller of the user's own has no parameters that a file could set.
     let Some(mut stock) = spec.ego.stock() else {
@@ -85,7 +85,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         let what = format!("`{}` is {}, below {}", low.name, low.value, low.at_least);
         return Err(fail(what, None, &["ego", low.name]));
     }
-    spec.ego = stock.map(EgoController::Stock);
+    spec.ego = stock.into();
     Ok(())
 }
 

@@ -14,12 +14,12 @@ pub(super) use super::rule_file::RuleFile;
 use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::LearnerSettings;
-use crate::road::{Direction, LaneKeeping, Piece, Priority, RoadPlace};
+use crate::road::{Direction, Piece, Priority, RoadPlace};
 use crate::ron_file::{Ordered, Patch};
 use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 use crate::scene::Clock;
 use crate::scene::drive::{
-    Actions, MeetEgo, MotionPlan, Range, Schedule, Script, ScriptStep, Sensors,
+    Actions, LaneKeeping, MeetEgo, MotionPlan, Range, Schedule, Script, ScriptStep, Sensors,
 };
 use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};

@@ -11,9 +11,9 @@ use super::check;
 use super::file::{RuleFile, SignalFile};
 use super::scenario::bound_rules;
 use crate::ron_file::Ordered;
+use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
-use crate::ron_file::{Problem, did_you_mean, known_names};
 use crate::rulebook::{Counts, JudgeKind, Reward, Rulebook};
 use crate::scene::{Derived, Observed};
 use crate::stl::{Constants, Expr, Formula, Names, Settings, StlError};
@@ -391,16 +391,4 @@ pub(super) fn rule_of(
 pub(super) fn formula(problems: &mut Problems, path: &ValuePath, text: &str) -> Option<Formula> {
     let parsed = text.parse();
     parsed.map_err(|error| problems.stl(path, &error)).ok()
-}
-
-impl Problems<'_> {
-    /// Reports an unknown name, with a guess and the known names.
-    pub(super) fn unknown(&mut self, path: &ValuePath, what: &str, name: &str, known: &[&str]) {
-        let list = known_names("known", known.iter().copied());
-        let help = match did_you_mean(name, known.iter().copied()) {
-            Some(guess) => format!("{guess} — {list}"),
-            None => list,
-        };
-        self.add(path, format!("no {what} `{name}`"), "unknown", Some(help));
-    }
 }

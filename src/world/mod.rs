@@ -47,6 +47,7 @@ mod road_ado;
 mod roads;
 mod rule_file;
 mod rule_spec;
+mod run_lookup;
 mod runs;
 mod scenario;
 pub(crate) mod scenario_kind;
@@ -78,6 +79,7 @@ pub(crate) use declared_traffic_file::{
 pub use family::TrainingEgos;
 pub use file::{Change, GridChange};
 pub use rule_spec::RuleSpec;
+pub use run_lookup::RunsOnDisk;
 pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, Scenario};
 pub use scenario_kind::NotAGrid;

@@ -35,7 +35,7 @@ pub(super) fn refused(what: String, help: &str) -> RunRefused {
 
 /// Source of runs by their names in world files.
 ///
-/// This module opens no run directory. `run_dir::RunsOnDisk` does.
+/// [`super::RunsOnDisk`] finds directories.
 pub trait RunSource {
     /// Returns the finished run `name` of the world file `file`.
     ///

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use brakecheck::Report;
 use brakecheck::crashes::{RegressionError, Regressions};
 use brakecheck::ego::Process;
 use brakecheck::run_dir::Counterexample;
@@ -512,7 +513,7 @@ fn nothing_that_a_file_names_is_started_without_consent() {
     assert_eq!(json(&listed)["programs"][0]["started"], false);
     let guard = Regressions::load(&tampered).expect("kept");
     // A test that returns the error prints what the command line does.
-    let printed: Box<dyn std::error::Error> = guard.pass().expect_err("no consent").into();
+    let printed = Report::from(guard.pass().expect_err("no consent"));
     assert_eq!(format!("{printed:?}").trim(), stderr(&named).trim());
     assert!(matches!(
         guard.pass(),

@@ -401,31 +401,28 @@ from_owned!(
     UnknownViewKind,
 );
 
-/// Errors print in a test that returns them as they do on the command line:
-/// with their place and their help, not as the fields of a structure.
-macro_rules! prints_as_on_the_command_line {
-    ($($error:ty),* $(,)?) => {
-        $(impl fmt::Debug for $error {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                let text = Failure::from(self).render(plain_theme(), terminal::width());
-                write!(f, "\n{}", text.trim_end())
-            }
-        })*
-    };
+/// Error of a test, which prints as on the command line: with its place and its help.
+///
+/// `?` converts every error of the library into it.
+///
+/// ```
+/// fn test() -> Result<(), brakecheck::Report> {
+///     brakecheck::world::Scenario::find("acc".as_ref())?;
+///     Ok(())
+/// }
+/// # test().unwrap();
+/// ```
+pub struct Report(Failure);
+
+impl<E: Into<Failure>> From<E> for Report {
+    fn from(error: E) -> Report {
+        Report(error.into())
+    }
 }
 
-prints_as_on_the_command_line!(
-    CampaignError,
-    EgoError,
-    EvaluationError,
-    FindError,
-    KeptError,
-    LeagueError,
-    LoadError,
-    PopulationError,
-    RegressionError,
-    RunError,
-    ScenarioError,
-    SessionError,
-    TrainError,
-);
+impl fmt::Debug for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = self.0.render(plain_theme(), terminal::width());
+        write!(f, "\n{}", text.trim_end())
+    }
+}

@@ -4,7 +4,7 @@ use nalgebra::{UnitComplex, Vector2};
 
 use super::{DriverModel, LaneBody, Reflexes, Response};
 use crate::ego::{Briefing, Command, Controller, Fault, Own, Percept, Seen};
-use crate::sim::rotation_by;
+use crate::pose::rotation_by;
 
 /// Hardest acceleration on the return to the nominal speed.
 pub(crate) const NOMINAL_MPS2: f64 = 1.0;

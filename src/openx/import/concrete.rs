@@ -3,11 +3,12 @@
 use std::rc::Rc;
 
 use super::entity::ImportedEntity;
-use super::frame::{MOST_ASIDE_M, RoadFrame};
+use super::frame::RoadFrame;
 use super::lights::ImportedLight;
 use super::places::Placed;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::roads::{OnLane, RoadMap};
+use crate::opendrive::ways::MOST_ASIDE_M;
 use crate::opendrive::ways::{Bend, ImportedPath};
 use crate::road::Grade;
 use crate::sim::Pose;

@@ -5,7 +5,7 @@ use core::f64::consts::PI;
 use super::bodies::ImportedBody;
 use super::places::Placed;
 use crate::opendrive::error::At;
-use crate::scene::drive::ChangeShape;
+use crate::road::ChangeShape;
 
 /// Entity of a scenario.
 #[derive(Clone, Debug)]

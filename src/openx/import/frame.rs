@@ -1,34 +1,27 @@
 //! Frame of the ego's road, and the ways of entities that leave it.
 
-use core::f64::consts::{FRAC_PI_2, PI};
+use core::f64::consts::PI;
 
 use super::ends::{slowest_mps, speeds_mps};
 use super::entity::ImportedEntity;
 use super::places::{Placed, is_along};
-use crate::opendrive::error::{At, ImportError};
+use crate::opendrive::error::ImportError;
 use crate::opendrive::lane_drive::LaneStretch;
 use crate::opendrive::roads::OnLane;
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::{ImportedPath, OnWay};
+use crate::opendrive::ways::{ImportedPath, MOST_ASIDE_M, OnWay, SAME_WAY_M, SAME_WAY_RAD};
 use crate::sim::Pose;
 
 /// Least length in metres of the ego's lane ahead of the ego on a single road.
 const LEAST_AHEAD_M: f64 = 100.0;
 /// Least length in metres of the ego's way in all.
 const LEAST_WAY_M: f64 = 10.0;
-/// Tolerances within which a way keeps its distance to another.
-const SAME_M: f64 = 0.005;
-const SAME_RAD: f64 = 0.002;
-/// Distance in metres of the places at which two ways are compared.
-const STEP_M: f64 = 2.0;
 /// Greatest length in metres of a way ahead of its entity.
 const MOST_M: f64 = 5_000.0;
 /// Longest run in seconds for which ways are read, and their length beyond it.
 const USUAL_S: f64 = 60.0;
 const BEYOND_M: f64 = 200.0;
-/// Greatest distance in metres of an entity from its lane of a world.
-pub(super) const MOST_ASIDE_M: f64 = 20.0;
 /// Usual width of a lane in metres, where the file has none.
 const USUAL_WIDTH_M: f64 = 3.5;
 
@@ -197,7 +190,7 @@ impl FrameOfEgo {
         };
         let place = on.located(asks, &ego.placed.spot)?;
         let off = place.spot().sees(&ego.placed.spot);
-        if SAME_M < off.x_m.abs() {
+        if SAME_WAY_M < off.x_m.abs() {
             return Err(asks.error("the ego is not on the way along its lane"));
         }
         if place.ends_m - place.along_m < LEAST_WAY_M {
@@ -341,7 +334,7 @@ fn own_way(
         middle_m - at.t_m
     };
     let on = roads.lane_way(asks, &drive, (left_m, slowest_mps(entity)))?;
-    if SAME_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
+    if SAME_WAY_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
         return Err(entity.at.error("it moves across its lane"));
     }
     // Lanes of other roads have other numbers, so changes are only read where
@@ -351,50 +344,4 @@ fn own_way(
         return Err(entity.at.error(what).helped("join the roads into one"));
     }
     Ok(on)
-}
-
-impl OnWay {
-    /// Returns the way with the position that is nearest to a place.
-    pub(super) fn located(&self, asks: &XmlNode, spot: &Pose) -> Result<OnWay, ImportError> {
-        Ok(OnWay {
-            along_m: self.station_m(&asks.at(), spot)?,
-            ..self.clone()
-        })
-    }
-
-    /// Returns the station that is nearest to a place.
-    pub(super) fn station_m(&self, at: &At, spot: &Pose) -> Result<f64, ImportError> {
-        let course = self.way.course().map_err(|what| at.error(what))?;
-        Ok(course.locate(spot).s_m)
-    }
-
-    /// Returns the position of another way on this one, if it keeps its distance.
-    ///
-    /// The other may lead in the opposite direction.
-    fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
-        let course = self.way.course().map_err(|what| asks.error(what)).ok()?;
-        let first = course.locate(&other.way.begins);
-        if MOST_ASIDE_M < first.lateral_m.abs() {
-            return None;
-        }
-        let against = FRAC_PI_2 < first.heading_rad.abs();
-        // Up to the end of both, in the direction of the other.
-        let left_m = if against {
-            first.s_m
-        } else {
-            self.ends_m - first.s_m
-        };
-        let ahead_m = other.ends_m.min(left_m);
-        let steps = (ahead_m / STEP_M).ceil().max(1.0) as usize;
-        let keeps = (0..=steps).all(|step| {
-            let at = course.locate(&other.way.at(ahead_m * step as f64 / steps as f64));
-            let turned_rad = (at.heading_rad - first.heading_rad).abs();
-            (at.lateral_m - first.lateral_m).abs() < SAME_M && turned_rad < SAME_RAD
-        });
-        keeps.then(|| OnWay {
-            along_m: first.s_m,
-            ends_m: first.s_m + ahead_m,
-            ..self.clone()
-        })
-    }
 }

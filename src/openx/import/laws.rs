@@ -5,7 +5,7 @@ use super::places::PositionContext;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::scene::drive::ChangeShape;
+use crate::road::ChangeShape;
 
 /// Bumper-to-bumper gap in metres at which an entity is placed ahead of the ego.
 pub(super) fn gap_of(

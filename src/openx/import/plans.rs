@@ -6,7 +6,7 @@ use super::draft::Draft;
 use super::entity::{ImportedLaw, ImportedStep, Steady};
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m, named};
 use crate::opendrive::error::ImportError;
-use crate::scene::drive::ChangeShape;
+use crate::road::ChangeShape;
 
 /// Writes the plan of an entity, as its `drive` or as the base of an ado.
 ///

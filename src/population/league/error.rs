@@ -5,7 +5,7 @@ use crate::run_dir::RunError;
 use crate::training::{SessionError, TrainError};
 
 /// Error of a league that cannot be trained.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LeagueError {
     /// World without a family of egos.

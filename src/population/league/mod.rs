@@ -41,9 +41,9 @@ pub use error::LeagueError;
 use payoff::{FreeDrive, LeagueEgo, PayoffStarts};
 pub use round::{LeagueResponse, LeagueRound};
 
-/// Starts of the payoffs, and of the search for a response of the ego.
-const PAYOFF_STARTS: usize = if cfg!(test) { 20 } else { 100 };
-const RESPONSE_STARTS: usize = if cfg!(test) { 10 } else { 40 };
+/// Usual starts of the payoffs, and of the search for a response of the ego.
+const PAYOFF_STARTS: usize = 100;
+const RESPONSE_STARTS: usize = 40;
 /// Distance between the seeds of a league, so that leagues of adjacent seeds share none.
 const SEED_STRIDE: u64 = 1_000_000;
 
@@ -55,12 +55,21 @@ pub struct LeagueRequest<'a> {
     pub training: TrainRequest<'a>,
     /// Rounds after round 0. Each adds an ado, and an ego if there is a response.
     pub rounds: usize,
+    /// Starts of the payoffs, 100 by default.
+    pub payoff_starts: usize,
+    /// Starts of the search for a response of the ego, 40 by default.
+    pub response_starts: usize,
 }
 
 impl<'a> LeagueRequest<'a> {
     /// Requests a number of rounds.
     pub fn new(training: TrainRequest<'a>, rounds: usize) -> LeagueRequest<'a> {
-        LeagueRequest { training, rounds }
+        LeagueRequest {
+            training,
+            rounds,
+            payoff_starts: PAYOFF_STARTS,
+            response_starts: RESPONSE_STARTS,
+        }
     }
 }
 
@@ -95,9 +104,9 @@ pub fn train_league(
     let quiet = watch.quiet();
     watch.phase("drawing the starts of the payoffs");
     let both = (&scenario, family);
-    let payoff = PayoffStarts::new(both, stream(1), PAYOFF_STARTS, &quiet);
+    let payoff = PayoffStarts::new(both, stream(1), request.payoff_starts, &quiet);
     // A response is searched on starts of its own, so that payoffs do not flatter it.
-    let response = PayoffStarts::new(both, stream(2), RESPONSE_STARTS, &quiet);
+    let response = PayoffStarts::new(both, stream(2), request.response_starts, &quiet);
     let (Some(payoff), Some(response)) = (payoff, response) else {
         return Ok(LeagueRound::all(&dir)?);
     };

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::*;
-use crate::experiment::Remark;
+use crate::experiment::{Remark, TrainingIntervals};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -20,7 +20,22 @@ fn request(rounds: usize) -> LeagueRequest<'static> {
         decisions: Some(1500),
         ..TrainRequest::default()
     };
-    LeagueRequest::new(training, rounds)
+    LeagueRequest {
+        payoff_starts: 20,
+        response_starts: 10,
+        ..LeagueRequest::new(training, rounds)
+    }
+}
+
+/// A watch under which a short training has several lines and checkpoints.
+fn frequent(watch: Watch<'_>) -> Watch<'_> {
+    Watch {
+        intervals: TrainingIntervals {
+            report_episodes: 7,
+            checkpoint_decisions: 400,
+        },
+        ..watch
+    }
 }
 
 /// Files of a league except those with processor times, by name.
@@ -38,7 +53,7 @@ fn files(path: &Path) -> BTreeMap<String, Vec<u8>> {
 fn a_league_records_populations_and_responses_that_agree() {
     let dir = tempfile::tempdir().expect("a directory");
     let path = dir.path().join("league");
-    let watch = Watch::unwatched();
+    let watch = frequent(Watch::unwatched());
     let rounds = train_league(&world(), &path, &request(2), false, &watch).expect("trained");
     let open = PopulationDir::open(&path).expect("sound");
     assert_eq!(LeagueRound::all(&open).expect("sound"), rounds);
@@ -81,7 +96,7 @@ fn an_interrupted_league_and_other_threads_end_in_the_same_bytes() {
     let (whole, parts) = (dir.path().join("whole"), dir.path().join("parts"));
     let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let alone = threads.expect("a pool");
-    let watch = Watch::unwatched();
+    let watch = frequent(Watch::unwatched());
     alone.install(|| {
         train_league(&world(), &whole, &request(2), false, &watch).expect("trained");
     });
@@ -104,11 +119,11 @@ fn an_interrupted_league_and_other_threads_end_in_the_same_bytes() {
     };
     let watch = Watch {
         remarks: &remarks,
-        ..Watch::new(&progress, &stop)
+        ..frequent(Watch::new(&progress, &stop))
     };
     let rounds = train_league(&world(), &parts, &request(2), false, &watch).expect("stopped");
     assert_eq!(rounds.len(), 1, "stopped in round 1");
-    let watch = Watch::unwatched();
+    let watch = frequent(Watch::unwatched());
     let other = train_league(&world(), &parts, &request(3), true, &watch);
     assert!(other.is_err(), "another number of rounds");
     train_league(&world(), &parts, &request(2), true, &watch).expect("trained");
@@ -134,7 +149,7 @@ impl Policy for Braking {
 fn a_response_of_the_ego_is_better_and_useless_egos_are_refused() {
     let world = world();
     let family = world.family().expect("a family");
-    let watch = Watch::unwatched();
+    let watch = frequent(Watch::unwatched());
     let starts = PayoffStarts::new((&world, family), 9, 40, &watch).expect("not stopped");
     let nominal = family.nominal(PlantKind::Kinematic);
     let ego = starts.ego(&nominal).expect("fits");

@@ -10,8 +10,8 @@ use super::motion::DriveScene;
 use super::names::SignalOwner;
 use super::spec::Drive;
 use super::state::SceneState;
+use super::steering::LaneKeeper;
 use crate::ego::{Actuator, Fault};
-use crate::road::LaneKeeper;
 use crate::sim::{BodyCommand, BodyState, rotation_by};
 
 impl SceneState {

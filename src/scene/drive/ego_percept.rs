@@ -63,7 +63,8 @@ pub(crate) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
     }
     for (seen, i) in percept.others.iter_mut().zip(others.clone()) {
         let other = scene.on_road_of(ego, i);
-        let velocity_mps = other.velocity_mps(&scene.states[i]);
+        let velocity_mps =
+            other.velocity_mps(scene.states[i].speed_mps, scene.states[i].lateral_mps);
         seen.headway_m = other.s_m - at.s_m;
         seen.lateral_m = other.lateral_m - at.lateral_m;
         seen.speed_mps = velocity_mps.x;

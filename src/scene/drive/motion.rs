@@ -12,13 +12,14 @@ use super::sensors::Sensing;
 use super::spec::{Agent, Drive};
 use super::start_sampling::Drawn;
 use super::state::SceneState;
+use super::steering::LaneKeeper;
 use super::trained::TrainedAdo;
 use super::turns::Turn;
 use super::world::DriveWorld;
 use super::{ego_percept, scene_geometry};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
-use crate::road::{Direction, LaneKeeper, wrapped};
+use crate::road::{Direction, wrapped};
 use crate::scene::{
     AfterContact, Axis, BodySample, Clock, ContactEvent, Frame, Scene, SceneGeometry, Start,
     StepOutcome,

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::motion_profile::ChangeShape;
+use crate::road::ChangeShape;
 
 /// Planned motion of an agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -131,7 +131,7 @@ struct Onward {
 impl Onward {
     fn new(state: &BodyState, course: &Course, road: &Road, on_foot: bool) -> Onward {
         let at = course.locate(&state.pose);
-        let [along_mps, across_mps] = at.velocity_mps(state).into();
+        let [along_mps, across_mps] = at.velocity_mps(state.speed_mps, state.lateral_mps).into();
         let brake_mps2 = (-state.accel_mps2).max(0.0);
         let stands_s = if brake_mps2 == 0.0 {
             f64::INFINITY

@@ -11,6 +11,7 @@ use super::range::Range;
 use super::road_ado::RoadAdo;
 use super::script::Script;
 use super::sensors::Sensors;
+use super::steering::LaneKeeping;
 use super::trained::{TrainedAdo, TrainingWorld};
 use super::turns_ado::TurnsAdo;
 use super::weather::Weather;
@@ -20,7 +21,7 @@ use crate::ego::{
     Actuated, Command, Controller, ControllerSpec, RecordedCommands, StockController,
 };
 use crate::road::{
-    CourseError, Direction, Grade, LaneKeeping, PlacedRoads, Priority, Road, RoadNetwork, Traveller,
+    CourseError, Direction, Grade, PlacedRoads, Priority, Road, RoadNetwork, Traveller,
 };
 use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::sim::{Body, PlantKind, Wind};
@@ -60,7 +61,22 @@ impl StartPlace {
 pub type ControllerFactory = Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>;
 
 /// Drive of the ego: its controller and the lag of its actuator.
-pub(crate) type EgoDrive = Actuated<EgoController>;
+#[derive(Clone, Debug)]
+pub struct EgoDrive {
+    /// Controller whose command the actuator follows.
+    pub controller: EgoController,
+    /// Time constant of the first-order lag behind the command, 0 for none.
+    pub lag_s: f64,
+}
+
+impl From<Actuated<ControllerSpec>> for EgoDrive {
+    fn from(stock: Actuated<ControllerSpec>) -> EgoDrive {
+        EgoDrive {
+            controller: EgoController::Stock(stock.controller),
+            lag_s: stock.lag_s,
+        }
+    }
+}
 
 /// Controller of the ego.
 ///

@@ -215,7 +215,8 @@ impl SceneState {
     /// Returns the velocity of an agent along and across its road.
     #[inline]
     pub(super) fn velocity_mps(&self, agent: usize) -> Vector2<f64> {
-        self.on_road[agent].velocity_mps(&self.states[agent])
+        let state = &self.states[agent];
+        self.on_road[agent].velocity_mps(state.speed_mps, state.lateral_mps)
     }
 
     /// Returns clearance and speed of the next agent ahead in an agent's path.
@@ -265,7 +266,8 @@ impl SceneState {
         let body = &self.spec.agents[agent].body;
         let front_m = (at.s_m - own.s_m, at.lateral_m - own.lateral_m);
         let room = LaneOccupancy::of(front_m, at.heading_rad, (body.length_m, body.width_m));
-        (room, at.velocity_mps(&self.states[agent]).x)
+        let state = &self.states[agent];
+        (room, at.velocity_mps(state.speed_mps, state.lateral_mps).x)
     }
 
     fn nearest_ahead(&self, agent: usize) -> Option<(f64, f64)> {

@@ -7,7 +7,6 @@ use serde::Serialize;
 use super::environment::EnvironmentQuantity;
 use super::layout::DriveLayout;
 use super::sensors::Sensors;
-use super::spec::EgoController;
 use super::world::DriveWorld;
 use crate::ego::{Actuated, ControllerSpec};
 use crate::sim::PlantKind;
@@ -63,7 +62,7 @@ impl DriveWorld {
             };
             value != it.nominal
         });
-        spec.ego = variant.controller.clone().map(EgoController::Stock);
+        spec.ego = variant.controller.clone().into();
         spec.sensors = variant.sensors;
         spec.road.set_friction(variant.friction);
         spec.plant = variant.plant;

@@ -22,7 +22,7 @@ use super::case_studies::trained_run;
 use ado_rows::EgoOnStarts;
 use brakecheck::adversary::{Heuristic, tune_heuristic};
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
-use brakecheck::internals::evaluation::{ReusedOn, Summary, reused_on, summarise};
+use brakecheck::internals::evaluation::{Relation, ReusedOn, Summary, reused_on, summarise};
 use brakecheck::run_dir::{Row, RunDir, RunError};
 use brakecheck::seed::Seeds;
 use brakecheck::training::TrainError;
@@ -163,7 +163,7 @@ impl<'a> ReuseStudy<'a> {
         // All seeds train against the same family, so any run gives the relation.
         let wide = &self.trainings[0].wide;
         // The relation depends on the family that the wide ado was trained on.
-        let relation = tested.relation(wide, &wide.scenario()?);
+        let relation = Relation::of(tested, wide, &wide.scenario()?);
         let on_starts = EgoOnStarts {
             ego: tested,
             starts: &self.starts,

@@ -9,7 +9,7 @@ use crate::opendrive::tree::XmlNode;
 use crate::openx::import::entity::ImportedLaw;
 use crate::openx::import::laws::{AT_ONCE_MPS, lane_change, shape_of};
 use crate::openx::import::places::lane_beside;
-use crate::scene::drive::ChangeShape;
+use crate::road::ChangeShape;
 
 impl Reader<'_> {
     pub(super) fn lane_change(

@@ -10,7 +10,7 @@ use crate::openx::import::entity::{
 use crate::openx::import::laws::Speeds;
 use crate::openx::import::places::Placed;
 use crate::openx::import::relations::StoryElement;
-use crate::scene::drive::ChangeShape;
+use crate::road::ChangeShape;
 
 /// Event with its surrounding elements.
 pub(super) struct EventContext<'a> {

@@ -8,7 +8,7 @@ use crate::opendrive::tree::XmlNode;
 use crate::opendrive::ways::OnWay;
 use crate::openx::import::entity::{ImportedLaw, ImportedStep};
 use crate::openx::import::trajectories::TimedPlace;
-use crate::scene::drive::ChangeShape;
+use crate::road::ChangeShape;
 
 /// Tolerance in metres between the start of a path and the entity's place.
 const SAME_M: f64 = 0.01;

@@ -2,9 +2,10 @@
 
 use core::f64::consts::PI;
 
-use super::super::motion_profile::{ChangeShape, SAME_S, SpeedRamp, Swing};
+use super::super::motion_profile::{SAME_S, SpeedRamp, Swing};
 use super::super::plan::MotionLaw;
 use super::{PlanPhase, PlanRun};
+use crate::road::ChangeShape;
 use crate::road::Road;
 
 impl PlanRun {

@@ -1,17 +1,31 @@
 //! Errors of run directories, with file, reason and fix.
 
+use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-use super::RunDifference;
-use super::manifest::MEMBERS;
+use super::MEMBERS;
 use crate::ron_file::ScenarioError;
 
+/// Property that differs from the run's beginning.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunDifference {
+    /// Name of the property.
+    pub what: String,
+    /// Value at the beginning.
+    pub begun: String,
+    /// Value now.
+    pub now: String,
+}
+
+impl fmt::Display for RunDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}, now {}", self.what, self.begun, self.now)
+    }
+}
+
 /// Failure to use a run directory.
-///
-/// Its `Debug` form equals the output of the command line. A test that returns
-/// it then shows the problem, its place and its fix.
-#[derive(thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
     /// Failure to read or write a file.

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{RunDir, RunError};
+use super::{NamedRun, RunRefused, RunSource, Scenario};
 use crate::ron_file::{LoadError, file_text};
-use crate::world::{NamedRun, RunRefused, RunSource, Scenario};
+use crate::run_files::disk::read_text;
+use crate::run_files::{RunError, SealedFiles, WORLD};
 
 /// Source of runs as directories.
 ///
@@ -24,7 +25,14 @@ impl RunSource for RunsOnDisk {
                     .to_owned(),
             });
         };
-        read(&dir).map_err(|error| refused(name, &error))
+        match read(&dir) {
+            Ok(Some(run)) => Ok(run),
+            Ok(None) => Err(RunRefused {
+                what: format!("the training in `{name}` has not finished"),
+                help: "go on with `brakecheck train WORLD -o RUN --resume`".to_owned(),
+            }),
+            Err(error) => Err(refused(name, &error)),
+        }
     }
 
     fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
@@ -42,22 +50,24 @@ impl RunSource for RunsOnDisk {
     }
 }
 
-fn read(dir: &Path) -> Result<NamedRun, RunError> {
-    let run = RunDir::open(dir)?;
+/// Returns a verified run. `None` while its training goes on.
+fn read(dir: &Path) -> Result<Option<NamedRun>, RunError> {
+    let Some(policy) = SealedFiles::open(dir)?.policy_bytes(dir)? else {
+        return Ok(None);
+    };
     // A directory may have several names.
     let canonical = dir.canonicalize().unwrap_or_else(|_| dir.to_owned());
-    Ok(NamedRun {
+    Ok(Some(NamedRun {
         identity: canonical.display().to_string(),
-        policy: run.policy_bytes()?,
-        world: run.read_text("world.ron")?,
-    })
+        policy,
+        world: read_text(&dir.join(WORLD))?,
+    }))
 }
 
 /// Error in terms of a world file, with the run's name there.
 fn refused(name: &str, error: &RunError) -> RunRefused {
     let what = match error {
         RunError::NotARun { why, .. } => format!("`{name}` is no run directory: {why}"),
-        RunError::Unfinished { .. } => format!("the training in `{name}` has not finished"),
         RunError::Damaged { path, why } => {
             let file = path.file_name().unwrap_or_default().display();
             format!("`{file}` of the run `{name}` is damaged: {why}")

@@ -1,4 +1,3 @@
-#![cfg(test)]
 //! Failures of the k-th step on the disk, for tests.
 //!
 //! Plans are distinguished by directory, so tests can run in parallel.
@@ -6,6 +5,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use crate::run_files::disk::before_each_step;
 
 /// Kind of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +31,7 @@ fn plans() -> MutexGuard<'static, Vec<InjectedCrash>> {
 }
 
 /// Hook before every step that changes the disk.
-pub(super) fn step(path: &Path) -> io::Result<()> {
+fn step(path: &Path) -> io::Result<()> {
     let mut plans = plans();
     let Some(plan) = plans.iter_mut().find(|plan| path.starts_with(&plan.under)) else {
         return Ok(());
@@ -47,6 +48,7 @@ pub(super) fn step(path: &Path) -> io::Result<()> {
 ///
 /// Returns the number of steps that were begun as well.
 pub(crate) fn failing<T>(under: &Path, at: u64, how: How, act: impl FnOnce() -> T) -> (T, u64) {
+    before_each_step(step);
     plans().push(InjectedCrash {
         under: under.to_owned(),
         at,

@@ -1,33 +1,37 @@
 //! Files that appear completely or not at all, growing files, and locks.
 //!
 //! All changes of the disk pass through this module, one step at a time, so
-//! that tests can make any step fail (`crash`). After a function returns, its
+//! that tests can make any step fail ([`before_each_step`]). After a function returns, its
 //! effect is on the disk: files and their directories are flushed.
-
-pub(crate) mod crash;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use sha2::Digest;
 
 use super::RunError;
-use crate::content_hash::{fingerprint, in_digits};
+use crate::content_hash::in_digits;
 use crate::ron_file::file_bytes;
-use crate::world::Scenario;
 
 /// Prefix of incomplete files. Leftovers are removed.
 const UNFINISHED: &str = ".brakecheck-";
 
-/// Hook before a step that changes the disk, which tests make fail.
-#[cfg(not(test))]
-fn step(_path: &Path) -> io::Result<()> {
-    Ok(())
+/// Hook before every step that changes the disk.
+static BEFORE_STEP: OnceLock<fn(&Path) -> io::Result<()>> = OnceLock::new();
+
+/// Sets a hook before every step that changes the disk, for tests that make one fail.
+///
+/// The first hook stays.
+#[doc(hidden)]
+pub fn before_each_step(hook: fn(&Path) -> io::Result<()>) {
+    BEFORE_STEP.get_or_init(|| hook);
 }
 
-#[cfg(test)]
-use crash::step;
+fn step(path: &Path) -> io::Result<()> {
+    BEFORE_STEP.get().map_or(Ok(()), |hook| hook(path))
+}
 
 /// Makes a directory and its parents.
 ///
@@ -360,16 +364,6 @@ pub(crate) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) ->
         path: path.clone(),
         source,
     }
-}
-
-/// Hash of the complete settings of learner and family, including defaults.
-///
-/// Another version of the program may have other defaults.
-pub(super) fn settings_of(scenario: &Scenario) -> String {
-    fingerprint(&serde_json::json!({
-        "learner": scenario.learner,
-        "family": scenario.family(),
-    }))
 }
 
 /// Returns a name as a file name, with `-` for all special characters.

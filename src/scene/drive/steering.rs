@@ -2,9 +2,8 @@
 
 use serde::Deserialize;
 
-use super::course::{Course, OnRoad};
-use super::placement::Direction;
 use crate::ego::Actuator;
+use crate::road::{Course, Direction, OnRoad};
 use crate::sim::{Body, Pose, sine};
 
 /// Natural frequency of the lateral loop, in 1/s.

@@ -1,0 +1,54 @@
+//! Shapes of changes of speed and of lateral position over time.
+
+use core::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+/// Course of a change over time, from no share at 0 to the whole at 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ChangeShape {
+    /// At one rate.
+    Linear,
+    /// Along half a wave of a cosine.
+    Cosine,
+    /// Along the cubic curve that begins and ends without a rate.
+    Cubic,
+}
+
+impl ChangeShape {
+    /// Returns the greatest rate as a multiple of the mean rate.
+    pub fn peak(self) -> f64 {
+        match self {
+            ChangeShape::Linear => 1.0,
+            ChangeShape::Cosine => 0.5 * PI,
+            ChangeShape::Cubic => 1.5,
+        }
+    }
+
+    /// Returns the changed share at a share of the time.
+    pub(crate) fn changed(self, share: f64) -> f64 {
+        match self {
+            ChangeShape::Linear => share,
+            ChangeShape::Cosine => 0.5 * (1.0 - libm::cos(PI * share)),
+            ChangeShape::Cubic => share * share * (3.0 - 2.0 * share),
+        }
+    }
+
+    /// Returns the rate at a share of the time, as a multiple of the mean rate.
+    pub(crate) fn rate(self, share: f64) -> f64 {
+        match self {
+            ChangeShape::Linear => 1.0,
+            ChangeShape::Cosine => 0.5 * PI * libm::sin(PI * share),
+            ChangeShape::Cubic => 6.0 * share * (1.0 - share),
+        }
+    }
+
+    /// Returns the integral of the changed share over the share of the time.
+    pub(crate) fn accumulated(self, share: f64) -> f64 {
+        match self {
+            ChangeShape::Linear => 0.5 * share * share,
+            ChangeShape::Cosine => 0.5 * (share - libm::sin(PI * share) / PI),
+            ChangeShape::Cubic => share * share * share * (1.0 - 0.5 * share),
+        }
+    }
+}
