@@ -9,10 +9,10 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 /// Placeholder for the hash.
-pub(crate) const BLANK: &str = "0000000000000000000000000000000000000000000000000000000000000000";
+pub const BLANK: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
 /// Returns the SHA-256 of bytes in hexadecimal digits.
-pub(crate) fn sha256(bytes: &[u8]) -> String {
+pub fn sha256(bytes: &[u8]) -> String {
     in_digits(Sha256::digest(bytes).as_slice())
 }
 
@@ -20,7 +20,7 @@ pub(crate) fn sha256(bytes: &[u8]) -> String {
 ///
 /// It identifies run directories and caches. It does not depend on names of types,
 /// the order of fields, `Debug` output or fields that are not serialized.
-pub(crate) fn fingerprint(value: &Value) -> String {
+pub fn fingerprint(value: &Value) -> String {
     let mut sorted = value.clone();
     // A dependency may enable maps in the order of insertion.
     sorted.sort_all_objects();
@@ -33,14 +33,14 @@ pub(crate) fn in_digits(digest: &[u8]) -> String {
 }
 
 /// Returns the text with its hash in place of the first [`BLANK`].
-pub(crate) fn seal(text: &str) -> String {
+pub fn seal(text: &str) -> String {
     text.replacen(BLANK, &sha256(text.as_bytes()), 1)
 }
 
 /// Returns the text with its hash in place of the last [`BLANK`].
 ///
 /// For texts whose contents come before the hash and may have as many zeros.
-pub(crate) fn seal_last(text: &str) -> String {
+pub fn seal_last(text: &str) -> String {
     let Some((before, after)) = text.rsplit_once(BLANK) else {
         return text.to_owned();
     };
@@ -51,7 +51,7 @@ pub(crate) fn seal_last(text: &str) -> String {
 ///
 /// # Errors
 /// The text was changed, described in words.
-pub(crate) fn check(text: &str, hash: &str) -> Result<(), String> {
+pub fn check(text: &str, hash: &str) -> Result<(), String> {
     // An empty hash would match before every character, so nothing is replaced and
     // the comparison fails.
     let blank = text.replacen(hash, BLANK, usize::from(!hash.is_empty()));

@@ -46,6 +46,9 @@ pub mod grid_solver {
         pub use crate::grid_solver::values::ValueTable;
     }
 }
+pub mod natural {
+    pub use crate::natural::behaviour::behaviours;
+}
 pub mod report {
     pub use crate::report::figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
     pub use crate::report::table::{TextTable, WIDTH, terminal_table};

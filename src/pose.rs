@@ -31,7 +31,7 @@ pub struct Placement {
 /// An `Isometry2` adds the origin last. Kept results need the order of
 /// [`GroundFrame::to_world`] to keep their last bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct GroundFrame {
+pub struct GroundFrame {
     pub origin_m: Point2<f64>,
     pub rotation: UnitComplex<f64>,
 }
@@ -41,7 +41,7 @@ pub(crate) struct GroundFrame {
 /// `UnitComplex::new` calls the platform's sine, whose last bits differ between
 /// machines.
 #[inline]
-pub(crate) fn rotation_by(angle_rad: f64) -> UnitComplex<f64> {
+pub fn rotation_by(angle_rad: f64) -> UnitComplex<f64> {
     // What `sincos` returns there, without the call: most cars drive along their road.
     let (sin, cos) = if angle_rad.abs() < TINY_RAD {
         (angle_rad, 1.0)
@@ -53,7 +53,7 @@ pub(crate) fn rotation_by(angle_rad: f64) -> UnitComplex<f64> {
 
 /// Returns the sine of an angle, like [`rotation_by`] without a call for tiny ones.
 #[inline]
-pub(crate) fn sine(angle_rad: f64) -> f64 {
+pub fn sine(angle_rad: f64) -> f64 {
     if angle_rad.abs() < TINY_RAD {
         angle_rad
     } else {
@@ -63,13 +63,13 @@ pub(crate) fn sine(angle_rad: f64) -> f64 {
 
 impl Pose {
     #[inline]
-    pub(crate) fn point_m(&self) -> Point2<f64> {
+    pub fn point_m(&self) -> Point2<f64> {
         Point2::new(self.x_m, self.y_m)
     }
 
     /// Returns the frame of this pose: x ahead, y to the left.
     #[inline]
-    pub(crate) fn frame(&self) -> GroundFrame {
+    pub fn frame(&self) -> GroundFrame {
         GroundFrame {
             origin_m: self.point_m(),
             rotation: rotation_by(self.heading_rad),
@@ -77,7 +77,7 @@ impl Pose {
     }
 
     /// Returns the pose at a distance ahead, with the same heading.
-    pub(crate) fn ahead(&self, by_m: f64) -> Pose {
+    pub fn ahead(&self, by_m: f64) -> Pose {
         let at_m = self.point_m() + self.frame().ahead() * by_m;
         Pose {
             x_m: at_m.x,
@@ -95,7 +95,7 @@ impl Placement {
     }
 
     /// Returns the placement with a unit quaternion (x, y, z, w).
-    pub(crate) fn from_parts(centre_m: [f64; 3], xyzw: [f64; 4]) -> Placement {
+    pub fn from_parts(centre_m: [f64; 3], xyzw: [f64; 4]) -> Placement {
         let rotation = UnitQuaternion::new_unchecked(Quaternion::from(xyzw));
         Placement { centre_m, rotation }
     }
@@ -107,7 +107,7 @@ impl Placement {
     }
 
     /// Returns the frame on the ground below the centre.
-    pub(crate) fn ground_frame(&self) -> GroundFrame {
+    pub fn ground_frame(&self) -> GroundFrame {
         let [x_m, y_m, _] = self.centre_m;
         GroundFrame {
             origin_m: Point2::new(x_m, y_m),
@@ -118,29 +118,29 @@ impl Placement {
 
 impl GroundFrame {
     /// Returns the unit vector along x.
-    pub(crate) fn ahead(&self) -> Vector2<f64> {
+    pub fn ahead(&self) -> Vector2<f64> {
         Vector2::new(self.rotation.re, self.rotation.im)
     }
 
     /// Returns the unit vector along y.
-    pub(crate) fn left(&self) -> Vector2<f64> {
+    pub fn left(&self) -> Vector2<f64> {
         Vector2::new(-self.rotation.im, self.rotation.re)
     }
 
     /// Returns the world coordinates of a point in this frame.
-    pub(crate) fn to_world(self, ahead_m: f64, left_m: f64) -> Point2<f64> {
+    pub fn to_world(self, ahead_m: f64, left_m: f64) -> Point2<f64> {
         self.origin_m + self.ahead() * ahead_m + self.left() * left_m
     }
 
     /// Returns the coordinates in this frame of a point in the world.
     #[inline]
-    pub(crate) fn to_local(self, point_m: Point2<f64>) -> Vector2<f64> {
+    pub fn to_local(self, point_m: Point2<f64>) -> Vector2<f64> {
         self.rotation.inverse() * (point_m - self.origin_m)
     }
 }
 
 /// Wraps an angle to −π ..= π.
-pub(crate) fn wrapped(angle_rad: f64) -> f64 {
+pub fn wrapped(angle_rad: f64) -> f64 {
     libm::remainder(angle_rad, core::f64::consts::TAU)
 }
 

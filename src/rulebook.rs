@@ -20,7 +20,7 @@ mod verdict;
 pub use counts::Counts;
 pub use goal::TrainingGoal;
 pub use reward::Reward;
-pub(crate) use runs::{NewSamples, RunsJudge};
+pub use runs::{NewSamples, RunsJudge};
 pub use verdict::{RulesUntilContact, Verdict};
 
 use serde::{Deserialize, Serialize};
@@ -298,7 +298,7 @@ impl Judge {
     ///
     /// They are those that no further sample could satisfy, or else, in a run that ended,
     /// those that are not strictly kept.
-    pub(crate) fn broken(&mut self, rulebook: &Rulebook, judged: &Trace) -> Vec<usize> {
+    pub fn broken(&mut self, rulebook: &Rulebook, judged: &Trace) -> Vec<usize> {
         let lost = self.lost.iter().enumerate();
         let lost: Vec<usize> = lost.filter_map(|(i, lost)| lost.then_some(i)).collect();
         if !lost.is_empty() {

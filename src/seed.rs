@@ -124,12 +124,12 @@ pub fn generator(name: &str, key: &[u64]) -> ChaCha8Rng {
 /// Returns a standard normal number (Box, Muller 1958).
 ///
 /// The second number of the pair is discarded, so the generator is the whole state.
-pub(crate) fn normal(rng: &mut impl Rng) -> f64 {
+pub fn normal(rng: &mut impl Rng) -> f64 {
     normal_pair(rng).0
 }
 
 /// Returns two independent standard normal numbers (Box, Muller 1958).
-pub(crate) fn normal_pair(rng: &mut impl Rng) -> (f64, f64) {
+pub fn normal_pair(rng: &mut impl Rng) -> (f64, f64) {
     // `random` is in 0 .. 1. The complement avoids log 0.
     let radius = libm::sqrt(-2.0 * libm::log(1.0 - rng.random::<f64>()));
     let (sin, cos) = libm::sincos(core::f64::consts::TAU * rng.random::<f64>());

@@ -25,17 +25,17 @@ fn is_hidden(c: char) -> bool {
 /// The text with every character escaped that a terminal would obey or hide.
 ///
 /// Line feeds and tabs stay.
-pub(crate) fn visible(text: &str) -> Cow<'_, str> {
+pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, is_hidden)
 }
 
 /// The same for what belongs on one line: line feeds and tabs are escaped, too.
-pub(crate) fn visible_line(text: &str) -> Cow<'_, str> {
+pub fn visible_line(text: &str) -> Cow<'_, str> {
     escaped(text, |c| is_hidden(c) || matches!(c, '\n' | '\t'))
 }
 
 /// A JSON text whose strings hold no such character, and mean the same.
-pub(crate) fn visible_json(json: &str) -> Cow<'_, str> {
+pub fn visible_json(json: &str) -> Cow<'_, str> {
     if !json.contains(is_hidden) {
         return Cow::Borrowed(json);
     }
@@ -54,14 +54,14 @@ pub(crate) fn visible_json(json: &str) -> Cow<'_, str> {
 }
 
 /// A text as XML and HTML may hold it: what they forbid is escaped, too.
-pub(crate) fn visible_markup(text: &str) -> Cow<'_, str> {
+pub fn visible_markup(text: &str) -> Cow<'_, str> {
     escaped(text, |c| {
         is_hidden(c) || matches!(c, '\u{fffe}' | '\u{ffff}')
     })
 }
 
 /// A program and its arguments as a shell would take them, on one line.
-pub(crate) fn command_line(command: &[String]) -> String {
+pub fn command_line(command: &[String]) -> String {
     let words = command.iter().map(|word| {
         let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
         if !word.is_empty() && word.chars().all(plain) {

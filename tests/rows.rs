@@ -2,6 +2,8 @@
 
 #[path = "rows/costs.rs"]
 mod costs;
+#[path = "rows/cut_ins.rs"]
+mod cut_ins;
 #[path = "rows/evaluating.rs"]
 mod evaluating;
 #[path = "rows/intervals.rs"]

@@ -62,9 +62,9 @@ impl AdoKind {
 
 /// Baselines of a run, made once for all egos of an evaluation.
 #[derive(Debug)]
-pub(crate) struct Baselines {
+pub struct Baselines {
     /// Kinds of ados, in the order of the rows.
-    pub(crate) ados: Vec<AdoKind>,
+    pub ados: Vec<AdoKind>,
     heuristic: Option<Heuristic>,
     stored: Option<Stored>,
 }
@@ -74,7 +74,7 @@ impl Baselines {
     ///
     /// The heuristic is tuned on the run's training starts, and the run's
     /// counterexamples are read.
-    pub(crate) fn of(
+    pub fn of(
         requested: &[AdoKind],
         run: &RunDir,
         nominal: &Scenario,
@@ -103,7 +103,7 @@ impl Baselines {
     }
 
     /// Returns the ados of a kind that needs no policy: none, one or several.
-    pub(crate) fn made(&self, kind: AdoKind) -> Vec<Ado<'_>> {
+    pub fn made(&self, kind: AdoKind) -> Vec<Ado<'_>> {
         match kind {
             AdoKind::Random => vec![Ado::Random],
             AdoKind::Hold => vec![Ado::Held],

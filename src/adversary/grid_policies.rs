@@ -7,7 +7,7 @@ use crate::grid_solver::exact::{PositionPolicy, chase};
 
 /// Untrained ados of grid worlds, which observe both positions.
 #[derive(Clone, Copy)]
-pub(crate) enum GridPolicy {
+pub enum GridPolicy {
     /// Exact solution.
     Optimal,
     /// Step towards the ego along the larger axis.
@@ -15,7 +15,7 @@ pub(crate) enum GridPolicy {
 }
 
 impl GridPolicy {
-    pub(crate) fn ado(self, policy: &PositionPolicy) -> Ado<'_> {
+    pub fn ado(self, policy: &PositionPolicy) -> Ado<'_> {
         match self {
             GridPolicy::Optimal => Ado::Rule(policy, "optimal", "backward induction"),
             GridPolicy::Chaser => Ado::Rule(policy, "chaser", "along the larger axis"),
@@ -23,7 +23,7 @@ impl GridPolicy {
     }
 
     /// Returns the ego in the fully observed world, and the rule's policy there.
-    pub(crate) fn policy(
+    pub fn policy(
         self,
         ego: &EgoUnderTest,
     ) -> Result<(EgoUnderTest, PositionPolicy), AdversaryError> {

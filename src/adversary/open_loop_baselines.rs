@@ -62,7 +62,7 @@ fn more_successful(best: Evaluated, other: Evaluated) -> Evaluated {
 }
 
 /// Describes an action, or two actions of which the last is held.
-pub(crate) fn in_words(scenario: &Scenario, actions: &[usize]) -> String {
+pub fn in_words(scenario: &Scenario, actions: &[usize]) -> String {
     let (Some(&first), Some(&last)) = (actions.first(), actions.last()) else {
         return "nothing".to_owned();
     };

@@ -49,25 +49,25 @@ impl EgoUnderTest {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Outcome {
     /// Verdict.
-    pub(crate) verdict: Verdict,
+    pub verdict: Verdict,
     /// Closing speed, if the agents touched.
-    pub(crate) closing_speed_mps: Option<f64>,
+    pub closing_speed_mps: Option<f64>,
     /// Effect of the contact on the ego, if the ego takes part in it.
-    pub(crate) impact: Option<Impact>,
+    pub impact: Option<Impact>,
     /// True if a rule was broken between a success and the contact.
-    pub(crate) violation_before_contact: bool,
+    pub violation_before_contact: bool,
     /// Episodes run; only `Ado::Replays` may take more than one.
-    pub(crate) simulations: u64,
+    pub simulations: u64,
     /// Physics steps spent.
-    pub(crate) physics_steps: u64,
+    pub physics_steps: u64,
     /// Processor time spent.
-    pub(crate) cpu_s: f64,
+    pub cpu_s: f64,
 }
 
 /// Outcome of a start, with the facts for its row and the record of a success.
 #[derive(Clone, Debug)]
-pub(crate) struct EpisodeResult {
-    pub(crate) outcome: Outcome,
+pub struct EpisodeResult {
+    pub outcome: Outcome,
     /// Failure of the ego, if it failed and counts.
     pub(super) failure: Option<RecordedFailure>,
     pub(super) fault: Option<Fault>,
@@ -81,9 +81,9 @@ pub(crate) struct EpisodeResult {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RecordedSuccess {
     /// Joint actions, one per decision. The last one is held.
-    pub(crate) actions: Vec<usize>,
+    pub actions: Vec<usize>,
     /// Commands of an ego that may act otherwise in another run. Empty for other egos.
-    pub(crate) commands: Arc<[Command]>,
+    pub commands: Arc<[Command]>,
 }
 
 impl RecordedSuccess {
@@ -96,7 +96,7 @@ impl RecordedSuccess {
     }
 
     /// Plays the success again, on a bench of `scenario` where the ego repeats itself.
-    pub(crate) fn play(
+    pub fn play(
         &self,
         scenario: &Scenario,
         bench: &mut Testbench,
@@ -117,12 +117,12 @@ pub struct RecordedFailure {
     pub(super) shape: CrashFeatures,
     pub(super) badness: [f64; 4],
     /// Rarest driving of an ado. `None` if none drives a vehicle.
-    pub(crate) rarity: Option<SuccessRarity>,
+    pub rarity: Option<SuccessRarity>,
 }
 
 impl RecordedFailure {
     /// Returns the failure in an episode, if the episode is a success of the ados.
-    pub(crate) fn of(scenario: &Scenario, episode: &Episode) -> Option<RecordedFailure> {
+    pub fn of(scenario: &Scenario, episode: &Episode) -> Option<RecordedFailure> {
         episode.verdict.is_success().then(|| RecordedFailure {
             shape: CrashFeatures::of(scenario, episode),
             badness: badness(episode),
@@ -137,14 +137,14 @@ pub struct Evaluated {
     /// Rates and costs over all starts.
     pub row: Row,
     /// Outcome per start. `None`: trivial or not reached.
-    pub(crate) outcomes: Vec<Option<Outcome>>,
+    pub outcomes: Vec<Option<Outcome>>,
     /// Record of each success, per start.
-    pub(crate) successes: Vec<Option<RecordedSuccess>>,
+    pub successes: Vec<Option<RecordedSuccess>>,
 }
 
 impl Evaluated {
     /// Creates the row of the played starts, noted in the log of faults.
-    pub(crate) fn of(
+    pub fn of(
         request: &EvalRequest<'_>,
         played: Vec<Option<EpisodeResult>>,
         watch: &Watch<'_>,
@@ -189,7 +189,7 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
 }
 
 /// One start, played as often as the world requires.
-pub(crate) struct RepeatedEpisode {
+pub struct RepeatedEpisode {
     /// Run that represents all of them.
     episode: Episode,
     /// First fault of any run, even if another run represents them.
@@ -201,7 +201,7 @@ pub(crate) struct RepeatedEpisode {
 
 impl RepeatedEpisode {
     /// Creates the result of runs so far, one of which represents them.
-    pub(crate) fn of(episode: Episode, simulations: u64, physics_steps: u64) -> RepeatedEpisode {
+    pub fn of(episode: Episode, simulations: u64, physics_steps: u64) -> RepeatedEpisode {
         RepeatedEpisode {
             fault: episode.fault.clone(),
             episode,
@@ -212,7 +212,7 @@ impl RepeatedEpisode {
     }
 
     /// Returns the result that rows count.
-    pub(crate) fn played(self, scenario: &Scenario, cpu_s: f64) -> EpisodeResult {
+    pub fn played(self, scenario: &Scenario, cpu_s: f64) -> EpisodeResult {
         let episode = self.episode;
         let failure = RecordedFailure::of(scenario, &episode);
         let is_success = episode.verdict.is_success();
@@ -415,7 +415,7 @@ pub(crate) fn blank_row(
 }
 
 /// Fills the counts of a row from its `solved`.
-pub(crate) fn count_solved(row: &mut Row) {
+pub fn count_solved(row: &mut Row) {
     row.successes = row.solved.count(StartOutcome::Solved);
     row.starts = row.successes + row.solved.count(StartOutcome::Unsolved);
     row.trivial = row.solved.count(StartOutcome::Trivial);

@@ -17,7 +17,7 @@ use crate::testbench::FaultLog;
 use crate::world::Scenario;
 
 /// Default duration of a piece, s.
-pub(crate) const PIECE_S: f64 = 10.0;
+pub const PIECE_S: f64 = 10.0;
 /// Largest number of starts that a pilot plays per kind of unit, and its duration, s.
 const PILOT_STARTS: usize = 32;
 const PILOT_S: f64 = 1.0;
@@ -32,15 +32,15 @@ pub struct PlanCost {
     /// Number of pieces.
     pub pieces: usize,
     /// Number of trainings among them.
-    pub(crate) trainings: usize,
+    pub trainings: usize,
     /// Number of starts.
-    pub(crate) starts: u64,
+    pub starts: u64,
     /// Total processor time, s.
-    pub(crate) cpu_s: f64,
+    pub cpu_s: f64,
     /// Bytes on disk for the pieces and the merged file.
-    pub(crate) bytes: f64,
+    pub bytes: f64,
     /// Whether the cost was measured instead of estimated from the worlds.
-    pub(crate) measured: bool,
+    pub measured: bool,
 }
 
 /// Kind of units with similar cost, of which a single unit is measured.

@@ -143,7 +143,7 @@ impl PlanDir {
     ///
     /// # Errors
     /// Returns an error if a file cannot be read.
-    pub(crate) fn left(&self) -> Result<Vec<CampaignPiece>, CampaignError> {
+    pub fn left(&self) -> Result<Vec<CampaignPiece>, CampaignError> {
         let pieces: Vec<CampaignPiece> = self.plan.pieces().collect();
         let missing =
             |piece: &CampaignPiece| -> Result<bool, RunError> { Ok(self.read(piece)?.is_err()) };

@@ -166,7 +166,7 @@ pub(crate) enum RequestedStarts {
 
 impl RequestedStarts {
     /// Returns the seed of the stream of starts, or of their noise.
-    pub(crate) fn seed(&self) -> u64 {
+    pub fn seed(&self) -> u64 {
         match self {
             RequestedStarts::Drawn { seed, .. } | RequestedStarts::Grid { seed, .. } => *seed,
         }

@@ -37,7 +37,7 @@ pub struct Merged {
     /// Number of rows.
     pub rows: u64,
     /// Rates, gates and maps.
-    pub(crate) summary: CampaignSummary,
+    pub summary: CampaignSummary,
 }
 
 /// Fields of a row that the summary uses.

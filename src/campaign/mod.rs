@@ -29,11 +29,11 @@ mod training;
 mod trivial_blocks;
 mod workflow_files;
 
-pub(crate) use cost_pilot::PIECE_S;
+pub use cost_pilot::PIECE_S;
 pub use cost_pilot::{Cut, PlanCost};
 pub use dir::{PieceDone, PlanDir, Ran};
 pub use error::CampaignError;
 pub use merge::Merged;
-pub(crate) use page::COLUMNS;
+pub use page::COLUMNS;
 pub use plan::Plan;
-pub(crate) use summary::{GateVerdict, SummaryRow};
+pub use summary::{GateVerdict, SummaryRow};

@@ -13,7 +13,7 @@ use crate::run_dir::write_file;
 use crate::stats::StartOutcome;
 
 /// Headings of the columns of [`SummaryRow::cells`].
-pub(crate) const COLUMNS: [&str; 10] = [
+pub const COLUMNS: [&str; 10] = [
     "ego", "ado", "starts", "fails %", "95 %", "recall", "fouls", "contact", "prev.", "closing",
 ];
 
@@ -153,7 +153,7 @@ fn state(map: &CellMap, nth: usize) -> CellState {
 
 impl SummaryRow {
     /// Returns the cells of the row, in the order of the columns.
-    pub(crate) fn cells(&self) -> [String; 10] {
+    pub fn cells(&self) -> [String; 10] {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),
             (None, 2..) => format!("{}, mean of {}", self.ado, self.trainings),

@@ -29,25 +29,25 @@ pub struct Plan {
     /// Name of the campaign.
     pub name: String,
     /// Worlds, stored beside the plan.
-    pub(crate) worlds: Vec<PlannedWorld>,
+    pub worlds: Vec<PlannedWorld>,
     /// Run directories of trained ados, copied beside the plan.
-    pub(crate) ados: Vec<PlannedRun>,
+    pub ados: Vec<PlannedRun>,
     /// Ados that the campaign trains.
-    pub(crate) trainings: Vec<PlannedTraining>,
+    pub trainings: Vec<PlannedTraining>,
     /// Starts that are played in each world.
-    pub(crate) starts: RequestedStarts,
+    pub starts: RequestedStarts,
     /// Whether counterexamples are judged by the reference drivers.
     pub preventability: bool,
     /// Ego that every other ego is compared with, and the rule that decides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) gate: Option<(String, GateOn)>,
+    pub gate: Option<(String, GateOn)>,
     /// Region in which a regulation requires the ego to hold.
     ///
     /// It has a name and a formula on the first sample of a start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boundary: Option<(String, String)>,
     /// Pairs of an ego and an ado that are played.
-    pub(crate) units: Vec<Unit>,
+    pub units: Vec<Unit>,
 }
 
 /// World of a plan.
@@ -55,14 +55,14 @@ pub struct Plan {
 #[serde(deny_unknown_fields)]
 pub(crate) struct PlannedWorld {
     /// Name of the world.
-    pub(crate) name: String,
+    pub name: String,
     /// File in the directory of the plan.
-    pub(crate) file: String,
+    pub file: String,
     /// SHA-256 of that file.
-    pub(crate) sha256: String,
+    pub sha256: String,
     /// Plant to test on. `None`: the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) plant: Option<PlantKind>,
+    pub plant: Option<PlantKind>,
 }
 
 /// Run directory of a plan.
@@ -70,11 +70,11 @@ pub(crate) struct PlannedWorld {
 #[serde(deny_unknown_fields)]
 pub(crate) struct PlannedRun {
     /// Path in the directory of the plan.
-    pub(crate) dir: String,
+    pub dir: String,
     /// SHA-256 of its policy.
-    pub(crate) policy_sha256: String,
+    pub policy_sha256: String,
     /// Seed of its training.
-    pub(crate) seed: u64,
+    pub seed: u64,
 }
 
 /// Training that is a piece of the campaign.
@@ -82,12 +82,12 @@ pub(crate) struct PlannedRun {
 #[serde(deny_unknown_fields)]
 pub(crate) struct PlannedTraining {
     /// Position of its world.
-    pub(crate) world: usize,
+    pub world: usize,
     /// Seed of the training.
-    pub(crate) seed: u64,
+    pub seed: u64,
     /// Number of decisions. `None`: the world's own number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) decisions: Option<u64>,
+    pub decisions: Option<u64>,
 }
 
 /// Pair of an ego and an ado in a world, on all starts.
@@ -95,15 +95,15 @@ pub(crate) struct PlannedTraining {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Unit {
     /// Position of the world.
-    pub(crate) world: usize,
+    pub world: usize,
     /// Ego, with its name in rows and its difference from the world's own.
-    pub(crate) ego: ChangedEgo,
+    pub ego: ChangedEgo,
     /// Ado of the unit.
-    pub(crate) ado: PlannedAdo,
+    pub ado: PlannedAdo,
     /// Number of starts.
-    pub(crate) starts: usize,
+    pub starts: usize,
     /// Number of starts per piece. The last piece may have fewer.
-    pub(crate) each: usize,
+    pub each: usize,
 }
 
 /// Ado of a unit.
@@ -153,7 +153,7 @@ pub(crate) enum PlannedAdo {
 
 impl PlannedAdo {
     /// Returns the name in rows.
-    pub(crate) fn word(&self) -> String {
+    pub fn word(&self) -> String {
         match self {
             PlannedAdo::Neutral => "neutral".to_owned(),
             PlannedAdo::Held => "hold".to_owned(),
@@ -170,9 +170,9 @@ impl PlannedAdo {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct CampaignPiece {
     /// Number of the piece.
-    pub(crate) number: usize,
+    pub number: usize,
     /// Work of the piece.
-    pub(crate) work: Work,
+    pub work: Work,
 }
 
 /// Work of a piece.
@@ -191,7 +191,7 @@ pub(crate) enum Work {
 
 impl CampaignPiece {
     /// Returns the number of rows.
-    pub(crate) fn rows(&self) -> usize {
+    pub fn rows(&self) -> usize {
         match &self.work {
             Work::Training(_) => 0,
             Work::Starts { starts, .. } => starts.len(),
@@ -201,14 +201,14 @@ impl CampaignPiece {
 
 impl Unit {
     /// Returns the number of pieces of the unit.
-    pub(crate) fn pieces(&self) -> usize {
+    pub fn pieces(&self) -> usize {
         self.starts.div_ceil(self.each.max(1))
     }
 }
 
 impl Plan {
     /// Returns every piece in order.
-    pub(crate) fn pieces(&self) -> impl Iterator<Item = CampaignPiece> + '_ {
+    pub fn pieces(&self) -> impl Iterator<Item = CampaignPiece> + '_ {
         let trainings = (0..self.trainings.len()).map(Work::Training);
         let units = self.units.iter().enumerate();
         let starts = units.flat_map(|(unit, planned)| {
@@ -237,7 +237,7 @@ impl Plan {
     }
 
     /// Returns the piece of a number.
-    pub(crate) fn piece(&self, number: usize) -> Option<CampaignPiece> {
+    pub fn piece(&self, number: usize) -> Option<CampaignPiece> {
         // Trainings have the first numbers.
         let Some(mut nth) = number.checked_sub(self.trainings.len()) else {
             let work = Work::Training(number);

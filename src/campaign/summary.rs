@@ -76,121 +76,121 @@ impl UnitCounts {
 
 /// Pair of an ego and an ado in a world, or the mean over its trainings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct SummaryRow {
+pub struct SummaryRow {
     /// Name of the world.
-    pub(crate) world: String,
+    pub world: String,
     /// The plant.
-    pub(crate) plant: Dynamics,
+    pub plant: Dynamics,
     /// Name of the ego.
-    pub(crate) ego: String,
+    pub ego: String,
     /// Name of the ado.
-    pub(crate) ado: String,
+    pub ado: String,
     /// Seed of the training.
     ///
     /// `None`: no training, or several ([`SummaryRow::trainings`]).
-    pub(crate) train_seed: Option<u64>,
+    pub train_seed: Option<u64>,
     /// Number of trainings that the row averages.
-    pub(crate) trainings: usize,
+    pub trainings: usize,
     /// Valid starts that are not trivial.
-    pub(crate) starts: usize,
+    pub starts: usize,
     /// Starts left out, because the nominal ego fails there by itself.
-    pub(crate) trivial: usize,
+    pub trivial: usize,
     /// Starts from which the ego fails.
-    pub(crate) fails: usize,
+    pub fails: usize,
     /// fails / starts.
-    pub(crate) success_rate: f64,
+    pub success_rate: f64,
     /// 95 % interval of the rate.
-    pub(crate) ci95: [f64; 2],
+    pub ci95: [f64; 2],
     /// Exact 95 % upper bound of the rate, if no start fails.
-    pub(crate) at_most: Option<f64>,
+    pub at_most: Option<f64>,
     /// Share of the starts solved by the unit's search that fail here too.
     ///
     /// `None`: no search played this ego, or it solves no start.
-    pub(crate) recall: Option<f64>,
+    pub recall: Option<f64>,
     /// Starts on which the ado broke a rule.
-    pub(crate) fouls: usize,
+    pub fouls: usize,
     /// Starts on which a violation does not count.
-    pub(crate) uncounted: usize,
+    pub uncounted: usize,
     /// Starts that ended in contact.
     pub(crate) contacts: usize,
     /// Successes that CC_LATCHED or FSM would have avoided. `None`: not judged.
-    pub(crate) preventable: Option<usize>,
+    pub preventable: Option<usize>,
     /// Closing speed of the successes that end in contact.
-    pub(crate) closing_mps: Option<ClosingSpeed>,
+    pub closing_mps: Option<ClosingSpeed>,
     /// Starts with a fault of the ego or the physics.
-    pub(crate) invalid: usize,
+    pub invalid: usize,
     /// Number of episodes.
-    pub(crate) simulations: u64,
+    pub simulations: u64,
     /// Number of physics steps.
-    pub(crate) physics_steps: u64,
+    pub physics_steps: u64,
 }
 
 /// Comparison of a changed ego with the baseline, start by start.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct GateVerdict {
+pub struct GateVerdict {
     /// Name of the world.
-    pub(crate) world: String,
+    pub world: String,
     /// The plant.
-    pub(crate) plant: Dynamics,
+    pub plant: Dynamics,
     /// Name of the ado.
-    pub(crate) ado: String,
+    pub ado: String,
     /// Seed of its training.
-    pub(crate) train_seed: Option<u64>,
+    pub train_seed: Option<u64>,
     /// Name of the changed ego.
-    pub(crate) ego: String,
+    pub ego: String,
     /// Name of the baseline ego.
-    pub(crate) baseline: String,
+    pub baseline: String,
     /// Starts that are valid and not trivial for both.
-    pub(crate) compared: usize,
+    pub compared: usize,
     /// Starts from which the ego fails and the baseline does not.
-    pub(crate) newly_failing: usize,
+    pub newly_failing: usize,
     /// Such starts that CC_LATCHED or FSM would have survived.
     pub(crate) newly_preventable: usize,
     /// First newly failing starts.
-    pub(crate) first: Vec<usize>,
+    pub first: Vec<usize>,
     /// Starts from which the baseline fails and the ego does not.
-    pub(crate) newly_fixed: usize,
+    pub newly_fixed: usize,
     /// Exact two-sided p-value of McNemar's test.
-    pub(crate) p_value: f64,
+    pub p_value: f64,
     /// Whether the gate blocks the change.
-    pub(crate) held_up: bool,
+    pub held_up: bool,
 }
 
 /// Grid of starts, cell by cell, over its last two axes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct CellMap {
     /// Name of the world.
-    pub(crate) world: String,
+    pub world: String,
     /// The plant.
-    pub(crate) plant: Dynamics,
+    pub plant: Dynamics,
     /// Name of the ego.
-    pub(crate) ego: String,
+    pub ego: String,
     /// Axis x: name, unit, values.
-    pub(crate) x: (String, String, Vec<f64>),
+    pub x: (String, String, Vec<f64>),
     /// Axis y: name, unit, values.
-    pub(crate) y: (String, String, Vec<f64>),
+    pub y: (String, String, Vec<f64>),
     /// Name and value of each further axis, if the grid has more than two.
-    pub(crate) at: Vec<(String, f64)>,
+    pub at: Vec<(String, f64)>,
     /// Position of its first cell among the starts.
-    pub(crate) first: usize,
+    pub first: usize,
     /// Names of the ados, in order.
-    pub(crate) ados: Vec<String>,
+    pub ados: Vec<String>,
     /// Outcome per ado and cell, row by row from the smallest y.
-    pub(crate) outcomes: Vec<Vec<StartOutcome>>,
+    pub outcomes: Vec<Vec<StartOutcome>>,
     /// Per ado and cell, whether CC_LATCHED or FSM would have avoided the failure.
-    pub(crate) preventable: Vec<Vec<Option<bool>>>,
+    pub preventable: Vec<Vec<Option<bool>>>,
 }
 
 /// Summary of a merged campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct CampaignSummary {
     /// Row per unit, and a row per ado with several trainings.
-    pub(crate) rows: Vec<SummaryRow>,
+    pub rows: Vec<SummaryRow>,
     /// Comparison per changed ego. Empty: the campaign has no gate.
-    pub(crate) gates: Vec<GateVerdict>,
+    pub gates: Vec<GateVerdict>,
     /// Maps of a grid of starts. They are not in the JSON, because the rows are.
     #[serde(skip)]
-    pub(crate) maps: Vec<CellMap>,
+    pub maps: Vec<CellMap>,
 }
 
 impl CampaignSummary {
@@ -229,12 +229,12 @@ impl CampaignSummary {
     }
 
     /// Returns whether a gate of the campaign blocks a change.
-    pub(crate) fn is_held_up(&self) -> bool {
+    pub fn is_held_up(&self) -> bool {
         self.gates.iter().any(|gate| gate.held_up)
     }
 
     /// Returns the largest share of invalid starts in a row.
-    pub(crate) fn invalid_share(&self) -> f64 {
+    pub fn invalid_share(&self) -> f64 {
         let share = |row: &SummaryRow| {
             let all = row.starts + row.invalid;
             row.invalid as f64 / all.max(1) as f64

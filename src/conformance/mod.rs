@@ -110,7 +110,7 @@ pub struct Nonconformity {
     /// The broken promise.
     pub promise: Promise,
     /// Episode, step and signal, where they are known.
-    pub(crate) place: Place,
+    pub place: Place,
     /// Observation.
     pub what: String,
 }
@@ -119,9 +119,9 @@ pub struct Nonconformity {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Place {
     /// Episode and step.
-    pub(crate) step: Option<(u64, usize)>,
+    pub step: Option<(u64, usize)>,
     /// Name of the wrong signal or number.
-    pub(crate) signal: Option<String>,
+    pub signal: Option<String>,
 }
 
 impl fmt::Display for Place {

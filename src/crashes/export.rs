@@ -119,7 +119,7 @@ pub fn export_with(
 ///
 /// # Errors
 /// The disk refuses.
-pub(crate) fn write_openx(files: &OpenX, dir: &Path, name: &str) -> Result<[PathBuf; 3], RunError> {
+pub fn write_openx(files: &OpenX, dir: &Path, name: &str) -> Result<[PathBuf; 3], RunError> {
     let file = |ending: &str| dir.join(format!("{name}.{ending}"));
     let paths = ["xodr", "xosc", "external.xosc"].map(file);
     let texts = [&files.road, &files.replay, &files.external];

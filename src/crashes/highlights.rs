@@ -34,7 +34,7 @@ struct Facts {
 /// In order: the highest closing speed, the earliest violation, the deepest violation,
 /// the largest margin of all rules, and the start that is farthest from the other four. A
 /// criterion without a value is left out.
-pub(crate) fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
+pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
     let scenario = cell.ego.scenario();
     let (solved, axes) = (cell.solved(), scenario.axes());
     let facts_again = |bench: &mut Testbench, start: &usize, _: &WorkItem| {

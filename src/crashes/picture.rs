@@ -42,7 +42,7 @@ pub enum ViewKind {
 #[error("`{}` is neither a recording nor a picture", file.display())]
 pub struct UnknownViewKind {
     /// The file.
-    pub(crate) file: PathBuf,
+    pub file: PathBuf,
 }
 
 impl UnknownViewKind {

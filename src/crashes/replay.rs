@@ -137,7 +137,7 @@ impl Replayed {
 ///
 /// # Errors
 /// The training stored none yet, or a file is damaged.
-pub(crate) fn newest_of_training(
+pub fn newest_of_training(
     run: &RunDir,
     skipped: usize,
     most: usize,

@@ -19,7 +19,7 @@ use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Replay, play};
 use crate::world::{Repeats, Scenario};
 
 /// Default of the runs of a program for a counterexample.
-pub(crate) const KEEP_RUNS: u64 = 300;
+pub const KEEP_RUNS: u64 = 300;
 
 /// Runs that are compared with the counterexample before any question.
 const COMPARED: usize = 2;
@@ -241,7 +241,7 @@ impl<'a> Reruns<'a> {
 }
 
 /// Returns whether the ego of a world can be copied in the middle of an episode.
-pub(crate) fn copies(scenario: &Scenario, start: &Start, noise: u64) -> bool {
+pub fn copies(scenario: &Scenario, start: &Start, noise: u64) -> bool {
     let mut bench = scenario.bench();
     bench.begin(start, noise, Aftermath::Skip);
     bench.fork().is_some()

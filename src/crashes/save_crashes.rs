@@ -51,11 +51,11 @@ pub enum Form {
 #[non_exhaustive]
 pub struct KeepSettings {
     /// Selection.
-    pub(crate) choice: CrashSelection,
+    pub choice: CrashSelection,
     /// Form.
-    pub(crate) form: Form,
+    pub form: Form,
     /// Most runs per counterexample of an ego without copies, such as a program.
-    pub(crate) runs: u64,
+    pub runs: u64,
 }
 
 impl KeepSettings {
@@ -195,7 +195,7 @@ fn fails(episode: &Episode) -> bool {
 /// Returns the labels of a run that no variation is compared with.
 ///
 /// They are the severity, the naturalness and the preventability.
-pub(crate) fn labels_of_contact(scenario: &Scenario, episode: &Episode) -> About {
+pub fn labels_of_contact(scenario: &Scenario, episode: &Episode) -> About {
     seen_in(scenario, episode)
 }
 
@@ -458,7 +458,7 @@ impl ExperimentCell {
 ///
 /// # Errors
 /// The disk refuses.
-pub(crate) fn keep_cells(
+pub fn keep_cells(
     cells: &[ExperimentCell],
     dir: &Path,
     settings: KeepSettings,
@@ -473,7 +473,7 @@ pub(crate) fn keep_cells(
 }
 
 /// Returns `WORLD-EGO-PLANT-SEED-INDEX` without characters that disturb a path.
-pub(crate) fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
+pub fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
     format!("{}{seed}-{index:04}", stem_of_ego(scenario, ego))
 }
 

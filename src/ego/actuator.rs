@@ -46,14 +46,14 @@ pub(super) use written_as;
 
 /// A first-order lag, discretised exactly: a' = u + (a − u) e^(−dt/τ).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Actuator {
+pub struct Actuator {
     decay: f64,
     value: f64,
 }
 
 impl Actuator {
     /// Creates a lag of time constant `lag_s` (0 for none), stepped every `sample_s`.
-    pub(crate) fn new(lag_s: f64, sample_s: f64) -> Actuator {
+    pub fn new(lag_s: f64, sample_s: f64) -> Actuator {
         let decay = if 0.0 < lag_s {
             libm::exp(-sample_s / lag_s)
         } else {
@@ -63,13 +63,13 @@ impl Actuator {
     }
 
     /// Returns the same lag with the initial output `value`.
-    pub(crate) fn from(self, value: f64) -> Actuator {
+    pub fn from(self, value: f64) -> Actuator {
         Actuator { value, ..self }
     }
 
     /// Returns the vehicle's acceleration while `wish` is commanded for a sample.
     #[inline]
-    pub(crate) fn step(&mut self, wish: f64) -> f64 {
+    pub fn step(&mut self, wish: f64) -> f64 {
         // A convex combination: with decay 0 the output equals the wish, bit
         // for bit.
         self.value = wish + (self.value - wish) * self.decay;

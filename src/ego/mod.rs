@@ -51,29 +51,29 @@ mod parameters;
 mod process;
 mod pure_pursuit;
 mod recorded;
-pub(crate) mod reference;
+pub mod reference;
 mod room;
 mod safety_filter_acc;
 mod stock;
-pub(crate) mod takeover;
+pub mod takeover;
 mod traffic_light_acc;
 
 use serde::{Deserialize, Serialize};
 
 pub use crate::road::RoadPiece;
 pub use actuator::Actuated;
-pub(crate) use actuator::Actuator;
+pub use actuator::Actuator;
 pub use fault::{Fault, FaultKind};
 pub(crate) use fault::{PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
-pub(crate) use process::{DOCUMENT, Hello};
+pub use process::{DOCUMENT, Hello};
 pub use process::{Exercise, Finding, Process, exercise};
-pub(crate) use recorded::RecordedCommands;
+pub use recorded::RecordedCommands;
 pub use reference::ReferenceDriver;
-pub(crate) use room::LaneOccupancy;
+pub use room::LaneOccupancy;
 pub use stock::ControllerSpec;
 pub(crate) use stock::*;
-pub(crate) use takeover::{FullBrake, Takeover};
+pub use takeover::{FullBrake, Takeover};
 
 /// State of the ego, as known to itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -258,7 +258,7 @@ pub struct Briefing {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoadGeometry {
     /// Number of lanes. Lane 0 is the rightmost, and its middle is the course.
-    pub(crate) lanes: usize,
+    pub lanes: usize,
     /// Width of a lane.
     pub lane_width_m: f64,
     /// The course in pieces. Around the pieces, or without any, it is straight.
@@ -286,7 +286,7 @@ impl Command {
 
     /// Returns whether a car could follow the command, so that it has no flaw.
     #[inline]
-    pub(crate) fn is_plausible(&self) -> bool {
+    pub fn is_plausible(&self) -> bool {
         // NaN fails both comparisons.
         self.accel_mps2.abs() <= PLAUSIBLE_ACCEL_MPS2
             && self.lateral_mps.abs() <= PLAUSIBLE_LATERAL_MPS

@@ -82,7 +82,7 @@ macro_rules! parameters {
         $(#[$meta])*
         #[derive(Clone, Debug, PartialEq)]
         pub struct $name {
-            $( $(#[doc = $about])+ pub(crate) $field: f64, )*
+            $( $(#[doc = $about])+ pub $field: f64, )*
         }
 
         // A block of its own, because the form in files has the name of the type.
@@ -150,4 +150,4 @@ macro_rules! parameters {
     };
 }
 
-pub(crate) use parameters;
+pub use parameters;

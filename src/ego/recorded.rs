@@ -10,14 +10,14 @@ use super::{Command, Controller, Fault, Percept};
 /// whatever ego gave them. An episode with a non-deterministic ego can
 /// therefore be repeated bit for bit.
 #[derive(Clone, Debug)]
-pub(crate) struct RecordedCommands {
+pub struct RecordedCommands {
     commands: Arc<[Command]>,
     next: usize,
 }
 
 impl RecordedCommands {
     /// Creates an ego that repeats `commands`.
-    pub(crate) fn new(commands: Arc<[Command]>) -> RecordedCommands {
+    pub fn new(commands: Arc<[Command]>) -> RecordedCommands {
         RecordedCommands { commands, next: 0 }
     }
 }

@@ -21,15 +21,15 @@ const EXPECTED_S: f64 = 2.0;
 
 /// A rectangle on the straightened road, relative to the middle of the ego's front.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LaneOccupancy {
+pub struct LaneOccupancy {
     /// Nearest face along the road.
-    pub(crate) near_m: f64,
+    pub near_m: f64,
     /// Farthest face along the road.
-    pub(crate) far_m: f64,
+    pub far_m: f64,
     /// Its right edge, positive to the left.
-    pub(crate) right_m: f64,
+    pub right_m: f64,
     /// Its left edge, positive to the left.
-    pub(crate) left_m: f64,
+    pub left_m: f64,
 }
 
 /// A time interval from now on, empty if the end precedes the beginning.
@@ -39,7 +39,7 @@ impl LaneOccupancy {
     /// Returns the box of a body from the middle of its front and its heading.
     ///
     /// The heading is counter-clockwise from the road.
-    pub(crate) fn of(front_m: (f64, f64), heading_rad: f64, size_m: (f64, f64)) -> LaneOccupancy {
+    pub fn of(front_m: (f64, f64), heading_rad: f64, size_m: (f64, f64)) -> LaneOccupancy {
         let (sin, cos) = libm::sincos(heading_rad);
         let (half_length_m, half_width_m) = (0.5 * size_m.0, 0.5 * size_m.1);
         let middle = (
@@ -57,7 +57,7 @@ impl LaneOccupancy {
     }
 
     /// Returns whether it reaches into a corridor around the ego's middle.
-    pub(crate) fn is_within(&self, half_m: f64) -> bool {
+    pub fn is_within(&self, half_m: f64) -> bool {
         self.right_m < half_m && -half_m < self.left_m
     }
 
@@ -93,7 +93,7 @@ impl Seen {
     }
 
     /// Returns the space that it occupies on the road.
-    pub(crate) fn room(&self) -> LaneOccupancy {
+    pub fn room(&self) -> LaneOccupancy {
         // Headings near the road's count as 0, so leaders have the same
         // clearance as in the car-following models.
         if self.is_along() {
@@ -155,7 +155,7 @@ impl Seen {
 
     /// Returns whether it is ahead of a follower: in its path or about to cross.
     #[inline]
-    pub(crate) fn is_ahead_of(&self, own: &Own) -> bool {
+    pub fn is_ahead_of(&self, own: &Own) -> bool {
         if self.is_along() {
             0.0 < self.headway_m && self.lateral_m.abs() < (self.width_m + own.width_m) / 2.0
         } else {

@@ -11,7 +11,7 @@ use super::{Actuated, Controller, Parameter, UnknownParameter};
 
 /// A controller as named in a world file, with its parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ControllerSpec(pub(crate) StockController);
+pub struct ControllerSpec(pub StockController);
 
 /// Declares the enum of stock controllers, which forwards every call.
 ///
@@ -19,22 +19,20 @@ pub struct ControllerSpec(pub(crate) StockController);
 macro_rules! egos {
     ($(
         $(#[doc = $about:literal])+
-        $(#[cfg($when:meta)])?
         $file:ident::$kind:ident by $make:ident;
     )*) => {
-        $( $(#[cfg($when)])? pub(crate) use super::$file::$kind; )*
+        $( pub use super::$file::$kind; )*
 
         /// Names of all kinds and of their parameters.
-        pub(crate) const KINDS: &[(&str, &[&str])] = &[$( $(#[cfg($when)])? (stringify!($kind), $kind::PARAMETERS) ),*];
+        pub(crate) const KINDS: &[(&str, &[&str])] = &[$( (stringify!($kind), $kind::PARAMETERS) ),*];
 
         /// A stock controller with its parameters, by its kind.
         #[derive(Clone, Debug, PartialEq)]
         pub(crate) enum StockController {
-            $( $(#[doc = $about])+ $(#[cfg($when)])? $kind($kind), )*
+            $( $(#[doc = $about])+ $kind($kind), )*
         }
 
         $(
-            $(#[cfg($when)])?
             impl From<$kind> for ControllerSpec {
                 fn from(controller: $kind) -> ControllerSpec {
                     ControllerSpec(StockController::$kind(controller))
@@ -45,13 +43,13 @@ macro_rules! egos {
         #[derive(Serialize, Deserialize)]
         #[serde(rename = "ControllerSpec")]
         enum ControllerFile {
-            $( $(#[cfg($when)])? $kind(Actuated<$kind>), )*
+            $( $kind(Actuated<$kind>), )*
         }
 
         impl From<ControllerFile> for Actuated<ControllerSpec> {
             fn from(file: ControllerFile) -> Actuated<ControllerSpec> {
                 match file {
-                    $( $(#[cfg($when)])? ControllerFile::$kind(it) => it.map(ControllerSpec::from), )*
+                    $( ControllerFile::$kind(it) => it.map(ControllerSpec::from), )*
                 }
             }
         }
@@ -59,7 +57,7 @@ macro_rules! egos {
         impl From<Actuated<ControllerSpec>> for ControllerFile {
             fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> ControllerFile {
                 match controller.0 {
-                    $( $(#[cfg($when)])? StockController::$kind(controller) => {
+                    $( StockController::$kind(controller) => {
                         ControllerFile::$kind(Actuated { controller, lag_s })
                     } )*
                 }
@@ -70,21 +68,21 @@ macro_rules! egos {
             /// Returns the controller itself, ready for `reset`.
             pub fn build(&self) -> Box<dyn Controller> {
                 match &self.0 {
-                    $( $(#[cfg($when)])? StockController::$kind(it) => Box::new(it.$make()), )*
+                    $( StockController::$kind(it) => Box::new(it.$make()), )*
                 }
             }
 
             /// Returns the name of the kind, as written in the world file.
             pub fn kind(&self) -> &'static str {
                 match &self.0 {
-                    $( $(#[cfg($when)])? StockController::$kind(_) => stringify!($kind), )*
+                    $( StockController::$kind(_) => stringify!($kind), )*
                 }
             }
 
             /// Returns its numeric parameters: name, unit, meaning and value.
             pub fn parameters(&self) -> Vec<Parameter> {
                 match &self.0 {
-                    $( $(#[cfg($when)])? StockController::$kind(it) => it.parameters(), )*
+                    $( StockController::$kind(it) => it.parameters(), )*
                 }
             }
 
@@ -94,7 +92,7 @@ macro_rules! egos {
             /// The controller has no such parameter.
             pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
                 match &mut self.0 {
-                    $( $(#[cfg($when)])? StockController::$kind(it) => it.set(name, value), )*
+                    $( StockController::$kind(it) => it.set(name, value), )*
                 }
             }
         }
@@ -139,7 +137,7 @@ impl Actuated<ControllerSpec> {
     /// Returns a controller of a kind from all its parameters, including the lag.
     ///
     /// `None` if the kind is unknown or the parameters do not match.
-    pub(crate) fn of_kind(kind: &str, values: &[(&str, f64)]) -> Option<Actuated<ControllerSpec>> {
+    pub fn of_kind(kind: &str, values: &[(&str, f64)]) -> Option<Actuated<ControllerSpec>> {
         let values = values
             .iter()
             .map(|&(name, value)| (name.to_owned(), value.into()));
@@ -225,9 +223,6 @@ egos! {
     coast::Coast by clone;
     /// A separate program, on its stdin and stdout.
     process::Process by controller;
-    /// Added by tests, to show that a file and a line suffice.
-    #[cfg(test)]
-    example_ego::Dummy by clone;
 }
 
 #[cfg(test)]
@@ -235,50 +230,47 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::seed::{Purpose, StartKey};
-    use crate::testbench::{Aftermath, Constant, play};
-    use crate::world::Scenario;
+
+    use crate::ego::example_ego;
 
     const GUIDE: &str = include_str!("../../docs/reference/egos.md");
-    const WORLD: &str = include_str!("../../worlds/acc.ron");
+
+    /// A list of one ego, with the macro of the list above.
+    mod with_example {
+        use super::super::{Actuated, Controller, Parameter, UnknownParameter, written_as};
+        use serde::{Deserialize, Serialize};
+
+        #[derive(Clone, Debug, PartialEq)]
+        pub(super) struct ControllerSpec(StockController);
+
+        written_as!(ControllerSpec, ControllerFile);
+
+        egos! {
+            /// Brakes, whatever it perceives.
+            example_ego::Dummy by clone;
+        }
+    }
 
     #[test]
     fn a_file_and_a_line_are_all_it_takes_to_add_an_ego() {
-        let begin = WORLD.find("Acc(").expect("the ego");
-        let end = begin + WORLD[begin..].find("))").expect("its end") + 1;
-        // Reuse and the family name parameters of `Acc`.
-        let reuse = WORLD.find("    reuse:").expect("a reuse");
-        let with = |ego: &str| {
-            let text = format!("{}{ego}{})", &WORLD[..begin], &WORLD[end..reuse]);
-            Scenario::parse("acc.ron", &text)
-        };
-        let world = with("Dummy(brake_mps2: 1.0, lag_s: 0.4)").expect("a world");
-        let ego = world.controller().expect("a stock ego");
+        type Example = Actuated<with_example::ControllerSpec>;
+        let text = "Dummy(brake_mps2: 1.0, lag_s: 0.4)";
+        let mut ego: Example = ron::from_str(text).expect("an ego");
         assert_eq!((ego.controller.kind(), ego.lag_s), ("Dummy", 0.4));
-        let names: Vec<_> = ego.parameters().iter().map(|p| p.name).collect();
-        assert_eq!(names, ["brake_mps2", "lag_s"]);
-        let mut bench = world.bench();
-        let start = bench.draw(StartKey {
-            purpose: Purpose::Train,
-            seed: 1,
-            index: 0,
-        });
-        let played = play(&mut bench, &start, 0, &mut Constant(1), Aftermath::Skip);
-        let speed = played.trace.signal("ego.speed").expect("published");
-        assert!(speed[20] < speed[0] - 0.5, "{} {}", speed[0], speed[20]);
-        for (wrong, says) in [
-            ("Dummy(brake_mps2: -1.0, lag_s: 0.4)", "below 0"),
-            ("Dummy(brake_mps2: 1.0, lag_s: -0.4)", "`lag_s` is -0.4"),
-            ("Dummy(brake: 1.0, lag_s: 0.4)", "brake_mps2"),
-        ] {
-            let error = with(wrong).unwrap_err();
-            let problem = &error.problems[0];
-            let help = problem.help.as_deref().unwrap_or_default();
-            assert!(
-                format!("{} {help}", problem.what).contains(says),
-                "{wrong}: {error}"
-            );
-        }
+        assert_eq!(with_example::KINDS, [("Dummy", &["brake_mps2"][..])]);
+        let parameters = ego.controller.parameters();
+        let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
+        assert_eq!((names, parameters[0].value), (vec!["brake_mps2"], 1.0));
+        let command = ego.controller.build().control(&crate::ego::Percept::default());
+        assert_eq!(command.expect("a command").accel_mps2, -1.0);
+        ego.controller.set("brake_mps2", 2.0).expect("its parameter");
+        let command = ego.controller.build().control(&crate::ego::Percept::default());
+        assert_eq!(command.expect("a command").accel_mps2, -2.0);
+        ego.controller.set("brake", 2.0).expect_err("no parameter");
+        let written = ron::to_string(&ego).expect("written");
+        assert_eq!(ron::from_str::<Example>(&written).expect("an ego"), ego);
+        let wrong = ron::from_str::<Example>("Dummy(brake: 1.0, lag_s: 0.4)");
+        assert!(wrong.expect_err("no field").to_string().contains("brake_mps2"));
     }
 
     #[test]
@@ -291,7 +283,7 @@ mod tests {
             .map(|row| row.split('|').collect())
             .collect();
         let quoted = |cell: &'static str| cell.split('`').skip(1).step_by(2);
-        let kinds = KINDS.iter().filter(|(kind, _)| *kind != "Dummy");
+        let kinds = KINDS.iter();
         assert_eq!(rows.len(), kinds.clone().count());
         for ((kind, names), row) in kinds.zip(rows) {
             assert_eq!(quoted(row[1]).collect::<Vec<_>>(), [*kind]);

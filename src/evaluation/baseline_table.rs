@@ -13,7 +13,7 @@ pub struct BaselineTable {
     /// The baselines and a search, ego by ego.
     pub rows: Vec<Row>,
     /// Rules that block success, for egos for which the search finds nothing.
-    pub(crate) in_the_way: Vec<RuleAblation>,
+    pub in_the_way: Vec<RuleAblation>,
 }
 
 /// Plays the baselines and a search with limited switches, ego by ego.

@@ -18,20 +18,20 @@ const LOOKED_AT: usize = 12;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct RuleAblation {
     /// Name of the ego.
-    pub(crate) ego: String,
+    pub ego: String,
     /// Number of searched starts.
-    pub(crate) starts: usize,
+    pub starts: usize,
     /// Starts solved without any rule.
     pub(crate) without_all: usize,
     /// Starts solved without a single rule, rule by rule.
-    pub(crate) without: Vec<(String, usize)>,
+    pub without: Vec<(String, usize)>,
     /// Most switches of action in the searched sequences.
-    pub(crate) switches: usize,
+    pub switches: usize,
     /// Starts with a violation of the specification within the rules that does not count.
     ///
     /// `None` if every violation counts in this world.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) uncounted: Option<usize>,
+    pub uncounted: Option<usize>,
 }
 
 /// Searches the first of some starts again, without the rules.

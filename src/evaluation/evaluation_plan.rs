@@ -60,13 +60,13 @@ impl Evaluation<'_> {
 #[derive(Clone, Debug, serde::Serialize)]
 pub(crate) struct ExplainedCounterexample {
     /// Name of the failing ego in rows.
-    pub(crate) ego: String,
+    pub ego: String,
     /// Position of the start among the test starts.
-    pub(crate) start: usize,
+    pub start: usize,
     /// Requirement behind ψ_ego, if the world names it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) requirement: Option<String>,
+    pub requirement: Option<String>,
     /// Deciding leaf, with its time and value.
     #[serde(rename = "explain")]
-    pub(crate) explanation: Explanation,
+    pub explanation: Explanation,
 }

@@ -41,7 +41,7 @@ pub struct PointsRequest<'a> {
 /// Outcome of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum PointOutcome {
+pub enum PointOutcome {
     /// The ego satisfied its specification.
     Passed,
     /// It violated it.
@@ -60,7 +60,7 @@ pub struct PointResult {
     /// Values of the start, by axis.
     pub start: IndexMap<String, f64>,
     /// Outcome of the point.
-    pub(crate) outcome: PointOutcome,
+    pub outcome: PointOutcome,
     /// ρ(ψ_ego), below 0 if the ego fails.
     ///
     /// `None` if a rule was broken first, or if nothing ran.
@@ -68,7 +68,7 @@ pub struct PointResult {
     pub robustness: Option<f64>,
     /// Failure of the ego, if it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) failure: Option<PointFailure>,
+    pub failure: Option<PointFailure>,
     /// Result of the search of variations. `None` without a search.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub varied: Option<VariedPoint>,
@@ -78,15 +78,15 @@ pub struct PointResult {
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct PointFailure {
     /// The part of ψ_ego that decides.
-    pub(crate) leaf: String,
+    pub leaf: String,
     /// Time of the violation.
-    pub(crate) violated_s: f64,
+    pub violated_s: f64,
     /// The agents that touch, if any do.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) contact: Option<(String, String)>,
+    pub contact: Option<(String, String)>,
     /// Closing speed of that contact.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) closing_mps: Option<f64>,
+    pub closing_mps: Option<f64>,
 }
 
 /// Result of the search of variations within the rules, at a passed point.
@@ -389,7 +389,7 @@ impl PointsTable {
     }
 
     /// The page of these points and its JUnit file, without examples yet.
-    pub(crate) fn page(&self, commands: Vec<String>) -> PointsPage<'_> {
+    pub fn page(&self, commands: Vec<String>) -> PointsPage<'_> {
         PointsPage {
             scenario: self.scenario(),
             ego: self.ego.clone(),
@@ -424,7 +424,7 @@ impl PointsTable {
     }
 
     /// Returns failures as examples for a page, at most `most`, the worst first.
-    pub(crate) fn examples(&self, most: usize, watch: &Watch<'_>) -> Vec<Example> {
+    pub fn examples(&self, most: usize, watch: &Watch<'_>) -> Vec<Example> {
         let cells = [
             Some(&self.evaluated.neutral),
             self.evaluated.varied.as_ref(),

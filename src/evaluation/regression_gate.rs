@@ -14,38 +14,38 @@ use crate::stats::Flips;
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Flipped {
     /// Position of the start.
-    pub(crate) start: usize,
+    pub start: usize,
     /// Closing speed on the ego that fails, if it ends in contact.
-    pub(crate) closing_mps: Option<f64>,
+    pub closing_mps: Option<f64>,
     /// True if CC_LATCHED or FSM in that ego's place would have avoided the failure.
     ///
     /// `None`: such an encounter cannot be judged.
-    pub(crate) preventable: Option<bool>,
+    pub preventable: Option<bool>,
 }
 
 /// Comparison of a new ego with a baseline under the trained ado, start by start.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Gate {
+pub struct Gate {
     /// Name of the new ego.
-    pub(crate) ego: String,
+    pub ego: String,
     /// Name of the baseline ego.
-    pub(crate) baseline: String,
+    pub baseline: String,
     /// Starts that are valid and not trivial for both.
-    pub(crate) compared: usize,
+    pub compared: usize,
     /// Starts from which the new ego fails and the baseline does not.
-    pub(crate) newly_failing: Vec<Flipped>,
+    pub newly_failing: Vec<Flipped>,
     /// Starts from which the baseline fails and the new ego does not.
-    pub(crate) newly_fixed: Vec<Flipped>,
+    pub newly_fixed: Vec<Flipped>,
     /// Starts from which both fail.
-    pub(crate) both_fail: usize,
+    pub both_fail: usize,
     /// Closing speeds of the baseline where both fail in contact.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) closing_before_mps: Option<ClosingSpeed>,
+    pub closing_before_mps: Option<ClosingSpeed>,
     /// Closing speeds of the new ego on the same starts.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) closing_after_mps: Option<ClosingSpeed>,
+    pub closing_after_mps: Option<ClosingSpeed>,
     /// Exact two-sided p-value of McNemar's test on the flipped starts.
-    pub(crate) p_value: f64,
+    pub p_value: f64,
 }
 
 /// Newly failing starts that block a change.
@@ -64,7 +64,7 @@ pub(crate) struct Gate {
     EnumMessage,
 )]
 #[strum(serialize_all = "kebab-case")]
-pub(crate) enum GateOn {
+pub enum GateOn {
     /// Those that CC_LATCHED or FSM would have avoided.
     #[default]
     Preventable,
@@ -76,7 +76,7 @@ pub(crate) enum GateOn {
 
 impl GateOn {
     /// Returns whether newly failing starts block a change, by their preventability.
-    pub(crate) fn blocks(self, newly_failing: impl IntoIterator<Item = Option<bool>>) -> bool {
+    pub fn blocks(self, newly_failing: impl IntoIterator<Item = Option<bool>>) -> bool {
         newly_failing.into_iter().any(|preventable| match self {
             GateOn::Preventable => preventable == Some(true),
             GateOn::Any => true,
@@ -87,7 +87,7 @@ impl GateOn {
 
 impl Gate {
     /// Returns whether the gate blocks the new ego.
-    pub(crate) fn blocks(&self, on: GateOn) -> bool {
+    pub fn blocks(&self, on: GateOn) -> bool {
         on.blocks(self.newly_failing.iter().map(|start| start.preventable))
     }
 
@@ -132,7 +132,7 @@ impl EvaluationTable<'_> {
     ///
     /// # Errors
     /// Returns an error if two egos have different starts, which cannot be paired.
-    pub(crate) fn gates(
+    pub fn gates(
         &self,
         baseline: &str,
         watch: &Watch<'_>,

@@ -169,7 +169,7 @@ impl Trained<'_> {
 ///
 /// # Errors
 /// It stored none, or they do not fit the egos' worlds.
-pub(crate) fn counterexamples_for(
+pub fn counterexamples_for(
     run: &RunDir,
     egos: &[EgoUnderTest],
 ) -> Result<Stored, EvaluationError> {

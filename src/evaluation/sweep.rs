@@ -122,7 +122,7 @@ impl Sweep {
     }
 
     /// Returns the failures at each value, with `egos` in the order of the values.
-    pub(crate) fn swept(&self, egos: &[ReusedOn]) -> Swept {
+    pub fn swept(&self, egos: &[ReusedOn]) -> Swept {
         let points = self.values.iter().zip(egos);
         let points = points.map(|(value, ego)| SweepPoint::of(*value, &ego.rows));
         Swept::of(&self.parameter, points.collect())
@@ -131,13 +131,13 @@ impl Sweep {
 
 /// One value of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct SweepPoint {
+pub struct SweepPoint {
     /// Value of the parameter, in its own unit.
-    pub(crate) value: f64,
+    pub value: f64,
     /// Starts with a result for this ego.
-    pub(crate) starts: usize,
+    pub starts: usize,
     /// Starts from which any ado or search makes it fail.
-    pub(crate) failing: usize,
+    pub failing: usize,
 }
 
 impl SweepPoint {
@@ -159,15 +159,15 @@ impl SweepPoint {
 
 /// Safe values of a parameter, as far as these ados and searches show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Swept {
+pub struct Swept {
     /// Name of the parameter, without `ego.`.
-    pub(crate) parameter: String,
+    pub parameter: String,
     /// Values in rising order, with their failures.
-    pub(crate) points: Vec<SweepPoint>,
+    pub points: Vec<SweepPoint>,
     /// The least value from which on no start failed.
-    pub(crate) safe_from: Option<f64>,
+    pub safe_from: Option<f64>,
     /// The greatest value up to which no start failed.
-    pub(crate) safe_up_to: Option<f64>,
+    pub safe_up_to: Option<f64>,
 }
 
 impl Swept {

@@ -22,7 +22,7 @@ const ALPHA: f64 = 0.1;
 /// The paper's theorems, checked on a run.
 #[derive(Clone, Debug, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum TheoremsChecked {
+pub enum TheoremsChecked {
     /// Theorems 1 to 3 on a grid.
     Grid(Box<GridTheorems>),
     /// Theorem 3 and Lemma 1, on changed egos.
@@ -31,7 +31,7 @@ pub(crate) enum TheoremsChecked {
 
 impl TheoremsChecked {
     /// Returns whether a theorem is refuted, which is a bug of this program.
-    pub(crate) fn is_refuted(&self) -> bool {
+    pub fn is_refuted(&self) -> bool {
         match self {
             TheoremsChecked::Grid(checked) => checked.is_refuted(),
             TheoremsChecked::CarryOver(carried) => carried.rows.iter().any(|row| {
@@ -45,19 +45,19 @@ impl TheoremsChecked {
 /// Results of an evaluation, as far as it ran.
 pub struct EvaluationTable<'a> {
     /// Every ego that was played.
-    pub(crate) egos: Vec<ReusedOn>,
+    pub egos: Vec<ReusedOn>,
     /// First failure of each ego under the trained ado, with its explanation.
-    pub(crate) reasons: Vec<ExplainedCounterexample>,
+    pub reasons: Vec<ExplainedCounterexample>,
     /// Summary of the adaptation to each ego, if requested.
     pub adapted_to: Vec<AdaptedTo>,
     /// Error that ended the evaluation early, if any.
     pub failure: Option<EvaluationError>,
     /// The nominal ego's test starts.
-    pub(crate) starts: TestStarts,
-    pub(crate) evaluation: Evaluation<'a>,
+    pub starts: TestStarts,
+    pub evaluation: Evaluation<'a>,
     policy: Box<dyn Policy>,
     /// Cell of each ego whose counterexamples are kept.
-    pub(crate) found: Vec<ExperimentCell>,
+    pub found: Vec<ExperimentCell>,
 }
 
 impl<'a> Evaluation<'a> {
@@ -186,7 +186,7 @@ impl<'a> EvaluationTable<'a> {
     ///
     /// # Errors
     /// A theorem does not apply to the world.
-    pub(crate) fn theorems(
+    pub fn theorems(
         &self,
         watch: &Watch<'_>,
     ) -> Result<Option<TheoremsChecked>, EvaluationError> {

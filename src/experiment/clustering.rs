@@ -34,13 +34,13 @@ pub const NEAR: f64 = 0.15;
 /// Features by which counterexamples are compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CrashFeatures {
-    pub(crate) class: CrashClass,
-    pub(crate) signals: Vec<f64>,
+    pub class: CrashClass,
+    pub signals: Vec<f64>,
 }
 
 /// Features that similar counterexamples share exactly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct CrashClass {
+pub struct CrashClass {
     leaf: String,
     kind: Option<CrashKind>,
     with: Option<(String, String)>,
@@ -48,7 +48,7 @@ pub(crate) struct CrashClass {
 
 impl CrashClass {
     /// Returns the kind of contact in words.
-    pub(crate) fn contact_in_words(&self) -> String {
+    pub fn contact_in_words(&self) -> String {
         match (&self.with, self.kind) {
             (None, _) => "no contact".to_owned(),
             (Some((a, b)), Some(kind)) => format!("{} of {a} and {b}", kind.word()),
@@ -118,7 +118,7 @@ pub fn clusters(shapes: &[CrashFeatures]) -> Vec<Vec<usize>> {
 }
 
 /// Returns the criteria of severity, the most important first.
-pub(crate) fn badness(episode: &Episode) -> [f64; 4] {
+pub fn badness(episode: &Episode) -> [f64; 4] {
     let severity = Severity::of(episode);
     let risk = severity.and_then(|severity| severity.injury_risk);
     let depth = match episode.verdict {
@@ -134,7 +134,7 @@ pub(crate) fn badness(episode: &Episode) -> [f64; 4] {
 }
 
 /// Orders two lists by their first difference, the larger value first.
-pub(crate) fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
+pub fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
     let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
     let differing = pairs.find(|order| order.is_ne());
     differing.unwrap_or(cmp::Ordering::Equal)
@@ -144,6 +144,6 @@ pub(crate) fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
 ///
 /// A contact comes before none, then injury risk, closing speed and depth of the
 /// violation decide.
-pub(crate) fn worse_first(a: &Episode, b: &Episode) -> cmp::Ordering {
+pub fn worse_first(a: &Episode, b: &Episode) -> cmp::Ordering {
     descending(&badness(a), &badness(b))
 }

@@ -34,7 +34,7 @@ pub(crate) fn first_divergence(
 }
 
 /// Reports an ego that is not deterministic, with the fix.
-pub(crate) fn note_if_unrepeatable(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) {
+pub fn note_if_unrepeatable(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) {
     if 1 < ego.scenario().repeats.runs || watch.stopped() {
         return;
     }

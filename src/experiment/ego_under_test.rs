@@ -121,7 +121,7 @@ impl EgoUnderTest {
     }
 
     /// Returns the change that makes a program the ego.
-    pub(crate) fn change_to(command: &[String]) -> Change {
+    pub fn change_to(command: &[String]) -> Change {
         Change {
             controller: Some(Process::new(command).into()),
             ..Change::default()
@@ -149,7 +149,7 @@ impl EgoUnderTest {
 
     /// Creates the ego of a run's training: the world's own, or the changed ego of the
     /// manifest.
-    pub(crate) fn of_training(
+    pub fn of_training(
         world: &Scenario,
         ego: Option<&ChangedEgo>,
     ) -> Result<EgoUnderTest, EgoError> {
@@ -188,7 +188,7 @@ impl EgoUnderTest {
     }
 
     /// Returns the ego in a variant of its world.
-    pub(crate) fn in_world(&self, scenario: Scenario) -> EgoUnderTest {
+    pub fn in_world(&self, scenario: Scenario) -> EgoUnderTest {
         EgoUnderTest {
             scenario,
             ..self.clone()
@@ -221,7 +221,7 @@ pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, EgoError
 ///
 /// # Errors
 /// A program is not allowed. No program was started.
-pub(crate) fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
+pub fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
     let family = world.family().filter(|_| !world.against.is_nominal());
     let mut programs = family.into_iter().flat_map(|family| family.programs());
     match programs.next().filter(|_| !world.may_start_programs()) {
@@ -249,7 +249,7 @@ pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), EgoError> 
 ///
 /// # Errors
 /// A program is not allowed. No program was started.
-pub(crate) fn consent_to(egos: &[EgoUnderTest]) -> Result<(), EgoError> {
+pub fn consent_to(egos: &[EgoUnderTest]) -> Result<(), EgoError> {
     let mut programs = egos
         .iter()
         .filter_map(|ego| Some((ego.name(), ego.scenario().program()?)));

@@ -21,7 +21,7 @@ pub struct EpisodeLoop<'a> {
 }
 
 /// Turn of an item on a worker.
-pub(crate) struct WorkItem {
+pub struct WorkItem {
     /// Position among the items.
     pub index: usize,
     clock: ThreadTime,
@@ -29,7 +29,7 @@ pub(crate) struct WorkItem {
 
 impl WorkItem {
     /// Returns the processor time since the turn began.
-    pub(crate) fn cpu_s(&self) -> f64 {
+    pub fn cpu_s(&self) -> f64 {
         self.clock.elapsed().as_secs_f64()
     }
 }
@@ -66,7 +66,7 @@ impl<'a> EpisodeLoop<'a> {
     ///
     /// `worker` makes what a worker keeps from item to item, such as benches. No result
     /// may depend on its earlier use.
-    pub(crate) fn run<I: Sync, W, R: Send>(
+    pub fn run<I: Sync, W, R: Send>(
         &self,
         items: &[I],
         worker: impl Fn() -> W + Sync + Send,

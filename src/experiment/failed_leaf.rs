@@ -6,7 +6,7 @@ use crate::trace::Trace;
 use crate::world::Scenario;
 
 /// Returns the leaf of ψ_ego that decides an episode.
-pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
+pub fn leaf(scenario: &Scenario, episode: &Episode) -> String {
     let explanation = scenario
         .rulebook()
         .spec
@@ -19,7 +19,7 @@ pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
 ///
 /// An episode that continues to the contact gets worse, so its worst sample is not the
 /// time of the failure.
-pub(crate) fn violated(scenario: &Scenario, episode: &Episode) -> Trace {
+pub fn violated(scenario: &Scenario, episode: &Episode) -> Trace {
     let mut judged = episode.trace.clone();
     judged.truncate(episode.judged);
     let samples = scenario.world().clock().samples();

@@ -4,11 +4,11 @@
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
 mod audience;
-pub(crate) mod clustering;
+pub mod clustering;
 mod cost;
 mod determinism_check;
 mod ego_under_test;
-pub(crate) mod episode_loop;
+pub mod episode_loop;
 mod error;
 mod failed_leaf;
 mod neutral_rule;
@@ -19,20 +19,20 @@ mod trivial_starts;
 
 pub use crate::scene::drive::ControllerFactory;
 pub use audience::{Audience, ShownEpisode};
-pub(crate) use clustering::{
+pub use clustering::{
     CrashClass, CrashFeatures, badness, clusters, descending, worse_first,
 };
 pub use cost::Cost;
-pub(crate) use determinism_check::note_if_unrepeatable;
+pub use determinism_check::note_if_unrepeatable;
 pub use ego_under_test::{EgoUnderTest, consent, on_plant};
-pub(crate) use ego_under_test::{consent_to, consent_to_family};
-pub(crate) use episode_loop::{EpisodeLoop, WorkItem};
+pub use ego_under_test::{consent_to, consent_to_family};
+pub use episode_loop::{EpisodeLoop, WorkItem};
 pub use error::EgoError;
-pub(crate) use failed_leaf::{leaf, violated};
+pub use failed_leaf::{leaf, violated};
 pub use neutral_rule::NeutralRule;
 pub use progress::{Remark, StepPlace, TrainingIntervals, Watch};
 pub use test_starts::{TestStarts, test_starts};
-pub(crate) use test_starts::{drawn_starts, test_noise, test_start, untried_starts};
-pub(crate) use traffic::traffic_model;
+pub use test_starts::{drawn_starts, test_noise, test_start, untried_starts};
+pub use traffic::traffic_model;
 pub use traffic::{TrafficError, in_named_traffic};
-pub(crate) use trivial_starts::TrivialStarts;
+pub use trivial_starts::TrivialStarts;

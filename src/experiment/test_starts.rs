@@ -48,7 +48,7 @@ pub fn test_starts(
 }
 
 /// Draws test starts of which none is left out, without playing them.
-pub(crate) fn untried_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStarts {
+pub fn untried_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStarts {
     let starts = listed_or_drawn(scenario, seed, count);
     TestStarts {
         seed,
@@ -68,7 +68,7 @@ fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, 
 /// Returns the `index`th test start of a seed, with the seed of its noise.
 ///
 /// `None`: the world lists its starts and has fewer, as in [`test_starts`] of all of them.
-pub(crate) fn test_start(scenario: &Scenario, seed: u64, index: usize) -> Option<(Start, u64)> {
+pub fn test_start(scenario: &Scenario, seed: u64, index: usize) -> Option<(Start, u64)> {
     let bench = scenario.bench();
     let start = match scenario.starts() {
         Some(all) => all.get(index)?.clone(),
@@ -78,7 +78,7 @@ pub(crate) fn test_start(scenario: &Scenario, seed: u64, index: usize) -> Option
 }
 
 /// Returns some of the test starts of a stream, with the seeds of their noise.
-pub(crate) fn drawn_starts(
+pub fn drawn_starts(
     scenario: &Scenario,
     seed: u64,
     which: Range<usize>,
@@ -92,7 +92,7 @@ pub(crate) fn drawn_starts(
 }
 
 /// Returns the noise of the `index`th test start.
-pub(crate) fn test_noise(bench: &Testbench, seed: u64, index: usize) -> u64 {
+pub fn test_noise(bench: &Testbench, seed: u64, index: usize) -> u64 {
     bench.noise_of(test_key(seed, index))
 }
 
@@ -128,7 +128,7 @@ impl TestStarts {
     /// Draws the starts of [`test_starts`], of which the trivial ones are stored in `dir`.
     ///
     /// `ego` has the nominal world on the plant of its file. `None`: stopped.
-    pub(crate) fn stored(
+    pub fn stored(
         dir: Option<&Path>,
         ego: &EgoUnderTest,
         (count, seed): (usize, u64),
@@ -140,7 +140,7 @@ impl TestStarts {
     }
 
     /// Returns starts of which the trivial ones were played.
-    pub(crate) fn new(seed: u64, starts: Vec<(Start, u64)>, trivial: TrivialStarts) -> TestStarts {
+    pub fn new(seed: u64, starts: Vec<(Start, u64)>, trivial: TrivialStarts) -> TestStarts {
         let trivial = trivial.known.into_iter();
         TestStarts {
             seed,
@@ -153,7 +153,7 @@ impl TestStarts {
     ///
     /// The nominal ego of `world` then does not represent the others, by the kind of the
     /// world or because it fails on every start.
-    pub(crate) fn judges_each_ego(&self, world: &Scenario) -> bool {
+    pub fn judges_each_ego(&self, world: &Scenario) -> bool {
         world.judges_each_ego() || self.trivial.iter().all(|trivial| *trivial)
     }
 
@@ -165,7 +165,7 @@ impl TestStarts {
     /// The ego's own failures are left out, instead of those of the nominal ego of
     /// `world`, if each ego needs trivial starts of its own
     /// ([`TestStarts::judges_each_ego`]). They are stored in `dir`.
-    pub(crate) fn for_ego(
+    pub fn for_ego(
         &self,
         world: &Scenario,
         ego: &EgoUnderTest,
@@ -199,7 +199,7 @@ impl TestStarts {
     }
 
     /// Returns the first starts that are not trivial.
-    pub(crate) fn first(&self, most: usize) -> TestStarts {
+    pub fn first(&self, most: usize) -> TestStarts {
         let marked = self.starts.iter().zip(&self.trivial);
         let first = marked.filter(|(_, trivial)| !**trivial).take(most);
         let starts: Vec<(Start, u64)> = first.map(|(start, _)| start.clone()).collect();
@@ -216,7 +216,7 @@ impl TestStarts {
     /// A result is `None` for trivial starts and for those not reached.
     ///
     /// `worker` and `work` are as in [`EpisodeLoop::run`].
-    pub(crate) fn each<W, R: Send>(
+    pub fn each<W, R: Send>(
         &self,
         watch: &Watch<'_>,
         worker: impl Fn() -> W + Sync + Send,

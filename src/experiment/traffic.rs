@@ -76,7 +76,7 @@ pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario
 ///
 /// # Errors
 /// The file cannot be read or is no model.
-pub(crate) fn traffic_model(name: Option<&str>) -> Result<Arc<TrafficModel>, TrafficError> {
+pub fn traffic_model(name: Option<&str>) -> Result<Arc<TrafficModel>, TrafficError> {
     let Some(file) = name.filter(|name| *name != SHIPPED) else {
         return Ok(motorway());
     };

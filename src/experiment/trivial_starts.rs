@@ -19,7 +19,7 @@ const DIR: &str = "trivial";
 
 /// Starts of which some are known to be trivial, or not.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct TrivialStarts {
+pub struct TrivialStarts {
     /// True if the ego fails without an adversary, with all rules kept.
     ///
     /// `None`: not played, or the ego did not run. Starts beyond the list are not played.
@@ -32,7 +32,7 @@ pub(crate) struct TrivialStarts {
 
 impl TrivialStarts {
     /// Plays every start that is not known with coasting ados. `None`: stopped.
-    pub(crate) fn play(
+    pub fn play(
         self,
         scenario: &Scenario,
         starts: &[(Start, u64)],
@@ -75,7 +75,7 @@ impl TrivialStarts {
     ///
     /// The world of `ego` must be that of its file, with its change, on any plant. A file
     /// that cannot be read or written is noted and changes no result. `None`: stopped.
-    pub(crate) fn stored(
+    pub fn stored(
         dir: Option<&Path>,
         ego: &EgoUnderTest,
         (seed, starts): (u64, &[(Start, u64)]),

@@ -1,5 +1,5 @@
 //! Exact solutions of grid worlds: best ados, values and bisimulations.
 
-pub(crate) mod bisimulation;
-pub(crate) mod exact;
-pub(crate) mod values;
+pub mod bisimulation;
+pub mod exact;
+pub mod values;

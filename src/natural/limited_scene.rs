@@ -35,7 +35,7 @@ struct LimitedVehicle {
 
 impl LimitedScene {
     /// Limits a driving scene. A scene without roads is returned as it is.
-    pub(crate) fn around(scene: Box<dyn Scene>, limit: &AdoLimit) -> Box<dyn Scene> {
+    pub fn around(scene: Box<dyn Scene>, limit: &AdoLimit) -> Box<dyn Scene> {
         match scene.driven() {
             None => scene,
             Some(world) => Box::new(LimitedScene {

@@ -5,7 +5,7 @@
 //!
 //! Architecture Invariant: nothing here judges an ego or reads a rule.
 
-mod behaviour;
+pub mod behaviour;
 mod limited_scene;
 mod naturalness;
 mod vehicle_meter;
@@ -34,19 +34,19 @@ pub struct AdoLimit {
 }
 
 /// Returns the shipped model of motorway traffic.
-pub(crate) fn motorway() -> Arc<TrafficModel> {
+pub fn motorway() -> Arc<TrafficModel> {
     static MODEL: LazyLock<Arc<TrafficModel>> = LazyLock::new(|| TrafficModel::motorway().into());
     Arc::clone(&MODEL)
 }
 
 /// Traffic in which the ados of a world drive.
 #[derive(Clone, Debug)]
-pub(crate) struct DeclaredTraffic {
-    pub(crate) model: Arc<TrafficModel>,
+pub struct DeclaredTraffic {
+    pub model: Arc<TrafficModel>,
     /// Least rate of an ado's events per 1,000 km, if they are limited.
-    pub(crate) per_1000_km: Option<f64>,
+    pub per_1000_km: Option<f64>,
     /// True if the user named the model.
-    pub(crate) is_declared: bool,
+    pub is_declared: bool,
 }
 
 /// Traffic and limit of a training, as its run directory has them.
@@ -56,12 +56,12 @@ pub struct NaturalTraining {
     /// Least rate of an event per 1,000 km.
     pub per_1000_km: f64,
     /// RON text of the traffic model.
-    pub(crate) traffic: String,
+    pub traffic: String,
 }
 
 impl NaturalTraining {
     /// Returns those of some traffic, `None` without a limit.
-    pub(crate) fn of(traffic: &DeclaredTraffic) -> Option<NaturalTraining> {
+    pub fn of(traffic: &DeclaredTraffic) -> Option<NaturalTraining> {
         traffic.per_1000_km.map(|per_1000_km| NaturalTraining {
             per_1000_km,
             traffic: traffic.model.to_ron(),
@@ -93,7 +93,7 @@ impl Default for DeclaredTraffic {
 
 impl DeclaredTraffic {
     /// Returns the limit on the ados, if there is one.
-    pub(crate) fn limit(&self) -> Option<AdoLimit> {
+    pub fn limit(&self) -> Option<AdoLimit> {
         self.per_1000_km.map(|per_1000_km| AdoLimit {
             model: Arc::clone(&self.model),
             per_1000_km,
@@ -101,7 +101,7 @@ impl DeclaredTraffic {
     }
 
     /// Returns the naturalness of a row's successes, `None` if none has a rarity.
-    pub(crate) fn of_row(&self, successes: &[&SuccessRarity]) -> Option<NaturalnessOfRow> {
+    pub fn of_row(&self, successes: &[&SuccessRarity]) -> Option<NaturalnessOfRow> {
         let is_of_interest = self.is_declared || !successes.is_empty();
         is_of_interest.then(|| {
             NaturalnessOfRow::of(&self.model, self.per_1000_km, successes, self.is_declared)

@@ -60,7 +60,7 @@ impl SuccessRarity {
     /// Returns the rarest driving over the first samples of an episode.
     ///
     /// `None` if no ado drives a vehicle.
-    pub(crate) fn of(
+    pub fn of(
         model: &TrafficModel,
         world: &DriveWorld,
         trace: &Trace,
@@ -87,7 +87,7 @@ impl SuccessRarity {
     }
 
     /// Returns the naturalness, without the surprise.
-    pub(crate) fn naturalness(&self, model: &TrafficModel) -> Naturalness {
+    pub fn naturalness(&self, model: &TrafficModel) -> Naturalness {
         let rarest = self.rarity.rarest();
         Naturalness {
             model: model.name.clone(),
@@ -100,7 +100,7 @@ impl SuccessRarity {
     }
 
     /// Returns the naturalness with the surprise, which takes 20,000 natural drives.
-    pub(crate) fn with_surprise(&self, model: &TrafficModel) -> Naturalness {
+    pub fn with_surprise(&self, model: &TrafficModel) -> Naturalness {
         let surprise = model.surprise(&self.behaviour);
         Naturalness {
             surprise_decades: surprise.map(|it| it.decades),
@@ -113,7 +113,7 @@ impl NaturalnessOfRow {
     /// Returns the naturalness of some successes.
     ///
     /// `surprises`: whether the surprise of the median success is computed.
-    pub(crate) fn of(
+    pub fn of(
         model: &TrafficModel,
         limit_per_1000_km: Option<f64>,
         successes: &[&SuccessRarity],

@@ -178,19 +178,19 @@ fn arc_to((ahead_m, left_m): (f64, f64)) -> Bend {
 
 /// Polynomial of the third degree from a distance on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Cubic {
+pub struct Cubic {
     pub from_m: f64,
     pub terms: [f64; 4],
 }
 
 impl Cubic {
-    pub(crate) fn at(&self, s_m: f64) -> f64 {
+    pub fn at(&self, s_m: f64) -> f64 {
         let [a, b, c, d] = self.terms;
         let x = s_m - self.from_m;
         a + x * (b + x * (c + x * d))
     }
 
-    pub(crate) fn slope(&self, s_m: f64) -> f64 {
+    pub fn slope(&self, s_m: f64) -> f64 {
         let [_, b, c, d] = self.terms;
         let x = s_m - self.from_m;
         b + x * (2.0 * c + x * 3.0 * d)
@@ -202,7 +202,7 @@ impl Cubic {
 }
 
 /// Returns the last polynomial that has begun at a distance.
-pub(crate) fn begun(all: &[Cubic], s_m: f64) -> Cubic {
+pub fn begun(all: &[Cubic], s_m: f64) -> Cubic {
     let begun = all.iter().rev().find(|it| it.from_m <= s_m);
     // Before its distance the first one holds.
     begun.or(all.first()).copied().unwrap_or_default()
@@ -223,7 +223,7 @@ impl ParametricCurve {
     /// Parts into which a curve is cut to measure it, as in esmini.
     const PARTS: u32 = 200;
 
-    pub(crate) fn new(
+    pub fn new(
         start: Pose,
         (ahead, left): (Cubic, Cubic),
         most: f64,
@@ -249,7 +249,7 @@ impl ParametricCurve {
         }
     }
 
-    pub(crate) fn at(&self, s_m: f64) -> Pose {
+    pub fn at(&self, s_m: f64) -> Pose {
         let after = self.lengths_m.partition_point(|it| *it <= s_m);
         let part = after.clamp(1, Self::PARTS as usize);
         let (from_m, to_m) = (self.lengths_m[part - 1], self.lengths_m[part]);

@@ -13,7 +13,7 @@ const MOST_M: f64 = 5_000.0;
 
 /// Start on a lane, and the way from there.
 #[derive(Clone, Debug)]
-pub(crate) struct LaneStart<'a> {
+pub struct LaneStart<'a> {
     pub road: &'a str,
     pub lane: i32,
     pub s_m: f64,
@@ -24,7 +24,7 @@ pub(crate) struct LaneStart<'a> {
 
 /// Way along lanes in the form of a road.
 #[derive(Clone, Debug)]
-pub(crate) struct LaneRoad {
+pub struct LaneRoad {
     /// Start of the middle of its lane 0, in the plane of the file.
     pub begins: Pose,
     pub lanes: usize,
@@ -43,7 +43,7 @@ pub(crate) struct LaneRoad {
 /// # Errors
 ///
 /// Returns an error for an unknown road or lane, and for unsupported content.
-pub(crate) fn lane_road(
+pub fn lane_road(
     path: &Path,
     text: &str,
     from: &LaneStart,
@@ -88,7 +88,7 @@ pub(crate) fn lane_road(
 
 impl LaneRoad {
     /// Start of another road, seen from the start of this one.
-    pub(crate) fn sees(&self, other: &LaneRoad) -> Pose {
+    pub fn sees(&self, other: &LaneRoad) -> Pose {
         self.begins.sees(&other.begins)
     }
 }

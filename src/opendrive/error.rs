@@ -40,7 +40,7 @@ impl ImportError {
     }
 
     /// Returns the error with a point, unless it already has a point.
-    pub(crate) fn at_point(mut self, index: usize, set: &[(String, String)]) -> ImportError {
+    pub fn at_point(mut self, index: usize, set: &[(String, String)]) -> ImportError {
         let set = set.iter().map(|(name, value)| format!("{name} = {value}"));
         let set: Vec<String> = set.collect();
         self.point
@@ -49,7 +49,7 @@ impl ImportError {
     }
 
     /// Returns the error as one of a point, which `--skip-broken` leaves out.
-    pub(crate) fn of_point(mut self) -> ImportError {
+    pub fn of_point(mut self) -> ImportError {
         self.is_of_point = true;
         let help = "--skip-broken leaves such points out and says how many";
         // A more specific help takes precedence.
@@ -58,7 +58,7 @@ impl ImportError {
     }
 
     /// Returns the error with a help.
-    pub(crate) fn helped(mut self, help: &str) -> ImportError {
+    pub fn helped(mut self, help: &str) -> ImportError {
         self.help = Some(help.to_owned());
         self
     }
@@ -66,14 +66,14 @@ impl ImportError {
 
 /// Place in a file.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct At {
+pub struct At {
     file: PathBuf,
     element: Option<Box<(String, usize)>>,
 }
 
 impl At {
     /// Place of a file as a whole.
-    pub(crate) fn file(file: &Path) -> At {
+    pub fn file(file: &Path) -> At {
         At {
             file: file.to_owned(),
             element: None,
@@ -81,14 +81,14 @@ impl At {
     }
 
     /// Place of an element.
-    pub(crate) fn element(file: &Path, element: String, line: usize) -> At {
+    pub fn element(file: &Path, element: String, line: usize) -> At {
         At {
             file: file.to_owned(),
             element: Some(Box::new((element, line))),
         }
     }
 
-    pub(crate) fn error(&self, what: impl Into<String>) -> ImportError {
+    pub fn error(&self, what: impl Into<String>) -> ImportError {
         ImportError {
             file: self.file.clone(),
             element: self.element.clone(),

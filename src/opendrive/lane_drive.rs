@@ -31,7 +31,7 @@ const LINE_PER_M: f64 = 1e-9;
 
 /// Part of a way: a lane in one section of a road, in the direction of travel.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct LaneStretch {
+pub struct LaneStretch {
     pub road: String,
     section: usize,
     pub lane: i32,
@@ -48,7 +48,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error for a road with unsupported content.
-    pub(crate) fn lane_drive(
+    pub fn lane_drive(
         &self,
         asks: &XmlNode,
         at: &OnLane,
@@ -134,7 +134,7 @@ impl RoadMap {
     }
 
     /// Number of lanes to the right of a way, all of a width and on the whole way.
-    pub(crate) fn lanes_beside(&self, stretches: &[LaneStretch], width_m: f64) -> usize {
+    pub fn lanes_beside(&self, stretches: &[LaneStretch], width_m: f64) -> usize {
         let beside = |it: &LaneStretch| {
             let road = self.get(&it.road)?;
             // Against the traffic, the lanes to the right lead the other way.
@@ -158,7 +158,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error for lanes that slant more than an entity can follow.
-    pub(crate) fn lane_way(
+    pub fn lane_way(
         &self,
         asks: &XmlNode,
         stretches: &[LaneStretch],
@@ -275,11 +275,11 @@ fn through(
 }
 
 impl LaneStretch {
-    pub(crate) fn is_forward(&self) -> bool {
+    pub fn is_forward(&self) -> bool {
         self.from_m < self.to_m
     }
 
-    pub(crate) fn length_m(&self) -> f64 {
+    pub fn length_m(&self) -> f64 {
         (self.to_m - self.from_m).abs()
     }
 
@@ -289,7 +289,7 @@ impl LaneStretch {
         LaneStretch { to_m, ..self }
     }
 
-    pub(crate) fn station_m(&self, along_m: f64) -> f64 {
+    pub fn station_m(&self, along_m: f64) -> f64 {
         if self.is_forward() {
             self.from_m + along_m
         } else {

@@ -33,14 +33,14 @@ pub(crate) struct RoadLanes {
 }
 
 impl OpenDriveLaneSection {
-    pub(crate) fn lane(&self, id: i32) -> Option<&SectionLane> {
+    pub fn lane(&self, id: i32) -> Option<&SectionLane> {
         self.lanes.iter().find(|lane| lane.id == id)
     }
 }
 
 impl RoadLanes {
     /// Reads the `lanes` of a road. The first problem is kept in `refused`.
-    pub(crate) fn of(
+    pub fn of(
         road: &XmlNode,
         lanes: &XmlNode,
         refused: &mut Option<ImportError>,
@@ -66,7 +66,7 @@ impl RoadLanes {
     }
 
     /// Returns the number and the lanes of the section at a station.
-    pub(crate) fn section(&self, s_m: f64) -> Option<(usize, &OpenDriveLaneSection)> {
+    pub fn section(&self, s_m: f64) -> Option<(usize, &OpenDriveLaneSection)> {
         let sections = self.sections.iter().enumerate();
         let found = sections.rev().find(|(_, section)| section.s_m <= s_m);
         found.or_else(|| self.sections.iter().enumerate().next())
@@ -75,7 +75,7 @@ impl RoadLanes {
     /// Lateral position of the middle of a lane, and its slope along the road.
     ///
     /// `None` if the section at this station has no such lane.
-    pub(crate) fn middle(&self, (section, s_m): (usize, f64), lane: i32) -> Option<(f64, f64)> {
+    pub fn middle(&self, (section, s_m): (usize, f64), lane: i32) -> Option<(f64, f64)> {
         let lanes = self.sections.get(section)?;
         let offset = begun(&self.offsets, s_m);
         let (mut t_m, mut slope) = (offset.at(s_m), offset.slope(s_m));
@@ -93,7 +93,7 @@ impl RoadLanes {
     }
 
     /// Share of a width that is left in the plane of a banked road, and its slope.
-    pub(crate) fn flat(&self, s_m: f64) -> (f64, f64) {
+    pub fn flat(&self, s_m: f64) -> (f64, f64) {
         let bank = begun(&self.banks, s_m);
         let (sin, cos) = libm::sincos(bank.at(s_m));
         (cos, -sin * bank.slope(s_m))
@@ -102,7 +102,7 @@ impl RoadLanes {
     /// Returns the lane and the station at which a lane begins on its road.
     ///
     /// In the direction of travel, back over the links of sections.
-    pub(crate) fn first_of(
+    pub fn first_of(
         &self,
         (mut lane, forward): (i32, bool),
         s_m: f64,
@@ -128,7 +128,7 @@ impl RoadLanes {
     }
 
     /// Returns the lane at a lateral position, driven or not.
-    pub(crate) fn lane_at(&self, s_m: f64, t_m: f64) -> Option<i32> {
+    pub fn lane_at(&self, s_m: f64, t_m: f64) -> Option<i32> {
         let (number, section) = self.section(s_m)?;
         let is_on = |id: &i32| {
             let middle = self.middle((number, s_m), *id);
@@ -140,14 +140,14 @@ impl RoadLanes {
     }
 
     /// Width of a lane in metres at a station.
-    pub(crate) fn width_m(&self, s_m: f64, lane: i32) -> Option<f64> {
+    pub fn width_m(&self, s_m: f64, lane: i32) -> Option<f64> {
         let (_, section) = self.section(s_m)?;
         let width = begun(&section.lane(lane)?.widths, s_m);
         Some(width.at(s_m) * self.flat(s_m).0)
     }
 
     /// Lateral position of the middle of a lane that keeps it on the whole road.
-    pub(crate) fn fixed_m(&self, lane: i32) -> Option<f64> {
+    pub fn fixed_m(&self, lane: i32) -> Option<f64> {
         let sides = 1..=lane.abs();
         let mut widths = self.sections.iter().flat_map(|section| {
             let lanes = sides

@@ -17,7 +17,7 @@ pub(crate) struct RoadLink {
 
 impl RoadLink {
     /// Reads the links of a road: before it and after it.
-    pub(crate) fn both(road: &XmlNode) -> Result<[Option<RoadLink>; 2], ImportError> {
+    pub fn both(road: &XmlNode) -> Result<[Option<RoadLink>; 2], ImportError> {
         let of = |name: &str| {
             let node = road.child("link").and_then(|it| it.child(name));
             let link = node.map(|it| {
@@ -59,7 +59,7 @@ pub(super) fn controllers(root: &XmlNode) -> Result<BTreeMap<String, Vec<String>
 pub(crate) struct Junctions(pub BTreeMap<String, Vec<JunctionConnection>>);
 
 impl Junctions {
-    pub(crate) fn of(root: &XmlNode) -> Result<Junctions, ImportError> {
+    pub fn of(root: &XmlNode) -> Result<Junctions, ImportError> {
         let plain = ParameterScope::default();
         let connection = |it: &XmlNode| {
             let lanes = it.all("laneLink").map(|link| {

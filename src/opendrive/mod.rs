@@ -8,24 +8,24 @@
 //! world and no scenario.
 
 pub(crate) mod curve;
-pub(crate) mod error;
+pub mod error;
 pub(crate) mod expression;
-pub(crate) mod files;
-pub(crate) mod lane_drive;
-pub(crate) mod lanes;
+pub mod files;
+pub mod lane_drive;
+pub mod lanes;
 mod links;
 mod pose_geometry;
 pub(crate) mod reference_line;
-pub(crate) mod roads;
-pub(crate) mod scope;
+pub mod roads;
+pub mod scope;
 pub(crate) mod surface;
-pub(crate) mod tree;
+pub mod tree;
 mod way_parts;
-pub(crate) mod ways;
+pub mod ways;
 
 mod driven_road;
 
-pub(crate) use driven_road::{LaneRoad, LaneStart, lane_road};
+pub use driven_road::{LaneRoad, LaneStart, lane_road};
 pub use error::ImportError;
 pub use files::Files;
-pub(crate) use way_parts::grade_list;
+pub use way_parts::grade_list;

@@ -4,7 +4,7 @@ use crate::pose::{Pose, wrapped};
 
 impl Pose {
     /// Pose ahead and to the left, with the same heading.
-    pub(crate) fn moved(&self, ahead_m: f64, left_m: f64) -> Pose {
+    pub fn moved(&self, ahead_m: f64, left_m: f64) -> Pose {
         let at_m = self.frame().to_world(ahead_m, left_m);
         Pose {
             x_m: at_m.x,
@@ -32,7 +32,7 @@ impl Pose {
     }
 
     /// Another pose in the frame of this pose: ahead, to the left, turned.
-    pub(crate) fn sees(&self, other: &Pose) -> Pose {
+    pub fn sees(&self, other: &Pose) -> Pose {
         let at_m = self.frame().to_local(other.point_m());
         Pose {
             x_m: at_m.x,

@@ -25,7 +25,7 @@ pub(crate) struct ReferenceSegment {
 impl ReferenceSegment {
     /// Distance along the piece that is nearest to a place, and the distance to its
     /// left.
-    pub(crate) fn sees(&self, spot: &Pose) -> (f64, f64) {
+    pub fn sees(&self, spot: &Pose) -> (f64, f64) {
         let seen = self.start.sees(spot);
         if self.per_m == 0.0 {
             return (seen.x_m, seen.y_m);
@@ -37,7 +37,7 @@ impl ReferenceSegment {
     }
 
     /// Station and place of its end.
-    pub(crate) fn end(&self) -> (f64, Pose) {
+    pub fn end(&self) -> (f64, Pose) {
         let end = self.start.bent(self.length_m, self.per_m);
         (self.s_m + self.length_m, end)
     }

@@ -18,7 +18,7 @@ use crate::pose::{Pose, wrapped};
 
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]
-pub(crate) struct ImportedRoad {
+pub struct ImportedRoad {
     pub node: XmlNode,
     pub length_m: f64,
     pub pieces: Vec<ReferenceSegment>,
@@ -39,7 +39,7 @@ pub(crate) struct ImportedRoad {
 
 /// Place by road and lane.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct OnLane {
+pub struct OnLane {
     pub road: String,
     /// Number of the lane, or 0 for a place beside all lanes.
     pub lane: i32,
@@ -51,21 +51,21 @@ pub(crate) struct OnLane {
 
 impl OnLane {
     /// Returns 1, or −1 if the left of its entity is the right of the road.
-    pub(crate) fn side(&self) -> i32 {
+    pub fn side(&self) -> i32 {
         if self.forward { 1 } else { -1 }
     }
 }
 
 /// Roads of a file by their id.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct RoadMap {
+pub struct RoadMap {
     roads: BTreeMap<String, ImportedRoad>,
     pub junctions: Junctions,
     controllers: BTreeMap<String, Vec<String>>,
 }
 
 impl RoadMap {
-    pub(crate) fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
+    pub fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
         let roads = root.all("road").map(|road| {
             let id = road.need("id")?.to_owned();
             Ok((id, ImportedRoad::of(road)?))
@@ -78,22 +78,22 @@ impl RoadMap {
     }
 
     /// Returns a road by its id.
-    pub(crate) fn get(&self, id: &str) -> Option<&ImportedRoad> {
+    pub fn get(&self, id: &str) -> Option<&ImportedRoad> {
         self.roads.get(id)
     }
 
     /// Returns whether there is no road at all.
-    pub(crate) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         self.roads.is_empty()
     }
 
     /// Returns the signals of a controller.
-    pub(crate) fn controlled(&self, controller: &str) -> &[String] {
+    pub fn controlled(&self, controller: &str) -> &[String] {
         self.controllers.get(controller).map_or(&[], Vec::as_slice)
     }
 
     /// Returns all roads with their ids.
-    pub(crate) fn all(&self) -> impl Iterator<Item = (&String, &ImportedRoad)> {
+    pub fn all(&self) -> impl Iterator<Item = (&String, &ImportedRoad)> {
         self.roads.iter()
     }
 
@@ -102,7 +102,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error if the roads differ.
-    pub(crate) fn friction(&self, road: Option<&str>) -> Result<f64, ImportError> {
+    pub fn friction(&self, road: Option<&str>) -> Result<f64, ImportError> {
         self.one_of(road, |surface| surface.friction.clone())
     }
 
@@ -111,7 +111,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error if the roads differ.
-    pub(crate) fn limit_mps(&self, road: Option<&str>) -> Result<Option<f64>, ImportError> {
+    pub fn limit_mps(&self, road: Option<&str>) -> Result<Option<f64>, ImportError> {
         self.one_of(road, |surface| surface.limit_mps.clone())
     }
 
@@ -141,7 +141,7 @@ impl RoadMap {
     ///
     /// Where lanes overlap, as in junctions, the direction of the place decides if
     /// it has one, and then its distance from the middle.
-    pub(crate) fn nearest_lane(&self, spot: &Pose, is_turned: bool) -> Option<(OnLane, f64)> {
+    pub fn nearest_lane(&self, spot: &Pose, is_turned: bool) -> Option<(OnLane, f64)> {
         let on_lane = |(id, road): (&String, &ImportedRoad)| {
             let (s_m, t_m) = road.nearest(spot)?;
             let (section, lanes) = road.lanes.section(s_m)?;
@@ -181,7 +181,7 @@ impl RoadMap {
     /// Returns a road by its id, if it is supported.
     ///
     /// `asks` is the element that refers to the road.
-    pub(crate) fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
+    pub fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
         let road = self.roads.get(id);
         let road = road.ok_or_else(|| asks.error(format!("there is no road `{id}`")))?;
         match &road.refused {
@@ -228,12 +228,12 @@ impl ImportedRoad {
     }
 
     /// Returns whether its heights change along it.
-    pub(crate) fn rises(&self) -> bool {
+    pub fn rises(&self) -> bool {
         !self.heights_m.iter().all(Cubic::is_constant)
     }
 
     /// Returns whether the traffic of a lane follows the reference line.
-    pub(crate) fn leads_forward(&self, lane: i32) -> bool {
+    pub fn leads_forward(&self, lane: i32) -> bool {
         // Lanes with negative numbers lie on the right.
         (lane < 0) != self.is_left_hand
     }
@@ -252,7 +252,7 @@ impl ImportedRoad {
     }
 
     /// Returns whether the reference line is straight between two stations.
-    pub(crate) fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
+    pub fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
         let (from_m, to_m) = (from_m.min(to_m), from_m.max(to_m));
         let between = |it: &&ReferenceSegment| it.s_m < to_m && from_m < it.s_m + it.length_m;
         let mut pieces = self.pieces.iter().filter(between);
@@ -270,7 +270,7 @@ impl ImportedRoad {
     }
 
     /// Place at a station, `t_m` to the left of the reference line.
-    pub(crate) fn at(&self, s_m: f64, t_m: f64) -> Pose {
+    pub fn at(&self, s_m: f64, t_m: f64) -> Pose {
         // A station on a joint belongs to the later piece.
         let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
         let piece = before.unwrap_or(&self.pieces[0]);
@@ -279,7 +279,7 @@ impl ImportedRoad {
     }
 
     /// Length of the parallel to the reference line between two stations, in metres.
-    pub(crate) fn way_m(&self, from_m: f64, to_m: f64, t_m: f64) -> f64 {
+    pub fn way_m(&self, from_m: f64, to_m: f64, t_m: f64) -> f64 {
         let parts = self.pieces.iter().map(|piece| {
             let ends_m = piece.s_m + piece.length_m;
             let part_m = to_m.min(ends_m) - from_m.max(piece.s_m);
@@ -295,7 +295,7 @@ impl ImportedRoad {
     /// # Errors
     ///
     /// Returns an error for an unknown lane, and for one that moves along the road.
-    pub(crate) fn middle_m(&self, asks: &XmlNode, lane: i32) -> Result<f64, ImportError> {
+    pub fn middle_m(&self, asks: &XmlNode, lane: i32) -> Result<f64, ImportError> {
         self.middle_at(asks, 0.0, lane)?;
         match self.lanes.fixed_m(lane) {
             Some(fixed_m) => Ok(fixed_m),
@@ -312,7 +312,7 @@ impl ImportedRoad {
     /// # Errors
     ///
     /// Returns an error for a lane that is not there.
-    pub(crate) fn middle_at(
+    pub fn middle_at(
         &self,
         asks: &XmlNode,
         s_m: f64,
@@ -326,7 +326,7 @@ impl ImportedRoad {
     }
 
     /// Driving lanes on the side of a lane with their widths, the outermost first.
-    pub(crate) fn driven_beside(&self, lane: i32, s_m: f64) -> Vec<(i32, f64)> {
+    pub fn driven_beside(&self, lane: i32, s_m: f64) -> Vec<(i32, f64)> {
         let section = self.lanes.section(s_m);
         let side = section.into_iter().flat_map(|(_, it)| &it.lanes);
         let side = side.filter(|it| it.drives && it.id * lane > 0);
@@ -338,13 +338,13 @@ impl ImportedRoad {
     }
 
     /// Curvature of the reference line at a station.
-    pub(crate) fn per_m(&self, s_m: f64) -> f64 {
+    pub fn per_m(&self, s_m: f64) -> f64 {
         let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
         before.unwrap_or(&self.pieces[0]).per_m
     }
 
     /// Returns true for a single straight piece.
-    pub(crate) fn is_straight(&self) -> bool {
+    pub fn is_straight(&self) -> bool {
         self.pieces.len() == 1 && self.pieces[0].per_m == 0.0
     }
 }

@@ -8,7 +8,7 @@ use super::tree::XmlNode;
 
 /// Values of the parameters that a part of a file may use.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct ParameterScope(BTreeMap<String, String>);
+pub struct ParameterScope(BTreeMap<String, String>);
 
 impl ParameterScope {
     /// Returns the parameters of an element, in addition to the outer parameters.
@@ -19,7 +19,7 @@ impl ParameterScope {
     /// # Errors
     ///
     /// Returns an error for an invalid expression or an unknown parameter.
-    pub(crate) fn declared(
+    pub fn declared(
         node: Option<&XmlNode>,
         outer: &ParameterScope,
         set: &[(String, String)],
@@ -45,23 +45,23 @@ impl ParameterScope {
     }
 
     /// Returns the value of a parameter.
-    pub(crate) fn get(&self, name: &str) -> Option<&str> {
+    pub fn get(&self, name: &str) -> Option<&str> {
         self.0.get(name).map(String::as_str)
     }
 
     /// Returns a required attribute, evaluated.
-    pub(crate) fn text(&self, node: &XmlNode, name: &str) -> Result<String, ImportError> {
+    pub fn text(&self, node: &XmlNode, name: &str) -> Result<String, ImportError> {
         self.resolve_text(node, node.need(name)?)
     }
 
     /// Returns a required attribute as a number.
-    pub(crate) fn number(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
+    pub fn number(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
         let text = self.text(node, name)?;
         number(&text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
     }
 
     /// Returns an attribute as a number, or 0 if it is missing.
-    pub(crate) fn number_or_zero(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
+    pub fn number_or_zero(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
         match node.raw(name) {
             Some(_) => self.number(node, name),
             None => Ok(0.0),
@@ -69,7 +69,7 @@ impl ParameterScope {
     }
 
     /// Evaluates a text.
-    pub(crate) fn resolve_text(&self, node: &XmlNode, text: &str) -> Result<String, ImportError> {
+    pub fn resolve_text(&self, node: &XmlNode, text: &str) -> Result<String, ImportError> {
         // Only complete texts are expressions or references. OpenSCENARIO has
         // no interpolation.
         let trimmed = text.trim();
@@ -103,7 +103,7 @@ impl ParameterScope {
     /// Returns the first declaration whose constraints its value breaks.
     ///
     /// One constraint group must hold, with all its constraints.
-    pub(crate) fn broken<'a>(
+    pub fn broken<'a>(
         &self,
         node: Option<&'a XmlNode>,
     ) -> Result<Option<&'a XmlNode>, ImportError> {
@@ -136,13 +136,13 @@ impl ParameterScope {
 }
 
 /// Parses a finite number.
-pub(crate) fn number(text: &str) -> Option<f64> {
+pub fn number(text: &str) -> Option<f64> {
     let value: f64 = text.trim().parse().ok()?;
     value.is_finite().then_some(value)
 }
 
 /// Evaluates a rule between two values. Returns `None` for an unknown rule.
-pub(crate) fn compared(a: &str, rule: &str, b: &str) -> Option<bool> {
+pub fn compared(a: &str, rule: &str, b: &str) -> Option<bool> {
     // Numbers are compared as numbers, since `1` equals `1.0`. Other values are
     // compared as texts.
     let equal = match (number(a), number(b)) {

@@ -30,7 +30,7 @@ impl Default for Surface {
 
 impl Surface {
     /// Returns the surface of a road with the lanes of one section.
-    pub(crate) fn of(road: &XmlNode, section: Option<&XmlNode>) -> Result<Surface, ImportError> {
+    pub fn of(road: &XmlNode, section: Option<&XmlNode>) -> Result<Surface, ImportError> {
         let sides = section.into_iter().flat_map(|it| &it.children);
         let lanes = sides.flat_map(|side| side.all("lane"));
         // Materials of shoulders and sidewalks do not matter: no vehicle drives

@@ -17,7 +17,7 @@ const MAX_DEPTH: usize = 200;
 
 /// Element of a file.
 #[derive(Clone, Debug)]
-pub(crate) struct XmlNode {
+pub struct XmlNode {
     pub name: String,
     attributes: Vec<(String, String)>,
     pub children: Vec<XmlNode>,
@@ -34,7 +34,7 @@ impl XmlNode {
     ///
     /// Returns an error for an unreadable or too large file, and for invalid
     /// XML.
-    pub(crate) fn read(
+    pub fn read(
         path: &Path,
         standard: &str,
         files: Files<'_>,
@@ -53,7 +53,7 @@ impl XmlNode {
         XmlNode::parse(path, text)
     }
 
-    pub(crate) fn parse(path: &Path, text: &str) -> Result<XmlNode, ImportError> {
+    pub fn parse(path: &Path, text: &str) -> Result<XmlNode, ImportError> {
         let file = Rc::new(path.to_owned());
         let mut reader = Reader::from_str(text);
         let (mut line, mut counted) = (1, 0);
@@ -131,7 +131,7 @@ impl XmlNode {
     }
 
     /// Returns an element of a name around it, at its place in the file.
-    pub(crate) fn within(self, name: &str) -> XmlNode {
+    pub fn within(self, name: &str) -> XmlNode {
         XmlNode {
             name: name.to_owned(),
             attributes: Vec::new(),
@@ -143,12 +143,12 @@ impl XmlNode {
     }
 
     /// Returns the path of its file.
-    pub(crate) fn file(&self) -> &Path {
+    pub fn file(&self) -> &Path {
         &self.file
     }
 
     /// Returns its place for errors.
-    pub(crate) fn at(&self) -> At {
+    pub fn at(&self) -> At {
         let name = self.raw("name").or_else(|| self.raw("entityRef"));
         let shown = match name {
             Some(name) => format!("{} `{name}`", self.name),
@@ -157,40 +157,40 @@ impl XmlNode {
         At::element(&self.file, shown, self.line)
     }
 
-    pub(crate) fn error(&self, what: impl Into<String>) -> ImportError {
+    pub fn error(&self, what: impl Into<String>) -> ImportError {
         self.at().error(what)
     }
 
     /// Returns an error with a help.
-    pub(crate) fn refused(&self, what: impl Into<String>, help: &str) -> ImportError {
+    pub fn refused(&self, what: impl Into<String>, help: &str) -> ImportError {
         self.error(what).helped(help)
     }
 
     /// Returns an attribute as written.
-    pub(crate) fn raw(&self, name: &str) -> Option<&str> {
+    pub fn raw(&self, name: &str) -> Option<&str> {
         let mut attributes = self.attributes.iter();
         let found = attributes.find(|(known, _)| known == name);
         found.map(|(_, value)| value.as_str())
     }
 
     /// Returns a required attribute as written.
-    pub(crate) fn need(&self, name: &str) -> Result<&str, ImportError> {
+    pub fn need(&self, name: &str) -> Result<&str, ImportError> {
         self.raw(name)
             .ok_or_else(|| self.error(format!("it has no `{name}`")))
     }
 
     /// Returns the children of a name.
-    pub(crate) fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a XmlNode> {
+    pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a XmlNode> {
         self.children.iter().filter(move |child| child.name == name)
     }
 
     /// Returns the first child of a name.
-    pub(crate) fn child(&self, name: &str) -> Option<&XmlNode> {
+    pub fn child(&self, name: &str) -> Option<&XmlNode> {
         self.children.iter().find(|child| child.name == name)
     }
 
     /// Returns the first child of a name, or an error.
-    pub(crate) fn inner(&self, name: &str) -> Result<&XmlNode, ImportError> {
+    pub fn inner(&self, name: &str) -> Result<&XmlNode, ImportError> {
         self.child(name)
             .ok_or_else(|| self.error(format!("there is no `{name}` in it")))
     }
@@ -198,7 +198,7 @@ impl XmlNode {
     /// Returns the first child, or an error for an empty element.
     ///
     /// It serves elements with exactly one child of several possible kinds.
-    pub(crate) fn only(&self) -> Result<&XmlNode, ImportError> {
+    pub fn only(&self) -> Result<&XmlNode, ImportError> {
         self.children
             .first()
             .ok_or_else(|| self.error("there is nothing in it"))

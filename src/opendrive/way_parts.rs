@@ -25,7 +25,7 @@ struct WayPart<'a> {
 }
 
 /// Returns grades in the form of a world file.
-pub(crate) fn grade_list(grades: &[Grade]) -> String {
+pub fn grade_list(grades: &[Grade]) -> String {
     let grades = grades.iter();
     let grades: Vec<String> = grades
         .map(|grade| format!("({:.3}, {:.6})", grade.from_s_m, grade.rise))
@@ -43,7 +43,7 @@ impl RoadMap {
     ///
     /// Returns an error for a road with unsupported content, and for one that is
     /// steeper than a world allows.
-    pub(crate) fn lane_grades(
+    pub fn lane_grades(
         &self,
         asks: &XmlNode,
         stretches: &[LaneStretch],
@@ -75,7 +75,7 @@ impl RoadMap {
     /// # Errors
     ///
     /// Returns an error for a road with unsupported content.
-    pub(crate) fn lane_signals(
+    pub fn lane_signals(
         &self,
         asks: &XmlNode,
         stretches: &[LaneStretch],

@@ -26,7 +26,7 @@ const SHARP_M: f64 = 1.0;
 
 /// Piece of a path: a line or an arc.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Bend {
+pub struct Bend {
     pub length_m: f64,
     /// Curvature in 1/m, positive to the left.
     pub per_m: f64,
@@ -34,23 +34,23 @@ pub(crate) struct Bend {
 
 /// Path of an entity: pieces from a place on, then straight.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct ImportedPath {
+pub struct ImportedPath {
     pub begins: Pose,
     /// Pieces. An empty list is a straight line.
     pub pieces: Vec<Bend>,
 }
 
 /// Greatest distance in metres of an entity from its lane of a world.
-pub(crate) const MOST_ASIDE_M: f64 = 20.0;
+pub const MOST_ASIDE_M: f64 = 20.0;
 /// Tolerances within which a way keeps its distance to another.
-pub(crate) const SAME_WAY_M: f64 = 0.005;
-pub(crate) const SAME_WAY_RAD: f64 = 0.002;
+pub const SAME_WAY_M: f64 = 0.005;
+pub const SAME_WAY_RAD: f64 = 0.002;
 /// Distance in metres of the places at which two ways are compared.
 const STEP_M: f64 = 2.0;
 
 /// Position on a path.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct OnWay {
+pub struct OnWay {
     pub way: ImportedPath,
     pub along_m: f64,
     /// Station at which the file ends the path. The path continues straight after it.
@@ -61,7 +61,7 @@ pub(crate) struct OnWay {
 
 /// Clothoid: a piece whose curvature changes linearly.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Spiral {
+pub struct Spiral {
     pub length_m: f64,
     pub from_per_m: f64,
     pub to_per_m: f64,
@@ -69,7 +69,7 @@ pub(crate) struct Spiral {
 
 impl ImportedPath {
     /// Returns a straight path from a place.
-    pub(crate) fn straight(begins: Pose) -> ImportedPath {
+    pub fn straight(begins: Pose) -> ImportedPath {
         ImportedPath {
             begins,
             pieces: Vec::new(),
@@ -82,7 +82,7 @@ impl ImportedPath {
     ///
     /// Returns an error for places beside the line, and for a path without a
     /// length.
-    pub(crate) fn through(asks: &XmlNode, spots: &[Pose]) -> Result<ImportedPath, ImportError> {
+    pub fn through(asks: &XmlNode, spots: &[Pose]) -> Result<ImportedPath, ImportError> {
         let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
             return Err(asks.refused("a way without places", "give the way at least two places"));
         };
@@ -125,7 +125,7 @@ impl ImportedPath {
     /// # Errors
     ///
     /// Returns an error for places that are no path, or at which it turns back.
-    pub(crate) fn cornered(
+    pub fn cornered(
         asks: &XmlNode,
         spots: &[Pose],
     ) -> Result<(ImportedPath, Vec<f64>), ImportError> {
@@ -191,19 +191,19 @@ impl ImportedPath {
     }
 
     /// Returns true for a path that turns at places.
-    pub(crate) fn has_corners(&self) -> bool {
+    pub fn has_corners(&self) -> bool {
         self.pieces
             .iter()
             .any(|piece| 1.0 < piece.per_m.abs() * SHARP_M)
     }
 
     /// Removes lines at the end, since a path continues straight after its pieces.
-    pub(crate) fn end_straight(&mut self) {
+    pub fn end_straight(&mut self) {
         while self.pieces.pop_if(|last| last.per_m == 0.0).is_some() {}
     }
 
     /// Returns the pieces as those of a road.
-    pub(crate) fn pieces(&self) -> Vec<Piece> {
+    pub fn pieces(&self) -> Vec<Piece> {
         let pieces = self.pieces.iter().copied().flat_map(laid);
         pieces
             .map(|Bend { length_m, per_m }| {
@@ -222,7 +222,7 @@ impl ImportedPath {
     /// # Errors
     ///
     /// Returns a message for pieces that a world refuses.
-    pub(crate) fn course(&self) -> Result<Course, String> {
+    pub fn course(&self) -> Result<Course, String> {
         let pieces = self.pieces();
         let Pose {
             x_m,
@@ -233,7 +233,7 @@ impl ImportedPath {
     }
 
     /// Place on the path, with the direction of the path.
-    pub(crate) fn at(&self, along_m: f64) -> Pose {
+    pub fn at(&self, along_m: f64) -> Pose {
         let mut spot = self.begins;
         let mut left_m = along_m;
         for piece in &self.pieces {
@@ -249,7 +249,7 @@ impl ImportedPath {
 
 impl OnWay {
     /// Returns the way with the position that is nearest to a place.
-    pub(crate) fn located(&self, asks: &XmlNode, spot: &Pose) -> Result<OnWay, ImportError> {
+    pub fn located(&self, asks: &XmlNode, spot: &Pose) -> Result<OnWay, ImportError> {
         Ok(OnWay {
             along_m: self.station_m(&asks.at(), spot)?,
             ..self.clone()
@@ -257,7 +257,7 @@ impl OnWay {
     }
 
     /// Returns the station that is nearest to a place.
-    pub(crate) fn station_m(&self, at: &At, spot: &Pose) -> Result<f64, ImportError> {
+    pub fn station_m(&self, at: &At, spot: &Pose) -> Result<f64, ImportError> {
         let course = self.way.course().map_err(|what| at.error(what))?;
         Ok(course.locate(spot).s_m)
     }
@@ -265,7 +265,7 @@ impl OnWay {
     /// Returns the position of another way on this one, if it keeps its distance.
     ///
     /// The other may lead in the opposite direction.
-    pub(crate) fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
+    pub fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
         let course = self.way.course().map_err(|what| asks.error(what)).ok()?;
         let first = course.locate(&other.way.begins);
         if MOST_ASIDE_M < first.lateral_m.abs() {
@@ -297,7 +297,7 @@ impl OnWay {
     /// # Errors
     ///
     /// Returns an error of the point if the place is not on the path.
-    pub(crate) fn move_on(&mut self, asks: &XmlNode, by_m: f64) -> Result<(), ImportError> {
+    pub fn move_on(&mut self, asks: &XmlNode, by_m: f64) -> Result<(), ImportError> {
         let left_m = self.ends_m - self.along_m;
         if !(-STRAIGHT_M..=left_m + STRAIGHT_M).contains(&by_m) {
             let what = format!("it is {by_m} m along a way that has {left_m} m");
@@ -309,12 +309,12 @@ impl OnWay {
     }
 
     /// Returns the place.
-    pub(crate) fn spot(&self) -> Pose {
+    pub fn spot(&self) -> Pose {
         self.way.at(self.along_m)
     }
 
     /// Extends the first line of the path back to an earlier place.
-    pub(crate) fn begin_at(&mut self, first: Pose) {
+    pub fn begin_at(&mut self, first: Pose) {
         let by_m = first.sees(&self.way.begins).x_m;
         if let Some(piece) = self.way.pieces.first_mut().filter(|it| it.per_m == 0.0) {
             // The position and the end keep their places, so their stations
@@ -340,7 +340,7 @@ impl Spiral {
     /// at most c·h²/12, and off by 0 on average. The lateral error is the
     /// integral of the heading error and does not add up from arc to arc. It is
     /// 0 at both ends and at most c·h³/(36·√3).
-    pub(crate) fn arcs(&self, beside_m: f64) -> Vec<Bend> {
+    pub fn arcs(&self, beside_m: f64) -> Vec<Bend> {
         if self.from_per_m == self.to_per_m {
             return vec![Bend {
                 length_m: self.length_m,
@@ -374,7 +374,7 @@ impl Spiral {
 }
 
 /// Splits a piece into parts that a world accepts.
-pub(crate) fn laid(piece: Bend) -> impl Iterator<Item = Bend> {
+pub fn laid(piece: Bend) -> impl Iterator<Item = Bend> {
     let parts = ((piece.length_m * piece.per_m).abs() / MOST_TURN_RAD)
         .ceil()
         .max(1.0);

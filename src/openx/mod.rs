@@ -42,17 +42,17 @@ use xml::{XmlElement, number};
 #[derive(Clone, Copy)]
 pub(crate) struct Crash<'a> {
     /// Name of the files, without an extension.
-    pub(crate) name: &'a str,
+    pub name: &'a str,
     /// World of the crash, with the ego that crashed.
-    pub(crate) scenario: DriveScenario<'a>,
+    pub scenario: DriveScenario<'a>,
     /// Name of the ego: `nominal`, or the name of a change.
-    pub(crate) ego: &'a str,
+    pub ego: &'a str,
     /// Episode of the crash.
-    pub(crate) episode: &'a Episode,
+    pub episode: &'a Episode,
     /// Passage up to the contact, or to the end of the episode.
-    pub(crate) recorded: &'a Passage,
+    pub recorded: &'a Passage,
     /// Motion after the contact, in worlds with `after_contact_s`.
-    pub(crate) after: Option<&'a FilmAfterContact>,
+    pub after: Option<&'a FilmAfterContact>,
     /// Passage to the horizon, simulated without contact ([`ghostly`][ghostly]).
     ///
     /// [ghostly]: crate::scene::drive::DriveWorld::ghostly
@@ -101,7 +101,7 @@ impl Crash<'_> {
     ///
     /// Returns an error for a contact before any agent moved, for weather that an
     /// ado changes, and for grades and wind.
-    pub(crate) fn files(&self) -> Result<OpenX, OpenXError> {
+    pub fn files(&self) -> Result<OpenX, OpenXError> {
         if let Some(weather) = &self.scenario.spec().weather {
             let name = weather.name.clone();
             return Err(OpenXError::ChangingWeather { name });

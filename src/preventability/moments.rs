@@ -21,17 +21,17 @@ const VISIBLE_MPS: f64 = 0.1;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CutIn {
     /// Time of that instant.
-    pub(crate) time_s: f64,
+    pub time_s: f64,
     /// Time to collision at that instant, `None` if the gap did not close.
-    pub(crate) ttc_s: Option<f64>,
+    pub ttc_s: Option<f64>,
     /// Time to collision above which the contact must be avoided.
-    pub(crate) bound_s: f64,
+    pub bound_s: f64,
     /// True if the regulation demands avoidance. Otherwise it demands nothing.
     pub(crate) demands_avoidance: bool,
     /// True if the other kept its speed within 1 m/s² until then.
     pub(crate) constant_speed: bool,
     /// True if its lateral motion had been visible for 0.72 s.
-    pub(crate) visible: bool,
+    pub visible: bool,
 }
 
 /// Recorded bodies in lane coordinates: the ego and its traffic per sample.

@@ -141,7 +141,7 @@ pub struct Preventability {
     pub not_applicable: Option<NotApplicable>,
     /// Reason why the ego is not at fault, `None` if it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) exonerated: Option<Exoneration>,
+    pub exonerated: Option<Exoneration>,
     /// True if a driver avoids it from the start, but not from the handover.
     ///
     /// The ego then caused the situation itself.
@@ -167,12 +167,12 @@ pub struct Preventability {
     pub foresight: Option<DriverOutcome>,
     /// Result of UN R157's formula for the cut-in, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) cut_in: Option<CutIn>,
+    pub cut_in: Option<CutIn>,
 }
 
 impl Exoneration {
     /// Returns the reason as a clause, for tables and pages.
-    pub(crate) fn words(self) -> &'static str {
+    pub fn words(self) -> &'static str {
         match self {
             Exoneration::Standing => "the ego stands",
             Exoneration::StruckFromBehind => "the ego is struck from behind in its lane",

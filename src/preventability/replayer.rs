@@ -30,22 +30,22 @@ pub struct RecordedEpisode {
     traffic: Vec<usize>,
     lanes: LaneRecord,
     /// First sample at which a driver may have to react.
-    pub(crate) handover: Option<usize>,
+    pub handover: Option<usize>,
     /// The first sample at which the ideal driver brakes.
-    pub(crate) danger: Option<usize>,
+    pub danger: Option<usize>,
 }
 
 /// Replay for display.
 #[derive(Clone, Debug)]
 pub struct FilmedDriver {
     /// Sample of the episode at which the driver takes over.
-    pub(crate) from: usize,
+    pub from: usize,
     /// Positions of all agents at each sample from there on.
-    pub(crate) frames: Vec<Frame>,
+    pub frames: Vec<Frame>,
     /// Contact that the driver does not avoid, if any.
-    pub(crate) contact: Option<ContactEvent>,
+    pub contact: Option<ContactEvent>,
     /// Outcome of the driver.
-    pub(crate) outcome: DriverOutcome,
+    pub outcome: DriverOutcome,
 }
 
 /// Replayer of episodes in a world, with the data that they share.
@@ -82,7 +82,7 @@ impl Replayer {
     /// Creates a replayer of a driving world, or `None` if the ego is no vehicle.
     ///
     /// `rulebook` is evaluated on each replay.
-    pub(crate) fn new(world: &DriveWorld, rulebook: Arc<Rulebook>) -> Option<Replayer> {
+    pub fn new(world: &DriveWorld, rulebook: Arc<Rulebook>) -> Option<Replayer> {
         let spec = world.spec();
         let ego = world.ego();
         let vehicle = spec.agents[ego].body.vehicle()?;

@@ -11,7 +11,7 @@ use crate::visible::visible_markup;
 const MAX_MAPS: usize = 120;
 
 /// Content of a campaign's page.
-pub(crate) struct CampaignPage {
+pub struct CampaignPage {
     /// Name of the campaign.
     pub name: String,
     /// Content of the campaign, in one sentence.
@@ -30,7 +30,7 @@ pub(crate) struct CampaignPage {
 
 impl CampaignPage {
     /// Returns the page as HTML, without network access or scripts.
-    pub(crate) fn html(&self) -> String {
+    pub fn html(&self) -> String {
         let page = html! {
             (DOCTYPE)
             html lang="en" {

@@ -172,7 +172,7 @@ pub fn figure_5(runs: &[Distances], caption: &str) -> String {
 pub(crate) type SweptShare = (f64, f64, [f64; 2]);
 
 /// Share of failing starts over a parameter of the ego.
-pub(crate) fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> String {
+pub fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> String {
     let of = |name: &str, class: &str, share: fn(&SweptShare) -> f64| {
         let shares = points.iter().map(|point| (point.0, 100.0 * share(point)));
         curve(name, class, &shares.collect::<Vec<_>>())

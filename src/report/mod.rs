@@ -12,7 +12,7 @@ mod campaign;
 mod canvas;
 mod examples;
 mod fault;
-pub(crate) mod figures;
+pub mod figures;
 mod file_style;
 mod junit;
 mod page;
@@ -22,7 +22,7 @@ mod recorded_rules;
 mod results;
 mod reuse;
 mod start_map;
-pub(crate) mod table;
+pub mod table;
 mod verdict;
 mod words;
 
@@ -32,105 +32,105 @@ use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount, FilmAfterContact};
 use crate::world::Scenario;
 
-pub(crate) use animation::{Beside, looping_picture};
-pub(crate) use campaign::CampaignPage;
-pub(crate) use figures::sweep_curve;
-pub(crate) use points::{PointCase, PointsPage};
-pub(crate) use recorded_rules::recorded_rules_junit;
-pub(crate) use start_map::{CellState, MapCell, StartMap};
-pub(crate) use table::TextTable;
-pub(crate) use verdict::outcome_in_words;
+pub use animation::{Beside, looping_picture};
+pub use campaign::CampaignPage;
+pub use figures::sweep_curve;
+pub use points::{PointCase, PointsPage};
+pub use recorded_rules::recorded_rules_junit;
+pub use start_map::{CellState, MapCell, StartMap};
+pub use table::TextTable;
+pub use verdict::outcome_in_words;
 
 /// Content of a report.
 pub struct Report<'a> {
     /// World with the nominal ego, on the plant of the run.
-    pub(crate) scenario: &'a Scenario,
+    pub scenario: &'a Scenario,
     /// Manifest of the run.
-    pub(crate) manifest: &'a Manifest,
+    pub manifest: &'a Manifest,
     /// Trainings of this run and of other runs on the same world.
-    pub(crate) trainings: Vec<Training>,
+    pub trainings: Vec<Training>,
     /// Nominal ego on test starts. `None` until a policy exists.
-    pub(crate) nominal: Option<Nominal>,
+    pub nominal: Option<Nominal>,
     /// Evaluated egos and ados.
-    pub(crate) tested: Vec<Tested>,
+    pub tested: Vec<Tested>,
     /// Origin of `tested`, and its number of starts.
-    pub(crate) about_tested: String,
+    pub about_tested: String,
     /// Simulations that methods of failure search cost.
-    pub(crate) costs: Vec<TestingCost>,
+    pub costs: Vec<TestingCost>,
     /// Notes to show first, such as unfinished training.
-    pub(crate) notes: Vec<String>,
+    pub notes: Vec<String>,
     /// Faults of ego or physics above the allowed number. Empty if all is well.
-    pub(crate) faults: Vec<FaultCount>,
+    pub faults: Vec<FaultCount>,
     /// Commands that reproduce the report.
-    pub(crate) commands: Vec<String>,
+    pub commands: Vec<String>,
 }
 
 /// Course of one training.
-pub(crate) struct Training {
+pub struct Training {
     /// Run directory as the reader should write it.
-    pub(crate) run: String,
+    pub run: String,
     /// Manifest of the run.
-    pub(crate) manifest: Manifest,
+    pub manifest: Manifest,
     /// Progress, one point per report of the learner.
-    pub(crate) progress: Vec<Progress>,
+    pub progress: Vec<Progress>,
     /// Closing evaluation. Empty during training.
-    pub(crate) closing: Vec<Row>,
+    pub closing: Vec<Row>,
 }
 
 /// Nominal ego and trained ado on every test start.
-pub(crate) struct Nominal {
+pub struct Nominal {
     /// Rates and costs over all starts.
-    pub(crate) row: Row,
+    pub row: Row,
     /// Starts with their verdicts. `None` is trivial or not reached.
-    pub(crate) starts: Vec<(Start, Option<Verdict>)>,
+    pub starts: Vec<(Start, Option<Verdict>)>,
     /// Most informative counterexamples, the worst first.
-    pub(crate) highlights: Vec<Example>,
+    pub highlights: Vec<Example>,
 }
 
 /// Counterexample to show.
-pub(crate) struct Example {
+pub struct Example {
     /// Criterion of its selection, with the number.
-    pub(crate) chosen_for: String,
+    pub chosen_for: String,
     /// Position among the test starts.
-    pub(crate) start: usize,
+    pub start: usize,
     /// Episode up to the contact or the horizon.
-    pub(crate) episode: Episode,
+    pub episode: Episode,
     /// Places of all agents at each sample. Empty if it is not animated.
-    pub(crate) frames: Vec<Frame>,
+    pub frames: Vec<Frame>,
     /// Motion after the contact, in worlds that play it.
-    pub(crate) after: Option<FilmAfterContact>,
+    pub after: Option<FilmAfterContact>,
     /// Severity, cause and persistence.
-    pub(crate) about: About,
+    pub about: About,
     /// Links to its road, its replay and its scenario for an external ego.
     ///
     /// Empty if these files were not written.
-    pub(crate) scenarios: Vec<String>,
+    pub scenarios: Vec<String>,
 }
 
 /// Row, with the explanation of the ego's failure.
-pub(crate) struct Tested {
+pub struct Tested {
     /// Rates and costs over all starts.
-    pub(crate) row: Row,
+    pub row: Row,
     /// Explanation of the first counterexample.
-    pub(crate) why: Option<String>,
+    pub why: Option<String>,
 }
 
 /// Cost of testing n new starts: `fixed` + n · `per_start` simulations.
-pub(crate) struct TestingCost {
+pub struct TestingCost {
     /// Name of the method.
-    pub(crate) name: String,
+    pub name: String,
     /// Simulations before the first start.
-    pub(crate) fixed: f64,
+    pub fixed: f64,
     /// Simulations per start.
-    pub(crate) per_start: f64,
+    pub per_start: f64,
     /// Share of the starts that the method solves at this cost.
-    pub(crate) solves: f64,
+    pub solves: f64,
     /// True if the method solves as many starts as the trained ado.
     ///
     /// Otherwise equal success would cost more, and the break-even is a bound.
-    pub(crate) matched: bool,
+    pub matched: bool,
     /// Share solved with the given simulations per start. May be empty.
-    pub(crate) anytime: Vec<(f64, f64)>,
+    pub anytime: Vec<(f64, f64)>,
 }
 
 impl Report<'_> {

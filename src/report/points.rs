@@ -9,48 +9,48 @@ use crate::visible::visible_markup;
 use crate::world::Scenario;
 
 /// Page of one ego at the points of a world.
-pub(crate) struct PointsPage<'a> {
+pub struct PointsPage<'a> {
     /// World with the ego.
-    pub(crate) scenario: &'a Scenario,
+    pub scenario: &'a Scenario,
     /// Name of the ego.
-    pub(crate) ego: String,
+    pub ego: String,
     /// Number of passed points, in one sentence.
-    pub(crate) summary: String,
+    pub summary: String,
     /// Names of the start's axes.
-    pub(crate) axes: Vec<String>,
+    pub axes: Vec<String>,
     /// Points of the world.
-    pub(crate) points: Vec<PointCase>,
+    pub points: Vec<PointCase>,
     /// Failures, the worst first.
-    pub(crate) examples: Vec<Example>,
+    pub examples: Vec<Example>,
     /// Commands that reproduce the page.
-    pub(crate) commands: Vec<String>,
+    pub commands: Vec<String>,
 }
 
 /// Point on the page and in the JUnit file.
 #[derive(Clone, Debug)]
-pub(crate) struct PointCase {
+pub struct PointCase {
     /// Number of the point.
-    pub(crate) point: usize,
+    pub point: usize,
     /// Start, axis by axis.
-    pub(crate) start: Vec<String>,
+    pub start: Vec<String>,
     /// Outcome in words.
-    pub(crate) outcome: String,
+    pub outcome: String,
     /// Failure of the ego, if any.
-    pub(crate) failure: Option<String>,
+    pub failure: Option<String>,
     /// True if the ego or the physics failed to run.
-    pub(crate) invalid: bool,
+    pub invalid: bool,
     /// True if the point was not reached.
-    pub(crate) skipped: bool,
+    pub skipped: bool,
     /// Failure under a lawful variation.
     ///
     /// `Some("")` means that no variation fails, and `None` that none was
     /// searched.
-    pub(crate) varied: Option<String>,
+    pub varied: Option<String>,
 }
 
 impl PointsPage<'_> {
     /// Returns the page as HTML, without network access.
-    pub(crate) fn html(&self) -> String {
+    pub fn html(&self) -> String {
         let scenario = self.scenario;
         let all = self.examples.len();
         let page = html! {
@@ -98,7 +98,7 @@ impl PointsPage<'_> {
     }
 
     /// Returns the points as JUnit XML: a case each, and one per searched variation.
-    pub(crate) fn junit(&self) -> String {
+    pub fn junit(&self) -> String {
         let count = |which: &dyn Fn(&&PointCase) -> bool| self.points.iter().filter(which).count();
         // A variation is a case of its own, since the point itself may pass.
         let varied = count(&|it| it.varied.is_some());

@@ -8,7 +8,7 @@ use crate::visible::visible_markup;
 /// Returns JUnit XML: a suite per recording, and a case per rule.
 ///
 /// A case fails if the rule has an episode of a violation.
-pub(crate) fn recorded_rules_junit<'a>(
+pub fn recorded_rules_junit<'a>(
     recordings: impl Iterator<Item = (&'a str, &'a [RuleResult])>,
 ) -> String {
     let recordings: Vec<_> = recordings.collect();

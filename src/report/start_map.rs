@@ -9,7 +9,7 @@ const MAX_TICKS: usize = 8;
 
 /// Result of a start of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum CellState {
+pub enum CellState {
     /// No tried ado makes the ego fail.
     Holds,
     /// The ego fails, and neither CC_LATCHED nor FSM avoids it, or no judgement exists.
@@ -41,7 +41,7 @@ impl CellState {
 
 /// Start of a grid.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct MapCell {
+pub struct MapCell {
     /// Result of the start.
     pub state: CellState,
     /// True if the point of the protocol fails itself, and not only a variation of it.
@@ -54,7 +54,7 @@ pub(crate) struct MapCell {
 
 /// Grid of starts of one ego.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct StartMap {
+pub struct StartMap {
     /// Heading under which the map appears.
     pub group: String,
     /// Title above the picture.

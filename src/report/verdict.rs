@@ -48,7 +48,7 @@ impl VerdictWords {
 }
 
 /// Outcome of an episode in a few words, such as `held: ρ 0.238, no contact`.
-pub(crate) fn outcome_in_words(scenario: &Scenario, episode: &Episode) -> String {
+pub fn outcome_in_words(scenario: &Scenario, episode: &Episode) -> String {
     let rho = format!("ρ {:.3}", episode.robustness);
     let contact = match &episode.contact {
         Some(touch) => format!("contact at {:.1} m/s", touch.closing_speed_mps),

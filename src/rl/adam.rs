@@ -8,11 +8,11 @@ use super::nn::Mlp;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     /// Running mean of the gradient.
-    pub(crate) mean: Vec<f32>,
+    pub mean: Vec<f32>,
     /// Running mean of the gradient's square.
-    pub(crate) square: Vec<f32>,
+    pub square: Vec<f32>,
     /// Number of steps taken.
-    pub(crate) steps: u64,
+    pub steps: u64,
 }
 
 impl Adam {

@@ -21,13 +21,13 @@ use super::starts::{EpisodeStart, StartPool};
 #[serde(deny_unknown_fields, default)]
 pub struct Imitation {
     /// Share of every batch drawn from successes alone (0.25).
-    pub(crate) share: f64,
+    pub share: f64,
     /// Margin by which the action of a success should exceed the others (0.1).
-    pub(crate) margin: f64,
+    pub margin: f64,
     /// Weight of the margin loss beside the temporal-difference error (0.02).
     ///
     /// A larger weight only imitates.
-    pub(crate) weight: f64,
+    pub weight: f64,
     /// Share of the episodes that begin along a success (0.2).
     ///
     /// Half of them begin from the success's own start, half from another start.

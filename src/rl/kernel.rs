@@ -8,7 +8,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 /// Multiple of stored columns. The padding contains zeros.
-pub(crate) const LANES: usize = 8;
+pub const LANES: usize = 8;
 
 /// Rows of a result that are computed together.
 const ROWS: usize = 4;
@@ -58,15 +58,15 @@ impl<L: Loop> WithSimd for Run<L> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Product<'a> {
     /// Numbers of the left factor.
-    pub(crate) left: &'a [f32],
+    pub left: &'a [f32],
     /// Distance between rows of the left factor.
-    pub(crate) row: usize,
+    pub row: usize,
     /// Distance between columns of the left factor.
-    pub(crate) column: usize,
+    pub column: usize,
     /// Numbers of the right factor.
-    pub(crate) right: &'a [f32],
+    pub right: &'a [f32],
     /// Start of every row of the sum: the bias, or zeros.
-    pub(crate) start: &'a [f32],
+    pub start: &'a [f32],
 }
 
 impl Product<'_> {
@@ -74,7 +74,7 @@ impl Product<'_> {
     ///
     /// The code is compiled for several instruction sets and chosen at run time. All
     /// of them give the same bits.
-    pub(crate) fn write(&self, out: &mut [f32]) {
+    pub fn write(&self, out: &mut [f32]) {
         Arch::new().dispatch(Write {
             product: *self,
             out,

@@ -356,11 +356,11 @@ pub(super) type Shaped = Result<(Box<dyn Policy>, [usize; 2]), BundleError>;
 #[serde(deny_unknown_fields, default)]
 pub struct Seeding {
     /// Greatest number of starts searched (200).
-    pub(crate) starts: usize,
+    pub starts: usize,
     /// Greatest number of simulations (300000), and at most 2 per decision.
     ///
     /// If the ego cannot be copied, a hundredth of it.
-    pub(crate) simulations: u64,
+    pub simulations: u64,
 }
 
 impl Default for Seeding {

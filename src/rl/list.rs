@@ -269,7 +269,7 @@ impl LearnerConfig {
     }
 
     /// Returns whether it learns a policy per ado.
-    pub(crate) fn is_per_ado(&self) -> bool {
+    pub fn is_per_ado(&self) -> bool {
         matches!(self.0, LearnerSettings::PerAdo(_))
     }
 
@@ -313,7 +313,7 @@ impl LearnerConfig {
 ///
 /// It takes small steps for `decisions` decisions. Returns `None` if the policy
 /// is of another learner or has other shapes.
-pub(crate) fn fine_tuner(
+pub fn fine_tuner(
     spaces: &Spaces,
     (decisions, seed): (u64, u64),
     policy: &TensorFile,

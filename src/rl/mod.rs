@@ -24,7 +24,7 @@
 //! | `learner` | common interface of the learners | |
 //! | `list` | all learners, with configuration, building and loading | |
 
-pub(crate) mod adam;
+pub mod adam;
 mod bundle;
 mod demonstrations;
 mod dice;
@@ -35,17 +35,17 @@ mod dqn;
 mod example_learner;
 pub(crate) mod kernel;
 mod learner;
-pub(crate) mod list;
+pub mod list;
 mod loops;
-pub(crate) mod nn;
+pub mod nn;
 mod orthogonal;
 mod per_ado;
 mod power;
 mod ppo;
 mod q_table;
-pub(crate) mod replay;
+pub mod replay;
 mod starts;
-pub(crate) mod sum_tree;
+pub mod sum_tree;
 mod transpose;
 
 pub use bundle::{BundleError, Data, Element, TensorFile};
@@ -57,8 +57,8 @@ pub use learner::{
     Choice, ConfigError, Demonstration, EpisodePlan, Learner, Seeding, TrainingCounters,
 };
 pub use list::{LearnerConfig, LearnerSettings, PerAdoObservation, PerAdoSettings, PerAdoTraining};
-pub(crate) use list::{fine_tuner, load_policy, load_policy_for};
-pub(crate) use per_ado::policy_of_part;
+pub use list::{fine_tuner, load_policy, load_policy_for};
+pub use per_ado::policy_of_part;
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};
 

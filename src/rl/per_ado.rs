@@ -13,7 +13,7 @@ mod one_part;
 mod policy;
 
 use self::one_part::OnePart;
-pub(crate) use self::policy::policy_of_part;
+pub use self::policy::policy_of_part;
 use self::policy::{POLICY, PerAdoPolicy};
 use super::bundle::{BundleError, TensorFile};
 use super::demonstrations::{self, GuideMemory};

@@ -9,7 +9,7 @@ use super::kernel::LANES;
 ///
 /// Column c of the matrix begins at `out[c * stride]`. `width` is a multiple of
 /// [`LANES`], and `stride` is at least the number of rows.
-pub(crate) fn transpose(matrix: &[f32], width: usize, out: &mut [f32], stride: usize) {
+pub fn transpose(matrix: &[f32], width: usize, out: &mut [f32], stride: usize) {
     // Invariant: columns are padded, so that no block exceeds the edge.
     assert!(width.is_multiple_of(LANES) && matrix.len().is_multiple_of(width));
     let blocks = matrix.chunks_exact(LANES * width);

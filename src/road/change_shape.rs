@@ -26,7 +26,7 @@ impl ChangeShape {
     }
 
     /// Returns the changed share at a share of the time.
-    pub(crate) fn changed(self, share: f64) -> f64 {
+    pub fn changed(self, share: f64) -> f64 {
         match self {
             ChangeShape::Linear => share,
             ChangeShape::Cosine => 0.5 * (1.0 - libm::cos(PI * share)),
@@ -35,7 +35,7 @@ impl ChangeShape {
     }
 
     /// Returns the rate at a share of the time, as a multiple of the mean rate.
-    pub(crate) fn rate(self, share: f64) -> f64 {
+    pub fn rate(self, share: f64) -> f64 {
         match self {
             ChangeShape::Linear => 1.0,
             ChangeShape::Cosine => 0.5 * PI * libm::sin(PI * share),
@@ -44,7 +44,7 @@ impl ChangeShape {
     }
 
     /// Returns the integral of the changed share over the share of the time.
-    pub(crate) fn accumulated(self, share: f64) -> f64 {
+    pub fn accumulated(self, share: f64) -> f64 {
         match self {
             ChangeShape::Linear => 0.5 * share * share,
             ChangeShape::Cosine => 0.5 * (share - libm::sin(PI * share) / PI),

@@ -55,12 +55,12 @@ impl OnRoad {
     /// Returns the velocity along and across the road of a body with a velocity along
     /// and across its heading.
     #[inline]
-    pub(crate) fn velocity_mps(&self, speed_mps: f64, lateral_mps: f64) -> Vector2<f64> {
+    pub fn velocity_mps(&self, speed_mps: f64, lateral_mps: f64) -> Vector2<f64> {
         rotation_by(self.heading_rad) * Vector2::new(speed_mps, lateral_mps)
     }
 
     /// Returns the same place for an agent that drives against the road.
-    pub(crate) fn reversed(&self) -> OnRoad {
+    pub fn reversed(&self) -> OnRoad {
         OnRoad {
             s_m: -self.s_m,
             lateral_m: -self.lateral_m,
@@ -112,7 +112,7 @@ const DRAWN_BEYOND_M: f64 = 100.0;
 
 impl Course {
     /// Returns a straight road along world x, without end.
-    pub(crate) fn straight() -> Course {
+    pub fn straight() -> Course {
         Course::default()
     }
 
@@ -128,7 +128,7 @@ impl Course {
     }
 
     /// Returns a road that begins at a given place. Without pieces it is straight.
-    pub(crate) fn placed(
+    pub fn placed(
         (x_m, y_m): (f64, f64),
         heading_rad: f64,
         pieces: &[Piece],
@@ -298,13 +298,13 @@ impl Course {
     }
 
     /// Returns the curvature at a station, positive to the left.
-    pub(crate) fn curvature_per_m(&self, s_m: f64) -> f64 {
+    pub fn curvature_per_m(&self, s_m: f64) -> f64 {
         let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
         leg.map_or(0.0, |leg| leg.curvature_per_m)
     }
 
     /// Returns the mean curvature over a distance from a station.
-    pub(crate) fn mean_curvature_per_m(&self, s_m: f64, way_m: f64) -> f64 {
+    pub fn mean_curvature_per_m(&self, s_m: f64, way_m: f64) -> f64 {
         // Too short a way for a quotient of two rounded angles.
         if way_m.abs() < 1e-6 {
             return self.curvature_per_m(s_m);
@@ -316,7 +316,7 @@ impl Course {
     /// Returns the curvatures of the last piece and of the piece before it.
     ///
     /// 0 where there is no such piece, because the road is straight there.
-    pub(crate) fn last_curvatures_per_m(&self) -> [f64; 2] {
+    pub fn last_curvatures_per_m(&self) -> [f64; 2] {
         // The last leg is the straight end of the road.
         let mut legs = self.legs.iter().rev().skip(1);
         let mut next = || legs.next().map_or(0.0, |leg| leg.curvature_per_m);
@@ -324,7 +324,7 @@ impl Course {
     }
 
     /// Returns the number of pieces, without the straight ends.
-    pub(crate) fn piece_count(&self) -> usize {
+    pub fn piece_count(&self) -> usize {
         self.legs.len().saturating_sub(2)
     }
 
@@ -447,7 +447,7 @@ impl Leg {
 /// Returns an angle in −π ..= π.
 ///
 /// Recorded episodes contain its bits, which differ from those of `pose::wrapped`.
-pub(crate) fn wrapped(angle_rad: f64) -> f64 {
+pub fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
 }
 

@@ -125,7 +125,7 @@ impl Road {
     }
 
     /// Replaces the width of the lanes.
-    pub(crate) fn set_lane_width_m(&mut self, to_m: f64) {
+    pub fn set_lane_width_m(&mut self, to_m: f64) {
         match self {
             Road::Straight { lane_width_m, .. }
             | Road::Curved { lane_width_m, .. }
@@ -134,7 +134,7 @@ impl Road {
     }
 
     /// Returns the radius of a piece, positive to the left, if it is an arc.
-    pub(crate) fn radius_m(&self, piece: usize) -> Option<f64> {
+    pub fn radius_m(&self, piece: usize) -> Option<f64> {
         match self {
             Road::Curved { pieces, .. } => match pieces.get(piece)? {
                 Piece::Arc { radius_m, .. } => Some(*radius_m),
@@ -145,7 +145,7 @@ impl Road {
     }
 
     /// Replaces the radius of a piece, if it is an arc.
-    pub(crate) fn set_radius_m(&mut self, piece: usize, to_m: f64) {
+    pub fn set_radius_m(&mut self, piece: usize, to_m: f64) {
         if let Road::Curved { pieces, .. } = self
             && let Some(Piece::Arc { radius_m, .. }) = pieces.get_mut(piece)
         {
@@ -154,7 +154,7 @@ impl Road {
     }
 
     /// Returns the number of pieces, 0 on other roads than curved ones.
-    pub(crate) fn pieces(&self) -> usize {
+    pub fn pieces(&self) -> usize {
         match self {
             Road::Curved { pieces, .. } => pieces.len(),
             Road::Straight { .. } | Road::Polyline { .. } => 0,
@@ -162,14 +162,14 @@ impl Road {
     }
 
     /// Appends a piece to a curved road.
-    pub(crate) fn push(&mut self, piece: Piece) {
+    pub fn push(&mut self, piece: Piece) {
         if let Road::Curved { pieces, .. } = self {
             pieces.push(piece);
         }
     }
 
     /// Keeps the first pieces of a curved road only.
-    pub(crate) fn truncate(&mut self, to: usize) {
+    pub fn truncate(&mut self, to: usize) {
         if let Road::Curved { pieces, .. } = self {
             pieces.truncate(to);
         }

@@ -14,12 +14,12 @@ mod self_overlap;
 mod slope;
 
 pub use change_shape::ChangeShape;
-pub(crate) use course::wrapped;
+pub use course::wrapped;
 pub use course::{Course, CourseError, OnRoad, Piece, RoadPiece};
 pub use lanes::Road;
-pub(crate) use network::{RoadNetwork, Traveller, goes_first};
-pub(crate) use placement::PlacedRoads;
+pub use network::{RoadNetwork, Traveller, goes_first};
+pub use placement::PlacedRoads;
 pub use placement::{Direction, PlacedRoad, Priority, RoadPlace};
-pub(crate) use self_overlap::SelfOverlap;
+pub use self_overlap::SelfOverlap;
 pub use slope::Grade;
-pub(crate) use slope::{MAX_RISE, grade_at};
+pub use slope::{MAX_RISE, grade_at};

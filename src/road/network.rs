@@ -13,7 +13,7 @@ const ON_M: f64 = 1e-6;
 
 /// The roads of a world with their courses.
 #[derive(Clone, Debug)]
-pub(crate) struct RoadNetwork {
+pub struct RoadNetwork {
     /// The world's own road, then the named ones in file order.
     courses: Vec<Course>,
     /// Index of the course of each agent.
@@ -26,7 +26,7 @@ pub(crate) struct RoadNetwork {
 
 /// Place of an agent across its road, for the crossings of paths.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Traveller {
+pub struct Traveller {
     /// Index of its road.
     pub road: usize,
     /// Distance of its path to the left of the road's course.
@@ -46,7 +46,7 @@ pub(crate) struct Crossing {
 
 impl RoadNetwork {
     /// Builds the network of the courses on which these agents travel.
-    pub(crate) fn new(courses: Vec<Course>, travellers: &[Traveller]) -> RoadNetwork {
+    pub fn new(courses: Vec<Course>, travellers: &[Traveller]) -> RoadNetwork {
         let line = |i: usize| TravelLine {
             course: courses[travellers[i].road].clone(),
             lateral_m: travellers[i].lateral_m,
@@ -74,35 +74,35 @@ impl RoadNetwork {
     }
 
     /// Returns the course of the world's own road.
-    pub(crate) fn main(&self) -> &Course {
+    pub fn main(&self) -> &Course {
         &self.courses[0]
     }
 
     /// Returns all courses, the world's own first.
-    pub(crate) fn courses(&self) -> &[Course] {
+    pub fn courses(&self) -> &[Course] {
         &self.courses
     }
 
     /// Returns the course of an agent's road.
     #[inline]
-    pub(crate) fn course_of(&self, agent: usize) -> &Course {
+    pub fn course_of(&self, agent: usize) -> &Course {
         &self.courses[self.road_of[agent]]
     }
 
     /// Returns whether two agents are on the same road.
     #[inline]
-    pub(crate) fn share_road(&self, a: usize, b: usize) -> bool {
+    pub fn share_road(&self, a: usize, b: usize) -> bool {
         self.road_of[a] == self.road_of[b]
     }
 
     /// Returns the road coordinates of an agent in a pose.
     #[inline]
-    pub(crate) fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
+    pub fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
         self.course_of(agent).locate(pose)
     }
 
     /// Returns the crossings of `a` with `b`, in the order in which `a` arrives.
-    pub(crate) fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
+    pub fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
         let of_a = self.crossings.get(a).and_then(|all| all.get(b));
         of_a.map_or(&[], Vec::as_slice)
     }
@@ -186,7 +186,7 @@ impl TravelLine {
 /// The road of higher priority goes first. On equal roads, an agent yields to
 /// traffic from its right. A left turn therefore yields to oncoming traffic.
 /// Paths that never cross have no order.
-pub(crate) fn goes_first(crossings: &[Crossing], [a, b]: [Priority; 2]) -> bool {
+pub fn goes_first(crossings: &[Crossing], [a, b]: [Priority; 2]) -> bool {
     match (crossings.first(), a.cmp(&b)) {
         (None, _) => false,
         (Some(_), core::cmp::Ordering::Greater) => true,

@@ -8,7 +8,7 @@ use super::lanes::Road;
 use super::slope::Grade;
 
 /// Named roads, in file order.
-pub(crate) type PlacedRoads = IndexMap<String, PlacedRoad>;
+pub type PlacedRoads = IndexMap<String, PlacedRoad>;
 
 /// Origin of a road: the middle of its lane 0 at s = 0.
 ///

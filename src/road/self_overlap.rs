@@ -11,7 +11,7 @@ const SAME_M: f64 = 1e-3;
 
 /// Two stretches of a road that cover the same ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SelfOverlap {
+pub struct SelfOverlap {
     /// Stations of the first such stretch.
     pub here_m: (f64, f64),
     /// Stations at which the same positions are found instead.
@@ -23,7 +23,7 @@ impl Course {
     ///
     /// A position belongs to the stretch whose middle of lane 0 is nearest. The
     /// road is examined between two stations, from its right to its left border.
-    pub(crate) fn self_overlap(
+    pub fn self_overlap(
         &self,
         (from_m, to_m): (f64, f64),
         (right_m, left_m): (f64, f64),

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Greatest rise of a road per length.
-pub(crate) const MAX_RISE: f64 = 0.3;
+pub const MAX_RISE: f64 = 0.3;
 
 /// Grade of a road from a station on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,7 +16,7 @@ pub struct Grade {
 
 impl Grade {
     /// Returns the sine and the cosine of the slope.
-    pub(crate) fn direction(self) -> (f64, f64) {
+    pub fn direction(self) -> (f64, f64) {
         let length = (1.0 + self.rise * self.rise).sqrt();
         (self.rise / length, 1.0 / length)
     }
@@ -25,7 +25,7 @@ impl Grade {
 /// Returns the grade at a station, flat without grades.
 ///
 /// Before its station the first grade holds.
-pub(crate) fn grade_at(grades: &[Grade], s_m: f64) -> Grade {
+pub fn grade_at(grades: &[Grade], s_m: f64) -> Grade {
     let begun = grades.iter().rev().find(|grade| grade.from_s_m <= s_m);
     let grade = begun.or(grades.first()).copied();
     grade.unwrap_or(Grade {

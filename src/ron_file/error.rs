@@ -56,7 +56,7 @@ impl std::fmt::Display for ScenarioError {
 impl std::error::Error for ScenarioError {}
 
 /// Suggestion "did you mean `x`?", if `x` is close to the written name.
-pub(crate) fn did_you_mean<'a>(
+pub fn did_you_mean<'a>(
     written: &str,
     known: impl IntoIterator<Item = &'a str>,
 ) -> Option<String> {
@@ -75,13 +75,13 @@ pub(crate) fn did_you_mean<'a>(
 }
 
 /// List of known names for a help text.
-pub(crate) fn known_names<'a>(what: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+pub fn known_names<'a>(what: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<&str> = known.into_iter().collect();
     format!("{what}: {}", names.join(", "))
 }
 
 /// List of known names, preceded by the most likely name.
-pub(crate) fn guessed<'a>(
+pub fn guessed<'a>(
     written: &str,
     what: &str,
     known: impl IntoIterator<Item = &'a str, IntoIter: Clone>,

@@ -17,21 +17,21 @@ enum ValueStep {
 
 /// Path from the top of a file to a value, such as `agents[1].start`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct ValuePath(Vec<ValueStep>);
+pub struct ValuePath(Vec<ValueStep>);
 
 impl ValuePath {
     /// Returns the path of the file's top value.
-    pub(crate) fn top() -> ValuePath {
+    pub fn top() -> ValuePath {
         ValuePath::default()
     }
 
     /// Returns the path of a field, or of the value under a key.
-    pub(crate) fn to(&self, name: &str) -> ValuePath {
+    pub fn to(&self, name: &str) -> ValuePath {
         self.with(ValueStep::Name(name.to_owned()))
     }
 
     /// Returns the path of an element of a list or tuple.
-    pub(crate) fn at(&self, index: usize) -> ValuePath {
+    pub fn at(&self, index: usize) -> ValuePath {
         self.with(ValueStep::Index(index))
     }
 
@@ -42,7 +42,7 @@ impl ValuePath {
     }
 
     /// Returns the bytes of the value in `text`, or of its innermost existing parent.
-    pub(crate) fn find(&self, text: &str) -> Range<usize> {
+    pub fn find(&self, text: &str) -> Range<usize> {
         // Shorter paths come next: a missing field is shown at the struct that
         // lacks it.
         for depth in (0..=self.0.len()).rev() {
@@ -98,7 +98,7 @@ pub(crate) fn first_non_finite(text: &str) -> Option<Range<usize>> {
 }
 
 /// Returns the name before the first bracket of a RON text, if it is plain.
-pub(crate) fn first_word(text: &str) -> Option<Range<usize>> {
+pub fn first_word(text: &str) -> Option<Range<usize>> {
     let mut cursor = RonCursor { text, at: 0 };
     cursor.blank();
     let start = cursor.at;

@@ -14,7 +14,7 @@ const OPENED: [&str; 3] = ["/dev/fd", "/dev/stdin", "/proc/self/fd"];
 ///
 /// A pipe that has a name waits for its writer without end, and a device may
 /// never end. Both are refused.
-pub(crate) fn open_file(path: &Path) -> Result<File> {
+pub fn open_file(path: &Path) -> Result<File> {
     let kind = fs::metadata(path)?;
     if kind.is_dir() {
         return Err(Error::new(ErrorKind::IsADirectory, "it is a directory"));
@@ -28,7 +28,7 @@ pub(crate) fn open_file(path: &Path) -> Result<File> {
 }
 
 /// The bytes of a file.
-pub(crate) fn file_bytes(path: &Path) -> Result<Vec<u8>> {
+pub fn file_bytes(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = open_file(path)?;
     let size = file.metadata().map_or(0, |about| about.len());
@@ -43,7 +43,7 @@ pub(crate) fn file_bytes(path: &Path) -> Result<Vec<u8>> {
 }
 
 /// The text of a file.
-pub(crate) fn file_text(path: &Path) -> Result<String> {
+pub fn file_text(path: &Path) -> Result<String> {
     String::from_utf8(file_bytes(path)?).map_err(|error| {
         let why = format!("byte {} is not UTF-8", error.utf8_error().valid_up_to());
         Error::new(ErrorKind::InvalidData, why)

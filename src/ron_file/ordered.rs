@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// Map that keeps its order and refuses repeated keys.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Ordered<V>(pub(crate) IndexMap<String, V>);
+pub struct Ordered<V>(pub IndexMap<String, V>);
 
 impl<V> Default for Ordered<V> {
     fn default() -> Self {

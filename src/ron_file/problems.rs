@@ -8,13 +8,13 @@ use crate::stl::StlError;
 const MOST: usize = 100;
 
 /// Mistakes found so far, with the text that contains them.
-pub(crate) struct Problems<'a> {
+pub struct Problems<'a> {
     text: &'a str,
     list: Vec<Problem>,
 }
 
 impl<'a> Problems<'a> {
-    pub(crate) fn new(text: &'a str) -> Problems<'a> {
+    pub fn new(text: &'a str) -> Problems<'a> {
         Problems {
             text,
             list: Vec::new(),
@@ -22,7 +22,7 @@ impl<'a> Problems<'a> {
     }
 
     /// Reports a mistake at the value under `path`.
-    pub(crate) fn add(
+    pub fn add(
         &mut self,
         path: &ValuePath,
         what: impl Into<String>,
@@ -41,7 +41,7 @@ impl<'a> Problems<'a> {
     }
 
     /// Reports an unknown name, with a guess and the known names.
-    pub(crate) fn unknown(&mut self, path: &ValuePath, what: &str, name: &str, known: &[&str]) {
+    pub fn unknown(&mut self, path: &ValuePath, what: &str, name: &str, known: &[&str]) {
         let list = known_names("known", known.iter().copied());
         let help = match did_you_mean(name, known.iter().copied()) {
             Some(guess) => format!("{guess} — {list}"),
@@ -51,7 +51,7 @@ impl<'a> Problems<'a> {
     }
 
     /// Reports a mistake inside the STL string under `path`.
-    pub(crate) fn stl(&mut self, path: &ValuePath, error: &StlError) {
+    pub fn stl(&mut self, path: &ValuePath, error: &StlError) {
         self.list.push(Problem {
             what: error.to_string(),
             span: self.place_in_stl(path, error),
@@ -61,7 +61,7 @@ impl<'a> Problems<'a> {
     }
 
     /// Reports that the signal `name` uses a signal that is not declared before it.
-    pub(crate) fn too_early(&mut self, path: &ValuePath, error: &StlError, used: &str, name: &str) {
+    pub fn too_early(&mut self, path: &ValuePath, error: &StlError, used: &str, name: &str) {
         let (what, label, help) = if used == name {
             (
                 format!("the signal `{name}` is defined by itself"),
@@ -103,16 +103,16 @@ impl<'a> Problems<'a> {
     }
 
     /// Returns true if no mistake was found so far.
-    pub(crate) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.list.len()
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
     /// Returns the mistakes as an error, if there are any.
-    pub(crate) fn done(&mut self) -> Result<(), Vec<Problem>> {
+    pub fn done(&mut self) -> Result<(), Vec<Problem>> {
         if self.list.is_empty() {
             Ok(())
         } else {
@@ -121,18 +121,18 @@ impl<'a> Problems<'a> {
     }
 
     /// Reports a mistake after which nothing can be checked, and returns all mistakes.
-    pub(crate) fn ended(&mut self, path: &ValuePath, what: impl Into<String>) -> Vec<Problem> {
+    pub fn ended(&mut self, path: &ValuePath, what: impl Into<String>) -> Vec<Problem> {
         self.add(path, what, "here", None);
         std::mem::take(&mut self.list)
     }
 
     /// Reports a mistake in an STL string after which nothing can be checked.
-    pub(crate) fn ended_in_stl(&mut self, path: &ValuePath, error: &StlError) -> Vec<Problem> {
+    pub fn ended_in_stl(&mut self, path: &ValuePath, error: &StlError) -> Vec<Problem> {
         self.stl(path, error);
         std::mem::take(&mut self.list)
     }
 
-    pub(crate) fn into_list(self) -> Vec<Problem> {
+    pub fn into_list(self) -> Vec<Problem> {
         self.list
     }
 }

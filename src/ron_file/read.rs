@@ -15,7 +15,7 @@ use super::named_file::open_file;
 const MAX_BYTES: u64 = 4 << 20;
 
 /// Reads a text file of limited size in UTF-8.
-pub(crate) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
+pub fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
     let io = |source| LoadError::Io {
         file: file.to_owned(),
         source,
@@ -54,7 +54,7 @@ pub(crate) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
 /// # Errors
 ///
 /// Returns an error if the file cannot be read, or has other content.
-pub(crate) fn read_file<T: DeserializeOwned>(
+pub fn read_file<T: DeserializeOwned>(
     path: &FilePath,
 ) -> Result<(String, String, T), LoadError> {
     let file = path.display().to_string();
@@ -71,12 +71,12 @@ pub(crate) fn read_file<T: DeserializeOwned>(
 }
 
 /// Removes the byte order mark that some editors write.
-pub(crate) fn without_mark(text: &str) -> &str {
+pub fn without_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
 /// Reads a value from RON with finite numbers only.
-pub(crate) fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
+pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
     // Files may omit `Some` and the inner brackets of variants, so that they
     // are shorter.
     let options = ron::Options::default()

@@ -6,7 +6,7 @@ use crate::stl::{Monitor, OnlineMonitor, RunningMonitor, SampleColumns};
 /// Judge of runs from their newest rows alone.
 ///
 /// The verdicts are those of [`super::Judge`], bit for bit.
-pub(crate) struct RunsJudge {
+pub struct RunsJudge {
     spec: RunsMonitor,
     rules: Vec<RunsMonitor>,
     spec_lost: Vec<bool>,
@@ -133,24 +133,24 @@ fn part_of(numbers: &mut [f64], count: usize, run: usize) -> &mut [f64] {
 }
 
 /// Newest samples of a run, to be judged.
-pub(crate) struct NewSamples<'a> {
+pub struct NewSamples<'a> {
     /// The run.
-    pub(crate) run: usize,
+    pub run: usize,
     /// Number of the first of the samples in the run, from 0.
-    pub(crate) first: usize,
+    pub first: usize,
     /// How many they are, at least 1.
-    pub(crate) count: usize,
+    pub count: usize,
     /// Their rows, which are samples.
-    pub(crate) columns: SampleColumns<'a>,
+    pub columns: SampleColumns<'a>,
     /// Why no further sample follows, if that is so.
-    pub(crate) stop: Option<Stop>,
+    pub stop: Option<Stop>,
 }
 
 impl RunsJudge {
     /// Creates a judge of `runs` runs of at most `samples` samples.
     ///
     /// `None` if the rulebook judges whole traces.
-    pub(crate) fn new(rulebook: &Rulebook, samples: usize, runs: usize) -> Option<RunsJudge> {
+    pub fn new(rulebook: &Rulebook, samples: usize, runs: usize) -> Option<RunsJudge> {
         let fits = rulebook.judge == JudgeKind::UntilViolation && rulebook.counts.is_violation();
         let rules = rulebook.rules.iter();
         let rules = rules.map(|rule| RunsMonitor::new(&rule.monitor, samples, runs));
@@ -164,7 +164,7 @@ impl RunsJudge {
     }
 
     /// Begins a run, which has no sample yet.
-    pub(crate) fn begin(&mut self, run: usize) {
+    pub fn begin(&mut self, run: usize) {
         for monitor in self.rules.iter_mut().chain([&mut self.spec]) {
             monitor.begin(run);
         }
@@ -175,7 +175,7 @@ impl RunsJudge {
     ///
     /// Returns the verdict and the position of that sample among the new ones. With
     /// `stop` set the result is always `Some`.
-    pub(crate) fn push(
+    pub fn push(
         &mut self,
         rulebook: &Rulebook,
         new: &NewSamples<'_>,
@@ -248,12 +248,12 @@ impl RunsJudge {
     }
 
     /// Returns the robustness of ψ_ego in a run whose newest sample is `sample`.
-    pub(crate) fn robustness(&self, run: usize, sample: usize) -> f64 {
+    pub fn robustness(&self, run: usize, sample: usize) -> f64 {
         self.spec.ended((run, sample))
     }
 
     /// Returns the memory of all runs, `None` if general monitors hide theirs.
-    pub(crate) fn bytes(&self) -> Option<usize> {
+    pub fn bytes(&self) -> Option<usize> {
         let monitors = self.rules.iter().chain([&self.spec]);
         let monitors = monitors.map(RunsMonitor::bytes).sum::<Option<usize>>()?;
         Some(monitors + size_of_val(&*self.spec_lost) + size_of_val(&*self.work))

@@ -88,7 +88,7 @@ impl AdversaryId {
 
 impl AdversaryId {
     /// Returns the identity of several ados without one.
-    pub(crate) fn without(ado: &str) -> AdversaryId {
+    pub fn without(ado: &str) -> AdversaryId {
         AdversaryId::Without {
             name: format!("without {ado}"),
         }
@@ -131,7 +131,7 @@ impl From<&str> for AdversaryId {
 }
 
 /// Keys of a row: the caption `ado` and the id `adversary`.
-pub(crate) mod keys {
+pub mod keys {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     use super::AdversaryId;
@@ -148,12 +148,12 @@ pub(crate) mod keys {
         adversary: Option<AdversaryId>,
     }
 
-    pub(crate) fn serialize<S: Serializer>(id: &AdversaryId, to: S) -> Result<S::Ok, S::Error> {
+    pub fn serialize<S: Serializer>(id: &AdversaryId, to: S) -> Result<S::Ok, S::Error> {
         let ado = id.caption();
         Written { ado, adversary: id }.serialize(to)
     }
 
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<AdversaryId, D::Error> {
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<AdversaryId, D::Error> {
         let Read { ado, adversary } = Read::deserialize(from)?;
         // The caption of a row counts only where an earlier version wrote no id.
         Ok(adversary.unwrap_or_else(|| ado.as_str().into()))

@@ -166,7 +166,7 @@ impl Counterexample {
     }
 
     /// Returns the counterexample with the samples' data as of this version.
-    pub(crate) fn as_now(&self, trace: &Trace) -> Counterexample {
+    pub fn as_now(&self, trace: &Trace) -> Counterexample {
         let signals = trace.schema().signals().iter();
         let all: Vec<usize> = (0..signals.len()).collect();
         Counterexample {
@@ -183,7 +183,7 @@ impl Counterexample {
     ///
     /// It compares verdict, robustness, contact and the rules up to it. Samples
     /// are compared elsewhere.
-    pub(crate) fn is_of(&self, episode: &Episode) -> bool {
+    pub fn is_of(&self, episode: &Episode) -> bool {
         // A file without the rules up to the contact says nothing about them.
         let rules = self.rules_until_contact.as_ref();
         let rules_agree = rules.is_none() || rules == episode.rules_until_contact.as_ref();
@@ -251,7 +251,7 @@ impl Counterexample {
     }
 
     /// Returns the text of the samples, if it is unchanged.
-    pub(crate) fn samples_text(&self, path: &Path) -> Result<Option<String>, KeptError> {
+    pub fn samples_text(&self, path: &Path) -> Result<Option<String>, KeptError> {
         let path = path.with_extension("csv");
         if !path.exists() {
             return Ok(None);

@@ -120,7 +120,7 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if the run's world file cannot be read.
-    pub(crate) fn differences_in_learning(
+    pub fn differences_in_learning(
         &self,
         scenario: &Scenario,
     ) -> Result<Vec<RunDifference>, RunError> {
@@ -171,7 +171,7 @@ impl RunDir {
     }
 
     /// Returns an error for a list of differences, unless it is empty.
-    pub(crate) fn refuse(&self, differences: Vec<RunDifference>) -> Result<(), RunError> {
+    pub fn refuse(&self, differences: Vec<RunDifference>) -> Result<(), RunError> {
         if differences.is_empty() {
             Ok(())
         } else {

@@ -27,23 +27,23 @@ struct Timing {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the layout.
-    pub(crate) format: u32,
+    pub format: u32,
     /// SHA-256 of the file with zeros in its place.
-    pub(crate) sha256: String,
+    pub sha256: String,
     /// Version of the program that trained.
-    pub(crate) brakecheck: String,
+    pub brakecheck: String,
     /// Operating system and processor of the training.
-    pub(crate) target: String,
+    pub target: String,
     /// Name of the world.
-    pub(crate) world: String,
+    pub world: String,
     /// SHA-256 of `world.ron`.
-    pub(crate) world_sha256: String,
+    pub world_sha256: String,
     /// Plant of the training.
     pub plant: Dynamics,
     /// Training seed.
     pub seed: u64,
     /// Decisions requested.
-    pub(crate) decisions: u64,
+    pub decisions: u64,
     /// Decisions taken so far.
     pub decisions_done: u64,
     /// Episodes finished so far.
@@ -70,16 +70,16 @@ pub struct Manifest {
     pub cpu_s: f64,
     /// Valid part of `progress.jsonl`.
     #[serde(default, skip_serializing_if = "Grown::is_nothing")]
-    pub(crate) progress: Grown,
+    pub progress: Grown,
     /// Report of the learner that is not yet a line of that file.
     #[serde(default, skip_serializing_if = "Window::is_empty")]
-    pub(crate) window: Window,
+    pub window: Window,
     /// Number of counterexamples. `None` for a training that stores none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) counterexamples: Option<StoredCount>,
+    pub counterexamples: Option<StoredCount>,
     /// Name of the learner among the world's `learners`. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) learner: Option<String>,
+    pub learner: Option<String>,
     /// Failures that the training looks for. Empty for any.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub goals: Vec<TrainingGoal>,
@@ -99,24 +99,24 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) settings_fingerprint: Option<String>,
     /// Settings of the learner, including defaults.
-    pub(crate) settings: serde_json::Value,
+    pub settings: serde_json::Value,
     /// Changed ego of the training. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) ego: Option<ChangedEgo>,
+    pub ego: Option<ChangedEgo>,
     /// SHA-256 of `from.safetensors`, when fine-tuning.
     #[serde(default)]
-    pub(crate) from_sha256: Option<String>,
+    pub from_sha256: Option<String>,
     /// SHA-256 of `bank.json`, when learning from other trainings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) bank_sha256: Option<String>,
+    pub bank_sha256: Option<String>,
     /// SHA-256 of `known.json`, if the training rewards rare failures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) known_sha256: Option<String>,
+    pub known_sha256: Option<String>,
     /// File of the checkpoint and its SHA-256, during training.
     #[serde(default)]
     pub checkpoint: Option<(String, String)>,
     /// SHA-256 of `policy.safetensors`, once it exists.
-    pub(crate) policy_sha256: Option<String>,
+    pub policy_sha256: Option<String>,
 }
 
 /// Search of training starts for demonstrations of a learner.
@@ -150,24 +150,24 @@ pub struct Done {
     /// Reason for the end, after training.
     pub ended: Option<TrainingEnd>,
     /// Episodes that no line of `progress.jsonl` covers yet.
-    pub(crate) window: Window,
+    pub window: Window,
 }
 
 /// Episodes since the last line of `progress.jsonl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Window {
+pub struct Window {
     /// Number of episodes.
-    pub(crate) episodes: u64,
+    pub episodes: u64,
     /// Episodes that the ado solved.
-    pub(crate) solved: u64,
+    pub solved: u64,
     /// Sum of their returns.
-    pub(crate) returns: f64,
+    pub returns: f64,
     /// Sum of the learner's mean losses.
     #[serde(default)]
-    pub(crate) losses: f64,
+    pub losses: f64,
     /// Number of updates with a loss.
     #[serde(default)]
-    pub(crate) updates: u64,
+    pub updates: u64,
 }
 
 impl Window {
@@ -247,9 +247,9 @@ impl Manifest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChangedEgo {
     /// Name in rows.
-    pub(crate) name: String,
+    pub name: String,
     /// Difference from the world's own ego.
-    pub(crate) change: Change,
+    pub change: Change,
 }
 
 impl ChangedEgo {

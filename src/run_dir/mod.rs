@@ -21,10 +21,10 @@
 
 mod about;
 mod adversary_id;
-pub(crate) mod cached_result;
+pub mod cached_result;
 mod calibration;
 mod contact_severity;
-pub(crate) mod counterexample;
+pub mod counterexample;
 mod differences;
 mod failure_cell;
 mod manifest;
@@ -34,7 +34,7 @@ mod repeated_runs;
 mod row;
 mod samples;
 mod trained_policy;
-pub(crate) use trained_policy::trained_naturally;
+pub use trained_policy::trained_naturally;
 mod training_counterexamples;
 
 #[cfg(test)]
@@ -46,10 +46,10 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-pub(crate) use crate::run_files::append_log::Grown;
+pub use crate::run_files::append_log::Grown;
 pub use crate::run_files::disk::write_file;
-pub(crate) use crate::run_files::disk::{WholeFile, file_name, make_dir, read_text};
-pub(crate) use crate::run_files::{MANIFEST, MEMBERS, POPULATION};
+pub use crate::run_files::disk::{WholeFile, file_name, make_dir, read_text};
+pub use crate::run_files::{MANIFEST, MEMBERS, POPULATION};
 pub use crate::run_files::{RunDifference, RunError};
 pub use crate::world::RunsOnDisk;
 pub use about::{
@@ -57,17 +57,17 @@ pub use about::{
     Variation, Why,
 };
 pub use adversary_id::AdversaryId;
-pub(crate) use adversary_id::keys as adversary_keys;
-pub(crate) use cached_result::CachedResult;
+pub use adversary_id::keys as adversary_keys;
+pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
 pub use contact_severity::{ClosingSpeed, ContactSeverity};
-pub(crate) use counterexample::digests_of;
+pub use counterexample::digests_of;
 pub use counterexample::{Counterexample, KeptError};
 pub use differences::RequestedTraining;
 pub use failure_cell::{
     CLOSING_BIN_MPS, CellCount, CellFailure, DecisiveAction, FailureCell, KnownFailures,
 };
-pub(crate) use manifest::Window;
+pub use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
@@ -88,15 +88,15 @@ use manifest::settings_of;
 
 /// Optional start conditions of a training.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Beginning<'a> {
+pub struct Beginning<'a> {
     /// Policy to fine-tune.
-    pub(crate) from: Option<&'a TensorFile>,
+    pub from: Option<&'a TensorFile>,
     /// Episodes of other trainings, to learn from.
-    pub(crate) bank: &'a [KnownEpisode],
+    pub bank: &'a [KnownEpisode],
     /// Changed ego to train against.
-    pub(crate) ego: Option<ChangedEgo>,
+    pub ego: Option<ChangedEgo>,
     /// Failures whose rarity is rewarded.
-    pub(crate) known: Option<&'a KnownFailures>,
+    pub known: Option<&'a KnownFailures>,
 }
 
 /// Open run directory.
@@ -131,7 +131,7 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if it exists with content, or cannot be written.
-    pub(crate) fn begin(
+    pub fn begin(
         path: &Path,
         scenario: &Scenario,
         seed: u64,
@@ -370,7 +370,7 @@ impl RunDir {
 }
 
 /// Version of this program.
-pub(crate) fn version() -> String {
+pub fn version() -> String {
     env!("CARGO_PKG_VERSION").to_owned()
 }
 

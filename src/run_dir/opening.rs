@@ -65,7 +65,7 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if it is damaged, or another process trains in it.
-    pub(crate) fn hold(&mut self) -> Result<(), RunError> {
+    pub fn hold(&mut self) -> Result<(), RunError> {
         // The consent is not part of the files, so it survives the reopening
         // here.
         if self._lock.is_none() {

@@ -155,7 +155,7 @@ pub struct BrokenRule {
 
 impl BrokenRule {
     /// Counts the rules that were broken on each start. Rules that held are left out.
-    pub(crate) fn counted<'a>(
+    pub fn counted<'a>(
         rulebook: &Rulebook,
         broken: impl Iterator<Item = &'a [usize]>,
     ) -> Vec<BrokenRule> {

@@ -163,7 +163,7 @@ impl RunDir {
 }
 
 /// Returns the world with the traffic and the limit of a training.
-pub(crate) fn trained_naturally(
+pub fn trained_naturally(
     world: &Scenario,
     training: &NaturalTraining,
 ) -> Result<Scenario, ModelError> {

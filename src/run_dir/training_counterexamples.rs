@@ -23,14 +23,14 @@ pub(crate) const MAX_STORED: u64 = 50_000;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct StoredCount {
     /// Lines of `counterexamples.jsonl`.
-    pub(crate) kept: u64,
+    pub kept: u64,
     /// Counterexamples found after the file was full.
-    pub(crate) dropped: u64,
+    pub dropped: u64,
     /// Valid bytes of `counterexamples.jsonl`.
-    pub(crate) bytes: u64,
+    pub bytes: u64,
     /// SHA-256 of these bytes. `None` until the first checkpoint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) sha256: Option<String>,
+    pub sha256: Option<String>,
 }
 
 impl StoredCount {
@@ -185,7 +185,7 @@ impl RunDir {
     /// # Errors
     ///
     /// Returns an error if the bank of the training is missing or damaged.
-    pub(crate) fn noise_of(&self, stored: &Stored) -> Result<Vec<u64>, RunError> {
+    pub fn noise_of(&self, stored: &Stored) -> Result<Vec<u64>, RunError> {
         let (scenario, bank) = (self.scenario()?, self.bank()?);
         let bench = scenario.bench();
         let noise = |success: &Success| {

@@ -18,22 +18,22 @@ use crate::ron_file::file_bytes;
 
 /// Valid part of a growing file, as of the last checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Grown {
+pub struct Grown {
     /// Number of valid bytes. Later bytes were written after the checkpoint.
-    pub(crate) bytes: u64,
+    pub bytes: u64,
     /// SHA-256 of these bytes.
-    pub(crate) sha256: String,
+    pub sha256: String,
 }
 
 impl Grown {
-    pub(crate) fn is_nothing(&self) -> bool {
+    pub fn is_nothing(&self) -> bool {
         self.bytes == 0
     }
 }
 
 /// Growing file, hashed as it grows.
 #[derive(Clone, Debug)]
-pub(crate) struct Growing {
+pub struct Growing {
     path: PathBuf,
     bytes: u64,
     hash: Sha256,
@@ -41,7 +41,7 @@ pub(crate) struct Growing {
 
 impl Growing {
     /// Returns a file that does not exist yet.
-    pub(crate) fn new(path: PathBuf) -> Growing {
+    pub fn new(path: PathBuf) -> Growing {
         Growing {
             path,
             bytes: 0,
@@ -54,7 +54,7 @@ impl Growing {
     /// # Errors
     ///
     /// Returns an error if the disk refuses, or valid bytes are missing.
-    pub(crate) fn cut_back(path: PathBuf, known: &Grown) -> Result<Growing, RunError> {
+    pub fn cut_back(path: PathBuf, known: &Grown) -> Result<Growing, RunError> {
         let Counting { text, hash } = counting(&path, known)?;
         if known.bytes < text.len() as u64 {
             cut(&path, known.bytes)?;
@@ -71,7 +71,7 @@ impl Growing {
     /// # Errors
     ///
     /// Returns an error if the disk refuses.
-    pub(crate) fn append(&mut self, text: &str) -> Result<(), RunError> {
+    pub fn append(&mut self, text: &str) -> Result<(), RunError> {
         append(&self.path, text.as_bytes())?;
         self.bytes += text.len() as u64;
         self.hash.update(text);
@@ -79,7 +79,7 @@ impl Growing {
     }
 
     /// Returns the entry of the manifest for the current state.
-    pub(crate) fn now(&self) -> Grown {
+    pub fn now(&self) -> Grown {
         Grown {
             bytes: self.bytes,
             sha256: in_digits(&self.hash.clone().finalize()),
@@ -129,7 +129,7 @@ fn counting(path: &Path, known: &Grown) -> Result<Counting, RunError> {
 /// # Errors
 ///
 /// Returns an error if the disk refuses, or the file differs from the manifest.
-pub(crate) fn verified(path: &Path, known: &Grown, is_whole: bool) -> Result<Vec<u8>, RunError> {
+pub fn verified(path: &Path, known: &Grown, is_whole: bool) -> Result<Vec<u8>, RunError> {
     let Counting { mut text, .. } = counting(path, known)?;
     if is_whole && known.bytes < text.len() as u64 {
         return Err(RunError::Damaged {

@@ -84,7 +84,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 
 /// File that is written step by step and appears completely or not at all.
 #[derive(Debug)]
-pub(crate) struct WholeFile {
+pub struct WholeFile {
     path: PathBuf,
     beside: PathBuf,
     file: Option<io::BufWriter<File>>,
@@ -97,7 +97,7 @@ impl WholeFile {
     /// # Errors
     ///
     /// Returns an error if the disk refuses.
-    pub(crate) fn begin(path: &Path) -> Result<WholeFile, RunError> {
+    pub fn begin(path: &Path) -> Result<WholeFile, RunError> {
         let dir = parent(path);
         sweep(dir);
         let (file, beside) = unfinished(dir).map_err(io_error("writing", path))?;
@@ -114,7 +114,7 @@ impl WholeFile {
     /// # Errors
     ///
     /// Returns an error if the disk refuses.
-    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), RunError> {
+    pub fn write(&mut self, bytes: &[u8]) -> Result<(), RunError> {
         let failed = io_error("writing", &self.path);
         step(&self.path).map_err(&failed)?;
         self.hash.update(bytes);
@@ -130,7 +130,7 @@ impl WholeFile {
     ///
     /// Returns an error if the disk refuses. An older file of that name stays
     /// untouched.
-    pub(crate) fn finish(mut self) -> Result<String, RunError> {
+    pub fn finish(mut self) -> Result<String, RunError> {
         let failed = io_error("writing", &self.path);
         if let Some(file) = self.file.take() {
             let file = file
@@ -246,7 +246,7 @@ pub(super) fn cut(path: &Path, bytes: u64) -> Result<(), RunError> {
 }
 
 /// Removes a file. A missing file is no error.
-pub(crate) fn remove(path: &Path) -> io::Result<()> {
+pub fn remove(path: &Path) -> io::Result<()> {
     step(path)?;
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
@@ -257,7 +257,7 @@ pub(crate) fn remove(path: &Path) -> io::Result<()> {
 /// Removes leftovers of killed writers from a directory, as far as possible.
 ///
 /// A file that is still being written is locked.
-pub(crate) fn sweep(dir: &Path) {
+pub fn sweep(dir: &Path) {
     for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
         if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
             let path = entry.path();
@@ -308,7 +308,7 @@ fn parent(path: &Path) -> &Path {
 }
 
 /// Returns true if a directory contains more than the beginning of a run.
-pub(crate) fn is_taken(path: &Path) -> bool {
+pub fn is_taken(path: &Path) -> bool {
     let Ok(entries) = fs::read_dir(path) else {
         return false;
     };
@@ -328,7 +328,7 @@ pub(crate) fn is_taken(path: &Path) -> bool {
 }
 
 /// Locks a run directory for one process.
-pub(crate) fn lock(path: &Path) -> Result<File, RunError> {
+pub fn lock(path: &Path) -> Result<File, RunError> {
     let file_path = path.join("lock");
     let failed = io_error("creating", &file_path);
     step(&file_path).map_err(&failed)?;
@@ -348,7 +348,7 @@ pub(crate) fn lock(path: &Path) -> Result<File, RunError> {
 /// # Errors
 ///
 /// Returns an error if the disk refuses, or the bytes are not UTF-8.
-pub(crate) fn read_text(path: &Path) -> Result<String, RunError> {
+pub fn read_text(path: &Path) -> Result<String, RunError> {
     let bytes = file_bytes(path).map_err(io_error("reading", path))?;
     String::from_utf8(bytes).map_err(|error| RunError::Damaged {
         path: path.into(),
@@ -357,7 +357,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, RunError> {
 }
 
 /// Returns a disk error with the attempted operation and the path.
-pub(crate) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) -> RunError + use<> {
+pub fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) -> RunError + use<> {
     let path = path.to_owned();
     move |source| RunError::Io {
         verb,
@@ -367,7 +367,7 @@ pub(crate) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) ->
 }
 
 /// Returns a name as a file name, with `-` for all special characters.
-pub(crate) fn file_name(name: &str) -> String {
+pub fn file_name(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     name.chars().map(plain).collect()
 }

@@ -3,36 +3,36 @@
 //! All changes of the disk pass through [`disk`]. [`SealedFiles`] verifies a run
 //! directory without knowing its world or its training.
 
-pub(crate) mod append_log;
-pub(crate) mod disk;
+pub mod append_log;
+pub mod disk;
 mod error;
-pub(crate) mod sealed;
+pub mod sealed;
 
 pub use error::{RunDifference, RunError};
 pub use sealed::SealedFiles;
 
 /// Version of the layout of run directories. Other versions are refused.
-pub(crate) const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 3;
 
 /// World file of a run, verbatim.
-pub(crate) const WORLD: &str = "world.ron";
+pub const WORLD: &str = "world.ron";
 /// File with the settings of a run and the hashes of its files.
-pub(crate) const MANIFEST: &str = "manifest.json";
+pub const MANIFEST: &str = "manifest.json";
 /// Separate file of the processor time, in which equal trainings differ.
-pub(crate) const TIMING: &str = "timing.json";
+pub const TIMING: &str = "timing.json";
 /// Trained policy of a finished run.
 pub(crate) const POLICY: &str = "policy.safetensors";
 /// Policy that the training was fine-tuned from.
 pub(crate) const FROM: &str = "from.safetensors";
 /// File with the episodes of other trainings.
-pub(crate) const BANK: &str = "bank.json";
+pub const BANK: &str = "bank.json";
 /// File with the failures whose rarity a training rewards.
-pub(crate) const KNOWN: &str = "known.json";
+pub const KNOWN: &str = "known.json";
 /// Growing file with a line per report of the learner.
-pub(crate) const PROGRESS: &str = "progress.jsonl";
+pub const PROGRESS: &str = "progress.jsonl";
 /// Growing file with the successes of a training.
-pub(crate) const COUNTEREXAMPLES: &str = "counterexamples.jsonl";
+pub const COUNTEREXAMPLES: &str = "counterexamples.jsonl";
 /// File that makes a directory a population of runs, in place of the manifest.
-pub(crate) const POPULATION: &str = "population.json";
+pub const POPULATION: &str = "population.json";
 /// Directory of a population's runs, which are called `000`, `001` and so on.
-pub(crate) const MEMBERS: &str = "members";
+pub const MEMBERS: &str = "members";

@@ -36,26 +36,26 @@ struct Timing {
 /// Hashes of a run's files, as its manifest has them.
 #[derive(Clone, Debug, Deserialize)]
 pub struct SealedFiles {
-    pub(crate) world_sha256: String,
+    pub world_sha256: String,
     #[serde(default)]
-    pub(crate) from_sha256: Option<String>,
+    pub from_sha256: Option<String>,
     #[serde(default)]
-    pub(crate) bank_sha256: Option<String>,
+    pub bank_sha256: Option<String>,
     #[serde(default)]
-    pub(crate) known_sha256: Option<String>,
-    pub(crate) policy_sha256: Option<String>,
+    pub known_sha256: Option<String>,
+    pub policy_sha256: Option<String>,
     #[serde(default)]
-    pub(crate) progress: Grown,
+    pub progress: Grown,
     #[serde(default)]
-    pub(crate) counterexamples: Option<SealedCounterexamples>,
+    pub counterexamples: Option<SealedCounterexamples>,
 }
 
 /// Valid part of `counterexamples.jsonl`.
 #[derive(Clone, Debug, Deserialize)]
-pub(crate) struct SealedCounterexamples {
-    pub(crate) bytes: u64,
+pub struct SealedCounterexamples {
+    pub bytes: u64,
     #[serde(default)]
-    pub(crate) sha256: Option<String>,
+    pub sha256: Option<String>,
 }
 
 /// Seal of a manifest, and the fields that its other files depend on.
@@ -146,7 +146,7 @@ impl SealedFiles {
 /// # Errors
 ///
 /// Returns an error if the directory contains no run of this layout.
-pub(crate) fn manifest_text(run: &Path) -> Result<String, RunError> {
+pub fn manifest_text(run: &Path) -> Result<String, RunError> {
     let not_a_run = |why: String| RunError::NotARun {
         path: run.into(),
         why,
@@ -189,7 +189,7 @@ pub(crate) fn manifest_text(run: &Path) -> Result<String, RunError> {
 /// # Errors
 ///
 /// Returns an error if the file is missing or damaged.
-pub(crate) fn timing_s(run: &Path, is_due: bool) -> Result<f64, RunError> {
+pub fn timing_s(run: &Path, is_due: bool) -> Result<f64, RunError> {
     let path = &run.join(TIMING);
     let damaged = |why: String| RunError::Damaged {
         path: path.into(),
@@ -217,7 +217,7 @@ pub(crate) fn timing_s(run: &Path, is_due: bool) -> Result<f64, RunError> {
 /// # Errors
 ///
 /// Returns an error if the file is missing or damaged.
-pub(crate) fn read_verified(
+pub fn read_verified(
     run: &Path,
     name: &str,
     expected: Option<&str>,

@@ -8,7 +8,7 @@ const PERSON_M: f64 = 1.2;
 
 /// Shape in which a body is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum BodyFigure {
+pub enum BodyFigure {
     /// A pedestrian.
     Person,
     /// A bicycle or a motorcycle, with its rider.
@@ -23,7 +23,7 @@ pub(crate) enum BodyFigure {
 
 impl AgentDescription {
     /// Returns the description of an agent with a body.
-    pub(crate) fn of(name: &str, role: Role, body: &Body) -> AgentDescription {
+    pub fn of(name: &str, role: Role, body: &Body) -> AgentDescription {
         AgentDescription {
             name: name.to_owned(),
             role,
@@ -38,7 +38,7 @@ impl AgentDescription {
     ///
     /// A walking body that is as large as a car is a moving target dummy. It is
     /// drawn by its size and not as a stretched person.
-    pub(crate) fn figure(&self) -> BodyFigure {
+    pub fn figure(&self) -> BodyFigure {
         let [length_m, width_m, height_m] = self.size_m;
         if self.on_foot && length_m <= PERSON_M && width_m <= PERSON_M {
             BodyFigure::Person

@@ -3,13 +3,13 @@
 use super::Frame;
 
 /// A point on the ground in the world frame, in metres.
-pub(crate) type GroundPoint = [f64; 3];
+pub type GroundPoint = [f64; 3];
 
 /// Bounding box of all bodies, enlarged by a margin.
 ///
 /// Returns (least, greatest) of x and of y. Without any frame, the box is empty
 /// (infinite bounds reversed).
-pub(crate) fn reach<'a>(
+pub fn reach<'a>(
     frames: impl IntoIterator<Item = &'a Frame>,
     margin_m: f64,
 ) -> [(f64, f64); 2] {
@@ -27,7 +27,7 @@ pub(crate) fn reach<'a>(
 /// All borders must have equally many points, and points of equal index lie
 /// across the road from each other. The result has the same property. It is
 /// empty if the road does not enter the box.
-pub(crate) fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<GroundPoint>> {
+pub fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<GroundPoint>> {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return Vec::new();
     };
@@ -53,7 +53,7 @@ pub(crate) fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec
 }
 
 /// Returns a line beside `line`, moved by `by_m` towards `across`.
-pub(crate) fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) -> Vec<GroundPoint> {
+pub fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) -> Vec<GroundPoint> {
     // The lower bound avoids 0/0 where the two lines touch.
     let moved =
         |(a, b): (&GroundPoint, &GroundPoint)| between(*a, *b, by_m / distance(*a, *b).max(1e-9));
@@ -63,7 +63,7 @@ pub(crate) fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) ->
 /// Returns points every `every_m` along a line.
 ///
 /// On straight roads the points lie at whole multiples of the world's x.
-pub(crate) fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
+pub fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
     let mut points = Vec::new();
     // Starting at x and not at 0 keeps posts in place when a view is cut
     // elsewhere.
@@ -82,7 +82,7 @@ pub(crate) fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
 }
 
 /// Returns the straight-line distance in metres.
-pub(crate) fn distance(a: GroundPoint, b: GroundPoint) -> f64 {
+pub fn distance(a: GroundPoint, b: GroundPoint) -> f64 {
     let squares = (0..3).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
     squares.sum::<f64>().sqrt()
 }

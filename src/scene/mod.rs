@@ -6,10 +6,10 @@
 //!
 //! Architecture Invariant: a scene computes no reward and no verdict.
 
-pub(crate) mod drive;
+pub mod drive;
 mod figure;
-pub(crate) mod grid;
-pub(crate) mod ground;
+pub mod grid;
+pub mod ground;
 mod record;
 mod world;
 
@@ -17,10 +17,10 @@ use std::sync::Arc;
 
 pub use crate::severity::{CrashKind, Impact, InjuryRisk, RiskCurve, Side};
 pub use crate::sim::{BodyCommand, BodyState, Placement, Pose};
-pub(crate) use figure::BodyFigure;
-pub(crate) use record::Passage;
+pub use figure::BodyFigure;
+pub use record::Passage;
 pub use record::{BodySample, Motion};
-pub(crate) use world::Derived;
+pub use world::Derived;
 pub use world::{Availability, Dynamics, Observed, World};
 
 use serde::{Deserialize, Serialize};
@@ -215,7 +215,7 @@ impl AfterContact {
 
 /// Role of an agent, for viewers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Role {
+pub enum Role {
     /// The system under test.
     Ego,
     /// A learning adversary.
@@ -230,7 +230,7 @@ pub struct AgentDescription {
     /// Name in the world file.
     pub name: String,
     /// Role in the world.
-    pub(crate) role: Role,
+    pub role: Role,
     /// Name of its kind of body.
     pub body: String,
     /// Length, width and height of its body.

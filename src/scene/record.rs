@@ -31,9 +31,9 @@ pub struct Motion {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
     /// Motion of all agents.
-    pub(crate) motion: Motion,
+    pub motion: Motion,
     /// Per sample, the phase of each light in the order of the world file.
-    pub(crate) phases: Vec<Vec<Phase>>,
+    pub phases: Vec<Vec<Phase>>,
 }
 
 impl Motion {

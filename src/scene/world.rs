@@ -106,14 +106,14 @@ impl Observed {
 #[derive(Clone, Debug)]
 pub struct Derived {
     /// Declaration of the signal.
-    pub(crate) signal: Signal,
+    pub signal: Signal,
     /// Expression of its value.
-    pub(crate) expr: crate::stl::Expr,
+    pub expr: crate::stl::Expr,
 }
 
 impl Derived {
     /// Returns the signal with other names of itself and of those it mentions.
-    pub(crate) fn renamed(&self, new: &dyn Fn(&str) -> Option<String>) -> Derived {
+    pub fn renamed(&self, new: &dyn Fn(&str) -> Option<String>) -> Derived {
         let Signal {
             name, unit, about, ..
         } = &self.signal;

@@ -11,7 +11,7 @@ use crate::world::{Repeats, Scenario};
 ///
 /// The tree returns sequences with long shared prefixes, and rigid bodies cost twenty
 /// times as much as points.
-pub(crate) struct Confirmer<'a> {
+pub struct Confirmer<'a> {
     scenario: &'a Scenario,
     start: &'a Start,
     noise: u64,
@@ -28,7 +28,7 @@ pub(crate) struct Confirmer<'a> {
 
 impl Confirmer<'_> {
     /// Creates a confirmer for the `index`th start, without any played sequence.
-    pub(crate) fn new<'a>(
+    pub fn new<'a>(
         scenario: &'a Scenario,
         (start, noise): (&'a Start, u64),
         index: usize,
@@ -48,7 +48,7 @@ impl Confirmer<'_> {
     }
 
     /// Plays `actions`, the last action held, to contact or the horizon.
-    pub(crate) fn confirm(&mut self, actions: &[usize]) -> Confirmed {
+    pub fn confirm(&mut self, actions: &[usize]) -> Confirmed {
         let pairs = self.actions.iter().zip(actions);
         let shared = pairs.take_while(|(a, b)| a == b).count();
         self.actions.truncate(shared);
@@ -89,7 +89,7 @@ impl Confirmer<'_> {
     /// Failure of the ego in the sequence that was confirmed last.
     ///
     /// `None` if the ego did not fail, or if it cannot be copied and was replayed.
-    pub(crate) fn failure(&self) -> Option<RecordedFailure> {
+    pub fn failure(&self) -> Option<RecordedFailure> {
         let last = self.benches.last().filter(|bench| bench.is_done())?;
         let episode = last.episode(self.start, self.noise, self.actions.clone());
         RecordedFailure::of(self.scenario, &episode)
@@ -139,7 +139,7 @@ impl Confirmer<'_> {
 
 /// Outcome of a sequence on the requested plant.
 #[derive(Default)]
-pub(crate) struct Confirmed {
+pub struct Confirmed {
     /// True if the ego failed.
     pub success: bool,
     /// Contact after the failure, if the agents touched.
@@ -150,7 +150,7 @@ pub(crate) struct Confirmed {
 
 impl Confirmed {
     /// Reads the outcome from the bench of a finished episode.
-    pub(crate) fn on(bench: &Testbench) -> Confirmed {
+    pub fn on(bench: &Testbench) -> Confirmed {
         let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
         let rules = bench.rules_until_contact();
         Confirmed {

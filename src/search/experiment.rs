@@ -46,31 +46,31 @@ pub struct Experiment<'a> {
 #[derive(Clone, Debug)]
 pub struct ExperimentCell {
     /// Ego under test, in the world that was played.
-    pub(crate) ego: EgoUnderTest,
+    pub ego: EgoUnderTest,
     /// Adversary, as kept counterexamples name it.
     pub adversary: AdversaryId,
     /// Test starts.
-    pub(crate) starts: TestStarts,
+    pub starts: TestStarts,
     /// Rates and costs over all starts.
     pub row: Row,
     /// Result per start. `None`: trivial or not reached.
-    pub(crate) results: Vec<Option<StartResult>>,
+    pub results: Vec<Option<StartResult>>,
 }
 
 /// Result of an adversary on one start.
 #[derive(Clone, Debug)]
-pub(crate) struct StartResult {
+pub struct StartResult {
     /// Outcome. A search that finds nothing gives `Held`.
-    pub(crate) outcome: StartOutcome,
+    pub outcome: StartOutcome,
     /// Verdict of the episode. `None`: a search has no verdict of its own.
-    pub(crate) verdict: Option<Verdict>,
+    pub verdict: Option<Verdict>,
     /// Closing speed, if the agents touched.
-    pub(crate) closing_speed_mps: Option<f64>,
+    pub closing_speed_mps: Option<f64>,
     /// Number of episodes.
-    pub(crate) simulations: u64,
+    pub simulations: u64,
     /// Physics steps spent.
-    pub(crate) physics_steps: u64,
-    pub(crate) success: Option<RecordedSuccess>,
+    pub physics_steps: u64,
+    pub success: Option<RecordedSuccess>,
 }
 
 impl<'a> Adversary<'a> {
@@ -138,7 +138,7 @@ impl Experiment<'_> {
 
 impl ExperimentCell {
     /// Creates the cell of an evaluation.
-    pub(crate) fn evaluated(
+    pub fn evaluated(
         ego: &EgoUnderTest,
         starts: &TestStarts,
         evaluated: Evaluated,
@@ -163,7 +163,7 @@ impl ExperimentCell {
     }
 
     /// Creates the cell of a search.
-    pub(crate) fn searched(
+    pub fn searched(
         ego: &EgoUnderTest,
         starts: &TestStarts,
         searched: Searched,
@@ -203,7 +203,7 @@ impl ExperimentCell {
     /// Records trivial starts as successes of the neutral action, in a world of points.
     ///
     /// There each point is a question to the ego, which it fails by itself.
-    pub(crate) fn record_failing_alone(&mut self) {
+    pub fn record_failing_alone(&mut self) {
         let scenario = self.ego.scenario();
         if !scenario.judges_each_ego() {
             return;

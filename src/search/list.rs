@@ -63,7 +63,7 @@ macro_rules! methods {
             }
 
             /// Returns the name in rows, with the budget and the unconfirmed sequences.
-            pub(crate) fn text(&self, budget: u64, unconfirmed: Option<Unconfirmed>) -> String {
+            pub fn text(&self, budget: u64, unconfirmed: Option<Unconfirmed>) -> String {
                 match self {
                     $( $(#[cfg($when)])? Method::$kind(it) => it.text(budget, unconfirmed), )+
                 }

@@ -21,8 +21,8 @@ mod tree;
 mod trials;
 mod uniform;
 
-pub(crate) use confirm::{Confirmed, Confirmer};
-pub(crate) use experiment::StartResult;
+pub use confirm::{Confirmed, Confirmer};
+pub use experiment::StartResult;
 pub use experiment::{Adversary, Experiment, ExperimentCell};
 pub use found::SearchResult;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
@@ -43,7 +43,7 @@ use crate::stats::{StartOutcome, wilson};
 use crate::testbench::{Testbench, count_faults};
 use crate::world::Scenario;
 use method::StartSearch;
-pub(crate) use tree::{Tree, WalkControl};
+pub use tree::{Tree, WalkControl};
 
 /// Row of a search and the solutions behind it.
 #[derive(Clone, Debug)]

@@ -96,7 +96,7 @@ fn best_first(elites: &mut Vec<(f64, Vec<usize>)>) {
 }
 
 /// Changes a sequence at one place.
-pub(crate) fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
+pub fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
     let len = sequence.len();
     if len == 0 {
         return;

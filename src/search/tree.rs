@@ -12,7 +12,7 @@ use crate::testbench::{Aftermath, Testbench};
 
 /// Decision to continue or to stop.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum WalkControl {
+pub enum WalkControl {
     /// Continue with the next sequence.
     Continue,
     /// Stop the walk.
@@ -24,7 +24,7 @@ pub(crate) enum WalkControl {
 /// Prefixes are shared by forking the bench.
 /// An ego that cannot be copied, such as a program, plays every sequence from the start.
 /// The sequences run one after another, so one program is enough.
-pub(crate) struct Tree<'a> {
+pub struct Tree<'a> {
     start: &'a Start,
     noise: u64,
     index: usize,
@@ -58,7 +58,7 @@ pub(crate) type Accept<'a> = &'a mut dyn FnMut(&[usize], &Testbench) -> WalkCont
 
 impl<'a> Tree<'a> {
     /// Creates a tree on `root` for the `index`th start, without any played sequence.
-    pub(crate) fn new(
+    pub fn new(
         root: &mut Testbench,
         ((start, noise), index): ((&'a Start, u64), usize),
         aftermath: Aftermath,
@@ -89,7 +89,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Plays every sequence with exactly `switches` switches, beginning with `action`.
-    pub(crate) fn begin(
+    pub fn begin(
         &mut self,
         root: &mut Testbench,
         action: usize,

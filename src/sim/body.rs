@@ -4,6 +4,7 @@
 //! bodies are built into the binary ([`Body::shipped`]). Every length describes
 //! the body at rest on flat ground.
 
+use brakecheck_assets::VEHICLES;
 use ron::extensions::Extensions;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -87,13 +88,13 @@ impl Body {
     /// # Errors
     /// The built-in files are tested to parse, so do not expect `Some(Err(_))`.
     pub fn shipped(name: &str) -> Option<Result<Body, BodyError>> {
-        let (_, text) = SHIPPED.iter().find(|(shipped, _)| *shipped == name)?;
+        let (_, text) = VEHICLES.iter().find(|(shipped, _)| *shipped == name)?;
         Some(Body::parse(text))
     }
 
     /// Returns the names that [`Body::shipped`] accepts.
     pub fn shipped_names() -> impl Iterator<Item = &'static str> {
-        SHIPPED.iter().map(|(name, _)| *name)
+        VEHICLES.iter().map(|(name, _)| *name)
     }
 
     /// Reads a body from RON and checks its values.
@@ -201,29 +202,6 @@ impl BodyKind {
         }
     }
 }
-
-/// Built-in bodies: a file in `assets/vehicles/` and its name in the list.
-macro_rules! shipped {
-    ($($name:literal),*) => {
-        const SHIPPED: &[(&str, &str)] = &[$(
-            ($name, include_str!(concat!("../../assets/vehicles/", $name, ".ron")))
-        ),*];
-    };
-}
-
-shipped![
-    "sedan",
-    "compact",
-    "van",
-    "truck",
-    "semitrailer",
-    "motorcycle",
-    "bicyclist",
-    "pedestrian",
-    "adult",
-    "bmw_320i",
-    "lorry_40t"
-];
 
 /// Restitution of bodies that deform, at the speeds of road traffic.
 fn restitution() -> f64 {

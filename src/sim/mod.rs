@@ -43,7 +43,7 @@ mod wind;
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
-pub(crate) use crate::pose::{GroundFrame, rotation_by, sine, wrapped};
+pub use crate::pose::{GroundFrame, rotation_by, sine, wrapped};
 pub use crate::pose::{Placement, Pose};
 pub use body::{Body, BodyError, BodyKind};
 pub use body_model::{BodyDimensions, InvalidBody};

@@ -48,7 +48,7 @@ impl Wind {
     ///
     /// Along the heading it is the change of the air drag that the plant applies in
     /// still air.
-    pub(crate) fn accel_mps2(&self, time_s: f64, body: &Body, state: &BodyState) -> (f64, f64) {
+    pub fn accel_mps2(&self, time_s: f64, body: &Body, state: &BodyState) -> (f64, f64) {
         let air = rotation_by(-state.pose.heading_rad) * self.velocity_mps(time_s);
         let per_kg = 0.5 * AIR_KG_PER_M3 / body.mass_kg;
         let drag_area_m2 = body.vehicle().map_or(0.0, |vehicle| vehicle.drag_area_m2);

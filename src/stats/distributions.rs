@@ -65,32 +65,32 @@ fn inverse([mut lo, mut hi]: [f64; 2], value: f64, rising: impl Fn(f64) -> f64) 
 }
 
 /// Returns the distribution function of Student's t with `freedom` > 0 degrees.
-pub(crate) fn student_cdf(t: f64, freedom: f64) -> f64 {
+pub fn student_cdf(t: f64, freedom: f64) -> f64 {
     let tail = 0.5 * beta_cdf(freedom / (freedom + t * t), 0.5 * freedom, 0.5);
     // The tail depends on t² alone, so the sign chooses the side.
     if 0.0 < t { 1.0 - tail } else { tail }
 }
 
 /// Returns the quantile of Student's t. Shares are inside (0, 1).
-pub(crate) fn student_quantile(share: f64, freedom: f64) -> f64 {
+pub fn student_quantile(share: f64, freedom: f64) -> f64 {
     inverse([-1e4, 1e4], share, |t| student_cdf(t, freedom))
 }
 
 /// Returns the standard normal distribution function.
-pub(crate) fn normal_cdf(z: f64) -> f64 {
+pub fn normal_cdf(z: f64) -> f64 {
     // `erfc` keeps the digits of small tails.
     0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 /// Returns the standard normal quantile. Shares are inside (0, 1).
-pub(crate) fn normal_quantile(share: f64) -> f64 {
+pub fn normal_quantile(share: f64) -> f64 {
     inverse([-40.0, 40.0], share, normal_cdf)
 }
 
 /// Upper bound of Clopper and Pearson of a rate, with `hits` of `n` trials.
 ///
 /// The rate is above it with a probability of at most `error`. 1 for n = 0.
-pub(crate) fn clopper_pearson_upper(hits: usize, n: usize, error: f64) -> f64 {
+pub fn clopper_pearson_upper(hits: usize, n: usize, error: f64) -> f64 {
     if n <= hits {
         return 1.0;
     }
@@ -101,7 +101,7 @@ pub(crate) fn clopper_pearson_upper(hits: usize, n: usize, error: f64) -> f64 {
 }
 
 /// Returns the probability of at least `count` events of a Poisson law.
-pub(crate) fn poisson_tail(count: usize, mean: f64) -> f64 {
+pub fn poisson_tail(count: usize, mean: f64) -> f64 {
     let (mut term, mut below) = (libm::exp(-mean), 0.0);
     for i in 0..count {
         below += term;
@@ -114,7 +114,7 @@ pub(crate) fn poisson_tail(count: usize, mean: f64) -> f64 {
 ///
 /// It is the estimator of Zhang and Stephens (2009) with the prior of Vehtari et al.
 /// (2024), which pulls small samples to 0.5. At least five excesses are needed.
-pub(crate) fn pareto_shape(excesses: &[f64]) -> Option<f64> {
+pub fn pareto_shape(excesses: &[f64]) -> Option<f64> {
     let mut x: Vec<f64> = excesses.to_vec();
     x.sort_by(f64::total_cmp);
     let (n, largest) = (x.len(), *x.last()?);

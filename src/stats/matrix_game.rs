@@ -14,7 +14,7 @@ const CHECKS: usize = 100;
 
 /// Mixed strategies of both players and the value of the game.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Equilibrium {
+pub struct Equilibrium {
     /// Probability of each row, whose player maximizes the payoff.
     pub rows: Vec<f64>,
     /// Probability of each column, whose player minimizes the payoff.
@@ -30,7 +30,7 @@ impl Equilibrium {
     ///
     /// The payoffs are finite, and every row has the same number of columns. An empty
     /// game has empty mixtures and the value 0.
-    pub(crate) fn of(payoffs: &[Vec<f64>]) -> Equilibrium {
+    pub fn of(payoffs: &[Vec<f64>]) -> Equilibrium {
         let columns = payoffs.first().map_or(0, Vec::len);
         // Invariant: the matrix is complete.
         debug_assert!(payoffs.iter().all(|row| row.len() == columns));
@@ -79,7 +79,7 @@ impl Equilibrium {
 }
 
 /// Expected payoff of each row against a mixture of columns.
-pub(crate) fn row_gains(payoffs: &[Vec<f64>], columns: &[f64]) -> Vec<f64> {
+pub fn row_gains(payoffs: &[Vec<f64>], columns: &[f64]) -> Vec<f64> {
     let gain = |row: &Vec<f64>| row.iter().zip(columns).map(|(u, p)| u * p).sum();
     payoffs.iter().map(gain).collect()
 }

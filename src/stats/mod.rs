@@ -7,18 +7,18 @@ mod optimization;
 mod outcomes;
 mod species;
 
-pub(crate) use distributions::{
+pub use distributions::{
     clopper_pearson_upper, normal_cdf, normal_quantile, pareto_shape, poisson_tail, student_cdf,
     student_quantile,
 };
-pub(crate) use interval::predicted;
+pub use interval::predicted;
 pub use interval::{
     at_most, mcnemar, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
-pub(crate) use matrix_game::{Equilibrium, row_gains};
-pub(crate) use optimization::{
+pub use matrix_game::{Equilibrium, row_gains};
+pub use optimization::{
     CrossEntropySearch, SMALL_WEIGHTS, add_equation, descend, logistic, pick,
 };
-pub(crate) use outcomes::Flips;
+pub use outcomes::Flips;
 pub use outcomes::{Outcomes, StartOutcome};
 pub use species::{Incidence, KindsEstimate, NewKinds};

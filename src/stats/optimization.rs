@@ -27,7 +27,7 @@ const LEAST_SPREAD: f64 = 0.005;
 
 /// Length and width of a search.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct CrossEntropySearch {
+pub struct CrossEntropySearch {
     generations: usize,
     population: usize,
     elite: usize,
@@ -37,21 +37,21 @@ pub(crate) struct CrossEntropySearch {
 
 impl CrossEntropySearch {
     /// Search of the whole box.
-    pub(crate) const WIDE: CrossEntropySearch = CrossEntropySearch {
+    pub const WIDE: CrossEntropySearch = CrossEntropySearch {
         generations: 20,
         population: 48,
         elite: 8,
         wide: 0.8,
     };
     /// Search of the whole box for costs that take many simulations.
-    pub(crate) const COARSE: CrossEntropySearch = CrossEntropySearch {
+    pub const COARSE: CrossEntropySearch = CrossEntropySearch {
         generations: 5,
         population: 20,
         elite: 5,
         wide: 0.8,
     };
     /// Search around a point that is nearly right.
-    pub(crate) const NEAR: CrossEntropySearch = CrossEntropySearch {
+    pub const NEAR: CrossEntropySearch = CrossEntropySearch {
         generations: 10,
         population: 32,
         elite: 6,
@@ -59,7 +59,7 @@ impl CrossEntropySearch {
     };
 
     /// Searches around `mean`; `costs` measures many points at once.
-    pub(crate) fn run(
+    pub fn run(
         &self,
         mut mean: Vec<f64>,
         dice: &mut ChaCha8Rng,
@@ -116,7 +116,7 @@ fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
 }
 
 /// A position by its share; rounding leaves what remains to the last one.
-pub(crate) fn pick(shares: &[f64], rng: &mut ChaCha8Rng) -> usize {
+pub fn pick(shares: &[f64], rng: &mut ChaCha8Rng) -> usize {
     let mut left = rng.random::<f64>();
     let below = shares.iter().position(|share| {
         left -= share;
@@ -143,7 +143,7 @@ pub(crate) type Deviations = Vec<f64>;
 ///
 /// `measure` returns the deviations of many points at once. The cost of a point is
 /// [`cost`].
-pub(crate) fn descend(
+pub fn descend(
     point: Vec<f64>,
     free: &[usize],
     measure: &dyn Fn(&[Vec<f64>]) -> Vec<Deviations>,
@@ -191,7 +191,7 @@ pub(crate) fn descend(
 }
 
 /// Returns the root mean square distance of deviations.
-pub(crate) fn cost(deviations: &[f64]) -> f64 {
+pub fn cost(deviations: &[f64]) -> f64 {
     let sum: f64 = deviations.iter().map(|d| d * d).sum();
     // Three deviations, x, y and speed, form one distance.
     (3.0 * sum / deviations.len().max(1) as f64).sqrt()
@@ -235,12 +235,12 @@ fn step(
 }
 
 /// Regularisation of the weights, in standard deviations.
-pub(crate) const SMALL_WEIGHTS: f64 = 1e-4;
+pub const SMALL_WEIGHTS: f64 = 1e-4;
 /// Largest number of Newton steps.
 const NEWTON_STEPS: usize = 40;
 
 /// Adds a weighted row with its target to the normal equations.
-pub(crate) fn add_equation(
+pub fn add_equation(
     left: &mut DMatrix<f64>,
     right: &mut DVector<f64>,
     row: &[f64],
@@ -258,7 +258,7 @@ pub(crate) fn add_equation(
 ///
 /// Their magnitudes weight the rows. The second to last column must be constant.
 /// Newton steps are halved where they overshoot. `None`: the problem has no solution.
-pub(crate) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
+pub fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
     let width = rows.first()?.len();
     let constant = width - 2;
     let count = rows.len() as f64;

@@ -119,20 +119,20 @@ impl From<Outcomes> for String {
 
 /// Comparison of the outcomes of two egos over the same starts.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Flips {
+pub struct Flips {
     /// Number of starts that are valid and not trivial for both.
-    pub(crate) compared: usize,
+    pub compared: usize,
     /// Starts from which the new ego fails and the old one does not.
-    pub(crate) newly_failing: Vec<usize>,
+    pub newly_failing: Vec<usize>,
     /// Starts from which the old ego fails and the new one does not.
-    pub(crate) newly_fixed: Vec<usize>,
+    pub newly_fixed: Vec<usize>,
     /// Starts from which both fail.
-    pub(crate) both_fail: Vec<usize>,
+    pub both_fail: Vec<usize>,
 }
 
 impl Flips {
     /// Compares two egos, start by start.
-    pub(crate) fn of(new: &[StartOutcome], old: &[StartOutcome]) -> Flips {
+    pub fn of(new: &[StartOutcome], old: &[StartOutcome]) -> Flips {
         use StartOutcome::{Solved, Unsolved};
         let mut flips = Flips::default();
         for (start, (new, old)) in new.iter().zip(old).enumerate() {
@@ -150,7 +150,7 @@ impl Flips {
     }
 
     /// Returns the exact p-value of McNemar's test on the flipped starts.
-    pub(crate) fn p_value(&self) -> f64 {
+    pub fn p_value(&self) -> f64 {
         mcnemar(self.newly_failing.len(), self.newly_fixed.len())
     }
 }

@@ -29,7 +29,7 @@ use crate::world::{DriveScenario, Scenario};
 #[non_exhaustive]
 pub(crate) struct AdaptedRow {
     /// The row.
-    pub(crate) evaluated: Evaluated,
+    pub evaluated: Evaluated,
     /// Starts on which the ado followed its trained policy throughout.
     pub(crate) as_trained: usize,
     /// Starts on which it followed the policy trained inside the surrogate throughout.
@@ -42,15 +42,15 @@ pub(crate) struct AdaptedRow {
 #[non_exhaustive]
 pub struct AdaptedTo {
     /// Name of the ego, as in the rows.
-    pub(crate) ego: String,
+    pub ego: String,
     /// Facts recorded while the ego was learned.
     #[doc(hidden)]
     #[serde(flatten)]
     pub learned: LearnedFrom,
     /// Way in which the ado acts.
-    pub(crate) acts: Acts,
+    pub acts: Acts,
     /// The same in words, with the reason.
-    pub(crate) how: String,
+    pub how: String,
     /// Expected share of solved starts.
     pub expected: f64,
     /// 95 % interval of `expected`.
@@ -64,7 +64,7 @@ pub struct AdaptedTo {
 
 impl AdaptedTo {
     /// Builds the record from the learned facts and the row of test starts.
-    pub(crate) fn of(
+    pub fn of(
         (ego, world): (&str, &Scenario),
         learned: &LearnedFrom,
         row: &AdaptedRow,
@@ -171,7 +171,7 @@ impl LearnedEgo {
     /// Plans every start of `request` and plays it until its first success.
     ///
     /// A start gets at most `tries` runs. The ado of `request` must be `policy`.
-    pub(crate) fn eval(
+    pub fn eval(
         &self,
         request: &EvalRequest<'_>,
         policy: &dyn Policy,
@@ -316,7 +316,7 @@ const SEAL: &str = "seal";
 ///
 /// # Errors
 /// Returns an error if a file cannot be written.
-pub(crate) fn learned(
+pub fn learned(
     run: &RunDir,
     ego: &EgoUnderTest,
     request: &LearnEgoRequest<'_>,

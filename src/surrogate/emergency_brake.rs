@@ -25,25 +25,25 @@ pub(super) const MARGIN: usize = TERMS - 1;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct EmergencyBrake {
     /// Deceleration, m/s².
-    pub(crate) brake_mps2: f64,
+    pub brake_mps2: f64,
     /// Time constant of the build-up, s.
-    pub(crate) lag_s: f64,
+    pub lag_s: f64,
     /// Stopping distance per own speed squared, s²/m.
     pub(crate) own_s2_per_m: f64,
     /// Stopping distance per other speed squared, which is subtracted, s²/m.
     pub(crate) others_s2_per_m: f64,
     /// Distance until the brakes act per own speed, s.
-    pub(crate) reaction_s: f64,
+    pub reaction_s: f64,
     /// Distance per closing speed, a time to collision, s.
     pub(crate) closing_s: f64,
     /// Distance per closing speed squared, s²/m.
     pub(crate) closing_s2_per_m: f64,
     /// Distance to be left, m.
-    pub(crate) margin_m: f64,
+    pub margin_m: f64,
     /// Whether the brake acts only while the clear distance shrinks.
     pub(crate) only_closing: bool,
     /// Vehicles that count as being ahead.
-    pub(crate) counts: BrakedFor,
+    pub counts: BrakedFor,
 }
 
 /// Criterion by which a vehicle counts as being ahead.
@@ -52,9 +52,9 @@ pub(crate) struct EmergencyBrake {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct BrakedFor {
     /// Free width at either side, m.
-    pub(crate) side_m: f64,
+    pub side_m: f64,
     /// Time for which lateral motion is extrapolated, s.
-    pub(crate) look_ahead_s: f64,
+    pub look_ahead_s: f64,
 }
 
 /// Criteria for vehicles ahead that are tried.

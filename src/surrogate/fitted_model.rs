@@ -21,7 +21,7 @@ pub struct FittedModel {
     /// Controller and the actuator lag behind it.
     pub controller: Actuated<ControllerSpec>,
     /// Delay between percept and answer, s.
-    pub(crate) delay_s: f64,
+    pub delay_s: f64,
     /// Share of the ego's changes of acceleration that it leaves unexplained.
     ///
     /// 0: none. 1: as much as constant acceleration.

@@ -31,7 +31,7 @@ use crate::stats::{predicted, wilson};
 use crate::world::{DriveScenario, Scenario};
 
 /// Smallest number of runs of an ego that learning requires.
-pub(crate) const LEAST_RUNS: u64 = 10;
+pub const LEAST_RUNS: u64 = 10;
 /// Number of runs from which three rounds are recorded instead of two.
 const THREE_ROUNDS: u64 = 90;
 /// Updates of each network after every round except the last round.
@@ -42,28 +42,28 @@ const LAST_UPDATES: u64 = 120_000;
 /// Request to learn an ego.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
-pub(crate) struct LearnEgoRequest<'a> {
+pub struct LearnEgoRequest<'a> {
     /// World with its own ego, which determines the trivial starts.
-    pub(crate) nominal: &'a Scenario,
+    pub nominal: &'a Scenario,
     /// World with the ego under test, which is only run.
-    pub(crate) ego: DriveScenario<'a>,
+    pub ego: DriveScenario<'a>,
     /// Policy of the trained ado.
-    pub(crate) policy: &'a dyn Policy,
+    pub policy: &'a dyn Policy,
     /// Bundle to continue training from inside the surrogate, if any.
-    pub(crate) bundle: Option<&'a TensorFile>,
+    pub bundle: Option<&'a TensorFile>,
     /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`].
-    pub(crate) runs: u64,
+    pub runs: u64,
     /// Kinds of stock controllers that are not compared with the ego.
     ///
     /// They are treated as unpublished.
-    pub(crate) unknown: &'a [&'a str],
+    pub unknown: &'a [&'a str],
     /// Seed of the starts and of the fit.
-    pub(crate) seed: u64,
+    pub seed: u64,
 }
 
 impl<'a> LearnEgoRequest<'a> {
     /// Returns a request with seed 0 that compares the ego with every stock controller.
-    pub(crate) fn new(
+    pub fn new(
         nominal: &'a Scenario,
         ego: DriveScenario<'a>,
         policy: &'a dyn Policy,
@@ -81,7 +81,7 @@ impl<'a> LearnEgoRequest<'a> {
     }
 
     /// Sets the bundle to continue training from inside the surrogate.
-    pub(crate) fn bundle(self, bundle: &'a TensorFile) -> LearnEgoRequest<'a> {
+    pub fn bundle(self, bundle: &'a TensorFile) -> LearnEgoRequest<'a> {
         LearnEgoRequest {
             bundle: Some(bundle),
             ..self
@@ -89,12 +89,12 @@ impl<'a> LearnEgoRequest<'a> {
     }
 
     /// Sets the kinds of stock controllers that are not compared with the ego.
-    pub(crate) fn unknown(self, unknown: &'a [&'a str]) -> LearnEgoRequest<'a> {
+    pub fn unknown(self, unknown: &'a [&'a str]) -> LearnEgoRequest<'a> {
         LearnEgoRequest { unknown, ..self }
     }
 
     /// Sets the seed of the starts and of the fit.
-    pub(crate) fn seed(self, seed: u64) -> LearnEgoRequest<'a> {
+    pub fn seed(self, seed: u64) -> LearnEgoRequest<'a> {
         LearnEgoRequest { seed, ..self }
     }
 }
@@ -118,11 +118,11 @@ pub(crate) enum Acts {
 #[non_exhaustive]
 pub struct LearnedFrom {
     /// Runs of the ego that were recorded.
-    pub(crate) runs: u64,
+    pub runs: u64,
     /// Prediction error of the surrogate. `None`: no run was long enough.
     pub error: Option<SurrogateError>,
     /// Runs of the last round, planned like the test starts.
-    pub(crate) planned: u64,
+    pub planned: u64,
     /// Planned runs in which the ego failed and the ado kept every rule.
     pub(crate) planned_successes: u64,
     /// Runs of the first round in which the ado followed its trained policy.
@@ -134,7 +134,7 @@ pub struct LearnedFrom {
     /// They are tried in the last round, in turn with the plans, if the surrogate does not
     /// predict the ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) fixed: Option<TriedActions>,
+    pub fixed: Option<TriedActions>,
     /// Plant on which plans are judged.
     ///
     /// It is the kinematic plant where all vehicles move on it as on the world's own plant,
@@ -142,7 +142,7 @@ pub struct LearnedFrom {
     pub(crate) judged_on: PlantKind,
     /// Emergency brake fitted to the ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) brake: Option<EmergencyBrake>,
+    pub brake: Option<EmergencyBrake>,
     /// Most similar stock controllers, the nearest first.
     #[serde(rename = "alike")]
     pub nearest: Vec<FittedModel>,
@@ -169,7 +169,7 @@ impl LearnedFrom {
     /// therefore exceed the upper bound of the plans' interval.
     /// The trained policy has few runs, so the lower bound of its interval must exceed the
     /// upper bound of the best alternative.
-    pub(crate) fn acts(&self) -> Acts {
+    pub fn acts(&self) -> Acts {
         let rate = |(successes, runs): (u64, u64)| successes as f64 / runs.max(1) as f64;
         let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
         let (planned, open_loop) = (self.by_plans(), self.by_open_loop());
@@ -207,7 +207,7 @@ pub(crate) struct LearnedEgo {
     /// Policy that the ado learned inside the surrogate.
     pub(super) fine_tuned: Option<Arc<TensorFile>>,
     /// Facts recorded while the ego was learned.
-    pub(crate) from: LearnedFrom,
+    pub from: LearnedFrom,
 }
 
 /// Records an ego and fits a surrogate to it.

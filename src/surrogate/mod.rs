@@ -43,6 +43,6 @@ mod surrogate_sim;
 mod surrogate_world;
 
 pub use adapted_policy::AdaptedTo;
-pub(crate) use adapted_policy::learned;
-pub(crate) use learn::{LEAST_RUNS, LearnEgoRequest};
-pub(crate) use surrogate_world::SurrogateWorld;
+pub use adapted_policy::learned;
+pub use learn::{LEAST_RUNS, LearnEgoRequest};
+pub use surrogate_world::SurrogateWorld;

@@ -123,7 +123,7 @@ pub(super) mod tests {
     use super::*;
     use crate::rl::LearnerRng;
 
-    pub(crate) fn surrogate(range_mps2: [f64; 2], unit_mps2: f64) -> Surrogate {
+    pub fn surrogate(range_mps2: [f64; 2], unit_mps2: f64) -> Surrogate {
         let width = crate::surrogate::features::Features::width(0, 0) + MODELS;
         let mut dice = LearnerRng::new(3);
         let mut member = || Mlp::orthogonal(&[width, 8, OUTPUTS], 1.0, &mut dice);

@@ -23,11 +23,11 @@ const STARTS: usize = 40;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct TriedActions {
     /// Actions in order, the last action held.
-    pub(crate) actions: Vec<usize>,
+    pub actions: Vec<usize>,
     /// Runs of the ego under them.
-    pub(crate) runs: u64,
+    pub runs: u64,
     /// Runs in which the ego failed and the ado kept every rule.
-    pub(crate) successes: u64,
+    pub successes: u64,
 }
 
 /// Result of actions on the surrogate.

@@ -12,11 +12,11 @@ use crate::world::Scenario;
 
 /// World with a surrogate in the place of its ego.
 #[derive(Clone, Debug)]
-pub(crate) struct SurrogateWorld {
+pub struct SurrogateWorld {
     /// World, in which the surrogate drives.
-    pub(crate) scenario: Scenario,
+    pub scenario: Scenario,
     /// Error of the surrogate. `None`: no run was long enough.
-    pub(crate) error: Option<SurrogateError>,
+    pub error: Option<SurrogateError>,
 }
 
 /// Ado that follows no policy.
@@ -37,7 +37,7 @@ impl SurrogateWorld {
     ///
     /// `policy` is that of a trained ado, if any, which shows the surrogate more
     /// dangerous situations. `None`: stopped, no driven world, or the ego never ran.
-    pub(crate) fn learned(
+    pub fn learned(
         ego: &Scenario,
         policy: Option<&dyn Policy>,
         (runs, seed, plant): (u64, u64, PlantKind),

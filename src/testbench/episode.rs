@@ -92,7 +92,7 @@ impl Testbench {
     }
 
     /// Returns the record of the episode played from `start` under `actions`.
-    pub(crate) fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
+    pub fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
         let verdict = self.verdict.unwrap_or(Verdict::Invalid);
         let mut scratch = Scratch::default();
         // Robustness is that of the judged samples, as in the verdict: the

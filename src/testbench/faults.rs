@@ -43,7 +43,7 @@ impl std::fmt::Display for FaultCount {
 }
 
 /// Counts faults by kind, in the order of their first starts.
-pub(crate) fn count_faults<'a>(
+pub fn count_faults<'a>(
     faults: impl IntoIterator<Item = (u64, &'a Fault)>,
 ) -> Vec<FaultCount> {
     let mut counts: Vec<FaultCount> = Vec::new();

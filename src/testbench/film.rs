@@ -50,7 +50,7 @@ impl FilmAfterContact {
 }
 
 /// Returns frames followed by those after the contact, if any.
-pub(crate) fn joined<'a>(
+pub fn joined<'a>(
     frames: &'a [Frame],
     after: Option<&FilmAfterContact>,
 ) -> Cow<'a, [Frame]> {

@@ -92,18 +92,18 @@ impl Gym {
     /// Plays on after a success, with its last action held, to the contact or the horizon.
     ///
     /// The learner does not decide any more.
-    pub(crate) fn play_aftermath(&mut self) {
+    pub fn play_aftermath(&mut self) {
         self.aftermath = Aftermath::Play;
     }
 
     /// Returns the episode that has just ended, if it is a success.
-    pub(crate) fn success(&self) -> Option<Episode> {
+    pub fn success(&self) -> Option<Episode> {
         let success = self.bench.verdict()?.is_success();
         success.then(|| self.ended_episode()).flatten()
     }
 
     /// Returns the record of the episode that has just ended.
-    pub(crate) fn ended_episode(&self) -> Option<Episode> {
+    pub fn ended_episode(&self) -> Option<Episode> {
         self.bench.verdict()?;
         let (_, noise) = self.start_of(self.index);
         Some(self.bench.episode(&self.start, noise, self.actions.clone()))
@@ -112,7 +112,7 @@ impl Gym {
     /// Returns the reward of the success that has just ended, 0 if it is none.
     ///
     /// `share` in [0, 1] states how far it reaches the goals of the training.
-    pub(crate) fn reward_for(&self, share: f64) -> f32 {
+    pub fn reward_for(&self, share: f64) -> f32 {
         match self.bench.verdict() {
             Some(Verdict::Counterexample { by }) => {
                 self.bench.rulebook.reward.success(by, share) as f32
@@ -127,7 +127,7 @@ impl Gym {
     }
 
     /// Continues the count of costs from `spent`.
-    pub(crate) fn count_from(&mut self, spent: Spent) {
+    pub fn count_from(&mut self, spent: Spent) {
         self.spent = spent;
     }
 
@@ -165,7 +165,7 @@ impl Gym {
     }
 
     /// Adds known episodes, whose starts follow [`FIRST_KNOWN`].
-    pub(crate) fn know(&mut self, known: Arc<[KnownEpisode]>) {
+    pub fn know(&mut self, known: Arc<[KnownEpisode]>) {
         self.known = known;
     }
 
@@ -191,7 +191,7 @@ impl Gym {
 /// Returns the start of an episode and the seed of its noise.
 ///
 /// Indices from [`FIRST_KNOWN`] on are positions among the known episodes.
-pub(crate) fn start_of(bench: &Testbench, key: StartKey, known: &[KnownEpisode]) -> (Start, u64) {
+pub fn start_of(bench: &Testbench, key: StartKey, known: &[KnownEpisode]) -> (Start, u64) {
     let at = key.index.checked_sub(FIRST_KNOWN);
     match at.and_then(|at| known.get(at as usize)) {
         Some(known) => (known.start.clone(), known.noise),

@@ -4,11 +4,11 @@
 //! time. [`Gym`] presents it to learners as an `rl::Env`. [`play`] lets any
 //! [`Actor`] act in it and records the [`Episode`].
 
-pub(crate) mod actors;
+pub mod actors;
 mod counting;
 mod episode;
 mod faults;
-pub(crate) mod film;
+pub mod film;
 mod fork;
 mod gym;
 mod live;
@@ -19,18 +19,18 @@ use std::sync::Arc;
 
 use rand::Rng;
 
-pub(crate) use actors::HOLD_DECISIONS;
+pub use actors::HOLD_DECISIONS;
 pub use actors::{Actor, Constant, HeldRandom, PolicyActor, Random, Replay, SampledPolicy};
 pub use episode::{Aftermath, Episode, play};
-pub(crate) use faults::count_faults;
+pub use faults::count_faults;
 pub use faults::{Complaint, FaultCount, FaultLog};
-pub(crate) use film::{Film, FilmAfterContact, film, film_beyond, joined};
+pub use film::{Film, FilmAfterContact, film, film_beyond, joined};
 pub use gym::{FIRST_KNOWN, Gym, KnownEpisode, Success};
-pub(crate) use gym::{Spent, start_of};
+pub use gym::{Spent, start_of};
 pub use live::Margins;
 pub use recording::motion_of;
-pub(crate) use recording::passage_of;
-pub(crate) use repeats::MAX_REPEATS;
+pub use recording::passage_of;
+pub use repeats::MAX_REPEATS;
 pub use repeats::Repeats;
 
 use crate::ego::{Fault, FaultKind};
@@ -107,7 +107,7 @@ impl Testbench {
     }
 
     /// Limits how rare the ados' driving may become.
-    pub(crate) fn limited(mut self, limit: AdoLimit) -> Testbench {
+    pub fn limited(mut self, limit: AdoLimit) -> Testbench {
         self.scene = LimitedScene::around(self.scene, &limit);
         self.limit = Some(limit);
         self
@@ -171,7 +171,7 @@ impl Testbench {
     }
 
     /// Returns the driving world with the road of the current start, if any.
-    pub(crate) fn driven(&self) -> Option<DriveWorld> {
+    pub fn driven(&self) -> Option<DriveWorld> {
         self.scene.driven()
     }
 

@@ -82,7 +82,7 @@ pub fn motion_of(bench: &mut Testbench, episode: &Episode) -> Option<Motion> {
 /// Plays a recorded episode again and returns motion and traffic lights.
 ///
 /// In worlds with `after_contact_s`, the frames after the contact are the second value.
-pub(crate) fn passage_of(
+pub fn passage_of(
     bench: &mut Testbench,
     episode: &Episode,
 ) -> Option<(Passage, Option<FilmAfterContact>)> {

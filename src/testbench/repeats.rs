@@ -6,7 +6,7 @@ use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 /// Greatest number of runs per start.
-pub(crate) const MAX_REPEATS: u32 = 1000;
+pub const MAX_REPEATS: u32 = 1000;
 
 /// Number of runs of each start, and of failures that count.
 ///

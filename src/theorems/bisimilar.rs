@@ -27,19 +27,19 @@ const CHOICE: u64 = 5;
 #[derive(Clone, Debug, Serialize)]
 pub struct Theorem3 {
     /// Name of the change.
-    pub(crate) changed: String,
+    pub changed: String,
     /// ε of the relation.
-    pub(crate) epsilon: f64,
+    pub epsilon: f64,
     /// Pairs of states within ε.
-    pub(crate) candidates: usize,
+    pub candidates: usize,
     /// Pairs of states in the relation.
-    pub(crate) related: usize,
+    pub related: usize,
     /// Sweeps of the fixpoint iteration.
-    pub(crate) sweeps: usize,
+    pub sweeps: usize,
     /// Smallest ε that relates a start pair. `None`: none, or not computed.
-    pub(crate) least_epsilon: Option<f64>,
+    pub least_epsilon: Option<f64>,
     /// Start pairs: a start of the changed grid and the coarse start that contains it.
-    pub(crate) starts: usize,
+    pub starts: usize,
     /// Related start pairs.
     pub related_starts: usize,
     /// Starts of the unchanged grid from which the optimal ado captures.
@@ -47,15 +47,15 @@ pub struct Theorem3 {
     /// Such starts from which the trained ado found a counterexample.
     ///
     /// The ado has converged if both numbers are equal.
-    pub(crate) found: usize,
+    pub found: usize,
     /// Smallest τ of the trained ado's counterexamples on the unchanged grid.
-    pub(crate) tau: Option<f64>,
+    pub tau: Option<f64>,
     /// Related start pairs with a counterexample from the unchanged start and ε < τ.
     pub inside: ReplayedOnGrid,
     /// Unrelated start pairs with a counterexample from the unchanged start.
     pub outside: ReplayedOnGrid,
     /// Broken promises of the theorem, each of which is a bug.
-    pub(crate) misses: usize,
+    pub misses: usize,
     /// Overall result of the check.
     pub outcome: TheoremOutcome,
 }

@@ -39,13 +39,13 @@ pub struct Distance {
     /// ε: the largest distance of a secondary signal of ψ_ego or of a rule.
     ///
     /// Infinite if the other run ended earlier and cannot be compared.
-    pub(crate) epsilon: f64,
+    pub epsilon: f64,
     /// Signed increase of ψ_ego's margin at the deepest sample.
     ///
     /// `None` unless ψ_ego is an invariant.
-    pub(crate) rise: Option<f64>,
+    pub rise: Option<f64>,
     /// Distance of each rule's own secondary signals.
-    pub(crate) rules: Vec<f64>,
+    pub rules: Vec<f64>,
 }
 
 impl Witness {

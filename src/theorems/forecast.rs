@@ -15,26 +15,26 @@ const TOO_IMPROBABLE: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forecast {
     /// Counterexamples on calibration starts.
-    pub(crate) calibration: usize,
+    pub calibration: usize,
     /// Bounds that the distance stays below with probability 1 − α.
     ///
     /// They bound ε, or for the sharper test the increase and then each rule's ε.
     #[serde(serialize_with = "numbers_or_words")]
-    pub(crate) quantiles: Vec<f64>,
+    pub quantiles: Vec<f64>,
     /// Share of test pairs that stay below the bounds.
-    pub(crate) coverage: f64,
+    pub coverage: f64,
     /// Wilson's 95 % interval of the coverage.
-    pub(crate) coverage_ci95: [f64; 2],
+    pub coverage_ci95: [f64; 2],
     /// Probability of at most this coverage for exchangeable starts.
     pub(crate) chance_of_so_little: f64,
     /// Whether coverage agrees with the promised 1 − α.
     pub as_promised: bool,
     /// Share of test pairs for which carry-over was predicted.
-    pub(crate) predicted: f64,
+    pub predicted: f64,
     /// Share of correct predictions. `None`: no predictions.
     pub precision: Option<f64>,
     /// Share of carried-over pairs that were predicted. `None`: no such pairs.
-    pub(crate) recall: Option<f64>,
+    pub recall: Option<f64>,
 }
 
 /// Test pair in the form that a forecast uses.

@@ -21,17 +21,17 @@ const TAU: f64 = 0.5;
 #[derive(Clone, Debug, Serialize)]
 pub struct GridTheorems {
     /// Theorem 1, with V* from backward induction.
-    pub(crate) theorem_1: Theorem1,
+    pub theorem_1: Theorem1,
     /// Sweeps of value iteration up to the stopping rule.
-    pub(crate) sweeps: usize,
+    pub sweeps: usize,
     /// Theorem 2 for value iteration, truncated.
-    pub(crate) theorem_2: Theorem2,
+    pub theorem_2: Theorem2,
     /// Theorem 2 for the values of the trained ado.
     pub theorem_2_learned: Theorem2,
     /// Definition 5 and Theorem 3, by changed grid and ε.
-    pub(crate) theorem_3: Vec<Theorem3>,
+    pub theorem_3: Vec<Theorem3>,
     /// Changed grids of another size, which cannot be compared.
-    pub(crate) not_comparable: Vec<String>,
+    pub not_comparable: Vec<String>,
 }
 
 /// Checks Theorems 1 to 3 for the trained ado `policy`.

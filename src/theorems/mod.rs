@@ -13,15 +13,15 @@ mod nearby;
 mod plays;
 mod transfer;
 
-pub(crate) use bisimilar::ReplayedOnGrid;
+pub use bisimilar::ReplayedOnGrid;
 pub use bisimilar::{Theorem3, bisimulations, lifted, theorem_3};
 pub use compare::Witness;
-pub(crate) use forecast::Forecast;
-pub(crate) use grid::GridTheorems;
+pub use forecast::Forecast;
+pub use grid::GridTheorems;
 pub use grid::{grid_theorems, optimal_values};
-pub(crate) use nearby::Nearby;
+pub use nearby::Nearby;
 pub use nearby::{Approximation, Theorem1, Theorem2, TheoremOutcome, theorem_1, theorem_2};
-pub(crate) use transfer::CarryOver;
+pub use transfer::CarryOver;
 pub use transfer::carry_over;
 
 use crate::experiment::TestStarts;

@@ -303,9 +303,9 @@ pub struct Theorem2 {
 #[derive(Clone, Debug, Serialize)]
 pub struct Theorem2Row {
     /// Value of β.
-    pub(crate) beta: f64,
+    pub beta: f64,
     /// Pairs (x0, x0') with a counterexample from x0 and |V_k(x0) − V_k(x0')| ≤ β.
-    pub(crate) pairs: u64,
+    pub pairs: u64,
     /// Pairs on which the greedy bound promises a counterexample.
     ///
     /// On the remaining pairs the bound is vacuous.
@@ -313,11 +313,11 @@ pub struct Theorem2Row {
     /// Pairs on which the greedy policy misses its bound, each of which is a bug.
     pub misses: u64,
     /// Pairs on which the printed bound promises a counterexample.
-    pub(crate) printed_promising: u64,
+    pub printed_promising: u64,
     /// Pairs on which the playing ado misses the printed bound.
     ///
     /// The bound is g(ρ') ≥ g(τ) − (2α + β)/γ^T.
-    pub(crate) printed_misses: u64,
+    pub printed_misses: u64,
 }
 
 /// Checks Theorem 2, where `truth` is V* and `approximation` is V_k.

@@ -20,13 +20,13 @@ const ADOS: [&str; 2] = ["closed loop", "actions replayed"];
 #[derive(Clone, Debug, Serialize)]
 pub struct CarryOver {
     /// Counterexamples of the nominal ego on the test starts.
-    pub(crate) counterexamples: usize,
+    pub counterexamples: usize,
     /// τ at the verdict.
-    pub(crate) tau_at_verdict: Spread,
+    pub tau_at_verdict: Spread,
     /// τ in use: the largest of any prefix up to the end of the motion.
-    pub(crate) tau: Spread,
+    pub tau: Spread,
     /// Share of starts on which the predicted bound may be exceeded.
-    pub(crate) alpha: f64,
+    pub alpha: f64,
     /// Row per changed ego and way of acting.
     pub rows: Vec<CarriedOver>,
     /// Changed egos that the theorem does not cover.
@@ -45,7 +45,7 @@ pub struct CarriedOver {
     /// Pairs with a counterexample of the changed ego.
     pub carried: usize,
     /// ε between the runs of a pair.
-    pub(crate) epsilon: Spread,
+    pub epsilon: Spread,
     /// Pairs with ε < τ, for which the theorem promises a counterexample.
     pub covered: usize,
     /// Broken promises, each of which is a bug of this program.
@@ -81,13 +81,13 @@ pub struct Refused {
 pub(crate) struct Spread {
     /// Median.
     #[serde(serialize_with = "number_or_word")]
-    pub(crate) median: f64,
+    pub median: f64,
     /// 90th percentile.
     #[serde(serialize_with = "number_or_word")]
-    pub(crate) p90: f64,
+    pub p90: f64,
     /// Maximum.
     #[serde(serialize_with = "number_or_word")]
-    pub(crate) max: f64,
+    pub max: f64,
 }
 
 fn number_or_word<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {

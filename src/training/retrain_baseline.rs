@@ -13,7 +13,7 @@ use crate::world::{Scenario, TrainingEgos};
 ///
 /// # Errors
 /// Training fails, the disk refuses, or the directory holds another ado.
-pub(crate) fn retrained(
+pub fn retrained(
     run: &RunDir,
     ego: &ChangedEgo,
     changed: &Scenario,

@@ -245,7 +245,7 @@ impl TrainSession {
     }
 
     /// Returns the ego of the training, in its world.
-    pub(crate) fn ego(&self) -> &EgoUnderTest {
+    pub fn ego(&self) -> &EgoUnderTest {
         &self.ego
     }
 
@@ -257,7 +257,7 @@ impl TrainSession {
 
 impl TrainRequest<'_> {
     /// Returns the world with the requested options.
-    pub(crate) fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+    pub fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let mut world = match self.plant {
             Some(plant) => on_plant(world, plant)?,
             None => world.clone(),
@@ -308,7 +308,7 @@ impl TrainRequest<'_> {
     }
 
     /// Returns the world without the structure to leave out.
-    pub(crate) fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+    pub fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let Some(name) = self.leave_out else {
             return Ok(world.clone());
         };

@@ -90,7 +90,7 @@ impl VectorEnv {
     ///
     /// `signals` has the positions of signals that rows contain besides those that
     /// rules, derived signals and the observation read.
-    pub(crate) fn with_rows(world: &Scenario, count: usize, signals: &[usize]) -> VectorEnv {
+    pub fn with_rows(world: &Scenario, count: usize, signals: &[usize]) -> VectorEnv {
         VectorEnv::build(world, count, Some(signals))
     }
 
@@ -149,7 +149,7 @@ impl VectorEnv {
     /// Begins an episode from a start, with the seed of its noise.
     ///
     /// It has no key, so [`VectorEnv::play_again`] cannot play it.
-    pub(crate) fn begin_at(&mut self, at: usize, from: (&Start, u64), observation: &mut [f32]) {
+    pub fn begin_at(&mut self, at: usize, from: (&Start, u64), observation: &mut [f32]) {
         match &mut self.groups[at / LANES] {
             Group::Lanes(lanes) => lanes.begin_at(at % LANES, from, observation),
             Group::Benches(benches) => benches.begin_at(at % LANES, from, observation),
@@ -159,7 +159,7 @@ impl VectorEnv {
     /// Returns the newest row of signals of an environment with rows, else none.
     ///
     /// Signals that nobody reads are 0.
-    pub(crate) fn row(&self, at: usize) -> &[f64] {
+    pub fn row(&self, at: usize) -> &[f64] {
         match &self.groups[at / LANES] {
             Group::Lanes(lanes) => lanes.row(at % LANES),
             Group::Benches(_) => &[],

@@ -75,7 +75,7 @@ mod live;
 mod log_writer;
 mod palette;
 pub(crate) mod panel;
-pub(crate) mod panels;
+pub mod panels;
 mod road;
 mod space;
 mod stream;
@@ -224,9 +224,9 @@ impl<'a> Recording<'a> {
 /// Content of a recording, as messages for the viewer.
 pub struct Messages {
     /// Messages of the episode.
-    pub(crate) recording: Vec<LogMsg>,
+    pub recording: Vec<LogMsg>,
     /// Messages of the views and their arrangement.
-    pub(crate) layout: Vec<LogMsg>,
+    pub layout: Vec<LogMsg>,
 }
 
 /// Presence of an index of the chunks at the end of a stream.

@@ -24,14 +24,14 @@ pub(super) struct Panel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entity {
     /// Panel that shows the entity.
-    pub(crate) panel: &'static str,
+    pub panel: &'static str,
     /// Path of the entity.
     ///
     /// A part such as `<agent>` is a name. Entities without content in an
     /// episode are absent.
     pub path: &'static str,
     /// Logged content in a few words.
-    pub(crate) about: &'static str,
+    pub about: &'static str,
 }
 
 /// Column of the window.

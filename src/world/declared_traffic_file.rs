@@ -7,20 +7,20 @@ use crate::ron_file::Ordered;
 /// Traffic as you declare it: laws of the starts and of the ados' actions.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename = "Traffic", deny_unknown_fields)]
-pub(crate) struct DeclaredTrafficFile {
+pub struct DeclaredTrafficFile {
     /// Origin of the laws, which is printed with every number.
-    pub(crate) source: String,
+    pub source: String,
     /// Number of encounters like a run.
     #[serde(default)]
-    pub(crate) exposure: Option<EncounterRate>,
+    pub exposure: Option<EncounterRate>,
     /// Model of recorded traffic for `Fitted` laws: `motorway`, or a file.
     #[serde(default)]
-    pub(crate) model: Option<String>,
+    pub model: Option<String>,
     /// Laws by axis of X_init. The other axes are uniform.
     #[serde(default)]
-    pub(crate) starts: Ordered<StartLawFile>,
+    pub starts: Ordered<StartLawFile>,
     /// Laws by ado.
-    pub(crate) ados: Ordered<AdoLawFile>,
+    pub ados: Ordered<AdoLawFile>,
 }
 
 /// Number of encounters, by which a risk per run becomes a rate.
@@ -54,7 +54,7 @@ impl EncounterRate {
 /// Both are expressions of other axes, such as `"ado.speed"` for a closing speed.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) enum StartLawFile {
+pub enum StartLawFile {
     /// Shares of bins.
     Histogram {
         edges: Vec<f64>,
@@ -96,7 +96,7 @@ pub(crate) enum StartLawFile {
 
 impl StartLawFile {
     /// Returns factor and summand.
-    pub(crate) fn relation(&self) -> [(&'static str, &Option<String>); 2] {
+    pub fn relation(&self) -> [(&'static str, &Option<String>); 2] {
         let (times, plus) = match self {
             StartLawFile::Histogram { times, plus, .. }
             | StartLawFile::Normal { times, plus, .. }
@@ -110,7 +110,7 @@ impl StartLawFile {
 
 /// Law of an ado's actions at every decision.
 #[derive(Clone, Debug, Deserialize)]
-pub(crate) enum AdoLawFile {
+pub enum AdoLawFile {
     /// The next action depends on the last one, and on signals.
     Markov(MarkovFile),
     /// Accelerations follow the model of recorded traffic.
@@ -120,36 +120,36 @@ pub(crate) enum AdoLawFile {
 /// Markov law. The action before the first decision is the neutral one.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct MarkovFile {
+pub struct MarkovFile {
     /// Probability of repeating each action.
     #[serde(default)]
-    pub(crate) stay: Option<Vec<f64>>,
+    pub stay: Option<Vec<f64>>,
     /// Weights of the other actions if the last one is not repeated.
     #[serde(default)]
-    pub(crate) leave: Option<Vec<f64>>,
+    pub leave: Option<Vec<f64>>,
     /// Weights of the next action, a row per last action, instead of both.
     #[serde(default)]
-    pub(crate) transitions: Option<Vec<Vec<f64>>>,
+    pub transitions: Option<Vec<Vec<f64>>>,
     /// Events that end the last action.
     #[serde(default)]
-    pub(crate) onsets: Ordered<OnsetFile>,
+    pub onsets: Ordered<OnsetFile>,
 }
 
 /// Event with a rate that depends on signals.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct OnsetFile {
+pub struct OnsetFile {
     /// Expression of signals. A value below 0, or an undefined one, is no event.
-    pub(crate) rate_per_s: String,
+    pub rate_per_s: String,
     /// Weights of the next action, by label.
-    pub(crate) to: Ordered<f64>,
+    pub to: Ordered<f64>,
 }
 
 /// Law by a model of recorded traffic.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct FittedFile {
+pub struct FittedFile {
     /// Law of the lateral moves, in a set of accelerations and lateral moves.
     #[serde(default)]
-    pub(crate) lateral: Option<MarkovFile>,
+    pub lateral: Option<MarkovFile>,
 }

@@ -177,14 +177,14 @@ impl Family {
 
     /// Returns the number of varied quantities of the world's own structure, or of
     /// another one by its position.
-    pub(crate) fn dimensions(&self, structure: Option<usize>) -> usize {
+    pub fn dimensions(&self, structure: Option<usize>) -> usize {
         self.varied(structure).len()
     }
 
     /// Returns the member at a point of the ranges, in −1 to 1 per varied quantity.
     ///
     /// Missing coordinates are nominal, or those of the structure in the file.
-    pub(crate) fn at(
+    pub fn at(
         &self,
         structure: Option<usize>,
         point: &[f64],
@@ -227,7 +227,7 @@ impl Family {
     }
 
     /// Returns the member as a change of the world, on the world's own plant.
-    pub(crate) fn change(&self, member: &EgoSample) -> Change {
+    pub fn change(&self, member: &EgoSample) -> Change {
         let variant = self.variant(member);
         let own = self.quantities.iter().zip(&member.values);
         let ego = own.filter_map(|(quantity, value)| match &quantity.varied {

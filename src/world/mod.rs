@@ -23,7 +23,7 @@ mod declared_traffic_file;
 mod dry_run;
 mod environment;
 mod environment_file;
-pub(crate) mod family;
+pub mod family;
 mod family_check;
 mod family_file;
 mod file;
@@ -50,7 +50,7 @@ mod rule_spec;
 mod run_lookup;
 mod runs;
 mod scenario;
-pub(crate) mod scenario_kind;
+pub mod scenario_kind;
 mod shipped;
 mod slope_and_wind;
 mod starts;
@@ -73,7 +73,7 @@ pub use crate::scene::grid::{AtWall, Horizon, Starts};
 pub use crate::sim::PlantKind;
 pub use crate::testbench::Repeats;
 pub use declared_traffic_file::EncounterRate;
-pub(crate) use declared_traffic_file::{
+pub use declared_traffic_file::{
     AdoLawFile, DeclaredTrafficFile, FittedFile, MarkovFile, OnsetFile, StartLawFile,
 };
 pub use family::TrainingEgos;
@@ -83,7 +83,7 @@ pub use run_lookup::RunsOnDisk;
 pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, Scenario};
 pub use scenario_kind::NotAGrid;
-pub(crate) use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
+pub use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
 
 impl Scenario {
     /// Reads and checks a world file. `runs` finds the runs that it refers to.

@@ -25,41 +25,41 @@ use crate::trace::Signal;
 #[derive(Clone)]
 pub struct Scenario {
     /// Name of the world, which is part of every start's key.
-    pub(crate) name: String,
+    pub name: String,
     /// Question of the world.
-    pub(crate) question: String,
+    pub question: String,
     /// Origin of the world.
-    pub(crate) source: String,
+    pub source: String,
     /// Text of the file, verbatim except for trained ados.
     ///
     /// The content of their run directories is written out.
-    pub(crate) text: String,
+    pub text: String,
     /// Specification ψ_ego.
-    pub(crate) ego_spec: Formula,
+    pub ego_spec: Formula,
     /// Requirement that ψ_ego expresses, if the world names it.
-    pub(crate) requirement: Option<String>,
+    pub requirement: Option<String>,
     /// Rules of the ados, in the file's order.
-    pub(crate) rules: Vec<RuleSpec>,
+    pub rules: Vec<RuleSpec>,
     /// Constants and named formulas.
-    pub(crate) names: Names,
+    pub names: Names,
     /// Settings of the learner.
-    pub(crate) learner: LearnerConfig,
+    pub learner: LearnerConfig,
     /// Alternative learners by name.
-    pub(crate) learners: IndexMap<String, LearnerConfig>,
+    pub learners: IndexMap<String, LearnerConfig>,
     /// Name of the current learner. `None` for the world's own.
-    pub(crate) learning: Option<String>,
+    pub learning: Option<String>,
     /// Failures that a training looks for. Empty for any.
-    pub(crate) goals: Vec<TrainingGoal>,
+    pub goals: Vec<TrainingGoal>,
     /// Training opponent of an ado.
-    pub(crate) against: TrainingEgos,
+    pub against: TrainingEgos,
     /// Structure of the family that training leaves out.
-    pub(crate) left_out: Option<String>,
+    pub left_out: Option<String>,
     /// Changed egos for the reuse of a trained ado.
-    pub(crate) reuse: IndexMap<String, Change>,
+    pub reuse: IndexMap<String, Change>,
     /// Number of runs of each start, for egos that are not deterministic.
-    pub(crate) repeats: Repeats,
+    pub repeats: Repeats,
     /// Warnings about allowed but odd content.
-    pub(crate) warnings: Vec<Problem>,
+    pub warnings: Vec<Problem>,
     pub(super) family: Option<Arc<Family>>,
     pub(super) world: World,
     pub(super) rulebook: Arc<Rulebook>,

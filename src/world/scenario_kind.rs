@@ -109,7 +109,7 @@ impl Scenario {
     }
 
     /// Puts a member of the family on a bench. Only driving worlds have a family.
-    pub(crate) fn place_member(&self, variant: &EgoVariant, bench: &mut Testbench) {
+    pub fn place_member(&self, variant: &EgoVariant, bench: &mut Testbench) {
         if let Some(driving) = self.drive() {
             bench.replace_scene(driving.scene_of(variant));
         }

@@ -39,25 +39,25 @@ impl Scenario {
     }
 
     /// Returns the traffic of the world.
-    pub(crate) fn traffic(&self) -> &DeclaredTraffic {
+    pub fn traffic(&self) -> &DeclaredTraffic {
         &self.traffic
     }
 
     /// Returns the declared laws of the starts and of the ados' actions.
-    pub(crate) fn declared_laws(&self) -> Option<&DeclaredTrafficFile> {
+    pub fn declared_laws(&self) -> Option<&DeclaredTrafficFile> {
         self.laws.as_deref()
     }
 
     /// Returns the rarest driving of an ado in an episode, up to its verdict.
     ///
     /// `None` if no ado drives a vehicle.
-    pub(crate) fn rarity_of(&self, episode: &Episode) -> Option<SuccessRarity> {
+    pub fn rarity_of(&self, episode: &Episode) -> Option<SuccessRarity> {
         let world = self.drive()?.world().at_start(&episode.start);
         SuccessRarity::of(&self.traffic.model, &world, &episode.trace, episode.judged)
     }
 
     /// Returns how natural the ados drove in an episode, with the surprise.
-    pub(crate) fn naturalness_of(&self, episode: &Episode) -> Option<Naturalness> {
+    pub fn naturalness_of(&self, episode: &Episode) -> Option<Naturalness> {
         let rarity = self.rarity_of(episode)?;
         Some(rarity.with_surprise(&self.traffic.model))
     }

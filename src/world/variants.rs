@@ -41,7 +41,7 @@ impl Scenario {
     }
 
     /// Returns the world with every violation counting, and runs judged up to it.
-    pub(crate) fn counting_every_violation(&self) -> Scenario {
+    pub fn counting_every_violation(&self) -> Scenario {
         let rulebook = Rulebook {
             counts: Counts::Violation,
             judge: JudgeKind::UntilViolation,
@@ -121,7 +121,7 @@ impl Scenario {
     ///
     /// Each member has a probability. The learner is that of a nominal ado. `None` if
     /// the world has no family.
-    pub(crate) fn training_against_mixture(
+    pub fn training_against_mixture(
         &self,
         mixture: Vec<(f64, EgoSample)>,
     ) -> Option<Scenario> {
@@ -189,7 +189,7 @@ impl Scenario {
     }
 
     /// Returns the world with each start played several times.
-    pub(crate) fn repeating_starts(&self, repeats: Repeats) -> Scenario {
+    pub fn repeating_starts(&self, repeats: Repeats) -> Scenario {
         Scenario {
             repeats,
             ..self.clone()
@@ -236,7 +236,7 @@ impl Scenario {
     ///
     /// The ego's perception and actuation are perfect. A world without driving
     /// stays as it is.
-    pub(crate) fn as_model(&self, plant: PlantKind, factory: ControllerFactory) -> Scenario {
+    pub fn as_model(&self, plant: PlantKind, factory: ControllerFactory) -> Scenario {
         self.redriven(|spec| {
             spec.plant = plant;
             // The model replaces the complete ego, so perception and actuation

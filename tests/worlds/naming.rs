@@ -1,5 +1,7 @@
 //! Names are free: what an ado observes follows from the expression itself.
 
+use brakecheck::seed::{Purpose, StartKey};
+use brakecheck::testbench::{Aftermath, Constant, play};
 use brakecheck::world::Scenario;
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
@@ -91,4 +93,38 @@ fn the_unit_follows_from_the_expression() {
         let units = units(&parse(&text));
         assert!(units.contains(&("q".to_owned(), unit.to_owned())), "{expr}");
     }
+}
+
+#[test]
+fn a_signal_is_published_if_a_rule_names_it() {
+    let rule = "(ado.speed <= v_lim)";
+    assert!(ACC.contains(rule));
+    let world = parse(ACC);
+    let key = StartKey {
+        purpose: Purpose::Train,
+        seed: 1,
+        index: 0,
+    };
+    let published = |world: &Scenario, name: &str| {
+        let mut bench = world.bench();
+        let start = bench.draw(key);
+        let trace = play(&mut bench, &start, 0, &mut Constant(1), Aftermath::Skip).trace;
+        trace.signal(name).is_some()
+    };
+    let mut named = 0;
+    for (signal, _) in world.signals() {
+        let Some(own) = signal.name.strip_prefix("ado.") else {
+            continue;
+        };
+        let text = ACC.replacen(rule, &format!("({} <= 1e9)", signal.name), 1);
+        let other = format!("ego.{own}");
+        if published(&world, &signal.name) || ACC.contains(&other) {
+            continue;
+        }
+        let world = parse(&text);
+        assert!(published(&world, &signal.name), "{}", signal.name);
+        assert!(!published(&world, &other), "{other} is not named");
+        named += 1;
+    }
+    assert!(named > 3, "{named}");
 }

@@ -23,7 +23,7 @@ const SLOW: Duration = Duration::from_millis(5);
 #[derive(Clone, Debug, Serialize)]
 pub struct Exercise {
     /// Hello of the program, if it came so far.
-    pub(crate) hello: Option<Hello>,
+    pub hello: Option<Hello>,
     /// Findings in order. Requirements that could not be tested are missing.
     pub findings: Vec<Finding>,
     /// True if equal episodes got equal commands.

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 pub use exercise::{Exercise, Finding, exercise};
-pub(crate) use protocol::{DOCUMENT, Hello};
+pub use protocol::{DOCUMENT, Hello};
 
 use super::actuator::written_as;
 use super::{
@@ -177,7 +177,7 @@ impl Process {
     }
 
     /// Returns the cost of the program so far, in all episodes of all its clones.
-    pub(crate) fn cost(&self) -> ProgramCost {
+    pub fn cost(&self) -> ProgramCost {
         self.pool.cost()
     }
 

@@ -241,13 +241,13 @@ impl Talk {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ProgramCost {
     /// Number of times that it was started.
-    pub(crate) starts: u64,
+    pub starts: u64,
     /// Episodes.
-    pub(crate) episodes: u64,
+    pub episodes: u64,
     /// Commands that it gave, one per sample.
-    pub(crate) steps: u64,
+    pub steps: u64,
     /// Time of waiting for these commands, in seconds, added up over all workers.
-    pub(crate) waited_s: f64,
+    pub waited_s: f64,
 }
 
 /// Programs that wait for an episode, and their cost so far.

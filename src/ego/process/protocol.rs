@@ -10,7 +10,7 @@ use super::super::{Briefing, Percept};
 /// Version of the protocol.
 pub(crate) const PROTOCOL: u32 = 1;
 /// Document that defines the protocol.
-pub(crate) const DOCUMENT: &str = "docs/reference/ego-protocol.md";
+pub const DOCUMENT: &str = "docs/reference/ego-protocol.md";
 
 /// Message of brakecheck without an episode.
 #[derive(Serialize)]
@@ -61,15 +61,15 @@ pub(super) struct AskStep<'a> {
 
 /// Self-description of a program.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-pub(crate) struct Hello {
+pub struct Hello {
     /// Version of the protocol that it uses.
-    pub(crate) protocol: u32,
+    pub protocol: u32,
     /// Name of the program.
     #[serde(default)]
-    pub(crate) name: String,
+    pub name: String,
     /// Optional capabilities. `snapshot` is reserved.
     #[serde(default)]
-    pub(crate) capabilities: Vec<String>,
+    pub capabilities: Vec<String>,
     /// Key that only brakecheck sends. An echo reveals a program that repeats.
     #[serde(default, skip_serializing)]
     pub(super) program: Option<serde_json::Value>,

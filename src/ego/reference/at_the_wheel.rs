@@ -7,7 +7,7 @@ use crate::ego::{Briefing, Command, Controller, Fault, Own, Percept, Seen};
 use crate::pose::rotation_by;
 
 /// Hardest acceleration on the return to the nominal speed.
-pub(crate) const NOMINAL_MPS2: f64 = 1.0;
+pub const NOMINAL_MPS2: f64 = 1.0;
 
 /// A reference driver of the ego, whose nominal speed is its initial speed.
 #[derive(Clone, Debug)]
@@ -62,7 +62,7 @@ impl<M> AtTheWheel<M> {
 
 impl LaneBody {
     /// Returns a hidden agent: far behind, where no driver looks.
-    pub(crate) fn unseen() -> LaneBody {
+    pub fn unseen() -> LaneBody {
         LaneBody {
             x_m: f64::NEG_INFINITY,
             ..LaneBody::default()
@@ -72,7 +72,7 @@ impl LaneBody {
     /// Returns a body from its front in lane coordinates.
     ///
     /// Velocity and heading are relative to the lane.
-    pub(crate) fn behind_front(
+    pub fn behind_front(
         (front_x_m, front_y_m): (f64, f64),
         velocity_mps: Vector2<f64>,
         heading: UnitComplex<f64>,

@@ -31,7 +31,7 @@ mod model;
 mod reg;
 mod rss;
 
-pub(crate) use at_the_wheel::{AtTheWheel, NOMINAL_MPS2};
+pub use at_the_wheel::{AtTheWheel, NOMINAL_MPS2};
 pub use cc::{CcDriver, CcLaneDriver, CcLatchedDriver};
 pub use fsm::FsmDriver;
 pub use ideal::IdealDriver;
@@ -154,13 +154,13 @@ impl Encounter {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pedal {
     /// Reaction time τ: time with danger that passes before it brakes.
-    pub(crate) reaction_s: f64,
+    pub reaction_s: f64,
     /// Deceleration during the reaction time.
     pub(crate) waiting_mps2: f64,
     /// Rate at which braking builds up, infinite for at once.
     pub(crate) jerk_mps3: f64,
     /// Hardest braking.
-    pub(crate) max_brake_mps2: f64,
+    pub max_brake_mps2: f64,
 }
 
 /// Duration of a driver's response to danger.

@@ -26,8 +26,8 @@ pub(super) mod tests;
 mod write;
 
 pub(super) use bodies::colour_class;
-pub(crate) use looping::Beside;
-pub(crate) use looping::looping_picture;
+pub use looping::Beside;
+pub use looping::looping_picture;
 use maud::{Markup, html};
 
 use super::Example;

@@ -132,7 +132,7 @@ type OwnPolicy = (PartSpaces, Box<dyn Policy>);
 ///
 /// # Errors
 /// The bundle is damaged, or of other ados than the world's.
-pub(crate) fn policy_of_part(
+pub fn policy_of_part(
     spaces: &Spaces,
     bundle: &TensorFile,
     name: &str,

@@ -98,7 +98,7 @@ pub enum PhaseAction {
 
 /// Decoded action of an ado.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Maneuver {
+pub enum Maneuver {
     Drive { accel_mps2: f64, lateral_mps: f64 },
     Walk { along_mps: f64, left_mps: f64 },
     Turn(PhaseAction),
@@ -108,7 +108,7 @@ pub(crate) enum Maneuver {
 
 impl Maneuver {
     /// Action before the first decision: no acceleration, no lateral speed.
-    pub(crate) const NONE: Maneuver = Maneuver::Drive {
+    pub const NONE: Maneuver = Maneuver::Drive {
         accel_mps2: 0.0,
         lateral_mps: 0.0,
     };
@@ -271,7 +271,7 @@ impl Actions {
     /// Returns a vehicle's acceleration and its speed to the left, m/s.
     ///
     /// With a plan both are added to it. `None` for other action sets.
-    pub(crate) fn motion(&self, action: usize) -> Option<(f64, f64)> {
+    pub fn motion(&self, action: usize) -> Option<(f64, f64)> {
         match self.choice(action) {
             Maneuver::Drive {
                 accel_mps2,
@@ -282,7 +282,7 @@ impl Actions {
     }
 
     /// Decodes an action.
-    pub(crate) fn choice(&self, action: usize) -> Maneuver {
+    pub fn choice(&self, action: usize) -> Maneuver {
         match self {
             Actions::Accelerations(list) => Maneuver::Drive {
                 accel_mps2: list[action],

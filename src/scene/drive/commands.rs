@@ -19,7 +19,7 @@ impl SceneState {
     ///
     /// `ego` is the ego's command, and `chosen` the action of an ado.
     #[inline]
-    pub(crate) fn wish_of(&self, i: usize, ego: Maneuver, chosen: Maneuver) -> Option<Maneuver> {
+    pub fn wish_of(&self, i: usize, ego: Maneuver, chosen: Maneuver) -> Option<Maneuver> {
         let agent = &self.spec.agents[i];
         Some(match &agent.drive {
             // `carry_all` has already commanded the planned bodies.
@@ -49,7 +49,7 @@ impl SceneState {
     ///
     /// `wish` is its wanted acceleration and its speed to the left.
     #[inline]
-    pub(crate) fn driven(
+    pub fn driven(
         &self,
         agent: usize,
         (actuator, keeper): (&mut Actuator, &mut LaneKeeper),

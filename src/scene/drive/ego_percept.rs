@@ -11,7 +11,7 @@ use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
 use crate::sim::{BodyState, rotation_by};
 
 /// Returns a percept with all other agents named, to be filled per sample.
-pub(crate) fn blank(spec: &DriveSpec, ego: usize) -> Percept {
+pub fn blank(spec: &DriveSpec, ego: usize) -> Percept {
     let others = spec.agents.iter().enumerate();
     let others = others.filter(|&(i, _)| i != ego);
     Percept {
@@ -37,7 +37,7 @@ pub(crate) fn blank(spec: &DriveSpec, ego: usize) -> Percept {
 }
 
 /// Fills a percept with everything the ego could see at this sample.
-pub(crate) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
+pub fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
     let spec = &scene.spec;
     let (state, at) = (&scene.states[ego], &scene.on_road[ego]);
     let body = &spec.agents[ego].body;

@@ -129,7 +129,7 @@ impl TrainedAdo {
     ///
     /// # Errors
     /// A part is missing or of the wrong kind.
-    pub(crate) fn signals_in(
+    pub fn signals_in(
         &self,
         here: &DriveSpec,
         own: &str,

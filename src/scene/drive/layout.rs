@@ -66,7 +66,7 @@ pub enum SceneError {
 
 /// Data that the scenes of a world share.
 #[derive(Clone)]
-pub(crate) struct DriveLayout {
+pub struct DriveLayout {
     pub spec: Arc<DriveSpec>,
     pub network: Arc<RoadNetwork>,
     pub ego: usize,
@@ -201,7 +201,7 @@ fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
 
 impl DriveLayout {
     /// Returns the road data that the ego receives before its first episode.
-    pub(crate) fn briefing(&self) -> Briefing {
+    pub fn briefing(&self) -> Briefing {
         let road = &self.spec.road;
         Briefing {
             sample_s: self.spec.clock.sample_s,

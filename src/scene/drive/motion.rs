@@ -209,7 +209,7 @@ impl DriveScene {
 
 impl DriveLayout {
     /// Draws the start of a key.
-    pub(crate) fn draw(&self, key: StartKey) -> Start {
+    pub fn draw(&self, key: StartKey) -> Start {
         let mut rng = key.generator(&self.spec.world, "start");
         let points = &self.spec.points;
         if !points.is_empty() {
@@ -233,7 +233,7 @@ impl DriveLayout {
     }
 
     /// Returns the initial pose of an agent at a place (s, lateral) of its road.
-    pub(crate) fn start_pose(&self, agent: &Agent, place: (f64, f64)) -> Pose {
+    pub fn start_pose(&self, agent: &Agent, place: (f64, f64)) -> Pose {
         let course = &self.network.courses()[agent.road];
         let keeps = agent.lane_keeping;
         let pose = keeps.begun(&agent.body, (course, agent.direction), place);
@@ -249,7 +249,7 @@ impl DriveLayout {
     }
 
     /// Returns the actuator and the lane keeper of an agent that keeps `lateral_m`.
-    pub(crate) fn drivetrain_of(&self, agent: &Agent, lateral_m: f64) -> (Actuator, LaneKeeper) {
+    pub fn drivetrain_of(&self, agent: &Agent, lateral_m: f64) -> (Actuator, LaneKeeper) {
         let (lag_s, lateral_lag_s) = match &agent.drive {
             Drive::Ego => (self.spec.ego.lag_s, self.spec.ego.lag_s),
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),

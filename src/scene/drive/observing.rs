@@ -36,7 +36,7 @@ impl Observation {
     }
 
     /// Returns the positions of the observed signals in a row.
-    pub(crate) fn positions(&self) -> impl Iterator<Item = usize> {
+    pub fn positions(&self) -> impl Iterator<Item = usize> {
         self.0.iter().map(|scaled| scaled.position)
     }
 
@@ -47,7 +47,7 @@ impl Observation {
 
     /// Writes the observation of a row, given as its value at each position.
     #[inline]
-    pub(crate) fn read(&self, row: impl Fn(usize) -> f64, obs: &mut [f32]) {
+    pub fn read(&self, row: impl Fn(usize) -> f64, obs: &mut [f32]) {
         for (value, scaled) in obs.iter_mut().zip(&self.0) {
             // The one cast from signals to observations (see ARCHITECTURE.md).
             *value = ((row(scaled.position) - scaled.mid) * scaled.per_half) as f32;

@@ -7,7 +7,7 @@ use crate::road::{Course, Piece};
 ///
 /// A road within a quarter turn advances all the time, so that it never comes back
 /// onto itself.
-pub(crate) const MAX_HEADING_RAD: f64 = 1.5;
+pub const MAX_HEADING_RAD: f64 = 1.5;
 
 /// The world's own road as an ado. It lays pieces beyond the listed ones.
 #[derive(Clone, Debug)]

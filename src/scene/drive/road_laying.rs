@@ -74,7 +74,7 @@ impl DriveWorld {
     /// Returns the world with the road of a recorded trace.
     ///
     /// Without a road that an ado lays, it is this world.
-    pub(crate) fn along(&self, trace: &Trace) -> DriveWorld {
+    pub fn along(&self, trace: &Trace) -> DriveWorld {
         let Some(ado) = &self.spec().road_ado else {
             return self.clone();
         };

@@ -39,7 +39,7 @@ impl Sensors {
 
 /// Sensors in motion.
 #[derive(Clone, Debug)]
-pub(crate) struct Sensing {
+pub struct Sensing {
     spec: Sensors,
     delay: usize,
     seen: VecDeque<Percept>,
@@ -47,7 +47,7 @@ pub(crate) struct Sensing {
 }
 
 impl Sensing {
-    pub(crate) fn new(spec: Sensors, sample_s: f64) -> Sensing {
+    pub fn new(spec: Sensors, sample_s: f64) -> Sensing {
         Sensing {
             spec,
             delay: (spec.delay_s / sample_s).round() as usize,
@@ -57,7 +57,7 @@ impl Sensing {
     }
 
     /// Begins an episode with the seed `noise`.
-    pub(crate) fn reset(&mut self, noise: u64) {
+    pub fn reset(&mut self, noise: u64) {
         self.seen.clear();
         self.dice = seed::generator("sensors", &[noise]);
     }
@@ -66,7 +66,7 @@ impl Sensing {
     ///
     /// Its own state stays exact. Until the delay has passed, it sees the first
     /// sample. `noise_scale` is a factor on all standard deviations.
-    pub(crate) fn look(&mut self, percept: &mut Percept, noise_scale: f64) {
+    pub fn look(&mut self, percept: &mut Percept, noise_scale: f64) {
         if 0 < self.delay {
             self.seen.push_back(percept.clone());
             let old = if self.delay < self.seen.len() {

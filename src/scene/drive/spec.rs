@@ -149,7 +149,7 @@ impl std::fmt::Debug for EgoController {
 }
 
 /// A plan in a world file: numbers may be ranges, and steps have formulas.
-pub(crate) type PlanSpec = MotionPlan<Range, Formula>;
+pub type PlanSpec = MotionPlan<Range, Formula>;
 
 /// Driver of an agent.
 #[derive(Clone, Debug)]
@@ -383,7 +383,7 @@ impl DriveSpec {
     }
 
     /// Returns the trained ados by their names here, to change them.
-    pub(crate) fn trained_mut(&mut self) -> impl Iterator<Item = (&str, &mut TrainedAdo)> {
+    pub fn trained_mut(&mut self) -> impl Iterator<Item = (&str, &mut TrainedAdo)> {
         let agents = self
             .agents
             .iter_mut()

@@ -130,7 +130,7 @@ impl DriveSpec {
     ///
     /// Agents start beside the middle of their lanes there. Without such ranges,
     /// the list is empty.
-    pub(crate) fn extreme_roads(&self) -> Vec<DriveSpec> {
+    pub fn extreme_roads(&self) -> Vec<DriveSpec> {
         let of_geometry = self.environment.iter();
         let drawn: Vec<EnvironmentRange> = of_geometry
             .copied()
@@ -167,7 +167,7 @@ impl DriveSpec {
     }
 
     /// Keeps the present values of some quantities, whatever a start draws.
-    pub(crate) fn fix_environment(&mut self, fixes: impl Fn(EnvironmentRange) -> bool) {
+    pub fn fix_environment(&mut self, fixes: impl Fn(EnvironmentRange) -> bool) {
         for it in &mut self.environment {
             it.applies &= !fixes(*it);
         }

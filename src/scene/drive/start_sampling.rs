@@ -13,7 +13,7 @@ use crate::stl::Monitor;
 
 /// Initial values of an agent, decoded from a start.
 #[derive(Clone, Debug)]
-pub(crate) struct Drawn {
+pub struct Drawn {
     pub front_m: f64,
     pub lateral_m: f64,
     pub speed_mps: f64,
@@ -39,7 +39,7 @@ impl DriveSpec {
     }
 
     /// Returns the initial values of every agent, in file order.
-    pub(crate) fn drawn(&self, start: &Start) -> Vec<Drawn> {
+    pub fn drawn(&self, start: &Start) -> Vec<Drawn> {
         // The order of these reads is that of `axes`, so a start is read as it
         // was drawn.
         let mut drawn = start.0.iter().copied();

@@ -18,7 +18,7 @@ use crate::road::{Direction, OnRoad, RoadNetwork, grade_at};
 use crate::sim::{self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, Plant, Pose, Push};
 
 /// State of a driving scene at a sample.
-pub(crate) struct SceneState {
+pub struct SceneState {
     pub spec: Arc<DriveSpec>,
     pub network: Arc<RoadNetwork>,
     pub plant: Box<dyn Plant>,
@@ -45,7 +45,7 @@ pub(crate) struct SceneState {
 
 impl SceneState {
     /// Returns an empty road.
-    pub(crate) fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
+    pub fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
         let agents = spec.agents.len();
         SceneState {
             plant: sim::plant(spec.plant, ground(&spec)),
@@ -79,7 +79,7 @@ impl SceneState {
     }
 
     /// Spawns the body of the next agent.
-    pub(crate) fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
+    pub fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
         self.bodies.push(self.plant.spawn(body, pose, speed_mps));
     }
 

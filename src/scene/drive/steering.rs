@@ -33,7 +33,7 @@ impl LaneKeeping {
     ///
     /// In road direction. The body lies along the tangent at the point that
     /// keeps the lane.
-    pub(crate) fn begun(
+    pub fn begun(
         self,
         body: &Body,
         (course, direction): (&Course, Direction),
@@ -54,7 +54,7 @@ impl LaneKeeping {
     /// keeps it on its line is the mean of the road's curvature over that
     /// distance.
     #[inline]
-    pub(crate) fn seen(
+    pub fn seen(
         self,
         body: &Body,
         (front, at): (&Pose, OnRoad),
@@ -90,7 +90,7 @@ impl LaneKeeping {
 /// ė) / v², plus the curvature of the road. The loop is critically damped
 /// around a reference that is fed forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LaneKeeper {
+pub struct LaneKeeper {
     reference_m: f64,
     reference_mps: f64,
     lag: Actuator,
@@ -100,7 +100,7 @@ pub(crate) struct LaneKeeper {
 
 impl LaneKeeper {
     /// Keeps `lateral_m` with a point of a body, with a lag on lateral speeds.
-    pub(crate) fn new(
+    pub fn new(
         (body, keeps): (&Body, LaneKeeping),
         lateral_m: f64,
         lag_s: f64,

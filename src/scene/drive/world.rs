@@ -11,7 +11,7 @@ use crate::trace::Schema;
 
 /// An assembled driving world: builds scenes that share all fixed data.
 #[derive(Clone)]
-pub struct DriveWorld(pub(crate) Arc<DriveLayout>);
+pub struct DriveWorld(pub Arc<DriveLayout>);
 
 impl DriveWorld {
     /// Assembles a world.
@@ -55,7 +55,7 @@ impl DriveWorld {
     }
 
     /// Returns the expressions of the derived signals, bound to the rows of this world.
-    pub(crate) fn derived_exprs(&self) -> &[BoundExpr] {
+    pub fn derived_exprs(&self) -> &[BoundExpr] {
         &self.0.derived
     }
 

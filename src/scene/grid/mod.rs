@@ -16,7 +16,7 @@ use std::sync::Arc;
 use rand::RngExt;
 
 pub use arena::{Arena, AtWall, Cell, Position};
-pub(crate) use spec::position;
+pub use spec::position;
 pub use spec::{GridSpec, Horizon, Starts, position_of, start_of};
 
 use super::drive::SceneError;
@@ -124,7 +124,7 @@ impl GridWorld {
     }
 
     /// Returns a scene at rest. Call `reset` before use.
-    pub(crate) fn scene(&self) -> GridScene {
+    pub fn scene(&self) -> GridScene {
         let corner = Cell { x: 0, y: 0 };
         let both = Position {
             ego: corner,
@@ -177,7 +177,7 @@ impl GridScene {
     /// Writes the ado's observation at a position after `step` steps.
     ///
     /// Both agents count as having stood still in the step before.
-    pub(crate) fn observe_at(&mut self, both: Position, step: u32, obs: &mut [f32]) {
+    pub fn observe_at(&mut self, both: Position, step: u32, obs: &mut [f32]) {
         let mut row = vec![0.0; self.layout.schema.len()];
         self.place(both);
         self.moment.step = step;

@@ -50,11 +50,11 @@ impl Source {
 #[derive(Clone, Debug)]
 pub(crate) struct GridSignalSource {
     /// Declaration of the signal.
-    pub(crate) signal: Signal,
+    pub signal: Signal,
     /// Usual range, by which observations are scaled.
-    pub(crate) range: (f64, f64),
+    pub range: (f64, f64),
     /// True if every trace holds it. Otherwise it is published when mentioned.
-    pub(crate) always: bool,
+    pub always: bool,
     pub(super) source: Source,
 }
 
@@ -63,7 +63,7 @@ const USUAL_CELLS: f64 = 4.0;
 
 impl GridSpec {
     /// Returns every signal this scene can publish, except derived ones.
-    pub(crate) fn catalogue(&self) -> Vec<GridSignalSource> {
+    pub fn catalogue(&self) -> Vec<GridSignalSource> {
         let steps = f64::from(self.steps());
         // Constant instead of the map's size: a policy of one map then sees the
         // same numbers on a larger one.

@@ -41,25 +41,25 @@ pub enum Starts {
 #[derive(Clone, Debug)]
 pub struct GridSpec {
     /// Name of the world, which is part of the key of every start.
-    pub(crate) world: String,
+    pub world: String,
     /// The map and the ego.
     pub arena: Arena,
     /// Horizon K.
-    pub(crate) horizon: Horizon,
+    pub horizon: Horizon,
     /// The ado's actions: cells to the right and up.
-    pub(crate) moves: Vec<(i32, i32)>,
+    pub moves: Vec<(i32, i32)>,
     /// The action that stays.
-    pub(crate) neutral: usize,
+    pub neutral: usize,
     /// Set of starts X_init.
-    pub(crate) starts: Starts,
+    pub starts: Starts,
     /// Signals published besides the basic ones, by name.
-    pub(crate) extra: Vec<String>,
+    pub extra: Vec<String>,
     /// Signals derived from the others, in order.
-    pub(crate) derived: Vec<Derived>,
+    pub derived: Vec<Derived>,
     /// Constants that derived signals may use.
-    pub(crate) constants: Constants,
+    pub constants: Constants,
     /// The ado's observation.
-    pub(crate) observe: Vec<Observed>,
+    pub observe: Vec<Observed>,
 }
 
 impl GridSpec {
@@ -118,7 +118,7 @@ impl GridSpec {
 }
 
 /// Converts a pair as a world file writes it.
-pub(crate) fn position((ego, ado): ((i32, i32), (i32, i32))) -> Position {
+pub fn position((ego, ado): ((i32, i32), (i32, i32))) -> Position {
     let cell = |(x, y)| Cell { x, y };
     Position {
         ego: cell(ego),

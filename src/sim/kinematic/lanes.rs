@@ -13,7 +13,7 @@ use crate::sim::planar::{Rect, far_apart};
 use crate::sim::{Body, BodyId, BodyState, Contact, Ground, Pose};
 
 /// Vehicles of many runs on the kinematic plant, on flat ground of constant friction.
-pub(crate) struct KinematicLanes {
+pub struct KinematicLanes {
     vehicles: Vec<LaneVehicle>,
     /// True if the loaded run got a command that is not finite.
     is_faulty: bool,
@@ -106,7 +106,7 @@ impl KinematicLanes {
     /// Creates `runs` runs of these bodies, to be spawned in each.
     ///
     /// `None` if one of them is no vehicle.
-    pub(crate) fn new<'a>(
+    pub fn new<'a>(
         bodies: impl IntoIterator<Item = &'a Body>,
         ground: Ground,
         runs: usize,
@@ -120,7 +120,7 @@ impl KinematicLanes {
     }
 
     /// Spawns a vehicle of the loaded run anew, with its front bumper at `pose`.
-    pub(crate) fn spawn(
+    pub fn spawn(
         &mut self,
         (vehicle, body, ground): (usize, &Body, Ground),
         pose: Pose,
@@ -133,20 +133,20 @@ impl KinematicLanes {
 
     /// Loads a run from its columns.
     #[inline]
-    pub(crate) fn load(&mut self, run: usize) {
+    pub fn load(&mut self, run: usize) {
         self.vehicles.iter_mut().for_each(|it| it.load(run));
         self.is_faulty = false;
     }
 
     /// Stores the loaded run in the columns of a run.
     #[inline]
-    pub(crate) fn store(&mut self, run: usize) {
+    pub fn store(&mut self, run: usize) {
         self.vehicles.iter_mut().for_each(|it| it.store(run));
     }
 
     /// Commands a net acceleration and a curvature for the next sample.
     #[inline]
-    pub(crate) fn command(&mut self, vehicle: usize, accel_mps2: f64, curvature_per_m: f64) {
+    pub fn command(&mut self, vehicle: usize, accel_mps2: f64, curvature_per_m: f64) {
         self.is_faulty |= !(accel_mps2.is_finite() && curvature_per_m.is_finite());
         self.vehicles[vehicle].command = (accel_mps2, curvature_per_m);
     }
@@ -155,7 +155,7 @@ impl KinematicLanes {
     ///
     /// `None` if its physics broke down, and the run is over.
     #[inline]
-    pub(crate) fn advance(&mut self, dt_s: f64) -> Option<Option<Contact>> {
+    pub fn advance(&mut self, dt_s: f64) -> Option<Option<Contact>> {
         if self.is_faulty {
             return None;
         }
@@ -194,21 +194,21 @@ impl KinematicLanes {
 
     /// Returns the state of a vehicle in the loaded run.
     #[inline]
-    pub(crate) fn state(&self, vehicle: usize) -> BodyState {
+    pub fn state(&self, vehicle: usize) -> BodyState {
         let it = &self.vehicles[vehicle];
         let motion = Wheels::motion(&it.at);
         state_of(&it.at, motion, it.front_ahead_m, it.accel_mps2)
     }
 
     /// Returns the clearance of two vehicles in the loaded run.
-    pub(crate) fn gap_m(&self, [a, b]: [usize; 2]) -> f64 {
+    pub fn gap_m(&self, [a, b]: [usize; 2]) -> f64 {
         let (a, b) = (&self.vehicles[a], &self.vehicles[b]);
         let (rect_a, rect_b) = (a.mover.rect(&a.at), b.mover.rect(&b.at));
         a.mover.shape(&rect_a).gap_m(&b.mover.shape(&rect_b))
     }
 
     /// Returns the memory of all runs.
-    pub(crate) fn bytes(&self) -> usize {
+    pub fn bytes(&self) -> usize {
         let columns = self.vehicles.iter().flat_map(|it| &it.columns);
         let columns = columns.map(|column| column.capacity() * size_of::<f64>());
         self.vehicles.capacity() * size_of::<LaneVehicle>() + columns.sum::<usize>()

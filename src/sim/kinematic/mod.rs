@@ -19,7 +19,7 @@ mod wheels;
 
 use self::approach::meet;
 use self::kinematic_playback::Passing;
-pub(crate) use self::lanes::KinematicLanes;
+pub use self::lanes::KinematicLanes;
 use self::mover::Mover;
 use self::path::BodyPath;
 use super::body::Body;

@@ -23,7 +23,7 @@ mod tests;
 mod trainings;
 
 pub use mcnemar::mcnemar;
-pub(crate) use predicted::predicted;
+pub use predicted::predicted;
 
 use super::outcomes::{Outcomes, StartOutcome};
 use scores::{ScoreSide, Scores};

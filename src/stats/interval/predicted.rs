@@ -8,7 +8,7 @@ use super::Z;
 /// from n trials, and the others are few. The rate has Jeffreys' prior Beta(½,
 /// ½), so the others' successes are beta-binomial. The interval leaves at most
 /// 2.5 % of them on either side. It is [0, 1] for `of` = 0.
-pub(crate) fn predicted(successes: usize, n: usize, of: usize) -> [f64; 2] {
+pub fn predicted(successes: usize, n: usize, of: usize) -> [f64; 2] {
     if of == 0 {
         return [0.0, 1.0];
     }

@@ -50,11 +50,11 @@ svg .said{font-size:13px;fill:var(--ink)}svg .told{font-weight:700}\
 .k-start{fill:var(--dim)}.k-decisive{fill:var(--ado)}.k-chance{fill:var(--good)}.k-broken{fill:#b26a00}.k-contact{fill:#c2273d}";
 
 /// Other driver in the ego's place.
-pub(crate) struct Beside {
+pub struct Beside {
     /// Description of the driver in a few words.
-    pub(crate) who: String,
+    pub who: String,
     /// Drive of that driver.
-    pub(crate) filmed: FilmedDriver,
+    pub filmed: FilmedDriver,
 }
 
 /// Returns a crash as one SVG that plays in a loop.
@@ -62,7 +62,7 @@ pub(crate) struct Beside {
 /// `ego` describes the system under test, and the note adds a remark on the
 /// run. Without `beside` the picture has one half. The example must have
 /// frames.
-pub(crate) fn looping_picture(
+pub fn looping_picture(
     scenario: &Scenario,
     example: &Example,
     (ego, note): (&str, Option<&str>),

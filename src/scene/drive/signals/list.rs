@@ -132,13 +132,6 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .only_if(keeps_to_a_plan)
         .within(|_, _| zero_to(FASTEST_MPS))
         .seen_in(0.0, 30.0),
-    #[cfg(test)]
-    Agent
-        .signal("doubled_speed", "m/s")
-        .is(|state, [a, _]| 2.0 * state.states[a].speed_mps)
-        .about("twice the speed of {a}: one row is all it takes")
-        .within(|_, _| zero_to(2.0 * FASTEST_MPS))
-        .seen_in(0.0, 60.0),
     Pair.signal("headway", "m")
         .is(|state, [a, b]| state.on_road_of(a, b).s_m - state.on_road[a].s_m)
         .about("distance along the road from {a} to {b}, front to front; negative if {b} is behind {a}")

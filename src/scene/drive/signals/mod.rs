@@ -18,7 +18,7 @@ pub(super) use quantity::{Of, SignalQuantity};
 
 /// Source of a published value: a quantity and its owners.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SignalReading {
+pub struct SignalReading {
     pub quantity: &'static SignalQuantity,
     pub whose: [usize; 2],
 }
@@ -26,7 +26,7 @@ pub(crate) struct SignalReading {
 impl SignalReading {
     /// Returns the value at the current sample.
     #[inline]
-    pub(crate) fn value(self, state: &SceneState) -> f64 {
+    pub fn value(self, state: &SceneState) -> f64 {
         match self.quantity.value {
             QuantityReader::Real(value) => value(state, self.whose),
             QuantityReader::Boolean(value) => f64::from(u8::from(value(state, self.whose))),
