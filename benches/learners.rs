@@ -2,12 +2,13 @@
 //!
 //! Throughput is printed as items per second: updates, actions, decisions.
 
-use brakecheck::internals::rl::nn::{Adam, Mlp, argmax};
-use brakecheck::internals::rl::replay::{Batch, ReplayBuffer, Transition};
 use brakecheck::rl::{
     Control, DqnSettings, End, Env, LearnerConfig, LearnerRng, LearnerSettings, PpoSettings,
     QTableSettings, Spaces, Step,
 };
+use brakecheck_rl::rl::adam::Adam;
+use brakecheck_rl::rl::nn::{Mlp, argmax};
+use brakecheck_rl::rl::replay::{Batch, ReplayBuffer, Transition};
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 

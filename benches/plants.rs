@@ -5,15 +5,13 @@
 //! rapier's pipeline and controller (rays against the ground only, no colliders);
 //! `bare_usual` is rapier as one would set it up first, colliders included.
 
-use brakecheck::internals::sim::{
-    Body, BodyId, GRAVITY_MPS2, Ground, Kinematic, Plant, Rigid, plant,
-};
 use brakecheck::rl::{Control, Env};
 use brakecheck::scene::{BodyCommand, Pose};
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_sim::sim::{Body, BodyId, GRAVITY_MPS2, Ground, Kinematic, Plant, Rigid, plant};
 use divan::{Bencher, black_box};
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d::query::DefaultQueryDispatcher;

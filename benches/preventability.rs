@@ -5,12 +5,12 @@
 //! the replayer; `assess` gives everything, rulebook included.
 
 use brakecheck::ego::ReferenceDriver;
-use brakecheck::internals::testbench::HOLD_DECISIONS;
 use brakecheck::scene::Motion;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Episode, HeldRandom, motion_of, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
+use brakecheck_scene::testbench::actors::HOLD_DECISIONS;
 use divan::{Bencher, black_box};
 
 const WORLDS: [&str; 3] = ["acc_plain", "cut_in", "merge_plain"];

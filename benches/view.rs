@@ -5,11 +5,11 @@
 //! everything up to the bytes of a file. `streamed` is an episode of a stream.
 
 use brakecheck::experiment::ShownEpisode;
-use brakecheck::internals::testbench::film;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::view::{EpisodeStream, Recording};
 use brakecheck::world::Scenario;
+use brakecheck_scene::testbench::film::film;
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 

@@ -32,52 +32,87 @@
 //!
 //! [`doc_pages`] has an example for every verb of the command line.
 
-#![warn(unreachable_pub)]
+#![warn(
+    unreachable_pub,
+    clippy::dbg_macro,
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unwrap_used
+)]
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
+)]
 
-pub mod adversary;
-pub mod campaign;
+#[doc(inline)]
+pub use brakecheck_campaign::campaign;
+#[doc(inline)]
+pub use brakecheck_experiment::adversary;
 pub mod cli;
-pub mod conformance;
-mod content_hash;
-pub mod crashes;
+#[doc(inline)]
+pub use brakecheck_crashes::crashes;
+use brakecheck_files::content_hash;
+#[doc(inline)]
+pub use brakecheck_scene::conformance;
 pub mod doc_pages;
-pub mod ego;
-pub mod evaluation;
-pub mod experiment;
-mod grid_solver;
-pub mod natural;
-// Not part of the API: it has no stability promise.
-#[doc(hidden)]
-pub mod internals;
-mod opendrive;
-pub mod openx;
-pub mod population;
-mod pose;
-pub mod preventability;
-pub mod report;
-pub mod risk;
-pub mod rl;
-mod road;
-mod ron_file;
-pub mod rulebook;
-pub mod run_dir;
-mod run_files;
-pub mod scene;
-pub mod search;
-pub mod seed;
+#[doc(inline)]
+pub use brakecheck_ego::ego;
+#[doc(inline)]
+pub use brakecheck_evaluation::evaluation;
+#[doc(inline)]
+pub use brakecheck_experiment::experiment;
+#[doc(inline)]
+pub use brakecheck_scene::natural;
+/// OpenSCENARIO and OpenDRIVE files: export of crashes, and import of test protocols.
+pub mod openx {
+    pub use brakecheck_crashes::openx::*;
+    #[doc(inline)]
+    pub use brakecheck_openx::openx::import;
+}
+#[doc(inline)]
+pub use brakecheck_experiment::run_dir;
+#[doc(inline)]
+pub use brakecheck_experiment::search;
+use brakecheck_files::ron_file;
+#[cfg(test)]
+use brakecheck_files::run_files;
+#[doc(inline)]
+pub use brakecheck_report::report;
+#[doc(inline)]
+pub use brakecheck_risk::risk;
+#[doc(inline)]
+pub use brakecheck_rl::rl;
+#[doc(inline)]
+pub use brakecheck_scene::preventability;
+#[doc(inline)]
+pub use brakecheck_scene::rulebook;
+#[doc(inline)]
+pub use brakecheck_scene::scene;
+#[doc(inline)]
+pub use brakecheck_stats::seed;
+#[doc(inline)]
+pub use brakecheck_training::population;
 pub mod serving;
-mod severity;
-mod sim;
-pub mod stats;
-mod surrogate;
-pub mod testbench;
-mod theorems;
-pub mod training;
-pub mod vector_env;
+use brakecheck_evaluation::theorems;
+#[doc(inline)]
+pub use brakecheck_experiment::vector_env;
+use brakecheck_files::visible;
+#[doc(inline)]
+pub use brakecheck_scene::testbench;
+use brakecheck_sim::sim;
+#[doc(inline)]
+pub use brakecheck_stats::stats;
+#[doc(inline)]
+pub use brakecheck_training::training;
 #[cfg(feature = "rerun")]
-pub mod view;
-mod visible;
-pub mod world;
+#[doc(inline)]
+pub use brakecheck_view::view;
+#[doc(inline)]
+pub use brakecheck_world::world;
 
 #[doc(inline)]
 pub use cli::Report;

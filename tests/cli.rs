@@ -50,9 +50,9 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
 
-use brakecheck::internals::run_dir::csv_of;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::trace::Trace;
+use brakecheck_experiment::run_dir::counterexample::csv_of;
 use program::{code, json, path, run_in, scratch, stderr};
 use serde_json::Value;
 use sha2::{Digest, Sha256};

@@ -8,12 +8,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use brakecheck::conformance::{check_controller, check_env, check_policy, check_scene};
-use brakecheck::internals::rl::load_policy_for;
 use brakecheck::rl::{LearnerConfig, LearnerSettings};
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_rl::rl::list::load_policy_for;
 
 fn shipped() -> Vec<(String, Scenario)> {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("worlds");

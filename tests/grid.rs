@@ -11,14 +11,14 @@ mod learning;
 #[path = "grid/theorems.rs"]
 mod theorems;
 
-use brakecheck::internals::grid_solver::exact::{Game, UNIT_MOVES};
-use brakecheck::internals::scene::grid::Arena;
-use brakecheck::internals::world::GridScenario;
 use brakecheck::rl::Policy;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Episode, PolicyActor, play};
 use brakecheck::world::AtWall;
 use brakecheck::world::{GridChange, Scenario};
+use brakecheck_scene::grid_solver::exact::{Game, UNIT_MOVES};
+use brakecheck_scene::scene::grid::Arena;
+use brakecheck_world::world::scenario_kind::GridScenario;
 
 const A: AtWall = AtWall::Stays;
 const B: AtWall = AtWall::FirstInMap;

@@ -22,15 +22,15 @@ mod shown;
 #[path = "learners/starts.rs"]
 mod starts;
 
-use brakecheck::internals::rl::nn::{Adam, Mlp};
-use brakecheck::internals::rl::replay::{
-    Batch, EpisodeBuffer, ReplayBuffer, SumTree, Tail, Transition,
-};
-use brakecheck::internals::rl::{load_policy, load_policy_for};
 use brakecheck::rl::{
     BundleError, Control, End, Env, Learner, LearnerConfig, LearnerRng, LearnerSettings, Spaces,
     Step, TensorFile,
 };
+use brakecheck_rl::rl::adam::Adam;
+use brakecheck_rl::rl::list::{load_policy, load_policy_for};
+use brakecheck_rl::rl::nn::Mlp;
+use brakecheck_rl::rl::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
+use brakecheck_rl::rl::sum_tree::SumTree;
 use proptest::prelude::*;
 
 /// A configuration as a world file would write it.

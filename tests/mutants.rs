@@ -158,13 +158,13 @@ fn an_error_is_blamed_on_the_change_it_is_in_or_else_on_the_switch_around() {
 
 #[test]
 fn the_library_with_all_its_switches_is_still_rust() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates");
     for file in [
-        "rulebook.rs",
-        "rl/nn.rs",
-        "rl/ppo/mod.rs",
-        "sim/rigid/touch.rs",
-        "testbench/mod.rs",
+        "scene/src/rulebook.rs",
+        "rl/src/rl/nn.rs",
+        "rl/src/rl/ppo/mod.rs",
+        "sim/src/sim/rigid/touch.rs",
+        "scene/src/testbench/mod.rs",
     ] {
         let source = std::fs::read_to_string(root.join(file)).expect(file);
         let new = switched(&source);

@@ -20,11 +20,11 @@ mod shapes;
 #[path = "plants/vehicle_validation.rs"]
 mod vehicle_validation;
 
-use brakecheck::internals::sim::{
-    Body, BodyError, BodyId, BodyKind, Contact, GRAVITY_MPS2, Ground, Plant, plant,
-};
 use brakecheck::scene::{BodyCommand, BodyState, Pose};
 use brakecheck::world::PlantKind;
+use brakecheck_sim::sim::{
+    Body, BodyError, BodyId, BodyKind, Contact, GRAVITY_MPS2, Ground, Plant, plant,
+};
 use proptest::prelude::*;
 
 const KINDS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];

@@ -7,7 +7,6 @@ mod panel;
 
 use brakecheck::crashes::Regressions;
 use brakecheck::ego::ReferenceDriver;
-use brakecheck::internals::testbench::HOLD_DECISIONS;
 use brakecheck::preventability::Seat;
 use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability};
 use brakecheck::scene::{ContactEvent, Motion};
@@ -15,6 +14,7 @@ use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Episode, HeldRandom, motion_of, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
+use brakecheck_scene::testbench::actors::HOLD_DECISIONS;
 
 const WORLDS: [&str; 6] = [
     "acc_plain",

@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use brakecheck::ego::ReferenceDriver;
-use brakecheck::internals::ego::reference::{
+use brakecheck_ego::ego::reference::{
     CcDriver, CcLaneDriver, DriverModel, Encounter, FsmDriver, IdealDriver, LaneBody, Pedal,
     Reflexes, RegDriver, Response, RssDriver, TtcReading,
 };

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use brakecheck::crashes::Regressions;
 use brakecheck::crashes::SavedCounterexample;
-use brakecheck::internals::run_dir::digests_of;
 use brakecheck::rulebook::JudgeKind;
 use brakecheck::run_dir::trace_of_csv;
 use brakecheck::stl::Scratch;
 use brakecheck::trace::Trace;
 use brakecheck::world::Scenario;
+use brakecheck_experiment::run_dir::counterexample::digests_of;
 
 fn kept() -> Regressions {
     let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/regressions");

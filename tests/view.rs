@@ -8,7 +8,6 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 
 use brakecheck::experiment::{Audience, ShownEpisode, Watch};
-use brakecheck::internals::view::entities;
 use brakecheck::run_dir::{Calibration, Progress};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
@@ -16,6 +15,7 @@ use brakecheck::training::{TrainRequest, TrainSession};
 use brakecheck::view::{EpisodeStream, LiveView, Recording, ViewError, record};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_view::view::panels::entities;
 use re_chunk::Chunk;
 use re_log_encoding::DecoderApp;
 use re_log_types::LogMsg;

@@ -20,7 +20,28 @@ pub type Fallible<T> = Result<T, Box<dyn Error>>;
 const MODULE: &str = include_str!("mutant.rs.txt");
 
 /// Where the switches of a crate ask which is on.
-const CRATES: [&str; 2] = ["src", "crates/stl/src"];
+const CRATES: [&str; 20] = [
+    "src",
+    "crates/campaign/src",
+    "crates/crashes/src",
+    "crates/ego/src",
+    "crates/evaluation/src",
+    "crates/experiment/src",
+    "crates/files/src",
+    "crates/openx/src",
+    "crates/report/src",
+    "crates/risk/src",
+    "crates/rl/src",
+    "crates/road/src",
+    "crates/scene/src",
+    "crates/sim/src",
+    "crates/stats/src",
+    "crates/stl/src",
+    "crates/surrogate/src",
+    "crates/training/src",
+    "crates/view/src",
+    "crates/world/src",
+];
 /// What is no source: built or recorded things.
 const NOT_COPIED: [&str; 4] = ["target", "runs", "crashes", "reproduced"];
 /// Candidates that are compiled in beyond the asked number, in percent: so
@@ -160,7 +181,11 @@ impl Workshop {
             .env("CARGO_INCREMENTAL", "1")
             .current_dir(&self.copy)
             .stderr(Stdio::null());
-        for package in ["brakecheck", "brakecheck-repro", "brakecheck-stl"] {
+        let below = CRATES
+            .iter()
+            .filter_map(|it| it.strip_prefix("crates/")?.strip_suffix("/src"));
+        let packages = below.map(|name| format!("brakecheck-{name}"));
+        for package in packages.chain(["brakecheck", "brakecheck-repro"].map(str::to_owned)) {
             let profile = format!("profile.release.package.{package}");
             cargo
                 .args(["--config", &format!("{profile}.opt-level=1")])
@@ -201,7 +226,8 @@ impl Workshop {
                 file.with_extension("rs").exists() || file.join("main.rs").exists()
             });
             if suite == "lib" {
-                verb.push("--lib");
+                // Unit tests of every crate.
+                verb.extend(["--lib", "--workspace", "--exclude", "brakecheck-python"]);
             } else if there {
                 verb.extend(["--test", suite]);
             } else {

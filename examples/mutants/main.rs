@@ -41,8 +41,8 @@ use compile::{Built, Drawn, Fallible, Workshop, digest};
 use play::{Stage, Suite, Verdict};
 
 /// The modules whose faults would not be seen by looking at a run.
-const FILES: &str = "src/rulebook.rs,src/testbench,src/rl,src/stats/interval,\
-    src/adversary/rollout.rs,src/search,crates/stl/src/online.rs,crates/stl/src/online";
+const FILES: &str = "crates/scene/src/rulebook.rs,crates/scene/src/testbench,crates/rl/src/rl,crates/stats/src/stats/interval,\
+    crates/experiment/src/adversary/rollout.rs,crates/experiment/src/search,crates/stl/src/online.rs,crates/stl/src/online";
 const SUITES: &str = "lib,rows,learners,stl,grid,worlds,regressions";
 
 /// How many changes of the library do its tests notice?

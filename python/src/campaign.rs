@@ -288,7 +288,7 @@ pub(crate) fn eval_world<'py>(
             let mut cells = experiment.run(watch);
             if let Some(keep) = &options.keep {
                 cells[0].adversary = options.name.as_str().into();
-                cells[0].keep(&keep.directory, keep.settings(), watch)?;
+                keep.settings().keep(&cells[0], &keep.directory, watch)?;
             }
             cells[0].row.method.clone_from(&options.name);
             // The constant is played second and shown last.

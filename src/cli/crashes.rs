@@ -1,4 +1,5 @@
 #![cfg(test)]
+#![allow(clippy::print_stdout, reason = "the result of a long search")]
 //! Failure of every disk step of a verb, followed by a resumption.
 //!
 //! The files must equal those of an undisturbed run. The test makes a few steps of each

@@ -26,6 +26,7 @@ impl ServeArgs {
     }
 }
 
+#[allow(clippy::disallowed_methods, reason = "messages of the protocol")]
 pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common())?;
     let mut ado = ServedAdo::of(&run)?;

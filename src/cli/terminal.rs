@@ -212,6 +212,7 @@ pub fn data(text: &str) -> Result<(), Failure> {
 }
 
 /// Returns stdout for a stream of bytes. `None`: it is a terminal, where a person reads.
+#[allow(clippy::disallowed_methods, reason = "bytes for a pipe or a file")]
 pub(super) fn stdout_for_bytes() -> Option<io::Stdout> {
     let stdout = io::stdout();
     (!stdout.is_terminal()).then_some(stdout)
@@ -222,6 +223,10 @@ pub fn json(text: &str) -> Result<(), Failure> {
     write_data(&visible_json(text))
 }
 
+#[allow(
+    clippy::disallowed_methods,
+    reason = "the text is escaped by the callers"
+)]
 fn write_data(text: &str) -> Result<(), Failure> {
     let mut stdout = stdout();
     // Flushed at once, because a full disk must be an error before the exit.

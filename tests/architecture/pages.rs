@@ -106,7 +106,7 @@ fn every_page_that_is_named_exists() {
         return;
     }
     let mut files = pages();
-    for directory in ["src", "tests", "examples", "benches", "crates/repro"] {
+    for directory in ["src", "tests", "examples", "benches", "crates"] {
         files.extend(below(&root().join(directory), "rs"));
     }
     for directory in ["worlds", "examples"] {

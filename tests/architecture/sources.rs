@@ -53,13 +53,8 @@ pub struct Sources {
     tests: Vec<Names>,
 }
 
-/// Where a crate's sources are and what it is called.
-const CRATES: [(&str, &str); 4] = [
-    ("crates/repro/src/", "brakecheck_repro"),
-    ("crates/stl/src/", "brakecheck_stl"),
-    ("crates/traffic/src/", "brakecheck_traffic"),
-    ("src/", "brakecheck"),
-];
+/// Directory of the crates below the facade, `crates/NAME` with the package `brakecheck-NAME`.
+const CRATES: &str = "crates/";
 
 /// A chain of `use`s longer than this goes in a circle.
 const LONGEST: usize = 32;
@@ -236,10 +231,13 @@ impl Module {
 }
 
 fn module_of(path: &str) -> Names {
-    let inside = CRATES
-        .iter()
-        .find_map(|(root, name)| Some((*name, path.strip_prefix(root)?)));
-    let (name, inside) = inside.unwrap_or_else(|| panic!("{path} is in no crate"));
+    let below = path.strip_prefix(CRATES);
+    let below = below.and_then(|path| path.split_once("/src/"));
+    let (name, inside) = match (below, path.strip_prefix("src/")) {
+        (Some((name, inside)), _) => (format!("brakecheck_{name}"), inside),
+        (None, Some(inside)) => ("brakecheck".to_owned(), inside),
+        (None, None) => panic!("{path} is in no crate"),
+    };
     let inside = inside.trim_end_matches(".rs");
     let parts = inside
         .split('/')
@@ -248,8 +246,7 @@ fn module_of(path: &str) -> Names {
         // A crate of its own.
         "main" => vec!["main".to_owned()],
         _ => std::iter::once(name)
-            .chain(parts)
-            .map(str::to_owned)
+            .chain(parts.map(str::to_owned))
             .collect(),
     }
 }

@@ -1,7 +1,7 @@
 //! Which counterexamples are the same one over and over.
 
-use brakecheck::internals::experiment::{CrashFeatures, NEAR, clusters};
 use brakecheck::testbench::Episode;
+use brakecheck_experiment::experiment::clustering::{CrashFeatures, NEAR, clusters};
 
 use super::found::{acc, acc_found, cut_in, cut_in_found, replayed};
 use super::near;

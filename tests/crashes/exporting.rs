@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use brakecheck::crashes::{ExportRefusal, Regressions, export};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
-use brakecheck::internals::crashes::openx;
-use brakecheck::internals::testbench::{Film, film_beyond};
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Replay, play};
 use brakecheck::world::{Change, Scenario};
+use brakecheck_crashes::crashes::export::openx;
+use brakecheck_scene::testbench::film::{Film, film_beyond};
 
 use super::openx::{all, regressions, way};
 use super::xml::Node;

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use brakecheck::crashes::{CrashSelection, Form, KeepSettings, KeptFiles, Regressions};
 use brakecheck::experiment::Watch;
-use brakecheck::internals::crashes::{CrashWriter, PERSISTENT, description};
 use brakecheck::testbench::{Episode, Testbench};
 use brakecheck::world::Change;
+use brakecheck_crashes::crashes::save_crashes::{CrashWriter, PERSISTENT, description};
 
 use super::found::{cut_in, cut_in_found};
 

@@ -9,11 +9,11 @@ use std::sync::LazyLock;
 
 use brakecheck::crashes::SavedCounterexample;
 use brakecheck::crashes::{Regressions, Replayed};
-use brakecheck::internals::crashes::openx;
-use brakecheck::internals::scene::drive::{DriveSpec, DriveWorld};
 use brakecheck::openx::OpenX;
 use brakecheck::scene::World;
 use brakecheck::trace::Trace;
+use brakecheck_crashes::crashes::export::openx;
+use brakecheck_scene::scene::drive::{DriveSpec, DriveWorld};
 
 use super::xml::Node;
 

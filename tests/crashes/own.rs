@@ -7,9 +7,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
 use brakecheck::experiment::ControllerFactory;
 use brakecheck::experiment::Watch;
-use brakecheck::internals::crashes::{decisive, description, persistence, shrink};
 use brakecheck::run_dir::NotAsked;
 use brakecheck::world::{Repeats, Scenario};
+use brakecheck_crashes::crashes::minimize::shrink;
+use brakecheck_crashes::crashes::perturbation_robustness::persistence;
+use brakecheck_crashes::crashes::root_cause::decisive;
+use brakecheck_crashes::crashes::save_crashes::description;
 
 use super::found::{acc, acc_found, replayed};
 

@@ -1,11 +1,11 @@
 //! Contacts by hand: two boxes, their speeds, and what that does to the ego.
 
-use brakecheck::internals::severity::Party;
-use brakecheck::internals::sim::{Body, Ground, plant};
 use brakecheck::scene::ContactEvent;
 use brakecheck::scene::{BodyState, Pose};
 use brakecheck::scene::{CrashKind, Impact, RiskCurve, Side};
 use brakecheck::world::PlantKind;
+use brakecheck_sim::severity::Party;
+use brakecheck_sim::sim::{Body, Ground, plant};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::near;

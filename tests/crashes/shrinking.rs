@@ -3,10 +3,10 @@
 use std::cmp::Ordering;
 
 use brakecheck::experiment::Watch;
-use brakecheck::internals::crashes::{CLOSING, effort, shrink};
 use brakecheck::run_dir::Effort;
 use brakecheck::testbench::Episode;
 use brakecheck::world::Scenario;
+use brakecheck_crashes::crashes::minimize::{CLOSING, effort, shrink};
 
 use super::found::{acc, acc_found, cut_in, cut_in_found, replayed};
 use super::near;

@@ -1,11 +1,11 @@
 //! What is varied, and that it is.
 
-use brakecheck::internals::crashes::persistence;
 use brakecheck::run_dir::{Persistence, Variation};
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Sensors;
 use brakecheck::world::{Change, Scenario};
+use brakecheck_crashes::crashes::perturbation_robustness::persistence;
 
 use super::found::{acc, acc_found};
 use super::near;

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use brakecheck::ego::Controller;
 use brakecheck::experiment::Watch;
-use brakecheck::internals::crashes::{SubstituteDriver, decisive, last_chance, shrink, why};
-use brakecheck::internals::ego::{FullBrake, Takeover};
 use brakecheck::rulebook::Verdict;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
 use brakecheck::world::Scenario;
+use brakecheck_crashes::crashes::minimize::shrink;
+use brakecheck_crashes::crashes::root_cause::{SubstituteDriver, decisive, last_chance, why};
+use brakecheck_ego::ego::takeover::{FullBrake, Takeover};
 
 use super::found::{acc, acc_found};
 use super::near;

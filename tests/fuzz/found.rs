@@ -1,8 +1,8 @@
 //! What fuzzing found once, each mended, each held here for good.
 
-use brakecheck::internals::rl::load_policy;
 use brakecheck::rl::TensorFile;
 use brakecheck::stl::Formula;
+use brakecheck_rl::rl::list::load_policy;
 
 /// Formulas whose canonical text did not read back.
 const FORMULAS: [&str; 3] = [

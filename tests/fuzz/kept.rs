@@ -1,11 +1,11 @@
 //! Kept counterexamples: refused, or replayed in the world that is in them.
 
 use brakecheck::crashes::SavedCounterexample;
-use brakecheck::internals::crashes::replay;
-use brakecheck::internals::run_dir::digests_of;
 use brakecheck::rulebook::Verdict;
 use brakecheck::run_dir::{Counterexample, KeptError};
 use brakecheck::trace::Trace;
+use brakecheck_crashes::crashes::replay::replay;
+use brakecheck_experiment::run_dir::counterexample::digests_of;
 
 use super::corpus::{self, Source};
 use super::harness::{Seen, Target};

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use brakecheck::internals::rl::{load_policy, load_policy_for};
 use brakecheck::rl::{
     Bins, DqnSettings, End, Env, LearnerConfig, LearnerSettings, Policy, PpoSettings,
     QTableSettings, Spaces, Step, TensorFile,
 };
+use brakecheck_rl::rl::list::{load_policy, load_policy_for};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 

@@ -1,8 +1,8 @@
 //! CSV: refused with its line, or the numbers that stand there.
 
-use brakecheck::internals::run_dir::csv_of;
 use brakecheck::run_dir::trace_of_csv;
 use brakecheck::trace::{Schema, Signal, SignalKind, Trace};
+use brakecheck_experiment::run_dir::counterexample::csv_of;
 use proptest::prelude::*;
 use proptest::sample::select;
 

@@ -2,7 +2,6 @@
 
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::crashes::SavedCounterexample;
-use brakecheck::internals::crashes::replay;
 use brakecheck::rulebook::Verdict;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
@@ -10,6 +9,7 @@ use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::stl::Scratch;
 use brakecheck::testbench::{Actor, Aftermath, Episode, play};
 use brakecheck::world::{Change, Scenario, ScenarioError};
+use brakecheck_crashes::crashes::replay::replay;
 
 use super::corpus;
 use super::harness::{Seen, Target};

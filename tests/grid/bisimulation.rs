@@ -2,12 +2,12 @@
 
 use std::collections::{HashSet, VecDeque};
 
-use brakecheck::internals::grid_solver::bisimulation::{Bisimulation, coarse};
-use brakecheck::internals::grid_solver::exact::Game;
-use brakecheck::internals::scene::grid::Position;
-use brakecheck::internals::theorems::{TheoremOutcome, bisimulations, theorem_3};
 use brakecheck::world::AtWall;
 use brakecheck::world::{GridChange, Scenario};
+use brakecheck_evaluation::theorems::{TheoremOutcome, bisimulations, theorem_3};
+use brakecheck_scene::grid_solver::bisimulation::{Bisimulation, coarse};
+use brakecheck_scene::grid_solver::exact::Game;
+use brakecheck_scene::scene::grid::Position;
 
 use super::theorems::{converged, trained};
 use super::{A, B, cells, changed, game, world};
@@ -133,7 +133,7 @@ fn checked(
     nominal: &Scenario,
     other: &Scenario,
     policy: &dyn brakecheck::rl::Policy,
-) -> Vec<brakecheck::internals::theorems::Theorem3> {
+) -> Vec<brakecheck_evaluation::theorems::Theorem3> {
     let (nominal, other) = (cells(nominal), cells(other));
     let relations = bisimulations(nominal, other, 0.5).expect("comparable");
     let rows = relations.iter();

@@ -1,9 +1,9 @@
 //! Counts that were computed independently before this solver existed.
 
-use brakecheck::internals::grid_solver::exact::{Game, PositionPolicy, UNIT_MOVES, chase};
-use brakecheck::internals::scene::grid::position_of;
 use brakecheck::rl::LearnerRng;
 use brakecheck::testbench::{Aftermath, Random, Replay, play};
+use brakecheck_scene::grid_solver::exact::{Game, PositionPolicy, UNIT_MOVES, chase};
+use brakecheck_scene::scene::grid::position_of;
 
 use super::{A, B, captures, cells, changed, episode, game, world};
 use brakecheck::world::GridChange;

@@ -1,17 +1,17 @@
 //! Theorems 1 and 2, played from every start, and the faults that they notice.
 
 use brakecheck::evaluation::TheoremsError;
-use brakecheck::internals::grid_solver::exact::{Game, PositionPolicy};
-use brakecheck::internals::grid_solver::values::ValueTable;
-use brakecheck::internals::theorems::{
-    Approximation, Theorem1, Theorem2, TheoremOutcome, grid_theorems, optimal_values, theorem_1,
-    theorem_2,
-};
 use brakecheck::rl::{Control, LearnerRng, Policy};
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;
 use brakecheck::world::{AtWall, Horizon};
 use brakecheck::world::{GridChange, Scenario};
+use brakecheck_evaluation::theorems::{
+    Approximation, Theorem1, Theorem2, TheoremOutcome, grid_theorems, optimal_values, theorem_1,
+    theorem_2,
+};
+use brakecheck_scene::grid_solver::exact::{Game, PositionPolicy};
+use brakecheck_scene::grid_solver::values::ValueTable;
 
 use super::{A, B, cells, changed, world};
 

@@ -1,8 +1,9 @@
 //! Fast paths against the plain formula, to the last bit.
 
-use brakecheck::internals::rl::nn::Mlp;
-use brakecheck::internals::rl::replay::{Batch, ReplayBuffer, SumTree, Transition};
 use brakecheck::rl::{Env, LearnerRng, TensorFile};
+use brakecheck_rl::rl::nn::Mlp;
+use brakecheck_rl::rl::replay::{Batch, ReplayBuffer, Transition};
+use brakecheck_rl::rl::sum_tree::SumTree;
 use proptest::prelude::*;
 
 use crate::{Acc, config, go_on};

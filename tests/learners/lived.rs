@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use brakecheck::internals::rl::replay::{Batch, ReplayBuffer, Transition};
 use brakecheck::rl::{Bins, End, LearnerConfig, LearnerRng, QTableSettings, Spaces, TensorFile};
+use brakecheck_rl::rl::replay::{Batch, ReplayBuffer, Transition};
 
 use crate::config;
 use crate::scripted::{Episode, Scripted, level};

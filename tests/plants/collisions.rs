@@ -1,6 +1,6 @@
 //! Collisions after the first contact, as rapier resolves them.
 
-use brakecheck::internals::sim::Collision;
+use brakecheck_sim::sim::Collision;
 
 use super::*;
 

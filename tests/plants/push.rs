@@ -1,6 +1,6 @@
 //! Slopes and wind as external accelerations, on both plants, by hand.
 
-use brakecheck::internals::sim::Push;
+use brakecheck_sim::sim::Push;
 
 use super::*;
 

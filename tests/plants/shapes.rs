@@ -2,7 +2,7 @@
 //!
 //! The bodies are carried, so that their poses are exact.
 
-use brakecheck::internals::sim::{BodyPart, BodyShape};
+use brakecheck_sim::sim::{BodyPart, BodyShape};
 
 use super::*;
 

@@ -6,7 +6,7 @@
 //! its wheels, springs and tyres (Pacejka's full formulas) are its own. It has no
 //! antilock brakes: for the stops, each of its wheels was held at the slip of its peak.
 
-use brakecheck::internals::sim::Vehicle;
+use brakecheck_sim::sim::Vehicle;
 
 use super::*;
 

@@ -1,8 +1,8 @@
 //! Cut-ins among the behaviours of an ado.
 
-use brakecheck::internals::natural::behaviours;
 use brakecheck::trace::Trace;
 use brakecheck::world::Scenario;
+use brakecheck_scene::natural::behaviour::behaviours;
 use brakecheck_traffic::CutInState;
 
 /// Cut-ins of an ado 20 m ahead, if both move between these lanes in 2 s.

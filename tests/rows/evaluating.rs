@@ -3,7 +3,6 @@
 use brakecheck::adversary::Ado;
 use brakecheck::ego::{Fault, FaultKind};
 use brakecheck::experiment::{EgoUnderTest, TestStarts, test_starts};
-use brakecheck::internals::adversary::{BestOfN, EvalRequest, Evaluated, eval};
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::Stored;
 use brakecheck::run_dir::{AdversaryId, ClosingSpeed, Row};
@@ -12,6 +11,8 @@ use brakecheck::search::Adversary;
 use brakecheck::stats::{StartOutcome, at_most, wilson};
 use brakecheck::testbench::{Actor, FaultLog, HeldRandom, Random, Success};
 use brakecheck::world::{Repeats, Scenario};
+use brakecheck_experiment::adversary::best_of_n::BestOfN;
+use brakecheck_experiment::adversary::rollout::{EvalRequest, Evaluated, eval};
 
 use super::near;
 use super::scene::{

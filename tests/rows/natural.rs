@@ -1,13 +1,13 @@
 //! Ados whose driving may be no rarer than a limit among real drivers.
 
 use brakecheck::experiment::{EgoUnderTest, TestStarts, test_starts};
-use brakecheck::internals::crashes::description;
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::{Counterexample, Row};
 use brakecheck::search::Adversary;
 use brakecheck::testbench::{Aftermath, Constant, Episode, PolicyActor, play};
 use brakecheck::vector_env::{EnvLayout, VectorEnv};
 use brakecheck::world::{Change, PlantKind, Scenario};
+use brakecheck_crashes::crashes::save_crashes::description;
 
 use super::scene::quiet;
 

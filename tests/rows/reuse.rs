@@ -2,12 +2,12 @@
 
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::EgoUnderTest;
-use brakecheck::internals::adversary::eval;
-use brakecheck::internals::evaluation::{
-    LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise,
-};
 use brakecheck::run_dir::{AdversaryId, Row};
 use brakecheck::stats::paired_difference;
+use brakecheck_evaluation::evaluation::reuse::{
+    LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise,
+};
+use brakecheck_experiment::adversary::rollout::eval;
 
 use super::costs::row;
 use super::near;

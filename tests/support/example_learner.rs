@@ -182,59 +182,44 @@ impl Learner for Learning {
     }
 }
 
-/// A learner of one file works from a world file to a policy that plays.
+/// A learner of one file works from its settings to a policy that acts.
 #[test]
 fn a_learner_is_one_file_and_one_line() {
-    use crate::experiment::Watch;
-    use crate::run_dir::RunDir;
-    use crate::testbench::{Aftermath, PolicyActor, play};
-    use crate::training::train_loop::train;
-    use crate::world::Scenario;
+    use super::list::{LearnerConfig, LearnerSettings, load_policy};
+    use super::{End, Spaces};
 
-    let acc = include_str!("../../worlds/acc.ron");
-    let with = |learner: &str| {
-        let text = acc.replace("Dqn(decisions: 300_000)", learner);
-        Scenario::parse("acc.ron", &text.replace("plant: Rigid", "plant: Kinematic"))
+    let with = |text: &str| {
+        let settings: LearnerSettings = ron::from_str(text).expect("settings");
+        LearnerConfig::new(settings)
     };
-    let wrong = with("Paid(rate: 2.0)")
-        .expect_err("out of range")
-        .to_string();
-    assert!(wrong.contains("learner field `rate` is 2"), "{wrong}");
-    assert!(wrong.contains("from 0.000001 to 1"), "{wrong}");
-    let unknown = with("Pad()").expect_err("unknown").to_string();
-    assert!(unknown.contains("did you mean `Paid`"), "{unknown}");
+    let wrong = with("Paid(rate: 2.0)").expect_err("out of range");
+    let wrong = wrong.to_string();
+    assert!(wrong.contains("`rate` is 2"), "{wrong}");
+    let unknown = ron::from_str::<LearnerSettings>("Pad()").expect_err("unknown");
+    assert!(unknown.to_string().contains("Paid"), "{unknown}");
 
-    let world = with("Paid(decisions: 600)").expect("a world");
-    assert_eq!(world.learner.name(), "Paid");
-    let dir = tempfile::tempdir().expect("a directory");
-    let path = dir.path().join("run");
-    let mut run = RunDir::create(&path, &world, 1).expect("a run");
-    let stop = std::sync::atomic::AtomicBool::new(false);
-    let watch = Watch::new(&|_, _| {}, &stop);
-    train(&world, &mut run, &watch).expect("trained");
-
-    let run = RunDir::open(&path).expect("a run");
-    let policy = run.policy().expect("loaded by its kind");
-    let mut bench = world.bench();
-    let start = bench.draw(crate::seed::StartKey {
-        purpose: crate::seed::Purpose::Test,
-        seed: 5,
-        index: 0,
-    });
-    let mut actor = PolicyActor(&*policy);
-    let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Skip);
-    assert!(!episode.actions.is_empty());
-    assert!(
-        episode
-            .actions
-            .iter()
-            .all(|action| *action == policy.act(&[]))
-    );
-    let learner = world
-        .learner
-        .build_from(world.spaces(), 1, &run.policy_bundle().expect("kept"));
-    assert_eq!(
-        learner.expect("fine-tuned").policy().value(&[]),
-        policy.value(&[])
-    );
+    let config = with("Paid(decisions: 600)").expect("a learner");
+    assert_eq!(config.name(), "Paid");
+    let spaces = Spaces {
+        observation: 1,
+        actions: 4,
+        neutral: 0,
+        parts: Vec::new(),
+    };
+    let mut learner = config.build(&spaces, 1);
+    while !learner.finished() {
+        let plan = learner.plan();
+        learner.begin(&plan, &[0.0]);
+        let action = learner.act(&[0.0], Choice::Own);
+        let step = Step {
+            reward: if action == 2 { 1.0 } else { -1.0 },
+            end: Some(End::Terminated),
+        };
+        learner.learn(step, &[0.0]);
+    }
+    let bundle = learner.policy_bundle();
+    let policy = load_policy(&bundle).expect("loaded by its kind");
+    assert_eq!(policy.act(&[0.0]), 2);
+    let tuned = config.build_from(&spaces, 1, &bundle).expect("fine-tuned");
+    assert_eq!(tuned.policy().value(&[0.0]), policy.value(&[0.0]));
 }

@@ -121,7 +121,7 @@ fn a_kept_crash_has_the_motion_after_the_contact() {
     let dir = tempfile::tempdir().expect("a directory");
     let mut kept =
         Counterexample::record(&world, "nominal", &Change::default(), "search", &episode);
-    kept.about = Some(brakecheck::internals::crashes::description(
+    kept.about = Some(brakecheck_crashes::crashes::save_crashes::description(
         &world, &episode,
     ));
     let file = dir.path().join("row.ron");

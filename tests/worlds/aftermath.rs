@@ -5,7 +5,6 @@ use std::sync::atomic::AtomicBool;
 use brakecheck::adversary::Ado;
 use brakecheck::crashes::Regressions;
 use brakecheck::experiment::{TestStarts, Watch};
-use brakecheck::internals::adversary::{EvalRequest, eval};
 use brakecheck::rulebook::RulesUntilContact;
 use brakecheck::run_dir::Stored;
 use brakecheck::run_dir::{Counterexample, Row};
@@ -13,6 +12,7 @@ use brakecheck::scene::Start;
 use brakecheck::search::{Mutate, SearchRequest, Switches, search};
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, Success, Testbench, play};
 use brakecheck::world::{Change, Scenario};
+use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
 

@@ -3,12 +3,12 @@
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::experiment::{Watch, test_starts};
-use brakecheck::internals::training::train;
 use brakecheck::run_dir::RunDir;
 use brakecheck::search::{SearchRequest, Switches, search};
 use brakecheck::testbench::{Actor, Aftermath, HeldRandom, PolicyActor, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_training::training::train_loop::train;
 
 const DOC: &str = include_str!("../../docs/guide/worlds.md");
 const AUTHORED: [(&str, &str); 3] = [

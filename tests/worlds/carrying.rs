@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicBool;
 use brakecheck::crashes::Regressions;
 use brakecheck::evaluation::TheoremsError;
 use brakecheck::experiment::{Watch, test_starts};
-use brakecheck::internals::theorems::{TheoremsRequest, Witness, carry_over};
 use brakecheck::rl::Policy;
 use brakecheck::rulebook::{Rulebook, Verdict};
 use brakecheck::stl::Scratch;
@@ -14,6 +13,7 @@ use brakecheck::testbench::Episode;
 use brakecheck::trace::Trace;
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_evaluation::theorems::{TheoremsRequest, Witness, carry_over};
 use proptest::prelude::*;
 
 /// An ado that always does the same.

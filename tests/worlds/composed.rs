@@ -5,13 +5,13 @@ use std::sync::atomic::AtomicBool;
 
 use brakecheck::evaluation::untrained;
 use brakecheck::experiment::{EgoUnderTest, Watch};
-use brakecheck::internals::run_dir::RunsOnDisk;
-use brakecheck::internals::training::train;
 use brakecheck::rulebook::Verdict;
 use brakecheck::run_dir::{AdversaryId, RunDir};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::{Scenario, ScenarioError};
+use brakecheck_training::training::train_loop::train;
+use brakecheck_world::world::RunsOnDisk;
 
 use super::trained::{PLACED, quick_acc, trained};
 

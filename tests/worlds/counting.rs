@@ -1,12 +1,12 @@
 //! Worlds in which some violations are no counterexamples.
 
 use brakecheck::ego::ReferenceDriver;
-use brakecheck::internals::testbench::HOLD_DECISIONS;
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Side;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, Episode, HeldRandom, play};
 use brakecheck::world::Scenario;
+use brakecheck_scene::testbench::actors::HOLD_DECISIONS;
 
 const ISO: &str = include_str!("../../worlds/acc_iso.ron");
 const OF_ISO: &str = "counts: Preventable(by: [RSS], closing_mps: 3.0)";

@@ -5,13 +5,13 @@ use std::sync::{Arc, Mutex};
 
 use brakecheck::crashes::Regressions;
 use brakecheck::ego::{Briefing, Command, Controller, Fault, Percept};
-use brakecheck::internals::crashes::openx;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, Episode, Testbench, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
+use brakecheck_crashes::crashes::export::openx;
 
 const MERGE: &str = include_str!("../../worlds/merge.ron");
 const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];

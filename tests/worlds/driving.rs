@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::ego::Phase;
-use brakecheck::internals::testbench::film;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Patch, Scenario};
+use brakecheck_scene::testbench::film::film;
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
 const MERGE: &str = include_str!("../../worlds/merge.ron");

@@ -2,13 +2,13 @@
 //! run, on every bench and from every file.
 
 use brakecheck::crashes::Regressions;
-use brakecheck::internals::crashes::openx;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, Episode, Testbench, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
+use brakecheck_crashes::crashes::export::openx;
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
 const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];

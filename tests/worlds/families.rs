@@ -5,10 +5,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use brakecheck::adversary::Ado;
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::experiment::{Watch, test_starts};
-use brakecheck::internals::adversary::{BestOfN, EvalRequest, eval};
-use brakecheck::internals::scene::drive::DriveSpec;
-use brakecheck::internals::training::train;
-use brakecheck::internals::world::{EgoSample, Family};
 use brakecheck::rl::{Control, Policy};
 use brakecheck::run_dir::RunDir;
 use brakecheck::scene::Dynamics;
@@ -17,6 +13,11 @@ use brakecheck::stats::StartOutcome::{Solved, Trivial};
 use brakecheck::testbench::{Aftermath, Gym, HeldRandom, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario, TrainingEgos};
+use brakecheck_experiment::adversary::best_of_n::BestOfN;
+use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
+use brakecheck_scene::scene::drive::DriveSpec;
+use brakecheck_training::training::train_loop::train;
+use brakecheck_world::world::family::{EgoSample, Family};
 
 use super::acc;
 

@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use brakecheck::experiment::Watch;
-use brakecheck::internals::training::{GoalTracker, TrainingGym};
 use brakecheck::rl::{Demonstration, End, Env};
 use brakecheck::rulebook::TrainingGoal::{self, Distinct, Severe};
 use brakecheck::run_dir::RunDir;
@@ -12,6 +11,8 @@ use brakecheck::seed::{Purpose, generator};
 use brakecheck::training::{SessionError, TrainRequest, TrainSession};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_training::training::goals::GoalTracker;
+use brakecheck_training::training::training_egos::TrainingGym;
 use rand::RngExt;
 
 /// The ACC world on the kinematic plant, with a learner and goals in its file.

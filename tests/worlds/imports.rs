@@ -11,11 +11,11 @@ mod precedence;
 
 use std::path::{Path, PathBuf};
 
-use brakecheck::internals::sim::Body;
 use brakecheck::openx::import::{DroppedElements, Import, ImportError, Imported};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
+use brakecheck_sim::sim::Body;
 
 const BASE: &str = include_str!("imports/base.xosc");
 const ROADS: [(&str, &str); 3] = [

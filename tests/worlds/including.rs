@@ -144,7 +144,7 @@ fn a_world_can_limit_its_ados_to_the_driving_of_a_file() {
     assert!(world.text().contains("quiet.ron") && world.text().contains("Kept("));
     assert_eq!(world.text().lines().count(), ACC.lines().count() + 1);
     let limit = |world: &Scenario| {
-        let limit = brakecheck::internals::ado_limit(world).expect("a limit");
+        let limit = world.traffic().limit().expect("a limit");
         (limit.model.name.clone(), limit.per_1000_km)
     };
     assert_eq!(limit(&world), ("quiet".to_owned(), 3.0));
@@ -154,7 +154,7 @@ fn a_world_can_limit_its_ados_to_the_driving_of_a_file() {
     let world = loaded(&with_field("natural: (per_1000_km: 0.5)"), &[]).expect("a world");
     assert_eq!(limit(&world).1, 0.5);
     let world = loaded(&with_field("natural: (traffic: \"motorway\")"), &[]).expect("a world");
-    assert!(brakecheck::internals::ado_limit(&world).is_none());
+    assert!(world.traffic().limit().is_none());
 }
 
 #[test]

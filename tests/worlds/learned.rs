@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{Remark, Watch, test_starts};
-use brakecheck::internals::adversary::{EvalRequest, eval};
 use brakecheck::run_dir::{RunDir, TrainingEnd};
 use brakecheck::training::{TrainRequest, TrainSession, TrainingOutcome};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
 
 /// The ACC world on the kinematic plant, its `learner` another one or left out.
 fn acc(learner: Option<&str>) -> Scenario {

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use brakecheck::internals::run_dir::RunsOnDisk;
 use brakecheck::world::{Problem, Scenario};
+use brakecheck_world::world::RunsOnDisk;
 
 use super::trained::{PLACED, fake, quick_acc, trained};
 

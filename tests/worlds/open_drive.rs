@@ -1,9 +1,9 @@
 //! Roads of a world along the lanes of an OpenDRIVE file.
 
-use brakecheck::internals::sim::{GRAVITY_MPS2, PlantKind};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::{LoadError, Scenario};
+use brakecheck_sim::sim::{GRAVITY_MPS2, PlantKind};
 
 const NETWORK: &str = include_str!("imports/network.xodr");
 /// An ego that drives straight on, a car before it that turns left, and one that
@@ -172,7 +172,7 @@ fn roads_rise_and_fall_with_the_elevations_of_their_files() {
     let world = load(text, &[("network.xodr", &network)]).expect("a world");
     let spec = world.drive().expect("a driving world").spec().clone();
     let near = |a: f64, b: f64| (a - b).abs() < 2e-3;
-    let grades = |of: &[brakecheck::internals::scene::drive::Grade]| -> Vec<(f64, f64)> {
+    let grades = |of: &[brakecheck_road::road::Grade]| -> Vec<(f64, f64)> {
         of.iter().map(|it| (it.from_s_m, it.rise)).collect()
     };
     // The way begins 10 m along the road.

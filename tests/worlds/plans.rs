@@ -87,7 +87,7 @@ fn scripts_follow_their_laws_to_a_tenth_of_a_millimetre_on_both_plants() {
     let swing_s = PI * (0.6_f64 / (2.0 * 0.5)).sqrt();
     let brake_s = 1.02 + swing_s + 0.5;
     // The rear axle moves by the law, and the body lies along its velocity.
-    let van = brakecheck::internals::sim::Body::shipped("van")
+    let van = brakecheck_sim::sim::Body::shipped("van")
         .expect("shipped")
         .expect("a body");
     let lever_m = van.lever_m();
@@ -132,7 +132,7 @@ fn a_step_that_overlaps_goes_on_across_while_the_next_ones_change_the_speed() {
     ])";
     let text = text(&other("At(x_m: 60.0, speed_mps: 8.0)", drive), "");
     let swing_s = PI * (3.5_f64 / (2.0 * 0.5)).sqrt();
-    let van = brakecheck::internals::sim::Body::shipped("van")
+    let van = brakecheck_sim::sim::Body::shipped("van")
         .expect("shipped")
         .expect("a body");
     let speed_mps = |t: f64| {
@@ -381,7 +381,7 @@ fn nobody_needs_to_learn() {
     let contact = episode.contact.clone().expect("a contact");
     assert!((contact.closing_speed_mps - 10.0).abs() < 1e-3);
     // For other tools it is a crash like any other.
-    let files = brakecheck::internals::crashes::openx(&world, &episode, "plans", "nominal");
+    let files = brakecheck_crashes::crashes::export::openx(&world, &episode, "plans", "nominal");
     let files = files.expect("exported");
     assert!(files.replay.contains("entityRef=\"other\""));
 }

@@ -9,8 +9,6 @@ use brakecheck::adversary::tune_heuristic;
 use brakecheck::evaluation::break_even;
 use brakecheck::experiment::Cost;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
-use brakecheck::internals::adversary::{EvalRequest, eval};
-use brakecheck::internals::training::train;
 use brakecheck::run_dir::RunDir;
 use brakecheck::run_dir::Stored;
 use brakecheck::search::{
@@ -20,6 +18,8 @@ use brakecheck::stats::StartOutcome::{Solved, Unsolved};
 use brakecheck::testbench::{Aftermath, Replay, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
+use brakecheck_training::training::train_loop::train;
 
 static GO: AtomicBool = AtomicBool::new(false);
 

@@ -4,13 +4,13 @@ use std::sync::{Arc, Mutex};
 
 use brakecheck::crashes::Regressions;
 use brakecheck::ego::{Briefing, Command, Controller, Fault, Percept, RoadPiece};
-use brakecheck::internals::crashes::openx;
-use brakecheck::internals::sim::PlantKind;
 use brakecheck::preventability::NotApplicable;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Testbench, play};
 use brakecheck::world::{Change, Scenario};
+use brakecheck_crashes::crashes::export::openx;
+use brakecheck_sim::sim::PlantKind;
 
 const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];
 /// Samples between two decisions.

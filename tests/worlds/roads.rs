@@ -419,7 +419,7 @@ fn an_ego_that_steers_keeps_its_lane_and_comes_back_to_it() {
 fn every_road_is_exported_where_it_lies() {
     let scenario = crossing(true, "Yields");
     let episode = nth(&scenario, 0);
-    let files = brakecheck::internals::crashes::openx(&scenario, &episode, "it", "nominal");
+    let files = brakecheck_crashes::crashes::export::openx(&scenario, &episode, "it", "nominal");
     let road = files.expect("it is exported").road;
     let (_, side) = road
         .split_once("<road name=\"side\"")

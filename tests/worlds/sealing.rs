@@ -7,13 +7,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use brakecheck::cli::Failure;
 use brakecheck::crashes::Regressions;
 use brakecheck::experiment::Watch;
-use brakecheck::internals::training::train;
 use brakecheck::run_dir::RequestedTraining;
 use brakecheck::run_dir::{Counterexample, RunDir, RunError};
 use brakecheck::seed::generator;
 use brakecheck::training::{TrainError, TrainRequest, TrainSession};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_training::training::train_loop::train;
 use rand::RngExt;
 use sha2::{Digest, Sha256};
 

@@ -4,12 +4,12 @@ use std::sync::atomic::AtomicBool;
 
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{TestStarts, Watch, test_starts};
-use brakecheck::internals::adversary::{EvalRequest, eval};
 use brakecheck::search::{Hold, Method, SearchRequest, Switches, search};
 use brakecheck::stats::StartOutcome;
 use brakecheck::testbench::{Aftermath, Replay, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
 
 static GO: AtomicBool = AtomicBool::new(false);
 

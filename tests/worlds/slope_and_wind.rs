@@ -1,12 +1,12 @@
 //! Grades of the road, wind and the range of sensors: by hand, drawn, and their mistakes.
 
 use brakecheck::crashes::ExportRefusal;
-use brakecheck::internals::crashes::openx;
-use brakecheck::internals::sim::{GRAVITY_MPS2, PlantKind};
 use brakecheck::openx::OpenXError;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Testbench, play};
 use brakecheck::world::Scenario;
+use brakecheck_crashes::crashes::export::openx;
+use brakecheck_sim::sim::{GRAVITY_MPS2, PlantKind};
 
 const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];
 const COASTS: &str = "Coast(accel_mps2: 0.0, lag_s: 0.0)";

@@ -5,13 +5,13 @@ use std::sync::atomic::AtomicBool;
 
 use brakecheck::crashes::Regressions;
 use brakecheck::experiment::Watch;
-use brakecheck::internals::run_dir::RunsOnDisk;
-use brakecheck::internals::training::train;
 use brakecheck::run_dir::{Counterexample, RunDir};
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, PolicyActor, Testbench, play};
 use brakecheck::world::{Change, Scenario, ScenarioError};
+use brakecheck_training::training::train_loop::train;
+use brakecheck_world::world::RunsOnDisk;
 use sha2::{Digest, Sha256};
 
 const ACC: &str = include_str!("../../worlds/acc.ron");

@@ -2,8 +2,6 @@
 
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::crashes::{ExportRefusal, Regressions};
-use brakecheck::internals::crashes::openx;
-use brakecheck::internals::sim::GRAVITY_MPS2;
 use brakecheck::openx::OpenXError;
 use brakecheck::preventability::NotApplicable;
 use brakecheck::run_dir::Counterexample;
@@ -12,6 +10,8 @@ use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, Testbench, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
+use brakecheck_crashes::crashes::export::openx;
+use brakecheck_sim::sim::GRAVITY_MPS2;
 
 const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];
 const SAMPLE_S: f64 = 0.05;

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{EgoUnderTest, Watch, test_starts};
-use brakecheck::internals::training::train;
 use brakecheck::run_dir::RequestedTraining;
 use brakecheck::run_dir::{Row, RunDir, RunError};
 use brakecheck::search::{Adversary, Experiment, SWITCHES};
@@ -15,6 +14,7 @@ use brakecheck::seed::Seeds;
 use brakecheck::stats::{Outcomes, paired_difference, seeds_interval};
 use brakecheck::training::TrainError;
 use brakecheck::world::{Scenario, TrainingEgos};
+use brakecheck_training::training::train_loop::train;
 
 /// Largest number of joint actions for a search with two switches.
 ///
@@ -245,7 +245,7 @@ pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
         "best constant",
         "training CPU s",
     ];
-    let mut text = brakecheck::internals::report::TextTable::new(columns, lines).to_markdown();
+    let mut text = brakecheck_report::report::table::TextTable::new(columns, lines).to_markdown();
     text.push_str(EXPLAINED);
     // Warnings follow the table, so a failed training cannot be overlooked.
     for row in studies.iter().flat_map(|study| &study.rows) {

@@ -13,8 +13,6 @@ use brakecheck::adversary::Ado;
 use brakecheck::ego::Actuated;
 use brakecheck::ego::ReferenceDriver;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
-use brakecheck::internals::crashes::persistence;
-use brakecheck::internals::ego::reference::CcLatchedDriver;
 use brakecheck::run_dir::{ClosingSpeed, RunDir};
 use brakecheck::scene::CrashKind;
 use brakecheck::search::{Adversary, ExperimentCell};
@@ -22,6 +20,8 @@ use brakecheck::stats::wilson;
 use brakecheck::testbench::{Episode, Testbench};
 use brakecheck::training::TrainError;
 use brakecheck::world::{Change, ChangeError, Scenario};
+use brakecheck_crashes::crashes::perturbation_robustness::persistence;
+use brakecheck_ego::ego::reference::CcLatchedDriver;
 
 /// Competent driver of UN R157 that observes the next lane and keeps braking.
 const COMPETENT: ReferenceDriver = ReferenceDriver::CcLatched;
@@ -122,7 +122,8 @@ impl Study<'_> {
     /// Plays an adversary, and then its crashes again, because held starts have none.
     fn row(&self, adversary: Adversary<'_>, name: Option<&str>) -> Option<CrashRow> {
         let cell = adversary.play(self.ego, self.starts, self.watch)?;
-        let all = brakecheck::internals::experiment::EpisodeLoop::uncounted(self.watch);
+        let all =
+            brakecheck_experiment::experiment::episode_loop::EpisodeLoop::uncounted(self.watch);
         let looked = all.each(
             &cell.solved(),
             || (self.ego.scenario().bench(), self.competent.bench()),
@@ -274,7 +275,7 @@ pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
         "persistence, median",
         "fouls",
     ];
-    let mut text = brakecheck::internals::report::TextTable::new(columns, lines).to_markdown();
+    let mut text = brakecheck_report::report::table::TextTable::new(columns, lines).to_markdown();
     text.push_str(EXPLAINED);
     for study in studies {
         for row in &study.rows {

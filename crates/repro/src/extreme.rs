@@ -1,11 +1,11 @@
 //! Action sequence from a start that maximizes a score.
 
 use brakecheck::experiment::Watch;
-use brakecheck::internals::experiment::EpisodeLoop;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Episode, Replay, Testbench};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck_experiment::experiment::episode_loop::EpisodeLoop;
 
 /// Largest number of sequences tried on the world's own plant.
 const MAX_CONFIRMED: usize = 50;

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
-use brakecheck::internals::report::TextTable;
 use brakecheck::population::{
     LeagueError, LeagueRequest, LeagueRound, PopulationDir, train_league,
 };
@@ -19,6 +18,7 @@ use brakecheck::search::{Adversary, Cem, Hold};
 use brakecheck::stats::StartOutcome;
 use brakecheck::training::TrainRequest;
 use brakecheck::world::Scenario;
+use brakecheck_report::report::table::TextTable;
 
 use crate::trained_run;
 

@@ -3,6 +3,21 @@
 //! The program `repro` trains, evaluates and searches with the public functions of
 //! `brakecheck` only. `README.md` names the command of every table.
 
+#![warn(
+    clippy::dbg_macro,
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unwrap_used
+)]
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
+)]
+
 mod behaviours;
 mod case_studies;
 mod cli;

@@ -10,12 +10,12 @@ use serde::Serialize;
 
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
-use brakecheck::internals::adversary::eval;
 use brakecheck::rl::Control;
 use brakecheck::run_dir::Row;
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;
 use brakecheck::world::Scenario;
+use brakecheck_experiment::adversary::rollout::eval;
 
 /// Policy of an unfinished training.
 #[derive(Clone, Debug, Serialize)]

@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use brakecheck::experiment::{TestStarts, Watch};
-use brakecheck::internals::experiment::EpisodeLoop;
 use brakecheck::rl::Policy;
 use brakecheck::scene::{Axis, Start};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::stats::wilson;
 use brakecheck::testbench::{Aftermath, PolicyActor, Testbench};
 use brakecheck::world::Scenario;
+use brakecheck_experiment::experiment::episode_loop::EpisodeLoop;
 
 /// Difference up to which two starts count as equal, as a share of each range.
 const SAME: f64 = 0.01;
@@ -207,6 +207,6 @@ pub fn near_starts_markdown(all: &[NearFailing]) -> String {
         "failing with less / more",
         "never met in training",
     ];
-    let text = brakecheck::internals::report::TextTable::new(columns, lines).to_markdown();
+    let text = brakecheck_report::report::table::TextTable::new(columns, lines).to_markdown();
     text + EXPLAINED
 }

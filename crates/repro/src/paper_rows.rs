@@ -142,6 +142,6 @@ pub fn paper_rows_markdown(rows: &[Measured]) -> String {
         "CPU s",
         "success [95 %]",
     ];
-    let text = brakecheck::internals::report::TextTable::new(columns, lines).to_markdown();
+    let text = brakecheck_report::report::table::TextTable::new(columns, lines).to_markdown();
     text + EXPLAINED
 }

@@ -7,12 +7,12 @@
 use serde::{Deserialize, Serialize};
 
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
-use brakecheck::internals::experiment::EpisodeLoop;
-use brakecheck::internals::report::TextTable;
 use brakecheck::search::Adversary;
 use brakecheck::testbench::Testbench;
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Scenario, ScenarioError};
+use brakecheck_experiment::experiment::episode_loop::EpisodeLoop;
+use brakecheck_report::report::table::TextTable;
 
 /// Largest number of switches of the plans.
 const SWITCHES: usize = 2;

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use brakecheck::evaluation::{PointsRequest, points};
 use brakecheck::experiment::{EgoUnderTest, Watch};
-use brakecheck::internals::report::TextTable;
 use brakecheck::world::Scenario;
+use brakecheck_report::report::table::TextTable;
 
 /// Largest number of switches in the additions to a plan.
 const SWITCHES: usize = 2;

@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use brakecheck::experiment::{EgoUnderTest, Watch};
-use brakecheck::internals::report::TextTable;
-use brakecheck::internals::risk::{ProposalFault, unchecked_estimate};
 use brakecheck::risk::{RiskRequest, RiskSettings, RiskTraffic, RiskTrafficError, ValueKind};
 use brakecheck::run_dir::RunError;
 use brakecheck::world::{PlantKind, Scenario};
+use brakecheck_report::report::table::TextTable;
+use brakecheck_risk::risk::{ProposalFault, unchecked_estimate};
 
 /// Natural runs of a piece.
 pub const COUNTED_PIECE: usize = 500_000;

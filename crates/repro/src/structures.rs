@@ -11,10 +11,10 @@ use brakecheck::adversary::AdoKind;
 use brakecheck::evaluation::AdaptedTo;
 use brakecheck::evaluation::{Evaluation, EvaluationError};
 use brakecheck::experiment::{EgoError, EgoUnderTest, Watch};
-use brakecheck::internals::report::TextTable;
 use brakecheck::run_dir::{Row, RunDir};
 use brakecheck::stats::Outcomes;
 use brakecheck::world::Scenario;
+use brakecheck_report::report::table::TextTable;
 
 /// Number of recorded runs per ego, and the smaller number of the second column.
 pub const RUNS: u64 = 100;

@@ -11,6 +11,21 @@
 //!
 //! Architecture Invariant: knows no car, no reward, no file and no clock.
 
+#![warn(
+    clippy::dbg_macro,
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unwrap_used
+)]
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
+)]
+
 mod apply;
 mod bind;
 mod dense;

@@ -6,10 +6,10 @@ use serde_json::json;
 use super::{Failure, Made, ReproduceArgs, save, world};
 use crate::{FigureError, Shown, three_merges, two_at_the_light, two_behaviours};
 use brakecheck::experiment::Watch;
-use brakecheck::internals::report::{Behaviour, Distances, figure_2, figure_3, figure_5};
 use brakecheck::rulebook::Verdict;
 use brakecheck::testbench::Episode;
 use brakecheck::world::Scenario;
+use brakecheck_report::report::figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
 
 /// Writes the three figures as SVG files.
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {

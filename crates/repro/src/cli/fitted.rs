@@ -5,7 +5,7 @@
 
 use comfy_table::{ColumnConstraint, Width};
 
-use brakecheck::internals::report::{WIDTH, terminal_table};
+use brakecheck_report::report::table::{WIDTH, terminal_table};
 
 /// The text with every table of it drawn.
 pub(super) fn fitted(markdown: &str) -> String {
@@ -111,7 +111,7 @@ fn least_width(lines: &[Vec<&str>], column: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use brakecheck::internals::report::TextTable;
+    use brakecheck_report::report::table::TextTable;
 
     #[test]
     fn a_wide_table_is_cut_between_columns_and_no_word_is() {

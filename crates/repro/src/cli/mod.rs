@@ -26,10 +26,11 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use brakecheck::experiment::Watch;
-use brakecheck::internals::run_dir::{CachedResult, make_dir};
 use brakecheck::run_dir::{RunError, write_file};
 use brakecheck::seed::{FIRST_SEALED, Seeds};
 use brakecheck::world::Scenario;
+use brakecheck_experiment::run_dir::cached_result::CachedResult;
+use brakecheck_files::run_files::disk::make_dir;
 
 /// Trainings per world, at most.
 const MOST_SEEDS: u64 = 100;

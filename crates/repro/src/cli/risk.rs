@@ -7,9 +7,9 @@ use crate::{
     COUNTED_PIECE, CountedRuns, RiskCase, RiskSeed, RiskStudy, counted_piece, risk_markdown,
     risk_seed,
 };
-use brakecheck::internals::risk::ProposalFault;
 use brakecheck::risk::{RiskTraffic, ValueKind};
 use brakecheck::world::{PlantKind, Scenario};
+use brakecheck_risk::risk::ProposalFault;
 
 /// Estimates of a case, at most.
 const MOST_SEEDS: u64 = 100;

@@ -16,13 +16,13 @@ pub use paths::LETTER_PATHS;
 use super::case_studies::{CaseStudies, trained_run};
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
-use brakecheck::internals::report::TextTable;
 use brakecheck::run_dir::{Row, RunDir};
 use brakecheck::search::{Adversary, Experiment};
 use brakecheck::stats::{Outcomes, seeds_interval};
 use brakecheck::training::TrainError;
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Scenario, ScenarioError};
+use brakecheck_report::report::table::TextTable;
 
 /// Both judges, by their names in world files.
 pub const JUDGES: [&str; 2] = ["WholeRun", "UntilViolation"];

@@ -4,11 +4,12 @@ use super::{HELD_BUDGETS, SeedPolicies, WIDE, WIDE_TRIES, held_word};
 use brakecheck::adversary::Ado;
 use brakecheck::adversary::Heuristic;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
-use brakecheck::internals::adversary::{BestOfN, eval};
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::Stored;
 use brakecheck::run_dir::{Row, RunDir, RunError};
 use brakecheck::search::{Adversary, Experiment, Hold, Mutate, SWITCHES, SearchRequest, search};
+use brakecheck_experiment::adversary::best_of_n::BestOfN;
+use brakecheck_experiment::adversary::rollout::eval;
 
 /// Ego with the starts on which all ados play.
 pub(super) struct EgoOnStarts<'a> {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{HELD_BUDGETS, WIDE};
-use brakecheck::internals::evaluation::ReusedOn;
+use brakecheck_evaluation::evaluation::reuse::ReusedOn;
 
 /// Cost of a wide ado and of held random search at equal success.
 ///
@@ -84,8 +84,8 @@ fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use brakecheck::internals::evaluation::Relation;
     use brakecheck::run_dir::Row;
+    use brakecheck_evaluation::evaluation::reuse::Relation;
     use serde_json::json;
 
     fn row(ado: &str, success_rate: f64, sims_per_start: f64) -> Row {

@@ -22,11 +22,11 @@ use super::case_studies::trained_run;
 use ado_rows::EgoOnStarts;
 use brakecheck::adversary::{Heuristic, tune_heuristic};
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
-use brakecheck::internals::evaluation::{Relation, ReusedOn, Summary, reused_on, summarise};
 use brakecheck::run_dir::{Row, RunDir, RunError};
 use brakecheck::seed::Seeds;
 use brakecheck::training::TrainError;
 use brakecheck::world::{Scenario, TrainingEgos};
+use brakecheck_evaluation::evaluation::reuse::{Relation, ReusedOn, Summary, reused_on, summarise};
 
 /// Budgets of held random search, the smaller of which are cut from the largest.
 const HELD_BUDGETS: [u64; 3] = [10, 30, 100];

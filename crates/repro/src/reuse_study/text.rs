@@ -1,9 +1,9 @@
 //! Markdown of the reuse study.
 
 use super::{CostComparison, ReuseReport, WIDE, WIDE_TRIES};
-use brakecheck::internals::evaluation::{ReusedOn, Summary};
-use brakecheck::internals::report::TextTable;
 use brakecheck::run_dir::Row;
+use brakecheck_evaluation::evaluation::reuse::{ReusedOn, Summary};
+use brakecheck_report::report::table::TextTable;
 
 /// Formats the study: every ego, then the means of every block.
 pub fn reuse_markdown(studies: &[ReuseReport]) -> String {

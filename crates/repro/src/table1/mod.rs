@@ -24,9 +24,6 @@ use maps::{Map, maps};
 
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{TestStarts, Watch};
-use brakecheck::internals::adversary::{EvalRequest, eval};
-use brakecheck::internals::grid_solver::exact::{Game, chase};
-use brakecheck::internals::scene::grid::{Position, position_of};
 use brakecheck::rl::{Control, LearnerConfig, LearnerRng, Policy};
 use brakecheck::run_dir::Row;
 use brakecheck::scene::Start;
@@ -37,6 +34,9 @@ use brakecheck::training::TrainError;
 use brakecheck::world::AtWall;
 use brakecheck::world::NotAGrid;
 use brakecheck::world::{ChangeError, Scenario};
+use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
+use brakecheck_scene::grid_solver::exact::{Game, chase};
+use brakecheck_scene::scene::grid::{Position, position_of};
 
 /// Number of random tables behind every mean.
 const TABLES: usize = 20;

@@ -5,17 +5,17 @@ use serde::{Deserialize, Serialize};
 
 use super::value::LargeMap;
 use super::{Learned, LearnerOnMap, References, Table1Error, TrainingProgress, spread, starts_of};
-use brakecheck::internals::grid_solver::bisimulation::Bisimulation;
-use brakecheck::internals::grid_solver::exact::Game;
-use brakecheck::internals::scene::grid::{Position, position_of, start_of};
-use brakecheck::internals::theorems::{bisimulations, lifted};
-use brakecheck::internals::world::GridScenario;
 use brakecheck::rl::LearnerConfig;
 use brakecheck::scene::Start;
 use brakecheck::stats::{Outcomes, StartOutcome, seeds_interval};
 use brakecheck::testbench::{Actor, Aftermath, PolicyActor, Replay, Testbench, play};
 use brakecheck::world::GridChange;
 use brakecheck::world::Starts;
+use brakecheck_evaluation::theorems::{bisimulations, lifted};
+use brakecheck_scene::grid_solver::bisimulation::Bisimulation;
+use brakecheck_scene::grid_solver::exact::Game;
+use brakecheck_scene::scene::grid::{Position, position_of, start_of};
+use brakecheck_world::world::scenario_kind::GridScenario;
 
 /// Number of random training starts, as in the paper.
 const TRAINING_STARTS: usize = 200;

@@ -1,8 +1,8 @@
 //! Markdown of Table I.
 
 use super::{GridStudy, LearnerOnMap, MapResult, References, verdict_on};
-use brakecheck::internals::report::TextTable;
 use brakecheck::world::AtWall;
+use brakecheck_report::report::table::TextTable;
 
 /// Formats the studies, the headline first.
 pub fn table1_markdown(studies: &[GridStudy]) -> String {

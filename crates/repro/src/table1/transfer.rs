@@ -3,12 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1Error};
-use brakecheck::internals::grid_solver::exact::Game;
-use brakecheck::internals::scene::grid::{Position, position_of};
-use brakecheck::internals::world::GridScenario;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, PolicyActor, play};
 use brakecheck::world::{GridChange, Scenario};
+use brakecheck_scene::grid_solver::exact::Game;
+use brakecheck_scene::scene::grid::{Position, position_of};
+use brakecheck_world::world::scenario_kind::GridScenario;
 
 /// Sequences of a learner's policies, replayed in open loop.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -4,14 +4,14 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1, Table1Error, TrainingProgress, learn};
-use brakecheck::internals::grid_solver::exact::Game;
-use brakecheck::internals::grid_solver::values::ValueTable;
-use brakecheck::internals::scene::grid::position_of;
 use brakecheck::rl::{LearnerConfig, LearnerRng};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, PolicyActor, Success, play};
 use brakecheck::world::Starts;
 use brakecheck::world::{GridChange, Scenario};
+use brakecheck_scene::grid_solver::exact::Game;
+use brakecheck_scene::grid_solver::values::ValueTable;
+use brakecheck_scene::scene::grid::position_of;
 
 /// Number of random training starts of RQ4, as in the paper.
 const TRAINING_STARTS: usize = 100;

@@ -6,11 +6,11 @@ use crate::milestones::milestones;
 use crate::{PaperRow, measure_paper_row, paper_rows_markdown};
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{Watch, test_starts};
-use brakecheck::internals::adversary::{EvalRequest, eval};
 use brakecheck::rl::Control;
 use brakecheck::seed::{Purpose, Seeds};
 use brakecheck::testbench::Gym;
 use brakecheck::world::PlantKind;
+use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
 
 static GO: AtomicBool = AtomicBool::new(false);
 

@@ -5,10 +5,10 @@ use std::sync::atomic::AtomicBool;
 use crate::reuse_study::{EgoResult, WIDE, WIDE_TRIES};
 use crate::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 use brakecheck::experiment::{EgoUnderTest, Watch};
-use brakecheck::internals::evaluation::Relation;
 use brakecheck::seed::Seeds;
 use brakecheck::stats::StartOutcome::Solved;
 use brakecheck::world::Scenario;
+use brakecheck_evaluation::evaluation::reuse::Relation;
 
 /// Single training with an open seed, as in all tests.
 const ONE: Seeds = Seeds {

@@ -1,0 +1,440 @@
+//! Directory of a plan, and execution of its pieces.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::PoisonError;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::Instant;
+
+use cpu_time::ThreadTime;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::error::CampaignError;
+use super::piece::{Heading, PieceText, Unusable};
+use super::plan::{CampaignPiece, FORMAT, Plan, PlannedAdo, Unit, Work};
+use super::play::{LoadedAdo, UnitContext};
+use super::trivial_blocks::TrivialBlocks;
+use super::{piece, training};
+use crate::content_hash::{check, sha256};
+use crate::experiment::{EgoUnderTest, Watch, consent, on_plant};
+use crate::ron_file::file_text;
+use crate::run_dir::{RunDir, RunError, write_file};
+use crate::testbench::FaultLog;
+use crate::world::Scenario;
+
+/// Name of the plan's file.
+pub(super) const PLAN: &str = "plan.json";
+
+/// Planned campaign on disk.
+pub struct PlanDir {
+    pub(super) dir: PathBuf,
+    pub(super) plan: Plan,
+    /// Worlds on the plants of their files.
+    worlds: Vec<Scenario>,
+    /// Worlds on the requested plants.
+    played: Vec<Scenario>,
+    /// Trivial starts of each world.
+    trivial: Vec<TrivialBlocks>,
+    /// Largest accepted share of invalid episodes in a piece.
+    allowed: f64,
+}
+
+/// Result of running a piece.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PieceDone {
+    /// The piece existed already, complete and valid.
+    Before,
+    /// The piece was made by this call.
+    Now,
+    /// The run was stopped.
+    Stopped,
+}
+
+/// Result of running all pieces.
+#[derive(Debug, Default)]
+pub struct Ran {
+    /// Number of existing pieces.
+    pub done: usize,
+    /// Number of pieces in the plan.
+    pub all: usize,
+    /// Pieces that could not be made, with their errors.
+    pub failed: Vec<(usize, CampaignError)>,
+}
+
+impl PlanDir {
+    /// Opens the directory of a plan and verifies its files.
+    ///
+    /// `allow_programs` is the consent to start programs that the campaign names as egos.
+    /// `allowed` is the largest accepted share of invalid episodes in a piece.
+    ///
+    /// # Errors
+    /// Returns an error if there is no plan, if the plan or a world was changed, or if
+    /// another version made the plan.
+    pub fn open(dir: &Path, allow_programs: bool, allowed: f64) -> Result<PlanDir, CampaignError> {
+        let path = dir.join(PLAN);
+        let read = |path: &Path| {
+            file_text(path).map_err(|source| RunError::Io {
+                verb: "reading",
+                path: path.into(),
+                source,
+            })
+        };
+        if !path.is_file() {
+            return Err(CampaignError::NoPlan { dir: dir.into() });
+        }
+        let text = read(&path)?;
+        let damaged = |path: &Path, why: String| RunError::Damaged {
+            path: path.into(),
+            why,
+        };
+        let plan: Plan =
+            serde_json::from_str(&text).map_err(|error| damaged(&path, error.to_string()))?;
+        // The seal is verified before anything in the plan is used.
+        check(&text, &plan.sha256).map_err(|why| damaged(&path, why))?;
+        let version = env!("CARGO_PKG_VERSION");
+        // Another version may play differently, and its rows must not be mixed with these.
+        if plan.brakecheck != version || plan.format != FORMAT {
+            return Err(CampaignError::OtherVersion {
+                dir: dir.into(),
+                planned: plan.brakecheck,
+            });
+        }
+        let mut worlds = Vec::new();
+        let mut played = Vec::new();
+        for planned in &plan.worlds {
+            let path = dir.join(&planned.file);
+            let text = read(&path)?;
+            if sha256(text.as_bytes()) != planned.sha256 {
+                let why = "it is another world than was planned: restore it, or plan again";
+                return Err(damaged(&path, why.to_owned()).into());
+            }
+            // Consent is never stored in the plan, so each run must give it.
+            let world = Scenario::load(&path)?.allow_programs(allow_programs);
+            played.push(match planned.plant {
+                Some(plant) => on_plant(&world, plant)?,
+                None => world.clone(),
+            });
+            worlds.push(world);
+        }
+        let trivial = (0..worlds.len()).map(|world| TrivialBlocks::new(dir, &plan, world));
+        Ok(PlanDir {
+            trivial: trivial.collect(),
+            dir: dir.into(),
+            plan,
+            worlds,
+            played,
+            allowed,
+        })
+    }
+
+    /// Returns the plan.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Returns the path of the directory.
+    pub fn path(&self) -> &Path {
+        &self.dir
+    }
+
+    /// Returns the pieces that are missing or unusable.
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be read.
+    pub(crate) fn left(&self) -> Result<Vec<CampaignPiece>, CampaignError> {
+        let pieces: Vec<CampaignPiece> = self.plan.pieces().collect();
+        let missing =
+            |piece: &CampaignPiece| -> Result<bool, RunError> { Ok(self.read(piece)?.is_err()) };
+        // Reading includes the hash of each file, so it is done in parallel.
+        let missing: Result<Vec<bool>, RunError> = pieces.par_iter().map(missing).collect();
+        let pairs = pieces.into_iter().zip(missing?);
+        Ok(pairs
+            .filter_map(|(piece, missing)| missing.then_some(piece))
+            .collect())
+    }
+
+    /// Reads the file of a piece, if it exists and is valid.
+    pub(super) fn read(
+        &self,
+        piece: &CampaignPiece,
+    ) -> Result<Result<PieceText, Unusable>, RunError> {
+        let question = self.plan.question(&piece.work);
+        let read = piece::read(&self.dir, piece.number, &question)?;
+        Ok(read.and_then(|text| {
+            if text.heading.piece == piece.number {
+                Ok(text)
+            } else {
+                // A file may answer the same question under another piece's name.
+                Err(Unusable::Foreign)
+            }
+        }))
+    }
+
+    /// Makes a piece unless it exists.
+    ///
+    /// # Errors
+    /// Returns an error if the number is unknown, if a required training is unfinished, if
+    /// the ego does not run, or if a file cannot be written.
+    pub fn run_piece(&self, number: usize, watch: &Watch<'_>) -> Result<PieceDone, CampaignError> {
+        let Some(piece) = self
+            .plan
+            .piece(number)
+            .filter(|it| it.number < self.plan.len())
+        else {
+            return Err(CampaignError::NoPiece {
+                number,
+                pieces: self.plan.len(),
+            });
+        };
+        // An existing piece is never made again, so retries of an engine are harmless.
+        if self.read(&piece)?.is_ok() {
+            return Ok(PieceDone::Before);
+        }
+        self.make(&piece, watch)
+    }
+
+    /// Makes every missing piece on all threads, trainings first.
+    ///
+    /// A piece that cannot be made does not stop the remaining pieces.
+    ///
+    /// # Errors
+    /// Returns an error if the existing pieces cannot be read.
+    pub fn run(&self, watch: &Watch<'_>) -> Result<Ran, CampaignError> {
+        let left = self.left()?;
+        let all = self.plan.len();
+        let done = AtomicU64::new((all - left.len()) as u64);
+        let failed = Mutex::new(Vec::new());
+        let (trainings, starts): (Vec<&CampaignPiece>, Vec<&CampaignPiece>) = left
+            .iter()
+            .partition(|piece| matches!(piece.work, Work::Training(_)));
+        (watch.progress)(done.load(Ordering::Relaxed), all as u64);
+        // Pieces of a trained ado need its training, so all trainings come first.
+        for (phase, pieces) in [("training", trainings), ("playing", starts)] {
+            if !pieces.is_empty() {
+                watch.phase(phase);
+                (watch.progress)(done.load(Ordering::Relaxed), all as u64);
+            }
+            in_turn(&pieces, |piece| {
+                if watch.interrupted() {
+                    return;
+                }
+                // The progress counts pieces, so the episodes within a piece stay silent.
+                match self.make(piece, &watch.quiet()) {
+                    Ok(PieceDone::Stopped) => {}
+                    Ok(_) => {
+                        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                        (watch.progress)(done, all as u64);
+                    }
+                    Err(error) => {
+                        let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                        failed.push((piece.number, error));
+                    }
+                }
+            })?;
+        }
+        self.note_warnings(watch);
+        let mut failed = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
+        // Threads finish in any order, so failures are sorted by piece.
+        failed.sort_by_key(|(number, _)| *number);
+        Ok(Ran {
+            done: done.into_inner() as usize,
+            all,
+            failed,
+        })
+    }
+
+    /// Notes every trained ado of the campaign that has not learned its world.
+    fn note_warnings(&self, watch: &Watch<'_>) {
+        let given = self.plan.ados.iter().map(|run| self.dir.join(&run.dir));
+        let own = self.plan.trainings.iter();
+        let own = own.map(|planned| training::dir_of(&self.dir, &self.plan, planned));
+        // A run that cannot be opened has already failed in its pieces.
+        for run in given
+            .chain(own)
+            .filter_map(|path| training::finished(&path).ok())
+        {
+            if let Some(warning) = run.warning() {
+                watch.note(&format!(
+                    "warning: {}: {}",
+                    run.path().display(),
+                    warning.what
+                ));
+            }
+        }
+    }
+
+    fn make(&self, piece: &CampaignPiece, watch: &Watch<'_>) -> Result<PieceDone, CampaignError> {
+        let began = Instant::now();
+        // Faults are counted per piece, so an ego that does not run spoils only its own pieces.
+        let own = Watch {
+            faults: FaultLog::allowing_in_part(self.allowed),
+            ..watch.quiet()
+        };
+        let question = self.plan.question(&piece.work);
+        let (rows, policy_sha256, cpu_s) = match &piece.work {
+            Work::Training(training) => {
+                let clock = ThreadTime::now();
+                let Some(run) = self.train(*training, &own)? else {
+                    return Ok(PieceDone::Stopped);
+                };
+                let spent_s = clock.elapsed().as_secs_f64();
+                (Vec::new(), run.manifest().policy_sha256.clone(), spent_s)
+            }
+            Work::Starts { unit, starts } => {
+                let stage = self.stage(*unit)?;
+                let trivial = &self.trivial[stage.unit.world];
+                let trivial = trivial.of(starts, (&self.plan, stage.world), &own);
+                let played = stage.play(starts.clone(), trivial, &own)?;
+                let hash = stage.ado.map(|ado| ado.sha256);
+                // The fault check comes before the rows, so a faulty piece leaves no file.
+                if let Some(complaint) = own.faults.complaint() {
+                    return Err(CampaignError::Faults {
+                        piece: Some(piece.number),
+                        complaint,
+                    });
+                }
+                let Some(played) = played else {
+                    return Ok(PieceDone::Stopped);
+                };
+                (played.rows, hash, played.cpu_s)
+            }
+        };
+        let heading = Heading {
+            piece: piece.number,
+            question,
+            policy_sha256,
+        };
+        piece::write(&self.dir, &heading, &rows)?;
+        self.note_cost(piece, began, cpu_s)?;
+        Ok(PieceDone::Now)
+    }
+
+    /// Writes machine and cost of a piece to a file beside it.
+    ///
+    /// The merge does not read this file.
+    fn note_cost(&self, piece: &CampaignPiece, began: Instant, cpu_s: f64) -> Result<(), RunError> {
+        let path = piece::path_of(&self.dir, piece.number).with_extension("cost.json");
+        let machine = fs::read_to_string("/proc/sys/kernel/hostname");
+        let cost = json!({
+            "machine": machine.as_deref().map_or("", str::trim),
+            "target": std::env::consts::ARCH,
+            "wall_s": began.elapsed().as_secs_f64(),
+            "cpu_s": cpu_s,
+        });
+        write_file(&path, format!("{cost}\n").as_bytes())
+    }
+
+    fn train(&self, nth: usize, watch: &Watch<'_>) -> Result<Option<RunDir>, CampaignError> {
+        let planned = &self.plan.trainings[nth];
+        let path = training::dir_of(&self.dir, &self.plan, planned);
+        training::train(&path, &self.played[planned.world], planned, watch)
+    }
+
+    /// Assembles a unit with its ego and its ado.
+    fn stage(&self, unit: usize) -> Result<UnitContext<'_>, CampaignError> {
+        let unit = &self.plan.units[unit];
+        let (world, ego) = (&self.worlds[unit.world], self.ego(unit)?);
+        let ado = self.ado(unit)?;
+        consent(world, std::slice::from_ref(&ego))?;
+        Ok(UnitContext {
+            plan: &self.plan,
+            unit,
+            world,
+            ego,
+            ado,
+        })
+    }
+
+    fn ego(&self, unit: &Unit) -> Result<EgoUnderTest, CampaignError> {
+        let (name, change) = (&unit.ego.name, &unit.ego.change);
+        let help = "the plan was made with another world";
+        Ok(EgoUnderTest::changed(
+            &self.played[unit.world],
+            name,
+            change,
+            help,
+        )?)
+    }
+
+    /// Returns the world of a unit on the plant of its file.
+    pub(super) fn world(&self, unit: &Unit) -> &Scenario {
+        &self.worlds[unit.world]
+    }
+
+    /// Returns the world of a unit on the requested plant.
+    pub(super) fn played(&self, unit: &Unit) -> &Scenario {
+        &self.played[unit.world]
+    }
+
+    /// Loads the trained ado of a unit, if any.
+    fn ado(&self, unit: &Unit) -> Result<Option<LoadedAdo>, CampaignError> {
+        let (run, planned) = match &unit.ado {
+            PlannedAdo::Trained { run } => {
+                let run = &self.plan.ados[*run];
+                let there = training::finished(&self.dir.join(&run.dir))?;
+                (there, Some(&run.policy_sha256))
+            }
+            PlannedAdo::Training { training } => (self.trained(*training)?, None),
+            _ => return Ok(None),
+        };
+        let sha256 = run.manifest().policy_sha256.clone().unwrap_or_default();
+        // The copy in the plan's directory may have been replaced since.
+        if planned.is_some_and(|planned| *planned != sha256) {
+            return Err(RunError::Damaged {
+                path: run.path().into(),
+                why: "it is another ado than was planned".to_owned(),
+            }
+            .into());
+        }
+        Ok(Some(LoadedAdo {
+            policy: run.policy()?,
+            seed: run.manifest().seed,
+            sha256,
+        }))
+    }
+
+    /// Opens the finished training that a piece depends on.
+    fn trained(&self, training: usize) -> Result<RunDir, CampaignError> {
+        let planned = &self.plan.trainings[training];
+        let path = training::dir_of(&self.dir, &self.plan, planned);
+        training::finished(&path).map_err(|error| match error {
+            RunError::NotARun { .. } | RunError::Unfinished { .. } => {
+                CampaignError::Untrained { training, error }
+            }
+            other => other.into(),
+        })
+    }
+}
+
+/// Processes every item in order, on all threads.
+///
+/// Each worker has its own pool. A thread that waits inside an item therefore cannot begin
+/// another item. When a campaign is killed, at most one piece per thread is unfinished.
+fn in_turn<T: Sync>(items: &[T], work: impl Fn(&T) + Sync) -> Result<(), CampaignError> {
+    let threads = rayon::current_num_threads();
+    let workers = threads.min(items.len()).max(1);
+    let pool = || {
+        // With fewer items than threads the spare threads work within the items.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads((threads / workers).max(1));
+        pool.build()
+            .map_err(|error| CampaignError::Fault(error.to_string()))
+    };
+    let pools: Result<Vec<rayon::ThreadPool>, CampaignError> =
+        (0..workers).map(|_| pool()).collect();
+    let next = AtomicUsize::new(0);
+    let (next, work) = (&next, &work);
+    std::thread::scope(|scope| {
+        for pool in pools? {
+            scope.spawn(move || {
+                pool.install(|| {
+                    while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        work(item);
+                    }
+                });
+            });
+        }
+        Ok(())
+    })
+}

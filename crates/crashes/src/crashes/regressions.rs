@@ -1,0 +1,404 @@
+//! Saved counterexamples as regression tests.
+
+use std::path::{Path, PathBuf};
+
+use super::replay::{Replayed, SavedCounterexample, replay};
+use crate::ego::Fault;
+use crate::run_dir::{Counterexample, KeptError, RunError};
+use crate::scene::drive::ControllerFactory;
+use crate::testbench::FaultLog;
+use crate::visible::command_line;
+use crate::world::{Change, ChangeError, Scenario};
+
+/// Kept counterexamples, to be replayed by `cargo test`.
+///
+/// ```no_run
+/// # use brakecheck_crashes as brakecheck;
+/// use brakecheck::crashes::Regressions;
+/// Regressions::load("tests/regressions")?.reproduce()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone)]
+pub struct Regressions {
+    kept: Vec<SavedCounterexample>,
+    ego: ReplayedEgo,
+    programs_allowed: bool,
+    allow_invalid: f64,
+}
+
+#[derive(Clone)]
+enum ReplayedEgo {
+    Recorded,
+    Change(Box<Change>),
+    Named(String),
+    Own(String, ControllerFactory),
+}
+
+/// Failed regression test, or a test that could not run.
+#[derive(Debug, thiserror::Error)]
+pub enum RegressionError {
+    /// A file is not usable.
+    #[error(transparent)]
+    Kept(#[from] KeptError),
+    /// The changed ego does not fit the world.
+    #[error(transparent)]
+    Change(#[from] ChangeError),
+    /// The kept world has no such changed ego.
+    #[error("`{path}`: its world has no ego `{name}`")]
+    NoSuchEgo {
+        /// Path of the kept counterexample.
+        path: PathBuf,
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: Vec<String>,
+    },
+    /// Replays differ from their records.
+    #[error("{} of {total} replays differ from what was recorded:\n{}", .differ.len(), .differ.join("\n"))]
+    Differ {
+        /// One line per replay that differs.
+        differ: Vec<String>,
+        /// Replays in all.
+        total: usize,
+    },
+    /// The ego failed to run, so its result is unknown.
+    #[error("the ego failed to run in {} of {replayed} replays, of {total} asked for:\n{}", .invalid.len(), .invalid.join("\n"))]
+    Invalid {
+        /// One line per invalid replay.
+        invalid: Vec<String>,
+        /// Replays that were begun.
+        replayed: usize,
+        /// Replays asked for.
+        total: usize,
+    },
+    /// A file names a program without your consent to start it.
+    #[error("`{path}` names a program as the ego, and nothing was started:\n{}", command_line(.command))]
+    NotAllowed {
+        /// Path of the kept counterexample.
+        path: PathBuf,
+        /// The program and its arguments.
+        command: Vec<String>,
+    },
+    /// The ego still fails.
+    #[error("the ego still fails {} of {total} kept counterexamples:\n{}", .failing.len(), .failing.join("\n"))]
+    StillFails {
+        /// One line per counterexample that it fails.
+        failing: Vec<String>,
+        /// Replays in all.
+        total: usize,
+    },
+}
+
+impl Regressions {
+    /// All `*.ron` files of a directory, by name, or one file.
+    ///
+    /// # Errors
+    /// A file is no kept counterexample, or there is none at all.
+    pub fn load(path: impl AsRef<Path>) -> Result<Regressions, KeptError> {
+        let path = path.as_ref();
+        let mut files = vec![path.to_path_buf()];
+        if path.is_dir() {
+            let entries = std::fs::read_dir(path).map_err(|source| RunError::Io {
+                verb: "reading",
+                path: path.into(),
+                source,
+            })?;
+            files = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+            files.retain(|file| file.extension().is_some_and(|e| e == "ron"));
+            files.sort();
+        }
+        if files.is_empty() {
+            return Err(KeptError::Format {
+                path: path.into(),
+                why: "there is no `.ron` file in it".to_owned(),
+            });
+        }
+        let kept = files.into_iter().map(|path| {
+            Counterexample::load(&path).map(|counterexample| SavedCounterexample {
+                path,
+                counterexample,
+            })
+        });
+        Ok(Regressions {
+            kept: kept.collect::<Result<_, _>>()?,
+            ego: ReplayedEgo::Recorded,
+            programs_allowed: false,
+            allow_invalid: 0.0,
+        })
+    }
+
+    /// Consents to start the programs that the kept files and changes name.
+    ///
+    /// Without consent no program starts. A kept file whose ego is a program is then an
+    /// error before the first replay.
+    #[must_use]
+    pub fn allow_programs(self, allowed: bool) -> Regressions {
+        Regressions {
+            programs_allowed: allowed,
+            ..self
+        }
+    }
+
+    /// Allows a share of the replays to be invalid because of the ego.
+    ///
+    /// The default is 0.
+    #[must_use]
+    pub fn allow_invalid(self, share: f64) -> Regressions {
+        Regressions {
+            allow_invalid: share,
+            ..self
+        }
+    }
+
+    /// Replays them against the user's own controller.
+    #[must_use]
+    pub fn with_ego(self, name: &str, factory: ControllerFactory) -> Regressions {
+        Regressions {
+            ego: ReplayedEgo::Own(name.to_owned(), factory),
+            ..self
+        }
+    }
+
+    /// Replays them against a change of the world's own ego.
+    #[must_use]
+    pub fn with_change(self, change: Change) -> Regressions {
+        Regressions {
+            ego: ReplayedEgo::Change(Box::new(change)),
+            ..self
+        }
+    }
+
+    /// Replays them against an ego that the kept worlds name under `reuse`.
+    #[must_use]
+    pub fn with_named_ego(self, name: &str) -> Regressions {
+        Regressions {
+            ego: ReplayedEgo::Named(name.to_owned()),
+            ..self
+        }
+    }
+
+    /// The kept counterexamples.
+    pub fn kept(&self) -> &[SavedCounterexample] {
+        &self.kept
+    }
+
+    /// Returns whether the ego is the recorded ego.
+    pub fn is_recorded_ego(&self) -> bool {
+        matches!(self.ego, ReplayedEgo::Recorded)
+    }
+
+    /// Returns the files whose ego is in no file, each with its name.
+    ///
+    /// Examples are the egos of another simulator and of your own code. Unless you name
+    /// an ego, [`Regressions::replay`] plays the world's own in their place.
+    pub fn absent_egos(&self) -> Vec<(&Path, &str)> {
+        let is_absent = |kept: &&SavedCounterexample| {
+            let recorded = &kept.counterexample;
+            // A file that has no usable world is an error of the replay.
+            let world = recorded.nominal(&kept.path);
+            world.is_ok_and(|world| recorded.is_ego_absent(&world))
+        };
+        let absent = self.kept.iter().filter(is_absent);
+        let named = absent.map(|kept| (kept.path.as_path(), kept.counterexample.ego.as_str()));
+        named.collect()
+    }
+
+    /// Replays all counterexamples.
+    ///
+    /// An ego that does not run is given up, as in [`FaultLog`]. The remaining replays
+    /// are then missing.
+    ///
+    /// # Errors
+    /// A world or a changed ego is not usable, or it is a program without your
+    /// [consent](Regressions::allow_programs).
+    pub fn replay(&self) -> Result<Vec<Replayed>, RegressionError> {
+        let scenarios = self.kept.iter().map(|kept| self.scenario(kept));
+        let scenarios = scenarios.collect::<Result<Vec<_>, _>>()?;
+        self.consent(&scenarios)?;
+        // Kept files of one program share one that is running.
+        let log = FaultLog::allowing(self.allow_invalid);
+        let mut all = Vec::with_capacity(scenarios.len());
+        for (index, (kept, scenario)) in self.kept.iter().zip(scenarios).enumerate() {
+            let replayed = replay(kept, scenario)?;
+            log.note(index as u64, replayed.fault());
+            all.push(replayed);
+            if log.has_given_up() {
+                break;
+            }
+        }
+        Ok(all)
+    }
+
+    /// Checks that no more replays are invalid than allowed.
+    ///
+    /// # Errors
+    /// More replays are invalid. The message names the files and the reasons.
+    pub fn check_faults(&self, replayed: &[Replayed]) -> Result<(), RegressionError> {
+        let faults = replayed.iter().filter_map(|one| Some((one, one.fault()?)));
+        let invalid: Vec<String> = faults
+            .map(|(one, fault)| format!("  {}: {}", one.path.display(), in_words(fault)))
+            .collect();
+        // A replay that was cut short proves nothing, whatever share is allowed.
+        let cut = replayed.len() < self.kept.len();
+        // Nor does an ego that never ran.
+        let ran = invalid.len() < replayed.len() || replayed.is_empty();
+        let allowed = self.allow_invalid * replayed.len() as f64;
+        if !cut && ran && invalid.len() as f64 <= allowed {
+            Ok(())
+        } else {
+            Err(RegressionError::Invalid {
+                invalid,
+                replayed: replayed.len(),
+                total: self.kept.len(),
+            })
+        }
+    }
+
+    /// Checks that every program may be started.
+    ///
+    /// # Errors
+    /// The first program without consent.
+    fn consent(&self, scenarios: &[Scenario]) -> Result<(), RegressionError> {
+        // All worlds are checked before the first replay, so no program starts too early.
+        let mut pairs = self.kept.iter().zip(scenarios);
+        let named = pairs.find_map(|(kept, scenario)| {
+            let command = scenario.program()?.command.clone();
+            Some((kept.path.clone(), command))
+        });
+        match named {
+            Some((path, command)) if !self.programs_allowed => {
+                Err(RegressionError::NotAllowed { path, command })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Replays all counterexamples with the egos of their records.
+    ///
+    /// If a file has the ego's commands, they are repeated, and no program starts.
+    ///
+    /// # Errors
+    /// A world is not usable, or its ego is a program without recorded commands and
+    /// without your consent.
+    pub fn replay_recorded(&self) -> Result<Vec<Replayed>, RegressionError> {
+        let worlds = self.kept.iter().map(|kept| {
+            let recorded = &kept.counterexample;
+            let world = recorded.scenario(&kept.path)?;
+            Ok(match recorded.commands() {
+                Some(commands) => world.with_commands(&commands),
+                None => world.allow_programs(self.programs_allowed),
+            })
+        });
+        let worlds = worlds.collect::<Result<Vec<_>, RegressionError>>()?;
+        self.consent(&worlds)?;
+        let pairs = self.kept.iter().zip(worlds);
+        pairs
+            .map(|(kept, world)| Ok(replay(kept, world)?))
+            .collect()
+    }
+
+    /// Returns the world of a kept file with its own ego.
+    ///
+    /// A program without consent, or a Rust ego, is replaced by its recorded commands.
+    ///
+    /// # Errors
+    /// The world is not usable.
+    pub fn world_of(&self, kept: &SavedCounterexample) -> Result<Scenario, KeptError> {
+        let recorded = &kept.counterexample;
+        let world = recorded.scenario(&kept.path)?;
+        let world = world.allow_programs(self.programs_allowed);
+        let may_start = world.program().is_some_and(|it| it.is_allowed());
+        Ok(match recorded.commands().filter(|_| !may_start) {
+            Some(commands) => world.with_commands(&commands),
+            None => world,
+        })
+    }
+
+    /// Replays all counterexamples and compares all bits.
+    ///
+    /// # Errors
+    /// A replay differs. The message names the first sample and signal.
+    pub fn reproduce(&self) -> Result<(), RegressionError> {
+        let replayed = self.replay_recorded()?;
+        let differing = replayed.iter().filter(|replayed| !replayed.is_reproduced());
+        let differ: Vec<String> = differing
+            .map(|replayed| {
+                let place = match &replayed.first_difference {
+                    Some(difference) => difference.to_string(),
+                    None => "verdict, contact or rules until contact".to_owned(),
+                };
+                format!("  {}: {place}", replayed.path.display())
+            })
+            .collect();
+        if differ.is_empty() {
+            Ok(())
+        } else {
+            Err(RegressionError::Differ {
+                differ,
+                total: replayed.len(),
+            })
+        }
+    }
+
+    /// Replays all counterexamples, and requires that the ego no longer fails.
+    ///
+    /// # Errors
+    /// The ego did not run in a replay, or still fails. The message names the files.
+    pub fn pass(&self) -> Result<(), RegressionError> {
+        let replayed = self.replay()?;
+        self.check_faults(&replayed)?;
+        let still = replayed.iter().filter(|replayed| replayed.still_fails());
+        let failing: Vec<String> = still
+            .map(|replayed| {
+                let robustness = replayed.episode.robustness;
+                format!("  {}: ρ = {robustness:.4}", replayed.path.display())
+            })
+            .collect();
+        if failing.is_empty() {
+            Ok(())
+        } else {
+            Err(RegressionError::StillFails {
+                failing,
+                total: replayed.len(),
+            })
+        }
+    }
+
+    fn scenario(&self, kept: &SavedCounterexample) -> Result<Scenario, RegressionError> {
+        let recorded = &kept.counterexample;
+        let allowed = self.programs_allowed;
+        let nominal = || -> Result<Scenario, KeptError> {
+            Ok(recorded.nominal(&kept.path)?.allow_programs(allowed))
+        };
+        Ok(match &self.ego {
+            ReplayedEgo::Recorded => recorded.scenario(&kept.path)?.allow_programs(allowed),
+            ReplayedEgo::Own(name, factory) => {
+                let world = recorded.scenario(&kept.path)?;
+                world.with_ego(name, factory.clone())
+            }
+            // A named or given ego replaces the recorded change, it is not added.
+            ReplayedEgo::Change(change) => nominal()?.with(change)?,
+            ReplayedEgo::Named(name) if name == "nominal" => nominal()?,
+            ReplayedEgo::Named(name) => {
+                let world = nominal()?;
+                let Some(change) = world.reuse.get(name) else {
+                    return Err(RegressionError::NoSuchEgo {
+                        path: kept.path.clone(),
+                        name: name.clone(),
+                        known: world.reuse.keys().cloned().collect(),
+                    });
+                };
+                world.with(change)?
+            }
+        })
+    }
+}
+
+/// A fault in one line, with the end of its stderr.
+fn in_words(fault: &Fault) -> String {
+    let kind = fault.kind.word();
+    match fault.stderr.lines().next_back() {
+        Some(last) => format!("{kind}: {} (stderr ends: {last})", fault.message),
+        None => format!("{kind}: {}", fault.message),
+    }
+}

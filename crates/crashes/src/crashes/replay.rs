@@ -1,0 +1,381 @@
+//! Replay of a saved counterexample: bit for bit, or against a changed ego.
+
+use std::path::PathBuf;
+
+use super::save_crashes::{description, description_of_run};
+use crate::ego::Fault;
+use crate::report::outcome_in_words;
+use crate::rulebook::Verdict;
+use crate::run_dir::{
+    About, Counterexample, KeptError, RunDir, RunError, StartRepeated, digests_of,
+};
+use crate::scene::drive::EgoDrive;
+use crate::testbench::{Aftermath, Episode, Replay, Success, play};
+use crate::trace::Schema;
+use crate::world::{Repeats, Scenario};
+
+/// Counterexample with the file that holds it.
+#[derive(Clone, Debug)]
+pub struct SavedCounterexample {
+    /// Path of the file.
+    pub path: PathBuf,
+    /// World, start, actions and verdict, as read.
+    pub counterexample: Counterexample,
+}
+
+impl SavedCounterexample {
+    /// Determines the labels again and writes the file with them and its hash.
+    ///
+    /// `episode` must be the recorded episode. The ego of `scenario` is run.
+    /// The actions stay unchanged, as do the earlier labels of minimization and cluster.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be written.
+    pub fn refine(&self, scenario: &Scenario, episode: &Episode) -> Result<About, KeptError> {
+        let before = self.counterexample.about.clone().unwrap_or_default();
+        let found = description(scenario, episode);
+        let mut refined = About {
+            shrunk: before.shrunk,
+            cluster: before.cluster,
+            ..found
+        };
+        // A recorded ego cannot answer new questions, so its earlier answers stay.
+        if scenario.ego().is_some_and(EgoDrive::is_recorded) {
+            refined.persistence = before.persistence;
+            refined.ego_runs = before.ego_runs;
+            if let (Some(why), Some(was)) = (&mut refined.why, before.why) {
+                why.decisive = was.decisive;
+                why.not_asked = was.not_asked;
+            }
+        }
+        let current = Counterexample {
+            about: Some(refined.clone()),
+            contact: episode.contact.clone(),
+            ..self.counterexample.as_now(&episode.trace)
+        };
+        current.save(&self.path, &episode.trace)?;
+        Ok(refined)
+    }
+}
+
+/// Result of a replay.
+#[derive(Clone)]
+pub struct Replayed {
+    /// Path of the kept counterexample.
+    pub path: PathBuf,
+    /// The world, as it was replayed.
+    pub scenario: Scenario,
+    /// Episode of this run, or the representative of several runs.
+    pub episode: Episode,
+    /// True if verdict, robustness, contact, rules and every sample are as recorded.
+    pub identical: bool,
+    /// The first sample of this run that is not the recorded one.
+    pub first_difference: Option<Difference>,
+    /// True if the recorded commands of a foreign ego give the recorded bits.
+    ///
+    /// `None` if the file has no commands.
+    pub repeats_by_commands: Option<bool>,
+    /// True if a foreign ego gave the recorded commands.
+    ///
+    /// `None` if the file has no commands, or if the ego did not run.
+    pub ego_as_recorded: Option<bool>,
+    /// The runs, where the world asks for several.
+    pub repeated: Option<StartRepeated>,
+    /// Labels of the file, if this is the recorded run.
+    pub about: Option<About>,
+}
+
+impl Replayed {
+    /// Returns whether this build gives the recorded bits.
+    ///
+    /// If the file has the ego's commands, they decide, whatever ego drives in this run.
+    pub fn is_reproduced(&self) -> bool {
+        self.repeats_by_commands.unwrap_or(self.identical)
+    }
+
+    /// Returns the labels of this run: those of the file, or its own.
+    ///
+    /// For another run these are severity, cause and preventability. Its persistence is
+    /// unknown, because no variation of it is played.
+    pub fn known(&self) -> About {
+        let recorded = self.about.clone();
+        recorded.unwrap_or_else(|| description_of_run(&self.scenario, &self.episode))
+    }
+
+    /// Returns the outcome of this run in a few words.
+    pub fn in_words(&self) -> String {
+        outcome_in_words(&self.scenario, &self.episode)
+    }
+
+    /// Returns the start of the difference from the recorded run, with its signal.
+    ///
+    /// `None` if this is the recorded run.
+    pub fn departure(&self) -> Option<String> {
+        match &self.first_difference {
+            Some(difference) => Some(difference.since()),
+            None if self.identical => None,
+            None => Some("different from the recorded run in what its verdict says".to_owned()),
+        }
+    }
+
+    /// Returns whether the ego still fails.
+    pub fn still_fails(&self) -> bool {
+        self.episode.verdict.is_success()
+    }
+
+    /// Returns the fault that makes the run invalid, if any.
+    pub fn fault(&self) -> Option<&Fault> {
+        let invalid = self.episode.verdict == Verdict::Invalid;
+        self.episode.fault.as_ref().filter(|_| invalid)
+    }
+}
+
+/// Plays the newest counterexamples of a training again, oldest first.
+///
+/// The `skipped` newest are left out, and at most `most` are played. The training may
+/// still be running.
+///
+/// # Errors
+/// The training stored none yet, or a file is damaged.
+pub fn newest_of_training(
+    run: &RunDir,
+    skipped: usize,
+    most: usize,
+) -> Result<Vec<Replayed>, RunError> {
+    let (scenario, stored) = (run.scenario()?, run.counterexamples_so_far()?);
+    let noise = run.noise_of(&stored)?;
+    let mut bench = scenario.bench();
+    let all: Vec<(&Success, u64)> = stored.all().iter().zip(noise).collect();
+    let newest = &all[..all.len().saturating_sub(skipped)];
+    let newest = &newest[newest.len().saturating_sub(most)..];
+    let replayed = newest.iter().map(|(success, noise)| {
+        let mut actor = Replay::holding(&success.actions);
+        let episode = play(
+            &mut bench,
+            &success.start,
+            *noise,
+            &mut actor,
+            Aftermath::Play,
+        );
+        Replayed {
+            path: run.path().join(format!("training-{}", success.index)),
+            scenario: scenario.clone(),
+            identical: episode.verdict.is_success(),
+            episode,
+            first_difference: None,
+            repeats_by_commands: None,
+            ego_as_recorded: None,
+            repeated: None,
+            about: None,
+        }
+    });
+    Ok(replayed.collect())
+}
+
+/// Replays a kept counterexample in `scenario`.
+///
+/// # Errors
+/// The start does not fit the world.
+pub fn replay(kept: &SavedCounterexample, scenario: Scenario) -> Result<Replayed, KeptError> {
+    let Repeats { runs, gate } = scenario.repeats;
+    let episodes = (0..runs.max(1)).map(|_| once(kept, &scenario));
+    let mut episodes = episodes.collect::<Result<Vec<_>, _>>()?;
+    let (repeated, standing) = StartRepeated::of(&episodes, gate);
+    let episode = episodes.swap_remove(standing);
+    let recorded = &kept.counterexample;
+    let commands = recorded.commands();
+    // The world's side is judged by the recorded commands, whatever ego drives above.
+    let again = match &commands {
+        Some(commands) => Some(once(
+            kept,
+            &recorded.scenario(&kept.path)?.with_commands(commands),
+        )?),
+        None => None,
+    };
+    let repeats_by_commands = match &again {
+        Some(again) => Some(first_difference(kept, again)?.is_none() && recorded.is_of(again)),
+        None => None,
+    };
+    let first_difference = first_difference(kept, &episode)?;
+    let identical = first_difference.is_none() && recorded.is_of(&episode);
+    Ok(Replayed {
+        path: kept.path.clone(),
+        identical,
+        first_difference,
+        repeats_by_commands,
+        ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
+        repeated: (1 < runs).then_some(repeated),
+        // Labels in the file are valid for the recorded run only.
+        about: recorded.about.clone().filter(|_| identical),
+        scenario,
+        episode,
+    })
+}
+
+/// One run of a kept counterexample.
+fn once(kept: &SavedCounterexample, scenario: &Scenario) -> Result<Episode, KeptError> {
+    let recorded = &kept.counterexample;
+    let start = recorded.start(scenario, &kept.path)?;
+    let mut bench = scenario.bench();
+    // Against a changed ego the episode may outlast the recording: coast then.
+    let mut actor = Replay::then(&recorded.actions, bench.spaces().neutral);
+    let noise = recorded.noise;
+    Ok(play(&mut bench, &start, noise, &mut actor, Aftermath::Play))
+}
+
+/// First difference between a replay and its recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Number of the first sample that differs, where 0 is the start.
+    pub sample: usize,
+    /// Time of that sample, s.
+    pub time_s: f64,
+    /// Signal with both values, if the samples are stored beside the file.
+    pub signal: Option<(String, f64, f64)>,
+    /// Recorded signal that is not published any more.
+    pub unpublished: Option<String>,
+}
+
+impl Difference {
+    /// Describes the time and the cause of the difference.
+    pub fn since(&self) -> String {
+        let time_s = self.time_s;
+        format!("different from the recorded run from t = {time_s:.2} s: {self}")
+    }
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Some(name) = &self.unpublished {
+            return write!(f, "`{name}` was recorded and is no signal any more");
+        }
+        write!(f, "sample {}", self.sample)?;
+        match &self.signal {
+            Some((name, recorded, replayed)) => {
+                write!(f, ", `{name}`: recorded {recorded}, replayed {replayed}")
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Returns the first difference between an episode and its recording.
+///
+/// # Errors
+/// Returns an error if the samples beside the file are damaged.
+pub(super) fn first_difference(
+    kept: &SavedCounterexample,
+    episode: &Episode,
+) -> Result<Option<Difference>, KeptError> {
+    let recorded = &kept.counterexample;
+    // Damage is detected in any case, while the numbers are read only where needed.
+    recorded.samples_text(&kept.path)?;
+    let columns = match placed(recorded.signals.clone(), episode.trace.schema()) {
+        Ok(columns) => columns,
+        Err(unpublished) => {
+            return Ok(Some(Difference {
+                // A missing signal cannot be compared at any sample, so the start is reported.
+                sample: 0,
+                time_s: 0.0,
+                signal: None,
+                unpublished: Some(unpublished),
+            }));
+        }
+    };
+    let positions: Vec<usize> = columns.iter().map(|(_, position)| *position).collect();
+    let now = digests_of(&episode.trace, &positions);
+    if now == recorded.digests {
+        return Ok(None);
+    }
+    // A digest has 8 characters per sample, so the first unequal chunk is the sample.
+    let digests = recorded.digests.as_bytes().chunks(8);
+    let pairs = now.as_bytes().chunks(8).zip(digests);
+    let same = pairs.take_while(|(a, b)| a == b).count();
+    let signal = recorded.samples(&kept.path)?.and_then(|stored| {
+        columns.into_iter().find_map(|(name, position)| {
+            let was = *stored.signal(&name)?.get(same)?;
+            let is = *episode.trace.column(position).get(same)?;
+            // Bits are compared, because a replay must be exact and NaN never equals itself.
+            (was.to_bits() != is.to_bits()).then_some((name, was, is))
+        })
+    });
+    Ok(Some(Difference {
+        sample: same,
+        // Time is i · dt. Rounding removes errors of binary fractions.
+        time_s: (same as f64 * episode.trace.dt_s() * 1e9).round() / 1e9,
+        signal,
+        unpublished: None,
+    }))
+}
+
+/// Returns the recorded signals with their present columns.
+///
+/// Signals that later versions added are not compared.
+fn placed(names: Vec<String>, now: &Schema) -> Result<Vec<(String, usize)>, String> {
+    let placed = names.into_iter().map(|name| match now.position(&name) {
+        Some(position) => Ok((name, position)),
+        None => Err(name),
+    });
+    placed.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::crashes::Regressions;
+    use crate::run_dir::Counterexample;
+
+    fn kept() -> SavedCounterexample {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../tests/regressions/acc-nominal-0001.ron"
+        );
+        let all = Regressions::load(file).expect("a kept counterexample");
+        all.kept()[0].clone()
+    }
+
+    fn replayed(kept: &SavedCounterexample) -> Episode {
+        let scenario = kept.counterexample.scenario(&kept.path).expect("a world");
+        let replayed = replay(kept, scenario).expect("replayed");
+        replayed.episode
+    }
+
+    /// Counterexample as an earlier version would have recorded `names`.
+    fn recorded_as(
+        kept: &SavedCounterexample,
+        episode: &Episode,
+        names: &[(&str, &str)],
+    ) -> SavedCounterexample {
+        let schema = episode.trace.schema();
+        let columns = names.iter().map(|(_, now)| schema.position(now));
+        let columns: Vec<usize> = columns.map(|column| column.expect("published")).collect();
+        let counterexample = Counterexample {
+            signals: names.iter().map(|(then, _)| (*then).to_owned()).collect(),
+            digests: digests_of(&episode.trace, &columns),
+            ..kept.counterexample.clone()
+        };
+        SavedCounterexample {
+            counterexample,
+            ..kept.clone()
+        }
+    }
+
+    #[test]
+    fn what_later_versions_publish_besides_is_not_compared() {
+        let kept = kept();
+        let episode = replayed(&kept);
+        let fewer = [("ego.speed", "ego.speed"), ("headway", "headway")];
+        let old = recorded_as(&kept, &episode, &fewer);
+        assert_eq!(first_difference(&old, &episode).expect("compared"), None);
+    }
+
+    #[test]
+    fn a_signal_that_is_gone_is_told() {
+        let kept = kept();
+        let episode = replayed(&kept);
+        let gone = recorded_as(&kept, &episode, &[("ego.mood", "ego.speed")]);
+        let difference = first_difference(&gone, &episode).expect("compared");
+        let told = difference.expect("a difference").to_string();
+        assert_eq!(told, "`ego.mood` was recorded and is no signal any more");
+    }
+}

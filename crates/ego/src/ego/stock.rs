@@ -1,0 +1,315 @@
+//! The list of stock controllers, from which names, checks and tables follow.
+//!
+//! Worlds name them. `check`, families and the table in `docs/reference/egos.md` use the
+//! list.
+
+use serde::{Deserialize, Serialize};
+
+use super::actuator::written_as;
+use super::reference::DriverModel;
+use super::{Actuated, Controller, Parameter, UnknownParameter};
+
+/// A controller as named in a world file, with its parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControllerSpec(pub StockController);
+
+/// Declares the enum of stock controllers, which forwards every call.
+///
+/// A line names the file, its type and the method that builds a controller.
+macro_rules! egos {
+    ($(
+        $(#[doc = $about:literal])+
+        $file:ident::$kind:ident by $make:ident;
+    )*) => {
+        $( pub use super::$file::$kind; )*
+
+        /// Names of all kinds and of their parameters.
+        pub const KINDS: &[(&str, &[&str])] = &[$( (stringify!($kind), $kind::PARAMETERS) ),*];
+
+        /// A stock controller with its parameters, by its kind.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum StockController {
+            $( $(#[doc = $about])+ $kind($kind), )*
+        }
+
+        $(
+            impl From<$kind> for ControllerSpec {
+                fn from(controller: $kind) -> ControllerSpec {
+                    ControllerSpec(StockController::$kind(controller))
+                }
+            }
+        )*
+
+        #[derive(Serialize, Deserialize)]
+        #[serde(rename = "ControllerSpec")]
+        enum ControllerFile {
+            $( $kind(Actuated<$kind>), )*
+        }
+
+        impl From<ControllerFile> for Actuated<ControllerSpec> {
+            fn from(file: ControllerFile) -> Actuated<ControllerSpec> {
+                match file {
+                    $( ControllerFile::$kind(it) => it.map(ControllerSpec::from), )*
+                }
+            }
+        }
+
+        impl From<Actuated<ControllerSpec>> for ControllerFile {
+            fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> ControllerFile {
+                match controller.0 {
+                    $( StockController::$kind(controller) => {
+                        ControllerFile::$kind(Actuated { controller, lag_s })
+                    } )*
+                }
+            }
+        }
+
+        impl ControllerSpec {
+            /// Returns the controller itself, ready for `reset`.
+            pub fn build(&self) -> Box<dyn Controller> {
+                match &self.0 {
+                    $( StockController::$kind(it) => Box::new(it.$make()), )*
+                }
+            }
+
+            /// Returns the name of the kind, as written in the world file.
+            pub fn kind(&self) -> &'static str {
+                match &self.0 {
+                    $( StockController::$kind(_) => stringify!($kind), )*
+                }
+            }
+
+            /// Returns its numeric parameters: name, unit, meaning and value.
+            pub fn parameters(&self) -> Vec<Parameter> {
+                match &self.0 {
+                    $( StockController::$kind(it) => it.parameters(), )*
+                }
+            }
+
+            /// Sets a parameter by name.
+            ///
+            /// # Errors
+            /// The controller has no such parameter.
+            pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
+                match &mut self.0 {
+                    $( StockController::$kind(it) => it.set(name, value), )*
+                }
+            }
+        }
+    };
+}
+
+written_as!(ControllerSpec, ControllerFile);
+
+impl Actuated<ControllerSpec> {
+    /// Returns the controller's numeric parameters and the lag.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let mut parameters = self.controller.parameters();
+        parameters.push(Parameter {
+            name: "lag_s",
+            about: "Time constant of the actuator behind the command, s; 0 is none.",
+            value: self.lag_s,
+            at_least: 0.0,
+        });
+        parameters
+    }
+
+    /// Sets a parameter or the lag by name.
+    ///
+    /// # Errors
+    /// Neither has the name.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
+        if name == "lag_s" {
+            self.lag_s = value;
+            return Ok(());
+        }
+        let set = self.controller.set(name, value);
+        set.map_err(|mut error| {
+            // The lag belongs to the actuator, so the controller's names lack
+            // it.
+            error.known.push("lag_s");
+            error
+        })
+    }
+}
+
+impl Actuated<ControllerSpec> {
+    /// Returns a controller of a kind from all its parameters, including the lag.
+    ///
+    /// `None` if the kind is unknown or the parameters do not match.
+    pub fn of_kind(kind: &str, values: &[(&str, f64)]) -> Option<Actuated<ControllerSpec>> {
+        let values = values
+            .iter()
+            .map(|&(name, value)| (name.to_owned(), value.into()));
+        // Parsed through serde, so a kind accepts here what it accepts in a
+        // file.
+        let values = serde_json::Value::Object(values.collect());
+        let file: serde_json::Map<_, _> = [(kind.to_owned(), values)].into_iter().collect();
+        serde_json::from_value(file.into()).ok()
+    }
+}
+
+impl From<Process> for Actuated<ControllerSpec> {
+    /// Returns a program as the ego of a car whose actuator does not lag.
+    fn from(process: Process) -> Actuated<ControllerSpec> {
+        Actuated {
+            controller: process.into(),
+            lag_s: 0.0,
+        }
+    }
+}
+
+impl ControllerSpec {
+    /// Returns the program, if it is one.
+    pub fn program(&self) -> Option<&Process> {
+        match &self.0 {
+            StockController::Process(process) => Some(process),
+            _ => None,
+        }
+    }
+
+    /// Gives or withdraws the consent to start a program, if it is one.
+    pub fn allow_programs(&mut self, allowed: bool) {
+        if let StockController::Process(process) = &mut self.0 {
+            process.allow(allowed);
+        }
+    }
+}
+
+egos! {
+    /// Follows the car ahead, Sec. V-B.
+    acc::Acc by clone;
+    /// The follower of `Acc` under a braking safety filter.
+    safety_filter_acc::FilteredAcc by clone;
+    /// The follower of `Acc`, braking softly when tailgated.
+    courteous_acc::PoliteAcc by clone;
+    /// The intelligent driver model.
+    idm::Idm by clone;
+    /// Gipps' model: can always stop in time.
+    gipps::Gipps by clone;
+    /// The full velocity difference model.
+    fvdm::Fvdm by clone;
+    /// Krauss' model: drives at the safe speed.
+    krauss::Krauss by clone;
+    /// Follows within the limits of ISO 15622 and may brake in an emergency.
+    iso_acc::IsoAcc by build;
+    /// Cruises, and brakes for agents that cross its path.
+    aeb::Aeb by build;
+    /// Brakes like `Aeb`, keeps its lane and steers where braking is not enough.
+    pure_pursuit::PurePursuit by build;
+    /// Slows down for the bends within its preview.
+    curve_speed::CurveSpeed by build;
+    /// The switching merge controller, Sec. V-B.
+    merge::Merge by build;
+    /// Follows, and stops for lights by the d(t) of the paper's appendix.
+    traffic_light_acc::YellowLight by build;
+    /// Follows, and stops for lights by the stopping distance.
+    traffic_light_acc::YellowLightFixed by build;
+    /// Competent and careful, answers overlapping paths (UN R157).
+    reference::CcDriver by at_the_wheel;
+    /// Competent and careful, answers agents that leave the next lane.
+    reference::CcLaneDriver by at_the_wheel;
+    /// Like `CcLaneDriver`, and brakes until it is no faster than the agent.
+    reference::CcLatchedDriver by at_the_wheel;
+    /// Brakes for cut-ins at the latest time of UN R157's formula.
+    reference::RegDriver by at_the_wheel;
+    /// Responsibility-sensitive safety, answered by braking.
+    reference::RssDriver by at_the_wheel;
+    /// The fuzzy safety model.
+    reference::FsmDriver by at_the_wheel;
+    /// Brakes at once and fully for an unavoidable contact.
+    reference::IdealDriver by at_the_wheel;
+    /// Keeps its speed, whatever it perceives, as assumed by test protocols.
+    coast::Coast by clone;
+    /// A separate program, on its stdin and stdout.
+    process::Process by controller;
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    use crate::ego::example_ego;
+
+    const GUIDE: &str = include_str!("../../../../docs/reference/egos.md");
+
+    /// A list of one ego, with the macro of the list above.
+    mod with_example {
+        use super::super::{Actuated, Controller, Parameter, UnknownParameter, written_as};
+        use serde::{Deserialize, Serialize};
+
+        #[derive(Clone, Debug, PartialEq)]
+        pub(super) struct ControllerSpec(StockController);
+
+        written_as!(ControllerSpec, ControllerFile);
+
+        egos! {
+            /// Brakes, whatever it perceives.
+            example_ego::Dummy by clone;
+        }
+    }
+
+    #[test]
+    fn a_file_and_a_line_are_all_it_takes_to_add_an_ego() {
+        type Example = Actuated<with_example::ControllerSpec>;
+        let text = "Dummy(brake_mps2: 1.0, lag_s: 0.4)";
+        let mut ego: Example = ron::from_str(text).expect("an ego");
+        assert_eq!((ego.controller.kind(), ego.lag_s), ("Dummy", 0.4));
+        assert_eq!(with_example::KINDS, [("Dummy", &["brake_mps2"][..])]);
+        let parameters = ego.controller.parameters();
+        let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
+        assert_eq!((names, parameters[0].value), (vec!["brake_mps2"], 1.0));
+        let command = ego
+            .controller
+            .build()
+            .control(&crate::ego::Percept::default());
+        assert_eq!(command.expect("a command").accel_mps2, -1.0);
+        ego.controller
+            .set("brake_mps2", 2.0)
+            .expect("its parameter");
+        let command = ego
+            .controller
+            .build()
+            .control(&crate::ego::Percept::default());
+        assert_eq!(command.expect("a command").accel_mps2, -2.0);
+        ego.controller.set("brake", 2.0).expect_err("no parameter");
+        let written = ron::to_string(&ego).expect("written");
+        assert_eq!(ron::from_str::<Example>(&written).expect("an ego"), ego);
+        let wrong = ron::from_str::<Example>("Dummy(brake: 1.0, lag_s: 0.4)");
+        assert!(
+            wrong
+                .expect_err("no field")
+                .to_string()
+                .contains("brake_mps2")
+        );
+    }
+
+    #[test]
+    fn the_table_of_the_guide_has_every_ego_with_its_parameters() {
+        let (_, table) = GUIDE.split_once("| controller |").expect("the table");
+        let (table, _) = table.split_once("\n\n").expect("its end");
+        let rows: Vec<Vec<&str>> = table
+            .lines()
+            .skip(2)
+            .map(|row| row.split('|').collect())
+            .collect();
+        let quoted = |cell: &'static str| cell.split('`').skip(1).step_by(2);
+        let kinds = KINDS.iter();
+        assert_eq!(rows.len(), kinds.clone().count());
+        for ((kind, names), row) in kinds.zip(rows) {
+            assert_eq!(quoted(row[1]).collect::<Vec<_>>(), [*kind]);
+            let said = quoted(row[3]).filter(|word| !["command", "lag_s"].contains(word));
+            let said: BTreeSet<&str> = said
+                .flat_map(
+                    |word| match KINDS.iter().find(|(other, _)| *other == word) {
+                        Some((_, names)) => names.to_vec(),
+                        None => vec![word],
+                    },
+                )
+                .collect();
+            assert_eq!(said, names.iter().copied().collect(), "{kind}");
+        }
+    }
+}

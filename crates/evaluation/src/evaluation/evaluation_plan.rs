@@ -1,0 +1,72 @@
+//! Request of an evaluation, and the explanation of a failure.
+
+use std::num::NonZeroU64;
+
+use crate::adversary::AdoKind;
+use crate::evaluation::error::EvaluationError;
+use crate::experiment::EgoUnderTest;
+use crate::run_dir::RunDir;
+use crate::stl::Explanation;
+use crate::surrogate::LEAST_RUNS;
+use crate::world::Scenario;
+
+/// Request of an evaluation.
+#[derive(Clone, Copy)]
+pub struct Evaluation<'a> {
+    /// Run of the trained ado.
+    pub run: &'a RunDir,
+    /// World of the run, on the plant to test on.
+    pub nominal: &'a Scenario,
+    /// Egos under test.
+    pub egos: &'a [EgoUnderTest],
+    /// Ados to evaluate.
+    pub ados: &'a [AdoKind],
+    /// Number of test starts and seed of their stream.
+    pub starts: (usize, u64),
+    /// Largest number of switches of a search for comparison, if any.
+    pub search: Option<usize>,
+    /// Runs of the trained ado per start: the greedy run, then exploring runs.
+    pub tries: u64,
+    /// Drawing of the trained ado's actions, for a row of its own.
+    pub sampling: Option<Sampling>,
+    /// Runs of each ego from which a surrogate is learned. `None`: no surrogate.
+    pub runs: Option<NonZeroU64>,
+    /// Kinds of stock controllers that are not compared with an ego.
+    pub unknown: &'a [&'a str],
+    /// True if the results are kept in memory for [`super::table::EvaluationTable::keep`].
+    pub keeps: bool,
+}
+
+/// Drawing of a policy's actions, several times per start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Temperature of the softmax over the values, above 0.
+    pub temperature: f64,
+    /// Draws per start, at least 1.
+    pub draws: u32,
+}
+
+impl Evaluation<'_> {
+    /// Checks that the runs are enough for learning.
+    pub(super) fn can_learn(&self) -> Result<(), EvaluationError> {
+        match self.runs.map(NonZeroU64::get) {
+            Some(runs) if runs < LEAST_RUNS => Err(EvaluationError::TooFewRuns { runs }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Explanation of the first counterexample of an ego.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct ExplainedCounterexample {
+    /// Name of the failing ego in rows.
+    pub ego: String,
+    /// Position of the start among the test starts.
+    pub start: usize,
+    /// Requirement behind ψ_ego, if the world names it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub requirement: Option<String>,
+    /// Deciding leaf, with its time and value.
+    #[serde(rename = "explain")]
+    pub explanation: Explanation,
+}

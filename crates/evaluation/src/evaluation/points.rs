@@ -1,0 +1,476 @@
+//! Points of a test protocol: those that an ego passes, and their variations.
+//!
+//! A point is a start of a world in which the others follow the protocol, as long as the
+//! ado adds nothing to their plans. Every point is therefore played once with the neutral
+//! action, by the ego under test itself. If the world has an ado, its variations within
+//! the rules are searched at every passed point, for the first that makes the ego fail.
+
+use std::path::Path;
+
+use indexmap::IndexMap;
+use serde::Serialize;
+
+use crate::crashes::{KeepSettings, KeptFiles, copies, description};
+use crate::experiment::{
+    EgoUnderTest, EpisodeLoop, TestStarts, Watch, leaf, note_if_unrepeatable, untried_starts,
+};
+use crate::report::{Example, PointCase, PointsPage};
+use crate::rulebook::Verdict;
+use crate::run_dir::{KeptError, Row};
+use crate::search::{Adversary, ExperimentCell};
+use crate::stats::StartOutcome;
+use crate::testbench::{Episode, Film, Testbench, film_beyond};
+use crate::world::Scenario;
+
+/// Most changes of the ado's deviation from a plan, for egos that can be copied.
+const SWITCHES: usize = 2;
+/// The same limit for programs, of which every sequence takes a whole run.
+const SWITCHES_OF_PROGRAMS: usize = 1;
+
+/// Request to play an ego at the points of its world.
+#[derive(Clone, Copy)]
+pub struct PointsRequest<'a> {
+    /// The ego under test.
+    pub ego: &'a EgoUnderTest,
+    /// Starts of a world without a table, and the seed of all noise.
+    pub starts: (usize, u64),
+    /// Most changes of the deviation, by default 2, and 1 for programs.
+    pub switches: Option<usize>,
+}
+
+/// Outcome of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PointOutcome {
+    /// The ego satisfied its specification.
+    Passed,
+    /// It violated it.
+    Failed,
+    /// The ego or the physics failed to run.
+    Invalid,
+    /// The command was interrupted before its turn.
+    NotReached,
+}
+
+/// One point and one ego.
+#[derive(Clone, Debug, Serialize)]
+pub struct PointResult {
+    /// Position in the world's table, from 0.
+    pub point: usize,
+    /// Values of the start, by axis.
+    pub start: IndexMap<String, f64>,
+    /// Outcome of the point.
+    pub outcome: PointOutcome,
+    /// ρ(ψ_ego), below 0 if the ego fails.
+    ///
+    /// `None` if a rule was broken first, or if nothing ran.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robustness: Option<f64>,
+    /// Failure of the ego, if it failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<PointFailure>,
+    /// Result of the search of variations. `None` without a search.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub varied: Option<VariedPoint>,
+}
+
+/// Failure of an ego at a point.
+#[derive(Clone, Debug, Serialize)]
+pub struct PointFailure {
+    /// The part of ψ_ego that decides.
+    pub leaf: String,
+    /// Time of the violation.
+    pub violated_s: f64,
+    /// The agents that touch, if any do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact: Option<(String, String)>,
+    /// Closing speed of that contact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_mps: Option<f64>,
+}
+
+/// Result of the search of variations within the rules, at a passed point.
+#[derive(Clone, Debug, Serialize)]
+pub struct VariedPoint {
+    /// True if a variation makes the ego fail.
+    pub fails: bool,
+    /// Closing speed of its contact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_mps: Option<f64>,
+    /// True if a human model of UN R157 avoids it, `CC_LATCHED` or `FSM`.
+    ///
+    /// `None` if the ego does not fail, or if the encounter cannot be judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preventable: Option<bool>,
+}
+
+/// One ego at the points of one world.
+#[derive(Clone, Serialize)]
+pub struct PointsTable {
+    /// Name of the world.
+    pub world: String,
+    /// Name of the ego.
+    pub ego: String,
+    /// Points at which it does not fail.
+    pub passed: usize,
+    /// Points at which it fails.
+    pub failed: usize,
+    /// Points at which it did not run.
+    pub invalid: usize,
+    /// Passed points at which a variation within the rules makes the ego fail.
+    ///
+    /// `None` without a search.
+    pub strayed: Option<usize>,
+    /// Most changes of the deviation in that search.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub switches: Option<usize>,
+    /// Every point.
+    pub points: Vec<PointResult>,
+    /// Rows: every point as it is, then the search.
+    #[serde(skip)]
+    pub rows: Vec<Row>,
+    #[serde(skip)]
+    evaluated: EvaluatedEgo,
+}
+
+/// Cells of an ego, from which all points are played again.
+#[derive(Clone)]
+struct EvaluatedEgo {
+    neutral: ExperimentCell,
+    varied: Option<ExperimentCell>,
+}
+
+/// Plays an ego at every point, and searches variations of the passed points.
+///
+/// Points that were played before `watch` stopped are in the table. `None` if there are
+/// none.
+pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTable> {
+    let scenario = request.ego.scenario();
+    let (count, seed) = request.starts;
+    // A table is played whole. A world without ranges has a single start.
+    let most = match (scenario.starts(), scenario.axes().is_empty()) {
+        (Some(all), _) => all.len(),
+        (None, true) => 1,
+        (None, false) => count,
+    };
+    let starts = untried_starts(scenario, seed, most);
+    let neutral = Adversary::Neutral.play(request.ego, &starts, watch)?;
+    if neutral.results.iter().all(Option::is_none) {
+        return None;
+    }
+    note_if_unrepeatable(request.ego, &starts, watch);
+    let mut rows = vec![neutral.row.clone()];
+    let mut evaluated = EvaluatedEgo {
+        neutral,
+        varied: None,
+    };
+    // With a single action there is nothing to vary.
+    let switches = (1 < scenario.world().spaces().actions && !watch.stopped()).then(|| {
+        let default = || default_switches(scenario, &starts);
+        request.switches.unwrap_or_else(default)
+    });
+    if let Some(switches) = switches {
+        watch.phase(&format!("variations: {}", request.ego.name()));
+        let passed = evaluated.passed();
+        evaluated.varied = Adversary::switches(switches).play(request.ego, &passed, watch);
+        rows.extend(evaluated.varied.iter().map(|cell| cell.row.clone()));
+    }
+    let indices: Vec<usize> = (0..starts.starts.len()).collect();
+    let results = EpisodeLoop::uncounted(&watch.quiet()).run(
+        &indices,
+        || scenario.bench(),
+        |bench, index, _| Some(evaluated.result(bench, *index)),
+    );
+    let reached = indices.iter().zip(results);
+    let results: Vec<PointResult> = reached
+        .map(|(index, result)| result.unwrap_or_else(|| evaluated.blank(*index)))
+        .collect();
+    let count = |outcome| results.iter().filter(|it| it.outcome == outcome).count();
+    let varied = results.iter().filter_map(|it| it.varied.as_ref());
+    let failing = varied.filter(|varied| varied.fails).count();
+    Some(PointsTable {
+        world: scenario.name().to_owned(),
+        ego: request.ego.name().to_owned(),
+        passed: count(PointOutcome::Passed),
+        failed: count(PointOutcome::Failed),
+        invalid: count(PointOutcome::Invalid),
+        strayed: switches.map(|_| failing),
+        switches,
+        points: results,
+        rows,
+        evaluated,
+    })
+}
+
+fn default_switches(scenario: &Scenario, starts: &TestStarts) -> usize {
+    let (start, noise) = &starts.starts[0];
+    if copies(scenario, start, *noise) {
+        SWITCHES
+    } else {
+        SWITCHES_OF_PROGRAMS
+    }
+}
+
+impl EvaluatedEgo {
+    fn scenario(&self) -> &Scenario {
+        self.neutral.ego.scenario()
+    }
+
+    /// Returns the starts, with all points left out except the passed ones.
+    fn passed(&self) -> TestStarts {
+        // A trivial start is not searched, so all points except the passed are marked as
+        // such.
+        let outcomes = self.neutral.row.solved.iter();
+        TestStarts {
+            trivial: outcomes.map(|it| *it != StartOutcome::Unsolved).collect(),
+            ..self.neutral.starts.clone()
+        }
+    }
+
+    fn blank(&self, index: usize) -> PointResult {
+        let scenario = self.scenario();
+        let axes = scenario.axes().into_iter().map(|axis| axis.name);
+        let (start, _) = &self.neutral.starts.starts[index];
+        let verdict = self.neutral.results[index].as_ref();
+        let verdict = verdict.and_then(|result| result.verdict.as_ref());
+        PointResult {
+            point: index,
+            start: axes.zip(start.0.iter().copied()).collect(),
+            outcome: verdict.map_or(PointOutcome::NotReached, outcome_of),
+            robustness: verdict.and_then(robustness),
+            failure: None,
+            varied: None,
+        }
+    }
+
+    fn result(&self, bench: &mut Testbench, index: usize) -> PointResult {
+        let mut result = self.blank(index);
+        if result.outcome == PointOutcome::Failed {
+            let episode = self.neutral.replay(bench, index);
+            result.failure = Some(failure(self.scenario(), &episode));
+        }
+        let varied = self.varied.as_ref();
+        result.varied = varied.and_then(|cell| self.variation(cell, bench, index));
+        result
+    }
+
+    fn variation(
+        &self,
+        cell: &ExperimentCell,
+        bench: &mut Testbench,
+        index: usize,
+    ) -> Option<VariedPoint> {
+        let outcome = cell.results[index].as_ref()?.outcome;
+        if outcome == StartOutcome::Invalid {
+            return None;
+        }
+        let mut varied = VariedPoint {
+            fails: outcome == StartOutcome::Solved,
+            closing_mps: None,
+            preventable: None,
+        };
+        if varied.fails {
+            let episode = cell.replay(bench, index);
+            let contact = episode.contact.as_ref();
+            varied.closing_mps = contact.map(|contact| contact.closing_speed_mps);
+            varied.preventable = self
+                .scenario()
+                .preventability(&episode)
+                .human_model_avoids();
+        }
+        Some(varied)
+    }
+}
+
+fn outcome_of(verdict: &Verdict) -> PointOutcome {
+    match verdict {
+        Verdict::Counterexample { .. } => PointOutcome::Failed,
+        Verdict::Held { .. } | Verdict::Uncounted { .. } | Verdict::Foul { .. } => {
+            PointOutcome::Passed
+        }
+        Verdict::Invalid => PointOutcome::Invalid,
+    }
+}
+
+fn robustness(verdict: &Verdict) -> Option<f64> {
+    match verdict {
+        // JSON cannot express an infinite margin.
+        Verdict::Held { margin } => Some(*margin).filter(|margin| margin.is_finite()),
+        Verdict::Counterexample { by } | Verdict::Uncounted { by } => Some(-by),
+        Verdict::Foul { .. } | Verdict::Invalid => None,
+    }
+}
+
+fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
+    let sample_s = scenario.world().clock().sample_s;
+    let contact = episode.contact.as_ref();
+    PointFailure {
+        leaf: leaf(scenario, episode),
+        // The last judged sample is that of the violation, and rounding removes binary
+        // noise.
+        violated_s: (episode.judged.saturating_sub(1) as f64 * sample_s * 1e9).round() / 1e9,
+        contact: contact.map(|touch| touch.between.clone()),
+        closing_mps: contact.map(|touch| touch.closing_speed_mps),
+    }
+}
+
+/// A point as pages and JUnit files have it.
+fn case(result: &PointResult) -> PointCase {
+    let words = |failure: &PointFailure| {
+        let contact = failure.contact.as_ref().zip(failure.closing_mps);
+        let contact = contact.map_or(String::new(), |((one, other), closing_mps)| {
+            format!("; {one} and {other} touch at {closing_mps:.1} m/s")
+        });
+        format!(
+            "{} is violated at {:.2} s{contact}",
+            failure.leaf, failure.violated_s
+        )
+    };
+    let varied = |varied: &VariedPoint| match (varied.fails, varied.closing_mps) {
+        (false, _) => String::new(),
+        (true, Some(closing_mps)) => format!("the ego fails, closing at {closing_mps:.1} m/s"),
+        (true, None) => "the ego fails without a contact".to_owned(),
+    };
+    PointCase {
+        point: result.point,
+        start: result
+            .start
+            .values()
+            .map(|value| format!("{value:.3}"))
+            .collect(),
+        outcome: match result.outcome {
+            PointOutcome::Passed => "passed",
+            PointOutcome::Failed => "failed",
+            PointOutcome::Invalid => "did not run",
+            PointOutcome::NotReached => "not reached",
+        }
+        .to_owned(),
+        failure: result.failure.as_ref().map(words),
+        invalid: result.outcome == PointOutcome::Invalid,
+        skipped: result.outcome == PointOutcome::NotReached,
+        varied: result.varied.as_ref().map(varied),
+    }
+}
+
+impl PointsTable {
+    /// Returns whether the ego fails at any point or variation.
+    pub fn fails(&self) -> bool {
+        0 < self.failed + self.strayed.unwrap_or(0)
+    }
+
+    /// The world with the ego.
+    pub fn scenario(&self) -> &Scenario {
+        self.evaluated.scenario()
+    }
+
+    /// Plays failures again and keeps them as files.
+    ///
+    /// Points come with the neutral actions, then variations with the actions found.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(
+        &self,
+        dir: &Path,
+        settings: KeepSettings,
+        watch: &Watch<'_>,
+    ) -> Result<Vec<KeptFiles>, KeptError> {
+        let mut all = vec![settings.keep(&self.evaluated.neutral, dir, watch)?];
+        if let Some(varied) = &self.evaluated.varied {
+            let mut varied = settings.keep(varied, dir, watch)?;
+            // The files of the failed points were written just before, and are not older.
+            varied.older = varied.older.saturating_sub(all[0].files.len());
+            all.push(varied);
+        }
+        for kept in &all {
+            kept.note(&self.ego, dir, watch);
+        }
+        Ok(all)
+    }
+
+    /// The page of these points and its JUnit file, without examples yet.
+    pub fn page(&self, commands: Vec<String>) -> PointsPage<'_> {
+        PointsPage {
+            scenario: self.scenario(),
+            ego: self.ego.clone(),
+            summary: self.summary(),
+            axes: self
+                .scenario()
+                .axes()
+                .into_iter()
+                .map(|it| it.name)
+                .collect(),
+            points: self.points.iter().map(case).collect(),
+            examples: Vec::new(),
+            commands,
+        }
+    }
+
+    /// Returns the numbers of passed points and variations, in a sentence.
+    pub fn summary(&self) -> String {
+        let mut text = format!(
+            "{} of {} points passed, {} failed, {} did not run",
+            self.passed,
+            self.points.len(),
+            self.failed,
+            self.invalid
+        );
+        if let Some(strayed) = self.strayed {
+            text.push_str(&format!(
+                "; a lawful variation makes the ego fail at {strayed} of those passed"
+            ));
+        }
+        text
+    }
+
+    /// Returns failures as examples for a page, at most `most`, the worst first.
+    pub fn examples(&self, most: usize, watch: &Watch<'_>) -> Vec<Example> {
+        let cells = [
+            Some(&self.evaluated.neutral),
+            self.evaluated.varied.as_ref(),
+        ];
+        let solved = cells.map(|cell| cell.map_or(Vec::new(), ExperimentCell::solved));
+        let [failed, varied] = solved.map(Vec::into_iter);
+        let failed = failed.map(|point| (point, false));
+        let varied = varied.map(|point| (point, true));
+        let mut chosen: Vec<(usize, bool)> = failed.chain(varied).collect();
+        let closing = |(point, is_varied): &(usize, bool)| {
+            let result = &self.points[*point];
+            let (failure, varied) = (result.failure.as_ref(), result.varied.as_ref());
+            let closing = if *is_varied {
+                varied.and_then(|varied| varied.closing_mps)
+            } else {
+                failure.and_then(|failure| failure.closing_mps)
+            };
+            // Failures without a contact come after all contacts.
+            closing.unwrap_or(-1.0)
+        };
+        // Ties keep the order of the points, so that the page is deterministic.
+        chosen.sort_by(|a, b| closing(b).total_cmp(&closing(a)).then(a.cmp(b)));
+        chosen.truncate(most);
+        let scenario = self.scenario();
+        let examples = EpisodeLoop::counted(watch, chosen.len()).run(
+            &chosen,
+            || scenario.bench(),
+            |bench, (point, is_varied), _| {
+                let episode = cells[usize::from(*is_varied)]?.replay(bench, *point);
+                let mut bench = scenario.repeating(&episode).bench();
+                let Film { frames, after } = film_beyond(&mut bench, &episode);
+                Some(Example {
+                    chosen_for: if *is_varied {
+                        "A lawful variation".to_owned()
+                    } else {
+                        "The point as it is".to_owned()
+                    },
+                    start: *point,
+                    frames,
+                    after,
+                    about: description(scenario, &episode),
+                    episode,
+                    scenarios: Vec::new(),
+                })
+            },
+        );
+        examples.into_iter().flatten().collect()
+    }
+}

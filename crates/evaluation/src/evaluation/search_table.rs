@@ -1,0 +1,184 @@
+//! Searches of many egos, beside the trained ado of a run if there is one.
+
+use std::path::Path;
+
+use super::break_even::{BreakEven, break_even};
+use super::error::EvaluationError;
+use crate::adversary::{Ado, eval};
+use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
+use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable};
+use crate::rl::Policy;
+use crate::run_dir::{Row, RunDir, Stored};
+use crate::search::{ExperimentCell, Method, MethodOption, SearchRequest, Searched, search};
+use crate::world::Scenario;
+
+/// Request for a search.
+#[derive(Clone, Copy)]
+pub struct SearchCampaign<'a> {
+    /// The world as its file has it, from which test starts are drawn.
+    pub world: &'a Scenario,
+    /// The egos to be tested, each in its world.
+    pub egos: &'a [EgoUnderTest],
+    /// The run whose trained ado is played beside the search.
+    pub run: Option<&'a RunDir>,
+    /// Search method.
+    pub method: Method<'a>,
+    /// Simulations per start, 0 for methods without a budget.
+    pub budget: u64,
+    /// Test starts to draw, and the seed of their stream.
+    pub starts: (usize, u64),
+}
+
+/// Results of a search, as far as it ran.
+#[derive(Clone, Debug)]
+pub struct SearchTable {
+    /// Per ego the trained ado's row, if there is one, and the search's.
+    pub rows: Vec<Row>,
+    /// From how many starts on the trained ado is cheaper.
+    pub break_even: Vec<BreakEven>,
+    /// The test starts.
+    pub starts: TestStarts,
+    /// Search of every ego.
+    cells: Vec<ExperimentCell>,
+}
+
+impl SearchTable {
+    /// Plays the solutions again and keeps the selected ones as files.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(
+        &self,
+        dir: &Path,
+        settings: KeepSettings,
+        watch: &Watch<'_>,
+    ) -> Result<Vec<KeptFiles>, EvaluationError> {
+        Ok(keep_cells(&self.cells, dir, settings, watch)?)
+    }
+}
+
+/// The trained ado of the run that is searched.
+struct Trained<'a> {
+    policy: Box<dyn Policy>,
+    run: &'a RunDir,
+}
+
+impl SearchCampaign<'_> {
+    /// Searches every ego in turn. `None`: stopped before the first one.
+    ///
+    /// # Errors
+    /// The run's policy is damaged.
+    pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, EvaluationError> {
+        consent(self.world, self.egos)?;
+        let trained = self.trained()?;
+        let (own, dir) = (
+            EgoUnderTest::nominal(self.world),
+            self.run.map(RunDir::path),
+        );
+        let Some(starts) = TestStarts::stored(dir, &own, self.starts, watch) else {
+            return Ok(None);
+        };
+        let (mut rows, mut evens, mut cells) = (Vec::new(), Vec::new(), Vec::new());
+        for (nth, ego) in self.egos.iter().enumerate() {
+            let watch = &watch.later(nth);
+            // Each ego may have other trivial starts.
+            let Some((own, alone)) = starts.for_ego(self.world, ego, dir, watch) else {
+                break;
+            };
+            let request = SearchRequest {
+                scenario: ego.scenario(),
+                ego: ego.name(),
+                method: self.method,
+                budget: self.budget,
+                starts: &own,
+            };
+            let mut searched = search(&request, watch);
+            searched.row.fails_alone = alone;
+            if let Some(trained) = &trained {
+                let mut row = trained.row(ego, (&searched, &own), watch);
+                row.fails_alone = alone;
+                evens.extend(trained.break_even(&request, &searched, &row, watch));
+                rows.push(row);
+            }
+            rows.push(searched.row.clone());
+            note_if_unrepeatable(ego, &own, watch);
+            let mut cell = ExperimentCell::searched(ego, &own, searched);
+            // Points that the ego fails by itself are kept, too.
+            cell.record_failing_alone();
+            cells.push(cell);
+            if watch.stopped() {
+                break;
+            }
+        }
+        Ok(Some(SearchTable {
+            rows,
+            break_even: evens,
+            starts,
+            cells,
+        }))
+    }
+
+    fn trained(&self) -> Result<Option<Trained<'_>>, EvaluationError> {
+        let finished = self.run.filter(|run| run.manifest().is_finished());
+        let Some(run) = finished else {
+            return Ok(None);
+        };
+        let policy = run.policy()?;
+        Ok(Some(Trained { policy, run }))
+    }
+}
+
+impl Trained<'_> {
+    fn row(
+        &self,
+        ego: &EgoUnderTest,
+        (searched, starts): (&Searched, &TestStarts),
+        watch: &Watch<'_>,
+    ) -> Row {
+        let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
+        let mut row = eval(&ego.against(ado, starts), watch).row;
+        row.compare_with_search(&searched.row.solved);
+        row.warning = self.run.warning();
+        row
+    }
+
+    /// Compares methods with a budget. Other methods measure the reach, not the cost.
+    fn break_even(
+        &self,
+        request: &SearchRequest<'_>,
+        searched: &Searched,
+        trained: &Row,
+        watch: &Watch<'_>,
+    ) -> Option<BreakEven> {
+        let manifest = self.run.manifest();
+        let method = request.method.info();
+        if watch.interrupted() || !method.takes(MethodOption::Budget) {
+            return None;
+        }
+        let once = if method.takes(MethodOption::From) {
+            // It lives on a training as well: neither is charged for one.
+            Cost::default()
+        } else {
+            Cost::of_training(manifest)
+        };
+        break_even(searched, request.budget, trained, once)
+    }
+}
+
+/// The counterexamples of a run's training, to be mutated against some egos.
+///
+/// # Errors
+/// It stored none, or they do not fit the egos' worlds.
+pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored, EvaluationError> {
+    let (stored, source) = (run.counterexamples()?, run.scenario()?);
+    let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
+    let mut unlike = egos.iter().map(|ego| (ego.name(), ego.scenario()));
+    match unlike.find(|(_, scenario)| shape(scenario) != shape(&source)) {
+        Some((ego, scenario)) => Err(EvaluationError::OtherActions {
+            source_world: source.name.clone(),
+            world: scenario.name.clone(),
+            ego: ego.to_owned(),
+        }),
+        None => Ok(stored),
+    }
+}

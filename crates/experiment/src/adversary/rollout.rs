@@ -1,0 +1,430 @@
+//! Evaluation of an ado: policy or baseline × ego × test starts → a row.
+
+use std::sync::Arc;
+
+use super::ado::Ado;
+use super::nearest_replay::replay_nearest;
+use crate::ego::{Command, Fault};
+use crate::experiment::{CrashFeatures, badness, clusters, descending};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::natural::{NaturalnessOfRow, SuccessRarity};
+use crate::rulebook::Verdict;
+use crate::run_dir::{
+    AdversaryId, BrokenRule, ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row,
+    StartRepeated,
+};
+use crate::scene::Start;
+use crate::severity::Impact;
+use crate::stats::{Outcomes, StartOutcome, at_most, wilson};
+use crate::testbench::{Aftermath, Episode, Replay, Testbench, count_faults, play};
+use crate::world::{Repeats, Scenario};
+
+/// Request of an evaluation.
+#[derive(Clone, Copy)]
+pub struct EvalRequest<'a> {
+    /// World with the ego under test.
+    pub scenario: &'a Scenario,
+    /// Name of the ego in rows.
+    pub ego: &'a str,
+    /// Ado to evaluate.
+    pub ado: Ado<'a>,
+    /// The test starts.
+    pub starts: &'a TestStarts,
+}
+
+impl EgoUnderTest {
+    /// Returns the request to evaluate an ado against the ego.
+    #[doc(hidden)]
+    pub fn against<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
+        EvalRequest {
+            scenario: self.scenario(),
+            ego: self.name(),
+            ado,
+            starts,
+        }
+    }
+}
+
+/// Outcome of one episode of an evaluation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// Closing speed, if the agents touched.
+    pub closing_speed_mps: Option<f64>,
+    /// Effect of the contact on the ego, if the ego takes part in it.
+    pub impact: Option<Impact>,
+    /// True if a rule was broken between a success and the contact.
+    pub violation_before_contact: bool,
+    /// Episodes run; only `Ado::Replays` may take more than one.
+    pub simulations: u64,
+    /// Physics steps spent.
+    pub physics_steps: u64,
+    /// Processor time spent.
+    pub cpu_s: f64,
+}
+
+/// Outcome of a start, with the facts for its row and the record of a success.
+#[derive(Clone, Debug)]
+pub struct EpisodeResult {
+    /// Outcome of the start.
+    pub outcome: Outcome,
+    /// Failure of the ego, if it failed and counts.
+    pub(super) failure: Option<RecordedFailure>,
+    pub(super) fault: Option<Fault>,
+    /// Rules that were broken, if the outcome is a rule violation.
+    broken: Vec<usize>,
+    pub(super) repeated: Option<StartRepeated>,
+    pub(super) success: Option<RecordedSuccess>,
+}
+
+/// Record of a success, from which it is played again bit for bit.
+#[derive(Clone, Debug, Default)]
+pub struct RecordedSuccess {
+    /// Joint actions, one per decision. The last one is held.
+    pub actions: Vec<usize>,
+    /// Commands of an ego that may act otherwise in another run. Empty for other egos.
+    pub commands: Arc<[Command]>,
+}
+
+impl RecordedSuccess {
+    /// Creates the record of a search, which repeats no commands of the ego.
+    pub(crate) fn of_actions(actions: Vec<usize>) -> RecordedSuccess {
+        RecordedSuccess {
+            actions,
+            ..RecordedSuccess::default()
+        }
+    }
+
+    /// Plays the success again, on a bench of `scenario` where the ego repeats itself.
+    pub fn play(
+        &self,
+        scenario: &Scenario,
+        bench: &mut Testbench,
+        (start, noise): (&Start, u64),
+    ) -> Episode {
+        let mut ado = Replay::holding(&self.actions);
+        if self.commands.is_empty() {
+            return play(bench, start, noise, &mut ado, Aftermath::Play);
+        }
+        let world = scenario.with_commands(&self.commands);
+        play(&mut world.bench(), start, noise, &mut ado, Aftermath::Play)
+    }
+}
+
+/// Failure of an ego, with its severity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedFailure {
+    pub(super) shape: CrashFeatures,
+    pub(super) badness: [f64; 4],
+    /// Rarest driving of an ado. `None` if none drives a vehicle.
+    pub rarity: Option<SuccessRarity>,
+}
+
+impl RecordedFailure {
+    /// Returns the failure in an episode, if the episode is a success of the ados.
+    pub fn of(scenario: &Scenario, episode: &Episode) -> Option<RecordedFailure> {
+        episode.verdict.is_success().then(|| RecordedFailure {
+            shape: CrashFeatures::of(scenario, episode),
+            badness: badness(episode),
+            rarity: scenario.rarity_of(episode),
+        })
+    }
+}
+
+/// A row and the outcomes behind it.
+#[derive(Clone, Debug)]
+pub struct Evaluated {
+    /// Rates and costs over all starts.
+    pub row: Row,
+    /// Outcome per start. `None`: trivial or not reached.
+    pub outcomes: Vec<Option<Outcome>>,
+    /// Record of each success, per start.
+    pub successes: Vec<Option<RecordedSuccess>>,
+}
+
+impl Evaluated {
+    /// Creates the row of the played starts, noted in the log of faults.
+    pub fn of(
+        request: &EvalRequest<'_>,
+        played: Vec<Option<EpisodeResult>>,
+        watch: &Watch<'_>,
+    ) -> Evaluated {
+        let row = request.row(&played);
+        note_row(watch, &row);
+        let outcomes = played.iter().map(|p| p.as_ref().map(|p| p.outcome));
+        Evaluated {
+            row,
+            outcomes: outcomes.collect(),
+            successes: played.into_iter().map(|p| p?.success).collect(),
+        }
+    }
+}
+
+/// Notes a finished row in the log of faults.
+pub fn note_row(watch: &Watch<'_>, row: &Row) {
+    let name = || format!("ego {}, {}", row.ego, row.ado);
+    watch.faults.note_row(name, row.invalid_share());
+}
+
+/// Returns the caption of a success that is shown while others are sought.
+pub fn success_caption(ego: &str, ado: &AdversaryId, index: usize) -> String {
+    format!("ego {ego}, ado {ado}, start {index}")
+}
+
+/// Plays every start once and counts.
+pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
+    watch.phase(&format!("evaluating {}, {}", request.ego, request.ado.id()));
+    let bench = || request.scenario.bench();
+    let played = request.starts.each(watch, bench, |bench, _, turn| {
+        let attempt = request.repeat(bench, turn.index);
+        watch.faults.note(turn.index as u64, attempt.fault.as_ref());
+        if attempt.episode.verdict.is_success() {
+            let caption = || success_caption(request.ego, &request.ado.id(), turn.index);
+            let episode = || attempt.episode.clone();
+            watch.show_success(request.scenario, &caption, episode);
+        }
+        Some(attempt.played(request.scenario, turn.cpu_s()))
+    });
+    Evaluated::of(request, played, watch)
+}
+
+/// One start, played as often as the world requires.
+pub struct RepeatedEpisode {
+    /// Run that represents all of them.
+    episode: Episode,
+    /// First fault of any run, even if another run represents them.
+    fault: Option<Fault>,
+    repeated: Option<StartRepeated>,
+    simulations: u64,
+    physics_steps: u64,
+}
+
+impl RepeatedEpisode {
+    /// Creates the result of runs so far, one of which represents them.
+    pub fn of(episode: Episode, simulations: u64, physics_steps: u64) -> RepeatedEpisode {
+        RepeatedEpisode {
+            fault: episode.fault.clone(),
+            episode,
+            repeated: None,
+            simulations,
+            physics_steps,
+        }
+    }
+
+    /// Returns the result that rows count.
+    pub fn played(self, scenario: &Scenario, cpu_s: f64) -> EpisodeResult {
+        let episode = self.episode;
+        let failure = RecordedFailure::of(scenario, &episode);
+        let is_success = episode.verdict.is_success();
+        EpisodeResult {
+            outcome: Outcome {
+                verdict: episode.verdict,
+                violation_before_contact: episode.is_foul_before_contact(),
+                impact: episode.contact.as_ref().and_then(|touch| touch.impact),
+                closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
+                simulations: self.simulations,
+                physics_steps: self.physics_steps,
+                cpu_s,
+            },
+            failure,
+            fault: self.fault,
+            broken: episode.broken_rules,
+            repeated: self.repeated,
+            success: is_success.then(|| RecordedSuccess {
+                actions: episode.actions,
+                commands: episode.commands.into(),
+            }),
+        }
+    }
+}
+
+impl EvalRequest<'_> {
+    /// Plays one start, to contact or the horizon after a success.
+    pub fn play(&self, bench: &mut Testbench, index: usize) -> Episode {
+        self.attempt(bench, index, 0).0
+    }
+
+    /// Plays one start as often as the world requires for egos that are not
+    /// deterministic.
+    fn repeat(&self, bench: &mut Testbench, index: usize) -> RepeatedEpisode {
+        let Repeats { runs, gate } = self.scenario.repeats;
+        let (mut simulations, mut physics_steps) = (0, 0);
+        let mut episodes = Vec::with_capacity(runs as usize);
+        for run in 0..runs.max(1) {
+            let (episode, more_simulations, more_steps) =
+                self.attempt(bench, index, u64::from(run));
+            simulations += more_simulations;
+            physics_steps += more_steps;
+            episodes.push(episode);
+        }
+        let (repeated, standing) = StartRepeated::of(&episodes, gate);
+        RepeatedEpisode {
+            fault: episodes.iter().find_map(|episode| episode.fault.clone()),
+            episode: episodes.swap_remove(standing),
+            repeated: (1 < runs).then_some(repeated),
+            simulations,
+            physics_steps,
+        }
+    }
+
+    /// Plays one run and returns it with its simulations and physics steps.
+    fn attempt(&self, bench: &mut Testbench, index: usize, run: u64) -> (Episode, u64, u64) {
+        let (start, noise) = &self.starts.starts[index];
+        if let Ado::Replays(stored, nearest) = self.ado {
+            return replay_nearest(bench, (start, *noise), stored, nearest);
+        }
+        let spaces = bench.spaces().clone();
+        let mut actor = self.ado.actor(&spaces, run);
+        let episode = play(bench, start, *noise, &mut *actor, Aftermath::Play);
+        let physics_steps = episode.physics_steps;
+        (episode, 1, physics_steps)
+    }
+
+    pub(super) fn row(&self, played: &[Option<EpisodeResult>]) -> Row {
+        let mut row = blank_row(self.scenario, (self.ego, self.ado.id()), self.starts);
+        row.method = self.ado.method(self.scenario);
+        if let Ado::Trained(_, seed) | Ado::Sampled(_, seed, _) | Ado::Without(_, seed, _) =
+            self.ado
+        {
+            row.train_seed = Some(seed);
+        }
+        let all = played.iter().flatten().map(|played| &played.outcome);
+        row.physics_steps = all.clone().map(|outcome| outcome.physics_steps).sum();
+        // Not `sum`, which is -0.0 of nothing.
+        row.cpu_s = all.clone().fold(0.0, |sum, outcome| sum + outcome.cpu_s);
+        // The rates below count valid episodes only.
+        let valid = all.filter(|outcome| outcome.verdict != Verdict::Invalid);
+        let simulations: u64 = valid.clone().map(|outcome| outcome.simulations).sum();
+        let violations = valid.clone();
+        let violations = violations.filter(|o| matches!(o.verdict, Verdict::Foul { .. }));
+        let violations = violations.count();
+        let uncounted = valid.clone();
+        let uncounted = uncounted.filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
+        let some_do_not = !self.scenario.rulebook().counts.is_violation();
+        row.uncounted = some_do_not.then(|| uncounted.count());
+        let late_violations = valid.clone().filter(|o| o.violation_before_contact).count();
+        let impacts: Vec<Impact> = valid.clone().filter_map(|o| o.impact).collect();
+        let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
+        let marks = played.iter().zip(&self.starts.trivial);
+        row.solved = marks
+            .map(|(played, trivial)| match (played.as_ref(), trivial) {
+                (_, true) => StartOutcome::Trivial,
+                (Some(played), _) => StartOutcome::from(&played.outcome.verdict),
+                (None, _) => StartOutcome::NotReached,
+            })
+            .collect();
+        count_solved(&mut row);
+        let faults = played
+            .iter()
+            .enumerate()
+            .filter_map(|(start, played)| Some((start as u64, played.as_ref()?.fault.as_ref()?)));
+        row.faults = count_faults(faults);
+        let repeated = played.iter().map(|p| p.as_ref()?.repeated.as_ref());
+        row.repeats = Repeated::of(self.scenario.repeats, repeated);
+        row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
+        let broken = played.iter().flatten().map(|played| &played.broken[..]);
+        row.violations = BrokenRule::counted(self.scenario.rulebook(), broken);
+        row.foul_rate = share(violations, row.starts);
+        row.foul_before_contact_rate = Some(share(late_violations, row.starts));
+        row.contact_rate = share(contacts.len(), row.starts);
+        row.closing_speed_mps = ClosingSpeed::of(contacts);
+        row.severity = ContactSeverity::of(&impacts);
+        let solved = played.iter().flatten();
+        let solved = solved.filter(|played| played.outcome.verdict.is_success());
+        let closing = solved.clone().filter_map(|p| p.outcome.closing_speed_mps);
+        row.success_closing_mps = ClosingSpeed::of(closing.collect());
+        let failures: Vec<Option<&RecordedFailure>> = solved.map(|p| p.failure.as_ref()).collect();
+        row.distinct = groups(&failures);
+        let classes = failures
+            .iter()
+            .flatten()
+            .map(|one| one.shape.class.leaf_and_contact());
+        row.kinds = FailureKind::counted(classes);
+        row.naturalness = naturalness(self.scenario, &failures);
+        row
+    }
+}
+
+/// Returns the number of groups of similar failures.
+///
+/// `None`: a failure was not recorded, or there are none.
+pub fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
+    let all: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
+    let mut all = all.filter(|all| !all.is_empty())?;
+    all.sort_by(|a, b| descending(&a.badness, &b.badness));
+    let shapes: Vec<CrashFeatures> = all.iter().map(|one| one.shape.clone()).collect();
+    Some(clusters(&shapes).len())
+}
+
+/// Returns how natural the ados drove in some failures.
+pub fn naturalness(
+    scenario: &Scenario,
+    failures: &[Option<&RecordedFailure>],
+) -> Option<NaturalnessOfRow> {
+    let rated = failures.iter().flatten();
+    let rated: Vec<&SuccessRarity> = rated.filter_map(|it| it.rarity.as_ref()).collect();
+    scenario.traffic().of_row(&rated)
+}
+
+/// Returns a row without results.
+pub fn blank_row(scenario: &Scenario, (ego, ado): (&str, AdversaryId), starts: &TestStarts) -> Row {
+    Row {
+        world: scenario.name.clone(),
+        plant: scenario.plant(),
+        judge: scenario.rulebook().judge,
+        ego: ego.to_owned(),
+        ado,
+        method: String::new(),
+        train_seed: None,
+        warning: None,
+        start_seed: starts.seed,
+        starts: 0,
+        trivial: 0,
+        fails_alone: None,
+        successes: 0,
+        success_rate: 0.0,
+        ci95: [0.0, 1.0],
+        at_most: None,
+        recall: None,
+        beyond_search: None,
+        foul_rate: 0.0,
+        violations: Vec::new(),
+        uncounted: None,
+        kinds: Vec::new(),
+        distinct: None,
+        naturalness: None,
+        foul_before_contact_rate: None,
+        contact_rate: 0.0,
+        closing_speed_mps: None,
+        success_closing_mps: None,
+        severity: None,
+        invalid: 0,
+        faults: Vec::new(),
+        repeats: None,
+        sims_per_start: 0.0,
+        physics_steps: 0,
+        cpu_s: 0.0,
+        anytime: Vec::new(),
+        unconfirmed: None,
+        solved: Outcomes::default(),
+    }
+}
+
+/// Fills the counts of a row from its `solved`.
+pub fn count_solved(row: &mut Row) {
+    row.successes = row.solved.count(StartOutcome::Solved);
+    row.starts = row.successes + row.solved.count(StartOutcome::Unsolved);
+    row.trivial = row.solved.count(StartOutcome::Trivial);
+    row.invalid = row.solved.count(StartOutcome::Invalid);
+    row.success_rate = share(row.successes, row.starts);
+    row.ci95 = wilson(row.successes, row.starts);
+    row.at_most = (row.successes == 0 && 0 < row.starts).then(|| at_most(row.starts));
+}
+
+fn share(part: usize, whole: usize) -> f64 {
+    match whole {
+        0 => 0.0,
+        _ => part as f64 / whole as f64,
+    }
+}

@@ -1,0 +1,151 @@
+//! Clusters of similar counterexamples.
+//!
+//! Two counterexamples are similar if they violate the same leaf of ψ_ego, end in the
+//! same kind of contact (or none) with the same agent, and have near traces.
+//!
+//! The distance of traces is measured on the signals that the ados observe. The world's
+//! author selected these signals, and each has a range, so metres and metres per second
+//! can be added. Each trace, up to its end, is read at [`POINTS`] equally spaced times,
+//! so episodes of unequal length are compared stage by stage. The distance is the root
+//! mean square over times and signals of the difference in half ranges. Traces up to
+//! [`NEAR`] are near.
+//!
+//! Clusters are made by leaders (Hartigan, "Clustering Algorithms", 1975, ch. 3). In the
+//! given order, worst first, each counterexample joins the first similar leader or leads
+//! a new cluster. Every leader is therefore the worst of its cluster.
+
+use std::cmp;
+
+use serde::{Deserialize, Serialize};
+
+use super::failed_leaf::leaf;
+use crate::rulebook::Verdict;
+use crate::run_dir::Severity;
+use crate::severity::CrashKind;
+use crate::testbench::Episode;
+use crate::trace::Trace;
+use crate::world::Scenario;
+
+/// Times at which a trace is read.
+pub(crate) const POINTS: usize = 32;
+/// Distance up to which two traces are near, in half ranges of the signals.
+pub const NEAR: f64 = 0.15;
+
+/// Features by which counterexamples are compared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CrashFeatures {
+    /// Class of the crash.
+    pub class: CrashClass,
+    /// Scaled signals at the contact.
+    pub signals: Vec<f64>,
+}
+
+/// Features that similar counterexamples share exactly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CrashClass {
+    leaf: String,
+    kind: Option<CrashKind>,
+    with: Option<(String, String)>,
+}
+
+impl CrashClass {
+    /// Returns the kind of contact in words.
+    pub fn contact_in_words(&self) -> String {
+        match (&self.with, self.kind) {
+            (None, _) => "no contact".to_owned(),
+            (Some((a, b)), Some(kind)) => format!("{} of {a} and {b}", kind.word()),
+            (Some((a, b)), None) => format!("contact of {a} and {b}"),
+        }
+    }
+
+    /// Returns the violated leaf of ψ_ego and the agents in contact.
+    pub(crate) fn leaf_and_contact(&self) -> (String, Option<(String, String)>) {
+        (self.leaf.clone(), self.with.clone())
+    }
+}
+
+impl CrashFeatures {
+    /// Returns the features of an episode of `scenario`.
+    pub fn of(scenario: &Scenario, episode: &Episode) -> CrashFeatures {
+        let contact = episode.contact.as_ref();
+        CrashFeatures {
+            class: CrashClass {
+                leaf: leaf(scenario, episode),
+                kind: contact.and_then(|touch| Some(touch.impact?.kind)),
+                with: contact.map(|touch| touch.between.clone()),
+            },
+            signals: observed(scenario, &episode.trace),
+        }
+    }
+
+    /// Returns whether two counterexamples are similar.
+    pub fn is_like(&self, other: &CrashFeatures) -> bool {
+        self.class == other.class && self.distance(other) <= NEAR
+    }
+
+    /// Returns the root mean square difference of the observed signals, in half ranges.
+    pub fn distance(&self, other: &CrashFeatures) -> f64 {
+        let pairs = self.signals.iter().zip(&other.signals);
+        let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
+        (squares / self.signals.len().max(1) as f64).sqrt()
+    }
+}
+
+/// Returns the observed signals at equally spaced times, in half ranges.
+fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
+    let last = trace.len().saturating_sub(1) as f64;
+    let times = (0..POINTS).map(|n| (last * n as f64 / (POINTS - 1) as f64).round() as usize);
+    let times: Vec<usize> = times.collect();
+    let observed = scenario.world().observed().iter();
+    let columns = observed.filter_map(|it| Some((trace.signal(&it.name)?, it.mid, it.half)));
+    columns
+        .flat_map(|(column, mid, half)| {
+            let at = |&time: &usize| column.get(time).map(|value| (value - mid) / half);
+            times.iter().filter_map(at).collect::<Vec<f64>>()
+        })
+        .collect()
+}
+
+/// Returns clusters of similar counterexamples as positions, each with its leader first.
+pub fn clusters(shapes: &[CrashFeatures]) -> Vec<Vec<usize>> {
+    let mut clusters: Vec<Vec<usize>> = Vec::new();
+    for (at, shape) in shapes.iter().enumerate() {
+        let like = |cluster: &&mut Vec<usize>| shapes[cluster[0]].is_like(shape);
+        match clusters.iter_mut().find(like) {
+            Some(cluster) => cluster.push(at),
+            None => clusters.push(vec![at]),
+        }
+    }
+    clusters
+}
+
+/// Returns the criteria of severity, the most important first.
+pub fn badness(episode: &Episode) -> [f64; 4] {
+    let severity = Severity::of(episode);
+    let risk = severity.and_then(|severity| severity.injury_risk);
+    let depth = match episode.verdict {
+        Verdict::Counterexample { by } => by,
+        _ => 0.0,
+    };
+    [
+        f64::from(u8::from(severity.is_some())),
+        risk.map_or(0.0, |risk| risk.probability),
+        severity.map_or(0.0, |severity| severity.closing_speed_mps),
+        depth,
+    ]
+}
+
+/// Orders two lists by their first difference, the larger value first.
+pub fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
+    let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
+    let differing = pairs.find(|order| order.is_ne());
+    differing.unwrap_or(cmp::Ordering::Equal)
+}
+
+/// Orders two episodes by severity, the worse first.
+///
+/// A contact comes before none, then injury risk, closing speed and depth of the
+/// violation decide.
+pub fn worse_first(a: &Episode, b: &Episode) -> cmp::Ordering {
+    descending(&badness(a), &badness(b))
+}

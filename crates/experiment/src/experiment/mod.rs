@@ -1,0 +1,36 @@
+//! An experiment: an ego under test, its test starts, and the loop that plays them.
+//!
+//! Everything here runs in parallel per episode and gives the same rows for any
+//! number of threads: starts, noise and actors are pure functions of their keys.
+
+mod audience;
+pub mod clustering;
+mod cost;
+mod determinism_check;
+mod ego_under_test;
+pub mod episode_loop;
+mod error;
+mod failed_leaf;
+mod neutral_rule;
+mod progress;
+mod test_starts;
+mod traffic;
+mod trivial_starts;
+
+pub use crate::scene::drive::ControllerFactory;
+pub use audience::{Audience, ShownEpisode};
+pub use clustering::{CrashClass, CrashFeatures, badness, clusters, descending, worse_first};
+pub use cost::Cost;
+pub use determinism_check::note_if_unrepeatable;
+pub use ego_under_test::{EgoUnderTest, consent, on_plant};
+pub use ego_under_test::{consent_to, consent_to_family};
+pub use episode_loop::{EpisodeLoop, WorkItem};
+pub use error::EgoError;
+pub use failed_leaf::{leaf, violated};
+pub use neutral_rule::NeutralRule;
+pub use progress::{Remark, StepPlace, TrainingIntervals, Watch};
+pub use test_starts::{TestStarts, test_starts};
+pub use test_starts::{drawn_starts, test_noise, test_start, untried_starts};
+pub use traffic::traffic_model;
+pub use traffic::{TrafficError, in_named_traffic};
+pub use trivial_starts::TrivialStarts;

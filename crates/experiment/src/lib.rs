@@ -1,0 +1,36 @@
+//! Run directories, adversaries and searches, and the loop that plays them against an ego.
+//!
+//! Part of [brakecheck](https://docs.rs/brakecheck), which re-exports its public items.
+//! This crate makes no semver promise: any release may change or remove an item.
+
+#![warn(
+    clippy::dbg_macro,
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unwrap_used
+)]
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
+)]
+
+pub mod adversary;
+pub mod experiment;
+pub mod run_dir;
+pub mod search;
+pub mod vector_env;
+
+use brakecheck_ego::ego;
+use brakecheck_files::{content_hash, ron_file, run_files, visible};
+use brakecheck_rl::rl;
+use brakecheck_road::road;
+use brakecheck_scene::{grid_solver, natural, preventability, rulebook, scene, testbench};
+use brakecheck_sim::{severity, sim};
+use brakecheck_stats::{seed, stats};
+use brakecheck_stl as stl;
+use brakecheck_stl::trace;
+use brakecheck_world::world;

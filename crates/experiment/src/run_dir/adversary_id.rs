@@ -1,0 +1,213 @@
+//! Identity of the adversary of a row.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::{Deserialize, Serialize};
+
+/// Adversary of a row. Rows are compared by it, never by a caption.
+///
+/// In JSON it is `adversary`, beside the caption `ado`. A row of an earlier
+/// version has the word `ado` only, which is then the name of its adversary.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum AdversaryId {
+    /// Policy of a run.
+    Trained,
+    /// Actions drawn from the policy of a run, several times per start.
+    Sampled,
+    /// Placed ados of a world, all together.
+    Composed,
+    /// The same ados, or those of a policy, but for one that plays its neutral action.
+    Without {
+        /// Caption: `without` and the name of the ado that is left out.
+        name: String,
+    },
+    /// Planner in a surrogate of the ego.
+    Adapted,
+    /// Policy trained for the changed ego.
+    Retrained,
+    /// Random action at each decision.
+    Random,
+    /// Random action, held for some decisions.
+    Hold,
+    /// One action throughout.
+    Constant {
+        /// Joint action.
+        action: usize,
+    },
+    /// Neutral action throughout.
+    Neutral,
+    /// Constant action that succeeds most often.
+    BestConstant,
+    /// Acceleration and then braking, with the most successful moment.
+    BestSwitch,
+    /// Given sequence of actions.
+    Script,
+    /// Tuned rule.
+    Heuristic,
+    /// Nearest stored counterexamples.
+    Replays {
+        /// Greatest number of replays per start.
+        nearest: usize,
+    },
+    /// Search of every start.
+    Search,
+    /// Adversary that only its name identifies.
+    Named {
+        /// Name given by its author.
+        name: String,
+    },
+}
+
+/// Number of replays in rows of earlier versions, which name no number.
+const FORMER_REPLAYS: usize = 10;
+
+impl AdversaryId {
+    /// Returns the caption in tables, pages and messages.
+    pub fn caption(&self) -> &str {
+        match self {
+            AdversaryId::Trained => "trained",
+            AdversaryId::Adapted => "adapted",
+            AdversaryId::Retrained => "retrained",
+            AdversaryId::Random => "random",
+            AdversaryId::Hold => "hold",
+            AdversaryId::Constant { .. } | AdversaryId::BestConstant => "constant",
+            AdversaryId::Neutral => "neutral",
+            AdversaryId::BestSwitch => "switch",
+            AdversaryId::Script => "script",
+            AdversaryId::Heuristic => "heuristic",
+            AdversaryId::Replays { nearest: 1 } => "replay",
+            AdversaryId::Replays { .. } => "replays",
+            AdversaryId::Search => "search",
+            AdversaryId::Sampled => "sampled",
+            AdversaryId::Composed => "composed",
+            AdversaryId::Named { name } | AdversaryId::Without { name } => name,
+        }
+    }
+}
+
+impl AdversaryId {
+    /// Returns the identity of several ados without one.
+    pub fn without(ado: &str) -> AdversaryId {
+        AdversaryId::Without {
+            name: format!("without {ado}"),
+        }
+    }
+}
+
+impl Display for AdversaryId {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.pad(self.caption())
+    }
+}
+
+impl From<&str> for AdversaryId {
+    /// Returns the adversary of a name. Other captions do not change the names.
+    fn from(name: &str) -> AdversaryId {
+        match name {
+            "trained" => AdversaryId::Trained,
+            "adapted" => AdversaryId::Adapted,
+            "sampled" => AdversaryId::Sampled,
+            "composed" => AdversaryId::Composed,
+            "retrained" => AdversaryId::Retrained,
+            "random" => AdversaryId::Random,
+            "hold" => AdversaryId::Hold,
+            "neutral" => AdversaryId::Neutral,
+            // Rows of single constants were never written.
+            "constant" => AdversaryId::BestConstant,
+            "switch" => AdversaryId::BestSwitch,
+            "script" => AdversaryId::Script,
+            "heuristic" => AdversaryId::Heuristic,
+            "replay" => AdversaryId::Replays { nearest: 1 },
+            "replays" => AdversaryId::Replays {
+                nearest: FORMER_REPLAYS,
+            },
+            "search" => AdversaryId::Search,
+            other => AdversaryId::Named {
+                name: other.to_owned(),
+            },
+        }
+    }
+}
+
+/// Keys of a row: the caption `ado` and the id `adversary`.
+pub mod keys {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::AdversaryId;
+
+    #[derive(Serialize)]
+    struct Written<'a> {
+        ado: &'a str,
+        adversary: &'a AdversaryId,
+    }
+
+    #[derive(Deserialize)]
+    struct Read {
+        ado: String,
+        adversary: Option<AdversaryId>,
+    }
+
+    /// Writes the key of an adversary.
+    pub fn serialize<S: Serializer>(id: &AdversaryId, to: S) -> Result<S::Ok, S::Error> {
+        let ado = id.caption();
+        Written { ado, adversary: id }.serialize(to)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<AdversaryId, D::Error> {
+        let Read { ado, adversary } = Read::deserialize(from)?;
+        // The caption of a row counts only where an earlier version wrote no id.
+        Ok(adversary.unwrap_or_else(|| ado.as_str().into()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct Keys(#[serde(with = "keys")] AdversaryId);
+
+    fn read(keys: Value) -> AdversaryId {
+        let Keys(id) = serde_json::from_value(keys).expect("an adversary");
+        id
+    }
+
+    #[test]
+    fn an_adversary_is_read_by_its_id_and_in_earlier_rows_by_its_name() {
+        let held = AdversaryId::Constant { action: 2 };
+        let written = serde_json::to_value(Keys(held.clone())).expect("JSON");
+        let id = json!({ "kind": "constant", "action": 2 });
+        assert_eq!(written, json!({ "ado": "constant", "adversary": id }));
+        assert_eq!(
+            read(json!({ "ado": "the gentle one", "adversary": id })),
+            held
+        );
+        assert_eq!(
+            read(json!({ "ado": "constant" })),
+            AdversaryId::BestConstant
+        );
+        for name in [
+            "trained",
+            "adapted",
+            "retrained",
+            "random",
+            "hold",
+            "neutral",
+            "switch",
+            "script",
+            "heuristic",
+            "replay",
+            "replays",
+            "search",
+        ] {
+            let id = read(json!({ "ado": name }));
+            assert!(!matches!(id, AdversaryId::Named { .. }), "{name}");
+            assert_eq!(id.caption(), name);
+        }
+        let own = read(json!({ "ado": "chaser" }));
+        assert_eq!(own, "chaser".into());
+    }
+}

@@ -1,0 +1,443 @@
+//! Row of every table: a rate with its interval and its cost.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display, Formatter};
+
+use serde::{Deserialize, Serialize};
+
+use super::adversary_id::{AdversaryId, keys};
+use super::calibration::CalibrationWarning;
+use super::contact_severity::{ClosingSpeed, ContactSeverity};
+use super::repeated_runs::Repeated;
+use crate::natural::NaturalnessOfRow;
+use crate::rulebook::{JudgeKind, Rulebook};
+use crate::scene::Dynamics;
+use crate::stats::{Outcomes, StartOutcome};
+use crate::testbench::FaultCount;
+
+/// Rate over starts, as every command prints it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Name of the world.
+    pub world: String,
+    /// Plant of the row.
+    pub plant: Dynamics,
+    /// Subject of the judgement.
+    pub judge: JudgeKind,
+    /// Name of the ego: `nominal`, or that of a change.
+    pub ego: String,
+    /// Adversary, which JSON has as `adversary` and with its caption as `ado`.
+    #[serde(flatten, with = "keys")]
+    pub ado: AdversaryId,
+    /// Method that chose the actions.
+    pub method: String,
+    /// Seed of the training, for trained ados.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub train_seed: Option<u64>,
+    /// Reason why the ado's training is not reliable, if so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<CalibrationWarning>,
+    /// Seed of the test starts.
+    pub start_seed: u64,
+    /// Number of evaluated starts, which are not trivial.
+    pub starts: usize,
+    /// Starts left out, because the nominal ego fails without an adversary.
+    pub trivial: usize,
+    /// Starts on which this ego fails without an adversary.
+    ///
+    /// `None` if it was not tested, or is the nominal ego.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fails_alone: Option<FailsAlone>,
+    /// Starts solved.
+    pub successes: usize,
+    /// successes / starts. It is 0 without starts.
+    pub success_rate: f64,
+    /// Wilson's 95 % interval of the success rate.
+    pub ci95: [f64; 2],
+    /// Exact 95 % upper bound of the rate, if there is no success.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_most: Option<f64>,
+    /// Share of the search-solved starts that are solved too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recall: Option<f64>,
+    /// Starts solved here but not by the search.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beyond_search: Option<usize>,
+    /// Share of starts on which a rule was broken, which is no success.
+    ///
+    /// For a search it is the share of the tried sequences that broke a rule.
+    pub foul_rate: f64,
+    /// Rules that were broken, with the ado that broke each, in the rulebook's order.
+    ///
+    /// A start counts for every rule that was broken at its verdict. Searches leave it
+    /// empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub violations: Vec<BrokenRule>,
+    /// Starts on which ψ_ego was violated within the rules, but does not count.
+    ///
+    /// `None` if every violation counts in this world.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncounted: Option<usize>,
+    /// Share of solved starts on which a rule broke between verdict and contact.
+    ///
+    /// `None` if it was not recorded.
+    #[serde(default)]
+    pub foul_before_contact_rate: Option<f64>,
+    /// Share of starts that ended in contact.
+    pub contact_rate: f64,
+    /// Closing speed of the contacts, if there were any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_speed_mps: Option<ClosingSpeed>,
+    /// Closing speed of the contacts after a success.
+    ///
+    /// `None` if there were none, or if it was not recorded apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub success_closing_mps: Option<ClosingSpeed>,
+    /// Effect of the contacts on the ego, if it was in any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub severity: Option<ContactSeverity>,
+    /// Successes by kind, the most frequent first. Empty if none, or not recorded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kinds: Vec<FailureKind>,
+    /// Number of groups of similar failures among the successes.
+    ///
+    /// `None` if there are none, or if they were not compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distinct: Option<usize>,
+    /// Rarity of the ados' driving in the successes, among real drivers.
+    ///
+    /// `None` without a success of an ado in a vehicle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub naturalness: Option<NaturalnessOfRow>,
+    /// Starts on which the ego or the physics failed. They are in no rate of this row.
+    pub invalid: usize,
+    /// These faults by kind.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultCount>,
+    /// Result of playing each start several times, if the world requests it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeats: Option<Repeated>,
+    /// Mean number of simulations per start.
+    pub sims_per_start: f64,
+    /// Physics steps in total.
+    pub physics_steps: u64,
+    /// Processor time in total, in s.
+    pub cpu_s: f64,
+    /// Success with fewer simulations per start, for searches with a budget.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub anytime: Vec<Anytime>,
+    /// Sequences that did not carry over from the plant of the pre-screening.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unconfirmed: Option<Unconfirmed>,
+    /// Outcomes of all starts, in order.
+    pub solved: Outcomes,
+}
+
+/// Starts on which the ego of a row fails with neutral actions of the ados.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FailsAlone {
+    /// Number of starts.
+    pub starts: usize,
+    /// True if these starts are left out. Otherwise those of the nominal ego are.
+    pub left_out: bool,
+}
+
+/// Starts on which an ado broke one of its rules.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BrokenRule {
+    /// Name of the ado.
+    pub ado: String,
+    /// Name of the rule.
+    pub rule: String,
+    /// Number of starts.
+    pub starts: usize,
+}
+
+impl BrokenRule {
+    /// Counts the rules that were broken on each start. Rules that held are left out.
+    pub fn counted<'a>(
+        rulebook: &Rulebook,
+        broken: impl Iterator<Item = &'a [usize]>,
+    ) -> Vec<BrokenRule> {
+        let mut counts = vec![0; rulebook.rules.len()];
+        for &rule in broken.flatten() {
+            counts[rule] += 1;
+        }
+        let counted = rulebook.rules.iter().zip(counts);
+        let counted = counted.filter(|(_, starts)| *starts > 0);
+        counted
+            .map(|(rule, starts)| BrokenRule {
+                ado: rule.ado.clone(),
+                rule: rule.name.clone(),
+                starts,
+            })
+            .collect()
+    }
+}
+
+impl Display for BrokenRule {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} × {}: `{}`", self.starts, self.ado, self.rule)
+    }
+}
+
+/// Starts on which the ego failed in one way.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FailureKind {
+    /// Violated leaf of ψ_ego.
+    pub leaf: String,
+    /// Agents in contact, if any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<(String, String)>,
+    /// Number of starts.
+    pub starts: usize,
+}
+
+impl FailureKind {
+    /// Counts failures by kind. Equally frequent kinds are sorted by their words.
+    pub fn counted(
+        failures: impl Iterator<Item = (String, Option<(String, String)>)>,
+    ) -> Vec<FailureKind> {
+        let mut counts = BTreeMap::new();
+        for failure in failures {
+            *counts.entry(failure).or_insert(0) += 1;
+        }
+        let kinds = counts.into_iter();
+        let mut kinds: Vec<FailureKind> = kinds
+            .map(|((leaf, contact), starts)| FailureKind {
+                leaf,
+                contact,
+                starts,
+            })
+            .collect();
+        // The sort is stable, so equal counts keep the alphabetical order of
+        // the map.
+        kinds.sort_by_key(|kind| std::cmp::Reverse(kind.starts));
+        kinds
+    }
+}
+
+impl Display for FailureKind {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} × `{}`", self.starts, self.leaf)?;
+        match &self.contact {
+            Some((one, other)) => write!(f, ", {one} and {other} touch"),
+            None => f.write_str(", no contact"),
+        }
+    }
+}
+
+/// Result of a search after a number of simulations per start.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Anytime {
+    /// Greatest number of simulations per start.
+    pub budget: u64,
+    /// Starts solved within the budget.
+    pub successes: usize,
+    /// successes / starts.
+    pub success_rate: f64,
+    /// Wilson's 95 % interval of this rate.
+    pub ci95: [f64; 2],
+    /// Mean simulations per start. An unsolved start costs the complete budget.
+    pub sims_per_start: f64,
+}
+
+/// Sequences that succeeded in the pre-screening but not on the requested plant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Unconfirmed {
+    /// Number of sequences over all starts.
+    pub sequences: u64,
+    /// Starts on which there were only such sequences.
+    pub starts: usize,
+}
+
+impl Row {
+    /// Returns the share of the starts on which the ego or the physics failed.
+    ///
+    /// It refers to all requested starts.
+    pub fn invalid_share(&self) -> f64 {
+        self.invalid as f64 / (self.starts + self.invalid).max(1) as f64
+    }
+
+    /// Fills recall and `beyond_search` from the row of a search.
+    ///
+    /// Both rows must be over the same starts. An interrupted search fills neither, because
+    /// the starts that it finishes first are the easy ones.
+    pub fn compare_with_search(&mut self, search_solved: &Outcomes) {
+        use StartOutcome::{NotReached, Solved, Unsolved};
+        let mut pairs = self.solved.iter().zip(search_solved.iter());
+        if pairs.any(|(mine, theirs)| *theirs == NotReached && *mine != NotReached) {
+            return;
+        }
+        let pairs = self.solved.iter().zip(search_solved.iter());
+        let (mut both, mut search, mut beyond) = (0usize, 0usize, 0usize);
+        for (mine, theirs) in pairs {
+            search += usize::from(*theirs == Solved);
+            both += usize::from((theirs, mine) == (&Solved, &Solved));
+            // Only starts that the search evaluated count as beyond it.
+            beyond += usize::from((theirs, mine) == (&Unsolved, &Solved));
+        }
+        self.recall = (0 < search).then(|| both as f64 / search as f64);
+        self.beyond_search = Some(beyond);
+    }
+
+    /// Compares all rows of an ego with the last one, which is that of a search.
+    pub fn compare_with_last(rows: &mut [Row]) {
+        if let Some((search, others)) = rows.split_last_mut() {
+            for row in others {
+                row.compare_with_search(&search.solved);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ego::FaultKind;
+    use crate::natural::Naturalness;
+    use crate::severity::RiskCurve;
+
+    const PAGE: &str = include_str!("../../../../docs/reference/json.md");
+
+    /// A row in which no key is left out.
+    fn complete() -> Row {
+        let speed = Some(ClosingSpeed {
+            median: 1.0,
+            p90: 2.0,
+        });
+        Row {
+            world: String::new(),
+            plant: Dynamics::Rigid,
+            judge: JudgeKind::UntilViolation,
+            ego: String::new(),
+            ado: AdversaryId::Trained,
+            method: String::new(),
+            train_seed: Some(0),
+            warning: Some(CalibrationWarning {
+                what: String::new(),
+                help: String::new(),
+            }),
+            start_seed: 0,
+            starts: 1,
+            trivial: 0,
+            fails_alone: Some(FailsAlone {
+                starts: 0,
+                left_out: true,
+            }),
+            successes: 0,
+            success_rate: 0.0,
+            ci95: [0.0, 1.0],
+            at_most: Some(1.0),
+            recall: Some(0.0),
+            beyond_search: Some(0),
+            foul_rate: 0.0,
+            violations: vec![BrokenRule {
+                ado: String::new(),
+                rule: String::new(),
+                starts: 1,
+            }],
+            uncounted: Some(0),
+            foul_before_contact_rate: Some(0.0),
+            contact_rate: 0.0,
+            closing_speed_mps: speed,
+            success_closing_mps: speed,
+            severity: Some(ContactSeverity {
+                kinds: BTreeMap::new(),
+                struck_from_behind: 0.0,
+                ego_delta_v_mps: 0.0,
+                max_injury_risk: BTreeMap::from([(RiskCurve::OccupantMais3, 0.0)]),
+            }),
+            kinds: vec![FailureKind {
+                leaf: String::new(),
+                contact: Some(Default::default()),
+                starts: 1,
+            }],
+            distinct: Some(1),
+            naturalness: Some(NaturalnessOfRow {
+                limit_per_1000_km: Some(1.0),
+                successes: 1,
+                outside_data: 0,
+                median: Some(Naturalness {
+                    model: String::new(),
+                    ado: String::new(),
+                    rarest: Some(String::new()),
+                    per_1000_km: Some(1.0),
+                    surprise_decades: Some(1.0),
+                    outside: vec![String::new()],
+                }),
+            }),
+            invalid: 1,
+            faults: vec![FaultCount {
+                kind: FaultKind::Timeout,
+                message: String::new(),
+                stderr: "late".to_owned(),
+                first_start: 0,
+                count: 1,
+            }],
+            repeats: Some(Repeated {
+                runs: 1,
+                gate: 1,
+                failing_share: 0.0,
+                ci95: [0.0, 1.0],
+                differing: 0,
+            }),
+            sims_per_start: 1.0,
+            physics_steps: 0,
+            cpu_s: 0.0,
+            anytime: vec![Anytime {
+                budget: 1,
+                successes: 0,
+                success_rate: 0.0,
+                ci95: [0.0, 1.0],
+                sims_per_start: 1.0,
+            }],
+            unconfirmed: Some(Unconfirmed {
+                sequences: 0,
+                starts: 0,
+            }),
+            solved: Outcomes::default(),
+        }
+    }
+
+    /// Keys of the row, and those of its objects and of the objects in its lists.
+    fn keys(row: &Row) -> Vec<String> {
+        let row = serde_json::to_value(row).expect("a row");
+        let mut keys = Vec::new();
+        for (key, value) in row.as_object().expect("an object") {
+            let inner = value.get(0).unwrap_or(value).as_object();
+            let inner = inner.into_iter().flat_map(|inner| inner.keys());
+            keys.extend(inner.map(|inner| format!("{key}.{inner}")));
+            keys.push(key.clone());
+        }
+        keys
+    }
+
+    #[test]
+    fn an_interrupted_search_gives_no_recall() {
+        let marks = |text: &str| text.parse::<Outcomes>().expect("marks");
+        let compared = |search: &str| {
+            let mut row = Row {
+                solved: marks("1010t"),
+                recall: None,
+                beyond_search: None,
+                ..complete()
+            };
+            row.compare_with_search(&marks(search));
+            (row.recall, row.beyond_search)
+        };
+        assert_eq!(compared("1100t"), (Some(0.5), Some(1)));
+        assert_eq!(compared("110-t"), (None, None));
+        assert_eq!(compared("0000t"), (None, Some(2)));
+    }
+
+    #[test]
+    fn every_key_of_a_row_is_on_the_page_of_json_keys() {
+        let keys = keys(&complete());
+        assert!(60 < keys.len(), "{keys:?}");
+        for key in keys {
+            let row = format!("| `{key}` | ");
+            assert!(PAGE.contains(&row), "docs/reference/json.md lacks `{key}`");
+        }
+    }
+}

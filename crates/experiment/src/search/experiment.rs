@@ -1,0 +1,293 @@
+//! Experiment: adversaries against an ego, from the same test starts.
+//!
+//! Policies and searches are adversaries alike. Each gives a cell: its row, its result
+//! per start, and the records from which its successes are played again.
+
+use super::list::{Method, Switches};
+use super::request::SearchRequest;
+use super::{Searched, search};
+use crate::adversary::{Ado, Evaluated, RecordedSuccess, best_constant, best_then_brake, eval};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::rulebook::Verdict;
+use crate::run_dir::{AdversaryId, Row};
+use crate::stats::StartOutcome;
+use crate::stl::Explanation;
+use crate::testbench::{Episode, Testbench};
+
+/// Adversary of an experiment.
+#[derive(Clone, Copy)]
+pub enum Adversary<'a> {
+    /// Ado that plays each start.
+    Ado(Ado<'a>),
+    /// Neutral action throughout, so that the ego fails by itself or not at all.
+    Neutral,
+    /// Constant action that succeeds most often.
+    BestConstant,
+    /// Acceleration and then braking, with the most successful moment.
+    ///
+    /// It gives no cell in a world where the ado cannot do both.
+    BestSwitch,
+    /// Search of each start with a number of simulations, 0 for methods without a budget.
+    Search(Method<'a>, u64),
+}
+
+/// Adversaries against an ego, from the same test starts.
+#[derive(Clone)]
+pub struct Experiment<'a> {
+    /// Ego under test, in its world.
+    pub ego: &'a EgoUnderTest,
+    /// Adversaries, in the order of their cells.
+    pub adversaries: Vec<Adversary<'a>>,
+    /// Test starts.
+    pub starts: &'a TestStarts,
+}
+
+/// Row of an ego and an adversary, with the results behind it.
+#[derive(Clone, Debug)]
+pub struct ExperimentCell {
+    /// Ego under test, in the world that was played.
+    pub ego: EgoUnderTest,
+    /// Adversary, as kept counterexamples name it.
+    pub adversary: AdversaryId,
+    /// Test starts.
+    pub starts: TestStarts,
+    /// Rates and costs over all starts.
+    pub row: Row,
+    /// Result per start. `None`: trivial or not reached.
+    pub results: Vec<Option<StartResult>>,
+}
+
+/// Result of an adversary on one start.
+#[derive(Clone, Debug)]
+pub struct StartResult {
+    /// Outcome. A search that finds nothing gives `Held`.
+    pub outcome: StartOutcome,
+    /// Verdict of the episode. `None`: a search has no verdict of its own.
+    pub verdict: Option<Verdict>,
+    /// Closing speed, if the agents touched.
+    pub closing_speed_mps: Option<f64>,
+    /// Number of episodes.
+    pub simulations: u64,
+    /// Physics steps spent.
+    pub physics_steps: u64,
+    pub(crate) success: Option<RecordedSuccess>,
+}
+
+impl<'a> Adversary<'a> {
+    /// Ados that anything learned must beat.
+    pub const BASELINES: [Adversary<'static>; 3] = [
+        Adversary::Ado(Ado::Held),
+        Adversary::Ado(Ado::Random),
+        Adversary::BestConstant,
+    ];
+
+    /// Returns the search of all sequences with at most a number of action switches.
+    pub fn switches(most: usize) -> Adversary<'a> {
+        Adversary::Search(Switches(most).into(), 0)
+    }
+
+    /// Plays the adversary against an ego. `None`: it does not apply to the world.
+    pub fn play(
+        self,
+        ego: &EgoUnderTest,
+        starts: &TestStarts,
+        watch: &Watch<'_>,
+    ) -> Option<ExperimentCell> {
+        let evaluated = match self {
+            Adversary::Ado(ado) => eval(&ego.against(ado, starts), watch),
+            Adversary::Neutral => {
+                let neutral = Ado::Constant(ego.scenario().world().spaces().neutral);
+                let mut evaluated = eval(&ego.against(neutral, starts), watch);
+                evaluated.row.ado = AdversaryId::Neutral;
+                evaluated
+            }
+            Adversary::BestConstant => best_constant(ego, starts, watch),
+            Adversary::BestSwitch => best_then_brake(ego, starts, watch)?,
+            Adversary::Search(method, budget) => {
+                let request = SearchRequest {
+                    scenario: ego.scenario(),
+                    ego: ego.name(),
+                    method,
+                    budget,
+                    starts,
+                };
+                let searched = search(&request, watch);
+                return Some(ExperimentCell::searched(ego, starts, searched));
+            }
+        };
+        Some(ExperimentCell::evaluated(ego, starts, evaluated))
+    }
+}
+
+impl Experiment<'_> {
+    /// Plays every adversary in order.
+    ///
+    /// If `watch` stops, starts that were not reached are marked as such in the rows.
+    pub fn run(&self, watch: &Watch<'_>) -> Vec<ExperimentCell> {
+        let adversaries = self.adversaries.iter();
+        adversaries
+            .filter_map(|adversary| adversary.play(self.ego, self.starts, watch))
+            .collect()
+    }
+
+    /// Plays every adversary in order and returns the rows alone.
+    pub fn rows(&self, watch: &Watch<'_>) -> Vec<Row> {
+        self.run(watch).into_iter().map(|cell| cell.row).collect()
+    }
+}
+
+impl ExperimentCell {
+    /// Creates the cell of an evaluation.
+    pub fn evaluated(
+        ego: &EgoUnderTest,
+        starts: &TestStarts,
+        evaluated: Evaluated,
+    ) -> ExperimentCell {
+        let Evaluated {
+            row,
+            outcomes,
+            successes,
+        } = evaluated;
+        let results = outcomes.into_iter().zip(successes);
+        let results = results.map(|(outcome, success)| {
+            outcome.map(|outcome| StartResult {
+                outcome: StartOutcome::from(&outcome.verdict),
+                verdict: Some(outcome.verdict),
+                closing_speed_mps: outcome.closing_speed_mps,
+                simulations: outcome.simulations,
+                physics_steps: outcome.physics_steps,
+                success,
+            })
+        });
+        ExperimentCell::of(ego, starts, row, results.collect())
+    }
+
+    /// Creates the cell of a search.
+    pub fn searched(ego: &EgoUnderTest, starts: &TestStarts, searched: Searched) -> ExperimentCell {
+        let results = searched.found.into_iter().map(|found| {
+            found.map(|found| StartResult {
+                outcome: match (&found.actions, &found.fault) {
+                    (Some(_), _) => StartOutcome::Solved,
+                    (None, Some(_)) => StartOutcome::Invalid,
+                    (None, None) => StartOutcome::Held,
+                },
+                verdict: None,
+                closing_speed_mps: found.closing_speed_mps,
+                simulations: found.simulations,
+                physics_steps: found.physics_steps,
+                success: found.actions.map(RecordedSuccess::of_actions),
+            })
+        });
+        ExperimentCell::of(ego, starts, searched.row, results.collect())
+    }
+
+    fn of(
+        ego: &EgoUnderTest,
+        starts: &TestStarts,
+        row: Row,
+        results: Vec<Option<StartResult>>,
+    ) -> ExperimentCell {
+        ExperimentCell {
+            ego: ego.clone(),
+            adversary: row.ado.clone(),
+            starts: starts.clone(),
+            row,
+            results,
+        }
+    }
+
+    /// Records trivial starts as successes of the neutral action, in a world of points.
+    ///
+    /// There each point is a question to the ego, which it fails by itself.
+    pub fn record_failing_alone(&mut self) {
+        let scenario = self.ego.scenario();
+        if !scenario.judges_each_ego() {
+            return;
+        }
+        let neutral = scenario.world().spaces().neutral;
+        for (result, trivial) in self.results.iter_mut().zip(&self.starts.trivial) {
+            if *trivial && result.is_none() {
+                *result = Some(StartResult {
+                    outcome: StartOutcome::Trivial,
+                    verdict: None,
+                    closing_speed_mps: None,
+                    simulations: 0,
+                    physics_steps: 0,
+                    success: Some(RecordedSuccess::of_actions(vec![neutral])),
+                });
+            }
+        }
+    }
+
+    /// Returns the positions of the starts from which a success is recorded.
+    pub fn solved(&self) -> Vec<usize> {
+        let recorded = |index: &usize| self.success(*index).is_some();
+        (0..self.results.len()).filter(recorded).collect()
+    }
+
+    fn success(&self, index: usize) -> Option<&RecordedSuccess> {
+        self.results.get(index)?.as_ref()?.success.as_ref()
+    }
+
+    /// Plays the success of a start again, on a bench of the ego's world.
+    ///
+    /// A start without a success is played with action 0 throughout.
+    pub fn replay(&self, bench: &mut Testbench, index: usize) -> Episode {
+        let (start, noise) = &self.starts.starts[index];
+        let success = self.success(index).cloned().unwrap_or_default();
+        success.play(self.ego.scenario(), bench, (start, *noise))
+    }
+
+    /// Explains ρ(ψ_ego) in the first success, with the position of its start.
+    pub fn explain_first(&self) -> Option<(usize, Explanation)> {
+        let index = *self.solved().first()?;
+        let scenario = self.ego.scenario();
+        let episode = self.replay(&mut scenario.bench(), index);
+        let mut judged = episode.trace;
+        judged.truncate(episode.judged);
+        Some((index, scenario.rulebook().spec.explain(&judged)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::test_starts;
+    use crate::sim::PlantKind;
+    use crate::world::Scenario;
+
+    #[test]
+    fn successes_of_policies_and_searches_are_played_again_from_their_cells() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let weak = world.with(&world.reuse()["weak brakes"]).expect("it fits");
+        let ego = EgoUnderTest::nominal(&weak.on(PlantKind::Kinematic));
+        let watch = Watch::unwatched();
+        let starts = test_starts(ego.scenario(), 77, 12, &watch).expect("not stopped");
+        let others = [Adversary::Neutral, Adversary::BestSwitch];
+        let searched = [Adversary::switches(1)];
+        let experiment = Experiment {
+            ego: &ego,
+            adversaries: Adversary::BASELINES
+                .into_iter()
+                .chain(others)
+                .chain(searched)
+                .collect(),
+            starts: &starts,
+        };
+        let cells = experiment.run(&watch);
+        assert_eq!(cells.len(), 6);
+        let mut bench = ego.scenario().bench();
+        for cell in &cells {
+            assert_eq!(cell.solved().len(), cell.row.successes, "{}", cell.row.ado);
+            for index in cell.solved() {
+                let episode = cell.replay(&mut bench, index);
+                assert!(episode.verdict.is_success(), "{} {index}", cell.row.ado);
+            }
+        }
+        let neutral = &cells[3];
+        assert_eq!(neutral.adversary, AdversaryId::Neutral);
+        // Starts on which the ego fails by itself are left out.
+        assert!(neutral.solved().is_empty() && neutral.explain_first().is_none());
+        assert!(cells[5].row.successes > 0 && cells[5].explain_first().is_some());
+    }
+}

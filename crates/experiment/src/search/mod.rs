@@ -1,0 +1,253 @@
+//! Open-loop search per start, and the experiment over ados and searches.
+//!
+//! A search shows which starts an adversary can solve at all, and provides the baselines
+//! that a reusable ado must beat.
+
+mod cem;
+mod confirm;
+#[cfg(test)]
+#[path = "../../../../tests/support/example_search.rs"]
+mod example_search;
+mod experiment;
+mod found;
+mod hold;
+mod list;
+mod method;
+mod mutate;
+mod random;
+mod request;
+mod switches;
+mod tree;
+mod trials;
+mod uniform;
+
+pub use confirm::{Confirmed, Confirmer};
+pub use experiment::StartResult;
+pub use experiment::{Adversary, Experiment, ExperimentCell};
+pub use found::SearchResult;
+pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
+pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError};
+pub use mutate::mutate;
+pub use request::SearchRequest;
+
+use crate::adversary::{
+    RecordedFailure, RecordedSuccess, blank_row, count_solved, groups, naturalness, note_row,
+    success_caption,
+};
+use crate::experiment::Watch;
+use crate::run_dir::{AdversaryId, Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
+use crate::scene::{Dynamics, Start};
+use crate::severity::Impact;
+use crate::sim::PlantKind;
+use crate::stats::{StartOutcome, wilson};
+use crate::testbench::{Testbench, count_faults};
+use crate::world::Scenario;
+use method::StartSearch;
+pub use tree::{Tree, WalkControl};
+
+/// Row of a search and the solutions behind it.
+#[derive(Clone, Debug)]
+pub struct Searched {
+    /// Rates and costs over all starts.
+    pub row: Row,
+    /// Result per start. `None`: trivial or not reached.
+    pub found: Vec<Option<SearchResult>>,
+}
+
+impl Searched {
+    /// Returns the row as if the search had stopped at a smaller budget.
+    pub fn row_within(&self, method: &Method<'_>, budget: u64) -> Row {
+        let marks = self.row.solved.iter().zip(&self.found);
+        let within = |found: &SearchResult| found.within(budget);
+        // Later solutions are beyond the budget and count as unsolved.
+        let solved = marks.map(|(mark, found)| match (mark, found) {
+            (StartOutcome::Solved, Some(found)) if !within(found).1 => StartOutcome::Unsolved,
+            (mark, _) => *mark,
+        });
+        let mut row = self.row.clone();
+        // The counts below are derived from the outcomes, so these are replaced first.
+        row.solved = solved.collect();
+        count_solved(&mut row);
+        let spent: u64 = self.found.iter().flatten().map(|f| within(f).0).sum();
+        row.sims_per_start = spent as f64 / row.starts.max(1) as f64;
+        let found = self.found.iter().flatten();
+        count_contacts(&mut row, found.filter(|found| within(found).1));
+        row.method = method.text(budget, None);
+        // Budgets beyond the cut would be reported otherwise.
+        row.anytime.clear();
+        row
+    }
+}
+
+/// Searches every start until its first success.
+pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
+    watch.phase(&format!("searching {}", request.ego));
+    let searcher = || Searcher::new(request);
+    let found = request
+        .starts
+        .each(watch, searcher, |searcher, from, turn| {
+            let (start, noise) = from;
+            let mut found = searcher.solve((start, *noise), turn.index, watch)?;
+            found.cpu_s = turn.cpu_s();
+            // A program would have to play the episode again.
+            let can_replay = request.scenario.program().is_none();
+            if let Some(actions) = found.actions.as_ref().filter(|_| can_replay) {
+                let caption = || success_caption(request.ego, &AdversaryId::Search, turn.index);
+                let found = RecordedSuccess::of_actions(actions.clone());
+                let again = || found.play(request.scenario, &mut searcher.bench, (start, *noise));
+                watch.show_success(request.scenario, &caption, again);
+            }
+            Some(found)
+        });
+    let row = request.row(&found);
+    note_row(watch, &row);
+    Searched { row, found }
+}
+
+/// Returns the result of the searches with a smaller budget.
+pub fn anytime(found: &[Option<SearchResult>], budget: u64) -> Anytime {
+    let searched = found.iter().flatten().filter(|found| !found.is_invalid());
+    let (mut starts, mut successes, mut simulations) = (0, 0, 0);
+    for (spent, solved) in searched.map(|found| found.within(budget)) {
+        starts += 1;
+        successes += usize::from(solved);
+        simulations += spent;
+    }
+    // Without starts the rates are 0 instead of NaN.
+    let per_start = |sum: f64| sum / starts.max(1) as f64;
+    Anytime {
+        budget,
+        successes,
+        success_rate: per_start(successes as f64),
+        ci95: wilson(successes, starts),
+        sims_per_start: per_start(simulations as f64),
+    }
+}
+
+impl SearchRequest<'_> {
+    /// Returns whether the kinematic plant pre-screens sequences.
+    fn prescreens(&self) -> bool {
+        self.scenario.plant() == Dynamics::Rigid && self.method.info().prescreens
+    }
+
+    /// Returns the budgets in rows: 10, 30, 100, 300 … and the whole budget.
+    fn checkpoints(&self) -> Vec<u64> {
+        if !self.method.info().takes(MethodOption::Budget) {
+            return Vec::new();
+        }
+        // `checked_pow` ends the decades before they overflow.
+        let decades = (1..).map_while(|power| 10u64.checked_pow(power));
+        let steps = decades.flat_map(|decade| [decade, decade.saturating_mul(3)]);
+        let mut budgets: Vec<u64> = steps.take_while(|&budget| budget < self.budget).collect();
+        budgets.push(self.budget);
+        budgets
+    }
+
+    fn row(&self, found: &[Option<SearchResult>]) -> Row {
+        let mut row = blank_row(self.scenario, (self.ego, AdversaryId::Search), self.starts);
+        let searched = found.iter().flatten();
+        row.unconfirmed = self.prescreens().then(|| Unconfirmed {
+            sequences: searched.clone().map(|found| found.unconfirmed).sum(),
+            starts: searched
+                .clone()
+                .filter(|found| 0 < found.unconfirmed && found.actions.is_none())
+                .count(),
+        });
+        row.method = self.method.text(self.budget, row.unconfirmed);
+        let marks = found.iter().zip(&self.starts.trivial);
+        row.solved = marks
+            .map(|(found, trivial)| match (found, trivial) {
+                // A trivial start counts as such, whatever the search found there.
+                (_, true) => StartOutcome::Trivial,
+                (Some(found), _) if found.is_invalid() => StartOutcome::Invalid,
+                (Some(found), _) if found.actions.is_some() => StartOutcome::Solved,
+                (Some(_), _) => StartOutcome::Unsolved,
+                (None, _) => StartOutcome::NotReached,
+            })
+            .collect();
+        count_solved(&mut row);
+        let invalid = found.iter().enumerate().filter_map(|(start, found)| {
+            let found = found.as_ref().filter(|found| found.is_invalid())?;
+            Some((start as u64, found.fault.as_ref()?))
+        });
+        row.faults = count_faults(invalid);
+        // Invalid starts count in no rate, but their cost below is real.
+        let valid = searched.clone().filter(|found| !found.is_invalid());
+        let simulations: u64 = valid.clone().map(|found| found.simulations).sum();
+        row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
+        let violations: u64 = valid.map(|found| found.violations).sum();
+        row.foul_rate = violations as f64 / simulations.max(1) as f64;
+        row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
+        // `sum` of nothing is -0.0, which would be printed with its sign.
+        row.cpu_s = searched.clone().fold(0.0, |sum, found| sum + found.cpu_s);
+        count_contacts(&mut row, searched.clone());
+        let failures: Vec<_> = searched.map(|found| found.failure.as_ref()).collect();
+        row.naturalness = naturalness(self.scenario, &failures);
+        let budgets = self.checkpoints().into_iter();
+        row.anytime = budgets.map(|budget| anytime(found, budget)).collect();
+        row
+    }
+}
+
+/// Fills in the contact statistics of a row with counted starts.
+pub(crate) fn count_contacts<'a>(
+    row: &mut Row,
+    found: impl Iterator<Item = &'a SearchResult> + Clone,
+) {
+    let starts = row.starts.max(1) as f64;
+    let share = |part: usize| part as f64 / starts;
+    let late_violations = found.clone().filter(|found| found.violation_before_contact);
+    let contacts: Vec<f64> = found.clone().filter_map(|f| f.closing_speed_mps).collect();
+    row.foul_before_contact_rate = Some(share(late_violations.count()));
+    row.contact_rate = share(contacts.len());
+    row.closing_speed_mps = ClosingSpeed::of(contacts);
+    row.success_closing_mps = row.closing_speed_mps;
+    let solved = found.clone().filter(|found| found.actions.is_some());
+    let failures: Vec<Option<&RecordedFailure>> =
+        solved.map(|found| found.failure.as_ref()).collect();
+    row.distinct = groups(&failures);
+    let impacts: Vec<Impact> = found.filter_map(|f| f.impact).collect();
+    // Contacts without part of the ego have no impact and are left out.
+    row.severity = ContactSeverity::of(&impacts);
+}
+
+/// Searcher of one worker: the requested bench and a cheap bench for pre-screening.
+struct Searcher<'a> {
+    request: &'a SearchRequest<'a>,
+    cheap: Option<Scenario>,
+    bench: Testbench,
+}
+
+impl<'a> Searcher<'a> {
+    fn new(request: &'a SearchRequest<'a>) -> Searcher<'a> {
+        let cheap = request
+            .prescreens()
+            .then(|| request.scenario.on(PlantKind::Kinematic));
+        Searcher {
+            request,
+            cheap,
+            bench: request.scenario.bench(),
+        }
+    }
+
+    /// Searches one start. `None`: stopped from outside before a result.
+    fn solve(
+        &mut self,
+        from: (&Start, u64),
+        index: usize,
+        watch: &Watch<'_>,
+    ) -> Option<SearchResult> {
+        let (start, noise) = from;
+        let request = self.request;
+        request.method.solve(StartSearch {
+            scenario: request.scenario,
+            cheap: self.cheap.as_ref(),
+            bench: &mut self.bench,
+            start,
+            noise,
+            index,
+            budget: request.budget,
+            watch,
+        })
+    }
+}

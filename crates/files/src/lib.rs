@@ -1,0 +1,26 @@
+//! RON files with the place of each mistake, hashes, and files that appear whole or not at all.
+//!
+//! Part of [brakecheck](https://docs.rs/brakecheck), which re-exports its public items.
+//! This crate makes no semver promise: any release may change or remove an item.
+
+#![warn(
+    clippy::dbg_macro,
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unwrap_used
+)]
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
+)]
+
+pub mod content_hash;
+pub mod ron_file;
+pub mod run_files;
+pub mod visible;
+
+use brakecheck_stl as stl;

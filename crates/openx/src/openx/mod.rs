@@ -1,0 +1,3 @@
+//! Import of OpenSCENARIO files.
+
+pub mod import;

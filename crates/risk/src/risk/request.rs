@@ -1,0 +1,173 @@
+//! Request of a risk, with its settings.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::record::KnownFailure;
+use super::traffic::RiskTraffic;
+use super::value::ValueKind;
+use crate::content_hash;
+use crate::experiment::{EgoUnderTest, Watch};
+use crate::rl::Policy;
+use crate::sim::PlantKind;
+use crate::surrogate::SurrogateWorld;
+
+/// Most runs with random actions.
+const EXPLORING: usize = 5_000;
+/// Most runs of the round that only learns on the plant of the ego.
+///
+/// Proposals from random actions alone may miss a part of the failures, with a narrow
+/// interval.
+const LEARNING_ON_OWN: usize = 5_000;
+
+/// Request of a risk.
+#[derive(Clone)]
+#[non_exhaustive]
+pub struct RiskRequest<'a> {
+    /// Laws of the traffic.
+    pub traffic: &'a RiskTraffic,
+    /// Egos. The ratio of two is of the first to the second.
+    pub egos: &'a [EgoUnderTest],
+    /// Counterexamples from elsewhere.
+    pub known: &'a [KnownFailure],
+    /// Numbers of runs.
+    pub settings: RiskSettings,
+    /// Policy of a trained ado, by which a surrogate sees more dangerous situations.
+    pub policy: Option<&'a dyn Policy>,
+    /// Fault of the proposals on purpose, to measure the checks.
+    #[doc(hidden)]
+    pub fault: Option<ProposalFault>,
+    /// Directory of finished runs, to be resumed from.
+    pub dir: Option<PathBuf>,
+}
+
+/// Fault of proposals that the checks have to find, with no share of the law to bound weights.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum ProposalFault {
+    /// V depends on the remaining time alone.
+    StateBlind,
+    /// V takes all failures but those of a kind for runs without one.
+    Only(&'static str),
+}
+
+/// Numbers of runs of a risk.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct RiskSettings {
+    /// Most runs of an ego.
+    pub budget: usize,
+    /// Natural runs before all others.
+    pub natural: usize,
+    /// Half-width of the interval at which it stops, as a share of the estimate.
+    pub width: f64,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Plant on which proposals are learned, if not the plant of the egos.
+    pub learn_on: Option<PlantKind>,
+    /// Runs of the ego from which a surrogate is fitted, to learn the proposals in.
+    pub surrogate: Option<u64>,
+    /// Form of V.
+    pub value: ValueKind,
+}
+
+impl Default for RiskSettings {
+    fn default() -> RiskSettings {
+        RiskSettings {
+            budget: 100_000,
+            natural: 10_000,
+            width: 0.25,
+            seed: 0,
+            learn_on: None,
+            surrogate: None,
+            value: ValueKind::Network,
+        }
+    }
+}
+
+impl RiskSettings {
+    /// Returns the numbers of natural runs, of runs with random actions, and of runs of a
+    /// learning round on the ego's own plant.
+    pub(super) fn before_rounds(&self) -> [usize; 3] {
+        let natural = self.natural.min(self.budget);
+        let left = self.budget - natural;
+        // Few, because runs that only learn are not part of the estimate.
+        [
+            natural,
+            EXPLORING.min(left / 5),
+            LEARNING_ON_OWN.min(left / 10),
+        ]
+    }
+}
+
+impl<'a> RiskRequest<'a> {
+    /// Creates a request with 100,000 runs per ego and a half-width of 25 %.
+    pub fn new(traffic: &'a RiskTraffic, egos: &'a [EgoUnderTest]) -> RiskRequest<'a> {
+        RiskRequest {
+            traffic,
+            egos,
+            known: &[],
+            settings: RiskSettings::default(),
+            policy: None,
+            fault: None,
+            dir: None,
+        }
+    }
+
+    /// Returns what the stored runs depend on, as the SHA-256 of JSON.
+    ///
+    /// Budget and width only decide on the number of rounds. So a request with a greater
+    /// budget continues from the runs of a smaller one.
+    pub(super) fn fingerprint(&self) -> String {
+        let settings = RiskSettings {
+            budget: 0,
+            natural: 0,
+            width: 0.0,
+            ..self.settings
+        };
+        // A name alone would not reveal an ego that has changed.
+        let egos = self.egos.iter().map(|ego| {
+            let scenario = ego.scenario();
+            json!([ego.name(), ego.change(), scenario.text(), scenario.plant()])
+        });
+        let known = self.known.iter();
+        let known = known.map(|it| json!([it.start, it.noise, it.actions]));
+        content_hash::fingerprint(&json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "egos": egos.collect::<Vec<_>>(),
+            "traffic": self.traffic.sha256,
+            "known": known.collect::<Vec<_>>(),
+            "settings": settings,
+            "before_rounds": self.settings.before_rounds(),
+            "fault": self.fault,
+        }))
+    }
+
+    /// Returns the worlds with a surrogate of every ego, if any. `None`: stopped.
+    ///
+    /// A world whose starts differ with a surrogate has none, and neither has an ego that
+    /// never ran.
+    pub(super) fn surrogates(&self, watch: &Watch<'_>) -> Option<Vec<Option<SurrogateWorld>>> {
+        let RiskSettings {
+            surrogate,
+            seed,
+            learn_on,
+            ..
+        } = self.settings;
+        let Some(runs) = surrogate else {
+            return Some(vec![None; self.egos.len()]);
+        };
+        // The quickest plant, unless another one is named.
+        let plant = learn_on.unwrap_or(PlantKind::Kinematic);
+        let learned = self.egos.iter().map(|ego| {
+            watch.phase(&format!("learning {}", ego.name()));
+            let settings = (runs, seed, plant);
+            let world = ego.scenario();
+            let found = SurrogateWorld::learned(world, self.policy, settings, &watch.quiet());
+            // Sensors of a surrogate are exact, so starts may have no axes of sensors.
+            found.filter(|it| it.scenario.axes() == world.axes())
+        });
+        let learned = learned.collect();
+        (!watch.stopped()).then_some(learned)
+    }
+}

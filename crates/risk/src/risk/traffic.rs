@@ -1,0 +1,201 @@
+//! Traffic of a risk: declared in a file, or fitted to recordings.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::action_law::ActionLaw;
+use super::law_binding::LawBinder;
+use super::start_law::StartLaw;
+use crate::content_hash::sha256;
+use crate::experiment::{TrafficError, traffic_model};
+use crate::ron_file::{
+    LoadError, Ordered, Problem, Problems, ScenarioError, ValuePath, file_text, first_word,
+    parse_ron,
+};
+use crate::scene::drive::DriveWorld;
+use crate::world::{DeclaredTrafficFile, EncounterRate, Scenario};
+use brakecheck_traffic::TrafficModel;
+
+/// Laws of the starts and of the ados' actions in a world.
+///
+/// Read one with [`RiskTraffic::read`], or take that of a world with
+/// [`RiskTraffic::of_world`].
+#[derive(Clone, Debug)]
+pub struct RiskTraffic {
+    /// Origin of the laws.
+    pub source: String,
+    /// Number of encounters like a run, if declared.
+    pub exposure: Option<EncounterRate>,
+    /// Axes of X_init that are uniform, because no law is declared for them.
+    pub uniform_axes: Vec<String>,
+    pub(super) starts: StartLaw,
+    pub(super) actions: ActionLaw,
+    /// SHA-256 of the text of the laws.
+    pub(super) sha256: String,
+}
+
+/// Failure to read the traffic of a risk.
+#[derive(Debug, thiserror::Error)]
+pub enum RiskTrafficError {
+    /// The file cannot be read, or does not fit the world.
+    #[error(transparent)]
+    File(#[from] LoadError),
+    /// The model of recorded traffic cannot be read.
+    #[error(transparent)]
+    Model(#[from] TrafficError),
+    /// The world is not driven.
+    #[error("`{world}` is a grid, in which no traffic drives")]
+    Grid {
+        /// Name of the world.
+        world: String,
+    },
+}
+
+impl RiskTraffic {
+    /// Reads traffic for a world.
+    ///
+    /// `name` is `motorway`, a model of `log --fit`, or a file with `Traffic(…)`. A model
+    /// alone gives the laws of actions, and uniform starts.
+    ///
+    /// # Errors
+    /// The file cannot be read, does not fit the world, or leaves an ado without a law.
+    pub fn read(world: &Scenario, name: &str) -> Result<RiskTraffic, RiskTrafficError> {
+        let text = match name {
+            // The shipped model has no file to read.
+            "motorway" => String::new(),
+            file => file_text(Path::new(file)).map_err(|source| LoadError::Io {
+                file: file.to_owned(),
+                source,
+            })?,
+        };
+        let is_model = first_word(&text).is_none_or(|it| &text[it] == "TrafficModel");
+        if is_model {
+            let laws = Laws::fitted(traffic_model(Some(name))?);
+            return laws.bound(world, name, &text);
+        }
+        RiskTraffic::parse(world, name, &text)
+    }
+
+    /// Reads the text of a file with `Traffic(…)`, whose name is for messages only.
+    ///
+    /// # Errors
+    /// The text does not fit the world, or leaves an ado without a law.
+    pub fn parse(
+        world: &Scenario,
+        name: &str,
+        text: &str,
+    ) -> Result<RiskTraffic, RiskTrafficError> {
+        let file: DeclaredTrafficFile =
+            parse_ron(text).map_err(|problem| placed(name, text, vec![problem]))?;
+        Laws::declared(file, ValuePath::top())?.bound(world, name, text)
+    }
+
+    /// Returns the traffic that a world declares as its `traffic`. `None` without one.
+    ///
+    /// # Errors
+    /// The laws do not fit the world, or leave an ado without a law.
+    pub fn of_world(world: &Scenario) -> Result<Option<RiskTraffic>, RiskTrafficError> {
+        let Some(file) = world.declared_laws() else {
+            return Ok(None);
+        };
+        let laws = Laws::declared(file.clone(), ValuePath::top().to("traffic"))?;
+        laws.bound(world, world.name(), world.text()).map(Some)
+    }
+}
+
+/// Laws before they are bound to a world.
+struct Laws {
+    file: Option<DeclaredTrafficFile>,
+    /// Place of the file in the text.
+    top: ValuePath,
+    model: Option<Arc<TrafficModel>>,
+}
+
+impl Laws {
+    fn fitted(model: Arc<TrafficModel>) -> Laws {
+        Laws {
+            file: None,
+            top: ValuePath::top(),
+            model: Some(model),
+        }
+    }
+
+    fn declared(file: DeclaredTrafficFile, top: ValuePath) -> Result<Laws, TrafficError> {
+        let model = file.model.as_deref();
+        let model = model.map(|model| traffic_model(Some(model))).transpose()?;
+        Ok(Laws {
+            file: Some(file),
+            top,
+            model,
+        })
+    }
+
+    /// Binds the laws to a world, with mistakes placed in a text.
+    fn bound(
+        self,
+        world: &Scenario,
+        name: &str,
+        text: &str,
+    ) -> Result<RiskTraffic, RiskTrafficError> {
+        let Some(driving) = world.drive() else {
+            return Err(RiskTrafficError::Grid {
+                world: world.name().to_owned(),
+            });
+        };
+        let bound = bind((world, driving.world()), self, text);
+        Ok(bound.map_err(|problems| placed(name, text, problems))?)
+    }
+
+    fn source(&self) -> String {
+        let model = self.model.as_ref().map(|model| model.name.clone());
+        match (&self.file, model) {
+            (Some(file), None) => file.source.clone(),
+            (Some(file), Some(model)) => format!("{}; model `{model}`", file.source),
+            (None, model) => format!("model `{}`", model.unwrap_or_default()),
+        }
+    }
+}
+
+fn placed(file: &str, text: &str, problems: Vec<Problem>) -> LoadError {
+    LoadError::Scenario(Box::new(ScenarioError {
+        file: file.to_owned(),
+        text: text.to_owned(),
+        problems,
+    }))
+}
+
+fn bind(
+    (world, driving): (&Scenario, &DriveWorld),
+    laws: Laws,
+    text: &str,
+) -> Result<RiskTraffic, Vec<Problem>> {
+    let mut problems = Problems::new(text);
+    let none = Ordered::default();
+    let declared = laws.file.as_ref().map_or(&none, |file| &file.starts);
+    let starts = StartLaw::bind(world, (&laws.top, declared), &mut problems);
+    let uniform = world.axes().into_iter().map(|axis| axis.name);
+    let uniform = uniform.filter(|axis| !declared.0.contains_key(axis));
+    let bench = world.bench();
+    let actions = LawBinder {
+        spec: driving.spec(),
+        schema: bench.schema(),
+        top: laws.top.clone(),
+        model: laws.model.clone(),
+        problems: &mut problems,
+    }
+    .bind(laws.file.as_ref().map(|file| &file.ados));
+    problems.done()?;
+    // Invariant: laws without a problem are bound.
+    let actions = actions.ok_or_else(|| problems.into_list())?;
+    // The text of a model counts too, since its file may change under its name.
+    let model = laws.model.as_ref().map(|model| model.to_ron());
+    let model = model.unwrap_or_default();
+    Ok(RiskTraffic {
+        source: laws.source(),
+        exposure: laws.file.as_ref().and_then(|file| file.exposure),
+        uniform_axes: uniform.collect(),
+        starts,
+        actions,
+        sha256: sha256(format!("{text}{model}").as_bytes()),
+    })
+}

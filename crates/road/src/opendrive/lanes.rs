@@ -1,0 +1,221 @@
+//! Lanes of roads: sections, widths and offsets along the reference line.
+
+use super::curve::{Cubic, begun};
+use super::error::ImportError;
+use super::scope::ParameterScope;
+use super::tree::XmlNode;
+
+/// Lane of a section.
+#[derive(Clone, Debug)]
+pub struct SectionLane {
+    /// Id in the file: positive to the left of the reference line.
+    pub id: i32,
+    widths: Vec<Cubic>,
+    /// True for a driving lane.
+    pub drives: bool,
+    /// Lanes that it continues, before and after it along the reference line.
+    pub links: [Option<i32>; 2],
+}
+
+/// Lanes from a station on.
+#[derive(Clone, Debug)]
+pub struct OpenDriveLaneSection {
+    pub(crate) s_m: f64,
+    /// Lanes of the section.
+    pub lanes: Vec<SectionLane>,
+}
+
+/// All lanes of a road.
+#[derive(Clone, Debug)]
+pub struct RoadLanes {
+    offsets: Vec<Cubic>,
+    /// Superelevation in radians.
+    banks: Vec<Cubic>,
+    pub(crate) sections: Vec<OpenDriveLaneSection>,
+}
+
+impl OpenDriveLaneSection {
+    pub(crate) fn lane(&self, id: i32) -> Option<&SectionLane> {
+        self.lanes.iter().find(|lane| lane.id == id)
+    }
+}
+
+impl RoadLanes {
+    /// Reads the `lanes` of a road. The first problem is kept in `refused`.
+    pub fn of(
+        road: &XmlNode,
+        lanes: &XmlNode,
+        refused: &mut Option<ImportError>,
+    ) -> Result<RoadLanes, ImportError> {
+        let offsets = lanes.all("laneOffset").map(|it| cubic(it, "s", 0.0));
+        let profile = road.child("lateralProfile").into_iter();
+        let banks = profile.flat_map(|it| it.all("superelevation"));
+        let banks = banks.map(|it| cubic(it, "s", 0.0));
+        let sections = lanes.all("laneSection").map(|section| {
+            let s_m = ParameterScope::default().number_or_zero(section, "s")?;
+            let sides = section.children.iter().flat_map(|side| side.all("lane"));
+            let lanes = sides.map(|lane| section_lane(lane, s_m, refused));
+            Ok(OpenDriveLaneSection {
+                s_m,
+                lanes: lanes.collect::<Result<_, ImportError>>()?,
+            })
+        });
+        Ok(RoadLanes {
+            sections: sections.collect::<Result<_, ImportError>>()?,
+            offsets: offsets.collect::<Result<_, ImportError>>()?,
+            banks: banks.collect::<Result<_, ImportError>>()?,
+        })
+    }
+
+    /// Returns the number and the lanes of the section at a station.
+    pub fn section(&self, s_m: f64) -> Option<(usize, &OpenDriveLaneSection)> {
+        let sections = self.sections.iter().enumerate();
+        let found = sections.rev().find(|(_, section)| section.s_m <= s_m);
+        found.or_else(|| self.sections.iter().enumerate().next())
+    }
+
+    /// Lateral position of the middle of a lane, and its slope along the road.
+    ///
+    /// `None` if the section at this station has no such lane.
+    pub fn middle(&self, (section, s_m): (usize, f64), lane: i32) -> Option<(f64, f64)> {
+        let lanes = self.sections.get(section)?;
+        let offset = begun(&self.offsets, s_m);
+        let (mut t_m, mut slope) = (offset.at(s_m), offset.slope(s_m));
+        let sign = f64::from(lane.signum());
+        // All lanes between the reference line and the lane add up, driven or
+        // not.
+        for id in 1..=lane.abs() {
+            let width = begun(&lanes.lane(id * lane.signum())?.widths, s_m);
+            let share = if id == lane.abs() { 0.5 } else { 1.0 };
+            t_m += sign * share * width.at(s_m);
+            slope += sign * share * width.slope(s_m);
+        }
+        let (flat, flat_slope) = self.flat(s_m);
+        Some((t_m * flat, slope * flat + t_m * flat_slope))
+    }
+
+    /// Share of a width that is left in the plane of a banked road, and its slope.
+    pub fn flat(&self, s_m: f64) -> (f64, f64) {
+        let bank = begun(&self.banks, s_m);
+        let (sin, cos) = libm::sincos(bank.at(s_m));
+        (cos, -sin * bank.slope(s_m))
+    }
+
+    /// Returns the lane and the station at which a lane begins on its road.
+    ///
+    /// In the direction of travel, back over the links of sections.
+    pub fn first_of(
+        &self,
+        (mut lane, forward): (i32, bool),
+        s_m: f64,
+        length_m: f64,
+    ) -> (i32, f64) {
+        let mut section = self.section(s_m).map_or(0, |(section, _)| section);
+        loop {
+            let before = if forward {
+                section.checked_sub(1)
+            } else {
+                Some(section + 1).filter(|next| *next < self.sections.len())
+            };
+            let links = self.sections.get(section).and_then(|it| it.lane(lane));
+            let link = links.and_then(|it| it.links[usize::from(!forward)]);
+            match before.zip(link.filter(|link| link * lane > 0)) {
+                Some((before, link)) => (section, lane) = (before, link),
+                None => break,
+            }
+        }
+        let begins_m = self.sections.get(section).map_or(0.0, |it| it.s_m);
+        let ends_m = self.sections.get(section + 1).map_or(length_m, |it| it.s_m);
+        (lane, if forward { begins_m } else { ends_m })
+    }
+
+    /// Returns the lane at a lateral position, driven or not.
+    pub fn lane_at(&self, s_m: f64, t_m: f64) -> Option<i32> {
+        let (number, section) = self.section(s_m)?;
+        let is_on = |id: &i32| {
+            let middle = self.middle((number, s_m), *id);
+            let half_m = self.width_m(s_m, *id).unwrap_or(0.0) / 2.0;
+            middle.is_some_and(|(middle_m, _)| (t_m - middle_m).abs() <= half_m)
+        };
+        let lanes = section.lanes.iter().map(|lane| lane.id);
+        lanes.filter(|id| *id != 0).find(is_on)
+    }
+
+    /// Width of a lane in metres at a station.
+    pub fn width_m(&self, s_m: f64, lane: i32) -> Option<f64> {
+        let (_, section) = self.section(s_m)?;
+        let width = begun(&section.lane(lane)?.widths, s_m);
+        Some(width.at(s_m) * self.flat(s_m).0)
+    }
+
+    /// Lateral position of the middle of a lane that keeps it on the whole road.
+    pub fn fixed_m(&self, lane: i32) -> Option<f64> {
+        let sides = 1..=lane.abs();
+        let mut widths = self.sections.iter().flat_map(|section| {
+            let lanes = sides
+                .clone()
+                .filter_map(|id| section.lane(id * lane.signum()));
+            lanes.flat_map(|lane| &lane.widths)
+        });
+        let mut others = self.offsets.iter().chain(&self.banks);
+        if !widths.all(Cubic::is_constant) || !others.all(Cubic::is_constant) {
+            return None;
+        }
+        // Constant polynomials may still step, where one begins.
+        let begins = self.sections.iter().enumerate().flat_map(|(i, section)| {
+            let ends_m = self.sections.get(i + 1).map_or(f64::INFINITY, |it| it.s_m);
+            let widths = section.lanes.iter().flat_map(|lane| &lane.widths);
+            let begins = widths.chain(&self.offsets).chain(&self.banks);
+            let begins = begins.map(|it| it.from_m);
+            let within = begins.filter(move |s_m| (section.s_m..ends_m).contains(s_m));
+            within.chain([section.s_m]).map(move |s_m| (i, s_m))
+        });
+        let middles: Option<Vec<f64>> = begins
+            .map(|at| self.middle(at, lane).map(|(t_m, _)| t_m))
+            .collect();
+        let middles = middles?;
+        let first_m = *middles.first()?;
+        middles.iter().all(|t_m| *t_m == first_m).then_some(first_m)
+    }
+}
+
+/// Reads the heights of a road's reference line.
+pub(super) fn heights_of(road: &XmlNode) -> Result<Vec<Cubic>, ImportError> {
+    let profile = road.child("elevationProfile").into_iter();
+    let heights = profile.flat_map(|it| it.all("elevation"));
+    heights.map(|it| cubic(it, "s", 0.0)).collect()
+}
+
+/// Polynomial with its start, which counts from `from_m`.
+fn cubic(node: &XmlNode, start: &str, from_m: f64) -> Result<Cubic, ImportError> {
+    let plain = ParameterScope::default();
+    let [a, b, c, d] = ["a", "b", "c", "d"].map(|term| plain.number_or_zero(node, term));
+    Ok(Cubic {
+        from_m: from_m + plain.number_or_zero(node, start)?,
+        terms: [a?, b?, c?, d?],
+    })
+}
+
+fn section_lane(
+    lane: &XmlNode,
+    s_m: f64,
+    refused: &mut Option<ImportError>,
+) -> Result<SectionLane, ImportError> {
+    let plain = ParameterScope::default();
+    if let Some(border) = lane.child("border") {
+        let help = "give the lane a `width`";
+        refused.get_or_insert_with(|| border.refused("a lane with a `border` is not read", help));
+    }
+    let widths = lane.all("width").map(|it| cubic(it, "sOffset", s_m));
+    let link = |name: &str| {
+        let node = lane.child("link").and_then(|it| it.child(name));
+        let id = node.map(|it| plain.number(it, "id"));
+        Ok::<_, ImportError>(id.transpose()?.map(|id| id as i32))
+    };
+    Ok(SectionLane {
+        id: plain.number(lane, "id")? as i32,
+        widths: widths.collect::<Result<_, ImportError>>()?,
+        drives: lane.raw("type") == Some("driving"),
+        links: [link("predecessor")?, link("successor")?],
+    })
+}

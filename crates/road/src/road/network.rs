@@ -1,0 +1,197 @@
+//! All roads of a world, and the crossings between the paths of its agents.
+
+use super::course::{Course, OnRoad, wrapped};
+use super::placement::{Direction, Priority};
+use crate::pose::Pose;
+
+/// Length beyond the pieces of a road that is searched for crossings.
+const BEYOND_M: f64 = 1000.0;
+/// Step of the search along a path. Two crossings closer than this are missed.
+const STEP_M: f64 = 0.5;
+/// Largest distance at which a point counts as lying on a path.
+const ON_M: f64 = 1e-6;
+
+/// The roads of a world with their courses.
+#[derive(Clone, Debug)]
+pub struct RoadNetwork {
+    /// The world's own road, then the named ones in file order.
+    courses: Vec<Course>,
+    /// Index of the course of each agent.
+    road_of: Vec<usize>,
+    /// Crossings by pair of agents, in the order in which the first reaches them.
+    ///
+    /// Paths on the same road never cross.
+    crossings: Vec<Vec<Vec<Crossing>>>,
+}
+
+/// Place of an agent across its road, for the crossings of paths.
+#[derive(Clone, Copy, Debug)]
+pub struct Traveller {
+    /// Index of its road.
+    pub road: usize,
+    /// Distance of its path to the left of the road's course.
+    pub lateral_m: f64,
+    /// Its driving direction.
+    pub direction: Direction,
+}
+
+/// A crossing of two paths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Station along the road of the first agent.
+    pub s_m: f64,
+    /// Angle from its driving direction to the other's, counter-clockwise.
+    pub turned_rad: f64,
+}
+
+impl RoadNetwork {
+    /// Builds the network of the courses on which these agents travel.
+    pub fn new(courses: Vec<Course>, travellers: &[Traveller]) -> RoadNetwork {
+        let line = |i: usize| TravelLine {
+            course: courses[travellers[i].road].clone(),
+            lateral_m: travellers[i].lateral_m,
+            direction: travellers[i].direction,
+        };
+        let crossings = |a: usize| {
+            let others = (0..travellers.len()).map(|b| {
+                if travellers[a].road == travellers[b].road {
+                    Vec::new()
+                } else {
+                    line(a).crossed_by(&line(b))
+                }
+            });
+            others.collect()
+        };
+        RoadNetwork {
+            crossings: if courses.len() == 1 {
+                Vec::new()
+            } else {
+                (0..travellers.len()).map(crossings).collect()
+            },
+            road_of: travellers.iter().map(|traveller| traveller.road).collect(),
+            courses,
+        }
+    }
+
+    /// Returns the course of the world's own road.
+    pub fn main(&self) -> &Course {
+        &self.courses[0]
+    }
+
+    /// Returns all courses, the world's own first.
+    pub fn courses(&self) -> &[Course] {
+        &self.courses
+    }
+
+    /// Returns the course of an agent's road.
+    #[inline]
+    pub fn course_of(&self, agent: usize) -> &Course {
+        &self.courses[self.road_of[agent]]
+    }
+
+    /// Returns whether two agents are on the same road.
+    #[inline]
+    pub fn share_road(&self, a: usize, b: usize) -> bool {
+        self.road_of[a] == self.road_of[b]
+    }
+
+    /// Returns the road coordinates of an agent in a pose.
+    #[inline]
+    pub fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
+        self.course_of(agent).locate(pose)
+    }
+
+    /// Returns the crossings of `a` with `b`, in the order in which `a` arrives.
+    pub fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
+        let of_a = self.crossings.get(a).and_then(|all| all.get(b));
+        of_a.map_or(&[], Vec::as_slice)
+    }
+}
+
+/// A line beside a course, driven in a direction.
+struct TravelLine {
+    course: Course,
+    lateral_m: f64,
+    direction: Direction,
+}
+
+impl TravelLine {
+    /// Returns the offset of a point of the other path to the left of this path.
+    fn offset_m(&self, other: &TravelLine, s_m: f64) -> f64 {
+        let at = other.course.pose(s_m, other.lateral_m);
+        self.course.locate(&at).lateral_m - self.lateral_m
+    }
+
+    /// Returns the crossings with another path, in driving order.
+    ///
+    /// Follows the other path and detects where it changes sides.
+    fn crossed_by(&self, other: &TravelLine) -> Vec<Crossing> {
+        let steps = (other.course.end_s_m() + 2.0 * BEYOND_M) / STEP_M;
+        let s_m = |step: usize| step as f64 * STEP_M - BEYOND_M;
+        let mut found = Vec::new();
+        let mut before_m = self.offset_m(other, s_m(0));
+        for step in 1..=steps.ceil() as usize {
+            let here_m = self.offset_m(other, s_m(step));
+            if (before_m < 0.0) != (here_m < 0.0) {
+                found.extend(self.crossing(other, (s_m(step - 1), s_m(step)), before_m < 0.0));
+            }
+            before_m = here_m;
+        }
+        found.sort_by(|a: &Crossing, b| a.s_m.total_cmp(&b.s_m));
+        if self.direction == Direction::Against {
+            found.reverse();
+        }
+        found
+    }
+
+    /// Locates a crossing between two stations of the other path by bisection.
+    ///
+    /// Returns `None` if the sign changes at a bend far from this road.
+    fn crossing(
+        &self,
+        other: &TravelLine,
+        (mut from_m, mut to_m): (f64, f64),
+        from_right: bool,
+    ) -> Option<Crossing> {
+        // 60 halvings of a 0.5 m step exceed the precision of f64, so the loop
+        // needs no tolerance.
+        for _ in 0..60 {
+            let middle_m = 0.5 * (from_m + to_m);
+            if (self.offset_m(other, middle_m) < 0.0) == from_right {
+                from_m = middle_m
+            } else {
+                to_m = middle_m
+            }
+        }
+        let there = other.course.pose(from_m, other.lateral_m);
+        let at = self.course.locate(&there);
+        let turn_rad = |direction| match direction {
+            Direction::With => 0.0,
+            Direction::Against => core::f64::consts::PI,
+        };
+        let crossing = Crossing {
+            s_m: at.s_m,
+            turned_rad: wrapped(
+                at.heading_rad + turn_rad(other.direction) - turn_rad(self.direction),
+            ),
+        };
+        // Distances to a bent road jump where its nearest piece changes. Only a
+        // point on the path itself is a crossing.
+        ((at.lateral_m - self.lateral_m).abs() < ON_M).then_some(crossing)
+    }
+}
+
+/// Returns whether `a` has right of way over `b` where their paths cross.
+///
+/// The road of higher priority goes first. On equal roads, an agent yields to
+/// traffic from its right. A left turn therefore yields to oncoming traffic.
+/// Paths that never cross have no order.
+pub fn goes_first(crossings: &[Crossing], [a, b]: [Priority; 2]) -> bool {
+    match (crossings.first(), a.cmp(&b)) {
+        (None, _) => false,
+        (Some(_), core::cmp::Ordering::Greater) => true,
+        (Some(_), core::cmp::Ordering::Less) => false,
+        // Traffic from the right continues to the left.
+        (Some(crossing), core::cmp::Ordering::Equal) => libm::sin(crossing.turned_rad) < 0.0,
+    }
+}

@@ -1,0 +1,111 @@
+//! How natural ados drive, by a model of recorded traffic.
+//!
+//! [`AdoLimit`] leaves an ado only actions that real drivers take often enough, and
+//! [`Naturalness`] states how rare an ado's driving was.
+//!
+//! Architecture Invariant: nothing here judges an ego or reads a rule.
+
+pub mod behaviour;
+mod limited_scene;
+mod naturalness;
+mod vehicle_meter;
+
+use std::fmt::{self, Display, Formatter};
+use std::sync::{Arc, LazyLock};
+
+use serde::{Deserialize, Serialize};
+
+use crate::content_hash;
+use brakecheck_traffic::TrafficModel;
+
+pub(crate) use limited_scene::LimitedScene;
+pub use naturalness::{Naturalness, NaturalnessOfRow, SuccessRarity};
+
+/// Model of real drivers with a least rate of events for ados.
+///
+/// An action is allowed if the braking event or cut-in that it starts or continues is at
+/// least as frequent among real drivers. The neutral action is always allowed.
+#[derive(Clone, Debug)]
+pub struct AdoLimit {
+    /// Model of real drivers.
+    pub model: Arc<TrafficModel>,
+    /// Least rate of an event per 1,000 km.
+    pub per_1000_km: f64,
+}
+
+/// Returns the shipped model of motorway traffic.
+pub fn motorway() -> Arc<TrafficModel> {
+    static MODEL: LazyLock<Arc<TrafficModel>> = LazyLock::new(|| TrafficModel::motorway().into());
+    Arc::clone(&MODEL)
+}
+
+/// Traffic in which the ados of a world drive.
+#[derive(Clone, Debug)]
+pub struct DeclaredTraffic {
+    /// Model of real drivers.
+    pub model: Arc<TrafficModel>,
+    /// Least rate of an ado's events per 1,000 km, if they are limited.
+    pub per_1000_km: Option<f64>,
+    /// True if the user named the model.
+    pub is_declared: bool,
+}
+
+/// Traffic and limit of a training, as its run directory has them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NaturalTraining {
+    /// Least rate of an event per 1,000 km.
+    pub per_1000_km: f64,
+    /// RON text of the traffic model.
+    pub traffic: String,
+}
+
+impl NaturalTraining {
+    /// Returns those of some traffic, `None` without a limit.
+    pub fn of(traffic: &DeclaredTraffic) -> Option<NaturalTraining> {
+        traffic.per_1000_km.map(|per_1000_km| NaturalTraining {
+            per_1000_km,
+            traffic: traffic.model.to_ron(),
+        })
+    }
+}
+
+impl Display for NaturalTraining {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let model = content_hash::sha256(self.traffic.as_bytes());
+        write!(
+            f,
+            "{} per 1,000 km in the traffic {}",
+            self.per_1000_km,
+            &model[..8]
+        )
+    }
+}
+
+impl Default for DeclaredTraffic {
+    fn default() -> DeclaredTraffic {
+        DeclaredTraffic {
+            model: motorway(),
+            per_1000_km: None,
+            is_declared: false,
+        }
+    }
+}
+
+impl DeclaredTraffic {
+    /// Returns the limit on the ados, if there is one.
+    pub fn limit(&self) -> Option<AdoLimit> {
+        self.per_1000_km.map(|per_1000_km| AdoLimit {
+            model: Arc::clone(&self.model),
+            per_1000_km,
+        })
+    }
+
+    /// Returns the naturalness of a row's successes, `None` if none has a rarity.
+    pub fn of_row(&self, successes: &[&SuccessRarity]) -> Option<NaturalnessOfRow> {
+        let is_of_interest = self.is_declared || !successes.is_empty();
+        is_of_interest.then(|| {
+            NaturalnessOfRow::of(&self.model, self.per_1000_km, successes, self.is_declared)
+        })
+    }
+}

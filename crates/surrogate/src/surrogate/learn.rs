@@ -1,0 +1,361 @@
+//! Learning of an ego from recorded runs, and of the ado inside its surrogate.
+//!
+//! A policy acts on observations, so it follows an ego that strays from the prediction.
+//! A plan would have to be made again but fits its start better.
+//! The better of both is chosen per start.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::dataset::{
+    RecordedRun, judged_on, labelled, mixed, open_loop_runs, planned, samples, starts,
+};
+use super::emergency_brake::EmergencyBrake;
+use super::fine_tune::fine_tuned;
+use super::fitted_model::FittedModel;
+use super::model::Surrogate;
+use super::model_fit::fit_models;
+use super::model_kind::kinds_except;
+use super::open_loop_actions::{TriedActions, best_fixed};
+use super::plan::Planner;
+use super::planning_budget::PlanningBudget;
+use super::strategy::Policies;
+use super::surrogate_error::{SurrogateError, error_of};
+use super::surrogate_fit::fit;
+use crate::experiment::Watch;
+use crate::rl::{Policy, TensorFile, load_policy};
+use crate::scene::Start;
+use crate::sim::PlantKind;
+use crate::stats::{predicted, wilson};
+use crate::world::{DriveScenario, Scenario};
+
+/// Smallest number of runs of an ego that learning requires.
+pub const LEAST_RUNS: u64 = 10;
+/// Number of runs from which three rounds are recorded instead of two.
+const THREE_ROUNDS: u64 = 90;
+/// Updates of each network after every round except the last round.
+const UPDATES: u64 = 40_000;
+/// Updates after the last round.
+const LAST_UPDATES: u64 = 120_000;
+
+/// Request to learn an ego.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct LearnEgoRequest<'a> {
+    /// World with its own ego, which determines the trivial starts.
+    pub nominal: &'a Scenario,
+    /// World with the ego under test, which is only run.
+    pub ego: DriveScenario<'a>,
+    /// Policy of the trained ado.
+    pub policy: &'a dyn Policy,
+    /// Bundle to continue training from inside the surrogate, if any.
+    pub bundle: Option<&'a TensorFile>,
+    /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`].
+    pub runs: u64,
+    /// Kinds of stock controllers that are not compared with the ego.
+    ///
+    /// They are treated as unpublished.
+    pub unknown: &'a [&'a str],
+    /// Seed of the starts and of the fit.
+    pub seed: u64,
+}
+
+impl<'a> LearnEgoRequest<'a> {
+    /// Returns a request with seed 0 that compares the ego with every stock controller.
+    pub fn new(
+        nominal: &'a Scenario,
+        ego: DriveScenario<'a>,
+        policy: &'a dyn Policy,
+        runs: u64,
+    ) -> LearnEgoRequest<'a> {
+        LearnEgoRequest {
+            nominal,
+            ego,
+            policy,
+            bundle: None,
+            runs,
+            unknown: &[],
+            seed: 0,
+        }
+    }
+
+    /// Sets the bundle to continue training from inside the surrogate.
+    pub fn bundle(self, bundle: &'a TensorFile) -> LearnEgoRequest<'a> {
+        LearnEgoRequest {
+            bundle: Some(bundle),
+            ..self
+        }
+    }
+
+    /// Sets the kinds of stock controllers that are not compared with the ego.
+    pub fn unknown(self, unknown: &'a [&'a str]) -> LearnEgoRequest<'a> {
+        LearnEgoRequest { unknown, ..self }
+    }
+
+    /// Sets the seed of the starts and of the fit.
+    pub fn seed(self, seed: u64) -> LearnEgoRequest<'a> {
+        LearnEgoRequest { seed, ..self }
+    }
+}
+
+/// Way in which an ado acts against a learned ego.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Acts {
+    /// Every start is planned in the surrogate.
+    Planned,
+    /// Every start is played by the trained policy.
+    #[serde(rename = "as trained")]
+    AsTrained,
+    /// The same actions are played from every start.
+    #[serde(rename = "alike")]
+    OpenLoop,
+}
+
+/// Facts recorded while an ego was learned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct LearnedFrom {
+    /// Runs of the ego that were recorded.
+    pub runs: u64,
+    /// Prediction error of the surrogate. `None`: no run was long enough.
+    pub error: Option<SurrogateError>,
+    /// Runs of the last round, planned like the test starts.
+    pub planned: u64,
+    /// Planned runs in which the ego failed and the ado kept every rule.
+    pub(crate) planned_successes: u64,
+    /// Runs of the first round in which the ado followed its trained policy.
+    pub(crate) as_trained: u64,
+    /// Such runs in which the ego failed and the ado kept every rule.
+    pub(crate) as_trained_successes: u64,
+    /// Actions that are the same from every start, with their results.
+    ///
+    /// They are tried in the last round, in turn with the plans, if the surrogate does not
+    /// predict the ego.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) fixed: Option<TriedActions>,
+    /// Plant on which plans are judged.
+    ///
+    /// It is the kinematic plant where all vehicles move on it as on the world's own plant,
+    /// which is slower.
+    pub(crate) judged_on: PlantKind,
+    /// Emergency brake fitted to the ego.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) brake: Option<EmergencyBrake>,
+    /// Most similar stock controllers, the nearest first.
+    #[serde(rename = "alike")]
+    pub nearest: Vec<FittedModel>,
+}
+
+impl LearnedFrom {
+    /// Returns the expected share of solved starts and its 95 % interval.
+    ///
+    /// The interval predicts the share among `starts` further starts.
+    pub fn expected(&self, starts: usize) -> (f64, [f64; 2]) {
+        let (successes, runs) = match self.acts() {
+            Acts::Planned => self.by_plans(),
+            Acts::AsTrained => (self.as_trained_successes, self.as_trained),
+            Acts::OpenLoop => self.by_open_loop(),
+        };
+        let rate = successes as f64 / runs.max(1) as f64;
+        (rate, predicted(successes as usize, runs as usize, starts))
+    }
+
+    /// Returns the way in which the ado acts.
+    ///
+    /// It plans, unless a simpler way did clearly better in the runs of the ego.
+    /// Later plans are made with more runs than the counted ones. Fixed actions must
+    /// therefore exceed the upper bound of the plans' interval.
+    /// The trained policy has few runs, so the lower bound of its interval must exceed the
+    /// upper bound of the best alternative.
+    pub(crate) fn acts(&self) -> Acts {
+        let rate = |(successes, runs): (u64, u64)| successes as f64 / runs.max(1) as f64;
+        let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
+        let (planned, open_loop) = (self.by_plans(), self.by_open_loop());
+        let [_, most] = interval(planned);
+        let (best, acts) = if most < rate(open_loop) {
+            (open_loop, Acts::OpenLoop)
+        } else {
+            (planned, Acts::Planned)
+        };
+        let ([as_trained, _], [_, most]) = (
+            interval((self.as_trained_successes, self.as_trained)),
+            interval(best),
+        );
+        if most < as_trained {
+            Acts::AsTrained
+        } else {
+            acts
+        }
+    }
+
+    fn by_plans(&self) -> (u64, u64) {
+        (self.planned_successes, self.planned)
+    }
+
+    fn by_open_loop(&self) -> (u64, u64) {
+        let tried = self.fixed.as_ref();
+        tried.map_or((0, 0), |tried| (tried.successes, tried.runs))
+    }
+}
+
+/// Learned ego: its surrogate, and the expected success of plans in it.
+#[derive(Clone, Debug)]
+pub struct LearnedEgo {
+    pub(super) surrogate: Arc<Surrogate>,
+    /// Policy that the ado learned inside the surrogate.
+    pub(super) fine_tuned: Option<Arc<TensorFile>>,
+    /// Facts recorded while the ego was learned.
+    pub from: LearnedFrom,
+}
+
+/// Records an ego and fits a surrogate to it.
+///
+/// Returns `None` if stopped, or if the ego never ran.
+///
+/// Equal requests give equal results on any number of threads, if the ego is
+/// deterministic.
+pub(crate) fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
+    let LearnEgoRequest {
+        nominal,
+        ego,
+        policy,
+        bundle,
+        runs,
+        unknown,
+        seed,
+    } = *request;
+    let mut kinds = kinds_except(unknown);
+    let mut learned = |runs: &[RecordedRun], (brake, updates): (Option<EmergencyBrake>, u64)| {
+        let labelled = labelled(ego, runs);
+        let found = fit_models(&labelled, &kinds, seed, watch);
+        // Later rounds fit only the kinds that came close in the round before.
+        let nearest: Arc<[FittedModel]> = found.nearest.into();
+        kinds = found.kinds;
+        let settings = (brake, updates, seed);
+        fit(&samples(&labelled, &nearest), &nearest, settings, watch)
+    };
+    let all = starts(nominal, runs, seed);
+    let rounds = if THREE_ROUNDS <= runs { 3 } else { 2 };
+    let mut rounds = all.chunks(all.len().div_ceil(rounds).max(1));
+    let mut recorded = mixed(ego, policy, rounds.next()?, watch);
+    let as_trained = recorded.iter().filter(|run| run.as_trained);
+    let mut from = LearnedFrom {
+        runs: all.len() as u64,
+        error: None,
+        planned: 0,
+        planned_successes: 0,
+        as_trained: as_trained.clone().count() as u64,
+        as_trained_successes: as_trained.filter(|run| run.is_success).count() as u64,
+        fixed: None,
+        judged_on: judged_on(ego, &recorded),
+        brake: None,
+        nearest: Vec::new(),
+    };
+    let mut surrogate = learned(&recorded, (None, UPDATES))?;
+    let rounds: Vec<_> = rounds.collect();
+    let mut inside = None;
+    for (round, starts) in rounds.iter().enumerate() {
+        let is_last = round + 1 == rounds.len();
+        // The runs of the last round are played like the test starts.
+        if is_last {
+            // A second policy is therefore available from this round on.
+            inside = fine_tuned(ego, bundle, (&surrogate, seed), watch);
+        }
+        let followed = inside.as_ref().and_then(|inside| load_policy(inside).ok());
+        let policies = Policies {
+            as_trained: policy,
+            fine_tuned: followed.as_deref(),
+        };
+        let model = (&surrogate, from.judged_on);
+        let planner = || Planner::new(ego, model, (policies, PlanningBudget::BRIEF), watch);
+        // Half of the last round tests fixed actions if the surrogate does not predict the ego.
+        let is_unsure = is_last && from.error.is_some_and(|error| !error.predicts_well());
+        let [to_plan, to_compare] = if is_unsure {
+            interleaved(starts)
+        } else {
+            [starts.to_vec(), Vec::new()]
+        };
+        let found = planned(ego, planner, &to_plan, watch);
+        if is_unsure && let Some(actions) = best_fixed(ego, &surrogate, &all) {
+            let tried = open_loop_runs(ego, &actions, &to_compare, watch);
+            let successes = tried.iter().filter(|run| run.is_success).count() as u64;
+            from.fixed = Some(TriedActions {
+                actions,
+                runs: tried.len() as u64,
+                successes,
+            });
+            recorded.extend(tried);
+        }
+        if watch.stopped() {
+            return None;
+        }
+        // The error is measured before the refit, so these runs are new to the surrogate.
+        from.error = error_of(ego, &surrogate, &found).or(from.error);
+        from.planned = found.len() as u64;
+        from.planned_successes = found.iter().filter(|run| run.is_success).count() as u64;
+        recorded.extend(found);
+        let updates = if is_last { LAST_UPDATES } else { UPDATES };
+        surrogate = learned(&recorded, (surrogate.brake, updates))?;
+    }
+    from.nearest = surrogate.nearest.to_vec();
+    from.brake = surrogate.brake;
+    // The training continues from the policy of the last round.
+    let inside = fine_tuned(ego, inside.as_ref().or(bundle), (&surrogate, seed), watch);
+    if watch.stopped() {
+        return None;
+    }
+    Some(LearnedEgo {
+        surrogate,
+        fine_tuned: inside.map(Arc::new),
+        from,
+    })
+}
+
+/// Splits the starts into two interleaved halves.
+fn interleaved(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
+    [0, 1].map(|from| starts.iter().skip(from).step_by(2).cloned().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(
+        planned: (u64, u64),
+        as_trained: (u64, u64),
+        open_loop: Option<(u64, u64)>,
+    ) -> LearnedFrom {
+        LearnedFrom {
+            runs: 100,
+            error: None,
+            planned: planned.1,
+            planned_successes: planned.0,
+            as_trained: as_trained.1,
+            as_trained_successes: as_trained.0,
+            fixed: open_loop.map(|(successes, runs)| TriedActions {
+                actions: vec![0],
+                runs,
+                successes,
+            }),
+            judged_on: PlantKind::Kinematic,
+            brake: None,
+            nearest: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn an_ado_plans_unless_something_simpler_did_better() {
+        assert_eq!(seen((20, 32), (4, 8), None).acts(), Acts::Planned);
+        assert_eq!(seen((2, 32), (8, 8), None).acts(), Acts::AsTrained);
+        assert_eq!(seen((5, 16), (2, 8), Some((5, 16))).acts(), Acts::Planned);
+        // The true rate of 5 of 16 may be 56 % as well.
+        assert_eq!(seen((5, 16), (2, 8), Some((8, 16))).acts(), Acts::Planned);
+        assert_eq!(seen((0, 16), (0, 8), Some((1, 16))).acts(), Acts::Planned);
+        let open_loop = seen((5, 16), (2, 8), Some((10, 16)));
+        assert_eq!(open_loop.acts(), Acts::OpenLoop);
+        assert_eq!(open_loop.expected(40).0, 10.0 / 16.0);
+        assert_eq!(seen((0, 16), (8, 8), Some((4, 16))).acts(), Acts::AsTrained);
+    }
+}

@@ -1,0 +1,380 @@
+//! Training from its world to its closing evaluation.
+//!
+//! It is new, resumed, or fine-tuned from another run.
+
+use std::path::{Path, PathBuf};
+
+use super::bank::gather;
+use super::error::{OptionClash, SessionError};
+use super::per_ado_mode::PerAdoMode;
+use super::train_loop::{TrainError, TrainingOutcome, steps, train};
+use crate::adversary::Ado;
+use crate::crashes::save_crashes::keep_first;
+use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant};
+use crate::rl::LearnerConfig;
+use crate::rulebook::TrainingGoal;
+use crate::run_dir::{
+    Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError,
+    trained_naturally,
+};
+use crate::search::{Adversary, Experiment, ExperimentCell};
+use crate::sim::PlantKind;
+use crate::world::{Change, Scenario, TrainingEgos};
+
+/// Counterexamples of the closing evaluation that a run directory keeps.
+const KEPT_EPISODES: usize = 5;
+
+/// Request to train in a world.
+///
+/// A missing option has the value of the world, or of the resumed run.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TrainRequest<'a> {
+    /// Seed of the training, 0 by default.
+    pub seed: Option<u64>,
+    /// Number of decisions.
+    pub decisions: Option<u64>,
+    /// Name under the world's `learners`.
+    pub learner: Option<&'a str>,
+    /// Training of a policy per ado, instead of one for all of them.
+    pub per_ado: Option<PerAdoMode>,
+    /// Goals of the training, instead of those of the world.
+    pub goals: Option<&'a [TrainingGoal]>,
+    /// Training against the world's ego or its family.
+    pub against: TrainingEgos,
+    /// Structure of the family that is left out.
+    pub leave_out: Option<&'a str>,
+    /// Changed ego to train against: a name under `reuse`, or a RON file.
+    pub ego: Option<&'a str>,
+    /// Plant to train on.
+    pub plant: Option<PlantKind>,
+    /// Run whose policy is fine-tuned.
+    pub from: Option<&'a RunDir>,
+    /// Runs and kept counterexamples, of any ego, to learn from.
+    pub bank: &'a [PathBuf],
+}
+
+/// Training with its run directory.
+pub struct TrainSession {
+    run: RunDir,
+    world: Scenario,
+    ego: EgoUnderTest,
+}
+
+/// Closing evaluation of a training.
+pub struct Closing {
+    /// Rows of the trained ado and the baselines.
+    pub rows: Vec<Row>,
+    trained: ExperimentCell,
+}
+
+impl TrainSession {
+    /// Creates a run directory to train in.
+    ///
+    /// An unsuitable request is refused before anything is created.
+    ///
+    /// # Errors
+    /// The request does not fit the world, there is a run already, a program may
+    /// not be started, or the disk refuses.
+    pub fn begin(
+        world: &Scenario,
+        path: &Path,
+        request: &TrainRequest<'_>,
+    ) -> Result<TrainSession, SessionError> {
+        let world = request.world(world)?;
+        if world
+            .drive()
+            .is_some_and(|driving| driving.spec().action_sets().next().is_none())
+        {
+            return Err(SessionError::NoAdo {
+                world: world.name.clone(),
+            });
+        }
+        let ego = request.ego(&world)?;
+        let seed = request.seed.unwrap_or(0);
+        let from = request.from.map(|from| from.policy_bundle()).transpose()?;
+        if let Some(bundle) = &from {
+            let fits = world.learner.build_from(world.spaces(), seed, bundle);
+            fits.map_err(TrainError::from)?;
+        }
+        let bank = gather(&world, request.bank)?;
+        let begin = |ego| {
+            let with = Beginning {
+                from: from.as_ref(),
+                bank: &bank,
+                known: None,
+                ego,
+            };
+            RunDir::begin(path, &world, seed, with)
+        };
+        TrainSession::with(world.clone(), ego, begin)
+    }
+
+    /// Creates a run directory for a training with the options and the seed of this one,
+    /// in which failures of rare cells earn more.
+    ///
+    /// # Errors
+    /// There is a run already, or the disk refuses.
+    pub(crate) fn begin_beyond(
+        &self,
+        path: &Path,
+        known: &KnownFailures,
+    ) -> Result<TrainSession, SessionError> {
+        let (begun, from) = (self.run.manifest(), self.run.from()?);
+        let begin = |ego| {
+            let with = Beginning {
+                from: from.as_ref(),
+                known: Some(known),
+                ego,
+                ..Beginning::default()
+            };
+            RunDir::begin(path, &self.world, begun.seed, with)
+        };
+        TrainSession::with(self.world.clone(), begun.ego.clone(), begin)
+    }
+
+    /// Opens a run directory to resume its training.
+    ///
+    /// # Errors
+    /// There is no run, or it was begun as another training.
+    pub fn resume(
+        world: &Scenario,
+        path: &Path,
+        request: &TrainRequest<'_>,
+    ) -> Result<TrainSession, SessionError> {
+        let world = request.world(world)?;
+        // The request is checked first, because an invalid one is no reason to lock the
+        // run.
+        let requested = request.ego(&world)?;
+        let run = RunDir::resume(path)?;
+        let world = request.as_begun(world, &run)?;
+        let begun = run.manifest();
+        let ego = match request.ego {
+            Some(_) => requested,
+            None => begun.ego.clone(),
+        };
+        let seed = request.seed.unwrap_or(begun.seed);
+        // Code is in no file, so it must be given again.
+        let own = ego.as_ref().filter(|ego| ego.is_own());
+        if own.is_some_and(|ego| world.own_ego() != Some(&ego.name)) {
+            let name = own.map_or("", |ego| &ego.name);
+            return Err(SessionError::EgoInNoFile {
+                ego: name.to_owned(),
+            });
+        }
+        run.must_be_of(RequestedTraining {
+            scenario: &world,
+            seed,
+            ego: ego.as_ref(),
+        })?;
+        TrainSession::with(world, ego, |_| Ok(run))
+    }
+
+    /// Requires consent, and only then opens the run.
+    fn with(
+        world: Scenario,
+        ego: Option<ChangedEgo>,
+        open: impl FnOnce(Option<ChangedEgo>) -> Result<RunDir, RunError>,
+    ) -> Result<TrainSession, SessionError> {
+        let tested = EgoUnderTest::of_training(&world, ego.as_ref())?;
+        consent(&world, std::slice::from_ref(&tested))?;
+        consent_to_family(&world)?;
+        let mut run = open(ego)?;
+        run.allow_programs(world.may_start_programs());
+        Ok(TrainSession {
+            run,
+            world,
+            ego: tested,
+        })
+    }
+
+    /// Trains until the requested decisions are taken, or `watch` stops it.
+    ///
+    /// # Errors
+    /// The disk refuses, or the ego keeps failing to run.
+    pub fn train(&mut self, watch: &Watch<'_>) -> Result<TrainingOutcome, SessionError> {
+        let scenario = self.ego.scenario();
+        let watch = watch.first_of(steps(scenario));
+        Ok(train(scenario, &mut self.run, &watch)?)
+    }
+
+    /// Evaluates the trained ado and the baselines on the first test starts.
+    ///
+    /// `None`: stopped before there was a result.
+    ///
+    /// # Errors
+    /// The policy cannot be read.
+    pub fn evaluate(
+        &self,
+        starts: usize,
+        watch: &Watch<'_>,
+    ) -> Result<Option<Closing>, SessionError> {
+        let policy = self.run.policy()?;
+        let steps = steps(self.ego.scenario());
+        let watch = &watch.first_of(steps).later(steps - 1);
+        let nominal = EgoUnderTest::nominal(&self.run.world()?);
+        let stored = TestStarts::stored(Some(self.run.path()), &nominal, (starts, 0), watch);
+        let Some(starts) = stored else {
+            return Ok(None);
+        };
+        let trained = Adversary::Ado(Ado::Trained(&*policy, self.run.manifest().seed));
+        let experiment = Experiment {
+            ego: &self.ego,
+            adversaries: [trained].into_iter().chain(Adversary::BASELINES).collect(),
+            starts: &starts,
+        };
+        // Invariant: every adversary here has a cell, and the first is the trained ado's.
+        let mut cells = experiment.run(watch);
+        let rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
+        let trained = cells.swap_remove(0);
+        Ok(Some(Closing { rows, trained }))
+    }
+
+    /// Writes the closing evaluation and some counterexamples into the run.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(&self, closing: &Closing) -> Result<(), SessionError> {
+        self.run.save_report(&closing.rows)?;
+        let episodes = self.run.path().join("episodes");
+        keep_first(&closing.trained, &episodes, KEPT_EPISODES)?;
+        Ok(())
+    }
+
+    /// Returns the run directory.
+    pub fn run(&self) -> &RunDir {
+        &self.run
+    }
+
+    /// Returns the ego of the training, in its world.
+    pub fn ego(&self) -> &EgoUnderTest {
+        &self.ego
+    }
+
+    /// Returns the world with the learner, the plant and the egos of the training.
+    pub fn world(&self) -> &Scenario {
+        &self.world
+    }
+}
+
+impl TrainRequest<'_> {
+    /// Returns the world with the requested options.
+    pub fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+        let mut world = match self.plant {
+            Some(plant) => on_plant(world, plant)?,
+            None => world.clone(),
+        };
+        if let Some(goals) = self.goals {
+            world = world.training_towards(goals).map_err(SessionError::Goals)?;
+        }
+        if let Some(name) = self.learner {
+            let none = || SessionError::NoLearner {
+                world: world.name.clone(),
+                learner: name.to_owned(),
+                known: world.learners.keys().cloned().collect(),
+            };
+            world = world.learning_by(name).ok_or_else(none)?;
+        }
+        if let Some(mode) = self.per_ado {
+            world = mode.in_world(&world)?;
+        }
+        if self.leave_out.is_some() && self.against != TrainingEgos::Randomized {
+            return Err(SessionError::Options(OptionClash::LeaveOut));
+        }
+        if !self.against.is_nominal() {
+            world = self.against_family(&world)?;
+        }
+        Ok(match self.decisions {
+            Some(decisions) => world.training_for(decisions)?,
+            None => world,
+        })
+    }
+
+    fn against_family(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+        let refused = |clash: OptionClash| Err(SessionError::Options(clash));
+        if self.ego.is_some() {
+            return refused(OptionClash::FamilyAndEgo);
+        }
+        if self.learner.is_some() || self.per_ado.is_some() {
+            return refused(OptionClash::FamilyAndLearner);
+        }
+        if self.plant.is_some() {
+            return refused(OptionClash::FamilyAndPlant);
+        }
+        let world = self.leaving_out(world)?;
+        world
+            .training_against(self.against)
+            .ok_or_else(|| SessionError::NoFamily {
+                world: world.name.clone(),
+            })
+    }
+
+    /// Returns the world without the structure to leave out.
+    pub fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+        let Some(name) = self.leave_out else {
+            return Ok(world.clone());
+        };
+        world.leaving_out(name).ok_or_else(|| {
+            let structures = world.family().into_iter().flat_map(|f| &f.structures);
+            SessionError::NoStructure {
+                world: world.name.clone(),
+                structure: name.to_owned(),
+                known: structures.map(|other| other.name.clone()).collect(),
+            }
+        })
+    }
+
+    /// Returns the requested changed ego. `None`: the nominal ego.
+    fn ego(&self, world: &Scenario) -> Result<Option<ChangedEgo>, SessionError> {
+        match self.ego {
+            None => Ok(world.own_ego().map(|name| ChangedEgo {
+                name: name.to_owned(),
+                change: Change::default(),
+            })),
+            Some("all") => Err(SessionError::Options(OptionClash::AllEgos)),
+            Some(name) => {
+                let egos = EgoUnderTest::find(world, name)?;
+                Ok(egos.first().and_then(EgoUnderTest::as_changed))
+            }
+        }
+    }
+
+    /// Returns the world with the options of the resumed run where none are requested.
+    fn as_begun(&self, mut world: Scenario, run: &RunDir) -> Result<Scenario, SessionError> {
+        let begun = run.manifest();
+        if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
+            world = world.on(plant);
+        }
+        // A limit that does not fit the world is reported below, as a difference.
+        if let (None, Some(natural)) = (world.traffic().limit(), &begun.natural)
+            && let Ok(limited) = trained_naturally(&world, natural)
+        {
+            world = limited;
+        }
+        if self.goals.is_none() {
+            world.goals.clone_from(&begun.goals);
+        }
+        let left_out = begun
+            .left_out
+            .as_deref()
+            .filter(|_| self.leave_out.is_none());
+        if let Some(others) = left_out.and_then(|name| world.leaving_out(name)) {
+            world = others;
+        }
+        if self.against.is_nominal()
+            && let Some(family) = world.training_against(begun.against)
+        {
+            world = family;
+        }
+        let learner = begun.learner.as_ref().filter(|_| self.learner.is_none());
+        if let Some(learner) = learner.and_then(|name| world.learning_by(name)) {
+            world = learner;
+        }
+        // The learner is that of the run, even if the world has changed.
+        let learner = serde_json::from_value::<LearnerConfig>(begun.settings.clone());
+        Ok(match (self.decisions, learner) {
+            (Some(decisions), _) => world.training_for(decisions)?,
+            (None, Ok(learner)) => world.learning_with(learner),
+            (None, Err(_)) => world.training_for(begun.decisions)?,
+        })
+    }
+}

@@ -1,0 +1,147 @@
+//! Loading of RON world files, as checked [`Scenario`]s.
+//!
+//! Architecture Invariant: after a `Scenario` is loaded, no user mistake is
+//! possible in it. Every earlier mistake has a place, a reason and, where known,
+//! a fix ([`ScenarioError`]). All spans, helps and limits are in this module.
+//!
+//! ```
+//! # use brakecheck_world as brakecheck;
+//! use brakecheck::world::Scenario;
+//!
+//! let broken = Scenario::parse("mine.ron", "Scenario(name: \"mine\", clok: ())");
+//! let error = broken.unwrap_err();
+//! assert!(error.to_string().starts_with("mine.ron:1:"));
+//! ```
+
+mod ado_actions;
+mod agents;
+mod bodies;
+mod build;
+mod changed;
+mod check;
+mod counting;
+mod declared_traffic_file;
+mod dry_run;
+mod environment;
+mod environment_file;
+pub mod family;
+mod family_check;
+mod family_file;
+mod file;
+mod grid;
+mod grid_change;
+mod includes;
+mod kind_of_world;
+mod language;
+mod lights;
+mod limits;
+mod natural_file;
+mod number_or_range;
+mod obstacles;
+mod open_drive;
+mod per_ado;
+mod plans;
+mod points;
+mod preventability;
+mod quantity;
+mod road_ado;
+mod roads;
+mod rule_file;
+mod rule_spec;
+mod run_lookup;
+mod runs;
+mod scenario;
+pub mod scenario_kind;
+mod shipped;
+mod slope_and_wind;
+mod starts;
+mod structure;
+mod traffic;
+mod trained;
+mod turns;
+mod vacuous;
+mod variants;
+mod warnings;
+mod weather;
+
+use std::path::Path as FilePath;
+
+use crate::ron_file::read;
+
+pub use crate::ron_file::{LoadError, Patch, Problem, ScenarioError};
+pub use crate::scene::drive::Sensors;
+pub use crate::scene::grid::{AtWall, Horizon, Starts};
+pub use crate::sim::PlantKind;
+pub use crate::testbench::Repeats;
+pub use declared_traffic_file::EncounterRate;
+pub use declared_traffic_file::{
+    AdoLawFile, DeclaredTrafficFile, FittedFile, MarkovFile, OnsetFile, StartLawFile,
+};
+pub use family::TrainingEgos;
+pub use file::{Change, GridChange};
+pub use rule_spec::RuleSpec;
+pub use run_lookup::RunsOnDisk;
+pub use runs::{NamedRun, RunRefused, RunSource};
+pub use scenario::{ChangeError, Scenario};
+pub use scenario_kind::NotAGrid;
+pub use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
+
+impl Scenario {
+    /// Reads and checks a world file. `runs` finds the runs that it refers to.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the file cannot be read, or is not a valid world.
+    pub fn load_with(path: &FilePath, runs: &dyn RunSource) -> Result<Scenario, LoadError> {
+        let file = path.display().to_string();
+        let text = read::text(&file, path)?;
+        Scenario::parse_with(&file, &text, runs)
+            .map_err(|error| LoadError::Scenario(Box::new(error)))
+    }
+
+    /// Checks the text of a world file. `file` is its name in errors.
+    ///
+    /// No file is read, so a text that refers to a run directory is refused.
+    ///
+    /// # Errors
+    ///
+    /// Returns all mistakes, with their places and fixes.
+    pub fn parse(file: &str, text: &str) -> Result<Scenario, ScenarioError> {
+        Scenario::parse_with(file, text, &runs::Nowhere)
+    }
+
+    /// Checks the text of a world file whose runs `runs` finds.
+    ///
+    /// # Errors
+    ///
+    /// Returns all mistakes, with their places and fixes.
+    pub fn parse_with(
+        file: &str,
+        text: &str,
+        runs: &dyn RunSource,
+    ) -> Result<Scenario, ScenarioError> {
+        let text = read::without_mark(text);
+        let fail = |problems| ScenarioError {
+            file: file.to_owned(),
+            text: text.to_owned(),
+            problems,
+        };
+        let one = |problem| fail(vec![problem]);
+        // The kind decides the type to read, so that errors name the fields of
+        // that kind.
+        match kind_of_world::kind(text).map_err(one)? {
+            kind_of_world::WorldKind::Scenario => {
+                let parsed = read::parse(text).map_err(one)?;
+                match includes::expanded((file, runs), text, &parsed).map_err(fail)? {
+                    // The places of mistakes are then those of the whole text.
+                    Some(whole) => Scenario::parse_with(file, &whole, runs),
+                    None => build::build(file, runs, text, parsed).map_err(fail),
+                }
+            }
+            kind_of_world::WorldKind::Grid => {
+                let parsed = read::parse(text).map_err(one)?;
+                grid::build(text, parsed).map_err(fail)
+            }
+        }
+    }
+}
