@@ -31,7 +31,7 @@ impl Inapplicable {
 /// Kind of file that shows an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ViewKind {
-    /// `.rrd`, for the rerun viewer; see [`crate::view`].
+    /// `.rrd`, for the rerun viewer.
     Recording,
     /// `.svg`, for any browser; see [`picture`].
     Picture,

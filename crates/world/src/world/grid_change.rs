@@ -115,7 +115,7 @@ impl GridScenario<'_> {
     /// The shipped ados observe a window. [The optimal ado][best] of a larger
     /// map requires the complete map.
     ///
-    /// [best]: crate::grid_solver::exact::PositionPolicy::optimal
+    /// [best]: brakecheck_scene::grid_solver::exact::PositionPolicy::optimal
     pub fn fully_observed(self) -> Scenario {
         let mut spec = self.world().spec().clone();
         // Positions are scaled to −1 ..= 1 over the map.
