@@ -5,7 +5,7 @@
 //!
 //! The distance of traces is measured on the signals that the ados observe. The world's
 //! author selected these signals, and each has a range, so metres and metres per second
-//! can be added. Each trace, up to its end, is read at [`POINTS`] equally spaced times,
+//! can be added. Each trace, up to its end, is read at `POINTS` equally spaced times,
 //! so episodes of unequal length are compared stage by stage. The distance is the root
 //! mean square over times and signals of the difference in half ranges. Traces up to
 //! [`NEAR`] are near.

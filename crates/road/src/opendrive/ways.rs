@@ -336,7 +336,7 @@ impl OnWay {
 }
 
 impl Spiral {
-    /// Arcs within [`NEAR_M`] of the spiral.
+    /// Arcs within a millimetre of the spiral.
     ///
     /// The bound also holds for parallels up to `beside_m` beside both.
     ///

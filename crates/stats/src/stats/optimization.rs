@@ -142,7 +142,7 @@ pub(crate) type Deviations = Vec<f64>;
 /// Descends from `point` along the dimensions in `free`.
 ///
 /// `measure` returns the deviations of many points at once. The cost of a point is
-/// [`cost`].
+/// `cost`.
 pub fn descend(
     point: Vec<f64>,
     free: &[usize],

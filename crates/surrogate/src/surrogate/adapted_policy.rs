@@ -311,7 +311,7 @@ const SEAL: &str = "seal";
 
 /// Returns the stored learned ego of a request, or learns and stores it.
 ///
-/// Only egos that are described by files are stored. Returns `None` as [`learn_ego`]
+/// Only egos that are described by files are stored. Returns `None` as `learn_ego`
 /// does.
 ///
 /// # Errors
