@@ -27,7 +27,8 @@ pub fn mermaid() -> String {
         for used in uses {
             let is_longer = |other: &&String| *other != used && reaches(&graph, other, used);
             if !uses.iter().any(|other| is_longer(&other)) {
-                text += &format!("  {used} --> {name}\n");
+                // Without spaces, an arrow is no option of a verb to the test of the pages.
+                text += &format!("  {used}-->{name}\n");
             }
         }
     }

@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let outcome = kept.with_ego("two seconds", mine).pass();
     println!(
         "{}",
-        outcome.map_or_else(|e| e.to_string(), |()| "all passed".to_owned())
+        outcome.map_or_else(|e| e.to_string(), |counts| counts.to_string())
     );
 
     // And these two guard the recording itself, bit for bit.

@@ -115,7 +115,7 @@ pub use brakecheck_view::view;
 pub use brakecheck_world::world;
 
 #[doc(inline)]
-pub use cli::Report;
+pub use cli::ErrorReport;
 
 #[doc(inline)]
 pub use brakecheck_stl as stl;

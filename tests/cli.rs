@@ -14,12 +14,16 @@ mod first;
 mod gate;
 #[path = "cli/hostile.rs"]
 mod hostile;
+#[path = "cli/interrupted.rs"]
+mod interrupted;
 #[path = "cli/learned.rs"]
 mod learned;
 #[path = "cli/live.rs"]
 mod live;
 #[path = "cli/log.rs"]
 mod log;
+#[path = "cli/memory.rs"]
+mod memory;
 #[path = "cli/natural.rs"]
 mod natural;
 #[path = "cli/picture.rs"]
@@ -30,6 +34,8 @@ mod points;
 mod program;
 #[path = "cli/programs.rs"]
 mod programs;
+#[path = "cli/replayed.rs"]
+mod replayed;
 #[path = "cli/report.rs"]
 mod report;
 #[cfg(feature = "rerun")]
@@ -37,6 +43,8 @@ mod report;
 mod rerun;
 #[path = "cli/reuse.rs"]
 mod reuse;
+#[path = "cli/risk.rs"]
+mod risk;
 #[path = "cli/rivals.rs"]
 mod rivals;
 #[path = "cli/serve.rs"]
@@ -353,7 +361,7 @@ fn a_run_is_evaluated_kept_replayed_and_watched() {
 
     let table = brakecheck(&["eval", &run, "--starts", "10"]);
     let table = String::from_utf8_lossy(&table.stdout).into_owned();
-    assert!(table.contains("fouls before"), "{table}");
+    assert!(table.contains("\nrest, hit"), "{table}");
 }
 
 #[test]
@@ -402,6 +410,30 @@ fn an_untrained_ado_passes_no_theorem_of_a_grid() {
     }
     // Value iteration does not depend on the ado.
     assert_eq!(checked["theorem_2"]["outcome"]["is"], "holds");
+}
+
+#[test]
+fn a_grid_that_has_no_exact_solution_is_refused_before_anything_is_played() {
+    let dir = scratch();
+    let (world, run) = (path(&dir, "nested.ron"), path(&dir, "run"));
+    let rule = "always[0, T] (speed_inf <= 1.5)";
+    let text = std::fs::read_to_string("worlds/grid_jump.ron").expect("shipped");
+    assert!(text.contains(rule));
+    let nested = text.replace(rule, "always[0, T] (eventually[0, 2] (ado.x >= 0))");
+    std::fs::write(&world, nested).expect("written");
+    let trained = brakecheck(&["train", &world, "-o", &run, "--decisions", "50", "--json"]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    for request in [
+        &["--ado", "trained", "--ado", "optimal"][..],
+        &["--theorems"],
+    ] {
+        let output = brakecheck(&[&["eval", &run, "--json"], request].concat());
+        assert_eq!(code(&output), 2, "{request:?}: {}", stderr(&output));
+        assert!(output.stdout.is_empty(), "{request:?}");
+        let said = stderr(&output).replace("\n  │ ", " ");
+        let names = "the rule `moves one cell at a time` cannot be judged from a state";
+        assert!(said.contains(names), "{said}");
+    }
 }
 
 /// Changes one value of sample 3 in the samples and the digest that goes with it.

@@ -8,6 +8,8 @@ mod errors;
 mod exact;
 #[path = "grid/learning.rs"]
 mod learning;
+#[path = "grid/solver.rs"]
+mod solver;
 #[path = "grid/theorems.rs"]
 mod theorems;
 
@@ -17,6 +19,8 @@ use brakecheck::testbench::{Aftermath, Episode, PolicyActor, play};
 use brakecheck::world::AtWall;
 use brakecheck::world::{GridChange, Scenario};
 use brakecheck_scene::grid_solver::exact::{Game, UNIT_MOVES};
+use brakecheck_scene::grid_solver::game_graph::{Depth, GameGraph};
+use brakecheck_scene::grid_solver::values::{ValueTable, rewards};
 use brakecheck_scene::scene::grid::Arena;
 use brakecheck_world::world::scenario_kind::GridScenario;
 
@@ -39,6 +43,21 @@ fn changed(scenario: &Scenario, change: GridChange) -> Scenario {
     scenario
         .with(&change.into())
         .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The ado that makes the ego fail as soon as it can.
+fn soonest(scenario: &Scenario) -> ValueTable {
+    let grid = cells(scenario);
+    let graph = GameGraph::explore(grid.world(), grid.rulebook(), Depth::Sign);
+    ValueTable::soonest(graph.unwrap_or_else(|error| panic!("{error}")))
+}
+
+/// V* under a discount.
+fn exact(scenario: &Scenario, discount: f64) -> ValueTable {
+    let grid = cells(scenario);
+    let graph = GameGraph::explore(grid.world(), grid.rulebook(), Depth::Exact);
+    let graph = graph.unwrap_or_else(|error| panic!("{error}"));
+    ValueTable::exact(graph, discount, rewards(grid.rulebook()))
 }
 
 /// n cells a side, an ego of k cells per step, K steps.

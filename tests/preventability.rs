@@ -2,6 +2,8 @@
 
 #[path = "preventability/at_the_wheel.rs"]
 mod at_the_wheel;
+#[path = "preventability/by_hand.rs"]
+mod by_hand;
 #[path = "preventability/panel.rs"]
 mod panel;
 

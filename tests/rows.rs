@@ -8,6 +8,8 @@ mod cut_ins;
 mod evaluating;
 #[path = "rows/intervals.rs"]
 mod intervals;
+#[path = "rows/limited_scene.rs"]
+mod limited_scene;
 #[path = "rows/natural.rs"]
 mod natural;
 #[path = "rows/online.rs"]

@@ -388,6 +388,7 @@ fn a_stream_has_its_episodes_one_after_another_beside_the_learning_curves() {
         both: 19,
         ado_only: 0,
         simulations: 100,
+        ..Calibration::default()
     };
     stream.calibration(2000, &calibration).unwrap();
     stream.finish().unwrap();

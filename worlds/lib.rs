@@ -10,7 +10,7 @@ macro_rules! world {
 }
 
 /// Shipped worlds: their names and texts, in order.
-pub const WORLDS: [(&str, &str); 34] = [
+pub const WORLDS: [(&str, &str); 35] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_letter"),
@@ -25,6 +25,7 @@ pub const WORLDS: [(&str, &str); 34] = [
     world!("fog_queue"),
     world!("grid"),
     world!("grid_hard"),
+    world!("grid_jump"),
     world!("junction"),
     world!("light_ado"),
     world!("merge"),

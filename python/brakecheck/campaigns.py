@@ -211,7 +211,8 @@ def search(
     Args:
         world: a world, a `.ron` file, or the name of a shipped world.
         method: how sequences are chosen: switches, uniform, hold, cem.
-        switches: of the method switches: how often the action changes.
+        switches: of the method switches: how often the action changes, 2 by default
+            and 1 for programs and egos in Python.
         budget: of the others: simulations per start.
         ego, starts, seed, plant, keep, keep_most, as_found: as for `eval`.
         jobs, progress, allow_programs, allow_invalid: as for `train`.
@@ -243,11 +244,12 @@ def replay(
 ) -> list[Replayed]:
     """Plays kept counterexamples again: as recorded, or against another ego.
 
-    A regression test is three lines:
+    A regression test is four lines:
 
         def test_my_controller_survives_what_broke_it():
             replayed = brakecheck.replay("regressions", ego=MyController)
             assert not [one.path for one in replayed if one.still_fails]
+            assert [one for one in replayed if one.no_answer is None]
 
     Args:
         path: a kept file, a directory of them, or a run.

@@ -57,16 +57,20 @@ class Rows(list[dict[str, Any]]):
     def _table(self) -> list[list[str]]:
         table = [["ego", "ado", "method", "starts", "success", "95 %", "recall", "foul"]]
         for row in self:
-            low, high = row["ci95"]
+            interval, partial = row["ci95"], row.get("partial")
             recall = row.get("recall")
+            success = f"{100 * row['success_rate']:.1f} %"
+            if partial is not None:
+                # Of an interrupted row only the least success is known.
+                success = f"at least {row['successes']}/{partial['of']}"
             table.append(
                 [
                     row["ego"],
                     row["ado"],
                     row["method"],
                     str(row["starts"]),
-                    f"{100 * row['success_rate']:.1f} %",
-                    f"{100 * low:.1f}-{100 * high:.1f}",
+                    success,
+                    "-" if interval is None else "-".join(f"{100 * it:.1f}" for it in interval),
                     "-" if recall is None else f"{100 * recall:.1f} %",
                     f"{100 * row['foul_rate']:.1f} %",
                 ]
@@ -244,6 +248,12 @@ class Replayed:
         return bool(self.about["still_fails"])
 
     @property
+    def no_answer(self) -> str | None:
+        """The rule that an ado broke first, so that nothing is known of the ego."""
+        why = self.about["no_answer"]
+        return None if why is None else str(why)
+
+    @property
     def identical(self) -> bool:
         """Whether every sample is as recorded, to the bit."""
         return bool(self.about["identical"])
@@ -268,6 +278,7 @@ class Replayed:
         return os.fspath(output)
 
     def __repr__(self) -> str:
-        state = "still fails" if self.still_fails else "does not fail"
+        words = {"still_fails": "still fails", "no_answer": "no answer"}
+        state = words.get(str(self.about["outcome"]), "does not fail")
         bits = "" if self.identical else ", not as recorded"
         return f"<Replayed {self.path!r}: {self.about['verdict']}, {state}{bits}>"

@@ -12,7 +12,7 @@ use brakecheck::evaluation::{
 use brakecheck::experiment::{consent, on_plant, test_starts};
 use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{Row, RunDir};
-use brakecheck::search::{Adversary, BUDGET, Experiment, Method, MethodSettings};
+use brakecheck::search::{Adversary, BUDGET, Experiment, Method, MethodSettings, usual_switches};
 use brakecheck::training::{PerAdoMode, TrainRequest, TrainSession};
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
@@ -255,7 +255,7 @@ pub(crate) fn eval_world<'py>(
     let egos = egos(&nominal, options.ego.as_ref().map(|ego| ego.bind(py)))?;
     let drawn = (options.starts, options.seed);
     let Some(act) = &options.ado else {
-        let switches = options.switches.unwrap_or(1);
+        let switches = options.switches.unwrap_or_else(|| usual_switches(&egos));
         let rows = running.watched(py, move |watch| {
             let table = untrained(&nominal, &egos, drawn, switches, watch)?;
             Ok(table.map(|table| table.rows))
@@ -331,7 +331,7 @@ pub(crate) fn search_world<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let egos = egos(&world.0, options.ego.as_ref().map(|ego| ego.bind(py)))?;
     let settings = MethodSettings {
-        switches: options.switches,
+        switches: Some(options.switches.unwrap_or_else(|| usual_switches(&egos))),
         stored: None,
     };
     let method = Method::named(&options.method, &settings).map_err(failed)?;

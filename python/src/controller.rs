@@ -37,6 +37,8 @@ pub(crate) struct Maker {
     pub(crate) name: String,
     /// Longest wait for an answer.
     pub(crate) deadline: Duration,
+    /// Make an instance for every episode, so that none keeps state.
+    pub(crate) fresh: bool,
 }
 
 /// An ego in Python, its methods looked up once.
@@ -192,6 +194,9 @@ impl Controller for PythonController {
 
     fn reset(&mut self, seed: u64) {
         self.failed.replace(None);
+        if self.maker.fresh {
+            self.instance.replace(None);
+        }
         if self.instance.borrow().is_none() {
             self.make();
         }

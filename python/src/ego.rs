@@ -79,6 +79,10 @@ pub(crate) fn factory(given: &Bound<'_, PyAny>) -> PyResult<(String, ControllerF
         source,
         name: name.clone(),
         deadline: deadline(given)?,
+        fresh: match given.getattr_opt("fresh")? {
+            Some(fresh) => fresh.extract()?,
+            None => false,
+        },
     };
     let make = move || Box::new(PythonController::new(&maker)) as Box<dyn Controller>;
     Ok((name, Arc::new(make)))

@@ -101,7 +101,8 @@ impl RawReplayed {
             py,
             &json!({
                 "path": path, "world": scenario.name(), "identical": identical,
-                "still_fails": self.replayed.still_fails(), "verdict": episode.verdict.word(),
+                "still_fails": self.replayed.still_fails(), "outcome": self.replayed.outcome(),
+                "no_answer": self.replayed.no_answer().map(|why| why.to_string()), "verdict": episode.verdict.word(),
                 "robustness": episode.robustness, "contact": episode.contact,
                 "fault": episode.fault, "noise": episode.noise, "actions": episode.actions,
                 "start": start.collect::<serde_json::Map<_, _>>(),

@@ -187,3 +187,29 @@ def test_percepts_have_what_the_crate_s_have():
     assert percept.follower() is None and percept.light() is None and percept.lights == []
     assert repr(other).startswith('Seen(name="ado"')
     assert env.trace()["ego.speed"][0] == percept.own.speed_mps
+
+
+def test_an_ego_that_keeps_state_gives_no_result_unless_each_episode_has_its_own():
+    class Tired:
+        """Weakens after six episodes."""
+
+        def __init__(self):
+            self.episodes = 0
+
+        def reset(self, seed):
+            self.episodes += 1
+
+        def control(self, percept):
+            lead = percept.leader()
+            gap = lead.headway_m - 15.0 if lead else 0.0
+            return max(-6.0, min(2.0, 0.2 * gap)) * (0.2 if self.episodes > 6 else 1.0)
+
+    asked = {"starts": 20}
+    with pytest.raises(FaultError) as raised:
+        brakecheck.eval("acc", ego=Tired, **asked)
+    assert "keeps state over `reset`" in " ".join(str(raised.value).split())
+
+    class Fresh(Tired):
+        fresh = True
+
+    assert brakecheck.eval("acc", ego=Fresh, **asked)[0]["invalid"] == 0

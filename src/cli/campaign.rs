@@ -100,6 +100,13 @@ impl CampaignArgs {
 }
 
 pub(super) fn run(args: &CampaignArgs) -> Result<Exit, Failure> {
+    // Pieces belong to the text of their plan, which a flag is not in.
+    if args.common().fresh {
+        return Err(Failure::input(
+            "a campaign does not take `--fresh`",
+            "write `fresh: true` into the ego's `Process(…)` in the world or the campaign",
+        ));
+    }
     match &args.step {
         CampaignVerb::Plan(args) => plan(args),
         CampaignVerb::Run(args) => match args.piece {
@@ -282,6 +289,12 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
             Some("mend the ego, or allow a share with `--allow-invalid SHARE`".to_owned()),
         ));
     }
+    if merged.summary.is_unanswered() {
+        return Err(Failure::fault(
+            "no gate compares a start: none has a result on both egos with every rule kept",
+            Some("plan more starts, or ados that keep their rules".to_owned()),
+        ));
+    }
     Ok(if merged.summary.is_held_up() {
         Exit::Counterexample
     } else {
@@ -338,8 +351,17 @@ fn gates(gates: &[GateVerdict]) -> String {
             closed.len() - SHOWN
         ));
     }
-    let passed = gates.len() - closed.len();
-    lines.push(format!("{passed} of {} gates are open", gates.len()));
+    // Open gates are shown too where something needs a look.
+    let open = gates.iter().filter(|gate| !gate.held_up);
+    let noted = open.clone().filter(|gate| gate.is_noteworthy());
+    lines.extend(noted.take(SHOWN).map(|gate| gate.to_string()));
+    let unanswered = open.clone().filter(|gate| gate.unanswered).count();
+    let open = open.count() - unanswered;
+    let without = match unanswered {
+        0 => String::new(),
+        some => format!(", {some} without an answer"),
+    };
+    lines.push(format!("{open} of {} gates are open{without}", gates.len()));
     lines.join("\n")
 }
 

@@ -11,6 +11,8 @@ use super::{
 };
 use crate::evaluation::{EvaluationTable, TheoremsChecked, untrained};
 use crate::experiment::{Watch, on_plant};
+use crate::search::usual_switches;
+use crate::theorems::admits_theorems;
 
 /// Refuses options that require a trained ado.
 fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failure> {
@@ -58,8 +60,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let bar = progress::bar(&args.test.common, "");
     let watch = bar.watch().first_of(egos.len()).shown_to(live.audience());
     let starts = (test.starts, test.seed);
-    // One switch is a cheap estimate of the reach, while `search` looks further.
-    let switches = test.search.unwrap_or(1);
+    let switches = test.search.unwrap_or_else(|| usual_switches(&egos));
     let Some(baselines) = untrained(&world, &egos, starts, switches, &watch)? else {
         drop(bar);
         return interrupted_early(&test.common);
@@ -86,6 +87,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     }
     // All checks of the request come before the first simulation.
     let tested = RunUnderTest::open(&args.run, &args.test)?;
+    if args.theorems {
+        admits_theorems(&tested.nominal)?;
+    }
     let egos = args.test.traffic.levels(args.ego.find(&tested.nominal)?);
     let live = tested.live()?;
     let bar = progress::bar(&args.test.common, "");

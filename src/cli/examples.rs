@@ -4,9 +4,9 @@
 pub(super) const ALL: &str = "\
 Exit codes:
   0    done
-  1    a counterexample (--fail-on-counterexample), a kept one that still fails, or a failed gate
+  1    a counterexample (--fail-on-counterexample), a kept one that still fails, or a closed gate
   2    invalid input: the message shows the place and a fix
-  3    the ego, the disk or the program failed, or a risk was refused
+  3    the ego, the disk or the program failed, or a result was refused
   4    a replay differs from what was recorded
   130  interrupted; finished work is kept
 

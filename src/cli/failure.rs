@@ -2,7 +2,7 @@
 
 mod conversion;
 
-pub use conversion::Report;
+pub use conversion::ErrorReport;
 
 use std::fmt;
 
@@ -78,7 +78,8 @@ impl Failure {
     /// Ends with a command line that nothing wraps.
     pub(super) fn with_command(self, command: &str) -> Failure {
         Failure {
-            last_line: Some(printable(command)),
+            // Not cut: a person has to see all of what would be started.
+            last_line: Some(visible(command).into_owned()),
             ..self
         }
     }

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::{EgoArgs, TestArgs};
 use super::{Exit, Failure, exit_of, interrupted_early, one_of, progress};
-use crate::evaluation::{Gate, GateOn};
+use crate::evaluation::{DecidedGate, GateOn};
 use crate::experiment::EgoUnderTest;
 use crate::world::Scenario;
 
@@ -22,9 +22,15 @@ pub(super) struct GateArgs {
     /// The earlier ego, to compare with.
     #[arg(long, value_name = "NAME|FILE.ron")]
     baseline_ego: String,
-    /// Newly failing starts that fail the gate, with exit code 1.
-    #[arg(long, value_parser = one_of::<GateOn>(), default_value = "preventable")]
-    on: GateOn,
+    /// Reasons that fail the gate, with exit code 1, separated by commas.
+    #[arg(
+        long,
+        value_name = "REASON",
+        value_parser = one_of::<GateOn>(),
+        value_delimiter = ',',
+        default_value = "unless-unavoidable"
+    )]
+    on: Vec<GateOn>,
     #[command(flatten)]
     pub(super) test: TestArgs,
 }
@@ -42,22 +48,45 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
     };
     let gates = evaluated.gates(&args.baseline_ego, &watch.unnumbered())?;
     drop(bar);
+    let gates: Vec<DecidedGate> = gates.into_iter().map(|it| it.decided(&args.on)).collect();
     // An interruption before the baseline ego leaves nothing to compare.
     let result = (!gates.is_empty()).then(|| Supplement {
         key: "gates",
         value: json!(gates),
-        text: gates.iter().map(in_words).collect::<Vec<_>>().join("\n\n"),
+        text: gates
+            .iter()
+            .map(ToString::to_string)
+            .collect::<Vec<_>>()
+            .join("\n\n"),
     });
     tested.show(&evaluated, result)?;
     tested.keep(&evaluated, egos.len())?;
     let exit = exit_of(&rows_of(evaluated)?, false);
-    // An interruption takes precedence over a failed gate.
-    let is_closed = gates.iter().any(|gate| gate.blocks(args.on));
-    Ok(if exit == Exit::Done && is_closed {
+    if exit != Exit::Done {
+        return Ok(exit);
+    }
+    answered(&gates)?;
+    Ok(if gates.iter().any(DecidedGate::is_closed) {
         Exit::Counterexample
     } else {
-        exit
+        Exit::Done
     })
+}
+
+/// Refuses a gate that compared nothing, so that CI never passes without an answer.
+fn answered(gates: &[DecidedGate]) -> Result<(), Failure> {
+    let mut open = gates.iter().filter(|gate| !gate.is_closed());
+    match open.find(|gate| gate.gate.is_unanswered()) {
+        Some(gate) => Err(Failure::fault(
+            format!(
+                "no start compares `{}` with `{}`: none has a result on both egos with every \
+                 rule kept",
+                gate.gate.ego, gate.gate.baseline
+            ),
+            Some("play more starts with `--starts`, or compare egos that run".to_owned()),
+        )),
+        None => Ok(()),
+    }
 }
 
 /// Returns the egos under test, and the baseline ego below them.
@@ -81,27 +110,4 @@ fn egos(args: &GateArgs, nominal: &Scenario) -> Result<Vec<EgoUnderTest>, Failur
     }
     egos.push(before.clone());
     Ok(egos)
-}
-
-fn in_words(gate: &Gate) -> String {
-    let (ego, baseline) = (&gate.ego, &gate.baseline);
-    let speeds = match (gate.closing_before_mps, gate.closing_after_mps) {
-        (Some(before), Some(after)) => format!(
-            "; closing there {:.1} / {:.1} m/s before, {:.1} / {:.1} m/s now (median / 90 %)",
-            before.median, before.p90, after.median, after.p90
-        ),
-        _ => String::new(),
-    };
-    let preventable = gate.newly_failing.iter();
-    let preventable = preventable.filter(|start| start.preventable == Some(true));
-    format!(
-        "`{ego}` against `{baseline}`, {} starts: {} newly failing ({} of them preventable), {} \
-         newly fixed, {} fail on both{speeds}; exact McNemar p = {:.2e}",
-        gate.compared,
-        gate.newly_failing.len(),
-        preventable.count(),
-        gate.newly_fixed.len(),
-        gate.both_fail,
-        gate.p_value
-    )
 }

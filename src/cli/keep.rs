@@ -1,11 +1,12 @@
 //! Option of `eval`, `gate`, `sweep` and `search` for kept counterexamples.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
 use super::number_args::whole_number;
-use super::{Common, Failure, progress};
+use super::{Common, Failure, progress, terminal};
 use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings};
 use crate::experiment::Watch;
 
@@ -126,10 +127,23 @@ impl KeepArgs {
     where
         Failure: From<E>,
     {
-        if let Some(dir) = self.dir() {
-            let bar = progress::bar(common, "");
-            let watch = bar.watch().first_of(self.steps(egos)).later(egos);
-            keep(dir, self.settings_of(CrashSelection::Worst(USUAL)), &watch)?;
+        let Some(dir) = self.dir() else {
+            return Ok(());
+        };
+        let bar = progress::bar(common, "");
+        let watch = bar.watch().first_of(self.steps(egos)).later(egos);
+        let settings = self.settings_of(CrashSelection::Worst(USUAL));
+        // A second Ctrl-C ends the process, so this step needs no stop of its own.
+        let go_on = AtomicBool::new(false);
+        if terminal::stopped() {
+            let watch = Watch {
+                stop: &go_on,
+                ..watch
+            };
+            watch.note("interrupted: counterexamples are kept as found, without minimization");
+            keep(dir, settings.as_found().runs(0), &watch)?;
+        } else {
+            keep(dir, settings, &watch)?;
         }
         Ok(())
     }

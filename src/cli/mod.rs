@@ -54,7 +54,7 @@ use miette::GraphicalTheme;
 use serde_json::json;
 use strum::{EnumMessage, VariantArray};
 
-pub use failure::{Exit, Failure, Report};
+pub use failure::{ErrorReport, Exit, Failure};
 use terminal::{Common, Program};
 
 use crate::experiment::NeutralRule;
@@ -111,7 +111,7 @@ enum Verb {
     Report(report::ReportArgs),
     /// As earlier versions made the paper's tables and figures again.
     #[command(hide = true, after_help = examples::REPRODUCE)]
-    Reproduce(reproduce::ReproduceArgs),
+    Reproduce(reproduce::RefusedArgs),
     /// Play many worlds, egos, ados and starts in resumable pieces.
     #[command(after_help = examples::CAMPAIGN)]
     Campaign(campaign::CampaignArgs),
@@ -222,12 +222,20 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
 fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
     let mut run = RunDir::open(path)?;
     run.allow_programs(common.allow_programs);
+    if common.fresh {
+        run.begin_egos_anew();
+    }
     Ok(run)
 }
 
 /// Reads a world, with the consent that was typed.
 fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
-    Ok(Scenario::find(path)?.allow_programs(common.allow_programs))
+    let world = Scenario::find(path)?.allow_programs(common.allow_programs);
+    Ok(if common.fresh {
+        world.with_fresh_egos()
+    } else {
+        world
+    })
 }
 
 /// Notes odd content of a world, with its place in the file.

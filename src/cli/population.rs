@@ -142,6 +142,9 @@ fn members(args: &EvalArgs, most: usize) -> Result<Vec<RunDir>, Failure> {
     // Consent is given per command, and a stored run has none.
     for member in &mut members {
         member.allow_programs(common.allow_programs);
+        if common.fresh {
+            member.begin_egos_anew();
+        }
     }
     Ok(members)
 }
@@ -183,10 +186,13 @@ fn text(results: &PopulationResults, world: &Scenario) -> String {
         ));
     }
     let union = &results.union;
-    let [lo, hi] = union.ci95.map(|share| 100.0 * share);
+    let interval = union.ci95.map_or("interrupted".to_owned(), |ci95| {
+        let [lo, hi] = ci95.map(|share| 100.0 * share);
+        format!("[{lo:.0}, {hi:.0}]")
+    });
     let recall = union.recall.map(|recall| format!(", recall {recall:.2}"));
     lines.push(format!(
-        "union: {} of {} starts, {:.0} % [{lo:.0}, {hi:.0}]{}, {} cells in {} runs, {:.0} per \
+        "union: {} of {} starts, {:.0} % {interval}{}, {} cells in {} runs, {:.0} per \
          second of processor time",
         union.successes,
         union.starts,

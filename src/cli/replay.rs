@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::json;
 
 use super::test_args::PROGRAM;
 use super::{Common, Exit, Failure, finite_or_word, print_json, progress, table_of, terminal};
-use crate::crashes::{Regressions, Replayed};
+use crate::crashes::{Regressions, ReplayCounts, ReplayOutcome, Replayed};
+use crate::report::{ReplayCase, ReplayResult, replayed_junit};
 use crate::rulebook::RulesUntilContact;
-use crate::run_dir::{About, StartRepeated};
+use crate::run_dir::{About, StartRepeated, write_file};
 use crate::stats::wilson;
 use crate::testbench::Episode;
 
@@ -32,6 +32,9 @@ pub(super) struct ReplayArgs {
     /// bit.
     #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"])]
     refine: bool,
+    /// Write the outcomes as JUnit XML to this file, too.
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
     /// Exit with 1 if a kept counterexample still fails (the default).
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -51,6 +54,7 @@ enum Expect {
 pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
     let mut regressions = Regressions::find(&args.what, args.episode.as_deref())?
         .allow_programs(args.common.allow_programs)
+        .begin_egos_anew(args.common.fresh)
         .allow_invalid(args.common.allow_invalid);
     let recorded = args.expect == Some(Expect::Recorded);
     let mut replayed = match (&args.ego, args.program.is_empty()) {
@@ -64,29 +68,63 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
     if args.refine {
         refine(&args.common, &regressions, &mut replayed)?;
     }
-    // Labels of another run are computed by replays, so they run in parallel.
-    let known: Vec<About> = replayed.par_iter().map(Replayed::known).collect();
-    let rows: Vec<_> = replayed
-        .iter()
-        .zip(&known)
-        .map(|(it, about)| row(it, about))
-        .collect();
-    let in_all = ReplaySummary::of(&replayed);
-    let summary = in_all.in_words(recorded, &replayed);
-    if args.common.json {
-        print_json(&json!({ "rows": rows, "in_all": in_all }))
-    } else {
-        terminal::data(&format!(
-            "{}{}\n{summary}",
-            table(&replayed),
-            remarks(&replayed, &known)
-        ))
-    }?;
+    show(args, recorded, &replayed)?;
     if regressions.is_recorded_ego() && !recorded {
         note_absent_egos(&regressions);
     }
     regressions.check_faults(&replayed)?;
-    Ok(exit(args, regressions.is_recorded_ego(), &replayed))
+    let exit = exit(args, regressions.is_recorded_ego(), &replayed);
+    // A record that is not reproduced explains the broken rules.
+    if exit != Exit::NotIdentical && !recorded {
+        Regressions::check_answers(&replayed)?;
+    }
+    Ok(exit)
+}
+
+/// Prints the replays, and writes them as JUnit XML if requested.
+fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), Failure> {
+    // Labels of another run are computed by replays, so they run in parallel.
+    let known: Vec<About> = replayed.par_iter().map(Replayed::known).collect();
+    let rows = replayed.iter().zip(&known);
+    let rows: Vec<_> = rows.map(|(it, about)| row(it, about)).collect();
+    let in_all = ReplayCounts::of(replayed);
+    let summary = if recorded {
+        as_recorded(&in_all, replayed)
+    } else {
+        in_all.to_string()
+    };
+    if let Some(file) = &args.junit {
+        write_file(file, junit(replayed).as_bytes())?;
+    }
+    if args.common.json {
+        return print_json(&json!({ "rows": rows, "in_all": in_all }));
+    }
+    let (table, remarks) = (table(replayed), remarks(replayed, &known));
+    terminal::data(&format!("{table}{remarks}\n{summary}"))
+}
+
+/// Returns the replays as JUnit XML, each as a test case.
+fn junit(replayed: &[Replayed]) -> String {
+    let case = |one: &Replayed| ReplayCase {
+        file: one.path.display().to_string(),
+        world: one.scenario.name().to_owned(),
+        result: match one.outcome() {
+            ReplayOutcome::StillFails => ReplayResult::StillFails(one.in_words()),
+            ReplayOutcome::Fixed => ReplayResult::Fixed,
+            ReplayOutcome::NoAnswer => {
+                let why = one.no_answer().map(|why| why.to_string());
+                ReplayResult::NoAnswer(format!("no answer: {}", why.unwrap_or_default()))
+            }
+            ReplayOutcome::Invalid => {
+                let fault = one.fault();
+                ReplayResult::Invalid {
+                    kind: fault.map_or("fault", |fault| fault.kind.word()),
+                    message: fault.map(ToString::to_string).unwrap_or_default(),
+                }
+            }
+        },
+    };
+    replayed_junit(&replayed.iter().map(case).collect::<Vec<_>>())
 }
 
 /// Notes egos of records that are not here, so that the world's ego is not taken for them.
@@ -123,60 +161,15 @@ fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit
     }
 }
 
-/// Summary of all replays.
-#[derive(Serialize)]
-struct ReplaySummary {
-    replayed: usize,
-    still_fail: usize,
-    fixed: usize,
-    /// Replays without a result, because the ego or the physics did not run.
-    invalid: usize,
-}
-
-impl ReplaySummary {
-    fn of(replayed: &[Replayed]) -> ReplaySummary {
-        let still_fail = replayed.iter().filter(|one| one.still_fails()).count();
-        let invalid = replayed.iter().filter(|one| one.fault().is_some()).count();
-        ReplaySummary {
-            replayed: replayed.len(),
-            still_fail,
-            fixed: replayed.len() - still_fail - invalid,
-            invalid,
-        }
-    }
-
-    fn in_words(&self, recorded: bool, replayed: &[Replayed]) -> String {
-        if recorded {
-            self.as_recorded(replayed)
-        } else {
-            self.still_failing()
-        }
-    }
-
-    /// Counts the failing replays, in words.
-    fn still_failing(&self) -> String {
-        let (still_fail, fixed) = (self.still_fail, self.fixed);
-        let first = format!(
-            "{still_fail} of {} still fail, {fixed} fixed",
-            self.replayed
-        );
-        first + &self.not_run()
-    }
-
-    /// Counts the replays that are as recorded, in words.
-    fn as_recorded(&self, replayed: &[Replayed]) -> String {
-        let same = replayed.iter().filter(|one| one.identical).count();
-        let differs = |one: &&Replayed| !one.identical && one.fault().is_none();
-        let differ = replayed.iter().filter(differs).count();
-        let first = format!("{same} of {} as recorded, {differ} differ", self.replayed);
-        first + &self.not_run()
-    }
-
-    fn not_run(&self) -> String {
-        match self.invalid {
-            0 => String::new(),
-            some => format!(", {some} did not run"),
-        }
+/// Counts the replays that are as recorded, in words.
+fn as_recorded(in_all: &ReplayCounts, replayed: &[Replayed]) -> String {
+    let same = replayed.iter().filter(|one| one.identical).count();
+    let differs = |one: &&Replayed| !one.identical && one.fault().is_none();
+    let differ = replayed.iter().filter(differs).count();
+    let first = format!("{same} of {} as recorded, {differ} differ", in_all.replayed);
+    match in_all.invalid {
+        0 => first,
+        some => format!("{first}, {some} did not run"),
     }
 }
 
@@ -206,6 +199,8 @@ fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
         "file": replayed.path.display().to_string(),
         "verdict": replayed.episode.verdict.word(),
         "robustness": finite_or_word(replayed.episode.robustness),
+        "outcome": replayed.outcome(),
+        "no_answer": replayed.no_answer(),
         "fault": replayed.fault(),
         "ego_as_recorded": replayed.ego_as_recorded,
         "runs": replayed.repeated.as_ref().map(runs),
@@ -261,6 +256,9 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
                 format!("\n{about}").replace('\n', "\n  ")
             };
             text.push_str(&format!("\n{file}: {}{about}", one.in_words()));
+            if let Some(why) = one.no_answer() {
+                text.push_str(&format!("\n{file}: no answer, because {why}"));
+            }
         }
         if one.ego_as_recorded == Some(false) && one.fault().is_none() {
             text.push_str(&format!(
@@ -332,7 +330,7 @@ fn table(replayed: &[Replayed]) -> String {
         _ => String::new(),
     };
     format!(
-        "{place}{}\nverdict        counterexample: the ego failed, every rule kept; foul: one was broken; held: neither\
+        "{place}{}\nverdict        counterexample: the ego failed, every rule kept; foul: one was broken first, so there is no answer; held: neither\
          \nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
          \ncontact        its time and closing speed; –: no contact\
          \nrules until it the rules of the ados until the contact; –: no contact, or not known\

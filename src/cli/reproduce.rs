@@ -7,13 +7,13 @@ use crate::visible::command_line;
 
 /// Whatever an earlier version took.
 #[derive(Args, Debug)]
-pub(super) struct ReproduceArgs {
+pub(super) struct RefusedArgs {
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
     words: Vec<String>,
 }
 
 /// Refusal of `reproduce WHAT`.
-pub(super) fn refusal(args: &ReproduceArgs) -> Failure {
+pub(super) fn refusal(args: &RefusedArgs) -> Failure {
     let words = if args.words.is_empty() {
         "WHAT".to_owned()
     } else {

@@ -240,11 +240,71 @@ fn exit_of(args: &RiskArgs, report: &RiskReport) -> Exit {
     if !report.is_result() {
         return Exit::Fault;
     }
-    // The upper end decides, so that chance alone rarely passes the limit.
-    let above = |limit: f64| report.ratio.is_none_or(|it| limit < it.interval[1]);
+    // The upper end decides, so that neither chance nor a fault of the ego passes the limit.
+    let above = |limit: f64| report.greatest_ratio().is_none_or(|ratio| limit < ratio);
     if args.at_most.is_some_and(above) {
         Exit::Counterexample
     } else {
         Exit::Done
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::risk::{RiskCost, RiskEstimate};
+    use crate::rulebook::Counts;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        risk: RiskArgs,
+    }
+
+    fn args(more: &[&str]) -> RiskArgs {
+        let words = ["risk", "acc", "--baseline-ego", "old"];
+        Line::parse_from(words.iter().chain(more)).risk
+    }
+
+    fn report(ratio: Option<[f64; 2]>, between: Option<[[f64; 2]; 2]>) -> RiskReport {
+        let estimate = |interval: [f64; 2]| RiskEstimate {
+            probability: interval[0],
+            interval,
+            ess: 100.0,
+            hits: 100,
+        };
+        RiskReport {
+            world: "acc".to_owned(),
+            plant: "kinematic".to_owned(),
+            horizon_s: 15.0,
+            traffic: "test".to_owned(),
+            uniform_axes: Vec::new(),
+            inside: 1.0,
+            counts: Counts::Violation,
+            exposure: None,
+            egos: Vec::new(),
+            ratio: ratio.map(estimate),
+            ratio_between: between.map(|it| it.map(estimate)),
+            surrogate_errors_m: Vec::new(),
+            cost: RiskCost::default(),
+        }
+    }
+
+    #[test]
+    fn a_limit_on_the_ratio_is_kept_by_its_upper_end_with_every_fault() {
+        let limit = args(&["--at-most", "1.5"]);
+        for (ratio, between, exit) in [
+            (Some([0.8, 1.5]), None, Exit::Done),
+            (Some([0.8, 1.6]), None, Exit::Counterexample),
+            (None, Some([[0.5, 0.7], [0.9, 1.5]]), Exit::Done),
+            (None, Some([[0.5, 0.7], [0.9, 1.6]]), Exit::Counterexample),
+            (None, None, Exit::Counterexample),
+        ] {
+            let report = report(ratio, between);
+            assert_eq!(exit_of(&limit, &report), exit, "{ratio:?}, {between:?}");
+            assert_eq!(exit_of(&args(&[]), &report), Exit::Done);
+        }
     }
 }

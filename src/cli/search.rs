@@ -19,7 +19,7 @@ use super::{
 use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for};
 use crate::experiment::{EgoUnderTest, on_plant};
 use crate::run_dir::{Row, RunDir, Stored};
-use crate::search::{BUDGET, Method, MethodInfo, MethodOption, MethodSettings};
+use crate::search::{BUDGET, Method, MethodInfo, MethodOption, MethodSettings, usual_switches};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -83,7 +83,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     let egos = args.traffic.levels(args.ego.find(&nominal)?);
     let stored = stored(args, run.as_ref(), &egos)?;
     let settings = MethodSettings {
-        switches: args.switches,
+        switches: Some(args.switches.unwrap_or_else(|| usual_switches(&egos))),
         stored: stored.as_ref(),
     };
     let live = args.live.open(world.name(), Streamed::Episodes)?;
@@ -242,14 +242,11 @@ mod tests {
 
     #[test]
     fn a_method_of_the_list_is_a_value_with_its_help() {
-        let parsed = Alone::try_parse_from(["search", "a.ron", "--method", "constants"]);
+        let parsed = Alone::try_parse_from(["search", "a.ron", "--method", "mutate"]);
         let parsed = parsed.map_err(|e| e.to_string()).expect("in the list");
-        assert_eq!(parsed.search.method.name, "constants");
+        assert_eq!(parsed.search.method.name, "mutate");
         let help = Alone::command().render_long_help().to_string();
-        for says in [
-            "- constants: Each action for a whole episode",
-            "(uniform, hold, cem, mutate, constants) [default: 100]",
-        ] {
+        for says in ["- mutate: ", "(uniform, hold, cem, mutate) [default: 100]"] {
             assert!(help.contains(says), "{help}");
         }
     }

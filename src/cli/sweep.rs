@@ -15,7 +15,7 @@ use crate::stats::{at_most, wilson};
 
 /// Legend of a sweep's columns.
 const EXPLAINED: &str = "
-failing        starts from which some ado makes the ego fail with that value, every rule kept
+failing        starts on which the ego violates its specification with that value, every rule kept
 95 % interval  of the share of such starts, in %, two-sided; in 40ths: the same share as a bar, rounded up";
 
 #[derive(Args, Debug)]
@@ -62,7 +62,9 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
 }
 
 fn curve(swept: &Swept) -> String {
-    let points = swept.points.iter().map(|point| {
+    // The share of an interrupted value is unknown.
+    let whole = swept.points.iter().filter(|it| it.partial.is_none());
+    let points = whole.map(|point| {
         let share = point.failing as f64 / point.starts.max(1) as f64;
         (point.value, share, wilson(point.failing, point.starts))
     });
@@ -80,7 +82,16 @@ fn in_words(swept: &Swept) -> String {
             value,
             starts,
             failing,
+            partial,
         } = *point;
+        if let Some(partial) = partial {
+            return [
+                format!("{value}"),
+                format!("at least {failing} of {}", partial.of),
+                "–".to_owned(),
+                format!("interrupted: {} decided", partial.decided),
+            ];
+        }
         // Starts are independent here, so a binomial interval applies.
         let [lo, hi] = wilson(failing, starts).map(|share| 100.0 * share);
         [
@@ -99,7 +110,8 @@ fn in_words(swept: &Swept) -> String {
 /// From where on, or up to where, no start fails.
 fn safety(swept: &Swept) -> String {
     let parameter = &swept.parameter;
-    let starts = swept.points.iter().map(|point| point.starts);
+    let whole = swept.points.iter().filter(|it| it.partial.is_none());
+    let starts = whole.map(|point| point.starts);
     // The value with the fewest starts has the weakest bound.
     let bound = 100.0 * at_most(starts.min().unwrap_or(0));
     let safe = match (swept.safe_from, swept.safe_up_to) {

@@ -1,21 +1,23 @@
 //! Rows as tables for people.
 
 use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
-use crate::natural::NaturalnessOfRow;
-use crate::report::TextTable;
-use crate::run_dir::Row;
+use crate::report::{TextTable, WIDTH};
+use crate::run_dir::{AdversaryId, Row};
 
-/// Legend of the columns of rows.
+/// Legend of the columns of rows, after the line on successes.
 const ROWS_EXPLAINED: &str = "
-success        starts on which the ego fails, and no rule was broken before
 95 % interval  of the success rate over other starts, two-sided
 recall         share solved here of the starts that search solves; –: no search, or it solved none
 sims/start     simulations spent per start, on average
+contact        share of the successes that end in a contact
+front/side/    contacts by the side of the ego that is touched
+closing        median closing speed of these contacts
+rest, hit      contacts with the ego at rest (at most 0.5 m/s) or hit from behind
+avoided        of a sample of them: avoided by a reference driver, of those that can be judged
 fouls          starts on which a rule was broken first: no success; search: sequences it tried
-fouls before   solved starts with a rule broken between the failure and the contact
-contact        starts that end in a contact; closing: speed of contacts after a failure
-groups         groups of similar failures (docs/guide/crashes.md); –: none, or not compared
 cpu s          processor time spent on all of the starts";
+/// Width of the first column of the legend.
+const LEGEND_INDENT: usize = 15;
 
 /// Legend of the columns of a block's egos and of its summary.
 const BLOCKS_EXPLAINED: &str = "
@@ -27,7 +29,44 @@ mean, least    over those egos of which search solves enough to ask for recall";
 /// Formats all rows as a table, after a line on failures without an adversary.
 pub(super) fn rows(rows: &[Row]) -> String {
     let (lines, remarks) = (lines(rows), remarks(rows));
-    format!("{}\n{lines}{ROWS_EXPLAINED}{remarks}", opening(rows))
+    let legend = legend(rows);
+    format!("{}\n{lines}{legend}{remarks}", opening(rows))
+}
+
+/// Explains the columns of rows, with the successes of their world first.
+fn legend(rows: &[Row]) -> String {
+    let Some(row) = rows.first() else {
+        return ROWS_EXPLAINED.to_owned();
+    };
+    let mut text = "\nsuccess        starts on which the ego violates its specification, and no \
+                    rule was broken before"
+        .to_owned();
+    // Rows of earlier versions have no specification.
+    if !row.specification.is_empty() {
+        text.push_str(&in_legend(&format!("specification: {}", row.specification)));
+    }
+    if let Some(counts) = &row.counts {
+        text.push_str(&in_legend(&format!("`counts`: {counts}")));
+    }
+    text + ROWS_EXPLAINED
+}
+
+/// Breaks a text into indented lines of the legend, between words.
+fn in_legend(text: &str) -> String {
+    let mut lines = String::new();
+    let mut width = usize::MAX;
+    for word in text.split(' ') {
+        let more = 1 + word.chars().count();
+        if width.saturating_add(more) > usize::from(WIDTH) {
+            lines.push('\n');
+            lines.push_str(&" ".repeat(LEGEND_INDENT - 1));
+            width = LEGEND_INDENT - 1;
+        }
+        lines.push(' ');
+        lines.push_str(word);
+        width += more;
+    }
+    lines
 }
 
 /// Formats contacts, faults and repeated runs, which do not fit into the table.
@@ -40,17 +79,44 @@ pub(super) fn remarks(rows: &[Row]) -> String {
                 row.ego, row.ado, warning.what
             ));
         }
-        if let Some(severity) = &row.severity {
-            text.push_str(&format!("\ncontacts: {}, {}: {severity}", row.ego, row.ado));
+        if let Some(warning) = success_warning(row) {
+            text.push_str(&format!(
+                "\nwarning: {}, {}: {warning}; `counts` in the world leaves these out \
+                 (docs/reference/world-file.md)",
+                row.ego, row.ado
+            ));
         }
-        if let Some(natural) = declared(row) {
+        if let Some(severity) = &row.severity {
+            let late = row.foul_before_contact_rate.filter(|share| *share > 0.0);
+            let late = late.map_or(String::new(), |share| {
+                let share = percent(share);
+                format!("; on {share} of the starts a rule broke between failure and contact")
+            });
+            let unjudged = row.success_contacts.as_ref().filter(|it| it.not_judged > 0);
+            let unjudged = unjudged.map_or(String::new(), |of| {
+                let sample = of.judged + of.not_judged;
+                let unjudged = of.not_judged;
+                format!("; reference drivers cannot judge {unjudged} of {sample} successes")
+            });
+            text.push_str(&format!(
+                "\ncontacts: {}, {}: {severity}{late}{unjudged}",
+                row.ego, row.ado
+            ));
+        }
+        if let Some(natural) = &row.naturalness {
             text.push_str(&format!("\ntraffic: {}, {}: {natural}", ego(row), row.ado));
         }
+        let groups = row.distinct.map(|groups| match groups {
+            1 => "1 group".to_owned(),
+            _ => format!("{groups} groups"),
+        });
         // With a single kind there is nothing to distinguish.
-        if 1 < row.kinds.len() {
-            let kinds: Vec<String> = row.kinds.iter().map(ToString::to_string).collect();
-            let kinds = kinds.join("; ");
-            text.push_str(&format!("\nfailures: {}, {}: {kinds}", row.ego, row.ado));
+        let kinds = row.kinds.iter().filter(|_| row.kinds.len() > 1);
+        let kinds = kinds.map(ToString::to_string);
+        let failures: Vec<String> = groups.into_iter().chain(kinds).collect();
+        if !failures.is_empty() {
+            let failures = failures.join("; ");
+            text.push_str(&format!("\nfailures: {}, {}: {failures}", row.ego, row.ado));
         }
         // With a single ado, `fouls` has it all.
         let mut ados = row.violations.iter().map(|broken| &broken.ado);
@@ -88,11 +154,9 @@ pub(super) fn remarks(rows: &[Row]) -> String {
     text
 }
 
-/// Returns the naturalness of a row for which a traffic model was named.
-fn declared(row: &Row) -> Option<&NaturalnessOfRow> {
-    let surprise = |it: &NaturalnessOfRow| Some(it.median.as_ref()?.surprise_decades.is_some());
-    let natural = row.naturalness.as_ref();
-    natural.filter(|it| it.limit_per_1000_km.is_some() || surprise(it).unwrap_or(false))
+/// Returns the warning about contacts that are no fault of the ego, if most are.
+fn success_warning(row: &Row) -> Option<String> {
+    row.success_contacts.as_ref()?.warning(row.successes)
 }
 
 /// Returns the ego of a row, with the limit on its ados.
@@ -138,7 +202,7 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
         let heading = Relation::Changed.heading();
         text.push_str(&format!("\n\n# {heading}\n{}", summary(of_all)));
     }
-    text.push_str(&format!("\n{ROWS_EXPLAINED}{BLOCKS_EXPLAINED}"));
+    text.push_str(&format!("\n{}{BLOCKS_EXPLAINED}", legend(&all)));
     text
 }
 
@@ -147,9 +211,9 @@ fn without_adversary(block: &[&ReusedOn]) -> String {
     let rows = block.iter().map(|ego| {
         [
             ego.ego.clone(),
-            percent(ego.fails_without_adversary),
+            ego.fails_without_adversary.map_or("–".to_owned(), percent),
             ego.reachable.map_or("–".to_owned(), percent),
-            percent(ego.union),
+            ego.union.map_or("–".to_owned(), percent),
         ]
     });
     let columns = ["ego", "fails without an adversary", "reachable", "union"];
@@ -199,11 +263,16 @@ fn lines(rows: &[Row]) -> String {
             ego(row),
             row.ado.to_string(),
             row.method.clone(),
-            match row.starts {
-                0 => "– (0/0)".to_owned(),
-                starts => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
+            match (row.starts, row.partial) {
+                (_, Some(partial)) => format!("at least {}/{}", row.successes, partial.of),
+                (0, None) => "– (0/0)".to_owned(),
+                (starts, None) => {
+                    format!("{} ({}/{starts})", percent(row.success_rate), row.successes)
+                }
             },
-            format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1]),
+            row.ci95.map_or("–".to_owned(), |[lo, hi]| {
+                format!("{:.1} – {:.1}", 100.0 * lo, 100.0 * hi)
+            }),
             row.recall.map_or("–".to_owned(), |r| format!("{r:.3}")),
             format!("{:.1}", row.sims_per_start),
         ]
@@ -221,32 +290,52 @@ fn lines(rows: &[Row]) -> String {
     let how = rows.iter().map(|row| {
         // Rows of earlier versions have the closing speed of all contacts only.
         let closing = row.success_closing_mps.or(row.closing_speed_mps);
+        let [contact, sides, without_fault, avoided] = row.contact_cells();
         [
             ego(row),
             row.ado.to_string(),
+            contact,
+            sides,
+            closing.map_or("–".to_owned(), |closing| format!("{:.1}", closing.median)),
+            without_fault,
+            avoided,
             percent(row.foul_rate),
-            row.foul_before_contact_rate.map_or("–".to_owned(), percent),
-            percent(row.contact_rate),
-            closing.map_or("–".to_owned(), |c| {
-                format!("{:.1} / {:.1}", c.median, c.p90)
-            }),
-            row.distinct
-                .map_or("–".to_owned(), |groups| groups.to_string()),
             format!("{:.1}", row.cpu_s),
         ]
     });
     let columns = [
         "ego",
         "ado",
-        "fouls",
-        "fouls before\ncontact",
         "contact",
-        "closing m/s,\nmedian / 90 %",
-        "groups",
+        "front/side/\nrear",
+        "closing\nm/s",
+        "rest, hit\nbehind",
+        "avoided",
+        "fouls",
         "cpu s",
     ];
     let how = TextTable::new(columns, how).numbers_from(2).to_terminal();
-    format!("{found}\n{how}{}{}", bounds(rows), uncounted(rows))
+    let (bounds, partials, uncounted) = (bounds(rows), partials(rows), uncounted(rows));
+    format!("{found}\n{how}{bounds}{partials}{uncounted}")
+}
+
+/// Bounds of interrupted rows, a line for each.
+fn partials(rows: &[Row]) -> String {
+    let lines = rows.iter().filter_map(|row| {
+        let partial = row.partial?;
+        let open = partial.of - partial.decided;
+        Some(format!(
+            "\npartial: {}, {}: {} of {} starts decided. Starts with a success are decided sooner, so \
+             there is no interval: at least {} succeed, at most {}",
+            row.ego,
+            row.ado,
+            partial.decided,
+            partial.of,
+            row.successes,
+            row.successes + open
+        ))
+    });
+    lines.collect()
 }
 
 /// Violations that do not count in a world, one line for all rows.
@@ -279,10 +368,15 @@ fn bounds(rows: &[Row]) -> String {
     let mut by_starts: Vec<(usize, f64, Vec<String>)> = Vec::new();
     for row in rows {
         let Some(bound) = row.at_most else { continue };
+        // A wider search may succeed where this one does not.
+        let ado = match row.ado {
+            AdversaryId::Search => format!("search ({})", row.method),
+            _ => row.ado.to_string(),
+        };
         let name = if one_ego {
-            row.ado.to_string()
+            ado
         } else {
-            format!("{} on {}", row.ado, row.ego)
+            format!("{ado} on {}", row.ego)
         };
         match by_starts.iter_mut().find(|line| line.0 == row.starts) {
             Some((_, _, names)) => names.push(name),
@@ -294,7 +388,8 @@ fn bounds(rows: &[Row]) -> String {
         let bound = (1000.0 * bound).ceil() / 10.0;
         let names = names.join(", ");
         format!(
-            "\n{names}: no success in {starts}, so at most {bound:.1} % (one-sided 95 % bound), for these starts"
+            "\n{names}: no success in {starts}, so such an adversary succeeds on at most {bound:.1} % of \
+             starts like these (one-sided 95 % bound); others may succeed on more"
         )
     });
     lines.collect()
@@ -305,7 +400,10 @@ fn opening(rows: &[Row]) -> String {
         return String::new();
     };
     // `starts` counts the starts in the rates only.
-    let all = row.starts + row.trivial + row.invalid;
+    let open = row
+        .partial
+        .map_or(0, |partial| partial.of - partial.decided);
+    let all = row.starts + row.trivial + row.invalid + open;
     let share = 100.0 * row.trivial as f64 / all.max(1) as f64;
     let mut text = format!(
         "{} on the {} plant, {all} starts of seed {}",
@@ -368,6 +466,8 @@ fn percent(share: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run_dir::{Partial, SuccessContacts};
+    use brakecheck_sim::severity::Side;
 
     fn row(ego: &str, ado: &str, (successes, starts): (usize, usize)) -> Row {
         let at_most = (successes == 0).then(|| crate::stats::at_most(starts));
@@ -401,11 +501,68 @@ mod tests {
             "success  ",
             "recall  ",
             "sims/start  ",
-            "fouls before  ",
+            "rest, hit  ",
+            "avoided  ",
             "cpu s  ",
         ] {
             assert!(text.contains(&format!("\n{column}")), "{column}: {text}");
         }
+    }
+
+    #[test]
+    fn an_interrupted_row_has_counts_and_bounds_and_no_interval() {
+        let mut row = row("nominal", "search", (19, 19));
+        row.partial = Some(Partial {
+            decided: 20,
+            of: 100,
+        });
+        (row.ci95, row.invalid) = (None, 1);
+        let text = super::rows(&[row]);
+        let says = [
+            "100 starts of seed 0",
+            "┆ at least 19/100 ┆             – ┆",
+            "partial: nominal, search: 20 of 100 starts decided.",
+            "at least 19 succeed, at most 99",
+        ];
+        for says in says {
+            assert!(text.contains(says), "{says}: {text}");
+        }
+        assert!(!text.contains("100.0 %"), "{text}");
+    }
+
+    #[test]
+    fn successes_are_described_beside_their_rate() {
+        let mut row = row("nominal", "trained", (278, 300));
+        row.specification = "always (ego.ado.gap >= 0.2)".to_owned();
+        row.counts = Some("only a contact of the moving ego".to_owned());
+        row.success_contacts = Some(SuccessContacts {
+            contacts: 222,
+            sides: [(Side::Left, 200), (Side::Right, 20), (Side::Rear, 2)].into(),
+            ego_at_rest: 1,
+            hit_from_behind: 1,
+            judged: 18,
+            avoided: 12,
+            not_judged: 2,
+        });
+        let text = super::rows(std::slice::from_ref(&row));
+        for says in [
+            "┆    80 % ┆     0/220/2 ┆",
+            "┆       1 % ┆ 12 of 18 ┆",
+            "specification: always (ego.ado.gap >= 0.2)",
+            "`counts`: only a contact of the moving ego",
+        ] {
+            assert!(text.contains(says), "{says}: {text}");
+        }
+        assert!(!text.contains("warning"), "{text}");
+        row.success_contacts = Some(SuccessContacts {
+            contacts: 146,
+            ego_at_rest: 146,
+            ..SuccessContacts::default()
+        });
+        let text = super::rows(&[row]);
+        let warning = "warning: nominal, trained: of 278 successes, 146 are contacts with the ego \
+                       at rest or hit from behind and 132 have no contact";
+        assert!(text.contains(warning), "{text}");
     }
 
     #[test]
@@ -421,8 +578,10 @@ mod tests {
         ];
         assert_eq!(
             bounds(&none),
-            "\nhold, random: no success in 284, so at most 1.1 % (one-sided 95 % bound), for these starts\
-             \nsearch: no success in 50, so at most 5.9 % (one-sided 95 % bound), for these starts"
+            "\nhold, random: no success in 284, so such an adversary succeeds on at most 1.1 % of \
+             starts like these (one-sided 95 % bound); others may succeed on more\
+             \nsearch (m): no success in 50, so such an adversary succeeds on at most 5.9 % of \
+             starts like these (one-sided 95 % bound); others may succeed on more"
         );
         let two_egos = [
             row("nominal", "hold", (0, 100)),
@@ -430,7 +589,8 @@ mod tests {
         ];
         assert_eq!(
             bounds(&two_egos),
-            "\nhold on nominal, hold on van: no success in 100, so at most 3.0 % (one-sided 95 % bound), for these starts"
+            "\nhold on nominal, hold on van: no success in 100, so such an adversary succeeds on at \
+             most 3.0 % of starts like these (one-sided 95 % bound); others may succeed on more"
         );
         assert_eq!(bounds(&[]), "");
     }

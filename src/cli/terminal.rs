@@ -17,6 +17,7 @@ use clap::{Args, CommandFactory, FromArgMatches};
 use miette::GraphicalTheme;
 
 use super::{Exit, Failure, last_resort};
+use crate::ego::stop_waiting;
 use crate::testbench::FaultLog;
 use crate::visible::{visible, visible_json};
 
@@ -35,6 +36,9 @@ pub struct Common {
     /// Start the programs that worlds, changes and kept files name as egos.
     #[arg(long, global = true)]
     pub allow_programs: bool,
+    /// Start programs anew for every episode, so that they keep no state.
+    #[arg(long, global = true)]
+    pub fresh: bool,
     /// Share of invalid episodes to tolerate in each table row, 0 to 1.
     #[arg(long, global = true, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     pub allow_invalid: f64,
@@ -180,6 +184,8 @@ pub(super) fn listen_for_interrupts() {
         if STOP.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
+        // A program that hangs would delay the end by its timeout.
+        stop_waiting();
         let _ = writeln!(io::stderr(), "\nstopping and saving (again to end at once)");
     });
 }

@@ -62,6 +62,13 @@ pub(super) fn note_program_costs(egos: &[EgoUnderTest], watch: &Watch<'_>) {
                 cost.starts
             ));
         }
+        let compared = program.transcripts().compared();
+        if 0 < compared {
+            watch.note(&format!(
+                "{compared} of its episodes were played again, each in a new process, to \
+                 compare the commands"
+            ));
+        }
     }
 }
 

@@ -18,7 +18,7 @@ pub(super) fn text(checked: &TheoremsChecked) -> String {
 fn on_a_grid(checked: &GridTheorems) -> String {
     let mut text = nearby_starts(&checked.theorem_1);
     text.push_str(&format!(
-        "\n\nTheorem 2: values V_k within α of V*; iterated: value iteration, {} sweeps\n",
+        "\n\nTheorem 2: values V_k within α of V*; iterated: value iteration, {} sweeps, rounded\n",
         checked.sweeps
     ));
     text.push_str(&approximate_values(&[
@@ -29,7 +29,17 @@ fn on_a_grid(checked: &GridTheorems) -> String {
     text.push_str(&bisimilar(&checked.theorem_3));
     if !checked.not_comparable.is_empty() {
         let names = checked.not_comparable.join(", ");
-        text.push_str(&format!("\nof another size, not compared: {names}"));
+        text.push_str(&format!(
+            "\nof another size, or with formulas on other signals, not compared: {names}"
+        ));
+    }
+    if !checked.unchecked.is_empty() {
+        let names = checked.unchecked.join(", ");
+        text.push_str(&format!(
+            "\nnothing was checked, a bug of this program: {names}"
+        ));
+    } else if checked.theorem_3.is_empty() {
+        text.push_str("\nnothing was checked: no changed grid can be compared");
     }
     text
 }
@@ -81,7 +91,7 @@ fn nearby_starts(checked: &Theorem1) -> String {
     ];
     text.push_str(&table_of(header, rows));
     text.push_str(
-        "\nx0             counterexamples found, paid V*, with δ < γ^T (g(τ) + 1)\
+        "\nx0             counterexamples found, paid V*, with δ < γ^T (g(τ) + ρ), ρ the least penalty\
          \n(promising)    those around which V*(x0) − δ promises a counterexample\
          \npairs          (x0, x0') with |V*(x0) − V*(x0')| < δ\
          \noptimal        rules kept and γ^T' R' ≥ V*(x0) − δ by the optimal continuation, played\

@@ -216,9 +216,10 @@ fn print_trained(trained: &TrainingOutcome) {
         .ended
         .filter(|ended| *ended != TrainingEnd::Asked)
     {
-        terminal::note(&format!("ended: {}", ended.in_words()));
+        let calibration = trained.done.calibration.as_ref();
+        terminal::note(&format!("ended: {}", ended.in_words(calibration)));
     }
-    if let Some(warning) = trained.done.calibration.and_then(|c| c.warning()) {
+    if let Some(warning) = trained.warning() {
         terminal::note(&format!("warning: {}", warning.what));
         terminal::note(&format!("  help: {}", warning.help));
     }
@@ -252,7 +253,7 @@ fn show(
         "sought": run.manifest().sought,
         "calibration": trained.done.calibration,
         "ended": trained.done.ended,
-        "warning": trained.done.calibration.and_then(|calibration| calibration.warning()),
+        "warning": trained.warning(),
         "rows": rows,
     }))
 }

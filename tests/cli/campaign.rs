@@ -346,6 +346,7 @@ fn sealed(text: &str) -> String {
 fn a_gate_that_could_never_close_is_refused() {
     let dir = scratch();
     let text = SMALL.replace("    preventability: true,\n", "");
+    let text = text.replace("\"nominal\"),\n)", "\"nominal\", on: Preventable),\n)");
     let file = path(&dir, "open.ron");
     fs::write(&file, &text).expect("written");
     let plan = |planned: &str| brakecheck(&["campaign", "plan", &file, "-o", planned]);
@@ -358,12 +359,14 @@ fn a_gate_that_could_never_close_is_refused() {
     );
     // Its place is the gate's line.
     assert!(message.contains("gate: (baseline"), "{message}");
-    // A gate on any failure needs no drivers.
-    let any = text.replace("\"nominal\"),\n)", "\"nominal\", on: Any),\n)");
-    assert_ne!(any, text);
-    fs::write(&file, any).expect("written");
-    let output = plan(&path(&dir, "any"));
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    // Other gates need no drivers: without them every crash is unknown, and counts.
+    for on in ["Any", "UnlessUnavoidable"] {
+        let other = text.replace("on: Preventable", &format!("on: {on}, severity: true"));
+        assert_ne!(other, text);
+        fs::write(&file, other).expect("written");
+        let output = plan(&path(&dir, on));
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+    }
 }
 
 #[test]
@@ -395,6 +398,23 @@ fn a_gate_decides_the_exit_code_of_the_merge() {
         .any(|gate| 0 < newly(gate, "newly_preventable"));
     assert_eq!(exit_of_preventable, i32::from(held_up));
     assert_eq!(exit("never", "Never").0, 0);
+    // The default excuses crashes that are shown to be unavoidable, and no others.
+    let (exit_of_default, default) = exit("default", "UnlessUnavoidable");
+    let gates = default.as_array().expect("gates");
+    let labels = ["preventable", "avoidable", "unavoidable", "unknown"];
+    for gate in gates {
+        let [preventable, avoidable, unavoidable, unknown] =
+            labels.map(|label| newly(gate, &format!("newly_{label}")));
+        let all = preventable + avoidable + unavoidable + unknown;
+        assert_eq!(all, newly(gate, "newly_failing"), "{gate}");
+        assert_eq!(gate["held_up"], unavoidable < all, "{gate}");
+    }
+    let held_up = gates.iter().any(|gate| gate["held_up"] == true);
+    assert_eq!(exit_of_default, i32::from(held_up));
+    let (exit_of_severity, severity) = exit("severity", "Never, severity: true");
+    let gates = severity.as_array().expect("gates");
+    let severe = gates.iter().any(|gate| 0 < newly(gate, "more_severe"));
+    assert_eq!(exit_of_severity, i32::from(severe));
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::{brakecheck, code, json, path, refused, scratch, small_run, stderr};
-use serde_json::Value;
+use super::{brakecheck, code, json as json_of, path, refused, scratch, small_run, stderr};
+use serde_json::{Value, json};
 
 /// The shipped ego, braking a fifth harder.
 const HARDER: &str = "Change(ego: (max_brake_mps2: 7.2))";
@@ -25,32 +25,64 @@ fn a_gate_and_its_opposite_mirror_each_other() {
         let asked = ["gate", &run, "--starts", "120", "--ego", ego];
         let gated = ["--baseline-ego", before, "--on", on, "--json"];
         let output = brakecheck(&[&asked[..], &gated].concat());
-        (code(&output), json(&output)["gates"][0].clone())
+        (code(&output), json_of(&output)["gates"][0].clone())
     };
     let (better_exit, better) = gate(&harder, "nominal", "any");
     let (worse_exit, worse) = gate("nominal", &harder, "any");
-    assert_eq!(
-        starts(&better, "newly_failing"),
-        starts(&worse, "newly_fixed")
-    );
-    assert_eq!(
-        starts(&better, "newly_fixed"),
-        starts(&worse, "newly_failing")
-    );
+    // A start on which the ado breaks its rule is neither failing nor fixed.
+    let fixed_or_open = |gate: &Value| -> BTreeSet<u64> {
+        let open = gate["no_answer"].as_array().expect("a list").iter();
+        let open = open.filter(|it| it["before"] == "fails");
+        let open = open.map(|it| it["start"].as_u64().expect("a start"));
+        starts(gate, "newly_fixed")
+            .into_iter()
+            .chain(open)
+            .collect()
+    };
+    assert_eq!(starts(&better, "newly_failing"), fixed_or_open(&worse));
+    assert_eq!(fixed_or_open(&better), starts(&worse, "newly_failing"));
     assert!(starts(&worse, "newly_failing").is_disjoint(&starts(&worse, "newly_fixed")));
     assert_eq!(better["p_value"], worse["p_value"]);
     let failing = starts(&worse, "newly_failing").len();
     let fixed = starts(&worse, "newly_fixed").len();
     assert!(fixed < failing, "softer brakes fail more often: {worse}");
-    assert_eq!(worse["p_value"], brakecheck::stats::mcnemar(failing, fixed));
+    let list = worse["newly_failing"].as_array().expect("a list");
+    let unanswered = list.iter().filter(|it| it["before"] == "foul").count();
+    assert_eq!(
+        worse["p_value"],
+        brakecheck::stats::mcnemar(failing - unanswered, fixed)
+    );
     assert_eq!(worse_exit, 1);
     assert_eq!(better_exit, i32::from(0 < fixed));
-    // Only what CC_LATCHED or FSM would have avoided counts unless asked.
+    // All but shown-unavoidable crashes close it unless asked otherwise.
+    let (exit, default) = gate("nominal", &harder, "unless-unavoidable");
+    let list = default["newly_failing"].as_array().expect("a list");
+    let blocking = list.iter().filter(|it| it["unavoidable"] != true).count();
+    assert_eq!(exit, i32::from(0 < blocking));
+    let by = &default["newly_failing_by"];
+    let count = |label: &str| by[label].as_u64().expect("a count") as usize;
+    let all = ["preventable", "avoidable", "unavoidable", "unknown"].map(count);
+    assert_eq!(all.iter().sum::<usize>(), failing);
+    assert_eq!(all[0] + all[1] + all[3], blocking);
+    // Only what CC_LATCHED or FSM would have avoided counts if asked.
     let (exit, preventable) = gate("nominal", &harder, "preventable");
     let list = preventable["newly_failing"].as_array().expect("a list");
     let any = list.iter().any(|flipped| flipped["preventable"] == true);
     assert_eq!(exit, i32::from(any));
-    assert_eq!(gate("nominal", &harder, "never").0, 0);
+    let (exit, severe) = gate("nominal", &harder, "never");
+    assert_eq!((exit, severe["closed_by"].clone()), (0, json!([])));
+    // Softer brakes also make common failures more severe, which closes it on request.
+    let more_severe = severe["more_severe"].as_array().expect("a list");
+    assert!(!more_severe.is_empty(), "{severe}");
+    for one in more_severe {
+        let speed = |key: &str| one[key].as_f64().expect("a speed");
+        assert!(1.2 * speed("before_mps") < speed("now_mps"), "{one}");
+    }
+    let (exit, severe) = gate("nominal", &harder, "never,severity");
+    assert_eq!(
+        (exit, severe["closed_by"].clone()),
+        (1, json!(["severity"]))
+    );
 
     // In words; and what cannot be compared is refused.
     let asked = ["gate", &run, "--starts", "20", "--ego", &harder];
@@ -72,6 +104,45 @@ fn a_gate_and_its_opposite_mirror_each_other() {
     }
 }
 
+/// No driver model judges a crash with a pedestrian, which is no excuse.
+#[test]
+fn a_gate_closes_on_crashes_that_no_driver_model_can_judge() {
+    let dir = scratch();
+    let run = path(&dir, "run");
+    let trained = brakecheck(&[
+        "train",
+        "pedestrian",
+        "-o",
+        &run,
+        "--decisions",
+        "1k",
+        "--starts",
+        "20",
+    ]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let [blind, equal] = ["blind.ron", "equal.ron"].map(|name| path(&dir, name));
+    let coast = "Change(controller: Coast(accel_mps2: 0.0, lag_s: 0.0))";
+    std::fs::write(&blind, coast).expect("written");
+    let gate = |ego: &str, before: &str, more: &[&str]| {
+        let asked = ["gate", &run, "--starts", "40", "--ego", ego, "--json"];
+        let output = brakecheck(&[&asked[..], &["--baseline-ego", before], more].concat());
+        (code(&output), json_of(&output)["gates"][0].clone())
+    };
+    let (exit, worse) = gate(&blind, "nominal", &[]);
+    let by = &worse["newly_failing_by"];
+    assert!(0 < by["unknown"].as_u64().expect("a count"), "{worse}");
+    assert_eq!(by["preventable"], 0);
+    assert_eq!(
+        (exit, worse["closed_by"].clone()),
+        (1, json!(["unless-unavoidable"]))
+    );
+    assert_eq!(gate(&blind, "nominal", &["--on", "preventable"]).0, 0);
+    // A better ego passes, and an equal one.
+    assert_eq!(gate("nominal", &blind, &[]).0, 0);
+    std::fs::write(&equal, "Change(ego: (trigger_mps2: 3.0))").expect("written");
+    assert_eq!(gate(&equal, "nominal", &["--on", "any,severity"]).0, 0);
+}
+
 #[test]
 fn a_sweep_says_from_where_on_an_ego_is_safe() {
     let dir = scratch();
@@ -84,7 +155,7 @@ fn a_sweep_says_from_where_on_an_ego_is_safe() {
     let over = ["--over", "ego.time_gap_s=0.3..2.7:4"];
     let output = brakecheck(&[&asked[..], &over, &["--curve", &curve, "--json"]].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    let swept = &json(&output)["swept"];
+    let swept = &json_of(&output)["swept"];
     let points = swept["points"].as_array().expect("points");
     let values: Vec<f64> = points.iter().filter_map(|p| p["value"].as_f64()).collect();
     assert_eq!(values, [0.3, 1.1, 1.9, 2.7]);
@@ -138,7 +209,7 @@ fn a_gate_and_a_sweep_require_a_run_and_their_option() {
                 "--on",
                 "all",
             ],
-            "preventable, any, never",
+            "unless-unavoidable, preventable, any, never, severity",
         ),
         (
             &["search", "acc", "--keep", "kept,mots=3"],

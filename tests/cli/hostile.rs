@@ -114,6 +114,7 @@ fn an_excerpt_of_a_file_is_shown_escaped() {
     );
     // A test that loads it prints the same.
     let error = Scenario::load(Path::new(&file)).expect_err("broken");
+    let error = brakecheck::ErrorReport::from(error);
     assert_eq!(format!("{error:?}").trim(), said.trim());
 }
 
@@ -338,7 +339,7 @@ fn of_very_many_warnings_the_first_are_shown() {
 fn an_ego_that_still_fails_is_told_of_in_words() {
     let kept = root().join("tests/regressions/acc-2D-plant-0002.ron");
     let kept = Regressions::load(kept).expect("kept");
-    let error: Box<dyn std::error::Error> = kept.pass().expect_err("it fails").into();
+    let error = brakecheck::ErrorReport::from(kept.pass().expect_err("it fails"));
     let printed = format!("{error:?}");
     for part in [
         "\n  × the ego still fails 1 of 1 kept counterexamples",

@@ -33,17 +33,49 @@ fn a_training_within_a_limit_keeps_it_in_its_run() {
     );
 }
 
-#[test]
-fn kept_crashes_state_how_rare_their_ados_drove() {
+/// Naturalness in the labels of the crashes that a search keeps.
+fn kept(more: &[&str]) -> Vec<serde_json::Value> {
     let dir = scratch();
     let kept = path(&dir, "kept");
-    let asked = ["search", "acc", "--plant", "kinematic", "--starts", "20"];
-    let found = brakecheck(&[&asked[..], &["--keep", &kept]].concat());
+    let asked = [
+        "search",
+        "cut_in",
+        "--plant",
+        "kinematic",
+        "--switches",
+        "1",
+    ];
+    let keep = ["--starts", "40", "--keep", &format!("{kept},all")];
+    let found = brakecheck(&[&asked[..], &keep, more].concat());
     assert_eq!(code(&found), 0, "{}", stderr(&found));
+    assert_eq!(stderr(&found).contains("drivers of"), !more.is_empty());
     let replayed = json(&brakecheck(&["replay", &kept, "--json"]));
-    let known = &replayed["rows"][0]["about"]["naturalness"];
-    assert!(known["per_1000_km"].as_f64().is_some(), "{known}");
-    assert!(known["surprise_decades"].as_f64().is_some(), "{known}");
+    let rows = replayed["rows"].as_array().expect("rows").iter();
+    rows.map(|row| row["about"]["naturalness"].clone())
+        .collect()
+}
+
+#[test]
+fn kept_crashes_state_how_rare_their_ados_drove_if_asked() {
+    assert!(kept(&[]).iter().all(serde_json::Value::is_null));
+    let asked = kept(&["--traffic", "motorway"]);
+    // The data begins at 12.4 m/s.
+    let (inside, outside): (Vec<_>, Vec<_>) =
+        asked.iter().partition(|known| known["outside"].is_null());
+    assert!(!inside.is_empty() && !outside.is_empty());
+    for known in inside {
+        assert!(known["surprise_decades"].as_f64().is_some(), "{known}");
+    }
+    for known in outside {
+        let words = known["outside"][0].as_str().expect("words");
+        assert!(words.contains("covers"), "{words}");
+        let numbers = [
+            &known["per_1000_km"],
+            &known["surprise_decades"],
+            &known["rarest"],
+        ];
+        assert!(numbers.iter().all(|it| it.is_null()), "{known}");
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod distinct;
 mod exporting;
 mod found;
 mod keeping;
+mod labels;
 mod openx;
 mod osi;
 mod own;

@@ -176,6 +176,227 @@ fn a_truck_has_no_curve() {
     assert_eq!(it.injury_risk(), None);
 }
 
+/// Sides change at 45° and 135° from the heading, whatever the heading is.
+#[test]
+fn a_side_is_where_the_normal_points() {
+    let sides = [
+        (0.0, Side::Front),
+        (44.0, Side::Front),
+        (-44.0, Side::Front),
+        (46.0, Side::Left),
+        (-46.0, Side::Right),
+        (134.0, Side::Left),
+        (-134.0, Side::Right),
+        (136.0, Side::Rear),
+        (-136.0, Side::Rear),
+        (180.0, Side::Rear),
+    ];
+    for (degrees, side) in sides {
+        for heading_rad in [0.0, 2.0, -3.0] {
+            let out_rad = heading_rad + f64::to_radians(degrees);
+            let normal = [out_rad.cos(), out_rad.sin()];
+            let ego = ("sedan", at(0.0, 0.0, heading_rad, 20.0));
+            let far = 4.0;
+            // The other has the ego's heading, so the opposite side of it is touched.
+            let its = at(far * normal[0], far * normal[1], heading_rad, 10.0);
+            let it = impact(ego, ("sedan", its), normal, 5.0);
+            let opposite = match side {
+                Side::Front => Side::Rear,
+                Side::Rear => Side::Front,
+                Side::Left => Side::Right,
+                Side::Right => Side::Left,
+            };
+            assert_eq!((it.ego_side, it.other_side), (side, opposite), "{degrees}");
+            near(it.turned_rad, 0.0);
+        }
+    }
+}
+
+/// The kind for two headings, with the normal out of the ego's front, left or rear.
+#[test]
+fn a_kind_is_decided_by_both_sides_and_the_headings() {
+    let kinds = [
+        // Two fronts are head-on beyond 135° only.
+        ([1.0, 0.0], 179.0, CrashKind::HeadOn),
+        ([1.0, 0.0], 136.0, CrashKind::HeadOn),
+        ([1.0, 0.0], -136.0, CrashKind::HeadOn),
+        // At 134° the other's flank is touched.
+        ([1.0, 0.0], 134.0, CrashKind::Crossing),
+        ([1.0, 0.0], 44.0, CrashKind::RearEnd),
+        ([1.0, 0.0], 46.0, CrashKind::Crossing),
+        // Two rears: one of them reverses.
+        ([-1.0, 0.0], 180.0, CrashKind::RearEnd),
+        ([-1.0, 0.0], 0.0, CrashKind::RearEnd),
+        ([-1.0, 0.0], 90.0, CrashKind::Crossing),
+        // Flanks are a side-swipe within 45° of parallel, in either direction.
+        ([0.0, 1.0], 44.0, CrashKind::SideSwipe),
+        ([0.0, 1.0], -44.0, CrashKind::SideSwipe),
+        ([0.0, 1.0], 46.0, CrashKind::Crossing),
+        ([0.0, 1.0], 134.0, CrashKind::Crossing),
+        ([0.0, 1.0], 136.0, CrashKind::SideSwipe),
+        ([0.0, -1.0], 180.0, CrashKind::SideSwipe),
+        // Two flanks that are not parallel, at the corner of one.
+        ([0.6947, 0.7193], -40.0, CrashKind::SideSwipe),
+        ([0.6947, 0.7193], -60.0, CrashKind::Crossing),
+    ];
+    for (normal, degrees, kind) in kinds {
+        let ego = ("sedan", at(0.0, 0.0, 0.0, 20.0));
+        let its = at(4.0, 0.0, f64::to_radians(degrees), 10.0);
+        let it = impact(ego, ("sedan", its), normal, 5.0);
+        assert_eq!(it.kind, kind, "{normal:?} {degrees}: {it}");
+        let lengthwise = matches!(kind, CrashKind::RearEnd | CrashKind::HeadOn);
+        assert_eq!(it.overlap.is_some(), lengthwise, "{it}");
+    }
+    // The fronts of two cars at right angles, each with its corner.
+    let ego = ("sedan", at(0.0, 0.0, 0.0, 20.0));
+    let corner = 0.5_f64.sqrt() * 1.0001;
+    let its = ("sedan", at(0.5, 0.5, -FRAC_PI_2 - 0.05, 10.0));
+    let it = impact(ego, its, [corner + 0.01, corner - 0.01], 5.0);
+    assert_eq!((it.ego_side, it.other_side), (Side::Front, Side::Front));
+    assert_eq!((it.kind, it.overlap), (CrashKind::Crossing, None));
+}
+
+/// Faces are seen along the ego's heading: a turned face is narrower, and a rear lies a
+/// length behind its front bumper.
+#[test]
+fn overlap_is_the_common_share_of_the_narrower_width() {
+    let overlap = |ego: BodyState, (other, its): (&str, BodyState), normal| {
+        let it = impact(("sedan", ego), (other, its), normal, 5.0);
+        it.overlap.expect("lengthwise")
+    };
+    let ego = at(0.0, 0.0, 0.0, 20.0);
+    let ahead = |y_m: f64| ("sedan", at(4.54, y_m, 0.0, 10.0));
+    let share = |y_m: f64| overlap(ego, ahead(y_m), [1.0, 0.0]);
+    near(share(0.0), 1.0);
+    near(share(0.3), 1.5 / 1.8);
+    near(share(-0.3), 1.5 / 1.8);
+    // Beside each other nothing is in common.
+    near(share(2.0), 0.0);
+    // The narrower of a sedan and a truck is the sedan.
+    let truck = body("truck");
+    let y_m = 0.5 * truck.width_m;
+    let its = at(truck.length_m, y_m, 0.0, 10.0);
+    near(overlap(ego, ("truck", its), [1.0, 0.0]), 0.5);
+    // Turned by 0.2 rad about its front, the rear of 4.54 m is 0.902 m to the side.
+    let turned = at(4.54 * 0.2_f64.cos(), 0.0, -0.2, 10.0);
+    let rear_m = 4.54 * 0.2_f64.sin();
+    let half_m = 0.9 * 0.2_f64.cos();
+    let common_m = 0.9_f64.min(rear_m + half_m) - (-0.9_f64).max(rear_m - half_m);
+    near(overlap(ego, ("sedan", turned), [1.0, 0.0]), common_m / 1.8);
+    // All of it turns with the ego.
+    let rotated = |state: BodyState| {
+        let Pose {
+            x_m,
+            y_m,
+            heading_rad,
+        } = state.pose;
+        at(-y_m, x_m, heading_rad + FRAC_PI_2, state.speed_mps)
+    };
+    let its = ("sedan", rotated(turned));
+    near(overlap(rotated(ego), its, [0.0, 1.0]), common_m / 1.8);
+}
+
+/// Speeds are over ground, and a contact concerns an ego that moves and is not struck
+/// from behind.
+#[test]
+fn a_contact_concerns_who_moves_into_it() {
+    let moving = |ahead_mps: f64, left_mps: f64| BodyState {
+        lateral_mps: left_mps,
+        ..at(0.0, 0.0, 0.0, ahead_mps)
+    };
+    let front = |ego: BodyState| {
+        impact(
+            ("sedan", ego),
+            ("sedan", at(4.54, 0.0, 0.0, 0.0)),
+            [1.0, 0.0],
+            1.0,
+        )
+    };
+    near(front(moving(3.0, 4.0)).ego_speed_mps, 5.0);
+    near(front(moving(-3.0, 0.0)).ego_speed_mps, 3.0);
+    assert!(front(moving(0.6, 0.0)).concerns_ego());
+    assert!(front(moving(0.0, -0.6)).concerns_ego());
+    assert!(!front(moving(0.5, 0.0)).concerns_ego());
+    let behind = ("sedan", at(-4.54, 0.0, 0.0, 9.0));
+    let struck = impact(("sedan", moving(5.0, 0.0)), behind, [-1.0, 0.0], 4.0);
+    assert!(!struck.concerns_ego() && struck.is_struck_from_behind());
+    // A flank that is run into is no rear.
+    let flank = impact(
+        ("sedan", moving(5.0, 0.0)),
+        ("sedan", at(-2.0, 2.0, -FRAC_PI_2, 8.0)),
+        [0.0, 1.0],
+        4.0,
+    );
+    assert!(flank.concerns_ego() && !flank.is_struck_from_behind());
+}
+
+/// The curves are of cars from 500 to 4000 kg, as the ego. The other may be anything.
+#[test]
+fn a_curve_is_of_light_vehicles() {
+    let sedan = body("sedan");
+    let of_mass = |mass_kg: f64| Body {
+        mass_kg,
+        ..sedan.clone()
+    };
+    let risk = |ego: &Body, other: &Body| {
+        let ego = Party {
+            body: ego,
+            state: at(0.0, 0.0, 0.0, 20.0),
+        };
+        let other = Party {
+            body: other,
+            state: at(4.54, 0.0, 0.0, 10.0),
+        };
+        Impact::of(ego, other, [1.0, 0.0], 10.0).injury_risk()
+    };
+    for (mass_kg, known) in [
+        (499.0, false),
+        (500.0, true),
+        (4000.0, true),
+        (4001.0, false),
+    ] {
+        assert_eq!(
+            risk(&of_mass(mass_kg), &sedan).is_some(),
+            known,
+            "{mass_kg}"
+        );
+        assert!(risk(&sedan, &of_mass(mass_kg)).is_some());
+    }
+    let walker = body("pedestrian");
+    let heavy = Body {
+        mass_kg: 600.0,
+        ..walker
+    };
+    assert_eq!(risk(&heavy, &sedan), None);
+}
+
+#[test]
+fn a_line_names_kind_sides_and_speeds() {
+    let ego = ("sedan", at(0.0, 0.0, 0.0, 20.0));
+    let rear = impact(ego, ("van", at(5.5, 0.45, 0.0, 12.0)), [1.0, 0.0], 8.0);
+    let words = rear.to_string();
+    assert!(
+        words.starts_with("rear-end: the ego's front against the other's rear, overlap "),
+        "{words}"
+    );
+    assert!(
+        words.ends_with(" %, ego 20.0 m/s, other 12.0 m/s, Δv of the ego 5.2 m/s"),
+        "{words}"
+    );
+    let walks = ("pedestrian", at(0.2, 0.0, FRAC_PI_2, 1.5));
+    let words = impact(ego, walks, [1.0, 0.0], 20.0).to_string();
+    assert!(
+        words.starts_with("pedestrian: the ego's front against a pedestrian, ego 20.0 m/s"),
+        "{words}"
+    );
+    let risk = rear.injury_risk().expect("a curve");
+    let percent = 100.0 * risk.probability;
+    assert_eq!(
+        risk.to_string(),
+        format!("{percent:.1} % (MAIS 3+ of the ego's occupants)")
+    );
+}
+
 #[test]
 fn mirrored_scenes_are_mirrored() {
     let scenes = [

@@ -6,7 +6,7 @@ use brakecheck::experiment::Watch;
 use brakecheck::run_dir::Effort;
 use brakecheck::testbench::Episode;
 use brakecheck::world::Scenario;
-use brakecheck_crashes::crashes::minimize::{CLOSING, effort, shrink};
+use brakecheck_crashes::crashes::minimize::{CLOSING, effort, shrink, up_to_failure};
 
 use super::found::{acc, acc_found, cut_in, cut_in_found, replayed};
 use super::near;
@@ -48,42 +48,114 @@ fn actions_are_as_far_apart_as_what_they_ask_for() {
     near(world.action_distance(3, 2), 1.0);
 }
 
-/// The crash of `small` is almost as bad as that of `large`.
-fn is_as_bad(small: &Episode, large: &Episode) -> bool {
-    let crash = large.contact.as_ref().is_none_or(|touch| {
-        small.contact.as_ref().is_some_and(|kept| {
-            let least_mps = CLOSING * touch.closing_speed_mps;
-            kept.between == touch.between && least_mps <= kept.closing_speed_mps
-        })
-    });
+/// Whether a crash has the parties, sides, speed and drivers of another.
+fn is_same(world: &Scenario, small: &Episode, large: &Episode) -> bool {
+    let crash = match (&small.contact, &large.contact) {
+        (None, None) => true,
+        (Some(kept), Some(touch)) => {
+            let by_mps = (kept.closing_speed_mps - touch.closing_speed_mps).abs();
+            let [kept_sides, sides] = [kept, touch].map(|it| {
+                let impact = it.impact.expect("of vehicles");
+                (impact.kind, impact.ego_side, impact.other_side)
+            });
+            kept.between == touch.between
+                && by_mps <= CLOSING * touch.closing_speed_mps
+                && kept_sides == sides
+                && world.preventability(small).label == world.preventability(large).label
+        }
+        _ => false,
+    };
     crash && (!small.is_foul_before_contact() || large.is_foul_before_contact())
 }
 
 fn shrinks(world: &Scenario, episodes: &[Episode]) {
-    let mut switches = Vec::new();
+    let mut smaller = 0;
+    let neutral = world.world().spaces().neutral;
     for large in &episodes[..6] {
         let (small, shrunk) = shrink(world, large, &Watch::unwatched());
-        assert!(small.verdict.is_success() && is_as_bad(&small, large));
-        assert_eq!(shrunk.before, effort(world, &large.actions));
-        assert_eq!(shrunk.after, effort(world, &small.actions));
+        assert!(small.verdict.is_success() && is_same(world, &small, large));
+        let [before, after] = [large, &small].map(|it| up_to_failure(world, it));
+        assert_eq!(shrunk.before, effort(world, before));
+        assert_eq!(shrunk.after, effort(world, after));
         let unchanged = small == *large && shrunk.after == shrunk.before;
         assert!(
             unchanged || shrunk.after.is_less_than(&shrunk.before),
             "{shrunk}"
         );
+        // Neither part of the effort grows.
+        assert!(shrunk.after.switches <= shrunk.before.switches, "{shrunk}");
+        let most = shrunk.before.deviation + 1e-9;
+        assert!(shrunk.after.deviation <= most, "{shrunk}");
+        // After the failure the ado does as recorded, then nothing.
+        let recorded = large.actions[before.len()..].iter().copied();
+        let mut recorded = recorded.chain(std::iter::repeat(neutral));
+        for action in &small.actions[after.len()..] {
+            assert_eq!(Some(*action), recorded.next());
+        }
         // Bit for bit, and the same each time.
         assert_eq!(replayed(world, &small, &small.actions), small);
         assert_eq!(shrink(world, large, &Watch::unwatched()).0, small);
-        switches.push(shrunk.after.switches);
+        smaller += usize::from(!unchanged);
     }
-    switches.sort_unstable();
-    assert!(switches[switches.len() / 2] <= 2, "{switches:?}");
+    assert!(2 <= smaller, "{smaller} of 6 are smaller");
+}
+
+/// Actions count up to the failure: the sample of the start needs none.
+#[test]
+fn an_action_counts_if_it_comes_before_the_failure() {
+    let world = acc();
+    let found = &acc_found()[0];
+    // Ten samples a decision.
+    for (judged, actions) in [(1, 0), (2, 1), (11, 1), (12, 2)] {
+        let mut episode = found.clone();
+        episode.judged = judged;
+        assert_eq!(up_to_failure(world, &episode).len(), actions, "{judged}");
+    }
+    // Of an episode whose contact is held to the horizon.
+    let mut held = found.clone();
+    held.judged = 301;
+    assert_eq!(up_to_failure(world, &held), held.actions);
+}
+
+/// A pulse every second decision becomes a single pulse of the same sum.
+#[test]
+fn a_flicker_becomes_fewer_switches() {
+    let world = acc();
+    let mut seen = 0;
+    for found in acc_found() {
+        let decisions = world.bench().clock().decisions();
+        let actions: Vec<usize> = (0..decisions).map(|at| at % 2).collect();
+        let large = replayed(world, found, &actions);
+        if !large.verdict.is_success() {
+            continue;
+        }
+        let (small, shrunk) = shrink(world, &large, &Watch::unwatched());
+        assert!(is_same(world, &small, &large));
+        if shrunk.before.switches < 6 {
+            continue;
+        }
+        assert!(
+            2 * shrunk.after.switches <= shrunk.before.switches,
+            "{shrunk}"
+        );
+        seen += 1;
+    }
+    assert!(0 < seen, "no flicker makes it fail");
 }
 
 #[test]
-fn what_held_random_actions_find_takes_two_switches_at_most() {
+fn what_held_random_actions_find_gets_smaller_and_stays_the_same_crash() {
     shrinks(acc(), acc_found());
     shrinks(cut_in(), cut_in_found());
+}
+
+/// The actions up to a failure, then those after the failure of another.
+fn with_aftermath(world: &Scenario, tried: &Episode, large: &Episode) -> Episode {
+    let aftermath = &large.actions[up_to_failure(world, large).len()..];
+    let mut actions = up_to_failure(world, tried).to_vec();
+    actions.extend(aftermath);
+    actions.extend([1; 30]);
+    replayed(world, large, &actions)
 }
 
 /// With one switch or none the smallest is found, by trying all of them.
@@ -103,14 +175,12 @@ fn with_one_switch_nothing_smaller_exists() {
                     .map(|decision| if decision < at { first } else { second })
                     .collect();
                 let tried = replayed(world, large, &actions);
-                let counts = tried.verdict.is_success() && is_as_bad(&tried, large);
-                let smaller = effort(world, &tried.actions).is_less_than(&shrunk.after);
-                assert!(
-                    !(counts && smaller),
-                    "{:?} against {:?}",
-                    tried.actions,
-                    small.actions
-                );
+                let tried = with_aftermath(world, &tried, large);
+                let effort = effort(world, up_to_failure(world, &tried));
+                let smaller = effort.is_less_than(&shrunk.after)
+                    && effort.deviation <= shrunk.before.deviation;
+                let counts = smaller && tried.verdict.is_success() && is_same(world, &tried, large);
+                assert!(!counts, "{:?} against {:?}", tried.actions, small.actions);
             }
         }
         compared += 1;

@@ -1,6 +1,6 @@
 //! What is varied, and that it is.
 
-use brakecheck::run_dir::{Persistence, Variation};
+use brakecheck::run_dir::{NoAnswer, Persistence, Variation};
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Sensors;
@@ -24,10 +24,11 @@ const NAMES: [&str; 11] = [
     "ado.speed +0.1 m/s",
 ];
 
-fn fails(world: &Scenario, of: &Episode, by: (usize, f64)) -> bool {
+/// `None`: an ado breaks a rule. After the recorded actions the ado coasts.
+fn fails(world: &Scenario, of: &Episode, by: (usize, f64)) -> Option<bool> {
     let mut start = of.start.clone();
     start.0[by.0] += by.1;
-    let mut ado = Replay::holding(&of.actions);
+    let mut ado = Replay::then(&of.actions, 1);
     let played = play(
         &mut world.bench(),
         &start,
@@ -35,7 +36,7 @@ fn fails(world: &Scenario, of: &Episode, by: (usize, f64)) -> bool {
         &mut ado,
         Aftermath::Skip,
     );
-    played.verdict.is_success()
+    (!played.verdict.is_foul()).then(|| played.verdict.is_success())
 }
 
 /// A reminder of what each variation is, written once more.
@@ -74,17 +75,26 @@ fn every_variation_is_what_its_name_says() {
         let by_start = [0, 1, 2]
             .into_iter()
             .flat_map(|axis| [-0.1, 0.1].map(|by| fails(world, episode, (axis, by))));
-        let expected: Vec<Option<bool>> = by_world.chain(by_start).map(Some).collect();
+        let expected: Vec<Option<bool>> = by_world.chain(by_start).collect();
         let is: Vec<Option<bool>> = told.variations.iter().map(|it| it.fails).collect();
         assert_eq!(is, expected);
+        let reasons = told.variations.iter().map(|it| it.no_answer.is_none());
+        assert!(reasons.eq(is.iter().map(Option::is_some)));
     }
 }
 
 #[test]
-fn the_share_is_of_those_that_ran() {
+fn the_share_is_of_those_with_an_answer() {
     let of = |name: &str, fails| Variation {
         name: name.to_owned(),
         fails,
+        no_answer: None,
+    };
+    let foul = Variation {
+        no_answer: Some(NoAnswer::RuleBroken {
+            rule: "stays".to_owned(),
+        }),
+        ..of("e", None)
     };
     let it = Persistence {
         variations: vec![
@@ -92,14 +102,21 @@ fn the_share_is_of_those_that_ran() {
             of("b", Some(false)),
             of("c", None),
             of("d", Some(true)),
+            foul.clone(),
         ],
     };
     near(it.share(), 2.0 / 3.0);
     assert_eq!(
         it.to_string(),
-        "still fails in 67 % of 4 variations, not with b, c"
+        "still fails in 67 % of 3 variations, not with b; no answer with c: the ego or the \
+         physics fails in the replay; no answer with e: the ado breaks `stays` in the replay"
     );
     near(Persistence { variations: vec![] }.share(), 0.0);
+    let unknown = Persistence {
+        variations: vec![foul],
+    };
+    let words = unknown.to_string();
+    assert!(words.starts_with("no answer in 1 variations"), "{words}");
 }
 
 #[test]

@@ -34,19 +34,21 @@ fn recall_and_what_is_beyond_search_are_counted_start_by_start() {
         ("0101", "1010", Some(0.0), 2),
         // What search was not judged on is not beyond it, and what the ado was not
         // judged on it does not solve.
-        ("1t11-", "0t1x1", Some(0.5), 1),
-        ("t1x-", "t111", Some(1.0 / 3.0), 0),
+        ("1t11x", "0t1x1", Some(0.5), 1),
+        ("t1xx", "t111", Some(1.0 / 3.0), 0),
         ("", "", None, 0),
     ];
-    for (mine, search, recall, beyond) in cases {
+    let compared = |mine, search: &str| {
         let mut row = row("trained", mine);
         row.compare_with_search(&search.parse().expect("marks"));
-        assert_eq!(
-            (row.recall, row.beyond_search),
-            (recall, Some(beyond)),
-            "{mine} {search}"
-        );
+        (row.recall, row.beyond_search)
+    };
+    for (mine, search, recall, beyond) in cases {
+        let found = compared(mine, search);
+        assert_eq!(found, (recall, Some(beyond)), "{mine} {search}");
     }
+    // Starts that succeed are decided sooner, so an interrupted row has neither.
+    assert_eq!(compared("1t11-", "0t1x1"), (None, None));
 }
 
 #[test]

@@ -1,43 +1,150 @@
-//! Cut-ins among the behaviours of an ado.
+//! Driving of an ado: its cut-ins, accelerations and start.
 
 use brakecheck::trace::Trace;
 use brakecheck::world::Scenario;
 use brakecheck_scene::natural::behaviour::behaviours;
-use brakecheck_traffic::CutInState;
+use brakecheck_traffic::{CUT_IN_GAP_M, CutInState, DrivingBehaviour};
 
-/// Cut-ins of an ado 20 m ahead, if both move between these lanes in 2 s.
-fn cut_ins(ego: [usize; 2], ado: [usize; 2]) -> Vec<CutInState> {
-    let world = Scenario::shipped("cut_in")
-        .expect("shipped")
-        .expect("sound");
-    let driving = world.drive().expect("a road").world();
-    let road = &driving.spec().road;
-    let bench = world.bench();
-    let mut trace = Trace::new(std::sync::Arc::clone(bench.schema()));
-    let column = |name: &str| bench.schema().position(name).expect("published");
-    let samples = 40;
-    for sample in 0..samples {
-        let mut row = vec![0.0; bench.schema().len()];
-        let share = f64::from(sample) / f64::from(samples - 1);
-        for (name, ahead_m, [from, to]) in [("ego", 0.0, ego), ("ado", 20.0, ado)] {
-            let [from_m, to_m] = [from, to].map(|lane| road.lane_middle_m(lane));
-            row[column(&format!("{name}.x"))] = ahead_m + f64::from(sample);
-            row[column(&format!("{name}.y"))] = from_m + share * (to_m - from_m);
-            row[column(&format!("{name}.speed"))] = 20.0;
-        }
-        trace.push(&row).expect("finite");
-    }
-    let all = behaviours(driving, &trace, samples as usize);
-    let (_, driven) = all.into_iter().find(|(name, _)| name == "ado").expect("it");
-    driven.cut_ins
+/// Driving of an ado beside an ego, which both move between two lanes in 2 s.
+struct Passage {
+    ego_lanes: [usize; 2],
+    ado_lanes: [usize; 2],
+    /// Distance of the ado's front from the ego's front, which stays.
+    ahead_m: f64,
+    /// Speeds that the signals state, of the ego and of the ado at each sample.
+    ego_mps: f64,
+    ado_mps: fn(u32) -> f64,
 }
+
+impl Passage {
+    fn of_lanes(ego_lanes: [usize; 2], ado_lanes: [usize; 2]) -> Passage {
+        Passage {
+            ego_lanes,
+            ado_lanes,
+            ahead_m: 20.0,
+            ego_mps: 20.0,
+            ado_mps: |_| 20.0,
+        }
+    }
+
+    /// Returns the driving of the ado over some samples, with the lengths of ego and ado.
+    fn driven(&self, samples: usize) -> (Option<DrivingBehaviour>, [f64; 2]) {
+        let world = Scenario::shipped("cut_in")
+            .expect("shipped")
+            .expect("sound");
+        let driving = world.drive().expect("a road").world();
+        let road = &driving.spec().road;
+        let bench = world.bench();
+        let mut trace = Trace::new(std::sync::Arc::clone(bench.schema()));
+        let column = |name: &str| bench.schema().position(name).expect("published");
+        for sample in 0..SAMPLES {
+            let mut row = vec![0.0; bench.schema().len()];
+            let share = f64::from(sample) / f64::from(SAMPLES - 1);
+            for (name, ahead_m, [from, to], speed_mps) in [
+                ("ego", 0.0, self.ego_lanes, self.ego_mps),
+                ("ado", self.ahead_m, self.ado_lanes, (self.ado_mps)(sample)),
+            ] {
+                let [from_m, to_m] = [from, to].map(|lane| road.lane_middle_m(lane));
+                row[column(&format!("{name}.x"))] = ahead_m + f64::from(sample);
+                row[column(&format!("{name}.y"))] = from_m + share * (to_m - from_m);
+                row[column(&format!("{name}.speed"))] = speed_mps;
+            }
+            trace.push(&row).expect("finite");
+        }
+        let agents = &driving.spec().agents;
+        let length_m = |name: &str| {
+            let agent = agents.iter().find(|it| it.name == name).expect("an agent");
+            agent.body.length_m
+        };
+        let mut all = behaviours(driving, &trace, samples).into_iter();
+        let found = all.find(|(name, _)| name == "ado").map(|(_, it)| it);
+        (found, ["ego", "ado"].map(length_m))
+    }
+
+    fn cut_ins(&self) -> Vec<CutInState> {
+        self.driven(SAMPLES as usize).0.expect("it").cut_ins
+    }
+}
+
+const SAMPLES: u32 = 40;
 
 #[test]
 fn only_the_ado_s_own_change_of_lane_is_a_cut_in() {
-    let found = cut_ins([0, 0], [1, 0]);
+    let found = Passage::of_lanes([0, 0], [1, 0]).cut_ins();
     assert_eq!(found.len(), 1, "{found:?}");
-    assert!(found[0].lateral_mps.abs() > 1.0 && found[0].gap_m > 10.0);
     // The ego changes into the lane of the ado.
-    assert_eq!(cut_ins([1, 0], [0, 0]), []);
-    assert_eq!(cut_ins([0, 0], [0, 1]), []);
+    assert_eq!(Passage::of_lanes([1, 0], [0, 0]).cut_ins(), []);
+    assert_eq!(Passage::of_lanes([0, 0], [0, 1]).cut_ins(), []);
+}
+
+#[test]
+fn a_cut_in_has_the_clearance_the_closing_and_the_sideways_speed() {
+    let passage = Passage {
+        ado_mps: |_| 17.5,
+        ..Passage::of_lanes([0, 0], [1, 0])
+    };
+    let (driven, [ego_m, ado_m]) = passage.driven(SAMPLES as usize);
+    let cut_in = driven.expect("it").cut_ins[0];
+    assert!((cut_in.gap_m - (20.0 - ado_m)).abs() < 1e-9, "{cut_in:?}");
+    assert!((cut_in.closing_mps - 2.5).abs() < 1e-9, "{cut_in:?}");
+    // A lane of 3.5 m in 39 samples of 0.05 s.
+    let aside_mps = 3.5 / (39.0 * 0.05);
+    assert!(
+        (cut_in.lateral_mps.abs() - aside_mps).abs() < 1e-6,
+        "{cut_in:?}"
+    );
+    let at = |ahead_m: f64| {
+        let passage = Passage {
+            ahead_m,
+            ..Passage::of_lanes([0, 0], [1, 0])
+        };
+        let gaps = passage.cut_ins().into_iter().map(|it| it.gap_m);
+        gaps.collect::<Vec<f64>>()
+    };
+    // Alongside there is no clearance, and behind the ego nobody is cut in on.
+    assert_eq!(at(-0.5 * ego_m), [0.0]);
+    assert_eq!(at(-ego_m - 0.1), [0.0; 0]);
+    assert_eq!(at(CUT_IN_GAP_M + ado_m - 0.1).len(), 1);
+    assert_eq!(at(CUT_IN_GAP_M + ado_m + 0.1), [0.0; 0]);
+}
+
+#[test]
+fn accelerations_are_means_over_half_a_second() {
+    // Braking with 4 m/s² from the tenth sample on, which is half a second.
+    let passage = Passage {
+        ado_mps: |sample| 30.0 - 0.2 * f64::from(sample.saturating_sub(10)),
+        ..Passage::of_lanes([0, 0], [0, 0])
+    };
+    let driven = |samples| passage.driven(samples).0;
+    let all = driven(SAMPLES as usize).expect("it");
+    assert_eq!((all.speed_mps, all.decision_s), (30.0, 0.5));
+    let rounded = |it: &DrivingBehaviour| {
+        let all = it.accelerations_mps2.iter();
+        all.map(|it| (it * 1e6).round() / 1e6).collect::<Vec<f64>>()
+    };
+    assert_eq!(rounded(&all), [0.0, -4.0, -4.0]);
+    assert_eq!(rounded(&driven(21).expect("it")), [0.0, -4.0]);
+    assert_eq!(rounded(&driven(20).expect("it")), [0.0]);
+    // More samples than were recorded.
+    assert_eq!(driven(SAMPLES as usize + 1), None);
+}
+
+#[test]
+fn a_start_is_that_of_an_ego_behind_the_ado_in_its_lane() {
+    let start = |ahead_m: f64, ado_lane: usize| {
+        let passage = Passage {
+            ahead_m,
+            ado_mps: |_| 15.0,
+            ..Passage::of_lanes([0, 0], [ado_lane; 2])
+        };
+        let (driven, [_, ado_m]) = passage.driven(SAMPLES as usize);
+        (driven.expect("it").start, ado_m)
+    };
+    let (found, ado_m) = start(20.0, 0);
+    let found = found.expect("behind it");
+    assert_eq!((found.speed_mps, found.closing_mps), (20.0, 5.0));
+    assert!((found.gap_m - (20.0 - ado_m)).abs() < 1e-9, "{found:?}");
+    for (ahead_m, lane) in [(20.0, 1), (ado_m - 0.1, 0), (-20.0, 0)] {
+        assert_eq!(start(ahead_m, lane).0, None, "{ahead_m} m, lane {lane}");
+    }
 }

@@ -44,7 +44,7 @@ fn expect_row(row: &Row, papers: &[Paper], simulations: u64, steps: u64) {
     let successes = count(&|p| p.success);
     assert_eq!((row.starts, row.successes), (n, successes));
     near(row.success_rate, successes as f64 / n as f64);
-    assert_eq!(row.ci95, wilson(successes, n));
+    assert_eq!(row.ci95, Some(wilson(successes, n)));
     assert_eq!(row.at_most, (successes == 0).then(|| at_most(n)));
     near(
         row.foul_rate,
@@ -352,6 +352,7 @@ fn tries_count_every_run_until_the_first_success() {
             },
             policy: &policy,
             tries,
+            temperature: None,
         };
         let tried = tries.run(&quiet());
         // What the exploring tries drew is not on paper, what it costs is.
@@ -421,7 +422,7 @@ fn starts_on_which_the_ego_fails_are_in_no_rate() {
         (14, 12, 2, 2)
     );
     near(row.success_rate, 12.0 / 14.0);
-    assert_eq!(row.ci95, wilson(12, 14));
+    assert_eq!(row.ci95, Some(wilson(12, 14)));
     near(row.foul_rate, 2.0 / 14.0);
     near(row.contact_rate, 9.0 / 14.0);
     near(row.invalid_share(), 2.0 / 16.0);

@@ -25,9 +25,9 @@ fn ego(name: &str, relation: Relation, search: &str, ados: &[(&str, &str)]) -> R
     ReusedOn {
         ego: name.to_owned(),
         relation,
-        fails_without_adversary: 0.0,
+        fails_without_adversary: Some(0.0),
         reachable: Some(rows[0].success_rate),
-        union: 0.0,
+        union: Some(0.0),
         rows,
     }
 }
@@ -175,24 +175,24 @@ fn an_ego_is_asked_what_it_does_without_an_adversary_on_every_start() {
     let trained = |rows| reused_on(&nominal, Relation::Trained, &starts, rows, &quiet());
     let reused = trained(rows(&nominal));
     near(
-        reused.fails_without_adversary,
+        reused.fails_without_adversary.expect("whole"),
         2.0 / HEADWAYS_M.len() as f64,
     );
     // −1 solves nine of sixteen, and −3 no other.
     assert_eq!(reused.reachable, Some(9.0 / 16.0));
-    near(reused.union, 9.0 / 16.0);
+    near(reused.union.expect("whole"), 9.0 / 16.0);
     let faster = altered(&[("speed_mps: 11.0", "speed_mps: 12.0")]);
     let faster = EgoUnderTest::nominal(&faster);
     let changed = rows(&faster);
     let reused = reused_on(&faster, Relation::Outside, &starts, changed, &quiet());
     near(
-        reused.fails_without_adversary,
+        reused.fails_without_adversary.expect("whole"),
         6.0 / HEADWAYS_M.len() as f64,
     );
     // What either solves counts once: of four starts the first three, of which two alone.
     let ado = |solved: &str| row("trained", solved);
     let rows = vec![row("other", "t110-"), ado("t011x")];
     let reused = trained(rows);
-    near(reused.union, 3.0 / 3.0);
+    near(reused.union.expect("whole"), 3.0 / 3.0);
     assert_eq!(reused.reachable, None, "nobody searched");
 }

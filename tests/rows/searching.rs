@@ -179,7 +179,7 @@ fn sequences_with_few_switches_are_found_where_and_when_paper_finds_them() {
         let count = |of: fn(&Paper) -> bool| papers.iter().filter(|p| of(p)).count();
         let successes = count(|p| p.success);
         assert_eq!((row.starts, row.trivial, row.successes), (16, 2, successes));
-        assert_eq!(row.ci95, wilson(successes, 16));
+        assert_eq!(row.ci95, Some(wilson(successes, 16)));
         near(row.sims_per_start, simulations as f64 / 16.0);
         assert_eq!(row.physics_steps, steps);
         near(

@@ -188,14 +188,19 @@ fn a_learner_is_one_file_and_one_line() {
     use super::list::{LearnerConfig, LearnerSettings, load_policy};
     use super::{End, Spaces};
 
+    // As in world files.
+    let options = ron::Options::default()
+        .with_default_extension(ron::extensions::Extensions::UNWRAP_VARIANT_NEWTYPES);
     let with = |text: &str| {
-        let settings: LearnerSettings = ron::from_str(text).expect("settings");
+        let settings: LearnerSettings = options.from_str(text).expect("settings");
         LearnerConfig::new(settings)
     };
     let wrong = with("Paid(rate: 2.0)").expect_err("out of range");
     let wrong = wrong.to_string();
     assert!(wrong.contains("`rate` is 2"), "{wrong}");
-    let unknown = ron::from_str::<LearnerSettings>("Pad()").expect_err("unknown");
+    let unknown = options
+        .from_str::<LearnerSettings>("Pad()")
+        .expect_err("unknown");
     assert!(unknown.to_string().contains("Paid"), "{unknown}");
 
     let config = with("Paid(decisions: 600)").expect("a learner");

@@ -260,6 +260,7 @@ fn more_tries_never_solve_less_and_are_counted() {
             request,
             policy: &Near,
             tries,
+            temperature: None,
         };
         tries.run(&quiet())
     };
@@ -294,6 +295,7 @@ fn more_tries_never_solve_less_and_are_counted() {
         request,
         policy: &Near,
         tries: 30,
+        temperature: None,
     };
     let later = before
         .winners

@@ -116,7 +116,10 @@ fn a_signal_is_published_if_a_rule_names_it() {
         let Some(own) = signal.name.strip_prefix("ado.") else {
             continue;
         };
-        let text = ACC.replacen(rule, &format!("({} <= 1e9)", signal.name), 1);
+        let text = match own {
+            "ego.contact" => ACC.replacen(rule, &format!("(not {})", signal.name), 1),
+            _ => ACC.replacen(rule, &format!("({} <= 1e9)", signal.name), 1),
+        };
         let other = format!("ego.{own}");
         if published(&world, &signal.name) || ACC.contains(&other) {
             continue;

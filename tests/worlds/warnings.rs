@@ -5,6 +5,7 @@ use brakecheck::world::Scenario;
 const ACC: &str = include_str!("../../worlds/acc.ron");
 const NEW: &str = include_str!("../../src/cli/new_world.ron");
 const GRID: &str = include_str!("../../worlds/grid.ron");
+const MERGE: &str = include_str!("../../worlds/merge.ron");
 
 fn with(text: &str, from: &str, to: &str) -> String {
     assert!(text.contains(from), "the world no longer contains {from}");
@@ -22,6 +23,15 @@ fn warned(text: &str) -> Vec<(String, String)> {
 fn line_of(text: &str, begins: &str) -> String {
     let line = text.lines().find(|line| line.trim().starts_with(begins));
     line.expect("such a line").to_owned()
+}
+
+const TOO_NEAR: &str = "`box` may stand 22.0 m ahead of the ego, which needs 35.4 m to stop from 25 m/s at the limit of the road";
+
+/// The merge with a parked car in the ego's lane, its front bumper at a station.
+fn before(s_m: f64) -> String {
+    let parked = format!("Obstacle(name: \"box\", body: \"sedan\", s_m: {s_m:?}, lateral_m: 0.0),");
+    let last = "    ],\n    signals: {";
+    with(MERGE, last, &format!("        {parked}\n{last}"))
 }
 
 /// What is odd: the word that allows it, what the warning says, and the text.
@@ -157,6 +167,21 @@ fn oddities() -> Vec<(&'static str, &'static str, String)> {
                 )
             },
         ),
+        (
+            "spec_without_ego",
+            "the ego's specification reads nothing of the ego, only `ado.speed`",
+            with(
+                ACC,
+                "always[0, T] (headway >= d_safe)",
+                "always[0, T] (ado.speed >= 1)",
+            ),
+        ),
+        (
+            "off_road_move",
+            "`ado` has 0.85 m of road beside it where it can move, less than its own width of 1.8 m",
+            with(MERGE, "lateral: [Hold, Right]", "lateral: [Hold, Left]"),
+        ),
+        ("obstacle_too_near", TOO_NEAR, before(26.54)),
     ]
 }
 
@@ -176,6 +201,49 @@ fn what_is_odd_is_said_unless_the_world_allows_it() {
         let rest: Vec<String> = warned(&allowed).into_iter().map(|(what, _)| what).collect();
         assert!(!rest.contains(&says.to_owned()), "{word}: {rest:?}");
         assert_eq!(rest.len() + 1, said.len(), "{word}: {rest:?}");
+    }
+}
+
+/// A move with room for it, an obstacle far or aside, and a spec of a pair are usual.
+#[test]
+fn what_is_only_near_to_odd_is_not_warned_about() {
+    let aside = |lateral: &str| before(26.54).replace("s_m: 26.54, lateral_m: 0.0", lateral);
+    let kinds = ["has", "may stand", "reads nothing of the ego"];
+    let usual = [
+        MERGE.to_owned(),
+        with(
+            MERGE,
+            "lateral: [Hold, Right]",
+            "lateral: [Hold, Left, Right]",
+        ),
+        with(MERGE, "lateral: [Hold, Right]", "lateral: [Hold]"),
+        // 35.4 m and a little more.
+        before(40.0),
+        aside("s_m: 26.54, lateral_m: -1.81"),
+        with(
+            ACC,
+            "always[0, T] (headway >= d_safe)",
+            "always[0, T] (not contact)",
+        ),
+        with(
+            ACC,
+            "always[0, T] (headway >= d_safe)",
+            "always[0, T] (ado.ego.gap >= 1)",
+        ),
+    ];
+    for text in usual {
+        let said = warned(&text);
+        let is_new = |(what, _): &(String, String)| kinds.iter().any(|kind| what.contains(kind));
+        assert!(!said.iter().any(is_new), "{said:?}");
+    }
+    // Less than 35.4 m, and nearly beside the ego.
+    let near = [before(39.8), aside("s_m: 26.54, lateral_m: -1.79")];
+    for text in near {
+        let said = warned(&text);
+        assert!(
+            said.iter().any(|(what, _)| what.contains("may stand")),
+            "{said:?}"
+        );
     }
 }
 

@@ -25,7 +25,7 @@ use brakecheck_experiment::{adversary, experiment, run_dir, search};
 use brakecheck_files::{content_hash, ron_file};
 use brakecheck_report::report;
 use brakecheck_rl::rl;
-use brakecheck_scene::{rulebook, scene, testbench};
+use brakecheck_scene::{preventability, rulebook, scene, testbench};
 use brakecheck_sim::{severity, sim};
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;

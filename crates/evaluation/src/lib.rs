@@ -26,7 +26,7 @@ use brakecheck_experiment::{adversary, experiment, run_dir, search};
 use brakecheck_files::ron_file;
 use brakecheck_report::report;
 use brakecheck_rl::rl;
-use brakecheck_scene::{grid_solver, rulebook, scene, testbench};
+use brakecheck_scene::{grid_solver, preventability, rulebook, scene, testbench};
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;
 use brakecheck_stl::trace;

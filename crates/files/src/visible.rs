@@ -7,6 +7,9 @@
 use std::borrow::Cow;
 use std::fmt::Write;
 
+/// Longest run of a character that a command shows as it is.
+const LONGEST_RUN: usize = 16;
+
 /// Whether a terminal would obey a character or hide it.
 ///
 /// These are the control characters (C0, DEL, C1), the marks that turn the
@@ -60,17 +63,58 @@ pub fn visible_markup(text: &str) -> Cow<'_, str> {
     })
 }
 
+/// Whether a character looks like a space or like nothing, and is no plain space.
+///
+/// Beside other spaces these are fillers, blank patterns and variation selectors.
+fn is_blank(c: char) -> bool {
+    match c {
+        ' ' => false,
+        '\u{34f}' | '\u{115f}' | '\u{1160}' | '\u{17b4}' | '\u{17b5}' => true,
+        '\u{180b}'..='\u{180f}' | '\u{2800}' | '\u{3164}' | '\u{ffa0}' => true,
+        '\u{fe00}'..='\u{fe0f}' | '\u{fff0}'..='\u{fff8}' => true,
+        '\u{1bca0}'..='\u{1bca3}' | '\u{1d173}'..='\u{1d17a}' => true,
+        '\u{e0000}'..='\u{e0fff}' => true,
+        c => c.is_whitespace(),
+    }
+}
+
 /// A program and its arguments as a shell would take them, on one line.
+///
+/// It shows what consent is given to. Characters without ink are escaped, and long runs of
+/// a character are counted, since they could push the rest out of sight.
 pub fn command_line(command: &[String]) -> String {
     let words = command.iter().map(|word| {
-        let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
+        let plain = |c: char| {
+            (c.is_alphanumeric() || "/._-+=:,@%".contains(c)) && !is_hidden(c) && !is_blank(c)
+        };
         if !word.is_empty() && word.chars().all(plain) {
-            word.clone()
+            without_runs(word)
         } else {
-            format!("'{}'", visible_line(word).replace('\'', "'\\''"))
+            let shown = without_runs(word);
+            let shown = escaped(&shown, |c| is_hidden(c) || is_blank(c));
+            format!("'{}'", shown.replace('\'', "'\\''"))
         }
     });
     words.collect::<Vec<_>>().join(" ")
+}
+
+/// The text with long runs of a character as that character and its number.
+fn without_runs(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    let mut rest = text.chars().peekable();
+    while let Some(c) = rest.next() {
+        let mut length = 1;
+        while rest.next_if_eq(&c).is_some() {
+            length += 1;
+        }
+        if length > LONGEST_RUN {
+            shown.push(c);
+            shown.push_str(&format!("⟨{length} times⟩"));
+        } else {
+            shown.extend(std::iter::repeat_n(c, length));
+        }
+    }
+    shown
 }
 
 fn escaped(text: &str, hides: impl Fn(char) -> bool) -> Cow<'_, str> {
@@ -127,5 +171,15 @@ mod tests {
         let command = ["python3", "ego.py", "a b", "", "it's", "\u{1b}[2K"];
         let shown = command_line(&command.map(str::to_owned));
         assert_eq!(shown, r"python3 ego.py 'a b' '' 'it'\''s' '\u{1b}[2K'");
+        for blank in "\u{a0}\u{3000}\u{3164}\u{2800}\u{fe0f}\u{ffa0}\u{34f}\n\t\u{2003}".chars() {
+            let shown = command_line(&[format!("ego{blank}.py")]);
+            assert_eq!(shown, format!("'ego{}.py'", blank.escape_unicode()));
+        }
+        let pushed = format!("ego{};rm -r x", " ".repeat(5000));
+        let shown = command_line(&[pushed, "a".repeat(17), "-".repeat(16)]);
+        assert_eq!(
+            shown,
+            "'ego ⟨5000 times⟩;rm -r x' a⟨17 times⟩ ----------------"
+        );
     }
 }

@@ -157,7 +157,7 @@ pub fn counted_piece(
     let ego = &report.egos[0];
     let failures = match &ego.checks {
         Some(checks) => checks.natural_failures,
-        None => ego.fails.map_or(0, |it| it.hits),
+        None => ego.readings.fails.map_or(0, |it| it.hits),
     };
     Ok(Some(CountedRuns {
         runs: report.cost.natural as f64 * report.inside,

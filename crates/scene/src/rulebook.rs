@@ -15,12 +15,14 @@ mod goal;
 mod reward;
 mod run_monitor;
 mod runs;
+mod state_judge;
 mod verdict;
 
 pub use counts::Counts;
 pub use goal::TrainingGoal;
 pub use reward::Reward;
 pub use runs::{NewSamples, RunsJudge};
+pub use state_judge::{NoState, StateJudge};
 pub use verdict::{RulesUntilContact, Verdict};
 
 use serde::{Deserialize, Serialize};

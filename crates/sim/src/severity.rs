@@ -245,7 +245,12 @@ impl Impact {
     ///
     /// The ego must move and must not be struck from behind.
     pub fn concerns_ego(&self) -> bool {
-        STANDING_MPS < self.ego_speed_mps && self.ego_side != Side::Rear
+        !self.is_ego_at_rest() && self.ego_side != Side::Rear
+    }
+
+    /// Returns true if the ego stands at the contact, at 0.5 m/s or less.
+    pub fn is_ego_at_rest(&self) -> bool {
+        self.ego_speed_mps <= STANDING_MPS
     }
 
     /// Computes the effect of a contact on `ego`.

@@ -303,9 +303,11 @@ impl DenseEvaluation<'_> {
         }
         if window.from != 0 {
             let shifted = value.ahead::<Max>(from, Some(from), false);
+            // The guard must also hold until the window begins.
             let before = guard.ahead::<Min>(0.0, Some(from), true);
             value = shifted.combine::<Min>(&before);
         }
+        // A weak until needs no goal if its guard holds to the end of the window.
         if strength == Strength::Weak {
             value = value.combine::<Max>(&guard.ahead::<Min>(0.0, to, false));
         }

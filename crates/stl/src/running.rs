@@ -209,6 +209,7 @@ impl RunningMonitor {
         }
         for point in &self.points {
             match *point {
+                // Outside of all windows a formula is about the first sample only.
                 RunningPoint::First { instant, kept } if sample == 0 => {
                     numbers[kept] = numbers[instant]
                 }
@@ -231,6 +232,7 @@ impl RunningMonitor {
                     best,
                     ..
                 } => {
+                    // Samples before the window count, too: the guard must hold there.
                     if window.to.is_none_or(|to| sample <= to) {
                         (numbers[best], numbers[best + 1]) = until_at(
                             (side, until),
@@ -252,6 +254,21 @@ impl RunningMonitor {
         }
         let interval = self.bounds(self.root, &|i| numbers[i], known, self.len);
         interval.map(|value| self.monitor.clamp(value))
+    }
+
+    /// Clears the numbers that no later sample reads.
+    ///
+    /// Two runs whose numbers are then equal have equal values from here on, whatever
+    /// samples follow.
+    pub fn normalize(&self, numbers: &mut [f64]) {
+        // Each instant is written before it is read, at every sample.
+        numbers[..self.instants.len()].fill(0.0);
+    }
+
+    /// Returns the number with the least value so far, for an `always` over the whole
+    /// run of one comparison. `None` for any other formula.
+    pub fn least(&self) -> Option<usize> {
+        self.extremum.map(|(_, folded)| folded)
     }
 
     /// Returns the robustness of a run that ends after `known` samples.

@@ -62,6 +62,7 @@ impl Display for CalibrationRow {
 /// Fits one half of the vehicles, or one direction, and predicts the other.
 pub(crate) fn calibrate(data: &DrivingData) -> Vec<CalibrationRow> {
     let vehicles = &data.vehicles;
+    // Every other vehicle, since the first half of a recording may have other traffic.
     let is_even = |i: usize| i.is_multiple_of(2);
     let is_main = |i: usize| vehicles[i].carriageway == 0;
     let splits: [(&str, &dyn Fn(usize) -> bool); 4] = [

@@ -227,6 +227,7 @@ fn crossing(
         let (way, runs) = (&ways[b], &ways[b].runs);
         let from_s = ways[a].time_s[run.from] - NEAR_S;
         let to_s = ways[a].time_s[run.to] + NEAR_S;
+        // Runs are in the order of time, so those long before are skipped at once.
         let first = runs.partition_point(|it| way.time_s[it.to] < from_s);
         let near = runs[first..]
             .iter()
@@ -245,6 +246,7 @@ fn crossing(
         }
     }
     let mut best = best.filter(|it| it.pet_s() <= CROSSING_PET_S)?;
+    // Over both tracks and costly, so it is computed only for a crossing that is kept.
     best.least_m = least_clearance_m(&recording.tracks[a], &recording.tracks[b]);
     Some(best)
 }

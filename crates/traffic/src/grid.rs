@@ -112,6 +112,7 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
     } = raw;
     for track in &mut tracks {
         track.rows.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        // Two rows at one instant contradict each other, and nothing shows which is right.
         let repeated = track
             .rows
             .windows(2)
@@ -186,6 +187,7 @@ fn median_step(tracks: &[RawTrack]) -> Option<f64> {
     let middle = steps.len() / 2;
     let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
     let rounded = (*median * 1e6).round() / 1e6;
+    // Steps below half a microsecond are no sampling rate.
     (0.0 < rounded).then_some(rounded)
 }
 

@@ -482,10 +482,12 @@ fn lanes(
         lane.share = *count as f64 / all.len().max(1) as f64;
         let medians = rows
             .into_iter()
+            // The median of a few rows is the wish of one driver, not the place of the lane.
             .filter(|it| 100 <= it.len())
             .filter_map(median);
         let mut wander: Vec<f64> = medians.map(|it| (it - lane.offset_m).abs()).collect();
         wander.sort_by(f64::total_cmp);
+        // Not the greatest deviation, which a single short piece can cause.
         let at = (0.95 * wander.len().saturating_sub(1) as f64).ceil() as usize;
         lane.wander_m = wander.get(at).copied().unwrap_or(0.0);
     }

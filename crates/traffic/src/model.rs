@@ -186,6 +186,7 @@ impl TrafficModel {
         let loss_sizes: Vec<f64> = (1..=20).chain([25, 30]).map(f64::from).collect();
         let loss = EventTail::fit(&losses, &thousands, LOSS_MPS, &loss_sizes, &draws);
         let cut_ins: Vec<Vec<f64>> = vehicles.iter().map(|it| it.cut_ins.clone()).collect();
+        // Counted per cut-in instead of per distance, so that rates are shares of them.
         let each: Vec<f64> = cut_ins.iter().map(|it| it.len() as f64).collect();
         let need_sizes = [
             0.1, 0.2, 0.3, 0.4, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0,

@@ -192,6 +192,7 @@ impl<'a> OsiTracks<'a> {
             nanos: i64::from(instant.nanos.unwrap_or(0)),
             position_m,
         });
+        // Seconds since 1970 leave no digits for nanoseconds in an f64, so times are relative.
         let seconds = instant.seconds.unwrap_or(0).saturating_sub(origin.seconds);
         let nanos = i64::from(instant.nanos.unwrap_or(0)) - origin.nanos;
         let yaw = base.orientation.as_ref().and_then(|it| it.yaw);
@@ -219,6 +220,7 @@ impl<'a> OsiTracks<'a> {
             tracks.len() - 1
         });
         let track = &mut tracks[at];
+        // A class may change from row to row, so the track gets its most frequent one.
         track.shares[class.unwrap_or(Class::Other) as usize] += 1.0;
         if let Some([length_m, width_m]) = size_m {
             track.length_sum_m += length_m;

@@ -179,7 +179,9 @@ impl TrafficModel {
                 per_1000_km: self.braking_loss.rate_of(event.speed_lost_mps),
             });
         }
+        // A model without them says nothing about accelerations, not that they are rare.
         if let Some(tail) = &self.acceleration_peak {
+            // Mirrored, an acceleration is a braking event, so both have one definition.
             for event in series.mirrored().braking_events() {
                 events.push(RatedEvent {
                     event: RareEvent::Acceleration {

@@ -8,6 +8,7 @@ pub(crate) fn minimum(
     evaluations: usize,
 ) -> Vec<f64> {
     let n = start.len();
+    // A NaN is worse than every number, so its point is the first to be replaced.
     let value = |point: &[f64]| {
         let value = function(point);
         if value.is_nan() { f64::INFINITY } else { value }
@@ -25,6 +26,7 @@ pub(crate) fn minimum(
     while used < evaluations {
         simplex.sort_by(|a, b| a.0.total_cmp(&b.0));
         let spread = simplex[n].0 - simplex[0].0;
+        // Relative for large values, absolute near zero, where no relative spread is small.
         if spread.abs() <= 1e-10 * (1.0 + simplex[0].0.abs()) {
             break;
         }
@@ -40,6 +42,7 @@ pub(crate) fn minimum(
         };
         let reflected = along(-1.0, &simplex);
         used += 1;
+        // A new best point shows a good direction, so a longer step is tried, too.
         if reflected.0 < simplex[0].0 {
             let further = along(-2.0, &simplex);
             used += 1;
@@ -50,10 +53,12 @@ pub(crate) fn minimum(
             };
             continue;
         }
+        // Better than the second worst: the next round moves another point.
         if reflected.0 < simplex[n - 1].0 {
             simplex[n] = reflected;
             continue;
         }
+        // The reflection would be the worst again, so the step is halved on the better side.
         let nearer = along(
             if reflected.0 < simplex[n].0 {
                 -0.5
@@ -67,6 +72,7 @@ pub(crate) fn minimum(
             simplex[n] = nearer;
             continue;
         }
+        // Not even half a step helps, so all points move towards the best.
         let best = simplex[0].1.clone();
         for (at, point) in &mut simplex[1..] {
             for (x, best) in point.iter_mut().zip(&best) {

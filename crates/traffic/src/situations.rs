@@ -207,11 +207,13 @@ fn cut_in(
                 return false;
             };
             let is_behind = leads.of[*i].get(at).copied().flatten();
+            // A vehicle that was not in the lane before changed lanes itself.
             let was = || at.checked_sub(before).and_then(|at| there.lane[at]);
             is_behind.is_some_and(|it| it.track == change.track) && was() == Some(change.to)
         })?;
     let behind = &recording.tracks[follower];
     let at_line = leads.of[follower][change.sample - behind.first_sample]?;
+    // So far ahead, the change demands nothing of the follower.
     if CUT_IN_GAP_M < at_line.gap_m {
         return None;
     }

@@ -149,6 +149,7 @@ impl EventTail {
             let tail = fitted(sizes, exposures, threshold, draw);
             for (k, size) in at.iter().enumerate() {
                 counts[k].push(f64::from(count(sizes, draw, *size)) / exposure);
+                // A draw with too few events still has counts.
                 if let Some((rate, pareto, _)) = tail {
                     tails[k].push(rate * pareto.beyond(size - threshold));
                 }

@@ -20,6 +20,7 @@ pub(crate) fn parse_iso(text: &str) -> Option<(i64, f64)> {
     }
     let (hour, minute) = (number(text, 11, 13)?, number(text, 14, 16)?);
     let second = number(text, 17, 19)?;
+    // Second 60 is a leap second.
     let is_valid = (1..=12).contains(&month)
         && (1..=31).contains(&day)
         && hour < 24

@@ -115,6 +115,7 @@ pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure
             "hello": done.hello,
             "findings": done.findings,
             "deterministic": done.deterministic,
+            "unrepeatable": done.unrepeatable,
             "steps_per_s": done.steps_per_s,
             "fault": done.fault,
         }))

@@ -99,7 +99,10 @@ impl From<&RunError> for Failure {
             | RunError::Differs { .. }
             | RunError::Conditional { .. }
             | RunError::Unfinished { .. }
+            | RunError::OtherProgram(_)
             | RunError::OtherRisk { .. }
+            | RunError::OtherPiece { .. }
+            | RunError::NoRiskRequest { .. }
             | RunError::OtherWorld { .. }
             | RunError::NothingStored { .. } => {
                 Failure::plain(Exit::Input, error.to_string(), help)
@@ -167,7 +170,7 @@ impl From<&TheoremsError> for Failure {
                 "name changed egos under `reuse`, or give one with `--ego FILE.ron`"
             }
             TheoremsError::NotSolved { .. } => {
-                "the exact solver knows `always[0, T] (d_man >= 1)` under unit moves only: leave out `--theorems`"
+                "write rules as `always`, `eventually` or `until` of comparisons, list the starts, or leave out `--theorems`"
             }
         };
         Failure::input(error.to_string(), help)
@@ -222,6 +225,14 @@ impl From<&RegressionError> for Failure {
                 Some(
                     "look at one with `brakecheck view FILE -o crash.svg`, correct the ego, and \
                      run the test again"
+                        .to_owned(),
+                ),
+            ),
+            RegressionError::NoAnswer { .. } => Failure::fault(
+                error.to_string(),
+                Some(
+                    "the recorded actions do not apply to this ego: evaluate it with an ado that \
+                     reacts (`brakecheck eval` or `search`), or keep crashes of it anew"
                         .to_owned(),
                 ),
             ),
@@ -321,9 +332,12 @@ impl From<&Complaint> for Failure {
             help.push_str(&format!("its stderr ends:\n{}\n", fault.stderr));
         }
         help.push_str(
-            "mend the ego (`brakecheck check -- COMMAND` tries a program against the protocol), \
-             or allow a share of such episodes with `--allow-invalid SHARE`",
+            "mend the ego (`brakecheck check -- COMMAND` tries a program against the protocol)",
         );
+        // No share of faults makes the rows of such an ego results.
+        if complaint.unrepeatable.is_empty() {
+            help.push_str(", or allow a share of such episodes with `--allow-invalid SHARE`");
+        }
         Failure::fault(complaint.to_string(), Some(help))
     }
 }
@@ -406,21 +420,21 @@ from_owned!(
 /// `?` converts every error of the library into it.
 ///
 /// ```
-/// fn test() -> Result<(), brakecheck::Report> {
+/// fn test() -> Result<(), brakecheck::ErrorReport> {
 ///     brakecheck::world::Scenario::find("acc".as_ref())?;
 ///     Ok(())
 /// }
 /// # test().unwrap();
 /// ```
-pub struct Report(Failure);
+pub struct ErrorReport(Failure);
 
-impl<E: Into<Failure>> From<E> for Report {
-    fn from(error: E) -> Report {
-        Report(error.into())
+impl<E: Into<Failure>> From<E> for ErrorReport {
+    fn from(error: E) -> ErrorReport {
+        ErrorReport(error.into())
     }
 }
 
-impl fmt::Debug for Report {
+impl fmt::Debug for ErrorReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = self.0.render(plain_theme(), terminal::width());
         write!(f, "\n{}", text.trim_end())

@@ -20,7 +20,9 @@ use super::{piece, training};
 use crate::content_hash::{check, sha256};
 use crate::experiment::{EgoUnderTest, Watch, consent, on_plant};
 use crate::ron_file::file_text;
-use crate::run_dir::{RunDir, RunError, write_file};
+use crate::run_dir::{
+    ProgramContents, RunDir, RunError, bind_programs, stored_programs, write_file,
+};
 use crate::testbench::FaultLog;
 use crate::world::Scenario;
 
@@ -39,6 +41,8 @@ pub struct PlanDir {
     trivial: Vec<TrivialBlocks>,
     /// Largest accepted share of invalid episodes in a piece.
     allowed: f64,
+    /// Contents of the programs that are egos, as bound in the directory.
+    pub(super) programs: Mutex<ProgramContents>,
 }
 
 /// Result of running a piece.
@@ -121,6 +125,7 @@ impl PlanDir {
         let trivial = (0..worlds.len()).map(|world| TrivialBlocks::new(dir, &plan, world));
         Ok(PlanDir {
             trivial: trivial.collect(),
+            programs: Mutex::new(stored_programs(dir)?.unwrap_or_default()),
             dir: dir.into(),
             plan,
             worlds,
@@ -160,7 +165,7 @@ impl PlanDir {
         &self,
         piece: &CampaignPiece,
     ) -> Result<Result<PieceText, Unusable>, RunError> {
-        let question = self.plan.question(&piece.work);
+        let question = self.question(&piece.work);
         let read = piece::read(&self.dir, piece.number, &question)?;
         Ok(read.and_then(|text| {
             if text.heading.piece == piece.number {
@@ -170,6 +175,58 @@ impl PlanDir {
                 Err(Unusable::Foreign)
             }
         }))
+    }
+
+    /// Returns the hash of everything that the result of a piece depends on.
+    ///
+    /// The content of a program is part of it, as bound in this directory.
+    pub(super) fn question(&self, work: &Work) -> String {
+        let question = self.plan.question(work);
+        let Work::Starts { unit, .. } = work else {
+            return question;
+        };
+        let programs = self.programs.lock();
+        let programs = programs.unwrap_or_else(PoisonError::into_inner);
+        let unit = self.plan.units.get(*unit);
+        match unit.and_then(|unit| programs.get(&self.program_name(unit))) {
+            Some(program) => sha256(format!("{question}{}", program.sha256).as_bytes()),
+            None => question,
+        }
+    }
+
+    /// Returns the name of a unit's ego among the programs of the campaign.
+    fn program_name(&self, unit: &Unit) -> String {
+        format!("{} in {}", unit.ego.name, self.played(unit).name())
+    }
+
+    /// Binds the pieces to the contents of the programs that are their egos.
+    ///
+    /// # Errors
+    /// Returns an error if a program has another content than that of earlier pieces.
+    fn bind_programs(&self, watch: &Watch<'_>) -> Result<(), CampaignError> {
+        let mut contents = ProgramContents::new();
+        for unit in &self.plan.units {
+            let name = self.program_name(unit);
+            if contents.contains_key(&name) {
+                continue;
+            }
+            if let Some(content) = self.ego(unit)?.program_content() {
+                if !content.not_covered.is_empty() {
+                    let missing = content.not_covered.join("; ");
+                    watch.note(&format!(
+                        "warning: the pieces of `{name}` are not bound to {missing}"
+                    ));
+                }
+                contents.insert(name, content);
+            }
+        }
+        let has_pieces = self.dir.join(piece::PIECES).exists();
+        bind_programs(&self.dir, &contents, has_pieces)?;
+        let programs = self.programs.lock();
+        programs
+            .unwrap_or_else(PoisonError::into_inner)
+            .extend(contents);
+        Ok(())
     }
 
     /// Makes a piece unless it exists.
@@ -188,6 +245,7 @@ impl PlanDir {
                 pieces: self.plan.len(),
             });
         };
+        self.bind_programs(watch)?;
         // An existing piece is never made again, so retries of an engine are harmless.
         if self.read(&piece)?.is_ok() {
             return Ok(PieceDone::Before);
@@ -202,6 +260,7 @@ impl PlanDir {
     /// # Errors
     /// Returns an error if the existing pieces cannot be read.
     pub fn run(&self, watch: &Watch<'_>) -> Result<Ran, CampaignError> {
+        self.bind_programs(watch)?;
         let left = self.left()?;
         let all = self.plan.len();
         let done = AtomicU64::new((all - left.len()) as u64);
@@ -272,7 +331,7 @@ impl PlanDir {
             faults: FaultLog::allowing_in_part(self.allowed),
             ..watch.quiet()
         };
-        let question = self.plan.question(&piece.work);
+        let question = self.question(&piece.work);
         let (rows, policy_sha256, cpu_s) = match &piece.work {
             Work::Training(training) => {
                 let clock = ThreadTime::now();

@@ -140,8 +140,12 @@ pub(super) struct BoundaryEntry {
 pub(super) struct GateEntry {
     /// Ego that every other ego is compared with.
     pub baseline: String,
+    /// Newly failing starts that close the gate.
     #[serde(default)]
     pub on: GateOn,
+    /// Whether more severe failures close it, too.
+    #[serde(default)]
+    pub severity: bool,
 }
 
 /// Starts of a plan.

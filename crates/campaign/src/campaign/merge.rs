@@ -2,9 +2,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::PoisonError;
 
 use rayon::prelude::*;
-use serde::Deserialize;
 use serde_json::json;
 
 use super::dir::PlanDir;
@@ -12,10 +12,10 @@ use super::error::CampaignError;
 use super::piece;
 use super::piece::{PIECES, PieceText, Unusable};
 use super::plan::{CampaignPiece, PlannedAdo, Work};
+use super::row::SummaryFields;
 use super::summary::{CampaignSummary, UnitCounts};
 use crate::experiment::Watch;
-use crate::run_dir::{RunError, WholeFile, make_dir, write_file};
-use crate::stats::StartOutcome;
+use crate::run_dir::{RunError, WholeFile, bind_programs, make_dir, stored_programs, write_file};
 
 /// Directory of the merged file and its summary.
 const MERGED: &str = "merged";
@@ -40,18 +40,6 @@ pub struct Merged {
     pub summary: CampaignSummary,
 }
 
-/// Fields of a row that the summary uses.
-#[derive(Deserialize)]
-struct SummaryFields {
-    start: u64,
-    outcome: StartOutcome,
-    contact: bool,
-    closing_mps: Option<f64>,
-    preventable: Option<bool>,
-    simulations: u64,
-    physics_steps: u64,
-}
-
 impl PlanDir {
     /// Checks all pieces and writes them as one file, with a summary.
     ///
@@ -64,6 +52,16 @@ impl PlanDir {
     /// No file is written then.
     pub fn merge(&self, others: &[PathBuf], watch: &Watch<'_>) -> Result<Merged, CampaignError> {
         self.refuse_strangers()?;
+        // All places must have pieces of the same programs.
+        for place in others {
+            if let Some(programs) = stored_programs(place)? {
+                bind_programs(&self.dir, &programs, false)?;
+                let known = self.programs.lock();
+                known
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .extend(programs);
+            }
+        }
         let dir = self.dir.join(MERGED);
         make_dir(&dir)?;
         let path = dir.join(ROWS);
@@ -103,13 +101,7 @@ impl PlanDir {
                 if let Work::Starts { unit, .. } = piece.work {
                     for start in starts {
                         rows += 1;
-                        tallies[unit].count(
-                            start.start as usize,
-                            start.outcome,
-                            (start.contact, start.closing_mps),
-                            start.preventable,
-                            (start.simulations, start.physics_steps),
-                        );
+                        tallies[unit].count(&start);
                     }
                     file.write(text.rows.as_bytes())?;
                 }
@@ -144,7 +136,7 @@ impl PlanDir {
         piece: &CampaignPiece,
         others: &[PathBuf],
     ) -> Result<Result<(PieceText, Vec<SummaryFields>), String>, RunError> {
-        let question = self.plan.question(&piece.work);
+        let question = self.question(&piece.work);
         let mut found: Option<PieceText> = None;
         let places = std::iter::once(self.dir.as_path()).chain(others.iter().map(PathBuf::as_path));
         for place in places {
@@ -156,7 +148,7 @@ impl PlanDir {
                 }
                 Err(Unusable::Foreign) => {
                     return Ok(Err(format!(
-                        "foreign: `{}` has one of another plan, world or version",
+                        "foreign: `{}` has one of another plan, world, program or version",
                         place.display()
                     )));
                 }

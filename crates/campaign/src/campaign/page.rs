@@ -181,27 +181,6 @@ impl SummaryRow {
 
 impl std::fmt::Display for GateVerdict {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let seed = self
-            .train_seed
-            .map_or(String::new(), |seed| format!(" {seed}"));
-        let verdict = if self.held_up { "HELD UP" } else { "passes" };
-        write!(
-            f,
-            "gate: {}, {}{seed}: `{}` against `{}`: {} newly failing ({} preventable), {} newly \
-             fixed, of {} starts ({}): {verdict}",
-            self.world,
-            self.ado,
-            self.ego,
-            self.baseline,
-            self.newly_failing,
-            self.newly_preventable,
-            self.newly_fixed,
-            self.compared,
-            if self.p_value < 0.001 {
-                "p < 0.001".to_owned()
-            } else {
-                format!("p = {:.3}", self.p_value)
-            },
-        )
+        f.write_str(&self.words)
     }
 }

@@ -38,9 +38,9 @@ pub struct Plan {
     pub(crate) starts: RequestedStarts,
     /// Whether counterexamples are judged by the reference drivers.
     pub preventability: bool,
-    /// Ego that every other ego is compared with, and the rule that decides.
+    /// Ego that every other ego is compared with, and the reasons that close the gate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gate: Option<(String, GateOn)>,
+    pub gate: Option<(String, Vec<GateOn>)>,
     /// Region in which a regulation requires the ego to hold.
     ///
     /// It has a name and a formula on the first sample of a start.
@@ -387,7 +387,7 @@ mod tests {
         assert_ne!(plan.question(&other), requested);
         // Settings of the comparison are not part of what is played.
         let mut same = plan.clone();
-        same.gate = Some(("nominal".to_owned(), GateOn::Any));
+        same.gate = Some(("nominal".to_owned(), vec![GateOn::Any]));
         same.units[0].each = 2;
         assert_eq!(same.question(&work), requested);
     }

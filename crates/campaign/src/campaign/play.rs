@@ -6,7 +6,10 @@ use super::error::CampaignError;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::row::StartRow;
 use crate::adversary::Ado;
-use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, TrivialStarts, Watch, leaf};
+use crate::experiment::{
+    EgoUnderTest, EpisodeLoop, TestStarts, TrivialStarts, Watch, check_repeatability, leaf,
+};
+use crate::preventability::Avoidability;
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::AfterContact;
@@ -72,6 +75,8 @@ impl UnitContext<'_> {
             return Ok(None);
         };
         let details = self.details(&cell, watch);
+        // A finding is in the log of faults, and the piece is then no result.
+        check_repeatability(&self.ego, &starts, [], watch);
         // A piece is complete or absent, so rows of a stopped run are dropped.
         if watch.stopped() {
             return Ok(None);
@@ -113,7 +118,7 @@ impl UnitContext<'_> {
                     leaf: leaf(scenario, &episode),
                     impact: episode.contact.as_ref().and_then(|touch| touch.impact),
                     after_contact: episode.after_contact,
-                    preventable: known.and_then(|known| known.human_model_avoids()),
+                    avoidability: known.map_or(Avoidability::Unknown, |known| known.avoidability()),
                     actions: episode.actions,
                 })
             },
@@ -167,6 +172,7 @@ impl UnitContext<'_> {
             injury_risk: None,
             after_contact: None,
             preventable: None,
+            unavoidable: None,
             simulations: 0,
             physics_steps: 0,
             actions: Vec::new(),
@@ -213,7 +219,8 @@ impl UnitContext<'_> {
         let risk = impact.and_then(|impact| impact.injury_risk());
         row.injury_risk = risk.map(|risk| risk.probability);
         row.after_contact = success.after_contact;
-        row.preventable = success.preventable;
+        row.preventable = success.avoidability.preventable();
+        row.unavoidable = success.avoidability.unavoidable();
         row.actions = success.actions;
         row
     }
@@ -225,6 +232,6 @@ struct SuccessDetails {
     leaf: String,
     impact: Option<Impact>,
     after_contact: Option<AfterContact>,
-    preventable: Option<bool>,
+    avoidability: Avoidability,
     actions: Vec<usize>,
 }

@@ -54,10 +54,28 @@ pub(crate) struct StartRow {
     ///
     /// `None`: it was not judged or cannot be.
     pub preventable: Option<bool>,
+    /// Whether no driver would have avoided it, not even full braking without delay.
+    ///
+    /// `None` as for `preventable`.
+    pub unavoidable: Option<bool>,
     /// Number of episodes.
     pub simulations: u64,
     /// Number of physics steps.
     pub physics_steps: u64,
     /// Joint actions of the ados, one per decision, if the ego fails.
     pub actions: Vec<usize>,
+}
+
+/// Fields of a row that the summary uses.
+#[derive(Deserialize)]
+pub(super) struct SummaryFields {
+    pub start: u64,
+    pub outcome: StartOutcome,
+    pub contact: bool,
+    pub closing_mps: Option<f64>,
+    pub ego_delta_v_mps: Option<f64>,
+    pub preventable: Option<bool>,
+    pub unavoidable: Option<bool>,
+    pub simulations: u64,
+    pub physics_steps: u64,
 }

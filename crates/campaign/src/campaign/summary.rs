@@ -1,14 +1,20 @@
 //! Summary of a merged campaign: rates, gates and maps.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use super::dir::PlanDir;
 use super::file::RequestedStarts;
 use super::plan::{Plan, PlannedAdo, Unit};
-use crate::evaluation::GateOn;
+use super::row::SummaryFields;
+use crate::evaluation::{
+    DecidedGate, Gate, GateContact, GateEgo, GateOn, MoreSevere, NotRun, as_words,
+};
+use crate::preventability::Avoidability;
 use crate::run_dir::ClosingSpeed;
 use crate::scene::Dynamics;
-use crate::stats::{Flips, Outcomes, StartOutcome, at_most, seeds_interval, wilson};
+use crate::stats::{Outcomes, StartOutcome, at_most, seeds_interval, wilson};
 
 /// Largest number of starts named in a gate.
 const NAMED: usize = 100;
@@ -17,10 +23,10 @@ const NAMED: usize = 100;
 pub(super) struct UnitCounts {
     /// Outcome per start.
     outcomes: Vec<StartOutcome>,
-    /// Per start, whether CC_LATCHED or FSM would have avoided the failure.
-    preventable: Vec<Option<bool>>,
-    /// Closing speeds of the successes.
-    closing_mps: Vec<f64>,
+    /// Avoidability of the failure per start.
+    avoidability: Vec<Avoidability>,
+    /// Contacts of the successes, by position of the start.
+    success_contacts: BTreeMap<usize, GateContact>,
     contacts: usize,
     simulations: u64,
     physics_steps: u64,
@@ -31,8 +37,8 @@ impl UnitCounts {
     pub(super) fn of(unit: &Unit) -> UnitCounts {
         UnitCounts {
             outcomes: vec![StartOutcome::NotReached; unit.starts],
-            preventable: vec![None; unit.starts],
-            closing_mps: Vec::new(),
+            avoidability: vec![Avoidability::Unknown; unit.starts],
+            success_contacts: BTreeMap::new(),
             contacts: 0,
             simulations: 0,
             physics_steps: 0,
@@ -40,32 +46,41 @@ impl UnitCounts {
     }
 
     /// Counts a row.
-    pub(super) fn count(
-        &mut self,
-        start: usize,
-        outcome: StartOutcome,
-        (contact, closing_mps): (bool, Option<f64>),
-        preventable: Option<bool>,
-        (simulations, physics_steps): (u64, u64),
-    ) {
+    pub(super) fn count(&mut self, row: &SummaryFields) {
+        let start = row.start as usize;
         if let Some(one) = self.outcomes.get_mut(start) {
-            *one = outcome;
+            *one = row.outcome;
         }
-        if let Some(one) = self.preventable.get_mut(start) {
-            *one = preventable;
+        if let Some(one) = self.avoidability.get_mut(start) {
+            *one = Avoidability::of_row(row.preventable, row.unavoidable);
         }
         // Contacts without a success, such as those of a foul, have no part in the statistics.
-        if outcome == StartOutcome::Solved {
-            self.closing_mps.extend(closing_mps);
+        if let Some(closing_mps) = row.closing_mps
+            && row.outcome == StartOutcome::Solved
+        {
+            let contact = GateContact {
+                closing_mps,
+                ego_delta_v_mps: row.ego_delta_v_mps,
+            };
+            self.success_contacts.insert(start, contact);
         }
-        self.contacts += usize::from(contact);
-        self.simulations += simulations;
-        self.physics_steps += physics_steps;
+        self.contacts += usize::from(row.contact);
+        self.simulations += row.simulations;
+        self.physics_steps += row.physics_steps;
     }
 
     fn of_kind(&self, kind: StartOutcome) -> usize {
         let outcomes = self.outcomes.iter();
         outcomes.filter(|one| **one == kind).count()
+    }
+
+    /// Returns the results in the form of a gate.
+    fn gated<'a>(&'a self, name: &'a str) -> GateEgo<'a> {
+        GateEgo {
+            name,
+            outcomes: &self.outcomes,
+            contacts: &self.success_contacts,
+        }
     }
 
     /// Returns the outcomes in the form of rows of other verbs.
@@ -144,16 +159,48 @@ pub struct GateVerdict {
     pub compared: usize,
     /// Starts from which the ego fails and the baseline does not.
     pub newly_failing: usize,
-    /// Such starts that CC_LATCHED or FSM would have survived.
+    /// Such starts that CC_LATCHED or FSM would have avoided.
     pub(crate) newly_preventable: usize,
+    /// Such starts that only other drivers would have avoided.
+    pub newly_avoidable: usize,
+    /// Such starts that no driver would have avoided.
+    pub newly_unavoidable: usize,
+    /// Such starts that the drivers cannot judge, or were not asked to.
+    pub newly_unknown: usize,
     /// First newly failing starts.
     pub first: Vec<usize>,
     /// Starts from which the baseline fails and the ego does not.
     pub newly_fixed: usize,
+    /// Starts on which an ado breaks its rule against this ego only.
+    pub no_answer: usize,
+    /// Starts that an ego did not run.
+    pub not_run: NotRun,
+    /// Starts from which both fail.
+    pub both_fail: usize,
+    /// Starts of these with Δv of the ego up by more than 20 %.
+    pub more_severe: usize,
+    /// Greatest rise of Δv among them.
+    pub worst: Option<MoreSevere>,
     /// Exact two-sided p-value of McNemar's test.
     pub p_value: f64,
     /// Whether the gate blocks the change.
     pub held_up: bool,
+    /// Reasons that block it, as `--on` of `gate` has them.
+    #[serde(serialize_with = "as_words")]
+    pub closed_by: Vec<GateOn>,
+    /// Whether no start has a result on both egos with every rule kept.
+    pub unanswered: bool,
+    /// The comparison and the decision in words.
+    #[serde(skip)]
+    pub words: String,
+}
+
+impl GateVerdict {
+    /// Returns whether an open gate has starts that are no plain comparison.
+    pub fn is_noteworthy(&self) -> bool {
+        let NotRun { ego, baseline } = self.not_run;
+        0 < self.more_severe + self.no_answer + ego + baseline || self.unanswered
+    }
 }
 
 /// Grid of starts, cell by cell, over its last two axes.
@@ -218,7 +265,7 @@ impl CampaignSummary {
             }
         }
         let gates = match &plan.gate {
-            Some((baseline, on)) => gates(dir, &units, baseline, *on),
+            Some((baseline, on)) => gates(dir, &units, baseline, on),
             None => Vec::new(),
         };
         CampaignSummary {
@@ -231,6 +278,11 @@ impl CampaignSummary {
     /// Returns whether a gate of the campaign blocks a change.
     pub fn is_held_up(&self) -> bool {
         self.gates.iter().any(|gate| gate.held_up)
+    }
+
+    /// Returns whether there are gates, and none of them compares a start.
+    pub fn is_unanswered(&self) -> bool {
+        !self.gates.is_empty() && self.gates.iter().all(|gate| gate.unanswered)
     }
 
     /// Returns the largest share of invalid starts in a row.
@@ -293,7 +345,9 @@ fn row(
     .map(|kind| tally.of_kind(kind));
     let starts = fails + held + fouls + uncounted;
     let judged = plan.preventability;
-    let avoided = tally.preventable.iter().filter(|it| **it == Some(true));
+    let avoided = tally.avoidability.iter();
+    let avoided = avoided.filter(|it| **it == Avoidability::Preventable);
+    let closing = tally.success_contacts.values();
     SummaryRow {
         world: dir.world(unit).name().to_owned(),
         plant: plant(dir, unit),
@@ -315,7 +369,7 @@ fn row(
         uncounted,
         contacts: tally.contacts,
         preventable: judged.then(|| avoided.count()),
-        closing_mps: ClosingSpeed::of(tally.closing_mps.clone()),
+        closing_mps: ClosingSpeed::of(closing.map(|it| it.closing_mps).collect()),
         invalid: tally.of_kind(StartOutcome::Invalid),
         simulations: tally.simulations,
         physics_steps: tally.physics_steps,
@@ -362,7 +416,7 @@ fn gates(
     dir: &PlanDir,
     units: &[(&Unit, &UnitCounts)],
     baseline: &str,
-    on: GateOn,
+    on: &[GateOn],
 ) -> Vec<GateVerdict> {
     let mut gates = Vec::new();
     for (unit, tally) in units.iter().filter(|(unit, _)| unit.ego.name != baseline) {
@@ -372,28 +426,49 @@ fn gates(
         let Some((_, before)) = units.iter().find(is_before) else {
             continue;
         };
-        let flips = Flips::of(&tally.outcomes, &before.outcomes);
-        let preventable = || {
-            let starts = flips.newly_failing.iter();
-            starts.map(|start| tally.preventable[*start])
-        };
-        gates.push(GateVerdict {
-            world: dir.world(unit).name().to_owned(),
-            plant: plant(dir, unit),
-            ado: unit.ado.word(),
-            train_seed: train_seed(dir.plan(), unit),
-            ego: unit.ego.name.clone(),
-            baseline: baseline.to_owned(),
-            compared: flips.compared,
-            newly_failing: flips.newly_failing.len(),
-            newly_preventable: preventable().filter(|it| *it == Some(true)).count(),
-            first: flips.newly_failing.iter().copied().take(NAMED).collect(),
-            newly_fixed: flips.newly_fixed.len(),
-            p_value: flips.p_value(),
-            held_up: on.blocks(preventable()),
-        });
+        let mut gate = Gate::of(tally.gated(&unit.ego.name), before.gated(baseline));
+        let starts: Vec<usize> = gate.newly_failing.iter().map(|it| it.start).collect();
+        gate.label(starts.iter().map(|start| tally.avoidability[*start]));
+        gates.push(verdict(dir, unit, gate.decided(on)));
     }
     gates
+}
+
+/// Returns the decided gate of a unit, with its starts counted.
+fn verdict(dir: &PlanDir, unit: &Unit, decided: DecidedGate) -> GateVerdict {
+    let world = dir.world(unit).name().to_owned();
+    let (ado, train_seed) = (unit.ado.word(), train_seed(dir.plan(), unit));
+    let seed = train_seed.map_or(String::new(), |seed| format!(" {seed}"));
+    let words = format!("gate: {world}, {ado}{seed}: {}", decided.lines().join("; "));
+    let by = decided.newly_failing_by;
+    let gate = &decided.gate;
+    let first = gate.newly_failing.iter().map(|it| it.start).take(NAMED);
+    GateVerdict {
+        world,
+        plant: plant(dir, unit),
+        ado,
+        train_seed,
+        ego: gate.ego.clone(),
+        baseline: gate.baseline.clone(),
+        compared: gate.compared,
+        newly_failing: gate.newly_failing.len(),
+        newly_preventable: by.preventable,
+        newly_avoidable: by.avoidable,
+        newly_unavoidable: by.unavoidable,
+        newly_unknown: by.unknown,
+        first: first.collect(),
+        newly_fixed: gate.newly_fixed.len(),
+        no_answer: gate.no_answer.len(),
+        not_run: gate.not_run,
+        both_fail: gate.both_fail,
+        more_severe: gate.more_severe.len(),
+        worst: MoreSevere::worst(&gate.more_severe),
+        p_value: gate.p_value,
+        held_up: decided.is_closed(),
+        unanswered: gate.is_unanswered(),
+        words,
+        closed_by: decided.closed_by,
+    }
 }
 
 fn maps(dir: &PlanDir, units: &[(&Unit, &UnitCounts)]) -> Vec<CellMap> {
@@ -443,7 +518,7 @@ fn maps(dir: &PlanDir, units: &[(&Unit, &UnitCounts)]) -> Vec<CellMap> {
                 (0..cells).map(|nth| outcome(tally, nth)).collect()
             };
             let preventable = |(_, tally): &&(&Unit, &UnitCounts)| -> Vec<Option<bool>> {
-                let one = |nth: usize| tally.preventable.get(cut(nth)).copied().flatten();
+                let one = |nth: usize| tally.avoidability.get(cut(nth))?.preventable();
                 (0..cells).map(one).collect()
             };
             maps.push(CellMap {

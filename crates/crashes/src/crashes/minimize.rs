@@ -2,7 +2,12 @@
 //!
 //! A smaller counterexample has fewer switches of action. With equal switches it has a
 //! smaller sum of distances from the neutral action, then a later first deviation
-//! ([`Effort`]). A short sequence of actions can be read, and a hundred decisions cannot.
+//! ([`Effort`]). Neither the switches nor the sum may grow. A short sequence of actions
+//! can be read, and a hundred decisions cannot.
+//!
+//! Only actions up to the failure are changed and counted. After the failure the ado
+//! repeats its recorded actions after the recorded failure, and then its neutral action.
+//! The crash stays the same: two agents, sides, closing speed and preventability.
 //!
 //! Each of the three steps plays sequences of actions from the recorded start with its
 //! noise. In a rigid world the kinematic plant plays them first:
@@ -11,8 +16,8 @@
 //!    holds is the result, because nothing smaller exists with so few switches.
 //! 2. Otherwise all sequences with two switches, within the budget.
 //! 3. From the best so far, or from the record: replace stretches by a
-//!    neighbouring action or by the neutral action, move borders and weaken
-//!    actions, until nothing helps (delta debugging: Zeller and Hildebrandt,
+//!    neighbouring action or by the neutral action, exchange stretches, move borders
+//!    and weaken actions, until nothing helps (delta debugging: Zeller and Hildebrandt,
 //!    "Simplifying and Isolating Failure-Inducing Input", 2002).
 //!
 //! Steps 1 and 2 walk the tree of [`crate::search::search`]. Sequences that pass on the
@@ -26,22 +31,25 @@ use std::collections::BTreeSet;
 
 use super::reruns::{KEEP_RUNS, Reruns};
 use crate::experiment::Watch;
+use crate::preventability::{Label, NotApplicable};
 use crate::run_dir::{Effort, Shrunk};
 use crate::scene::{ContactEvent, Dynamics, Start};
-use crate::search::{Confirmed, Confirmer, Tree, WalkControl};
+use crate::search::{Tree, WalkControl};
 use crate::sim::PlantKind;
-use crate::testbench::{Aftermath, Episode, FaultLog, Replay, Testbench, play};
+use crate::testbench::{Aftermath, Episode, FaultLog, Testbench};
 use crate::world::Scenario;
 
-/// Share of the closing speed that a minimized crash keeps.
-///
-/// The worst crashes then stay the worst.
-pub const CLOSING: f64 = 0.8;
+/// Share by which the closing speed of a minimized crash may differ, either way.
+pub const CLOSING: f64 = 0.1;
+/// The same on the pre-screening plant of a rigid world.
+const SCREENED_CLOSING: f64 = 0.5;
 /// Physics steps of the pre-screening plant that one tree may cost.
 // A fixed budget of steps, not of time, keeps the result deterministic.
 const TREE_STEPS: u64 = 1_000_000;
 /// Most episodes for replacing, moving and weakening.
 const MOVES: usize = 1500;
+/// Most sequences of a tree that are tried on the pre-screening plant.
+const SCREENED: usize = 1000;
 /// Most sequences of a step that are tried on the world's own plant.
 const CONFIRMATIONS: usize = 40;
 /// Distances by which a border is moved, in decisions.
@@ -59,13 +67,21 @@ pub fn effort(scenario: &Scenario, actions: &[usize]) -> Effort {
     }
 }
 
+/// Returns the actions of an episode up to its failure.
+pub fn up_to_failure<'e>(scenario: &Scenario, episode: &'e Episode) -> &'e [usize] {
+    let per_decision = scenario.world().clock().samples_per_decision().max(1);
+    // The first sample is that of the start, before any decision.
+    let decisions = episode.judged.saturating_sub(1).div_ceil(per_decision);
+    &episode.actions[..decisions.min(episode.actions.len())]
+}
+
 /// Returns the smallest counterexample found from the same start, and its savings.
 ///
 /// Without a smaller one it returns the episode itself. A contact stays a contact of the
-/// same two agents, at no less than [`CLOSING`] of the closing speed, and without a new
-/// rule violation before it. An ego that is not deterministic runs as often as the
-/// world's `repeats`. Without `repeats` its episodes are unchanged. A program runs at
-/// most 300 times.
+/// same sides of the same two agents, within [`CLOSING`] of the closing speed, with the
+/// same preventability, and without a new rule violation before it. An ego that is not
+/// deterministic runs as often as the world's `repeats`. Without `repeats` its episodes
+/// are unchanged. A program runs at most 300 times.
 pub fn shrink(scenario: &Scenario, episode: &Episode, watch: &Watch<'_>) -> (Episode, Shrunk) {
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, watch);
     shrink_within(&reruns, episode, 0)
@@ -78,7 +94,8 @@ pub(super) fn shrink_within(
     for_later: usize,
 ) -> (Episode, Shrunk) {
     let (scenario, watch) = (reruns.scenario(), reruns.watch());
-    let before = effort(scenario, &episode.actions);
+    let recorded = up_to_failure(scenario, episode);
+    let before = effort(scenario, recorded);
     let unchanged = Shrunk {
         before,
         after: before,
@@ -91,30 +108,33 @@ pub(super) fn shrink_within(
         faults: FaultLog::default(),
         ..watch.quiet()
     };
-    let cheap = match scenario.plant() {
-        Dynamics::Rigid => scenario.on(PlantKind::Kinematic),
-        Dynamics::Kinematic | Dynamics::Cells => scenario.clone(),
+    let (cheap, closing) = match scenario.plant() {
+        Dynamics::Rigid => (scenario.on(PlantKind::Kinematic), SCREENED_CLOSING),
+        Dynamics::Kinematic | Dynamics::Cells => (scenario.clone(), CLOSING),
     };
     let mut shrinking = Shrinking {
         scenario,
         reruns,
         for_later,
-        found: None,
         refuted: BTreeSet::new(),
         bench: cheap.bench(),
-        confirmer: Confirmer::new(scenario, (&episode.start, episode.noise), 0, &watch),
-        aim: Aim::of(episode),
+        closing,
+        aim: Aim::of(scenario, episode),
         start: &episode.start,
         noise: episode.noise,
+        aftermath: &episode.actions[recorded.len()..],
         watch: &watch,
         moves: MOVES,
+        most: before,
+        best: None,
     };
-    let actions = shrinking.smallest(&episode.actions);
-    match shrinking.played(&actions) {
-        Some((smaller, after)) if after.is_less_than(&before) => {
-            (smaller, Shrunk { before, after })
+    shrinking.search(recorded);
+    match shrinking.best {
+        Some(best) => {
+            let after = best.effort;
+            (best.episode, Shrunk { before, after })
         }
-        _ => (episode.clone(), unchanged),
+        None => (episode.clone(), unchanged),
     }
 }
 
@@ -124,44 +144,75 @@ struct Aim {
     contact: Option<ContactEvent>,
     /// True if the original has a rule violation before its contact.
     violation_before_contact: bool,
+    /// Preventability of the contact.
+    preventability: Option<ShortLabel>,
+}
+
+/// Parts of the preventability that minimization keeps.
+#[derive(PartialEq)]
+struct ShortLabel {
+    label: Label,
+    not_applicable: Option<NotApplicable>,
+    /// Whether a human model of UN R157 avoids it, which gates ask.
+    by_human_model: Option<bool>,
+    is_exonerated: bool,
+}
+
+impl ShortLabel {
+    /// Returns the preventability of an episode, `None` without a contact.
+    fn of(scenario: &Scenario, episode: &Episode) -> Option<ShortLabel> {
+        episode.contact.as_ref()?;
+        let known = scenario.preventability(episode);
+        Some(ShortLabel {
+            label: known.label,
+            not_applicable: known.not_applicable,
+            by_human_model: known.human_model_avoids(),
+            is_exonerated: known.exonerated.is_some(),
+        })
+    }
 }
 
 impl Aim {
-    fn of(episode: &Episode) -> Aim {
+    fn of(scenario: &Scenario, episode: &Episode) -> Aim {
         Aim {
             contact: episode.contact.clone(),
             violation_before_contact: episode.is_foul_before_contact(),
+            preventability: ShortLabel::of(scenario, episode),
         }
     }
 
-    fn is_reached(
-        &self,
-        success: bool,
-        contact: Option<&ContactEvent>,
-        violation_before_contact: bool,
-    ) -> bool {
-        let as_bad = |found: &ContactEvent| {
-            contact.is_some_and(|touch| {
-                let least_mps = CLOSING * found.closing_speed_mps;
-                touch.between == found.between && least_mps <= touch.closing_speed_mps
-            })
+    /// Returns whether an episode is the same crash, up to its preventability.
+    fn is_reached(&self, episode: &Episode, closing: f64) -> bool {
+        let violates = episode.is_foul_before_contact() && !self.violation_before_contact;
+        let is_same = match (&self.contact, &episode.contact) {
+            (None, None) => true,
+            (Some(found), Some(touch)) => is_same_contact(found, touch, closing),
+            _ => false,
         };
-        let violates = violation_before_contact && !self.violation_before_contact;
-        success && !violates && self.contact.as_ref().is_none_or(as_bad)
+        episode.verdict.is_success() && !violates && is_same
     }
+}
 
-    fn is_reached_by_episode(&self, episode: &Episode) -> bool {
-        let (success, violation) = (
-            episode.verdict.is_success(),
-            episode.is_foul_before_contact(),
-        );
-        self.is_reached(success, episode.contact.as_ref(), violation)
-    }
+/// Returns whether a contact has the same parties, kind, sides and closing speed.
+///
+/// The speed may differ by a share `closing`.
+fn is_same_contact(found: &ContactEvent, touch: &ContactEvent, closing: f64) -> bool {
+    let sides = |contact: &ContactEvent| {
+        let impact = contact.impact;
+        impact.map(|impact| (impact.kind, impact.ego_side, impact.other_side))
+    };
+    let differs_mps = (touch.closing_speed_mps - found.closing_speed_mps).abs();
+    touch.between == found.between
+        && sides(touch) == sides(found)
+        && differs_mps <= closing * found.closing_speed_mps.abs()
+}
 
-    fn is_reached_by(&self, played: &Confirmed) -> bool {
-        let contact = played.contact.as_ref();
-        self.is_reached(played.success, contact, played.violation_before_contact)
-    }
+/// Smallest counterexample so far.
+struct Smallest {
+    /// Actions up to the failure.
+    actions: Vec<usize>,
+    effort: Effort,
+    episode: Episode,
 }
 
 struct Shrinking<'a> {
@@ -170,56 +221,61 @@ struct Shrinking<'a> {
     reruns: &'a Reruns<'a>,
     /// Questions for which runs are reserved.
     for_later: usize,
-    /// Smallest episode so far, for an ego without copies.
-    found: Option<Episode>,
     /// Sequences that failed, for an ego without copies.
     refuted: BTreeSet<Vec<usize>>,
-    /// Bench on the plant that pre-screens.
+    /// Bench on the plant that pre-screens, with its tolerance of the closing speed.
     bench: Testbench,
-    confirmer: Confirmer<'a>,
+    closing: f64,
     aim: Aim,
     start: &'a Start,
     noise: u64,
+    /// Recorded actions after the recorded failure.
+    aftermath: &'a [usize],
     watch: &'a Watch<'a>,
     /// Episodes left to the third step.
     moves: usize,
+    /// Effort of the original.
+    most: Effort,
+    best: Option<Smallest>,
 }
 
 impl Shrinking<'_> {
-    /// Returns the smallest sequence found, or `recorded`.
-    fn smallest(&mut self, recorded: &[usize]) -> Vec<usize> {
-        let most = effort(self.scenario, recorded).switches;
+    /// Searches for the smallest sequence, beginning with the recorded one.
+    fn search(&mut self, recorded: &[usize]) {
+        let most = self.most.switches;
         if self.reruns.copies() {
             // With at most one switch the walk is complete, so its best is the smallest.
             for switches in 0..=most.min(1) {
-                if let Some(found) = self.best_with(switches) {
-                    return found;
+                if self.finds_with(switches) {
+                    return;
                 }
             }
-            if let Some(found) = (2 <= most).then(|| self.best_with(2)).flatten() {
-                return self.moved(found);
+            if 2 <= most {
+                self.finds_with(2);
             }
         }
-        self.moved(recorded.to_vec())
+        let from = self.best.as_ref().map(|best| best.actions.clone());
+        self.moved(from.unwrap_or_else(|| recorded.to_vec()));
     }
 
-    /// Returns the smallest sequence with exactly this many switches, within the budget.
-    fn best_with(&mut self, switches: usize) -> Option<Vec<usize>> {
+    /// Finds the smallest sequence with exactly this many switches, within the budget.
+    fn finds_with(&mut self, switches: usize) -> bool {
         let mut found: Vec<(Effort, Vec<usize>)> = Vec::new();
-        let (aim, scenario) = (&self.aim, self.scenario);
-        let mut note = |actions: &[usize], bench: &Testbench| {
-            if aim.is_reached_by(&Confirmed::on(bench)) {
-                found.push((effort(scenario, actions), actions.to_vec()));
+        let (scenario, most) = (self.scenario, self.most);
+        let mut note = |actions: &[usize], _: &Testbench| {
+            let effort = effort(scenario, actions);
+            if is_smaller(&effort, &most, &most) {
+                found.push((effort, actions.to_vec()));
             }
             WalkControl::Continue
         };
         let from = ((self.start, self.noise), 0);
         let root = &mut self.bench;
-        let mut tree = Tree::new(root, from, Aftermath::Play, &mut note, self.watch);
+        // Effort counts up to the failure, so the walk ends there.
+        let mut tree = Tree::new(root, from, Aftermath::Skip, &mut note, self.watch);
         tree.budget = TREE_STEPS;
         // The neutral action comes first, because sequences that begin with it are
-        // smaller, in
-        // case the budget ends early.
+        // smaller, in case the budget ends early.
         let spaces = scenario.world().spaces();
         let others = (0..spaces.actions).filter(|action| *action != spaces.neutral);
         for action in std::iter::once(spaces.neutral).chain(others) {
@@ -229,33 +285,46 @@ impl Shrinking<'_> {
         }
         self.reruns.count(tree.simulations);
         found.sort_by(|a, b| a.0.order(&b.0));
-        let mut tried = found.into_iter().take(CONFIRMATIONS);
-        let held = tried.find(|(_, actions)| self.holds(actions));
-        held.map(|(_, actions)| actions)
+        let mut left = CONFIRMATIONS;
+        found.truncate(SCREENED);
+        found.into_iter().any(|(_, actions)| {
+            if left == 0 || !self.passes(&actions) {
+                return false;
+            }
+            left -= 1;
+            self.holds(&actions)
+        })
     }
 
-    /// Returns whether a sequence satisfies the aim on the world's own plant.
+    /// Returns whether a sequence is smaller and satisfies the aim on the world's own plant.
+    ///
+    /// It is then the best so far.
     fn holds(&mut self, actions: &[usize]) -> bool {
-        if self.reruns.copies() {
-            self.reruns.count(1);
-            return self.aim.is_reached_by(&self.confirmer.confirm(actions));
-        }
         if self.refuted.contains(actions) {
             return false;
         }
-        if self.reruns.ask(1, self.for_later).is_err() {
+        if self.reruns.copies() {
+            self.reruns.count(1);
+        } else if self.reruns.ask(1, self.for_later).is_err() {
             // The runs are used up, so the third step ends, too.
             self.moves = 0;
             return false;
         }
-        let from = (self.start, self.noise);
-        let mut actor = Replay::holding(actions);
-        let played = self
-            .reruns
-            .played(self.scenario, from, &mut actor, Aftermath::Play);
-        let holds = self.aim.is_reached_by_episode(&played);
+        let (from, aftermath) = ((self.start, self.noise), self.aftermath);
+        let mut run = |bench: &mut Testbench| story(bench, from, actions, aftermath);
+        let episode = self.reruns.repeated(self.scenario, &mut run);
+        let played = up_to_failure(self.scenario, &episode).to_vec();
+        let effort = effort(self.scenario, &played);
+        let now = self.best.as_ref().map_or(self.most, |best| best.effort);
+        let holds = is_smaller(&effort, &now, &self.most)
+            && self.aim.is_reached(&episode, CLOSING)
+            && self.aim.preventability == ShortLabel::of(self.scenario, &episode);
         if holds {
-            self.found = Some(played)
+            self.best = Some(Smallest {
+                actions: played,
+                effort,
+                episode,
+            });
         } else {
             self.refuted.insert(actions.to_vec());
         }
@@ -271,22 +340,17 @@ impl Shrinking<'_> {
         }
         self.reruns.count(1);
         self.moves = self.moves.saturating_sub(1);
-        self.bench.begin(self.start, self.noise, Aftermath::Play);
-        // The last action is held if the episode lasts longer than the sequence.
-        let last = actions.last().copied().unwrap_or(0);
-        let mut rest = actions.iter().copied().chain(std::iter::repeat(last));
-        while let Some(action) = rest.next().filter(|_| !self.bench.is_done()) {
-            self.bench.decide(action);
-        }
-        self.aim.is_reached_by(&Confirmed::on(&self.bench))
+        let from = (self.start, self.noise);
+        let episode = story(&mut self.bench, from, actions, self.aftermath);
+        self.aim.is_reached(&episode, self.closing)
     }
 
     /// Makes a sequence smaller step by step, until no step helps.
-    fn moved(&mut self, mut actions: Vec<usize>) -> Vec<usize> {
+    fn moved(&mut self, mut actions: Vec<usize>) {
         let mut refused = CONFIRMATIONS;
         while 0 < self.moves && 0 < refused && !self.watch.stopped() {
             let smaller = self.smaller_than(&actions);
-            let next = smaller.into_iter().find(|candidate| {
+            let found = smaller.iter().any(|candidate| {
                 let stops = self.moves == 0 || refused == 0;
                 if stops || !self.passes(candidate) {
                     return false;
@@ -296,12 +360,11 @@ impl Shrinking<'_> {
                 refused -= usize::from(!holds && self.reruns.copies());
                 holds
             });
-            match next {
-                Some(next) => actions = next,
-                None => break,
+            match &self.best {
+                Some(best) if found => actions.clone_from(&best.actions),
+                _ => break,
             }
         }
-        actions
     }
 
     /// Returns the smaller sequences at a distance of a single move, smallest first.
@@ -313,31 +376,45 @@ impl Shrinking<'_> {
             .into_iter()
             .map(|it| (effort(self.scenario, &it), it));
         let mut smaller: Vec<_> = candidates
-            .filter(|(effort, _)| effort.is_less_than(&now))
+            .filter(|(effort, _)| is_smaller(effort, &now, &self.most))
             .collect();
         smaller.sort_by(|a, b| a.0.order(&b.0).then_with(|| a.1.cmp(&b.1)));
         // Different moves may lead to the same sequence.
         smaller.dedup_by(|a, b| a.1 == b.1);
         smaller.into_iter().map(|(_, actions)| actions).collect()
     }
+}
 
-    /// Returns the episode of a sequence if it satisfies the aim.
-    fn played(&self, actions: &[usize]) -> Option<(Episode, Effort)> {
-        let episode = match (self.reruns.copies(), &self.found) {
-            (true, _) => {
-                let mut bench = self.scenario.bench();
-                let mut actor = Replay::holding(actions);
-                let aftermath = Aftermath::Play;
-                play(&mut bench, self.start, self.noise, &mut actor, aftermath)
-            }
-            // The episode is kept, because another run would cost and may differ.
-            (false, Some(found)) => found.clone(),
-            (false, None) => return None,
+/// Plays a sequence up to the failure, then an aftermath, then the neutral action.
+///
+/// Up to the failure, the last action of the sequence is held.
+fn story(
+    bench: &mut Testbench,
+    (start, noise): (&Start, u64),
+    actions: &[usize],
+    aftermath: &[usize],
+) -> Episode {
+    let neutral = bench.spaces().neutral;
+    let last = actions.last().copied().unwrap_or(neutral);
+    let (mut before, mut after) = (actions.iter(), aftermath.iter());
+    let mut played = Vec::new();
+    bench.begin(start, noise, Aftermath::Play);
+    while !bench.is_done() {
+        let action = if bench.is_decided() {
+            after.next().copied().unwrap_or(neutral)
+        } else {
+            before.next().copied().unwrap_or(last)
         };
-        let reached = self.aim.is_reached_by_episode(&episode);
-        let after = effort(self.scenario, &episode.actions);
-        reached.then_some((episode, after))
+        played.push(action);
+        bench.decide(action);
     }
+    bench.episode(start, noise, played)
+}
+
+/// Returns whether an effort is less than `now`, with no larger sum than the original.
+fn is_smaller(effort: &Effort, now: &Effort, original: &Effort) -> bool {
+    // Sums of equal distances in another order may differ in the last bits.
+    effort.is_less_than(now) && effort.deviation <= original.deviation + 1e-9
 }
 
 /// Returns the first index of each stretch of equal actions, and the end.
@@ -369,6 +446,13 @@ fn neighbours(actions: &[usize], neutral: usize, count: usize) -> Vec<Vec<usize>
             all.extend(others.map(|action| filled(from, to, action)));
         }
     }
+    // Two stretches change places, so that each may join its like: a flicker becomes a pulse.
+    for first in 0..stretches.saturating_sub(1) {
+        let (from, middle, to) = (borders[first], borders[first + 1], borders[first + 2]);
+        let mut other = actions.to_vec();
+        other[from..to].rotate_left(middle - from);
+        all.push(other);
+    }
     for stretch in 0..stretches {
         let (from, to) = (borders[stretch], borders[stretch + 1]);
         all.extend((0..count).map(|action| filled(from, to, action)));
@@ -384,4 +468,104 @@ fn neighbours(actions: &[usize], neutral: usize, count: usize) -> Vec<Vec<usize>
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::crashes::Regressions;
+    use crate::rulebook::RulesUntilContact;
+    use crate::scene::{CrashKind, Side};
+
+    /// A kept crash with a contact.
+    fn crash() -> Episode {
+        let root = env!("CARGO_MANIFEST_DIR");
+        let file = format!("{root}/../../tests/regressions/acc_iso-nominal-0005.ron");
+        let kept = Regressions::load(file).expect("a kept counterexample");
+        let replayed = kept.replay_recorded().expect("replayed").remove(0);
+        assert!(replayed.episode.verdict.is_success());
+        replayed.episode
+    }
+
+    fn aim(episode: &Episode) -> Aim {
+        Aim {
+            contact: episode.contact.clone(),
+            violation_before_contact: episode.is_foul_before_contact(),
+            preventability: None,
+        }
+    }
+
+    fn with_contact(change: impl FnOnce(&mut ContactEvent)) -> Episode {
+        let mut episode = crash();
+        change(episode.contact.as_mut().expect("a contact"));
+        episode
+    }
+
+    #[test]
+    fn another_contact_is_another_crash() {
+        let found = crash();
+        let reaches = |episode: &Episode| aim(&found).is_reached(episode, CLOSING);
+        assert!(reaches(&found));
+        for (factor, same) in [(0.89, false), (0.91, true), (1.09, true), (1.11, false)] {
+            let other = with_contact(|touch| touch.closing_speed_mps *= factor);
+            assert_eq!(reaches(&other), same, "{factor}");
+        }
+        let changes: [fn(&mut ContactEvent); 5] = [
+            |touch| touch.between.1 = "third".to_owned(),
+            |touch| touch.impact = None,
+            |touch| touch.impact.as_mut().expect("one").kind = CrashKind::SideSwipe,
+            |touch| touch.impact.as_mut().expect("one").ego_side = Side::Left,
+            |touch| touch.impact.as_mut().expect("one").other_side = Side::Right,
+        ];
+        for (nth, change) in changes.into_iter().enumerate() {
+            assert!(!reaches(&with_contact(change)), "change {nth}");
+        }
+        let mut without = found.clone();
+        without.contact = None;
+        assert!(!reaches(&without));
+        // A contact is no smaller violation either.
+        assert!(!aim(&without).is_reached(&found, CLOSING));
+        assert!(aim(&without).is_reached(&without, CLOSING));
+    }
+
+    #[test]
+    fn a_rule_that_is_broken_before_the_contact_is_new_only_once() {
+        let found = crash();
+        let mut foul = found.clone();
+        foul.rules_until_contact = Some(RulesUntilContact::Broken {
+            rule: "stays".to_owned(),
+            ado: "ado".to_owned(),
+            time_s: 1.0,
+        });
+        assert!(!aim(&found).is_reached(&foul, CLOSING));
+        assert!(aim(&foul).is_reached(&foul, CLOSING));
+        assert!(aim(&foul).is_reached(&found, CLOSING));
+        let mut held = found.clone();
+        held.verdict = crate::rulebook::Verdict::Held { margin: 1.0 };
+        assert!(!aim(&found).is_reached(&held, CLOSING));
+    }
+
+    #[test]
+    fn neither_switches_nor_the_sum_may_grow() {
+        let of = |switches, deviation| Effort {
+            switches,
+            deviation,
+            first: Some(0),
+        };
+        let original = of(3, 2.0);
+        for (effort, smaller) in [
+            (of(1, 34.0), false),
+            (of(1, 2.0), true),
+            (of(3, 1.9), true),
+            (of(3, 2.0), false),
+            (of(4, 0.1), false),
+        ] {
+            assert_eq!(
+                is_smaller(&effort, &original, &original),
+                smaller,
+                "{effort}"
+            );
+        }
+        assert!(!is_smaller(&of(2, 1.0), &of(1, 1.0), &original));
+    }
 }

@@ -22,7 +22,9 @@ pub use highlights::highlights;
 pub use picture::{Inapplicable, UnknownViewKind, ViewKind, picture};
 pub use regressions::{RegressionError, Regressions};
 pub use replay::newest_of_training;
-pub use replay::{Difference, Replayed, SavedCounterexample};
+pub use replay::{
+    BrokenRuleOfReplay, Difference, ReplayCounts, ReplayOutcome, Replayed, SavedCounterexample,
+};
 pub use reruns::{KEEP_RUNS, copies};
 pub use save_crashes::{CrashSelection, Form, KeepSettings, KeptFiles};
 pub use save_crashes::{description, file_stem, keep_cells, labels_of_contact};

@@ -3,13 +3,13 @@
 //! A failure that needs the last millimetre of its start, or a particular plant, is an
 //! accident of the simulation. This module plays the recorded actions again in open loop,
 //! with a single perturbation at a time. It reports the share of replays in which the ego
-//! still fails, by the usual definition ([`Verdict::is_success`]).
+//! still fails, by the usual definition (`Verdict::is_success`).
 
 use rayon::prelude::*;
 
 use super::reruns::{KEEP_RUNS, Reruns};
+use super::root_cause::no_answer;
 use crate::experiment::Watch;
-use crate::rulebook::Verdict;
 use crate::run_dir::{Persistence, Variation};
 use crate::scene::Start;
 use crate::scene::drive::Sensors;
@@ -28,8 +28,8 @@ const FRICTIONS: (f64, f64) = (0.01, 2.0);
 ///
 /// Perturbations are the other plant, half the sample time, friction × 0.9 and × 1.1,
 /// every axis of the start ± 0.1 m or m/s, and sensors that are later by a sample. Starts
-/// may leave their ranges, but no speed falls below 0. The last recorded action is held
-/// after the end.
+/// may leave their ranges, but no speed falls below 0. After the recorded actions the ado
+/// takes its neutral action. A replay in which an ado breaks a rule gives no answer.
 ///
 /// Returns `None` if the world is not driven, or if its ego is not deterministic and the
 /// world has no `repeats`.
@@ -50,14 +50,14 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
     // All variations or none, because a share of some would not be comparable.
     reruns.ask(varied.len(), 0).ok()?;
     let variations = varied.into_par_iter().map(|(name, world, start)| {
-        let mut ado = Replay::holding(&episode.actions);
+        let mut ado = Replay::then(&episode.actions, world.world().spaces().neutral);
         let from = (&start, episode.noise);
         let replayed = reruns.played(&world, from, &mut ado, Aftermath::Skip);
-        // A variation in which the ego did not run is no evidence either way.
-        let ran = replayed.verdict != Verdict::Invalid;
+        let no_answer = no_answer(&world, replayed.verdict);
         Variation {
             name,
-            fails: ran.then(|| replayed.verdict.is_success()),
+            fails: no_answer.is_none().then(|| replayed.verdict.is_success()),
+            no_answer,
         }
     });
     Some(Persistence {

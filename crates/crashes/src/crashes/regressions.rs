@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::replay::{Replayed, SavedCounterexample, replay};
-use crate::ego::Fault;
+use super::replay::{ReplayCounts, Replayed, SavedCounterexample, replay};
+use crate::ego::{Fault, Transcripts};
+use crate::experiment::{Watch, unrepeatable};
 use crate::run_dir::{Counterexample, KeptError, RunError};
 use crate::scene::drive::ControllerFactory;
 use crate::testbench::FaultLog;
@@ -23,6 +24,7 @@ pub struct Regressions {
     kept: Vec<SavedCounterexample>,
     ego: ReplayedEgo,
     programs_allowed: bool,
+    fresh_egos: bool,
     allow_invalid: f64,
 }
 
@@ -69,6 +71,14 @@ pub enum RegressionError {
         /// Replays that were begun.
         replayed: usize,
         /// Replays asked for.
+        total: usize,
+    },
+    /// An ado breaks its rule in every replay, so none shows whether the ego still fails.
+    #[error("no replay gives an answer, because an ado breaks its rule in {} of {total}:\n{}", .broken.len(), .broken.join("\n"))]
+    NoAnswer {
+        /// One line per such replay, with the rule and the time.
+        broken: Vec<String>,
+        /// Replays in all.
         total: usize,
     },
     /// A file names a program without your consent to start it.
@@ -123,6 +133,7 @@ impl Regressions {
             kept: kept.collect::<Result<_, _>>()?,
             ego: ReplayedEgo::Recorded,
             programs_allowed: false,
+            fresh_egos: false,
             allow_invalid: 0.0,
         })
     }
@@ -135,6 +146,15 @@ impl Regressions {
     pub fn allow_programs(self, allowed: bool) -> Regressions {
         Regressions {
             programs_allowed: allowed,
+            ..self
+        }
+    }
+
+    /// Makes foreign egos begin every replay anew.
+    #[must_use]
+    pub fn begin_egos_anew(self, fresh: bool) -> Regressions {
+        Regressions {
+            fresh_egos: fresh,
             ..self
         }
     }
@@ -212,7 +232,14 @@ impl Regressions {
     /// A world or a changed ego is not usable, or it is a program without your
     /// [consent](Regressions::allow_programs).
     pub fn replay(&self) -> Result<Vec<Replayed>, RegressionError> {
-        let scenarios = self.kept.iter().map(|kept| self.scenario(kept));
+        let scenarios = self.kept.iter().map(|kept| {
+            let world = self.scenario(kept)?;
+            Ok::<_, RegressionError>(if self.fresh_egos {
+                world.with_fresh_egos()
+            } else {
+                world
+            })
+        });
         let scenarios = scenarios.collect::<Result<Vec<_>, _>>()?;
         self.consent(&scenarios)?;
         // Kept files of one program share one that is running.
@@ -226,7 +253,41 @@ impl Regressions {
                 break;
             }
         }
+        // An ego whose replays depend on their order neither fails nor is fixed.
+        if !log.has_given_up() {
+            self.mark_unrepeatable(&mut all);
+        }
         Ok(all)
+    }
+
+    /// Marks all replays of an ego whose commands depend on more than the episode.
+    fn mark_unrepeatable(&self, all: &mut [Replayed]) {
+        let transcripts = |one: &Replayed| one.scenario.ego()?.controller.transcripts().cloned();
+        let (mut checked, logs): (Vec<Transcripts>, Vec<_>) =
+            (Vec::new(), all.iter().map(transcripts).collect());
+        for (at, log) in logs.iter().enumerate() {
+            // Files of one program share its transcripts, which are checked once.
+            let Some(log) = log
+                .as_ref()
+                .filter(|log| !checked.iter().any(|it| it.is(log)))
+            else {
+                continue;
+            };
+            checked.push(log.clone());
+            let scenario = &all[at].scenario;
+            let program = scenario.program().map(|it| command_line(&it.command));
+            let name = program.or_else(|| scenario.own_ego().map(str::to_owned));
+            let about = (scenario, name.as_deref().unwrap_or("nominal"));
+            let Some(found) = unrepeatable(about, |_| None, &Watch::unwatched()) else {
+                continue;
+            };
+            let fault = Fault::new(found.kind, found.message);
+            for (one, of_one) in all.iter_mut().zip(&logs) {
+                if of_one.as_ref().is_some_and(|it| it.is(log)) {
+                    one.unrepeatable = Some(fault.clone());
+                }
+            }
+        }
     }
 
     /// Checks that no more replays are invalid than allowed.
@@ -243,7 +304,9 @@ impl Regressions {
         // Nor does an ego that never ran.
         let ran = invalid.len() < replayed.len() || replayed.is_empty();
         let allowed = self.allow_invalid * replayed.len() as f64;
-        if !cut && ran && invalid.len() as f64 <= allowed {
+        // No share of faults excuses an ego whose replays depend on their order.
+        let is_repeatable = replayed.iter().all(|one| one.unrepeatable.is_none());
+        if !cut && ran && is_repeatable && invalid.len() as f64 <= allowed {
             Ok(())
         } else {
             Err(RegressionError::Invalid {
@@ -252,6 +315,25 @@ impl Regressions {
                 total: self.kept.len(),
             })
         }
+    }
+
+    /// Checks that at least one replay answers whether the ego still fails.
+    ///
+    /// # Errors
+    /// No replay does, and an ado breaks its rule in one of them.
+    pub fn check_answers(replayed: &[Replayed]) -> Result<(), RegressionError> {
+        let counts = ReplayCounts::of(replayed);
+        if counts.no_answer == 0 || 0 < counts.still_fail + counts.fixed {
+            return Ok(());
+        }
+        let reasons = replayed.iter();
+        let reasons = reasons.filter_map(|one| Some((one, one.no_answer()?)));
+        Err(RegressionError::NoAnswer {
+            broken: reasons
+                .map(|(one, why)| format!("  {}: {why}", one.path.display()))
+                .collect(),
+            total: counts.replayed,
+        })
     }
 
     /// Checks that every program may be started.
@@ -342,11 +424,15 @@ impl Regressions {
 
     /// Replays all counterexamples, and requires that the ego no longer fails.
     ///
+    /// A replay in which an ado breaks its rule is no answer. The counts say how many are.
+    ///
     /// # Errors
-    /// The ego did not run in a replay, or still fails. The message names the files.
-    pub fn pass(&self) -> Result<(), RegressionError> {
+    /// The ego did not run in a replay, or still fails, or no replay gives an answer. The
+    /// message names the files.
+    pub fn pass(&self) -> Result<ReplayCounts, RegressionError> {
         let replayed = self.replay()?;
         self.check_faults(&replayed)?;
+        Self::check_answers(&replayed)?;
         let still = replayed.iter().filter(|replayed| replayed.still_fails());
         let failing: Vec<String> = still
             .map(|replayed| {
@@ -355,7 +441,7 @@ impl Regressions {
             })
             .collect();
         if failing.is_empty() {
-            Ok(())
+            Ok(ReplayCounts::of(&replayed))
         } else {
             Err(RegressionError::StillFails {
                 failing,

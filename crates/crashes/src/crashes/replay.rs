@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+use serde::Serialize;
+use strum::IntoStaticStr;
+
 use super::save_crashes::{description, description_of_run};
 use crate::ego::Fault;
 use crate::report::outcome_in_words;
@@ -81,6 +84,8 @@ pub struct Replayed {
     pub ego_as_recorded: Option<bool>,
     /// The runs, where the world asks for several.
     pub repeated: Option<StartRepeated>,
+    /// Reason why no run of a foreign ego is a result, if there is one.
+    pub unrepeatable: Option<Fault>,
     /// Labels of the file, if this is the recorded run.
     pub about: Option<About>,
 }
@@ -120,13 +125,145 @@ impl Replayed {
 
     /// Returns whether the ego still fails.
     pub fn still_fails(&self) -> bool {
-        self.episode.verdict.is_success()
+        self.outcome() == ReplayOutcome::StillFails
+    }
+
+    /// Returns the outcome of the replay for the ego.
+    pub fn outcome(&self) -> ReplayOutcome {
+        // An ego that keeps state has a fault and a verdict.
+        if self.fault().is_some() {
+            return ReplayOutcome::Invalid;
+        }
+        match self.episode.verdict {
+            Verdict::Counterexample { .. } => ReplayOutcome::StillFails,
+            Verdict::Held { .. } | Verdict::Uncounted { .. } => ReplayOutcome::Fixed,
+            Verdict::Foul { .. } => ReplayOutcome::NoAnswer,
+            Verdict::Invalid => ReplayOutcome::Invalid,
+        }
+    }
+
+    /// Returns the broken rule that leaves the replay without an answer, if any.
+    pub fn no_answer(&self) -> Option<BrokenRuleOfReplay> {
+        let Verdict::Foul { rule, .. } = self.episode.verdict else {
+            return None;
+        };
+        let rule = self.scenario.rulebook().rules.get(rule)?;
+        // The last judged sample decides. Rounding removes errors of binary fractions.
+        let samples = self.episode.judged.saturating_sub(1) as f64;
+        Some(BrokenRuleOfReplay {
+            ado: rule.ado.clone(),
+            rule: rule.name.clone(),
+            time_s: (samples * self.episode.trace.dt_s() * 1e9).round() / 1e9,
+        })
     }
 
     /// Returns the fault that makes the run invalid, if any.
     pub fn fault(&self) -> Option<&Fault> {
+        if let Some(unrepeatable) = &self.unrepeatable {
+            return Some(unrepeatable);
+        }
         let invalid = self.episode.verdict == Verdict::Invalid;
         self.episode.fault.as_ref().filter(|_| invalid)
+    }
+}
+
+/// Outcome of a replay for the ego.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, IntoStaticStr)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum ReplayOutcome {
+    /// The ego violates its specification with every rule kept, in a way that counts.
+    StillFails,
+    /// The ego does not fail, and every rule is kept.
+    ///
+    /// A violation that does not count in this world is no failure.
+    Fixed,
+    /// An ado breaks its rule first, so the question is open.
+    NoAnswer,
+    /// The ego or the physics did not run.
+    Invalid,
+}
+
+/// Rule of an ado that is broken before a replay gives an answer.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BrokenRuleOfReplay {
+    /// Name of the ado.
+    pub ado: String,
+    /// Name of its rule.
+    pub rule: String,
+    /// Time at which the rule is broken.
+    pub time_s: f64,
+}
+
+impl std::fmt::Display for BrokenRuleOfReplay {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{} broke `{}` at {:.2} s",
+            self.ado, self.rule, self.time_s
+        )
+    }
+}
+
+/// Number of replays by outcome.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct ReplayCounts {
+    /// All replays.
+    pub replayed: usize,
+    /// The ego still fails.
+    pub still_fail: usize,
+    /// The ego does not fail.
+    pub fixed: usize,
+    /// Replays of `fixed` in which it violates its specification, but not so that it counts.
+    pub uncounted: usize,
+    /// An ado breaks its rule first.
+    pub no_answer: usize,
+    /// The ego or the physics did not run.
+    pub invalid: usize,
+}
+
+impl ReplayCounts {
+    /// Counts replays.
+    pub fn of(replayed: &[Replayed]) -> ReplayCounts {
+        let mut counts = ReplayCounts {
+            replayed: replayed.len(),
+            ..ReplayCounts::default()
+        };
+        for one in replayed {
+            let count = match one.outcome() {
+                ReplayOutcome::StillFails => &mut counts.still_fail,
+                ReplayOutcome::Fixed => &mut counts.fixed,
+                ReplayOutcome::NoAnswer => &mut counts.no_answer,
+                ReplayOutcome::Invalid => &mut counts.invalid,
+            };
+            *count += 1;
+            let verdict = one.episode.verdict;
+            counts.uncounted += usize::from(matches!(verdict, Verdict::Uncounted { .. }));
+        }
+        counts
+    }
+}
+
+impl std::fmt::Display for ReplayCounts {
+    /// Writes the counts in one line, and leaves out groups that are empty.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (still_fail, replayed, fixed) = (self.still_fail, self.replayed, self.fixed);
+        write!(f, "{still_fail} of {replayed} still fail, {fixed} fixed")?;
+        if 0 < self.uncounted {
+            write!(
+                f,
+                " ({} violate it, but not so that it counts)",
+                self.uncounted
+            )?;
+        }
+        if 0 < self.no_answer {
+            write!(f, ", {} without an answer", self.no_answer)?;
+        }
+        if 0 < self.invalid {
+            write!(f, ", {} did not run", self.invalid)?;
+        }
+        Ok(())
     }
 }
 
@@ -166,6 +303,7 @@ pub fn newest_of_training(
             repeats_by_commands: None,
             ego_as_recorded: None,
             repeated: None,
+            unrepeatable: None,
             about: None,
         }
     });
@@ -205,6 +343,7 @@ pub fn replay(kept: &SavedCounterexample, scenario: Scenario) -> Result<Replayed
         repeats_by_commands,
         ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
         repeated: (1 < runs).then_some(repeated),
+        unrepeatable: None,
         // Labels in the file are valid for the recorded run only.
         about: recorded.about.clone().filter(|_| identical),
         scenario,

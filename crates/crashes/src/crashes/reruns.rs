@@ -15,7 +15,7 @@ use crate::rulebook::Verdict;
 use crate::run_dir::{EgoRuns, NotAsked, StartRepeated};
 use crate::scene::Start;
 use crate::scene::drive::EgoDrive;
-use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Replay, play};
+use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Replay, Testbench, play};
 use crate::world::{Repeats, Scenario};
 
 /// Default of the runs of a program for a counterexample.
@@ -79,6 +79,7 @@ impl<'a> Reruns<'a> {
             faults: FaultLog::default(),
             watch,
         };
+        // Recorded commands do not answer a changed situation.
         reruns.refused = if ego.is_some_and(EgoDrive::is_recorded) {
             Some(NotAsked::CommandsOnly)
         } else if foreign {
@@ -218,10 +219,21 @@ impl<'a> Reruns<'a> {
         actor: &mut dyn Actor,
         aftermath: Aftermath,
     ) -> Episode {
+        self.repeated(world, &mut |bench| {
+            play(bench, start, noise, actor, aftermath)
+        })
+    }
+
+    /// Plays a run with all its repeats, and returns the representative one.
+    pub(super) fn repeated(
+        &self,
+        world: &Scenario,
+        run: &mut dyn FnMut(&mut Testbench) -> Episode,
+    ) -> Episode {
         let Repeats { runs, gate } = self.scenario.repeats();
         let mut bench = world.bench();
         let mut once = |_| {
-            let episode = play(&mut bench, start, noise, actor, aftermath);
+            let episode = run(&mut bench);
             self.faults.note(0, episode.fault.as_ref());
             episode
         };
@@ -230,13 +242,13 @@ impl<'a> Reruns<'a> {
         episodes.swap_remove(standing)
     }
 
-    /// Returns whether the ego holds under these actions, followed by the neutral action.
-    pub(super) fn holds(&self, episode: &Episode, actions: &[usize]) -> bool {
+    /// Returns the verdict under these actions, followed by the neutral action.
+    pub(super) fn verdict(&self, episode: &Episode, actions: &[usize]) -> Verdict {
         let neutral = self.scenario.world().spaces().neutral;
         let from = (&episode.start, episode.noise);
         let mut changed = Replay::then(actions, neutral);
-        let played = self.played(&self.scenario, from, &mut changed, Aftermath::Skip);
-        matches!(played.verdict, Verdict::Held { .. })
+        self.played(&self.scenario, from, &mut changed, Aftermath::Skip)
+            .verdict
     }
 }
 

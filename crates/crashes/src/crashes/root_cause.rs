@@ -1,20 +1,29 @@
 //! Cause of a counterexample: the leaf, the ado's action and the last chance.
 //!
 //! Each is a counterfactual: a replay from the recorded start with its noise, on the
-//! world's own plant, with everything else as recorded. A failure is avoided if the
-//! verdict is that the ego holds. A replay with a rule violation is no answer.
+//! world's own plant, with everything else as recorded. After the recorded actions the ado
+//! takes its neutral action. A failure is avoided if the verdict is that the ego holds.
+//! A replay with a rule violation or a fault is no answer.
+//!
+//! Reference drivers repeat the recorded motion instead, which goes on after its end. So
+//! that no two labels contradict each other, full braking is replayed in both ways, and an
+//! answer is given only if both give it.
 
 use std::sync::Arc;
 
 use super::reruns::{KEEP_RUNS, Reruns};
 use crate::ego::{Controller, FullBrake, RecordedCommands, Takeover};
 use crate::experiment::{Watch, violated};
+use crate::preventability::{BrakingReplays, Preventability};
 use crate::rulebook::Verdict;
-use crate::run_dir::{Decisive, LastChance, NotAsked, Why};
+use crate::run_dir::{Answer, Decisive, LastChance, NoAnswer, NotAsked, Why};
 use crate::scene::drive::{ControllerFactory, DriveSpec};
-use crate::sim::GRAVITY_MPS2;
+use crate::sim::{GRAVITY_MPS2, PlantKind};
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::{DriveScenario, Scenario};
+
+/// Time by which the last chance may differ between the plants.
+const PLANTS_S: f64 = 0.1;
 
 /// Driver in the ego's place.
 #[derive(Clone)]
@@ -80,14 +89,50 @@ pub(super) fn why_within(
         leaf_s: tidy(leaf.map_or(0.0, |leaf| leaf.time_s)),
         decisive,
         not_asked,
-        last_chance: scenario.drive().map(|scenario| match driver {
-            Some(driver) => last_chance(scenario, episode, driver),
+        last_chance: scenario.drive().map(|driving| match driver {
+            Some(driver) => last_chance(driving, episode, driver),
             None => {
-                let begun = scenario.world().at_start(&episode.start);
+                let begun = driving.world().at_start(&episode.start);
                 let driver = SubstituteDriver::braking_by(greatest_friction(begun.spec()));
-                last_chance(scenario, episode, &driver)
+                let motion = scenario.braking_replays(episode);
+                chance(driving, episode, &driver, motion)
             }
         }),
+    }
+}
+
+/// Withdraws "not avoided" if a reference driver, which only brakes, avoids the contact.
+pub(super) fn reconcile(why: &mut Why, panel: &Preventability) {
+    let Some(chance) = &mut why.last_chance else {
+        return;
+    };
+    if chance.answer() == Answer::NotAvoided
+        && let Some(driver) = panel.any_driver()
+    {
+        chance.no_answer = Some(NoAnswer::OnlyDriver {
+            driver: driver.name().to_owned(),
+        });
+    }
+}
+
+/// Returns the reason why a replay with this verdict is no answer, `None` if it is one.
+pub(super) fn no_answer(scenario: &Scenario, verdict: Verdict) -> Option<NoAnswer> {
+    match verdict {
+        Verdict::Foul { rule, .. } => Some(NoAnswer::RuleBroken {
+            rule: scenario.rulebook().rules[rule].name.clone(),
+        }),
+        Verdict::Invalid => Some(NoAnswer::Fault),
+        _ => None,
+    }
+}
+
+/// Returns the answer of a replay that ended with this verdict.
+fn answer(scenario: &Scenario, verdict: Verdict) -> Answer {
+    match (no_answer(scenario, verdict), verdict) {
+        (Some(reason), _) => Answer::NoAnswer(reason),
+        (None, Verdict::Held { .. }) => Answer::Avoided,
+        // A violation that does not count is a violation nevertheless.
+        (None, _) => Answer::NotAvoided,
     }
 }
 
@@ -133,12 +178,13 @@ fn decisive_within(reruns: &Reruns<'_>, episode: &Episode) -> Result<Option<Deci
     }
     // Zero questions cost nothing, but return an existing refusal.
     reruns.ask(0, 0)?;
+    let mut unanswered = None;
     for spans in spans(scenario, actions) {
         let found = if reruns.copies() {
             let counted = spans.iter().inspect(|_| reruns.count(1));
-            earliest(scenario, episode, counted.copied())
+            earliest(scenario, episode, counted.copied(), &mut unanswered)
         } else {
-            earliest_of_whole_runs(reruns, episode, &spans)?
+            earliest_of_whole_runs(reruns, episode, &spans, &mut unanswered)?
         };
         let Some((from, to)) = found else {
             continue;
@@ -150,27 +196,45 @@ fn decisive_within(reruns: &Reruns<'_>, episode: &Episode) -> Result<Option<Deci
             until_s: tidy(to as f64 * decision_s),
         }));
     }
-    Ok(None)
+    match unanswered {
+        Some(reason) => Err(NotAsked::NoAnswer(reason)),
+        None => Ok(None),
+    }
 }
 
 /// Returns the first span whose neutral replacement avoids the failure.
 ///
-/// Each span takes a whole run.
+/// Each span takes a whole run. `unanswered` gets the first reason of a run without answer.
 fn earliest_of_whole_runs(
     reruns: &Reruns<'_>,
     episode: &Episode,
     spans: &[(usize, usize)],
+    unanswered: &mut Option<NoAnswer>,
 ) -> Result<Option<(usize, usize)>, NotAsked> {
-    let neutral = reruns.scenario().world().spaces().neutral;
+    let scenario = reruns.scenario();
+    let neutral = scenario.world().spaces().neutral;
     for &(from, to) in spans {
         reruns.ask(1, 0)?;
         let mut changed = episode.actions.clone();
         changed[from..to].fill(neutral);
-        if reruns.holds(episode, &changed) {
+        let verdict = reruns.verdict(episode, &changed);
+        if avoids(scenario, verdict, unanswered) {
             return Ok(Some((from, to)));
         }
     }
     Ok(None)
+}
+
+/// Returns whether a replay avoids the failure, and notes why it has no answer.
+fn avoids(scenario: &Scenario, verdict: Verdict, unanswered: &mut Option<NoAnswer>) -> bool {
+    match answer(scenario, verdict) {
+        Answer::Avoided => true,
+        Answer::NotAvoided => false,
+        Answer::NoAnswer(reason) => {
+            unanswered.get_or_insert(reason);
+            false
+        }
+    }
 }
 
 /// Returns the first span whose neutral replacement avoids the failure.
@@ -181,6 +245,7 @@ fn earliest(
     scenario: &Scenario,
     episode: &Episode,
     mut spans: impl Iterator<Item = (usize, usize)>,
+    unanswered: &mut Option<NoAnswer>,
 ) -> Option<(usize, usize)> {
     let neutral = scenario.world().spaces().neutral;
     let mut bench = scenario.bench();
@@ -202,60 +267,147 @@ fn earliest(
                 finish(anew, &changed)
             }
         };
-        matches!(verdict, Some(Verdict::Held { .. }))
+        avoids(scenario, verdict, unanswered)
     })
 }
 
 /// Returns the verdict after these actions, followed by the neutral action.
-fn finish(mut bench: Testbench, actions: &[usize]) -> Option<Verdict> {
+fn finish(mut bench: Testbench, actions: &[usize]) -> Verdict {
     let neutral = bench.spaces().neutral;
     let mut rest = actions.iter().copied().chain(std::iter::repeat(neutral));
     while let Some(action) = rest.next().filter(|_| !bench.is_done()) {
         bench.decide(action);
     }
-    bench.verdict()
+    bench.verdict().unwrap_or(Verdict::Invalid)
 }
 
 /// Returns the last sample from which `driver` avoids the failure.
 ///
 /// The ados act as recorded. The search goes backwards by decisions, then by samples
-/// within the first decision that helps. A chance that exists only between two decisions
-/// may be missed.
+/// within the first decision that helps. If no decision helps, every sample is tried.
 pub fn last_chance(
     scenario: DriveScenario<'_>,
     episode: &Episode,
     driver: &SubstituteDriver,
 ) -> LastChance {
+    chance(scenario, episode, driver, None)
+}
+
+/// Returns the last chance, which the replays of the recorded motion must confirm.
+fn chance(
+    scenario: DriveScenario<'_>,
+    episode: &Episode,
+    driver: &SubstituteDriver,
+    mut motion: Option<BrakingReplays>,
+) -> LastChance {
     let sample_s = scenario.spec().clock.sample_s;
     let judged = episode.judged.saturating_sub(1);
     let per_decision = scenario.bench().clock().samples_per_decision().max(1);
-    let avoids = |after: usize| is_avoided(scenario, episode, driver, after);
+    let mut unanswered = None;
+    // In the recorded motion every sample is cheap. With the first, nothing is left to ask.
+    let contact = motion.as_mut().and_then(BrakingReplays::last);
+    let is_refuted = motion.is_some() && contact.is_none();
+    // The motion of a rigid record is replayed on the kinematic plant, which brakes alike
+    // but not bit for bit.
+    let slack = match scenario.spec().plant {
+        PlantKind::Rigid => (PLANTS_S / sample_s).round() as usize,
+        PlantKind::Kinematic => 0,
+    };
+    let mut only_contact = false;
+    let mut avoids = |after: usize, unanswered: &mut Option<NoAnswer>| {
+        let mut moves = |samples: std::ops::RangeInclusive<usize>| {
+            let motion = motion.as_mut()?;
+            let avoiding = samples.clone().filter(|sample| motion.avoids(*sample));
+            Some((avoiding.count(), samples.count()))
+        };
+        let about = moves(after.saturating_sub(slack)..=after).map(|(some, _)| some > 0);
+        if about == Some(false) && contact.is_some() {
+            return false;
+        }
+        let run = substituted(scenario, episode, driver, after);
+        // Either plant may brake a little better than the other.
+        let moved = match run.answer {
+            Answer::NotAvoided => moves(after..=after + slack).map(|(some, all)| some == all),
+            _ => about,
+        };
+        match both(&run, moved) {
+            Answer::Avoided => true,
+            Answer::NotAvoided => false,
+            // The violation is certain at this sample.
+            Answer::NoAnswer(NoAnswer::OnlyContact) => {
+                only_contact = true;
+                false
+            }
+            Answer::NoAnswer(reason) => {
+                unanswered.get_or_insert(reason);
+                false
+            }
+        }
+    };
     // Every sample would be a whole replay, so whole decisions come first.
     let coarse = (0..=judged.div_ceil(per_decision)).rev();
     let coarse = coarse.map(|decision| decision * per_decision);
     let mut coarse = coarse.filter(|after| *after <= judged);
-    // Within a decision of the chance, samples are tried from its end.
-    let at = coarse.find(|after| avoids(*after)).map(|from| {
-        let last = (from + per_decision - 1).min(judged);
-        (from + 1..=last)
-            .rev()
-            .find(|after| avoids(*after))
-            .unwrap_or(from)
-    });
+    let at = match coarse.find(|after| avoids(*after, &mut unanswered)) {
+        // Within a decision of the chance, samples are tried from its end.
+        Some(from) => {
+            let last = (from + per_decision - 1).min(judged);
+            let mut between = (from + 1..=last).rev();
+            let found = between.find(|after| avoids(*after, &mut unanswered));
+            Some(found.unwrap_or(from))
+        }
+        // A chance may begin and end between two decisions. The recorded motion has been
+        // tried at every sample already, and a missing answer stays one.
+        None if is_refuted || unanswered.is_some() => None,
+        None => {
+            let between = (0..=judged).rev();
+            let mut between = between.filter(|after| !after.is_multiple_of(per_decision));
+            between.find(|after| avoids(*after, &mut unanswered))
+        }
+    };
+    let time_s = |sample: usize| tidy(sample as f64 * sample_s);
     LastChance {
         driver: driver.name.clone(),
-        at_s: at.map(|at| tidy(at as f64 * sample_s)),
-        violated_s: tidy(violated(&scenario, episode).len().saturating_sub(1) as f64 * sample_s),
+        at_s: at.map(time_s),
+        violated_s: time_s(violated(&scenario, episode).len().saturating_sub(1)),
+        no_answer: match at {
+            None if only_contact => unanswered.or(Some(NoAnswer::OnlyContact)),
+            None if contact.is_some() => unanswered.or(Some(NoAnswer::ReplaysDiffer)),
+            _ => unanswered,
+        },
+        contact_s: contact.map(time_s),
     }
 }
 
-/// Returns whether `driver` avoids the failure if it takes over after `after` samples.
-fn is_avoided(
+/// Replay with another driver.
+struct SubstituteRun {
+    answer: Answer,
+    /// True if the ego has a contact in it.
+    has_contact: bool,
+}
+
+/// Returns the answer of the replay of the actions and that of the recorded motion.
+///
+/// `moved` is whether the motion avoids the contact, `None` if it cannot be replayed.
+fn both(acted: &SubstituteRun, moved: Option<bool>) -> Answer {
+    match (&acted.answer, moved) {
+        (Answer::Avoided, Some(false)) => Answer::NoAnswer(NoAnswer::ReplaysDiffer),
+        (Answer::NotAvoided, Some(true)) => Answer::NoAnswer(if acted.has_contact {
+            NoAnswer::ReplaysDiffer
+        } else {
+            NoAnswer::OnlyContact
+        }),
+        (answer, _) => answer.clone(),
+    }
+}
+
+/// Plays the episode with `driver`, which takes over after `after` samples.
+fn substituted(
     scenario: DriveScenario<'_>,
     episode: &Episode,
     driver: &SubstituteDriver,
     after: usize,
-) -> bool {
+) -> SubstituteRun {
     let (own, commands) = (
         scenario.spec().ego.controller.clone(),
         episode.commands.clone(),
@@ -274,15 +426,84 @@ fn is_avoided(
     let mut bench = world.bench();
     let mut ado = Replay::then(&episode.actions, bench.spaces().neutral);
     let (start, noise) = (&episode.start, episode.noise);
-    let replayed = play(&mut bench, start, noise, &mut ado, Aftermath::Skip);
-    matches!(
-        replayed.verdict,
-        // A violation that does not count is no failure of the test.
-        Verdict::Held { .. } | Verdict::Uncounted { .. }
-    )
+    // A contact may follow the violation.
+    let replayed = play(&mut bench, start, noise, &mut ado, Aftermath::Play);
+    SubstituteRun {
+        answer: answer(&world, replayed.verdict),
+        has_contact: replayed.contact.is_some(),
+    }
 }
 
 /// Rounds a time to nanoseconds, which removes binary noise.
 fn tidy(time_s: f64) -> f64 {
     (time_s * 1e9).round() / 1e9
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_replays_must_give_an_answer() {
+        let rule = || {
+            Answer::NoAnswer(NoAnswer::RuleBroken {
+                rule: "stays".to_owned(),
+            })
+        };
+        let differ = || Answer::NoAnswer(NoAnswer::ReplaysDiffer);
+        let cases = [
+            (Answer::Avoided, Some(true), Answer::Avoided),
+            (Answer::Avoided, None, Answer::Avoided),
+            (Answer::Avoided, Some(false), differ()),
+            (Answer::NotAvoided, Some(false), Answer::NotAvoided),
+            (Answer::NotAvoided, None, Answer::NotAvoided),
+            (
+                Answer::NotAvoided,
+                Some(true),
+                Answer::NoAnswer(NoAnswer::OnlyContact),
+            ),
+            (rule(), Some(true), rule()),
+            (rule(), Some(false), rule()),
+        ];
+        for (acted, moved, expected) in cases {
+            let run = |has_contact| SubstituteRun {
+                answer: acted.clone(),
+                has_contact,
+            };
+            assert_eq!(both(&run(false), moved), expected, "{acted:?}, {moved:?}");
+            if acted != Answer::NotAvoided {
+                assert_eq!(both(&run(true), moved), expected, "{acted:?}, {moved:?}");
+            }
+        }
+        let touches = SubstituteRun {
+            answer: Answer::NotAvoided,
+            has_contact: true,
+        };
+        assert_eq!(both(&touches, Some(true)), differ());
+        assert_eq!(both(&touches, Some(false)), Answer::NotAvoided);
+    }
+
+    #[test]
+    fn a_verdict_is_an_answer_unless_a_rule_or_the_ego_broke() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let rule = NoAnswer::RuleBroken {
+            rule: "keeps the speed limit".to_owned(),
+        };
+        let cases = [
+            (Verdict::Held { margin: 1.0 }, Answer::Avoided),
+            (Verdict::Counterexample { by: 1.0 }, Answer::NotAvoided),
+            (Verdict::Uncounted { by: 1.0 }, Answer::NotAvoided),
+            (
+                Verdict::Foul {
+                    rule: 1,
+                    forfeited: 1,
+                },
+                Answer::NoAnswer(rule),
+            ),
+            (Verdict::Invalid, Answer::NoAnswer(NoAnswer::Fault)),
+        ];
+        for (verdict, expected) in cases {
+            assert_eq!(answer(&world, verdict), expected, "{verdict:?}");
+        }
+    }
 }

@@ -12,12 +12,12 @@ use rayon::prelude::*;
 use super::minimize::shrink_within;
 use super::perturbation_robustness::{persistence_within, variations};
 use super::reruns::{KEEP_RUNS, Reruns};
-use super::root_cause::{span_runs, why, why_within};
+use super::root_cause::{reconcile, span_runs, why, why_within};
 use crate::experiment::{CrashFeatures, badness, clusters, descending, worse_first};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
-    About, AdversaryId, Counterexample, KeptError, Severity, file_name, make_dir,
+    About, AdversaryId, Counterexample, KeptError, NoAnswer, Severity, Why, file_name, make_dir,
 };
 use crate::search::ExperimentCell;
 use crate::testbench::{Episode, Testbench};
@@ -64,6 +64,14 @@ impl KeepSettings {
             choice,
             form,
             runs: KEEP_RUNS,
+        }
+    }
+
+    /// Keeps the actions that were found.
+    pub fn as_found(self) -> KeepSettings {
+        KeepSettings {
+            form: Form::AsFound,
+            ..self
         }
     }
 
@@ -166,11 +174,11 @@ pub fn description(scenario: &Scenario, episode: &Episode) -> About {
 pub(super) fn description_within(reruns: &Reruns<'_>, episode: &Episode) -> About {
     // Persistence first, because runs may not suffice for all, and it decides on keeping.
     let persistence = persistence_within(reruns, episode);
+    let why = fails(episode).then(|| why_within(reruns, episode, None));
     About {
-        why: fails(episode).then(|| why_within(reruns, episode, None)),
         persistence,
         ego_runs: reruns.summary(),
-        ..seen_in(reruns.scenario(), episode)
+        ..with_cause(why, seen_in(reruns.scenario(), episode))
     }
 }
 
@@ -178,10 +186,16 @@ pub(super) fn description_within(reruns: &Reruns<'_>, episode: &Episode) -> Abou
 ///
 /// A cause exists only if the ego failed.
 pub(super) fn description_of_run(scenario: &Scenario, episode: &Episode) -> About {
-    About {
-        why: fails(episode).then(|| why(scenario, episode, None)),
-        ..seen_in(scenario, episode)
+    let why = fails(episode).then(|| why(scenario, episode, None));
+    with_cause(why, seen_in(scenario, episode))
+}
+
+/// Adds a cause that does not contradict the reference drivers.
+fn with_cause(mut why: Option<Why>, seen: About) -> About {
+    if let (Some(why), Some(panel)) = (&mut why, &seen.preventability) {
+        reconcile(why, panel);
     }
+    About { why, ..seen }
 }
 
 fn fails(episode: &Episode) -> bool {
@@ -387,7 +401,14 @@ impl CrashWriter<'_> {
 
 fn persists(about: &About) -> bool {
     let persistence = about.persistence.as_ref();
-    persistence.is_none_or(|persistence| PERSISTENT <= persistence.share())
+    persistence.is_none_or(|persistence| {
+        let variations = persistence.variations.iter();
+        // A broken rule gives no answer about the ego, but confirms no failure either.
+        let ran = variations.filter(|one| {
+            one.fails.is_some() || matches!(one.no_answer, Some(NoAnswer::RuleBroken { .. }))
+        });
+        PERSISTENT * ran.count().max(1) as f64 <= persistence.failing() as f64
+    })
 }
 
 /// Returns the first of every cluster, with the size of the cluster.
@@ -484,4 +505,92 @@ pub fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> Str
 fn stem_of_ego(scenario: &Scenario, ego: &str) -> String {
     let (world, ego) = (file_name(scenario.name()), file_name(ego));
     format!("{world}-{ego}-{}-", scenario.plant())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run_dir::{Answer, LastChance, Persistence, Variation};
+
+    fn variation(fails: Option<bool>, no_answer: Option<NoAnswer>) -> Variation {
+        Variation {
+            name: "one".to_owned(),
+            fails,
+            no_answer,
+        }
+    }
+
+    #[test]
+    fn a_broken_rule_confirms_no_failure() {
+        let fails = || variation(Some(true), None);
+        let rule = || {
+            let rule = "stays".to_owned();
+            variation(None, Some(NoAnswer::RuleBroken { rule }))
+        };
+        let fault = || variation(None, Some(NoAnswer::Fault));
+        let cases = [
+            (vec![fails(), rule()], true),
+            (vec![fails(), rule(), rule()], false),
+            (vec![fails(), fault(), fault()], true),
+            (vec![fails(), variation(Some(false), None)], true),
+            (vec![rule()], false),
+            (vec![fault()], false),
+        ];
+        for (variations, expected) in cases {
+            let about = About {
+                persistence: Some(Persistence { variations }),
+                ..About::default()
+            };
+            assert_eq!(persists(&about), expected, "{about}");
+        }
+        assert!(persists(&About::default()));
+    }
+
+    /// Full braking may fail where a driver who brakes less avoids the contact.
+    #[test]
+    fn a_driver_who_avoids_it_withdraws_that_braking_does_not() {
+        let chance = |at_s| LastChance {
+            driver: "full braking".to_owned(),
+            at_s,
+            violated_s: 3.0,
+            no_answer: None,
+            contact_s: None,
+        };
+        let why = |at_s| Why {
+            leaf: "gap >= 0".to_owned(),
+            leaf_s: 3.0,
+            decisive: None,
+            not_asked: None,
+            last_chance: Some(chance(at_s)),
+        };
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../tests/regressions/acc_iso-nominal-0005.ron"
+        );
+        let kept = crate::crashes::Regressions::load(file).expect("a kept counterexample");
+        let replayed = kept.replay_recorded().expect("replayed").remove(0);
+        let seen = seen_in(&replayed.scenario, &replayed.episode);
+        let panel = seen.preventability.clone().expect("a contact");
+        let driver = panel.any_driver().expect("a driver").name().to_owned();
+        let answer = |why: Why, seen: About| {
+            let known = with_cause(Some(why), seen);
+            known
+                .why
+                .and_then(|why| why.last_chance)
+                .expect("kept")
+                .answer()
+        };
+        let only = Answer::NoAnswer(NoAnswer::OnlyDriver { driver });
+        assert_eq!(answer(why(None), seen.clone()), only);
+        assert_eq!(answer(why(Some(1.0)), seen.clone()), Answer::Avoided);
+        let nobody = About {
+            preventability: Some(world.preventability(&Episode {
+                contact: None,
+                ..replayed.episode.clone()
+            })),
+            ..seen
+        };
+        assert_eq!(answer(why(None), nobody), Answer::NotAvoided);
+    }
 }

@@ -30,9 +30,23 @@ pub enum FaultKind {
     Error,
     /// A state left the bounds within which the plant is sound.
     Physics,
+    /// Commands depend on earlier episodes.
+    KeptState,
+    /// Commands depend on draws that do not derive from the seed of `reset`.
+    Random,
+    /// Commands depend on the time of a clock.
+    Clock,
 }
 
 impl FaultKind {
+    /// Returns whether the ego ran, and its commands depend on more than the episode.
+    pub fn is_unrepeatable(self) -> bool {
+        matches!(
+            self,
+            FaultKind::KeptState | FaultKind::Random | FaultKind::Clock
+        )
+    }
+
     /// Returns the word used in tables and files.
     pub fn word(self) -> &'static str {
         match self {
@@ -44,6 +58,9 @@ impl FaultKind {
             FaultKind::NotFinite => "not_finite",
             FaultKind::Error => "error",
             FaultKind::Physics => "physics",
+            FaultKind::KeptState => "kept_state",
+            FaultKind::Random => "random",
+            FaultKind::Clock => "clock",
         }
     }
 }

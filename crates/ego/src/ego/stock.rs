@@ -174,6 +174,13 @@ impl ControllerSpec {
             process.allow(allowed);
         }
     }
+
+    /// Starts a program anew for every episode, if it is one.
+    pub fn set_fresh(&mut self) {
+        if let StockController::Process(process) = &mut self.0 {
+            process.fresh = true;
+        }
+    }
 }
 
 egos! {
@@ -255,7 +262,10 @@ mod tests {
     fn a_file_and_a_line_are_all_it_takes_to_add_an_ego() {
         type Example = Actuated<with_example::ControllerSpec>;
         let text = "Dummy(brake_mps2: 1.0, lag_s: 0.4)";
-        let mut ego: Example = ron::from_str(text).expect("an ego");
+        // As in world files.
+        let options = ron::Options::default()
+            .with_default_extension(ron::extensions::Extensions::UNWRAP_VARIANT_NEWTYPES);
+        let mut ego: Example = options.from_str(text).expect("an ego");
         assert_eq!((ego.controller.kind(), ego.lag_s), ("Dummy", 0.4));
         assert_eq!(with_example::KINDS, [("Dummy", &["brake_mps2"][..])]);
         let parameters = ego.controller.parameters();
@@ -275,9 +285,9 @@ mod tests {
             .control(&crate::ego::Percept::default());
         assert_eq!(command.expect("a command").accel_mps2, -2.0);
         ego.controller.set("brake", 2.0).expect_err("no parameter");
-        let written = ron::to_string(&ego).expect("written");
-        assert_eq!(ron::from_str::<Example>(&written).expect("an ego"), ego);
-        let wrong = ron::from_str::<Example>("Dummy(brake: 1.0, lag_s: 0.4)");
+        let written = options.to_string(&ego).expect("written");
+        assert_eq!(options.from_str::<Example>(&written).expect("an ego"), ego);
+        let wrong = options.from_str::<Example>("Dummy(brake: 1.0, lag_s: 0.4)");
         assert!(
             wrong
                 .expect_err("no field")
@@ -300,7 +310,8 @@ mod tests {
         assert_eq!(rows.len(), kinds.clone().count());
         for ((kind, names), row) in kinds.zip(rows) {
             assert_eq!(quoted(row[1]).collect::<Vec<_>>(), [*kind]);
-            let said = quoted(row[3]).filter(|word| !["command", "lag_s"].contains(word));
+            let said = quoted(row[3])
+                .filter(|word| !["command", "lag_s", "fresh", "false"].contains(word));
             let said: BTreeSet<&str> = said
                 .flat_map(
                     |word| match KINDS.iter().find(|(other, _)| *other == word) {

@@ -2,7 +2,7 @@
 
 use super::blocking_rules::{RuleAblation, in_the_way};
 use super::composed::{composed, is_composed};
-use crate::experiment::{EgoError, EgoUnderTest, Watch, consent, test_starts};
+use crate::experiment::{EgoError, EgoUnderTest, Watch, check_repeatability, consent, test_starts};
 use crate::run_dir::Row;
 use crate::search::{Adversary, Experiment};
 use crate::world::Scenario;
@@ -48,8 +48,9 @@ pub fn untrained(
             ..row
         };
         if is_composed(ego.scenario()) {
-            let rows = composed(ego, &starts, watch).into_iter();
-            all.rows.extend(rows.map(alone));
+            let mut rows = composed(ego, &starts, watch);
+            check_repeatability(ego, &starts, &mut rows, watch);
+            all.rows.extend(rows.into_iter().map(alone));
             continue;
         }
         let searched = [Adversary::switches(switches)].into_iter();
@@ -69,6 +70,7 @@ pub fn untrained(
             let blocking = in_the_way(ego, &starts, switches, watch);
             all.in_the_way.extend(blocking);
         }
+        check_repeatability(ego, &starts, &mut rows, watch);
         all.rows.extend(rows.into_iter().map(alone));
     }
     Ok(Some(all))

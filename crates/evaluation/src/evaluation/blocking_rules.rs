@@ -2,17 +2,22 @@
 //!
 //! A world without a success is either safe or forbids everything, and the rows of both
 //! look the same. A search without a rule shows the difference, rule by rule.
+//!
+//! Rules are searched only if a second, sampling search within them has no success either.
+//! Otherwise a rule would be blamed for the limit of the first search.
 
 use std::fmt;
 
 use serde::Serialize;
 
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
-use crate::search::Adversary;
+use crate::search::{Adversary, Cem};
 use crate::world::Scenario;
 
 /// Most starts that are searched again.
 const LOOKED_AT: usize = 12;
+/// Simulations per start of the sampling search within the rules.
+const SIMULATIONS: u64 = 100;
 
 /// Numbers of starts from which the ego fails without certain rules.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -21,6 +26,10 @@ pub struct RuleAblation {
     pub ego: String,
     /// Number of searched starts.
     pub starts: usize,
+    /// Starts that a sampling search solves within all rules.
+    ///
+    /// If there are any, no rule is to blame, and no rule is left out.
+    pub within_rules: usize,
     /// Starts solved without any rule.
     pub(crate) without_all: usize,
     /// Starts solved without a single rule, rule by rule.
@@ -51,12 +60,17 @@ pub(super) fn in_the_way(
         return None;
     }
     watch.phase("searching without rules, one rule left out at a time");
-    let solved = |world: Scenario| {
-        let search = Adversary::switches(switches);
+    let solved_by = |search: Adversary<'_>, world: Scenario| {
         let cell = search.play(&ego.in_world(world), &few, &watch.quiet());
         cell.map_or(0, |cell| cell.row.successes)
     };
-    let without_all = solved(scenario.without_rules(|_| true));
+    let sampling = Adversary::Search(Cem::default().into(), SIMULATIONS);
+    let within_rules = solved_by(sampling, scenario.clone());
+    let solved = |world| solved_by(Adversary::switches(switches), world);
+    let without_all = match within_rules {
+        0 => solved(scenario.without_rules(|_| true)),
+        _ => 0,
+    };
     // If the ego does not fail without all rules, no single rule can be the cause.
     let each = rules.iter().filter(|_| 0 < without_all);
     let without = each.map(|rule| {
@@ -66,7 +80,9 @@ pub(super) fn in_the_way(
     let counts_all = scenario.rulebook().counts.is_violation();
     let found = RuleAblation {
         switches,
-        uncounted: (!counts_all).then(|| solved(scenario.counting_every_violation())),
+        within_rules,
+        uncounted: (!counts_all && within_rules == 0)
+            .then(|| solved(scenario.counting_every_violation())),
         ego: ego.name().to_owned(),
         starts: few.starts.len(),
         without_all,
@@ -86,13 +102,22 @@ fn switches_in_words(switches: usize) -> String {
 impl fmt::Display for RuleAblation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (starts, all) = (self.starts, self.without_all);
+        let switches = switches_in_words(self.switches);
         write!(f, "{}: ", self.ego)?;
+        if self.within_rules > 0 {
+            return write!(
+                f,
+                "no sequence with at most {switches} succeeds, but a search with `--method cem` \
+                 and {SIMULATIONS} simulations succeeds on {} of {starts} starts, with every rule \
+                 kept: search further, no rule is in the way",
+                self.within_rules
+            );
+        }
         if all == 0 {
             write!(
                 f,
-                "no sequence of actions with at most {} makes the ego fail from any of {starts} \
-                 starts, with the rules or without them",
-                switches_in_words(self.switches)
+                "no sequence of actions with at most {switches} makes the ego violate its \
+                 specification on any of {starts} starts, with the rules or without them"
             )?;
             return match self.uncounted {
                 None | Some(0) => write!(
@@ -102,15 +127,15 @@ impl fmt::Display for RuleAblation {
                 ),
                 Some(some) => write!(
                     f,
-                    "; from {some} of them it violates its specification, but not in a way that \
+                    "; on {some} of them it violates its specification, but not in a way that \
                      this world `counts`"
                 ),
             };
         }
         write!(
             f,
-            "search finds nothing that keeps the rules; without them it makes the ego fail from \
-             {all} of {starts} starts"
+            "no sequence with at most {switches} succeeds within the rules; without them the ego \
+             violates its specification on {all} of {starts} starts"
         )?;
         let mut blocking: Vec<&(String, usize)> = self
             .without
@@ -120,11 +145,11 @@ impl fmt::Display for RuleAblation {
         blocking.sort_by_key(|(_, solved)| std::cmp::Reverse(*solved));
         if blocking.is_empty() {
             // Two rules may each forbid the same success.
-            return write!(f, ", but without any single one of them from none");
+            return write!(f, ", but without any single one of them on none");
         }
         for (nth, (rule, solved)) in blocking.iter().enumerate() {
             let begin = if nth == 0 { "; without" } else { ", without" };
-            write!(f, "{begin} “{rule}” alone from {solved}")?;
+            write!(f, "{begin} “{rule}” alone on {solved}")?;
         }
         Ok(())
     }
@@ -134,6 +159,7 @@ impl fmt::Display for RuleAblation {
 mod tests {
     use super::*;
     use crate::experiment::test_starts;
+    use crate::world::PlantKind;
 
     /// A lead car that may not brake, for two reasons or for one.
     fn blocked(rules: &str) -> RuleAblation {
@@ -163,6 +189,20 @@ mod tests {
         );
         assert!(!words.contains("limit"), "{words}");
         let two = blocked(&format!("{gentle}, {also}"));
-        assert!(two.to_string().ends_with("from none"), "{two}");
+        assert!(two.to_string().ends_with("on none"), "{two}");
+    }
+
+    #[test]
+    fn no_rule_is_blamed_if_a_wider_search_succeeds_within_the_rules() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = world.on(PlantKind::Kinematic);
+        let watch = Watch::unwatched();
+        let starts = test_starts(&world, 3, 12, &watch).expect("starts");
+        let ego = EgoUnderTest::nominal(&world);
+        let narrow = in_the_way(&ego, &starts, 0, &watch).expect("looked at");
+        assert!(narrow.within_rules > 0 && narrow.without.iter().all(|(_, solved)| *solved == 0));
+        let words = narrow.to_string();
+        assert!(words.contains("no rule is in the way"), "{words}");
+        assert!(!words.contains('“'), "{words}");
     }
 }

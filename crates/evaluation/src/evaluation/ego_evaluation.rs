@@ -78,8 +78,9 @@ impl<'a> EgoEvaluation<'a> {
     }
 
     fn row(&self, adversary: Adversary<'_>) -> Option<Row> {
-        let cell = adversary.play(self.ego, self.starts, self.watch);
-        cell.map(|cell| cell.row)
+        let mut cell = adversary.play(self.ego, self.starts, self.watch)?;
+        cell.judge_contacts(self.watch);
+        Some(cell.row)
     }
 
     fn add(&mut self, adversary: Adversary<'_>) {
@@ -120,10 +121,12 @@ impl<'a> EgoEvaluation<'a> {
                 request,
                 policy: self.policy,
                 tries: self.evaluation.tries,
+                temperature: None,
             };
             several.run(self.watch).evaluated
         };
-        let cell = ExperimentCell::evaluated(self.ego, self.starts, evaluated);
+        let mut cell = ExperimentCell::evaluated(self.ego, self.starts, evaluated);
+        cell.judge_contacts(self.watch);
         // The explanation is made for the plain evaluation only, without tries.
         if once {
             self.reason =
@@ -156,8 +159,10 @@ impl<'a> EgoEvaluation<'a> {
             }));
         let seed = self.evaluation.run.manifest().seed;
         let ado = Ado::Sampled(self.policy, seed, sampling.temperature);
-        let cell = Adversary::Ado(ado).play(&ego, self.starts, self.watch);
-        self.rows.extend(cell.map(|cell| cell.row));
+        if let Some(mut cell) = Adversary::Ado(ado).play(&ego, self.starts, self.watch) {
+            cell.judge_contacts(self.watch);
+            self.rows.push(cell.row);
+        }
     }
 
     /// Plays the trained ado without each of its ados in turn, if it has several.
@@ -202,11 +207,13 @@ impl<'a> EgoEvaluation<'a> {
         let named = (self.ego.name(), self.ego.scenario());
         let record = AdaptedTo::of(named, &ego.from, &adapted);
         self.adapted_to = Some(record);
-        self.rows.push(adapted.evaluated.row.clone());
+        let mut cell = ExperimentCell::evaluated(self.ego, self.starts, adapted.evaluated);
+        cell.judge_contacts(self.watch);
+        self.rows.push(cell.row.clone());
         self.found = Some(ExperimentCell {
             // The planner is the trained ado with a surrogate, and files name the ado.
             adversary: AdversaryId::Trained,
-            ..ExperimentCell::evaluated(self.ego, self.starts, adapted.evaluated)
+            ..cell
         });
         Ok(())
     }

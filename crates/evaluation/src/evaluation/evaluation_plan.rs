@@ -2,12 +2,13 @@
 
 use std::num::NonZeroU64;
 
-use crate::adversary::AdoKind;
+use crate::adversary::{AdoKind, GridPolicy};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::EgoUnderTest;
 use crate::run_dir::RunDir;
 use crate::stl::Explanation;
 use crate::surrogate::LEAST_RUNS;
+use crate::testbench::Sampling;
 use crate::world::Scenario;
 
 /// Request of an evaluation.
@@ -37,15 +38,6 @@ pub struct Evaluation<'a> {
     pub keeps: bool,
 }
 
-/// Drawing of a policy's actions, several times per start.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sampling {
-    /// Temperature of the softmax over the values, above 0.
-    pub temperature: f64,
-    /// Draws per start, at least 1.
-    pub draws: u32,
-}
-
 impl Evaluation<'_> {
     /// Checks that the runs are enough for learning.
     pub(super) fn can_learn(&self) -> Result<(), EvaluationError> {
@@ -53,6 +45,21 @@ impl Evaluation<'_> {
             Some(runs) if runs < LEAST_RUNS => Err(EvaluationError::TooFewRuns { runs }),
             _ => Ok(()),
         }
+    }
+
+    /// Checks that the optimal ado, if requested, can be made in the world of each ego.
+    pub(super) fn can_solve(&self) -> Result<(), EvaluationError> {
+        let is_requested = |kind: &AdoKind| match kind {
+            AdoKind::Optimal => true,
+            AdoKind::All => self.nominal.grid().is_some(),
+            _ => false,
+        };
+        if self.ados.iter().any(is_requested) {
+            for ego in self.egos {
+                GridPolicy::admits_optimal(ego.scenario())?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -7,6 +7,7 @@ mod composed;
 mod ego_evaluation;
 mod error;
 mod evaluation_plan;
+mod gate_decision;
 mod points;
 mod regression_gate;
 pub mod reuse;
@@ -16,14 +17,17 @@ mod sweep;
 mod table;
 
 pub use crate::surrogate::AdaptedTo;
+pub use crate::testbench::Sampling;
 pub use crate::theorems::TheoremsError;
 pub use baseline_table::{BaselineTable, untrained};
 pub use break_even::{BreakEven, PerStart, break_even};
 pub use error::EvaluationError;
-pub use evaluation_plan::{Evaluation, Sampling};
+pub use evaluation_plan::Evaluation;
+pub use gate_decision::{
+    DecidedGate, Gate, GateContact, GateEgo, GateOn, MoreSevere, NotRun, as_words,
+};
 pub use points::PointOutcome;
 pub use points::{PointResult, PointsRequest, PointsTable, VariedPoint, points};
-pub use regression_gate::{Gate, GateOn};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, summarise};
 pub use run_report::{GivenRows, ReportRequest};
 pub use search_table::counterexamples_for;

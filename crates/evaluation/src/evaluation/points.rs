@@ -12,20 +12,15 @@ use serde::Serialize;
 
 use crate::crashes::{KeepSettings, KeptFiles, copies, description};
 use crate::experiment::{
-    EgoUnderTest, EpisodeLoop, TestStarts, Watch, leaf, note_if_unrepeatable, untried_starts,
+    EgoUnderTest, EpisodeLoop, TestStarts, Watch, check_repeatability, leaf, untried_starts,
 };
 use crate::report::{Example, PointCase, PointsPage};
 use crate::rulebook::Verdict;
 use crate::run_dir::{KeptError, Row};
-use crate::search::{Adversary, ExperimentCell};
+use crate::search::{Adversary, ExperimentCell, SWITCHES, SWITCHES_OF_PROGRAMS};
 use crate::stats::StartOutcome;
 use crate::testbench::{Episode, Film, Testbench, film_beyond};
 use crate::world::Scenario;
-
-/// Most changes of the ado's deviation from a plan, for egos that can be copied.
-const SWITCHES: usize = 2;
-/// The same limit for programs, of which every sequence takes a whole run.
-const SWITCHES_OF_PROGRAMS: usize = 1;
 
 /// Request to play an ego at the points of its world.
 #[derive(Clone, Copy)]
@@ -158,7 +153,6 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     if neutral.results.iter().all(Option::is_none) {
         return None;
     }
-    note_if_unrepeatable(request.ego, &starts, watch);
     let mut rows = vec![neutral.row.clone()];
     let mut evaluated = EvaluatedEgo {
         neutral,
@@ -175,6 +169,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
         evaluated.varied = Adversary::switches(switches).play(request.ego, &passed, watch);
         rows.extend(evaluated.varied.iter().map(|cell| cell.row.clone()));
     }
+    check_repeatability(request.ego, &starts, &mut rows, watch);
     let indices: Vec<usize> = (0..starts.starts.len()).collect();
     let results = EpisodeLoop::uncounted(&watch.quiet()).run(
         &indices,
@@ -202,6 +197,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     })
 }
 
+/// Returns the most changes of the ado's deviation from a plan.
 fn default_switches(scenario: &Scenario, starts: &TestStarts) -> usize {
     let (start, noise) = &starts.starts[0];
     if copies(scenario, start, *noise) {

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::adversary::{Ado, eval};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::run_dir::{AdversaryId, ChangedEgo, FailsAlone, Row, RunDir, adversary_keys};
+use crate::search::ExperimentCell;
 use crate::stats::{Outcomes, StartOutcome, mean_difference};
 use crate::world::{Scenario, TrainingEgos};
 
@@ -80,12 +81,12 @@ pub struct ReusedOn {
     pub relation: Relation,
     /// Share of all drawn starts from which this ego fails while the ados coast.
     ///
-    /// Trivial starts are included.
-    pub fails_without_adversary: f64,
+    /// Trivial starts are included. `None` here and below: interrupted.
+    pub fails_without_adversary: Option<f64>,
     /// Share of the evaluated starts that search solves, if it ran.
     pub reachable: Option<f64>,
     /// Share solved by search or by any ado of the table.
-    pub union: f64,
+    pub union: Option<f64>,
     /// Rows of the ego. JSON has them beside the egos, not inside.
     #[serde(skip)]
     pub rows: Vec<Row>,
@@ -98,44 +99,62 @@ pub fn reused_on(
     ego: &EgoUnderTest,
     relation: Relation,
     starts: &TestStarts,
-    mut rows: Vec<Row>,
+    rows: Vec<Row>,
     watch: &Watch<'_>,
 ) -> ReusedOn {
+    reused_with_coasting(ego, relation, starts, rows, watch).0
+}
+
+/// Collects the rows of an ego, with its cell of coasting ados over all starts.
+pub(super) fn reused_with_coasting(
+    ego: &EgoUnderTest,
+    relation: Relation,
+    starts: &TestStarts,
+    mut rows: Vec<Row>,
+    watch: &Watch<'_>,
+) -> (ReusedOn, ExperimentCell) {
     let all = TestStarts {
         // All starts are played here, the trivial starts of the nominal ego included.
         trivial: vec![false; starts.starts.len()],
         ..starts.clone()
     };
     let neutral = Ado::Constant(ego.scenario().world().spaces().neutral);
-    let coasting = eval(&ego.against(neutral, &all), watch).row;
+    let alone = ExperimentCell::evaluated(ego, &all, eval(&ego.against(neutral, &all), watch));
+    let coasting = &alone.row;
+    let whole = coasting.partial.is_none();
     for row in &mut rows {
-        row.fails_alone = Some(FailsAlone {
+        row.fails_alone = whole.then_some(FailsAlone {
             starts: coasting.successes,
             left_out: false,
         });
     }
     let search = rows.iter().find(|row| row.ado == AdversaryId::Search);
-    ReusedOn {
+    let search = search.filter(|row| row.partial.is_none());
+    let reused = ReusedOn {
         ego: ego.name().to_owned(),
         relation,
-        fails_without_adversary: coasting.success_rate,
+        fails_without_adversary: whole.then_some(coasting.success_rate),
         reachable: search.map(|row| row.success_rate),
         union: union(&rows),
         rows,
-    }
+    };
+    (reused, alone)
 }
 
-/// Share of the starts that any row solves.
-fn union(rows: &[Row]) -> f64 {
+/// Share of the starts that any row solves. `None`: a row was interrupted.
+fn union(rows: &[Row]) -> Option<f64> {
+    if rows.iter().any(|row| row.partial.is_some()) {
+        return None;
+    }
     let Some(first) = rows.first() else {
-        return 0.0;
+        return Some(0.0);
     };
     let solved = |index: usize| {
         rows.iter()
             .any(|row| row.solved[index] == StartOutcome::Solved)
     };
     let any = (0..first.solved.len()).filter(|&index| solved(index));
-    any.count() as f64 / first.starts.max(1) as f64
+    Some(any.count() as f64 / first.starts.max(1) as f64)
 }
 
 /// Summary of an ado on the egos of a block.
@@ -208,7 +227,9 @@ fn summary(
     reference: &AdversaryId,
 ) -> Summary {
     let of = |ego: &ReusedOn, ado: &AdversaryId| -> Vec<Row> {
-        let rows = ego.rows.iter().filter(|row| row.ado == *ado);
+        // Interrupted rows have no rate to average.
+        let rows = ego.rows.iter().filter(|row| row.partial.is_none());
+        let rows = rows.filter(|row| row.ado == *ado);
         rows.cloned().collect()
     };
     let played: Vec<(&ReusedOn, Vec<Row>)> = block

@@ -8,7 +8,9 @@ use super::break_even::BreakEven;
 use super::error::EvaluationError;
 use crate::adversary::Ado;
 use crate::crashes::{description, highlights};
-use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, worse_first};
+use crate::experiment::{
+    Cost, EgoUnderTest, TestStarts, Watch, check_repeatability, consent, worse_first,
+};
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::rl::Policy;
 use crate::ron_file::file_text;
@@ -127,7 +129,8 @@ impl<'a> ReportRequest<'a> {
             }
         }
         let complaint = watch.faults.complaint();
-        report.faults = complaint.map(|it| it.faults).unwrap_or_default();
+        let complaint = complaint.map(|it| [it.unrepeatable, it.faults].concat());
+        report.faults = complaint.unwrap_or_default();
         Ok(Some(report))
     }
 
@@ -150,7 +153,10 @@ impl<'a> ReportRequest<'a> {
         let own = EgoUnderTest::nominal(self.scenario);
         let policy = self.run.policy()?;
         let ado = Ado::Trained(&*policy, self.run.manifest().seed);
-        let cell = Adversary::Ado(ado).play(&own, &starts, watch);
+        let mut cell = Adversary::Ado(ado).play(&own, &starts, watch);
+        if let Some(cell) = &mut cell {
+            cell.judge_contacts(watch);
+        }
         report.nominal = cell.as_ref().map(nominal);
         if self.given.rows.is_empty() {
             report.tested.extend(cell.map(tested));
@@ -204,6 +210,9 @@ impl<'a> ReportRequest<'a> {
                 let cell = Adversary::Ado(ado).play(ego, &own, watch);
                 report.tested.extend(cell.map(tested));
             }
+            let rows = report.tested.iter_mut().map(|tested| &mut tested.row);
+            let of_ego = rows.filter(|row| row.ego == ego.name());
+            check_repeatability(ego, &own, of_ego, watch);
         }
         report.about_tested = format!(
             "The trained ado and random actions held for five decisions, one simulation per \

@@ -4,12 +4,14 @@ use std::path::Path;
 
 use super::break_even::{BreakEven, break_even};
 use super::error::EvaluationError;
-use crate::adversary::{Ado, eval};
+use crate::adversary::Ado;
 use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
-use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable};
+use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, check_repeatability, consent};
 use crate::rl::Policy;
 use crate::run_dir::{Row, RunDir, Stored};
-use crate::search::{ExperimentCell, Method, MethodOption, SearchRequest, Searched, search};
+use crate::search::{
+    Adversary, ExperimentCell, Method, MethodOption, SearchRequest, Searched, search,
+};
 use crate::world::Scenario;
 
 /// Request for a search.
@@ -94,15 +96,18 @@ impl SearchCampaign<'_> {
             };
             let mut searched = search(&request, watch);
             searched.row.fails_alone = alone;
-            if let Some(trained) = &trained {
-                let mut row = trained.row(ego, (&searched, &own), watch);
+            if let Some(trained) = &trained
+                && let Some(mut row) = trained.row(ego, (&searched, &own), watch)
+            {
                 row.fails_alone = alone;
                 evens.extend(trained.break_even(&request, &searched, &row, watch));
                 rows.push(row);
             }
-            rows.push(searched.row.clone());
-            note_if_unrepeatable(ego, &own, watch);
             let mut cell = ExperimentCell::searched(ego, &own, searched);
+            cell.judge_contacts(watch);
+            rows.push(cell.row.clone());
+            let of_ego = rows.iter_mut().filter(|row| row.ego == ego.name());
+            check_repeatability(ego, &own, of_ego, watch);
             // Points that the ego fails by itself are kept, too.
             cell.record_failing_alone();
             cells.push(cell);
@@ -134,12 +139,13 @@ impl Trained<'_> {
         ego: &EgoUnderTest,
         (searched, starts): (&Searched, &TestStarts),
         watch: &Watch<'_>,
-    ) -> Row {
+    ) -> Option<Row> {
         let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
-        let mut row = eval(&ego.against(ado, starts), watch).row;
-        row.compare_with_search(&searched.row.solved);
-        row.warning = self.run.warning();
-        row
+        let mut cell = Adversary::Ado(ado).play(ego, starts, watch)?;
+        cell.judge_contacts(watch);
+        cell.row.compare_with_search(&searched.row.solved);
+        cell.row.warning = self.run.warning();
+        Some(cell.row)
     }
 
     /// Compares methods with a budget. Other methods measure the reach, not the cost.

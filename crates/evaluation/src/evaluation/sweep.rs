@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::reuse::ReusedOn;
 use crate::experiment::{EgoError, EgoUnderTest};
-use crate::run_dir::Row;
+use crate::run_dir::{Partial, Row};
 use crate::stats::StartOutcome;
 use crate::world::{Change, Scenario};
 
@@ -139,21 +139,32 @@ pub struct SweepPoint {
     pub starts: usize,
     /// Starts from which any ado or search makes it fail.
     pub failing: usize,
+    /// Progress of an interrupted value, whose `failing` is a lower bound.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub partial: Option<Partial>,
 }
 
 impl SweepPoint {
     fn of(value: f64, rows: &[Row]) -> SweepPoint {
         let starts = rows.iter().map(|row| row.solved.len()).max().unwrap_or(0);
         let outcomes = |start: usize| rows.iter().filter_map(move |row| row.solved.get(start));
-        let (mut valid, mut failing) = (0, 0);
+        let (mut valid, mut failing, mut open, mut of) = (0, 0, 0, 0);
         for start in 0..starts {
+            let is_any = |wanted| outcomes(start).any(|outcome| *outcome == wanted);
+            let fails = is_any(StartOutcome::Solved);
             valid += usize::from(outcomes(start).any(|outcome| outcome.score().is_some()));
-            failing += usize::from(outcomes(start).any(|one| *one == StartOutcome::Solved));
+            failing += usize::from(fails);
+            open += usize::from(!fails && is_any(StartOutcome::NotReached));
+            of += usize::from(!is_any(StartOutcome::Trivial));
         }
         SweepPoint {
             value,
             starts: valid,
             failing,
+            partial: (open > 0).then_some(Partial {
+                decided: of - open,
+                of,
+            }),
         }
     }
 }
@@ -173,8 +184,9 @@ pub struct Swept {
 
 impl Swept {
     fn of(parameter: &str, points: Vec<SweepPoint>) -> Swept {
-        // A value without any result is no evidence of safety.
-        let is_safe = |point: &&SweepPoint| 0 < point.starts && point.failing == 0;
+        // A value without all of its results is no evidence of safety.
+        let is_safe =
+            |point: &&SweepPoint| point.starts > 0 && point.failing == 0 && point.partial.is_none();
         // Safety is reported only from an end of the range, without a failure in between.
         let from = points.iter().rev().take_while(is_safe).last();
         let up_to = points.iter().take_while(is_safe).last();
@@ -196,6 +208,7 @@ mod tests {
             value: i as f64,
             starts: 10,
             failing,
+            partial: None,
         });
         Swept::of("p", points.collect())
     }
@@ -211,6 +224,27 @@ mod tests {
         assert_eq!(safe(&[0, 0, 1, 2]), (None, Some(1.0)));
         assert_eq!(safe(&[0, 0]), (Some(0.0), Some(1.0)));
         assert_eq!(safe(&[1, 1]), (None, None));
+    }
+
+    #[test]
+    fn an_interrupted_value_is_not_safe() {
+        let row = |solved: &str| {
+            let row = serde_json::json!({
+                "world": "w", "plant": "Kinematic", "judge": "UntilViolation", "ego": "e",
+                "ado": "hold", "method": "m", "start_seed": 0, "starts": 1, "trivial": 1,
+                "successes": 0, "success_rate": 0.0, "ci95": null, "foul_rate": 0.0,
+                "contact_rate": 0.0, "invalid": 0, "sims_per_start": 1.0, "physics_steps": 0,
+                "cpu_s": 0.0, "solved": solved,
+            });
+            serde_json::from_value::<Row>(row).expect("a row")
+        };
+        let whole = SweepPoint::of(1.0, &[row("t000"), row("t000")]);
+        let cut = SweepPoint::of(2.0, &[row("t000"), row("t01-")]);
+        assert_eq!((cut.starts, cut.failing), (3, 1));
+        assert_eq!(cut.partial, Some(Partial { decided: 2, of: 3 }));
+        let unknown = SweepPoint::of(3.0, &[row("t000"), row("t0--")]);
+        let swept = Swept::of("p", vec![whole, unknown]);
+        assert_eq!((swept.safe_from, swept.safe_up_to), (None, Some(1.0)));
     }
 
     #[test]

@@ -5,10 +5,10 @@ use std::path::Path;
 use super::ego_evaluation::EgoEvaluation;
 use super::error::EvaluationError;
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
-use super::reuse::{Relation, ReusedOn, reused_on};
+use super::reuse::{Relation, ReusedOn, reused_with_coasting};
 use crate::adversary::Baselines;
 use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
-use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch, check_repeatability, consent};
 use crate::rl::Policy;
 use crate::run_dir::{FailsAlone, Row};
 use crate::search::ExperimentCell;
@@ -58,6 +58,8 @@ pub struct EvaluationTable<'a> {
     policy: Box<dyn Policy>,
     /// Cell of each ego whose counterexamples are kept.
     pub found: Vec<ExperimentCell>,
+    /// Cell of each of these egos without an adversary, over all starts.
+    pub(super) alone: Vec<ExperimentCell>,
 }
 
 impl<'a> Evaluation<'a> {
@@ -72,6 +74,7 @@ impl<'a> Evaluation<'a> {
         consent(&world, self.egos)?;
         // Refused before the first simulation.
         self.can_learn()?;
+        self.can_solve()?;
         let policy = self.run.policy()?;
         let Some(starts) = self.starts(&EgoUnderTest::nominal(&world), watch) else {
             return Ok(None);
@@ -86,6 +89,7 @@ impl<'a> Evaluation<'a> {
             evaluation: self,
             policy,
             found: Vec::new(),
+            alone: Vec::new(),
         };
         for (nth, ego) in self.egos.iter().enumerate() {
             let played = table.evaluate(ego, &baselines, &watch.later(nth));
@@ -135,15 +139,15 @@ impl<'a> EvaluationTable<'a> {
             found: None,
         };
         let played = of_ego.play();
-        let (rows, reason, found) = (of_ego.rows, of_ego.reason, of_ego.found);
+        let (mut rows, reason, found) = (of_ego.rows, of_ego.reason, of_ego.found);
         self.adapted_to.extend(of_ego.adapted_to);
         // An ego without any played start would be an empty block of the table.
         if watch.interrupted() && rows.iter().all(|row| row.starts + row.invalid == 0) {
             return played;
         }
-        note_if_unrepeatable(ego, starts, watch);
+        check_repeatability(ego, starts, &mut rows, watch);
         let relation = Relation::of(ego, evaluation.run, evaluation.nominal);
-        let mut reused = reused_on(ego, relation, starts, rows, watch);
+        let (mut reused, alone) = reused_with_coasting(ego, relation, starts, rows, watch);
         for row in &mut reused.rows {
             // On its own plant, the nominal ego fails alone exactly from the trivial
             // starts. Only another plant gives a new number.
@@ -154,7 +158,10 @@ impl<'a> EvaluationTable<'a> {
         }
         self.egos.push(reused);
         self.reasons.extend(reason);
-        self.found.extend(found.filter(|_| evaluation.keeps));
+        if evaluation.keeps {
+            self.found.extend(found);
+            self.alone.push(alone);
+        }
         played
     }
 

@@ -7,12 +7,15 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
+use super::TheoremsError;
 use super::compare::Witness;
 use super::nearby::TheoremOutcome;
-use super::plays::ROUNDING;
+use super::plays::{ROUNDING, not_solved};
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::grid_solver::bisimulation::{Bisimulation, coarse};
 use crate::grid_solver::exact::Game;
+use crate::grid_solver::game_graph::{Depth, GameGraph};
+use crate::grid_solver::values::ValueTable;
 use crate::rl::{LearnerRng, Policy};
 use crate::scene::grid::{GridWorld, Position, start_of};
 use crate::testbench::{Actor, Aftermath, Episode, PolicyActor, Replay, Testbench, play};
@@ -42,7 +45,7 @@ pub struct Theorem3 {
     pub starts: usize,
     /// Related start pairs.
     pub related_starts: usize,
-    /// Starts of the unchanged grid from which the optimal ado captures.
+    /// Starts of the unchanged grid from which the optimal ado makes the ego fail.
     pub(crate) capturable: usize,
     /// Such starts from which the trained ado found a counterexample.
     ///
@@ -98,12 +101,15 @@ pub fn bisimulations(
 }
 
 /// Checks Theorem 3 on a relation. `policy` was trained on `nominal`.
+///
+/// # Errors
+/// The unchanged grid cannot be solved.
 pub fn theorem_3(
     nominal: GridScenario<'_>,
     (name, changed): (&str, GridScenario<'_>),
     policy: &dyn Policy,
     relation: &Bisimulation,
-) -> Theorem3 {
+) -> Result<Theorem3, TheoremsError> {
     let worlds = [nominal.world(), changed.world()];
     let trial = GridComparison {
         nominal: found(nominal, policy),
@@ -133,7 +139,7 @@ pub fn theorem_3(
         least_epsilon: Bisimulation::least_epsilon(first, second, f64::from(first.arena.size)),
         starts,
         related_starts,
-        capturable: first.solve().captures(),
+        capturable: capturable(nominal)?,
         found: trial.nominal.len(),
         tau: taus.min_by(f64::total_cmp),
         inside,
@@ -142,7 +148,16 @@ pub fn theorem_3(
         outcome: TheoremOutcome::Holds,
     };
     checked.outcome = checked.judged();
-    checked
+    Ok(checked)
+}
+
+/// Returns the number of all starts from which a lawful ado makes the ego fail.
+fn capturable(scenario: GridScenario<'_>) -> Result<usize, TheoremsError> {
+    let world = scenario.world();
+    let starts = world.spec().arena.starts();
+    let graph = GameGraph::explore_from(world, scenario.rulebook(), Depth::Sign, starts);
+    let graph = graph.map_err(|error| not_solved(&scenario, error.to_string()))?;
+    Ok(ValueTable::soonest(graph).successes())
 }
 
 impl Theorem3 {

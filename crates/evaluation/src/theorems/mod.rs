@@ -18,6 +18,7 @@ pub use bisimilar::{Theorem3, bisimulations, lifted, theorem_3};
 pub use compare::Witness;
 pub use forecast::Forecast;
 pub use grid::GridTheorems;
+pub use grid::admits_theorems;
 pub use grid::{grid_theorems, optimal_values};
 pub use nearby::Nearby;
 pub use nearby::{Approximation, Theorem1, Theorem2, TheoremOutcome, theorem_1, theorem_2};
@@ -74,12 +75,12 @@ pub enum TheoremsError {
         /// Name of the world.
         world: String,
     },
-    /// The exact solver does not support this world's specification.
-    #[error("the exact solver does not know the specification of `{world}`: {why}")]
+    /// The world has no exact solution.
+    #[error("`{world}` has no exact solution: {why}")]
     NotSolved {
         /// Name of the world.
         world: String,
-        /// Evidence of the difference.
+        /// Reason.
         why: String,
     },
 }

@@ -69,7 +69,10 @@ pub struct Theorem1 {
 pub struct Theorem1Row {
     /// Value of δ.
     pub delta: f64,
-    /// Counterexamples with reward V*(x0) and δ < γ^T (g(τ) + 1), the premise.
+    /// Counterexamples with reward V*(x0) and δ < γ^T (g(τ) + ρ), the premise.
+    ///
+    /// ρ is the mildest penalty of a rule violation: ρ_max for the reward `Plain`, and 1
+    /// for `Tanh`.
     #[serde(rename = "meets")]
     pub in_premise: usize,
     /// Such counterexamples with V*(x0) − δ above every reward without a capture.
@@ -78,6 +81,11 @@ pub struct Theorem1Row {
     pub promising: usize,
     /// Pairs (x0, x0') with the premise at x0 and |V*(x0) − V*(x0')| < δ.
     pub pairs: u64,
+    /// Pairs on which the optimal continuation breaks a rule after decision T.
+    ///
+    /// Its penalty is discounted more than the premise assumes. With one T for all
+    /// starts there is no such pair.
+    pub late: u64,
     /// Results of the optimal continuation from x0'.
     pub optimal: Nearby,
     /// Results of the trained ado from x0'.
@@ -109,9 +117,9 @@ pub fn theorem_1(
     table: &ValueTable,
 ) -> Result<Theorem1, TheoremsError> {
     let grid = GridUnderTest::of(scenario)?;
-    let values = grid.values(table);
+    let values = grid.values(table)?;
     let played = [grid.greedy(table)?, grid.trained(policy)?];
-    let learned = grid.values(&table.learned(scenario.world(), policy));
+    let learned = grid.values(&table.learned(scenario.world(), policy))?;
     let paid = played[0].iter().map(TheoremEpisode::paid);
     let found: Vec<bool> = played[1].iter().map(|run| run.success).collect();
     let optimally = found.iter().zip(&played[1]).zip(&values);
@@ -139,6 +147,11 @@ fn is_paid(run: &TheoremEpisode, value: f64) -> bool {
     (run.paid() - value).abs() <= ROUNDING
 }
 
+/// Returns whether a run breaks a rule after another one's T, and is paid enough for it.
+fn is_late(other: &TheoremEpisode, run: &TheoremEpisode, least: f64) -> bool {
+    !other.keeps_rules && other.decisions > run.decisions && least <= other.paid()
+}
+
 fn largest_gap(ours: impl Iterator<Item = f64>, others: &[f64]) -> f64 {
     let gaps = ours.zip(others).map(|(a, b)| (a - b).abs());
     gaps.fold(0.0, f64::max)
@@ -150,14 +163,15 @@ fn theorem_1_row(
     played: &[Vec<TheoremEpisode>; 2],
     delta: f64,
 ) -> Theorem1Row {
-    let held = grid.held_at_best();
+    let (held, penalty) = (grid.held_at_best(), grid.penalty());
     let counts = grid.sum(|here| {
-        // Three numbers per start, then three for each of the two ados.
-        let mut counts = [0; 9];
+        // Four numbers per start, then three for each of the two ados.
+        let mut counts = [0; 10];
         let run = played[1][here];
-        // Premise: δ < γ^T (g(τ) + 1), where −1 is the mildest rule violation.
-        let in_premise =
-            run.success && is_paid(&run, values[here]) && delta < run.weight * (run.reward + 1.0);
+        // Paper: δ < γ^T (ρ + ρ_max); here: g(τ) and the penalty of the world's reward.
+        let in_premise = run.success
+            && is_paid(&run, values[here])
+            && delta < run.weight * (run.reward + penalty);
         if !in_premise {
             return counts;
         }
@@ -165,10 +179,12 @@ fn theorem_1_row(
         counts[1] = u64::from(held < values[here] - delta);
         let near = |there: &usize| (values[here] - values[*there]).abs() < delta;
         for there in (0..values.len()).filter(near) {
+            let least = values[here] - delta - ROUNDING;
             counts[2] += 1;
-            for (other, counts) in played.iter().zip(counts[3..].chunks_mut(3)) {
+            counts[3] += u64::from(is_late(&played[0][there], &run, least));
+            for (other, counts) in played.iter().zip(counts[4..].chunks_mut(3)) {
                 let other = other[there];
-                let holds = values[here] - delta - ROUNDING <= other.paid();
+                let holds = least <= other.paid();
                 let printed = run.reward - delta / run.weight - ROUNDING <= other.reward;
                 counts[0] += u64::from(other.keeps_rules && holds);
                 counts[1] += u64::from(other.keeps_rules && printed);
@@ -187,8 +203,9 @@ fn theorem_1_row(
         in_premise: counts[0] as usize,
         promising: counts[1] as usize,
         pairs: counts[2],
-        optimal: nearby(3),
-        learned: nearby(6),
+        late: counts[3],
+        optimal: nearby(4),
+        learned: nearby(7),
         outcome: TheoremOutcome::Holds,
         outcome_of_learned: TheoremOutcome::Holds,
     }
@@ -209,15 +226,17 @@ impl Theorem1 {
         let Theorem1Row {
             delta,
             pairs,
+            late,
             optimal,
             ..
         } = row;
         // The conclusion is checked before the table, because it needs no assumption on it.
-        if optimal.holds < *pairs {
+        let holds = optimal.holds + late;
+        if holds < *pairs {
             return TheoremOutcome::Refuted {
                 why: format!(
                     "the optimal continuation misses the bound on {} of {pairs} pairs",
-                    pairs - optimal.holds
+                    pairs - holds
                 ),
             };
         }
@@ -230,6 +249,9 @@ impl Theorem1 {
             };
         }
         let why = match (self.found, self.found_optimally, row.promising) {
+            _ if 0 < *late => format!(
+                "on {late} of {pairs} pairs a rule can only be broken, after decision T: the theorem needs one T"
+            ),
             (0, ..) => "the trained ado found no counterexample".to_owned(),
             (found, 0, _) => format!("none of the {found} counterexamples is paid V*(x0)"),
             (.., 0) => format!(
@@ -330,7 +352,7 @@ pub fn theorem_2(
     approximation: &Approximation<'_>,
 ) -> Result<Theorem2, TheoremsError> {
     let grid = GridUnderTest::of(scenario)?;
-    let (best, values) = (grid.values(truth), grid.values(approximation.values));
+    let (best, values) = (grid.values(truth)?, grid.values(approximation.values)?);
     let greedy = grid.greedy(approximation.values)?;
     let agent = match approximation.policy {
         Some(policy) => grid.trained(policy)?,
@@ -450,5 +472,151 @@ impl Theorem2 {
             ),
         };
         TheoremOutcome::PremiseNotMet { why }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(beta: f64, promising: u64, misses: u64) -> Theorem2Row {
+        Theorem2Row {
+            beta,
+            pairs: 9,
+            promising,
+            misses,
+            printed_promising: 0,
+            printed_misses: 0,
+        }
+    }
+
+    fn second(certified: Option<f64>, rows: Vec<Theorem2Row>) -> Theorem2 {
+        Theorem2 {
+            certified,
+            alpha: 0.1,
+            alpha_of_starts: 0.05,
+            alpha_ahead: 0.05,
+            loss: 0.2,
+            lost: 0.2,
+            found: 3,
+            rows,
+            outcome: TheoremOutcome::Holds,
+        }
+    }
+
+    fn why(outcome: TheoremOutcome) -> String {
+        match outcome {
+            TheoremOutcome::Holds | TheoremOutcome::Fails => format!("{outcome:?}"),
+            TheoremOutcome::PremiseNotMet { why } => format!("premise: {why}"),
+            TheoremOutcome::Refuted { why } => format!("refuted: {why}"),
+        }
+    }
+
+    #[test]
+    fn theorem_2_is_judged_by_its_misses_its_loss_and_its_certificate() {
+        let kept = || vec![row(0.01, 0, 0), row(0.1, 4, 0)];
+        let sound = second(Some(0.1), kept());
+        assert_eq!(sound.judged(), TheoremOutcome::Holds);
+        let missed = second(None, vec![row(0.01, 4, 0), row(0.1, 4, 1), row(0.5, 0, 2)]);
+        assert!(
+            why(missed.judged())
+                .starts_with("refuted: the greedy policy of V_k misses its bound on 3 pairs")
+        );
+        let lost = Theorem2 {
+            lost: 0.201,
+            ..second(None, kept())
+        };
+        assert!(why(lost.judged()).contains("it loses 0.2010 of at most 0.2000"));
+        let certified = second(Some(0.099), kept());
+        assert!(why(certified.judged()).starts_with("refuted: V_k is certified within 0.099"));
+        let nothing = Theorem2 {
+            found: 0,
+            ..second(None, kept())
+        };
+        assert_eq!(
+            why(nothing.judged()),
+            "premise: no counterexample was found"
+        );
+        let vacuous = second(None, vec![row(0.01, 0, 0)]);
+        assert!(why(vacuous.judged()).contains("vacuous everywhere: α is 0.0500"));
+        assert!(why(second(Some(0.2), Vec::new()).judged()).contains("α is 0.2000"));
+    }
+
+    fn first(found: usize, found_optimally: usize) -> Theorem1 {
+        Theorem1 {
+            discount: 0.8,
+            starts: 9,
+            residual: 0.0,
+            unpaid: 0.0,
+            found,
+            found_optimally,
+            gap: 0.05,
+            rows: Vec::new(),
+        }
+    }
+
+    fn pairs(late: u64, optimal: u64, learned: u64) -> Theorem1Row {
+        let nearby = |holds| Nearby {
+            holds,
+            ..Nearby::default()
+        };
+        Theorem1Row {
+            delta: 0.1,
+            in_premise: 3,
+            promising: 2,
+            pairs: 9,
+            late,
+            optimal: nearby(optimal),
+            learned: nearby(learned),
+            outcome: TheoremOutcome::Fails,
+            outcome_of_learned: TheoremOutcome::Fails,
+        }
+    }
+
+    #[test]
+    fn theorem_1_is_judged_by_its_pairs_its_table_and_its_premises() {
+        let outcomes = |checked: Theorem1, row: Theorem1Row| {
+            let row = checked.judged(row);
+            [why(row.outcome), why(row.outcome_of_learned)]
+        };
+        assert_eq!(outcomes(first(3, 3), pairs(0, 9, 9)), ["Holds", "Holds"]);
+        assert_eq!(outcomes(first(3, 3), pairs(0, 9, 8)), ["Holds", "Fails"]);
+        let [one, both] = outcomes(first(3, 3), pairs(0, 7, 9));
+        assert_eq!(
+            one,
+            "refuted: the optimal continuation misses the bound on 2 of 9 pairs"
+        );
+        assert_eq!(one, both);
+        assert!(outcomes(first(3, 3), pairs(2, 6, 9))[0].contains("misses the bound on 1 of 9"));
+        assert!(outcomes(first(3, 3), pairs(2, 7, 9))[0].contains("the theorem needs one T"));
+        for wrong in [
+            Theorem1 {
+                residual: 1e-6,
+                ..first(3, 3)
+            },
+            Theorem1 {
+                unpaid: 1e-6,
+                ..first(3, 3)
+            },
+        ] {
+            assert!(outcomes(wrong, pairs(0, 9, 9))[0].starts_with("refuted: the table is not V*"));
+        }
+        let none = &outcomes(first(0, 0), pairs(0, 9, 9))[0];
+        assert_eq!(none, "premise: the trained ado found no counterexample");
+        let unpaid = &outcomes(first(3, 0), pairs(0, 9, 9))[0];
+        assert_eq!(
+            unpaid,
+            "premise: none of the 3 counterexamples is paid V*(x0)"
+        );
+        let row = Theorem1Row {
+            promising: 0,
+            ..pairs(0, 9, 9)
+        };
+        assert!(outcomes(first(3, 3), row)[0].contains("around none of 3 starts"));
+        let far = Theorem1 {
+            gap: 0.1,
+            ..first(3, 3)
+        };
+        assert!(outcomes(far, pairs(0, 9, 9))[1].contains("no less than δ = 0.1"));
     }
 }

@@ -7,7 +7,7 @@ use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::grid_solver::exact::Game;
 use crate::grid_solver::values::ValueTable;
 use crate::rl::Policy;
-use crate::rulebook::Verdict;
+use crate::rulebook::{Rulebook, Verdict};
 use crate::scene::Start;
 use crate::scene::grid::{Position, position_of};
 use crate::testbench::{Aftermath, Episode, PolicyActor, Replay, Testbench, play};
@@ -29,6 +29,8 @@ pub(super) struct GridUnderTest<'a> {
 /// Episode in the form that Theorems 1 and 2 use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TheoremEpisode {
+    /// Number of decisions, T + 1.
+    pub(super) decisions: usize,
     /// γ^T, where T is the index of the decision that ended the episode.
     pub(super) weight: f64,
     /// Reward R_T.
@@ -96,26 +98,17 @@ impl<'a> GridUnderTest<'a> {
         played.into_iter().flatten().collect()
     }
 
-    /// Reads an episode, if its specification is supported.
+    /// Reads an episode, if it is valid.
     fn read(&self, episode: &Episode) -> Result<TheoremEpisode, TheoremsError> {
-        let not_solved = |why: String| not_solved(&self.scenario, why);
-        let from = &episode.start.0;
         let Some(reward) = self.scenario.rulebook().reward_of(&episode.verdict) else {
-            return Err(not_solved(format!("from {from:?} the episode is invalid")));
+            let why = format!("from {:?} the episode is invalid", episode.start.0);
+            return Err(not_solved(&self.scenario, why));
         };
         // A held episode and a counterexample both keep all rules.
         let keeps_rules = !matches!(episode.verdict, Verdict::Foul { .. });
-        let distances = episode.trace.signal("d_man").unwrap_or_default();
-        let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
-        // Backward induction assumes ρ = min d_man − 1, which every episode without a rule violation must show.
-        if keeps_rules && ROUNDING < (episode.robustness - (least - 1.0)).abs() {
-            return Err(not_solved(format!(
-                "from {from:?} its robustness is {}, but the least d_man is {least}",
-                episode.robustness
-            )));
-        }
         let last = episode.actions.len().saturating_sub(1);
         Ok(TheoremEpisode {
+            decisions: episode.actions.len(),
             weight: self.discount.powi(last as i32),
             reward,
             keeps_rules,
@@ -124,8 +117,15 @@ impl<'a> GridUnderTest<'a> {
     }
 
     /// Returns V of a table at every start.
-    pub(super) fn values(&self, table: &ValueTable) -> Vec<f64> {
-        self.positions.iter().map(|both| table.at(*both)).collect()
+    ///
+    /// # Errors
+    /// The table is of a game without one of the starts.
+    pub(super) fn values(&self, table: &ValueTable) -> Result<Vec<f64>, TheoremsError> {
+        let value = |both: &Position| {
+            let missing = || not_solved(&self.scenario, format!("no value is known at {both:?}"));
+            table.at(*both).ok_or_else(missing)
+        };
+        self.positions.iter().map(value).collect()
     }
 
     /// Returns the discounted reward above which only counterexamples lie.
@@ -134,6 +134,12 @@ impl<'a> GridUnderTest<'a> {
     pub(super) fn held_at_best(&self) -> f64 {
         let last = self.game.steps.saturating_sub(1);
         self.discount.powi(last as i32) * self.scenario.rulebook().reward.lawful(0.0)
+    }
+
+    /// Returns the mildest penalty of a rule violation, ρ_max in Definition 4.
+    pub(super) fn penalty(&self) -> f64 {
+        let Rulebook { reward, rules, .. } = self.scenario.rulebook();
+        -reward.foul(1, rules.len())
     }
 
     /// Sums counts over all pairs (x0, x0'), in parallel over x0.
@@ -155,7 +161,7 @@ impl<'a> GridUnderTest<'a> {
     }
 }
 
-fn not_solved(scenario: &Scenario, why: String) -> TheoremsError {
+pub(super) fn not_solved(scenario: &Scenario, why: String) -> TheoremsError {
     TheoremsError::NotSolved {
         world: scenario.name.clone(),
         why,

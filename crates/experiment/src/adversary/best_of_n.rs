@@ -1,8 +1,8 @@
 //! Several attempts of a trained ado per start.
 //!
 //! The first attempt is greedy. The following attempts explore: at random decisions a
-//! random action is held for some decisions. Every attempt is a simulation that the row
-//! counts. A start that the greedy attempt solves remains solved.
+//! random action is held for some decisions, or all actions are drawn at a temperature.
+//! Every attempt is a simulation that the row counts. A start that the greedy attempt solves remains solved.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -10,9 +10,10 @@ use rand_chacha::ChaCha8Rng;
 use super::rollout::{EpisodeResult, EvalRequest, Evaluated, Outcome, RepeatedEpisode};
 use crate::experiment::{Watch, WorkItem};
 use crate::rl::Policy;
+use crate::run_dir::AdversaryId;
 use crate::scene::Start;
 use crate::seed;
-use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Episode, SampledPolicy, Testbench, play};
 
 /// Probabilities at which exploration begins at a decision, in turn.
 const RATES: [f64; 3] = [0.1, 0.2, 0.4];
@@ -28,6 +29,8 @@ pub struct BestOfN<'a> {
     pub policy: &'a dyn Policy,
     /// Attempts per start, including the greedy one.
     pub tries: u64,
+    /// Temperature at which later attempts draw their actions. `None`: they explore.
+    pub temperature: Option<f64>,
 }
 
 /// Row with its outcomes and the successful attempt of each start.
@@ -59,7 +62,14 @@ impl BestOfN<'_> {
         let mut evaluated = Evaluated::of(&self.request, played.collect(), watch);
         let row = &mut evaluated.row;
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
-        if 1 < self.tries {
+        if let Some(temperature) = self.temperature {
+            let draws = self.tries.saturating_sub(1);
+            row.ado = AdversaryId::Sampled;
+            row.method = format!(
+                "{}, then at most {draws} draws at temperature {temperature}",
+                row.method
+            );
+        } else if self.tries > 1 {
             row.method = format!("{}, at most {} tries", row.method, self.tries);
         }
         BestOfNResult { winners, evaluated }
@@ -111,6 +121,10 @@ impl BestOfN<'_> {
         let (start, noise) = &self.request.starts.starts[index];
         if number == 0 {
             return self.request.play(bench, index);
+        }
+        if let Some(temperature) = self.temperature {
+            let mut actor = SampledPolicy::new(self.policy, temperature, number);
+            return play(bench, start, *noise, &mut actor, Aftermath::Play);
         }
         let mut actor = Exploring {
             policy: self.policy,

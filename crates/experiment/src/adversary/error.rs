@@ -1,6 +1,6 @@
 //! Error of an adversary that does not apply to a world or a run.
 
-use crate::grid_solver::exact::Indistinct;
+use crate::grid_solver::position_policy::{Indistinct, NoOptimalPolicy};
 use crate::run_dir::RunError;
 use crate::world::NotAGrid;
 
@@ -17,9 +17,17 @@ pub enum AdversaryError {
     /// Exact solution outside a grid world.
     #[error(transparent)]
     NotAGrid(#[from] NotAGrid),
-    /// Exact solution that the ado's observation cannot express.
+    /// Rule over positions that the ado's observation cannot express.
     #[error(transparent)]
     Indistinct(#[from] Indistinct),
+    /// World without an exact solution.
+    #[error("`{world}` has no exact solution: {source}")]
+    NoOptimalPolicy {
+        /// Name of the world.
+        world: String,
+        /// Reason.
+        source: NoOptimalPolicy,
+    },
     /// Run without counterexamples to replay.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -34,6 +42,9 @@ impl AdversaryError {
             }
             AdversaryError::NotAGrid(_) => {
                 Some("only grid worlds are solved exactly: leave out `--ado optimal` and `chaser`")
+            }
+            AdversaryError::NoOptimalPolicy { .. } => {
+                Some("leave out `--ado optimal`; `--search` looks for counterexamples of any grid")
             }
             AdversaryError::Indistinct(_) | AdversaryError::Run(_) => None,
         }

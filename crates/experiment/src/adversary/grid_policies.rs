@@ -3,7 +3,10 @@
 use super::ado::Ado;
 use super::error::AdversaryError;
 use crate::experiment::EgoUnderTest;
-use crate::grid_solver::exact::{PositionPolicy, chase};
+use crate::grid_solver::exact::chase;
+use crate::grid_solver::game_graph::GameGraph;
+use crate::grid_solver::position_policy::{NoOptimalPolicy, PositionPolicy};
+use crate::world::Scenario;
 
 /// Untrained ados of grid worlds, which observe both positions.
 #[derive(Clone, Copy)]
@@ -15,6 +18,16 @@ pub enum GridPolicy {
 }
 
 impl GridPolicy {
+    /// Checks that the optimal ado of a world can be made, before anything is played.
+    ///
+    /// # Errors
+    /// The world is no grid, or its formulas are not functions of the game's states.
+    pub fn admits_optimal(scenario: &Scenario) -> Result<(), AdversaryError> {
+        let grid = scenario.require_grid()?;
+        let admitted = GameGraph::admits(grid.world(), scenario.rulebook());
+        admitted.map_err(|source| not_optimal(scenario, source.into()))
+    }
+
     /// Returns the ado that plays a policy.
     pub fn ado(self, policy: &PositionPolicy) -> Ado<'_> {
         match self {
@@ -33,13 +46,20 @@ impl GridPolicy {
         let policy = match self {
             GridPolicy::Chaser => {
                 let moves = &grid.spec().moves;
-                PositionPolicy::new(grid, |both| (chase(both, moves), 0.0))
+                PositionPolicy::new(grid, |both| (chase(both, moves), 0.0))?
             }
             GridPolicy::Optimal => {
-                let reward = whole.rulebook().reward;
-                PositionPolicy::optimal(grid, |rho| reward.lawful(rho))
+                let policy = PositionPolicy::optimal(grid, whole.rulebook());
+                policy.map_err(|source| not_optimal(&whole, source))?
             }
         };
-        Ok((ego.in_world(whole), policy?))
+        Ok((ego.in_world(whole), policy))
+    }
+}
+
+fn not_optimal(scenario: &Scenario, source: NoOptimalPolicy) -> AdversaryError {
+    AdversaryError::NoOptimalPolicy {
+        world: scenario.name().to_owned(),
+        source,
     }
 }

@@ -11,7 +11,8 @@ pub mod rollout;
 mod threshold_rule;
 mod without_ado;
 
-pub use crate::grid_solver::exact::Indistinct;
+pub use crate::grid_solver::game_graph::NotSolvable;
+pub use crate::grid_solver::position_policy::{Indistinct, NoOptimalPolicy};
 pub use ado::Ado;
 pub use baselines::AdoKind;
 pub use baselines::Baselines;

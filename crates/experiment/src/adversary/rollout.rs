@@ -10,8 +10,8 @@ use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::natural::{NaturalnessOfRow, SuccessRarity};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
-    AdversaryId, BrokenRule, ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row,
-    StartRepeated,
+    AdversaryId, BrokenRule, ClosingSpeed, ContactSeverity, FailureKind, Partial, Repeated, Row,
+    StartRepeated, SuccessContacts,
 };
 use crate::scene::Start;
 use crate::severity::Impact;
@@ -332,8 +332,12 @@ impl EvalRequest<'_> {
         row.severity = ContactSeverity::of(&impacts);
         let solved = played.iter().flatten();
         let solved = solved.filter(|played| played.outcome.verdict.is_success());
-        let closing = solved.clone().filter_map(|p| p.outcome.closing_speed_mps);
+        let touching = solved.clone().map(|played| &played.outcome);
+        let touching = touching.filter(|outcome| outcome.closing_speed_mps.is_some());
+        let closing = touching.clone().filter_map(|it| it.closing_speed_mps);
         row.success_closing_mps = ClosingSpeed::of(closing.collect());
+        row.success_contacts = (row.successes > 0)
+            .then(|| SuccessContacts::counted(touching.map(|outcome| outcome.impact)));
         let failures: Vec<Option<&RecordedFailure>> = solved.map(|p| p.failure.as_ref()).collect();
         row.distinct = groups(&failures);
         let classes = failures
@@ -384,7 +388,10 @@ pub fn blank_row(scenario: &Scenario, (ego, ado): (&str, AdversaryId), starts: &
         fails_alone: None,
         successes: 0,
         success_rate: 0.0,
-        ci95: [0.0, 1.0],
+        ci95: Some([0.0, 1.0]),
+        partial: None,
+        specification: scenario.ego_spec().to_string(),
+        counts: scenario.rulebook().counts.in_words(),
         at_most: None,
         recall: None,
         beyond_search: None,
@@ -398,6 +405,7 @@ pub fn blank_row(scenario: &Scenario, (ego, ado): (&str, AdversaryId), starts: &
         contact_rate: 0.0,
         closing_speed_mps: None,
         success_closing_mps: None,
+        success_contacts: None,
         severity: None,
         invalid: 0,
         faults: Vec::new(),
@@ -417,9 +425,18 @@ pub fn count_solved(row: &mut Row) {
     row.starts = row.successes + row.solved.count(StartOutcome::Unsolved);
     row.trivial = row.solved.count(StartOutcome::Trivial);
     row.invalid = row.solved.count(StartOutcome::Invalid);
-    row.success_rate = share(row.successes, row.starts);
-    row.ci95 = wilson(row.successes, row.starts);
-    row.at_most = (row.successes == 0 && 0 < row.starts).then(|| at_most(row.starts));
+    let decided = row.starts + row.invalid;
+    let missing = row.solved.count(StartOutcome::NotReached);
+    row.partial = (missing > 0).then_some(Partial {
+        decided,
+        of: decided + missing,
+    });
+    // The starts decided so far were chosen by their cost, so they represent no others.
+    let whole = row.partial.is_none();
+    row.success_rate = share(row.successes, row.starts + missing);
+    row.ci95 = whole.then(|| wilson(row.successes, row.starts));
+    let no_success = row.successes == 0 && row.starts > 0;
+    row.at_most = (whole && no_success).then(|| at_most(row.starts));
 }
 
 fn share(part: usize, whole: usize) -> f64 {

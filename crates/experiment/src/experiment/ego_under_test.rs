@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::EgoError;
 use crate::ego::Process;
-use crate::run_dir::ChangedEgo;
+use crate::run_dir::{ChangedEgo, ProgramContent};
 use crate::scene::drive::ControllerFactory;
 use crate::sim::PlantKind;
 use crate::world::{Change, Scenario, ScenarioKind};
@@ -193,6 +193,11 @@ impl EgoUnderTest {
             scenario,
             ..self.clone()
         }
+    }
+
+    /// Returns the content of its program. `None`: it is none.
+    pub fn program_content(&self) -> Option<ProgramContent> {
+        self.scenario.program().map(ProgramContent::of)
     }
 
     /// Returns the ego as in manifests. `None`: it is the world's own.

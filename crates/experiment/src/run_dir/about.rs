@@ -2,6 +2,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
+use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use crate::natural::Naturalness;
@@ -88,6 +89,70 @@ pub enum NotAsked {
     CommandsOnly,
     /// The ado only takes its neutral action.
     NothingDone,
+    /// The replays give no answer.
+    NoAnswer(NoAnswer),
+}
+
+/// Result of replays with a change, such as another driver.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer {
+    /// The failure is avoided.
+    Avoided,
+    /// The failure is not avoided.
+    NotAvoided,
+    /// The replays give no answer.
+    NoAnswer(NoAnswer),
+}
+
+/// Reason why replays give no answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum NoAnswer {
+    /// An ado breaks one of its rules in the replay.
+    RuleBroken {
+        /// Name of the rule.
+        rule: String,
+    },
+    /// The ego or the physics fails in the replay.
+    Fault,
+    /// The replay of the actions and that of the recorded motion differ.
+    ReplaysDiffer,
+    /// Full braking avoids the contact, but not the violation of ψ_ego.
+    OnlyContact,
+    /// Full braking avoids the contact from no sample, but a reference driver does.
+    OnlyDriver {
+        /// Name of the driver.
+        driver: String,
+    },
+    /// An earlier version kept the label and did not distinguish broken rules.
+    EarlierVersion,
+}
+
+impl NoAnswer {
+    fn earlier_version() -> Option<NoAnswer> {
+        Some(NoAnswer::EarlierVersion)
+    }
+}
+
+impl Display for NoAnswer {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            NoAnswer::RuleBroken { rule } => write!(f, "the ado breaks `{rule}` in the replay"),
+            NoAnswer::Fault => f.write_str("the ego or the physics fails in the replay"),
+            NoAnswer::ReplaysDiffer => {
+                f.write_str("it depends on how the ado goes on after the record")
+            }
+            NoAnswer::OnlyContact => {
+                f.write_str("it avoids the contact, but not the violation before it")
+            }
+            NoAnswer::OnlyDriver { driver } => {
+                write!(f, "it does not, but {driver}, which brakes less, does")
+            }
+            NoAnswer::EarlierVersion => f.write_str(
+                "an earlier version did not record why, so run `brakecheck replay FILE --expect \
+                 recorded --refine`",
+            ),
+        }
+    }
 }
 
 impl Display for NotAsked {
@@ -106,6 +171,7 @@ impl Display for NotAsked {
             NotAsked::EgoFailed => f.write_str("the ego failed to run"),
             NotAsked::CommandsOnly => f.write_str("only the ego's commands are known here"),
             NotAsked::NothingDone => f.write_str("the ado only takes its neutral action"),
+            NotAsked::NoAnswer(reason) => reason.fmt(f),
         }
     }
 }
@@ -160,7 +226,7 @@ impl Display for Severity {
     }
 }
 
-/// Effort of an ado, which shrinking reduces in the order of the fields.
+/// Effort of an ado up to the failure, which shrinking reduces in the order of the fields.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Effort {
     /// Number of decisions that differ from the previous decision.
@@ -266,10 +332,62 @@ pub struct Decisive {
 pub struct LastChance {
     /// Name of the driver.
     pub driver: String,
-    /// Time of its takeover, in s. `None` if it avoids the failure from no sample.
+    /// Time of its takeover, in s. `None` without a sample from which it avoids the failure.
     pub at_s: Option<f64>,
     /// Time of the violation of ψ_ego, in s.
     pub violated_s: f64,
+    /// Reason why some sample after `at_s` has no answer. `None` if all have one.
+    #[serde(default = "NoAnswer::earlier_version")]
+    pub no_answer: Option<NoAnswer>,
+    /// Last takeover that avoids the contact in the recorded motion, in s.
+    ///
+    /// `None` if no sample does, or if it was not determined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact_s: Option<f64>,
+}
+
+impl LastChance {
+    /// Returns whether the driver avoids the failure from any sample on.
+    pub fn answer(&self) -> Answer {
+        match (self.at_s, &self.no_answer) {
+            (Some(_), _) => Answer::Avoided,
+            (None, None) => Answer::NotAvoided,
+            (None, Some(reason)) => Answer::NoAnswer(reason.clone()),
+        }
+    }
+}
+
+impl Display for LastChance {
+    /// Writes a clause.
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let driver = &self.driver;
+        match (self.at_s, self.answer()) {
+            (Some(at_s), _) => {
+                // Both are times of samples, so a value below 0 is rounding.
+                let left_s = (self.violated_s - at_s).max(0.0);
+                // Later samples without an answer may avoid it, too.
+                let at_least = match self.no_answer {
+                    None | Some(NoAnswer::EarlierVersion) => "",
+                    Some(_) => "at least ",
+                };
+                write!(
+                    f,
+                    "{driver} avoids it until {at_least}{at_s:.2} s, {left_s:.2} s before"
+                )
+            }
+            (None, Answer::NoAnswer(reason)) => {
+                write!(f, "no answer whether {driver} avoids it: {reason}")?;
+                match self.contact_s {
+                    Some(contact_s) => write!(
+                        f,
+                        " (in the recorded motion, it avoids the contact until {contact_s:.2} s)"
+                    ),
+                    None => Ok(()),
+                }
+            }
+            (None, _) => write!(f, "{driver} does not avoid it from any sample on"),
+        }
+    }
 }
 
 impl Display for Why {
@@ -295,20 +413,9 @@ impl Display for Why {
                 "; whether an action of the ado decides it is not known ({reason})"
             )?,
         }
-        let Some(chance) = &self.last_chance else {
-            return f.write_str(".");
-        };
-        let driver = &chance.driver;
-        match chance.at_s {
-            Some(at_s) => {
-                // Both are times of samples, so a value below 0 is rounding.
-                let left_s = (chance.violated_s - at_s).max(0.0);
-                write!(
-                    f,
-                    "; {driver} avoids it until {at_s:.2} s, {left_s:.2} s before."
-                )
-            }
-            None => write!(f, "; {driver} does not avoid it from any sample on."),
+        match &self.last_chance {
+            Some(chance) => write!(f, "; {chance}."),
+            None => f.write_str("."),
         }
     }
 }
@@ -325,34 +432,60 @@ pub struct Persistence {
 pub struct Variation {
     /// Name of the variation.
     pub name: String,
-    /// True if the ego still fails. `None` if the ego or the physics did not run.
+    /// True if the ego still fails. `None` without an answer.
     pub fails: Option<bool>,
+    /// Reason why the replay gives no answer. `None` if it gives one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub no_answer: Option<NoAnswer>,
 }
 
 impl Persistence {
     /// Returns the share of the variations in which the ego still fails.
     ///
-    /// Only variations that ran count. Without any, the share is 0.
+    /// Only variations with an answer count. Without any, the share is 0.
     pub fn share(&self) -> f64 {
-        let ran = self.variations.iter().filter_map(|one| one.fails);
-        let failing = ran.clone().filter(|fails| *fails).count();
-        failing as f64 / ran.count().max(1) as f64
+        self.failing() as f64 / self.answered().max(1) as f64
+    }
+
+    /// Returns the number of variations in which the ego still fails.
+    pub fn failing(&self) -> usize {
+        let variations = self.variations.iter();
+        variations.filter(|one| one.fails == Some(true)).count()
+    }
+
+    /// Returns the number of variations with an answer.
+    pub fn answered(&self) -> usize {
+        let variations = self.variations.iter();
+        variations.filter(|one| one.fails.is_some()).count()
     }
 }
 
 impl Display for Persistence {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (all, share) = (self.variations.len(), 100.0 * self.share());
-        write!(f, "still fails in {share:.0} % of {all} variations")?;
-        // Variations that did not run are listed too: the failure is not
-        // confirmed in them.
-        let gone = self.variations.iter().filter(|one| one.fails != Some(true));
-        let gone: Vec<&str> = gone.map(|one| one.name.as_str()).collect();
-        if gone.is_empty() {
-            Ok(())
-        } else {
-            write!(f, ", not with {}", gone.join(", "))
+        match self.answered() {
+            0 => write!(f, "no answer in {all} variations")?,
+            answered => write!(f, "still fails in {share:.0} % of {answered} variations")?,
         }
+        let named = |fails: Option<bool>| {
+            let some = self.variations.iter().filter(|one| one.fails == fails);
+            some.map(|one| one.name.as_str()).collect::<Vec<_>>()
+        };
+        let gone = named(Some(false));
+        if !gone.is_empty() {
+            write!(f, ", not with {}", gone.join(", "))?;
+        }
+        // Every variation without an answer is listed with its reason.
+        let mut unanswered: IndexMap<String, Vec<&str>> = IndexMap::new();
+        for one in self.variations.iter().filter(|one| one.fails.is_none()) {
+            let reason = one.no_answer.as_ref().unwrap_or(&NoAnswer::Fault);
+            let names = unanswered.entry(reason.to_string()).or_default();
+            names.push(&one.name);
+        }
+        for (reason, names) in unanswered {
+            write!(f, "; no answer with {}: {reason}", names.join(", "))?;
+        }
+        Ok(())
     }
 }
 

@@ -7,8 +7,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use super::RunError;
 use super::manifest::settings_of;
+use super::{ProgramContent, RunError};
 use crate::content_hash;
 use crate::content_hash::sha256;
 use crate::ron_file::file_bytes;
@@ -18,8 +18,8 @@ use crate::world::Scenario;
 /// Piece of work: a file, and the question that it answers.
 ///
 /// A file is reused only for the same question about the same world file, with
-/// the same defaults and program version. The behaviour of an external ego
-/// program is not part of the question.
+/// the same defaults and program version. The content of an external ego
+/// program is part of the question.
 #[derive(Clone, Debug)]
 pub struct CachedResult {
     path: PathBuf,
@@ -29,15 +29,19 @@ pub struct CachedResult {
 impl CachedResult {
     /// Returns the work of a name in a directory, for a world and its settings.
     pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> CachedResult {
+        let mut request = json!({
+            "brakecheck": env!("CARGO_PKG_VERSION"),
+            "world_sha256": sha256(scenario.text.as_bytes()),
+            "settings_sha256": settings_of(scenario),
+            "name": name,
+            "asked": settings,
+        });
+        if let Some(program) = scenario.program() {
+            request["program_sha256"] = json!(ProgramContent::of(program).sha256);
+        }
         CachedResult {
             path: dir.join(format!("{}.json", file_name(name))),
-            request: json!({
-                "brakecheck": env!("CARGO_PKG_VERSION"),
-                "world_sha256": sha256(scenario.text.as_bytes()),
-                "settings_sha256": settings_of(scenario),
-                "name": name,
-                "asked": settings,
-            }),
+            request,
         }
     }
 

@@ -29,10 +29,12 @@ mod differences;
 mod failure_cell;
 mod manifest;
 mod opening;
+mod program_content;
 mod progress;
 mod repeated_runs;
 mod row;
 mod samples;
+mod success_contacts;
 mod trained_policy;
 pub use trained_policy::trained_naturally;
 mod training_counterexamples;
@@ -48,13 +50,13 @@ use std::sync::{Arc, OnceLock};
 
 pub use crate::run_files::append_log::Grown;
 pub use crate::run_files::disk::write_file;
-pub use crate::run_files::disk::{WholeFile, file_name, make_dir, read_text};
+pub use crate::run_files::disk::{WholeFile, file_name, is_unfinished, make_dir, read_text};
 pub use crate::run_files::{MANIFEST, MEMBERS, POPULATION};
-pub use crate::run_files::{RunDifference, RunError};
+pub use crate::run_files::{OtherProgram, RunDifference, RunError};
 pub use crate::world::RunsOnDisk;
 pub use about::{
-    About, Decisive, Effort, EgoRuns, LastChance, NotAsked, Persistence, Severity, Shrunk,
-    Variation, Why,
+    About, Answer, Decisive, Effort, EgoRuns, LastChance, NoAnswer, NotAsked, Persistence,
+    Severity, Shrunk, Variation, Why,
 };
 pub use adversary_id::AdversaryId;
 pub use adversary_id::keys as adversary_keys;
@@ -69,10 +71,14 @@ pub use failure_cell::{
 };
 pub use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
+pub use program_content::FILE as PROGRAMS;
+pub use program_content::ProgramContent;
+pub use program_content::{ProgramContents, bind_programs, stored_programs};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
-pub use row::{Anytime, BrokenRule, FailsAlone, FailureKind, Row, Unconfirmed};
+pub use row::{Anytime, BrokenRule, FailsAlone, FailureKind, Partial, Row, Unconfirmed};
 pub use samples::{SamplesError, trace_of_csv};
+pub use success_contacts::SuccessContacts;
 pub use training_counterexamples::Stored;
 pub(crate) use training_counterexamples::StoredCount;
 
@@ -106,6 +112,8 @@ pub struct RunDir {
     manifest: Manifest,
     /// Consent to start the programs that its world names. It is never written.
     programs_allowed: bool,
+    /// True if foreign egos begin every episode anew.
+    fresh_egos: bool,
     /// World on the plant of its file, once it was parsed.
     world: OnceLock<Scenario>,
     progress: Growing,
@@ -181,6 +189,7 @@ impl RunDir {
                 policy_sha256: None,
             },
             programs_allowed: false,
+            fresh_egos: false,
             world: OnceLock::new(),
             progress: Growing::new(path.join(PROGRESS)),
             counterexamples: Growing::new(path.join(COUNTEREXAMPLES)),

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use super::{Manifest, RunDir, RunError, StoredCount};
 use crate::run_files::append_log::{Growing, Grown};
 use crate::run_files::disk::{self, io_error, lock};
-use crate::run_files::{COUNTEREXAMPLES, KNOWN, PROGRESS};
+use crate::run_files::{COUNTEREXAMPLES, PROGRESS};
 
 impl RunDir {
     /// Opens a run directory for reading and verifies its hashes.
@@ -21,6 +21,7 @@ impl RunDir {
             path: path.into(),
             manifest,
             programs_allowed: false,
+            fresh_egos: false,
             world: OnceLock::new(),
             progress: Growing::new(path.join(PROGRESS)),
             counterexamples: Growing::new(path.join(COUNTEREXAMPLES)),
@@ -28,9 +29,7 @@ impl RunDir {
         };
         run.manifest.files().verify(path)?;
         // Their content is checked too, since only later members have them.
-        if path.join(KNOWN).exists() {
-            run.known_failures()?;
-        }
+        run.known_failures()?;
         Ok(run)
     }
 
@@ -66,12 +65,12 @@ impl RunDir {
     ///
     /// Returns an error if it is damaged, or another process trains in it.
     pub fn hold(&mut self) -> Result<(), RunError> {
-        // The consent is not part of the files, so it survives the reopening
-        // here.
+        // Neither is part of the files, so both survive the reopening here.
         if self._lock.is_none() {
-            let allowed = self.programs_allowed;
+            let (allowed, fresh) = (self.programs_allowed, self.fresh_egos);
             *self = RunDir::resume(&self.path.clone())?;
             self.programs_allowed = allowed;
+            self.fresh_egos = fresh;
         }
         Ok(())
     }

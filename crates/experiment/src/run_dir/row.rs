@@ -9,6 +9,7 @@ use super::adversary_id::{AdversaryId, keys};
 use super::calibration::CalibrationWarning;
 use super::contact_severity::{ClosingSpeed, ContactSeverity};
 use super::repeated_runs::Repeated;
+use super::success_contacts::SuccessContacts;
 use crate::natural::NaturalnessOfRow;
 use crate::rulebook::{JudgeKind, Rulebook};
 use crate::scene::Dynamics;
@@ -51,9 +52,20 @@ pub struct Row {
     /// Starts solved.
     pub successes: usize,
     /// successes / starts. It is 0 without starts.
+    ///
+    /// In a partial row it is the least share, successes / all starts in rates.
     pub success_rate: f64,
-    /// Wilson's 95 % interval of the success rate.
-    pub ci95: [f64; 2],
+    /// Wilson's 95 % interval of the success rate. `None` in a partial row.
+    pub ci95: Option<[f64; 2]>,
+    /// Progress of an interrupted row. `None` if every start is decided.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub partial: Option<Partial>,
+    /// Formula that the ego must keep. Empty in rows of earlier versions.
+    #[serde(default)]
+    pub specification: String,
+    /// Violations that count as successes. `None`: every violation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counts: Option<String>,
     /// Exact 95 % upper bound of the rate, if there is no success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_most: Option<f64>,
@@ -93,6 +105,9 @@ pub struct Row {
     /// `None` if there were none, or if it was not recorded apart.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub success_closing_mps: Option<ClosingSpeed>,
+    /// Contacts among the successes. `None` without a success, or if not recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub success_contacts: Option<SuccessContacts>,
     /// Effect of the contacts on the ego, if it was in any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub severity: Option<ContactSeverity>,
@@ -131,6 +146,18 @@ pub struct Row {
     pub unconfirmed: Option<Unconfirmed>,
     /// Outcomes of all starts, in order.
     pub solved: Outcomes,
+}
+
+/// Decided starts of a row that was interrupted.
+///
+/// Starts that are decided early are not like the others, because a success ends a search.
+/// A row of such starts therefore has counts and bounds, and no interval.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Partial {
+    /// Starts with a result, invalid starts included.
+    pub decided: usize,
+    /// Starts that the whole row would have, without trivial starts.
+    pub of: usize,
 }
 
 /// Starts on which the ego of a row fails with neutral actions of the ados.
@@ -259,14 +286,42 @@ impl Row {
         self.invalid as f64 / (self.starts + self.invalid).max(1) as f64
     }
 
+    /// Returns four cells about the contacts among the successes.
+    ///
+    /// They are the share of the successes, the contacts at the front, a flank and the rear
+    /// of the ego, the share with the ego at rest or hit from behind, and those that a
+    /// reference driver avoids.
+    pub fn contact_cells(&self) -> [String; 4] {
+        let none = || "–".to_owned();
+        let Some(of) = self.success_contacts.as_ref() else {
+            return [none(), none(), none(), none()];
+        };
+        let share = |part: usize, whole: usize| match whole {
+            0 => none(),
+            _ => format!("{:.0} %", 100.0 * part as f64 / whole as f64),
+        };
+        let [front, side, rear] = of.front_side_rear();
+        [
+            share(of.contacts, self.successes),
+            match of.contacts {
+                0 => none(),
+                _ => format!("{front}/{side}/{rear}"),
+            },
+            share(of.without_fault(), of.contacts),
+            match of.judged {
+                0 => none(),
+                judged => format!("{} of {judged}", of.avoided),
+            },
+        ]
+    }
+
     /// Fills recall and `beyond_search` from the row of a search.
     ///
-    /// Both rows must be over the same starts. An interrupted search fills neither, because
-    /// the starts that it finishes first are the easy ones.
+    /// Both rows must be over the same starts. An interruption of either fills neither,
+    /// because the starts that are decided first are the easy ones.
     pub fn compare_with_search(&mut self, search_solved: &Outcomes) {
         use StartOutcome::{NotReached, Solved, Unsolved};
-        let mut pairs = self.solved.iter().zip(search_solved.iter());
-        if pairs.any(|(mine, theirs)| *theirs == NotReached && *mine != NotReached) {
+        if self.solved.contains(&NotReached) || search_solved.contains(&NotReached) {
             return;
         }
         let pairs = self.solved.iter().zip(search_solved.iter());
@@ -296,7 +351,7 @@ mod tests {
     use super::*;
     use crate::ego::FaultKind;
     use crate::natural::Naturalness;
-    use crate::severity::RiskCurve;
+    use crate::severity::{RiskCurve, Side};
 
     const PAGE: &str = include_str!("../../../../docs/reference/json.md");
 
@@ -327,7 +382,10 @@ mod tests {
             }),
             successes: 0,
             success_rate: 0.0,
-            ci95: [0.0, 1.0],
+            ci95: Some([0.0, 1.0]),
+            partial: Some(Partial { decided: 1, of: 2 }),
+            specification: String::new(),
+            counts: Some(String::new()),
             at_most: Some(1.0),
             recall: Some(0.0),
             beyond_search: Some(0),
@@ -342,6 +400,15 @@ mod tests {
             contact_rate: 0.0,
             closing_speed_mps: speed,
             success_closing_mps: speed,
+            success_contacts: Some(SuccessContacts {
+                contacts: 1,
+                sides: BTreeMap::from([(Side::Front, 1)]),
+                ego_at_rest: 0,
+                hit_from_behind: 0,
+                judged: 1,
+                avoided: 1,
+                not_judged: 1,
+            }),
             severity: Some(ContactSeverity {
                 kinds: BTreeMap::new(),
                 struck_from_behind: 0.0,
@@ -416,9 +483,9 @@ mod tests {
     #[test]
     fn an_interrupted_search_gives_no_recall() {
         let marks = |text: &str| text.parse::<Outcomes>().expect("marks");
-        let compared = |search: &str| {
+        let compared_with = |own: &str, search: &str| {
             let mut row = Row {
-                solved: marks("1010t"),
+                solved: marks(own),
                 recall: None,
                 beyond_search: None,
                 ..complete()
@@ -426,9 +493,12 @@ mod tests {
             row.compare_with_search(&marks(search));
             (row.recall, row.beyond_search)
         };
+        let compared = |search: &str| compared_with("1010t", search);
         assert_eq!(compared("1100t"), (Some(0.5), Some(1)));
         assert_eq!(compared("110-t"), (None, None));
         assert_eq!(compared("0000t"), (None, Some(2)));
+        // An ado that was interrupted has solved too few.
+        assert_eq!(compared_with("1---t", "1100t"), (None, None));
     }
 
     #[test]

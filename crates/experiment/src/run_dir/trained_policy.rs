@@ -10,7 +10,7 @@ use crate::natural::NaturalTraining;
 use crate::rl::{LearnerConfig, Policy, TensorFile, load_policy_for};
 use crate::ron_file::LoadError;
 use crate::run_files::disk::{io_error, make_dir, write_file};
-use crate::run_files::{MANIFEST, TIMING};
+use crate::run_files::{BANK, KNOWN, MANIFEST, TIMING};
 use crate::world::Scenario;
 
 impl RunDir {
@@ -36,6 +36,14 @@ impl RunDir {
         self.programs_allowed = allowed;
     }
 
+    /// Makes foreign egos of the world and its changes begin every episode anew.
+    pub fn begin_egos_anew(&mut self) {
+        if let Some(world) = self.world.take() {
+            self.world = OnceLock::from(world.with_fresh_egos());
+        }
+        self.fresh_egos = true;
+    }
+
     /// Returns the world on the plant of its file.
     ///
     /// It is read and parsed at the first call only, because a dry run of a large
@@ -57,7 +65,13 @@ impl RunDir {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
             Ok(scenario) => {
-                let world = self.as_learned(scenario.allow_programs(self.programs_allowed))?;
+                let scenario = scenario.allow_programs(self.programs_allowed);
+                let scenario = if self.fresh_egos {
+                    scenario.with_fresh_egos()
+                } else {
+                    scenario
+                };
+                let world = self.as_learned(scenario)?;
                 self.as_limited(world)
             }
             Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
@@ -140,7 +154,8 @@ impl RunDir {
 
     /// Copies the files that playing the trained ado requires.
     ///
-    /// These are the world, the manifest and the policy.
+    /// These are the world, the policy, the manifest, and the other files that it seals as
+    /// a whole, since a run without one of them is damaged.
     ///
     /// # Errors
     ///
@@ -152,6 +167,17 @@ impl RunDir {
         let world = self.read_text("world.ron")?;
         write_file(&path.join("world.ron"), world.as_bytes())?;
         write_file(&path.join("policy.safetensors"), &policy)?;
+        let sealed = [
+            ("from.safetensors", &self.manifest.from_sha256),
+            (BANK, &self.manifest.bank_sha256),
+            (KNOWN, &self.manifest.known_sha256),
+        ];
+        for (name, seal) in sealed {
+            if seal.is_some() {
+                let bytes = self.read_verified(name, seal.as_deref())?;
+                write_file(&path.join(name), &bytes)?;
+            }
+        }
         // The manifest is last: without it the directory is no run.
         for name in [TIMING, MANIFEST] {
             if self.path.join(name).is_file() {

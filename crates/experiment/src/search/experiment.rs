@@ -7,12 +7,17 @@ use super::list::{Method, Switches};
 use super::request::SearchRequest;
 use super::{Searched, search};
 use crate::adversary::{Ado, Evaluated, RecordedSuccess, best_constant, best_then_brake, eval};
-use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch};
 use crate::rulebook::Verdict;
 use crate::run_dir::{AdversaryId, Row};
+use crate::scene::drive::EgoDrive;
+use crate::severity::Impact;
 use crate::stats::StartOutcome;
 use crate::stl::Explanation;
 use crate::testbench::{Episode, Testbench};
+
+/// Most successes of a row to which the reference drivers are applied.
+const JUDGED: usize = 20;
 
 /// Adversary of an experiment.
 #[derive(Clone, Copy)]
@@ -66,6 +71,8 @@ pub struct StartResult {
     pub verdict: Option<Verdict>,
     /// Closing speed, if the agents touched.
     pub closing_speed_mps: Option<f64>,
+    /// Effect of the contact on the ego, if the ego takes part in it.
+    pub impact: Option<Impact>,
     /// Number of episodes.
     pub simulations: u64,
     /// Physics steps spent.
@@ -125,9 +132,12 @@ impl Experiment<'_> {
     /// If `watch` stops, starts that were not reached are marked as such in the rows.
     pub fn run(&self, watch: &Watch<'_>) -> Vec<ExperimentCell> {
         let adversaries = self.adversaries.iter();
-        adversaries
-            .filter_map(|adversary| adversary.play(self.ego, self.starts, watch))
-            .collect()
+        let cells = adversaries.filter_map(|adversary| {
+            let mut cell = adversary.play(self.ego, self.starts, watch)?;
+            cell.judge_contacts(watch);
+            Some(cell)
+        });
+        cells.collect()
     }
 
     /// Plays every adversary in order and returns the rows alone.
@@ -154,6 +164,7 @@ impl ExperimentCell {
                 outcome: StartOutcome::from(&outcome.verdict),
                 verdict: Some(outcome.verdict),
                 closing_speed_mps: outcome.closing_speed_mps,
+                impact: outcome.impact,
                 simulations: outcome.simulations,
                 physics_steps: outcome.physics_steps,
                 success,
@@ -173,6 +184,7 @@ impl ExperimentCell {
                 },
                 verdict: None,
                 closing_speed_mps: found.closing_speed_mps,
+                impact: found.impact,
                 simulations: found.simulations,
                 physics_steps: found.physics_steps,
                 success: found.actions.map(RecordedSuccess::of_actions),
@@ -196,6 +208,42 @@ impl ExperimentCell {
         }
     }
 
+    /// Plays a sample of the successes again, with the reference drivers in the ego's place.
+    ///
+    /// The row then counts the contacts that they avoid. Programs are not started again, so
+    /// their searched successes are not in the sample.
+    pub fn judge_contacts(&mut self, watch: &Watch<'_>) {
+        if self.row.success_contacts.is_none() || self.ego.scenario().drive().is_none() {
+            return;
+        }
+        let is_foreign = self.ego.scenario().ego().is_some_and(EgoDrive::is_foreign);
+        let runs_again = |index: &usize| {
+            let commands = self.success(*index).map(|success| &success.commands);
+            !is_foreign || commands.is_some_and(|commands| !commands.is_empty())
+        };
+        let solved: Vec<usize> = self.solved().into_iter().filter(runs_again).collect();
+        // Spread evenly, so that the sample represents all starts.
+        let most = solved.len().min(JUDGED);
+        let sample: Vec<usize> = (0..most)
+            .map(|nth| solved[nth * solved.len() / most])
+            .collect();
+        let bench = || self.ego.scenario().bench();
+        let judged = EpisodeLoop::uncounted(watch).run(&sample, bench, |bench, index, _| {
+            let again = self.replay(bench, *index);
+            Some(self.ego.scenario().is_preventable(&again))
+        });
+        // A start that an interruption left out is in no count.
+        let judged: Vec<Option<bool>> = judged.into_iter().flatten().collect();
+        let count = |wanted: Option<bool>| judged.iter().filter(|it| **it == wanted).count();
+        let (avoided, others) = (count(Some(true)), count(Some(false)));
+        let not_judged = count(None);
+        if let Some(contacts) = &mut self.row.success_contacts {
+            contacts.judged = avoided + others;
+            contacts.avoided = avoided;
+            contacts.not_judged = not_judged;
+        }
+    }
+
     /// Records trivial starts as successes of the neutral action, in a world of points.
     ///
     /// There each point is a question to the ego, which it fails by itself.
@@ -211,12 +259,26 @@ impl ExperimentCell {
                     outcome: StartOutcome::Trivial,
                     verdict: None,
                     closing_speed_mps: None,
+                    impact: None,
                     simulations: 0,
                     physics_steps: 0,
                     success: Some(RecordedSuccess::of_actions(vec![neutral])),
                 });
             }
         }
+    }
+
+    /// Returns the outcome of each start.
+    ///
+    /// Unlike `row.solved`, it tells a broken rule and an uncounted violation from a
+    /// specification that held.
+    pub fn outcomes(&self) -> Vec<StartOutcome> {
+        let marks = self.row.solved.iter().zip(&self.results);
+        let outcome = |(mark, result): (&StartOutcome, &Option<StartResult>)| match result {
+            Some(result) => result.outcome,
+            None => *mark,
+        };
+        marks.map(outcome).collect()
     }
 
     /// Returns the positions of the starts from which a success is recorded.
@@ -284,6 +346,10 @@ mod tests {
                 assert!(episode.verdict.is_success(), "{} {index}", cell.row.ado);
             }
         }
+        let contacts = cells[5].row.success_contacts.as_ref().expect("successes");
+        assert!(contacts.judged > 0 && contacts.avoided <= contacts.judged);
+        let sample = cells[5].row.successes.min(super::JUDGED);
+        assert_eq!(contacts.judged + contacts.not_judged, sample);
         let neutral = &cells[3];
         assert_eq!(neutral.adversary, AdversaryId::Neutral);
         // Starts on which the ego fails by itself are left out.

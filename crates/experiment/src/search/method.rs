@@ -3,9 +3,10 @@
 use strum::VariantArray;
 
 use super::found::SearchResult;
-use crate::experiment::Watch;
+use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{Stored, Unconfirmed};
 use crate::scene::Start;
+use crate::scene::drive::EgoDrive;
 use crate::testbench::Testbench;
 use crate::world::Scenario;
 
@@ -16,6 +17,20 @@ pub const BUDGET: u64 = 100;
 ///
 /// Rows call the starts that this default solves reachable.
 pub const SWITCHES: usize = 2;
+
+/// The same default for programs, of which every sequence takes a whole run.
+pub const SWITCHES_OF_PROGRAMS: usize = 1;
+
+/// Returns the default number of switches of a search of some egos.
+pub fn usual_switches(egos: &[EgoUnderTest]) -> usize {
+    // Your own controllers in Python are not copied either.
+    let is_foreign = |ego: &EgoUnderTest| ego.scenario().ego().is_some_and(EgoDrive::is_foreign);
+    if egos.iter().any(is_foreign) {
+        SWITCHES_OF_PROGRAMS
+    } else {
+        SWITCHES
+    }
+}
 
 /// Option of some search methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, VariantArray)]
@@ -41,7 +56,7 @@ impl MethodOption {
     /// Returns the text of the default.
     pub fn default_text(self) -> String {
         match self {
-            MethodOption::Switches => SWITCHES.to_string(),
+            MethodOption::Switches => format!("{SWITCHES}, programs {SWITCHES_OF_PROGRAMS}"),
             MethodOption::Budget => BUDGET.to_string(),
             MethodOption::From => "RUN".to_owned(),
         }

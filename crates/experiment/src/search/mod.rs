@@ -21,12 +21,14 @@ mod tree;
 mod trials;
 mod uniform;
 
-pub use confirm::{Confirmed, Confirmer};
 pub use experiment::StartResult;
 pub use experiment::{Adversary, Experiment, ExperimentCell};
 pub use found::SearchResult;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
-pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError};
+pub use method::{
+    BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SWITCHES_OF_PROGRAMS, SearchError,
+    usual_switches,
+};
 pub use mutate::mutate;
 pub use request::SearchRequest;
 
@@ -35,7 +37,9 @@ use crate::adversary::{
     success_caption,
 };
 use crate::experiment::Watch;
-use crate::run_dir::{AdversaryId, Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
+use crate::run_dir::{
+    AdversaryId, Anytime, ClosingSpeed, ContactSeverity, Row, SuccessContacts, Unconfirmed,
+};
 use crate::scene::{Dynamics, Start};
 use crate::severity::Impact;
 use crate::sim::PlantKind;
@@ -183,8 +187,11 @@ impl SearchRequest<'_> {
         count_contacts(&mut row, searched.clone());
         let failures: Vec<_> = searched.map(|found| found.failure.as_ref()).collect();
         row.naturalness = naturalness(self.scenario, &failures);
-        let budgets = self.checkpoints().into_iter();
-        row.anytime = budgets.map(|budget| anytime(found, budget)).collect();
+        // Rates at smaller budgets need all starts as well.
+        if row.partial.is_none() {
+            let budgets = self.checkpoints().into_iter();
+            row.anytime = budgets.map(|budget| anytime(found, budget)).collect();
+        }
         row
     }
 }
@@ -202,6 +209,9 @@ pub(crate) fn count_contacts<'a>(
     row.contact_rate = share(contacts.len());
     row.closing_speed_mps = ClosingSpeed::of(contacts);
     row.success_closing_mps = row.closing_speed_mps;
+    let touching = found.clone().filter(|it| it.closing_speed_mps.is_some());
+    row.success_contacts =
+        (row.successes > 0).then(|| SuccessContacts::counted(touching.map(|found| found.impact)));
     let solved = found.clone().filter(|found| found.actions.is_some());
     let failures: Vec<Option<&RecordedFailure>> =
         solved.map(|found| found.failure.as_ref()).collect();

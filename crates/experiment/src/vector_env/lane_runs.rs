@@ -100,6 +100,7 @@ impl LaneRuns {
             plant: KinematicLanes::new(bodies, world.ground, runs)?,
             vehicles: spec.agents.iter().map(drivetrains).collect(),
             controllers: (0..runs).map(|_| controller()).collect(),
+            // Perfect sensors have no state, so they need no copy per run.
             sensing: vec![sensing; if disturb { runs } else { 0 }],
             samples: vec![0; runs],
             judge: RunsJudge::new(&world.rulebook, world.samples, runs)?,

@@ -292,3 +292,101 @@ impl StepInto<'_> {
         &mut self.observations[run * width..][..width]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Purpose;
+    use crate::sim::PlantKind;
+
+    fn key(index: u64) -> StartKey {
+        StartKey {
+            purpose: Purpose::Train,
+            seed: 3,
+            index,
+        }
+    }
+
+    /// `acc` with noisy sensors, on the plant of lanes and on that of benches.
+    fn noisy_worlds() -> [Scenario; 2] {
+        let text = include_str!("../../../../worlds/acc.ron").replacen(
+            "judge: UntilViolation,",
+            "judge: UntilViolation,\n    sensors: (position_sd_m: 0.5, speed_sd_mps: 0.3),",
+            1,
+        );
+        let rigid = Scenario::parse("acc.ron", &text).expect("sound");
+        [rigid.on(PlantKind::Kinematic), rigid]
+    }
+
+    #[test]
+    fn an_episode_from_a_start_is_that_of_its_key_and_has_none_itself() {
+        for world in noisy_worlds() {
+            let mut env = VectorEnv::new(&world, 2);
+            let width = env.spaces().observation;
+            let mut bench = world.bench();
+            let (start, noise) = (bench.draw(key(5)), bench.noise_of(key(5)));
+            let mut observations = vec![0.0; 2 * width];
+            // An earlier episode with a key leaves nothing behind.
+            env.begin(1, key(4), &mut observations[width..]);
+            env.begin(0, key(5), &mut observations[..width]);
+            env.begin_at(1, (&start, noise), &mut observations[width..]);
+            assert_eq!(env.played(1), None);
+            assert!(!env.play_again(1, &mut bench));
+            assert_eq!(observations[..width], observations[width..]);
+            let (mut rewards, mut ends) = ([0.0; 2], [None; 2]);
+            for _ in 0..8 {
+                env.step(&[0; 2], &mut observations, &mut rewards, &mut ends);
+                assert_eq!(observations[..width], observations[width..]);
+            }
+            assert_eq!(env.verdict(0), env.verdict(1));
+        }
+    }
+
+    #[test]
+    fn rows_have_the_newest_sample_of_every_requested_signal() {
+        let text = include_str!("../../../../worlds/cut_in.ron");
+        let world = Scenario::parse("cut_in.ron", text).expect("sound");
+        let [lanes, benches] = [PlantKind::Kinematic, PlantKind::Rigid].map(|it| world.on(it));
+        let mut bench = lanes.bench();
+        let signals: Vec<usize> = (0..lanes.world().schema().len()).collect();
+        let mut env = VectorEnv::with_rows(&lanes, 3, &signals);
+        assert_eq!(env.layout(), EnvLayout::Lanes);
+        let (width, actions) = (env.spaces().observation, env.spaces().actions);
+        let mut observations = vec![0.0; 3 * width];
+        for (at, row) in observations.chunks_mut(width).enumerate() {
+            env.begin(at, key(at as u64), row);
+        }
+        let (mut rewards, mut ends) = ([0.0; 3], [None; 3]);
+        for step in 0..8 {
+            for at in 0..3 {
+                assert!(env.play_again(at, &mut bench));
+                let trace = bench.trace();
+                let newest: Vec<u64> = signals
+                    .iter()
+                    .map(|signal| trace.column(*signal)[trace.len() - 1].to_bits())
+                    .collect();
+                let row: Vec<u64> = env.row(at).iter().map(|it| it.to_bits()).collect();
+                assert_eq!(row, newest, "environment {at}, step {step}");
+            }
+            let chosen = [step % actions, actions - 1, 0];
+            env.step(&chosen, &mut observations, &mut rewards, &mut ends);
+        }
+        // Rows are kept on request only, and benches have traces instead.
+        assert!(VectorEnv::new(&lanes, 1).row(0).is_empty());
+        assert!(
+            VectorEnv::with_rows(&benches, 1, &signals)
+                .row(0)
+                .is_empty()
+        );
+    }
+
+    #[test]
+    fn rows_take_memory_for_every_signal() {
+        let [lanes, _] = noisy_worlds();
+        let bytes = |env: VectorEnv| env.bytes_per_environment().expect("in lanes");
+        let without = bytes(VectorEnv::new(&lanes, LANES));
+        let with = bytes(VectorEnv::with_rows(&lanes, LANES, &[]));
+        let row = lanes.world().schema().len() * size_of::<f64>();
+        assert_eq!(with, without + row);
+    }
+}

@@ -259,7 +259,7 @@ pub fn remove(path: &Path) -> io::Result<()> {
 /// A file that is still being written is locked.
 pub fn sweep(dir: &Path) {
     for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
-        if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
+        if is_unfinished(&entry.file_name().to_string_lossy()) {
             let path = entry.path();
             let Ok(file) = OpenOptions::new().write(true).open(&path) else {
                 continue;
@@ -307,6 +307,11 @@ fn parent(path: &Path) -> &Path {
     }
 }
 
+/// Returns true for the name of an incomplete file.
+pub fn is_unfinished(name: &str) -> bool {
+    name.starts_with(UNFINISHED)
+}
+
 /// Returns true if a directory contains more than the beginning of a run.
 pub fn is_taken(path: &Path) -> bool {
     let Ok(entries) = fs::read_dir(path) else {
@@ -321,7 +326,7 @@ pub fn is_taken(path: &Path) -> bool {
             "known.json",
         ]
         .contains(&name)
-            || name.starts_with(UNFINISHED)
+            || is_unfinished(name)
     };
     let mut names = entries.flatten().map(|entry| entry.file_name());
     names.any(|name| !begun(&name.to_string_lossy()))

@@ -24,6 +24,34 @@ impl fmt::Display for RunDifference {
     }
 }
 
+/// Program whose content is not that of the stored results.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{path}` has results of the ego `{ego}` {}: `{command}`{}",
+    match was {
+        Some(was) => format!("from another program: its SHA-256 was {was} and is {is}"),
+        None => format!("from a program without its SHA-256, which is {is} now"),
+    },
+    match &changed[..] {
+        [] => String::new(),
+        changed => format!(", changed: {}", changed.join(", ")),
+    }
+)]
+pub struct OtherProgram {
+    /// Directory.
+    pub path: PathBuf,
+    /// Name of the ego.
+    pub ego: String,
+    /// Command of the program.
+    pub command: String,
+    /// SHA-256 of the program of the results, if it is known.
+    pub was: Option<String>,
+    /// SHA-256 of the present program.
+    pub is: String,
+    /// Files that differ.
+    pub changed: Vec<String>,
+}
+
 /// Failure to use a run directory.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
@@ -98,12 +126,32 @@ pub enum RunError {
         /// Description of the difference.
         why: String,
     },
+    /// A file in a directory of runs of a risk contains other runs.
+    #[error(
+        "`{path}` has other runs than its name says:{}",
+        differences.iter().map(|one| format!("\n  {one}")).collect::<String>()
+    )]
+    OtherPiece {
+        /// File.
+        path: PathBuf,
+        /// Differences of its runs from the expected ones.
+        differences: Vec<String>,
+    },
+    /// A directory for the runs of a risk has files, and no digest of a request.
+    #[error("`{path}` is not empty, and has no `request.sha256` that names the risk of its runs")]
+    NoRiskRequest {
+        /// Directory.
+        path: PathBuf,
+    },
     /// The run was trained with `--against conditional`, which is retired.
     #[error("the run `{path}` has a conditional ado, and conditional ados were retired")]
     Conditional {
         /// Directory.
         path: PathBuf,
     },
+    /// The directory contains results of another build of a program.
+    #[error(transparent)]
+    OtherProgram(Box<OtherProgram>),
     /// The directory contains runs of another risk.
     #[error(
         "`{path}` has runs of another risk: its world, ego, traffic, seed, version or natural runs differ"
@@ -164,8 +212,19 @@ impl RunError {
                  `brakecheck eval RUN --runs N`"
                     .to_owned(),
             ),
+            RunError::OtherProgram(_) => Some(
+                "name another directory for the results of this program, or restore the earlier \
+                 one"
+                    .to_owned(),
+            ),
             RunError::OtherRisk { .. } => {
                 Some("name another directory with `-o`, or repeat the command that began it".to_owned())
+            }
+            RunError::OtherPiece { .. } => {
+                Some("delete the file, so that its runs are played again".to_owned())
+            }
+            RunError::NoRiskRequest { .. } => {
+                Some("name an empty or a new directory with `-o`".to_owned())
             }
             RunError::OtherWorld { .. } => Some("name a run of the same world".to_owned()),
             RunError::World(_) => None,

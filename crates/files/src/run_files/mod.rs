@@ -8,7 +8,7 @@ pub mod disk;
 mod error;
 pub mod sealed;
 
-pub use error::{RunDifference, RunError};
+pub use error::{OtherProgram, RunDifference, RunError};
 pub use sealed::SealedFiles;
 
 /// Version of the layout of run directories. Other versions are refused.

@@ -28,7 +28,7 @@ struct Layout {
 /// Processor time beside the manifest, with a seal of its own.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Timing {
+struct StoredTiming {
     cpu_s: f64,
     seal: String,
 }
@@ -216,7 +216,8 @@ pub fn timing_s(run: &Path, is_due: bool) -> Result<f64, RunError> {
         };
     }
     let text = read_text(path)?;
-    let read: Timing = serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
+    let read: StoredTiming =
+        serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
     content_hash::check(&text, &read.seal).map_err(damaged)?;
     Ok(read.cpu_s)
 }

@@ -6,7 +6,7 @@
 use super::Example;
 use crate::preventability::{Label, NotApplicable};
 use crate::road::Direction;
-use crate::run_dir::LastChance;
+use crate::run_dir::{Answer, LastChance};
 use crate::scene::drive::DriveWorld;
 use crate::sim::Pose;
 use crate::world::Scenario;
@@ -23,18 +23,21 @@ pub(super) fn fault(scenario: &Scenario, example: &Example) -> StyledFault {
     let [avoid, _] = known.drivers();
     let (some, all) = (avoid.len(), known.handover.len());
     let drivers = format!("avoided by {some} of {all} drivers");
+    let why = example.about.why.as_ref();
+    let chance = why.and_then(|why| why.last_chance.as_ref());
     // Exoneration comes first: it holds whatever the reference drivers do.
     match (known.exonerated, known.label, known.not_applicable) {
         (Some(_), ..) => said("not the ego's fault", "b-not"),
         (None, Label::AvoidedByAll, _) => said(&drivers, "b-ego"),
         (None, Label::AvoidedBySome, _) => said(&drivers, "b-hard"),
         (None, Label::OnlyByPerfect | Label::OnlyByForesight, _) => said(&drivers, "b-hard"),
-        (None, Label::UnavoidableByBraking, _) => said("unavoidable by braking", "b-hard"),
+        (None, Label::UnavoidableByBraking, _) => match chance.map(LastChance::answer) {
+            Some(Answer::NotAvoided) | None => said("unavoidable by braking", "b-hard"),
+            // The last chance is replayed in another way, too.
+            Some(_) => said(&drivers, "b-hard"),
+        },
         (None, _, Some(NotApplicable::WithoutEgo)) => said("not the ego's contact", "b-not"),
-        _ => by_right_of_way(scenario, example).unwrap_or_else(|| {
-            let why = example.about.why.as_ref();
-            by_braking(why.and_then(|why| why.last_chance.as_ref()))
-        }),
+        _ => by_right_of_way(scenario, example).unwrap_or_else(|| by_braking(chance)),
     }
 }
 
@@ -89,10 +92,10 @@ fn by_lane(
 
 /// Fault by braking, which states no more than is known.
 fn by_braking(chance: Option<&LastChance>) -> StyledFault {
-    let words = match chance.map(|chance| chance.at_s) {
-        Some(Some(_)) => "avoidable by braking",
-        Some(None) => "unavoidable by braking",
-        None => return ("fault not judged".to_owned(), "b-open"),
+    let words = match chance.map(LastChance::answer) {
+        Some(Answer::Avoided) => "avoidable by braking",
+        Some(Answer::NotAvoided) => "unavoidable by braking",
+        Some(Answer::NoAnswer(_)) | None => return ("fault not judged".to_owned(), "b-open"),
     };
     (words.to_owned(), "b-hard")
 }

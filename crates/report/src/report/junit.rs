@@ -19,8 +19,11 @@ pub(super) fn xml(report: &Report<'_>) -> String {
     let rows = || tested.iter().map(|tested| &tested.row);
     let errors = rows().filter(|row| errs(row)).count() + not_run;
     let failures: usize = rows().map(|row| row.successes).sum();
-    let skipped = rows().filter(|row| row.starts + row.invalid == 0).count();
-    let cases = |row: &Row| row.successes + usize::from(errs(row) || row.successes == 0);
+    let no_answer = rows().filter(|row| 0 < fouls(row)).count();
+    let skipped = no_answer + rows().filter(|row| row.starts + row.invalid == 0).count();
+    let cases = |row: &Row| {
+        row.successes + usize::from(errs(row) || row.successes == 0) + usize::from(0 < fouls(row))
+    };
     let tests = rows().map(cases).sum::<usize>() + not_run;
     // `sum` of no values is −0.0.
     let seconds: f64 = rows().fold(0.0, |sum, row| sum + row.cpu_s);
@@ -48,6 +51,21 @@ fn errs(row: &Row) -> bool {
     0 < row.invalid
 }
 
+/// Returns the number of starts on which an ado broke its rule first.
+///
+/// They are not known for a search, which goes on with another sequence.
+fn fouls(row: &Row) -> usize {
+    if row.violations.is_empty() {
+        return 0;
+    }
+    (row.foul_rate * row.starts as f64).round() as usize
+}
+
+fn violations(row: &Row) -> String {
+    let broken: Vec<String> = row.violations.iter().map(ToString::to_string).collect();
+    broken.join(", ")
+}
+
 fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
     let row = &tested.row;
     let solved = row.solved.iter().enumerate();
@@ -66,6 +84,11 @@ fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
             testcase classname=(class) name=(name) time=(format!("{:.3}", row.cpu_s)) {
                 (requirement(report))
                 @if row.starts == 0 { skipped message="no start was evaluated" {} }
+            }
+        }
+        @if let some @ 1.. = fouls(row) {
+            testcase classname=(class) name=(format!("{name}, starts without an answer")) time="0.000" {
+                skipped message=(format!("no answer from {some} of {} starts, on which an ado broke its rule first: {}", row.starts, violations(row))) {}
             }
         }
         @for (i, start) in starts.iter().enumerate() {

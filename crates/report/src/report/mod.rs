@@ -19,6 +19,7 @@ mod page;
 mod plot;
 mod points;
 mod recorded_rules;
+mod replayed;
 mod results;
 mod reuse;
 mod start_map;
@@ -37,8 +38,9 @@ pub use campaign::CampaignPage;
 pub use figures::sweep_curve;
 pub use points::{PointCase, PointsPage};
 pub use recorded_rules::recorded_rules_junit;
+pub use replayed::{ReplayCase, ReplayResult, replayed_junit};
 pub use start_map::{CellState, MapCell, StartMap};
-pub use table::TextTable;
+pub use table::{TextTable, WIDTH};
 pub use verdict::outcome_in_words;
 
 /// Content of a report.

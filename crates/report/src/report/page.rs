@@ -67,14 +67,14 @@ fn opening(report: &Report<'_>) -> Markup {
         @if !scenario.source.is_empty() { p class="dim" { (scenario.source) } }
         @for note in &report.notes { p class="note" { (note) } }
         @if !report.faults.is_empty() {
-            p class="note" { "The ego failed to run: what is below is no verdict on it." }
+            p class="note" { "What is below is no verdict on the ego:" }
             @for fault in &report.faults { p class="note" { (fault) } }
         }
         @if let Some(nominal) = &report.nominal {
             @let row = &nominal.row;
             @let all = (row.starts + row.trivial).max(1);
             div class="tiles" {
-                div class="tile" { b { (percent(row.success_rate)) } span { "of " (row.starts) " starts make the ego fail, every rule kept [" (format!("{:.1}, {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1])) "]" } }
+                div class="tile" { b { (results::success(row)) } span { "starts on which the ego violates its specification, every rule kept [" (results::interval(row)) "]" } }
                 div class="tile" { b { (percent(row.trivial as f64 / all as f64)) } span { "of " (all) " starts fail without an adversary; left out" } }
                 div class="tile" { b { (percent(row.foul_rate)) } span { "fouls: the ado broke a rule" } }
                 div class="tile" { b { (percent(row.contact_rate)) } span { "end in contact" @if let Some(speed) = row.closing_speed_mps { ", closing at " (format!("{:.1}", speed.median)) " m/s (median), " (format!("{:.1}", speed.p90)) " m/s (90 %)" } @if let Some(late) = row.foul_before_contact_rate { "; on " (percent(late)) " of the starts the ado broke a rule between the failure and the contact" } } }
@@ -90,7 +90,7 @@ fn seen(report: &Report<'_>, nominal: &Nominal) -> Markup {
     html! {
         h2 { "Most informative counterexamples, the worst first" }
         @if nominal.highlights.is_empty() {
-            p { "The ado makes the ego fail from none of the test starts." }
+            p { "The ego violates its specification on none of the test starts." }
         } @else {
             p class="dim" { "Seen from above, at their true sizes, forward to the right. Each plays its last four seconds; press play, drag the slider or choose a still for the rest. Dashed outlines: where they were when the requirement was broken. Red lamps: braking." }
         }

@@ -67,7 +67,7 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
                     td class="n" data-l="episodes" { (m.episodes) } td class="n" data-l="CPU s" { (format!("{:.0}", m.cpu_s)) }
                     td class="n" data-l="recall on calibration starts" { (m.calibration.map_or("–".to_owned(), |c| format!("{} of {}", c.both, c.searched))) }
                     @match training.closing.first() {
-                        Some(row) => { td class="n" data-l="closing evaluation" { (percent(row.success_rate)) " of " (row.starts) } td data-l="95 %" { (interval(row)) } }
+                        Some(row) => { td class="n" data-l="closing evaluation" { (success(row)) } td data-l="95 %" { (interval(row)) } }
                         None => { td class="n" data-l="closing evaluation" { "–" } td {} }
                     }
                 }
@@ -81,8 +81,22 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
     }
 }
 
+/// Returns the 95 % interval of a row in %, or its progress if it was interrupted.
 pub(super) fn interval(row: &Row) -> String {
-    format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1])
+    match (row.ci95, row.partial) {
+        (Some([lo, hi]), _) => format!("{:.1} – {:.1}", 100.0 * lo, 100.0 * hi),
+        (None, Some(partial)) => format!("{} of {} decided", partial.decided, partial.of),
+        (None, None) => "–".to_owned(),
+    }
+}
+
+/// Returns the success of a row, of an interrupted row the least that it can be.
+pub(super) fn success(row: &Row) -> String {
+    match (row.starts, row.partial) {
+        (_, Some(partial)) => format!("at least {} of {}", row.successes, partial.of),
+        (0, None) => "–".to_owned(),
+        (starts, None) => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
+    }
 }
 
 /// Success by start for the first pairs of axes, and the robustness.
@@ -117,7 +131,7 @@ pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
         @if maps.is_empty() {
             p { "The starts differ in fewer than two quantities: there is no map of them." }
         } @else {
-            p class="dim" { "Colour: share of the starts in a cell from which the ado makes the ego fail. Ring: share on which it broke a rule, by its area. Blank: no start, or only starts from which the ego fails by itself. Robustness is of episodes without fouls." }
+            p class="dim" { "Colour: share of the starts in a cell on which the ego violates its specification. Ring: share on which it broke a rule, by its area. Blank: no start, or only starts from which the ego fails by itself. Robustness is of episodes without fouls." }
         }
     }
 }

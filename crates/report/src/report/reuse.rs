@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::results::{interval, percent};
+use super::results::{interval, percent, success};
 use super::{Tested, Training};
 use crate::run_dir::{AdversaryId, Row};
 use crate::stats::StartOutcome;
@@ -14,22 +14,27 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
     let sorted = sorted(tested);
     html! {
         div class="wide" { table class="rows" {
-            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s, median / 90 %" } th class="n" { "sims / start" } } }
-            tbody { @for Tested { row, .. } in &sorted { tr {
+            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "front / side / rear" } th class="n" { "closing m/s, median / 90 %" } th class="n" { "at rest, hit behind" } th class="n" { "avoided" } th class="n" { "sims / start" } } }
+            tbody { @for Tested { row, .. } in &sorted { @let cells = row.contact_cells(); tr {
                 td { (row.ego) } td data-l="ado" { (row.ado) } td class="m" data-l="method" { (row.method) }
                 td class="n" data-l="success" {
-                    @if row.starts == 0 { "–" } @else { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
+                    (success(row))
                     @if 0 < row.invalid { ", " (row.invalid) " invalid" }
                 }
                 td class="bar" { span class="share" style=(format!("width:{:.1}rem", 4.0 * row.success_rate)) {} }
                 td data-l="95 %" { (interval(row)) }
                 td class="n" data-l="recall" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
-                td class="n" data-l="fouls" { (percent(row.foul_rate)) } td class="n" data-l="fouls before contact" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" data-l="contact" { (percent(row.contact_rate)) }
-                td class="n" data-l="closing m/s, median / 90 %" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90))) }
+                td class="n" data-l="fouls" { (percent(row.foul_rate)) } td class="n" data-l="fouls before contact" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" data-l="contact" { (cells[0]) }
+                td class="n" data-l="front / side / rear" { (cells[1]) }
+                td class="n" data-l="closing m/s, median / 90 %" { (row.success_closing_mps.or(row.closing_speed_mps).map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90))) }
+                td class="n" data-l="at rest, hit behind" { (cells[2]) } td class="n" data-l="avoided" { (cells[3]) }
                 td class="n" data-l="sims / start" { (format!("{:.1}", row.sims_per_start)) }
             } } }
         } }
         @for words in in_words(&sorted) { p { (words) } }
+        @for Tested { row, .. } in &sorted { @if let Some(warning) = row.success_contacts.as_ref().and_then(|it| it.warning(row.successes)) {
+            p class="warning" { (row.ego) ", " (row.ado) ": " (warning) "." }
+        } }
         @for Tested { row, .. } in &sorted { @if let Some(severity) = &row.severity {
             p class="dim" { "Contacts, " (row.ego) ", " (row.ado) ": " (severity) }
         } }

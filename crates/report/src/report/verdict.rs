@@ -7,7 +7,7 @@ use super::Example;
 use super::fault::{StyledFault, fault};
 use crate::ego::Phase;
 use crate::rulebook::{RulesUntilContact, Verdict};
-use crate::run_dir::{LastChance, Severity};
+use crate::run_dir::{Answer, LastChance, Severity};
 use crate::scene::Role;
 use crate::scene::drive::Drive;
 use crate::severity::{CrashKind, Side};
@@ -288,12 +288,13 @@ fn care(example: &Example) -> Option<String> {
 
 fn by_braking(chance: &LastChance) -> String {
     let driver = &chance.driver;
-    match chance.at_s {
-        Some(at_s) => {
+    match (chance.at_s, chance.answer()) {
+        (Some(at_s), _) => {
             let before_s = (chance.violated_s - at_s).max(0.0);
             format!("{driver} {before_s:.2} s before the failure would have avoided it")
         }
-        None => format!("{driver} would not have avoided it at any time"),
+        (None, Answer::NoAnswer(_)) => format!("no answer whether {driver} would have avoided it"),
+        (None, _) => format!("{driver} would not have avoided it at any time"),
     }
 }
 

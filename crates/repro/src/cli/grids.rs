@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, once, world};
-use crate::{Table1, Table1Error, table1, table1_markdown};
+use crate::{Scale, Table1, Table1Error, table1, table1_markdown};
 
 /// The grid worlds of Table I, the headline first.
 const WORLDS: [&str; 2] = ["grid_hard", "grid"];
@@ -11,6 +11,7 @@ const WORLDS: [&str; 2] = ["grid_hard", "grid"];
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let request = Table1 {
         seeds: args.seeds_within(MOST_SEEDS),
+        scale: Scale::PAPER,
     };
     let mut studies = Vec::new();
     for name in WORLDS {
@@ -39,10 +40,12 @@ impl From<Table1Error> for Failure {
     fn from(error: Table1Error) -> Failure {
         match error {
             Table1Error::Train(error) => error.into(),
-            Table1Error::NotAGrid(_) | Table1Error::Change(_) => Failure::input(
-                error.to_string(),
-                "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",
-            ),
+            Table1Error::NotAGrid(_) | Table1Error::Change(_) | Table1Error::NotSolvable(_) => {
+                Failure::input(
+                    error.to_string(),
+                    "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",
+                )
+            }
         }
     }
 }

@@ -369,12 +369,12 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
             let rate = |judge: usize| {
                 let row = study.baselines.get(judge).and_then(|one| one.rows.get(at));
                 row.map_or("–".to_owned(), |row| {
-                    format!(
-                        "{} [{:.1}, {:.1}]",
-                        percent(row.success_rate),
-                        100.0 * row.ci95[0],
-                        100.0 * row.ci95[1],
-                    )
+                    // An interrupted row has no interval.
+                    let Some([lo, hi]) = row.ci95.map(|ci95| ci95.map(|share| 100.0 * share))
+                    else {
+                        return "–".to_owned();
+                    };
+                    format!("{} [{lo:.1}, {hi:.1}]", percent(row.success_rate))
                 })
             };
             let violations = study.baselines.first().and_then(|one| one.rows.get(at));

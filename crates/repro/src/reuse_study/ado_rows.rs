@@ -27,6 +27,7 @@ impl EgoOnStarts<'_> {
             request: self.ego.against(Ado::Trained(&*policy, seed), self.starts),
             policy: &*policy,
             tries,
+            temperature: None,
         };
         let mut rows = vec![
             self.trained("nominal ado", &*policies.nominal.policy()?, seed),

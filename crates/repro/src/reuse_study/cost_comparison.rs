@@ -109,9 +109,9 @@ mod tests {
         ReusedOn {
             ego: name.to_owned(),
             relation: Relation::Inside,
-            fails_without_adversary: 0.0,
+            fails_without_adversary: Some(0.0),
             reachable: None,
-            union: 0.0,
+            union: Some(0.0),
             rows,
         }
     }

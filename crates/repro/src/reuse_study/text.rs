@@ -66,7 +66,7 @@ fn one_markdown(study: &ReuseReport) -> String {
         let shown = [
             ego.ego.clone(),
             ego.relation.heading().to_owned(),
-            percent(ego.fails_without_adversary),
+            or_dash(ego.fails_without_adversary.map(percent)),
             or_dash(ego.reachable.map(percent)),
         ];
         let rates = rates.map(|rate| or_dash(rate.map(percent)));

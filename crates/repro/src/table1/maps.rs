@@ -11,8 +11,8 @@ pub(super) struct Map {
     pub(super) paper_random: Option<f64>,
 }
 
-/// Returns the maps of RQ1 to RQ3, in the order of Table I.
-pub(super) fn maps() -> Vec<Map> {
+/// Returns the maps of RQ1 to RQ3 up to a side, in the order of Table I.
+pub(super) fn maps(largest: u32) -> Vec<Map> {
     let size = |size, paper, random| Map {
         question: "RQ2",
         words: format!("n = {size}, k = 2"),
@@ -39,7 +39,7 @@ pub(super) fn maps() -> Vec<Map> {
         paper_random: Some(0.0983),
         ..size(4, 0.6792, 0.0)
     };
-    vec![
+    let mut all = vec![
         trained_on,
         size(2, 0.6667, 0.3333),
         size(4, 0.6792, 0.0291),
@@ -49,5 +49,7 @@ pub(super) fn maps() -> Vec<Map> {
         step(3, 0.725, 0.0292),
         step(2, 0.6792, 0.0292),
         step(1, 0.6792, 0.0708),
-    ]
+    ];
+    all.retain(|map| map.change.size.is_none_or(|size| size <= largest));
+    all
 }

@@ -22,7 +22,7 @@ pub(crate) use value::NearStarts;
 
 use maps::{Map, maps};
 
-use brakecheck::adversary::Ado;
+use brakecheck::adversary::{Ado, NotSolvable};
 use brakecheck::experiment::{TestStarts, Watch};
 use brakecheck::rl::{Control, LearnerConfig, LearnerRng, Policy};
 use brakecheck::run_dir::Row;
@@ -36,7 +36,10 @@ use brakecheck::world::NotAGrid;
 use brakecheck::world::{ChangeError, Scenario};
 use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
 use brakecheck_scene::grid_solver::exact::{Game, chase};
+use brakecheck_scene::grid_solver::game_graph::{Depth, GameGraph};
+use brakecheck_scene::grid_solver::values::ValueTable;
 use brakecheck_scene::scene::grid::{Position, position_of};
+use brakecheck_world::world::scenario_kind::GridScenario;
 
 /// Number of random tables behind every mean.
 const TABLES: usize = 20;
@@ -48,6 +51,29 @@ pub struct Table1 {
     ///
     /// The stream of the test starts is also the seed of the random ados.
     pub seeds: Seeds,
+    /// Extent of the study.
+    pub scale: Scale,
+}
+
+/// Extent of Table I.
+#[derive(Clone, Copy, Debug)]
+pub struct Scale {
+    /// Side of the map of RQ4 and RQ5. Larger maps of RQ2 are left out.
+    pub large: u32,
+    /// Values of ε of RQ5, with the paper's shares.
+    pub refinements: &'static [(u32, f64)],
+    /// Number of starts on refined maps.
+    pub refined_starts: usize,
+}
+
+impl Scale {
+    /// The paper's own extent.
+    pub const PAPER: Scale = Scale {
+        large: 10,
+        refinements: &[(3, 0.89), (5, 0.78)],
+        // Three times 300.
+        refined_starts: 900,
+    };
 }
 
 /// Error of Table I.
@@ -59,6 +85,9 @@ pub enum Table1Error {
     /// A map of the table does not fit the world.
     #[error("a map of Table I does not fit the world: {0}")]
     Change(#[from] ChangeError),
+    /// The optimum of a map cannot be computed.
+    #[error("a map of Table I has no exact solution: {0}")]
+    NotSolvable(#[from] NotSolvable),
     /// A training failed.
     #[error(transparent)]
     Train(#[from] TrainError),
@@ -190,7 +219,7 @@ pub fn table1(
     };
     let mut rows = Vec::new();
     let mut cells = Vec::new();
-    for map in maps() {
+    for map in maps(request.scale.large) {
         let Some(cell) = measure(
             scenario, &map, &learners, &learned, request, &mut rows, watch,
         )?
@@ -351,10 +380,11 @@ fn measure(
         });
         rows.extend(own);
     }
-    let game = Game::of(changed.require_grid()?.world());
+    let grid = changed.require_grid()?;
+    let arena = grid.world().spec().arena;
     let positions = starts.starts.iter();
     let positions: Vec<Position> = positions
-        .map(|(start, _)| position_of(start, &game.arena))
+        .map(|(start, _)| position_of(start, &arena))
         .collect();
     Ok(Some(MapResult {
         question: map.question.to_owned(),
@@ -362,7 +392,7 @@ fn measure(
         starts: positions.len(),
         paper: map.paper,
         paper_random: map.paper_random,
-        references: References::of(&game, &positions, request.seeds.starts),
+        references: References::of(grid, &positions, request.seeds.starts)?,
         trained,
     }))
 }
@@ -381,8 +411,17 @@ pub struct References {
 }
 
 impl References {
-    fn of(game: &Game, positions: &[Position], seed: u64) -> References {
-        let (solution, chance) = (game.solve(), game.random_chances());
+    fn of(
+        grid: GridScenario<'_>,
+        positions: &[Position],
+        seed: u64,
+    ) -> Result<References, NotSolvable> {
+        let world = grid.world();
+        let starts = positions.iter().copied();
+        let graph = GameGraph::explore_from(world, grid.rulebook(), Depth::Sign, starts)?;
+        let best = ValueTable::soonest(graph);
+        let game = &Game::of(world);
+        let chance = game.random_chances();
         let share = |of: &dyn Fn(&Position) -> f64| {
             positions.iter().map(of).sum::<f64>() / positions.len().max(1) as f64
         };
@@ -392,12 +431,12 @@ impl References {
             let table = random_table(game, seed, table);
             tables += share(&|both| caught(game.captures(*both, |at| table[game.pair(at)])));
         }
-        References {
-            optimum: share(&|both| caught(solution.capture_in(*both).is_some())),
+        Ok(References {
+            optimum: share(&|both| caught(best.at(*both).is_some_and(|value| value > 0.0))),
             random: share(&|both| chance[game.pair(*both)]),
             random_tables: tables / TABLES as f64,
             chaser: share(&|both| caught(game.captures(*both, |at| chase(at, &game.moves)))),
-        }
+        })
     }
 }
 

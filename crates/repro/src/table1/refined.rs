@@ -4,7 +4,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::value::LargeMap;
-use super::{Learned, LearnerOnMap, References, Table1Error, TrainingProgress, spread, starts_of};
+use super::{
+    Learned, LearnerOnMap, References, Table1, Table1Error, TrainingProgress, spread, starts_of,
+};
 use brakecheck::rl::LearnerConfig;
 use brakecheck::scene::Start;
 use brakecheck::stats::{Outcomes, StartOutcome, seeds_interval};
@@ -13,16 +15,11 @@ use brakecheck::world::GridChange;
 use brakecheck::world::Starts;
 use brakecheck_evaluation::theorems::{bisimulations, lifted};
 use brakecheck_scene::grid_solver::bisimulation::Bisimulation;
-use brakecheck_scene::grid_solver::exact::Game;
 use brakecheck_scene::scene::grid::{Position, position_of, start_of};
 use brakecheck_world::world::scenario_kind::GridScenario;
 
 /// Number of random training starts, as in the paper.
 const TRAINING_STARTS: usize = 200;
-/// Number of starts on refined maps: three times 300, as in the paper.
-const REFINED_STARTS: usize = 900;
-/// Values of ε with the paper's shares.
-const REFINEMENTS: [(u32, f64); 2] = [(3, 0.89), (5, 0.78)];
 /// Margin τ of a capture by unit moves under the shipped rule.
 const TAU: f64 = 0.5;
 
@@ -83,7 +80,7 @@ pub(super) fn refined(
     };
     let coarse = large.map.require_grid()?;
     let mut all = Vec::new();
-    for (refine, paper) in REFINEMENTS {
+    for &(refine, paper) in large.request.scale.refinements {
         if progress.watch.stopped() {
             return Ok(None);
         }
@@ -96,7 +93,7 @@ pub(super) fn refined(
         };
         let fine = large.map.with(&step.into())?;
         let maps = (coarse, fine.require_grid()?);
-        let Some(reuse) = Reuse::of(maps, large.request.seeds.starts) else {
+        let Some(reuse) = Reuse::of(maps, &large.request)? else {
             return Ok(None);
         };
         all.push(reuse.map(refine, paper, (learners.len(), &learned)));
@@ -121,21 +118,29 @@ struct Reused {
 }
 
 impl<'a> Reuse<'a> {
-    fn of((coarse, fine): (GridScenario<'a>, GridScenario<'a>), seed: u64) -> Option<Reuse<'a>> {
-        let game = Game::of(fine.world());
-        let starts = starts_of(&fine, seed, REFINED_STARTS).starts;
+    fn of(
+        (coarse, fine): (GridScenario<'a>, GridScenario<'a>),
+        request: &Table1,
+    ) -> Result<Option<Reuse<'a>>, Table1Error> {
+        // The last relation has the largest ε below τ.
+        let relations = bisimulations(coarse, fine, TAU);
+        let Some(relation) = relations.and_then(|mut all| all.pop()) else {
+            return Ok(None);
+        };
+        let arena = fine.world().spec().arena;
+        let seed = request.seeds.starts;
+        let starts = starts_of(&fine, seed, request.scale.refined_starts).starts;
         let positions = starts.iter();
         let positions: Vec<Position> = positions
-            .map(|(start, _)| position_of(start, &game.arena))
+            .map(|(start, _)| position_of(start, &arena))
             .collect();
-        Some(Reuse {
-            // The last relation has the largest ε below τ.
-            relation: bisimulations(coarse, fine, TAU)?.pop()?,
-            references: References::of(&game, &positions, seed),
+        Ok(Some(Reuse {
+            relation,
+            references: References::of(fine, &positions, seed)?,
             coarse,
             fine,
             positions,
-        })
+        }))
     }
 
     fn is_related(&self, both: &Position) -> bool {

@@ -1,5 +1,7 @@
 //! RQ4: similar failures at starts of similar value (Theorems 1 and 2).
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +12,8 @@ use brakecheck::testbench::{Aftermath, PolicyActor, Success, play};
 use brakecheck::world::Starts;
 use brakecheck::world::{GridChange, Scenario};
 use brakecheck_scene::grid_solver::exact::Game;
-use brakecheck_scene::grid_solver::values::ValueTable;
+use brakecheck_scene::grid_solver::game_graph::{Depth, GameGraph};
+use brakecheck_scene::grid_solver::values::{ValueTable, rewards};
 use brakecheck_scene::scene::grid::position_of;
 
 /// Number of random training starts of RQ4, as in the paper.
@@ -59,7 +62,7 @@ pub struct NearShare {
     pub min: f64,
     /// Mean number of δ-near starts per counterexample.
     pub near: f64,
-    /// Counterexamples of all seeds with δ < γ^T (g(τ) + 1), the premise of Theorem 1.
+    /// Counterexamples of all seeds with δ < γ^T (g(τ) + ρ), the premise of Theorem 1.
     pub satisfying: usize,
     /// Share around these counterexamples alone. `None`: there are none.
     pub where_satisfied: Option<f64>,
@@ -76,7 +79,7 @@ pub struct Centre {
     pub start: Start,
     /// Number T of the capturing decision, from 0.
     pub decision: usize,
-    /// γ^T (g(τ) + 1), which must exceed δ.
+    /// γ^T (g(τ) + ρ), which must exceed δ. ρ is the mildest penalty of a rule violation.
     pub reach: f64,
 }
 
@@ -85,6 +88,7 @@ pub(super) struct LargeMap {
     pub(super) map: Scenario,
     pub(super) request: Table1,
     game: Game,
+    graph: Arc<GameGraph>,
     starts: Vec<Start>,
 }
 
@@ -106,14 +110,16 @@ struct Studied {
 impl LargeMap {
     pub(super) fn new(scenario: &Scenario, request: &Table1) -> Result<LargeMap, Table1Error> {
         let change = GridChange {
-            size: Some(10),
+            size: Some(request.scale.large),
             ego_step: Some(1),
             ..GridChange::default()
         };
         let map = scenario.with(&change.into())?;
+        let world = map.require_grid()?.world();
         Ok(LargeMap {
+            graph: GameGraph::explore(world, map.rulebook(), Depth::Exact)?,
             starts: map.starts().unwrap_or_default(),
-            game: Game::of(map.require_grid()?.world()),
+            game: Game::of(world),
             map,
             request: *request,
         })
@@ -203,9 +209,9 @@ impl LargeMap {
     }
 
     fn studied(&self, learner: &LearnerConfig, learned: &Learned) -> Studied {
-        let reward = self.map.rulebook().reward;
         // V* is discounted like the learner's V, so both can be compared.
-        let best = ValueTable::exact(&self.game, learner.discount(), |rho| reward.lawful(rho));
+        let reward = rewards(self.map.rulebook());
+        let best = ValueTable::exact(Arc::clone(&self.graph), learner.discount(), reward);
         let mut bench = self.map.bench();
         let mut obs = vec![0.0; bench.spaces().observation];
         let mut actor = PolicyActor(&*learned.policy);
@@ -216,7 +222,9 @@ impl LargeMap {
             bench.observe(&mut obs);
             let value = f64::from(learned.policy.value(&obs));
             // The maximum over all starts is the α of the printed bound in Theorem 2.
-            alpha = alpha.max((value - best.at(position_of(start, &self.game.arena))).abs());
+            let known = best.at(position_of(start, &self.game.arena));
+            // A start without a value is infinitely far, never near.
+            alpha = alpha.max(known.map_or(f64::INFINITY, |known| (value - known).abs()));
             let episode = play(&mut bench, start, 0, &mut actor, Aftermath::Skip);
             Known {
                 value,
@@ -238,7 +246,7 @@ impl LargeMap {
         // The seed is fixed, so equal requests select the same counterexamples.
         LearnerRng::new(self.request.seeds.starts.wrapping_mul(104_729) + learned.seed)
             .shuffle(&mut known);
-        let reward = self.map.rulebook().reward;
+        let (reward, rules) = (self.map.rulebook().reward, self.map.rulebook().rules.len());
         let chosen = known
             .into_iter()
             .take(COUNTEREXAMPLES)
@@ -255,7 +263,7 @@ impl LargeMap {
                     seed: learned.seed,
                     start: success.start.clone(),
                     decision,
-                    reach: weight * (reward.lawful(success.by) + 1.0),
+                    reach: weight * (reward.lawful(success.by) - reward.foul(1, rules)),
                 };
                 Some((start, centre))
             });

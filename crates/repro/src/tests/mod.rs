@@ -5,6 +5,7 @@ mod near;
 mod paper;
 mod reusing;
 mod structures;
+mod table1;
 
 use brakecheck::world::Scenario;
 

@@ -7,11 +7,13 @@ use super::natural_counts::{JUDGED, NaturalCounts};
 use super::natural_runs::LANES;
 use super::record::{KnownFailure, RiskRun};
 use super::run::{EpisodeSource, Order, RiskWorld};
-use super::run_file;
+use super::run_file::{self, PieceId};
 use crate::experiment::{EpisodeLoop, Watch};
-use crate::run_dir::{RunError, make_dir, write_file};
+use crate::run_dir::{PROGRAMS, RunError, is_unfinished, make_dir, write_file};
 use crate::testbench::Testbench;
 
+/// File with the digest of the request whose runs a directory has.
+const REQUEST: &str = "request.sha256";
 /// Runs of a piece, which is stored as a whole.
 const PIECE: usize = 500;
 /// Runs of a round in which failures are assessed for preventability.
@@ -36,6 +38,8 @@ pub(super) struct Player<'a> {
     /// True if natural runs can be played side by side.
     pub(super) has_lanes: bool,
     pub(super) seed: u64,
+    /// Digest of the request.
+    pub(super) request: String,
     /// Name of the ego's files.
     pub(super) name: String,
     /// Directory of finished pieces, if they are stored.
@@ -50,13 +54,23 @@ impl Content<'_> {
             Content::Known(known) => known.len(),
         }
     }
+
+    /// Returns the kind of the runs, as stored pieces have it.
+    fn word(&self) -> &'static str {
+        match self {
+            Content::Natural(_) => "natural",
+            Content::Exploring(_) => "exploring",
+            Content::Round(_) => "round",
+            Content::Known(_) => "known",
+        }
+    }
 }
 
 impl Player<'_> {
     /// Plays a batch. `None`: stopped.
     ///
     /// # Errors
-    /// The disk refuses, or a stored piece is damaged.
+    /// The disk refuses, or a stored piece is damaged or of other runs.
     pub(super) fn play(
         &self,
         stage: u64,
@@ -95,8 +109,10 @@ impl Player<'_> {
         let components = mixture.allocation(total);
         for first in (0..total).step_by(PIECE) {
             let items: Vec<usize> = (first..total.min(first + PIECE)).collect();
-            let file = self.file(stage, (first, total));
-            if let Some(piece) = file.as_deref().map(run_file::read).transpose()?.flatten() {
+            let id = self.piece(stage, &content, (first, items.len()));
+            let file = self.file(&id);
+            let stored = file.as_deref().map(|file| run_file::read(&id, file));
+            if let Some(piece) = stored.transpose()?.flatten() {
                 // A resumed verb ends as one that was not killed.
                 for (index, run) in (first as u64..).zip(&piece) {
                     self.watch.faults.note_stored(index, run.fault());
@@ -125,7 +141,7 @@ impl Player<'_> {
             // Only whole pieces are stored, so a killed process repeats one piece at
             // most.
             if let Some(file) = file {
-                write_file(&file, &run_file::bytes(&piece, &file)?)?;
+                write_file(&file, &run_file::bytes(&id, &piece, &file)?)?;
             }
             used(piece);
         }
@@ -203,23 +219,60 @@ impl Player<'_> {
         }
     }
 
-    fn file(&self, stage: u64, (first, total): (usize, usize)) -> Option<PathBuf> {
+    fn piece(&self, stage: u64, content: &Content<'_>, (first, runs): (usize, usize)) -> PieceId {
+        PieceId {
+            request: self.request.clone(),
+            ego: self.name.clone(),
+            seed: self.seed,
+            stage,
+            content: content.word().to_owned(),
+            total: content.len(),
+            first,
+            runs,
+        }
+    }
+
+    fn file(&self, piece: &PieceId) -> Option<PathBuf> {
         let dir = self.dir.as_ref()?;
         // The components of runs depend on their number. A round that the budget cut
         // short is played anew under a greater one.
-        let name = format!("{}-{stage:03}-of-{total}-{first:07}.runs", self.name);
+        let PieceId {
+            ego,
+            stage,
+            total,
+            first,
+            ..
+        } = piece;
+        let name = format!("{ego}-{stage:03}-of-{total}-{first:07}.runs");
         Some(dir.join(name))
     }
+}
+
+/// Returns whether a directory is that of an earlier request.
+pub(super) fn is_used(dir: &Path) -> bool {
+    dir.join("request.sha256").exists()
 }
 
 /// Opens the directory of a request, whose fingerprint its files must have.
 ///
 /// # Errors
-/// The disk refuses, or the directory is that of another request.
+/// The disk refuses, or the directory is that of another request, or of an unknown one.
 pub(super) fn open(dir: &Path, fingerprint: &str) -> Result<(), RunError> {
     make_dir(dir)?;
-    let file = dir.join("request.sha256");
+    let file = dir.join(REQUEST);
     if !file.exists() {
+        let entries = std::fs::read_dir(dir).map_err(|source| RunError::Io {
+            verb: "reading",
+            path: dir.into(),
+            source,
+        })?;
+        // Runs without their request could be those of any ego. A kill during the first
+        // write leaves an unfinished file, though, and the programs are bound before.
+        let is_begun = |name: &str| is_unfinished(name) || name == PROGRAMS;
+        let mut names = entries.flatten().map(|entry| entry.file_name());
+        if names.any(|name| !is_begun(&name.to_string_lossy())) {
+            return Err(RunError::NoRiskRequest { path: dir.into() });
+        }
         return write_file(&file, fingerprint.as_bytes());
     }
     let found = crate::run_dir::read_text(&file)?;
@@ -236,36 +289,90 @@ mod tests {
     use super::*;
     use crate::ego::Fault;
 
+    /// Plays ten natural runs, whose file is returned.
+    fn counted(
+        dir: &Path,
+        seed: u64,
+    ) -> (Result<NaturalCounts, RunError>, Watch<'static>, PathBuf) {
+        let world = world();
+        let traffic = traffic(&world, dir);
+        let watch = Watch::unwatched();
+        let player = Player {
+            world: RiskWorld::new(&world, traffic.starts.clone(), traffic.actions.clone()),
+            has_lanes: false,
+            seed,
+            request: "digest".to_owned(),
+            name: "ego".to_owned(),
+            dir: Some(dir.to_owned()),
+            watch: &watch,
+        };
+        let counts = player.count(0, 10, &Mixture::natural(1));
+        let counts = counts.map(|it| it.expect("not stopped"));
+        let piece = player.piece(0, &Content::Natural(10), (0, 10));
+        let file = player.file(&piece).expect("a directory");
+        drop(player);
+        (counts, watch, file)
+    }
+
+    fn piece() -> PieceId {
+        PieceId {
+            request: "digest".to_owned(),
+            ego: "ego".to_owned(),
+            seed: 0,
+            stage: 0,
+            content: "natural".to_owned(),
+            total: 10,
+            first: 0,
+            runs: 10,
+        }
+    }
+
     #[test]
     fn faults_of_stored_runs_are_reported_again() {
-        let (world, dir) = (world(), directory("risk-faults"));
-        let traffic = traffic(&world, &dir);
-        let counted = || {
-            let watch = Watch::unwatched();
-            let world = RiskWorld::new(&world, traffic.starts.clone(), traffic.actions.clone());
-            let player = Player {
-                world,
-                has_lanes: false,
-                seed: 0,
-                name: "ego".to_owned(),
-                dir: Some(dir.clone()),
-                watch: &watch,
-            };
-            let counts = player.count(0, 10, &Mixture::natural(1)).expect("a disk");
-            let file = player.file(0, (0, 10)).expect("a directory");
-            (counts.expect("not stopped"), watch.faults.complaint(), file)
-        };
-        let (counts, complaint, file) = counted();
-        assert_eq!((counts.drawn(), complaint), (10, None));
-        let mut runs = run_file::read(&file).expect("sound").expect("stored");
-        let fault = Some(Fault::error("the ego did not answer"));
+        let dir = directory("risk-faults");
+        let (played, watch, file) = counted(&dir, 0);
+        let played = played.expect("a disk");
+        assert_eq!((played.len(), played.faults.invalid), (10, 0));
+        assert_eq!(watch.faults.complaint(), None);
+        let mut runs = run_file::read(&piece(), &file)
+            .expect("sound")
+            .expect("stored");
+        let fault = Fault::error("the ego did not answer");
         runs[3].end = RunEnd::Invalid { fault };
-        let bytes = run_file::bytes(&runs, &file).expect("fits");
+        let bytes = run_file::bytes(&piece(), &runs, &file).expect("fits");
         std::fs::write(&file, bytes).expect("written");
-        let (counts, complaint, _) = counted();
-        let complaint = complaint.expect("a fault");
-        assert_eq!((counts.drawn(), complaint.episodes), (9, 10));
+        let (counts, watch, _) = counted(&dir, 0);
+        let counts = counts.expect("a disk");
+        let complaint = watch.faults.complaint().expect("a fault");
+        assert_eq!((counts.len(), counts.faults.invalid), (10, 1));
+        assert_eq!(complaint.episodes, 10);
         assert_eq!(complaint.faults[0].first_start, 3);
+        std::fs::remove_dir_all(&dir).expect("removed");
+    }
+
+    #[test]
+    fn stored_runs_of_another_seed_are_refused() {
+        let dir = directory("risk-other-seed");
+        assert!(counted(&dir, 0).0.is_ok());
+        let (refused, ..) = counted(&dir, 1);
+        let refused = refused.expect_err("another seed").to_string();
+        assert!(refused.contains("seed: 0, expected 1"), "{refused}");
+        std::fs::remove_dir_all(&dir).expect("removed");
+    }
+
+    #[test]
+    fn a_directory_belongs_to_one_request() {
+        let dir = directory("risk-open");
+        assert!(open(&dir, "one").is_ok() && open(&dir, "one").is_ok());
+        assert!(matches!(open(&dir, "two"), Err(RunError::OtherRisk { .. })));
+        std::fs::remove_file(dir.join(REQUEST)).expect("removed");
+        // What a kill leaves of the first write is nobody's run.
+        std::fs::write(dir.join(".brakecheck-x"), "on").expect("written");
+        assert!(open(&dir, "two").is_ok());
+        std::fs::remove_file(dir.join(REQUEST)).expect("removed");
+        std::fs::write(dir.join("ego-000-of-10-0000000.runs"), "").expect("written");
+        let refused = open(&dir, "two");
+        assert!(matches!(refused, Err(RunError::NoRiskRequest { .. })));
         std::fs::remove_dir_all(&dir).expect("removed");
     }
 }

@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::mixture::Mixture;
 use super::natural_counts::NaturalCounts;
-use super::pool::{RiskEstimate, Round, WeightTail, bound, greatest_share, pooled, weight_tail};
+use super::pool::{
+    RiskEstimate, Round, WeightTail, bound, fault_share, greatest_share, pooled, weight_tail,
+};
 use super::record::RiskRun;
 use crate::stats::poisson_tail;
 
@@ -66,6 +68,8 @@ pub struct Checks {
     /// Number of them with weights above those of earlier rounds.
     pub natural_beyond: usize,
     /// Upper bound per run that holds whatever the proposals missed.
+    ///
+    /// Every fault counts as a failure in it.
     pub bound: f64,
     /// Reasons why the estimate is no result. Empty if it is one.
     pub refusals: Vec<Refusal>,
@@ -102,14 +106,15 @@ impl Checks {
         mixture: &Mixture,
         probes: &[&Probe],
     ) -> Checks {
-        let (n, failures) = (natural.drawn(), natural.failures());
+        let (n, failures) = (natural.len(), natural.failures());
         let beyond = natural.stored_with(|run| limit < mixture.weight_of(run));
         // Two draws avoid a division by 0 in the bound.
         let none = Round {
             draws: vec![2],
             ..Round::default()
         };
-        let last = rounds.last().unwrap_or(&none);
+        let last = rounds.last().unwrap_or(&none).with_failing_faults();
+        let natural_worst = (beyond.0 + natural.stored_faults(), beyond.1);
         let estimate = pooled(rounds, |_| true);
         let covered = coverage(mixture, probes, heaviest(rounds, estimate));
         let tail = weight_tail(rounds, mixture.greatest_weight());
@@ -124,14 +129,15 @@ impl Checks {
             }),
             natural_failures: failures,
             natural_beyond: beyond.0,
-            bound: bound(last, limit, beyond).min(1.0),
+            bound: bound(&last, limit, natural_worst).min(1.0),
             refusals: Vec::new(),
         };
         checks.refusals = if rounds.is_empty() && 0 < failures {
             vec![Refusal::without_rounds(failures, n)]
         } else {
-            checks.found(rounds, tail, &covered)
+            checks.found(tail, &covered)
         };
+        checks.refusals.extend(invalid(rounds, estimate, natural));
         let disagreement = checks.disagreement(estimate, [n, beyond.1]);
         checks.refusals.extend(disagreement);
         checks
@@ -139,7 +145,6 @@ impl Checks {
 
     fn found(
         &self,
-        rounds: &[Round],
         tail: Option<WeightTail>,
         covered: &IndexMap<&str, [usize; 2]>,
     ) -> Vec<Refusal> {
@@ -184,7 +189,6 @@ impl Checks {
                 all.push(Refusal::new(reason, more));
             }
         }
-        all.extend(invalid(rounds));
         all
     }
 
@@ -210,16 +214,22 @@ impl Checks {
     }
 }
 
-/// Returns the refusal for invalid runs that could change the estimate.
-fn invalid(rounds: &[Round]) -> Option<Refusal> {
-    let estimate = pooled(rounds, |_| true)?;
-    let last = rounds.last()?;
-    let share = last.invalid / last.len() as f64;
+/// Returns the refusal for faults that could change the estimate.
+fn invalid(
+    rounds: &[Round],
+    estimate: Option<RiskEstimate>,
+    natural: &NaturalCounts,
+) -> Option<Refusal> {
+    let estimate = estimate?;
+    // Natural runs show faults where the proposals do not go.
+    let share = fault_share(rounds).max(natural.faults.share());
     // Faults must weigh less than what the estimate claims to know.
     let half = estimate.probability * estimate.half_width();
     (half < share).then(|| {
         Refusal::new(
-            format!("invalid runs have a weight of {share:.1e}, above the half-width {half:.1e}"),
+            format!(
+                "faults end a share of {share:.1e} of the runs, above the half-width {half:.1e}"
+            ),
             "mend the ego, whose faults are listed above",
         )
     })
@@ -265,9 +275,12 @@ fn coverage<'a>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::pool::WeightedFailure;
+    use super::super::pool::{WeightedFailure, WeightedFault};
     use super::super::record::{EgoFailure, RunEnd};
+    use super::super::start_tree::StartTree;
+    use super::super::value::{Value, ValueKind};
     use super::*;
+    use crate::ego::Fault;
 
     fn failure() -> EgoFailure {
         EgoFailure {
@@ -290,7 +303,7 @@ mod tests {
         Round {
             draws: vec![10_000],
             failures: (0..failures).map(failure).collect(),
-            invalid: 0.0,
+            faults: Vec::new(),
         }
     }
 
@@ -371,5 +384,193 @@ mod tests {
             "{found}"
         );
         assert_eq!(refused(0), "no failure is known in this traffic");
+    }
+
+    /// Refusals of a round, beside natural runs and without probes.
+    fn refusals(rounds: &[Round], natural: &NaturalCounts, limit: f64) -> Vec<String> {
+        let mixture = Mixture::natural(0);
+        let checks = Checks::of(rounds, (natural, limit), &mixture, &[]);
+        checks.refusals.into_iter().map(|it| it.reason).collect()
+    }
+
+    fn begins(found: &[String], with: &str) -> bool {
+        found.iter().any(|reason| reason.starts_with(with))
+    }
+
+    #[test]
+    fn each_check_refuses_at_its_own_threshold() {
+        let none = NaturalCounts::default();
+        // A few heavy failures, beside light ones that hardly count.
+        let mixed = |heavy: usize, light: usize| {
+            let mut round = round(heavy + light, 1e-6);
+            round.failures[..heavy]
+                .iter_mut()
+                .for_each(|it| it.weight = 1.0);
+            round
+        };
+        for (rounds, says, is_refused) in [
+            (round(24, 1.0), "24 failures, fewer than 25", true),
+            (round(25, 1.0), "25 failures, fewer", false),
+            (mixed(49, 100), "an effective number of 49 failures", true),
+            (mixed(50, 100), "an effective number", false),
+            (round(5, 1.0), "too few failures for the tail", true),
+            (round(6, 1.0), "too few failures for the tail", false),
+        ] {
+            let found = refusals(&[rounds], &none, 1.0);
+            assert_eq!(begins(&found, says), is_refused, "{says}: {found:?}");
+        }
+        assert_eq!(refusals(&[round(60, 1.0)], &none, 1.0), [""; 0]);
+        assert_eq!(
+            refusals(&[round(0, 1.0)], &none, 1.0),
+            ["no failure is known in this traffic"]
+        );
+    }
+
+    #[test]
+    fn a_heavy_tail_refuses_as_far_as_it_carries_something() {
+        // Quantiles of a Pareto density.
+        let pareto = |shape: f64, scale: f64| {
+            let mut all = round(200, 1.0);
+            for (i, it) in all.failures.iter_mut().enumerate() {
+                it.weight = scale * libm::pow((i as f64 + 0.5) / 200.0, -shape);
+            }
+            all
+        };
+        let none = NaturalCounts::default();
+        let says = "a heavy tail of the weights: k̂ is ";
+        let heavy = refusals(&[pareto(1.2, 1e-5)], &none, 1.0);
+        assert!(begins(&heavy, says), "{heavy:?}");
+        // No weight above 1 is possible, and the greatest has nearly reached it.
+        let capped = refusals(&[pareto(1.2, 7e-4)], &none, 1.0);
+        assert!(!begins(&capped, "a heavy tail"), "{capped:?}");
+        let light = refusals(&[pareto(0.3, 1e-5)], &none, 1.0);
+        assert!(!begins(&light, "a heavy tail"), "{light:?}");
+    }
+
+    #[test]
+    fn probes_refuse_from_five_of_a_kind_and_above_one_in_twenty() {
+        // Starts in the lower half are drawn often, and others with a tenth of the law.
+        let starts = (0..200).map(|at| {
+            let share = (f64::from(at) + 0.5) / 200.0;
+            (vec![share], if share < 0.5 { 1.0 } else { 0.0 })
+        });
+        let tree = StartTree::fit(&starts.collect::<Vec<_>>(), 1);
+        let value = Value::new(ValueKind::Table, [1, 1, 1], 0);
+        let mixture = Mixture::of(value, vec![tree; 2]);
+        let probe = |share: f64, mode: &str| {
+            let mut run = RiskRun::ending(RunEnd::Failed(EgoFailure {
+                mode: mode.to_owned(),
+                ..failure()
+            }));
+            run.shares = vec![share];
+            Probe { ego: 0, run }
+        };
+        // A weight of 2 would be a hundredth of the estimate.
+        let refused = |covered: usize, uncovered: usize, others: usize| {
+            let all = (0..covered).map(|_| probe(0.25, "contact"));
+            let all = all.chain((0..uncovered).map(|_| probe(0.75, "contact")));
+            let all = all.chain((0..others).map(|_| probe(0.25, "other")));
+            let probes: Vec<Probe> = all.collect();
+            let probes: Vec<&Probe> = probes.iter().collect();
+            let natural = NaturalCounts::default();
+            let checks = Checks::of(&[round(400, 0.5)], (&natural, 1.0), &mixture, &probes);
+            let reasons = checks.refusals.into_iter().map(|it| it.reason);
+            (checks.probes, reasons.collect::<Vec<_>>())
+        };
+        assert_eq!(refused(0, 4, 0), ([0, 4], vec![]));
+        assert_eq!(refused(19, 1, 0), ([19, 20], vec![]));
+        // Probes of another kind excuse nothing.
+        for (covered, uncovered, others) in [(0, 5, 0), (37, 2, 0), (0, 5, 200)] {
+            let (probes, found) = refused(covered, uncovered, others);
+            assert_eq!(probes, [covered + others, covered + uncovered + others]);
+            let says = format!(
+                "the proposals play {uncovered} of {} known counterexamples too rarely (contact)",
+                covered + uncovered
+            );
+            assert_eq!(found, [says]);
+        }
+    }
+
+    #[test]
+    fn faults_that_could_change_the_estimate_refuse_it() {
+        let none = NaturalCounts::default();
+        let faulty = |faults: usize| {
+            let mut round = round(100, 0.1);
+            let fault = WeightedFault {
+                index: 0,
+                component: 0,
+                weight: 0.1,
+            };
+            round.faults = vec![fault; faults];
+            round
+        };
+        // The estimate is 1e-3, with a half-width of about a fifth: 22 faults.
+        assert_eq!(refusals(&[faulty(20)], &none, 1.0), [""; 0]);
+        let found = refusals(&[faulty(25)], &none, 1.0);
+        assert!(begins(&found, "faults end a share of 2.5e-4"), "{found:?}");
+        // Earlier rounds count too.
+        let found = refusals(&[faulty(80), faulty(0)], &none, 1.0);
+        assert!(begins(&found, "faults end a share of"), "{found:?}");
+        // Natural runs show faults where no proposal goes.
+        let natural = |faults: usize| {
+            let ends = (0..10_000).map(|at| {
+                if at < faults {
+                    let fault = Fault::error("x");
+                    RiskRun::ending(RunEnd::Invalid { fault })
+                } else {
+                    RiskRun::ending(RunEnd::Held { lawful: None })
+                }
+            });
+            let mut counts = NaturalCounts::default();
+            counts.add(ends.collect());
+            counts
+        };
+        assert_eq!(refusals(&[faulty(0)], &natural(2), 1.0), [""; 0]);
+        let found = refusals(&[faulty(0)], &natural(3), 1.0);
+        assert!(begins(&found, "faults end a share of 3.0e-4"), "{found:?}");
+        // Both raise the bound, which speaks of everything that may have failed.
+        let bound = |round: Round, natural: &NaturalCounts| {
+            let mixture = Mixture::natural(0);
+            Checks::of(&[round], (natural, 1.0), &mixture, &[]).bound
+        };
+        let sound = bound(faulty(0), &natural(0));
+        assert!(sound + 1.9e-4 < bound(faulty(20), &natural(0)));
+        assert!(sound + 1.9e-4 < bound(faulty(0), &natural(2)));
+    }
+
+    #[test]
+    fn natural_failures_refuse_by_their_number_and_by_their_weight() {
+        // An estimate of 1e-3, whose upper end is about 1.2e-3.
+        let rounds = [round(100, 0.1)];
+        let found = refusals(&rounds, &natural(10_000, 0, 20), 2.0);
+        assert_eq!(found, [""; 0]);
+        let found = refusals(&rounds, &natural(10_000, 0, 25), 2.0);
+        assert!(begins(&found, "25 failures of 10000 natural"), "{found:?}");
+        // Natural failures have the weight 1, which is beyond a limit of 0.5.
+        let found = refusals(&rounds, &natural(10_000, 0, 4), 0.5);
+        assert!(begins(&found, "4 natural failures of kinds"), "{found:?}");
+        assert_eq!(refusals(&rounds, &natural(10_000, 0, 3), 0.5), [""; 0]);
+        assert_eq!(refusals(&rounds, &natural(10_000, 0, 4), 1.0), [""; 0]);
+    }
+
+    #[test]
+    fn checks_report_what_they_rest_on() {
+        let mixture = Mixture::natural(0);
+        let natural = natural(10_000, 0, 4);
+        let mut last = round(50, 0.2);
+        last.failures[7].weight = 2.2;
+        let checks = Checks::of(&[round(50, 0.1), last], (&natural, 0.5), &mixture, &[]);
+        assert_eq!((checks.hits, checks.natural_failures), (100, 4));
+        assert_eq!(checks.natural_beyond, 4);
+        // The second of two equal rounds counts √2 times as much.
+        let sum = 5.0 + std::f64::consts::SQRT_2 * 12.0;
+        let greatest = std::f64::consts::SQRT_2 * 2.2 / sum;
+        assert!((checks.greatest_share - greatest).abs() < 1e-9);
+        assert!(checks.pareto_k.is_some() && checks.unseen_share.is_some());
+        assert!(
+            1.2e-3 < checks.bound && checks.bound < 1.0,
+            "{}",
+            checks.bound
+        );
     }
 }

@@ -135,3 +135,109 @@ impl<'a> Decisions<'a> {
         (0..size).map(draw).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::RunEnd;
+    use super::*;
+
+    /// V of 0.1 for action 0 and 0.2 for action 1, in every state.
+    struct Constant;
+
+    impl ActionValues for Constant {
+        fn heads(&self) -> usize {
+            2
+        }
+
+        fn means_without(&self, _: &[f32], law: &[f32], without: usize) -> Vec<f64> {
+            let mean = [0.1, 0.2][1 - without] * f64::from(law[1 - without]);
+            vec![mean; 2]
+        }
+    }
+
+    fn run(actions: &[u32]) -> RiskRun {
+        RiskRun {
+            actions: actions.to_vec(),
+            inputs: vec![0.0; actions.len()],
+            laws: [0.5, 0.5].repeat(actions.len()),
+            ..RiskRun::ending(RunEnd::Outside)
+        }
+    }
+
+    #[test]
+    fn targets_go_back_from_the_end_of_a_run_under_the_law() {
+        let [held, failed] = [run(&[0, 0]), run(&[1, 0, 0])];
+        // The second head is for a kind of failure that the run is not of.
+        let runs = [(&held, vec![false; 2]), (&failed, vec![true, false])];
+        let data = Decisions::of(&runs);
+        assert_eq!(data.rows, [(0, 0), (0, 1), (1, 0), (1, 1), (1, 2)]);
+        let near = |found: &[f64], expected: &[f64]| {
+            let pairs = found.iter().zip(expected);
+            let far = pairs.filter(|(a, b)| (*a - *b).abs() > 1e-7).count();
+            assert!(far == 0 && found.len() == expected.len(), "{found:?}");
+        };
+        let all = data.targets(&Constant, &[0, 1]);
+        assert_eq!(all.rows, [0, 1, 2, 3, 4]);
+        // Action 1 has 0.5 · 0.2 of the mean, and action 0 has half of what follows it.
+        let held = [0.1, 0.1, LEAST, LEAST];
+        let failed = [0.4, 0.15, 0.6, 0.1, 1.0, LEAST];
+        near(&all.values, &[&held[..], &failed].concat());
+        // A run that is not read has no target.
+        let some = data.targets(&Constant, &[1]);
+        assert_eq!(some.rows, [2, 3, 4]);
+        near(&some.values, &[&[LEAST; 4][..], &failed].concat());
+    }
+
+    #[test]
+    fn half_of_a_batch_is_of_failures() {
+        let [held, failed] = [run(&[0; 50]), run(&[1, 0])];
+        let runs = [(&held, vec![false]), (&failed, vec![true])];
+        let data = Decisions::of(&runs);
+        let mut dice = LearnerRng::new(1);
+        let targets = data.targets(&Single, &[0, 1]);
+        let drawn = data.draw(1000, &targets, &mut dice);
+        let failing = drawn.iter().filter(|row| **row >= 50).count();
+        // Others are drawn from all rows, of which a twenty-sixth fails.
+        assert!((500..560).contains(&failing), "{failing}");
+        // Without a failure, all are of others.
+        let runs = [(&held, vec![false])];
+        let data = Decisions::of(&runs);
+        let targets = data.targets(&Single, &[0]);
+        assert!(
+            data.draw(100, &targets, &mut dice)
+                .iter()
+                .all(|row| *row < 50)
+        );
+    }
+
+    /// As [`Constant`], with one head.
+    struct Single;
+
+    impl ActionValues for Single {
+        fn heads(&self) -> usize {
+            1
+        }
+
+        fn means_without(&self, input: &[f32], law: &[f32], without: usize) -> Vec<f64> {
+            Constant.means_without(input, law, without)[..1].to_vec()
+        }
+    }
+
+    #[test]
+    fn a_sweep_reads_all_failures_and_some_of_many_others() {
+        let [held, failed] = [run(&[0; 50]), run(&[1; 50])];
+        let with = |others: usize| {
+            let mut runs = vec![(&held, vec![false]); others];
+            runs.insert(0, (&failed, vec![true]));
+            runs.push((&failed, vec![true]));
+            let data = Decisions::of(&runs);
+            data.sweep_runs(&mut LearnerRng::new(1))
+        };
+        // 800 others have as many decisions as a sweep reads.
+        assert_eq!(with(800), (0..802).collect::<Vec<usize>>());
+        let some = with(1600);
+        assert!(some.is_sorted() && some[0] == 0 && some.ends_with(&[1601]));
+        // 800 draws of 1600 find about 630 different ones.
+        assert!((580..680).contains(&(some.len() - 2)), "{}", some.len());
+    }
+}

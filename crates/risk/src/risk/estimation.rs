@@ -5,13 +5,14 @@ use super::checks::{Checks, Probe};
 use super::learning::Learning;
 use super::mixture::Mixture;
 use super::natural_counts::NaturalCounts;
-use super::pool::{Round, WeightedFailure, pooled};
+use super::pool::{self, RiskEstimate, Round, WeightedFailure, WeightedFault, pooled};
 use super::record::{EgoFailure, RiskRun, RunEnd};
 use super::report::{EgoRisk, RiskCost, RiskReport};
 use super::request::RiskRequest;
 use super::run::RiskWorld;
-use crate::experiment::{EgoUnderTest, Watch};
-use crate::run_dir::{RunError, file_name};
+use super::run_faults::RunFaults;
+use crate::experiment::{EgoUnderTest, Watch, unrepeatable};
+use crate::run_dir::{ProgramContents, RunError, bind_programs, file_name, make_dir};
 use crate::surrogate::SurrogateWorld;
 use crate::world::Scenario;
 
@@ -38,6 +39,8 @@ pub(super) struct Estimation<'a> {
     learners: Vec<Player<'a>>,
     stage: u64,
     natural: Vec<NaturalCounts>,
+    /// Faults among all runs on the ego's own plant, by ego.
+    faults: Vec<RunFaults>,
     learning: Learning,
     probes: Vec<Probe>,
     /// Counterexamples from elsewhere that the traffic cannot produce, by ego.
@@ -65,6 +68,18 @@ impl RiskRequest<'_> {
         // Stored runs of another request would be counted as runs of this one. Refused
         // first, since a surrogate may take hours of runs.
         if let Some(dir) = &self.dir {
+            let named = |ego: &EgoUnderTest| Some((ego.name().to_owned(), ego.program_content()?));
+            let programs: ProgramContents = self.egos.iter().filter_map(named).collect();
+            for (ego, content) in &programs {
+                if !content.not_covered.is_empty() {
+                    let missing = content.not_covered.join("; ");
+                    watch.note(&format!(
+                        "warning: the stored runs of `{ego}` are not bound to {missing}"
+                    ));
+                }
+            }
+            make_dir(dir)?;
+            bind_programs(dir, &programs, batch::is_used(dir))?;
             batch::open(dir, &self.fingerprint())?;
         }
         let Some(models) = self.surrogates(watch) else {
@@ -74,7 +89,11 @@ impl RiskRequest<'_> {
         if estimation.run()?.is_none() {
             return Ok(None);
         }
-        Ok(Some(estimation.report()))
+        let mut report = estimation.report();
+        for (ego, risk) in self.egos.iter().zip(&mut report.egos) {
+            risk.unrepeatable = unrepeatable((ego.scenario(), ego.name()), |_| None, watch);
+        }
+        Ok(Some(report))
     }
 }
 
@@ -85,6 +104,7 @@ impl<'a> Estimation<'a> {
         watch: &'a Watch<'a>,
     ) -> Self {
         let traffic = request.traffic;
+        let digest = request.fingerprint();
         let player = |at: usize, scenario: &Scenario, learns: bool| {
             let (starts, actions) = (traffic.starts.clone(), traffic.actions.clone());
             // Files of both plants are in one directory.
@@ -94,6 +114,7 @@ impl<'a> Estimation<'a> {
                 has_lanes: world.lanes().is_some(),
                 world,
                 seed: request.settings.seed,
+                request: digest.clone(),
                 name: format!("{at}-{on}{}", file_name(request.egos[at].name())),
                 dir: request.dir.clone(),
                 watch,
@@ -124,6 +145,7 @@ impl<'a> Estimation<'a> {
         let learning = Learning::begin(&players[0].world, names, proposals, seed);
         Estimation {
             natural: Vec::new(),
+            faults: vec![RunFaults::default(); players.len()],
             learning,
             probes: Vec::new(),
             impossible: vec![0; players.len()],
@@ -156,6 +178,7 @@ impl<'a> Estimation<'a> {
             return Ok(None);
         };
         self.cost.natural = natural[0].len();
+        self.faults = natural.iter().map(|it| it.faults.clone()).collect();
         self.natural = natural;
         // Counted failures need neither proposals nor weights, which could be wrong.
         if self.is_counted() {
@@ -276,6 +299,9 @@ impl<'a> Estimation<'a> {
             self.cost.learning += runs;
         }
         for (ego, runs) in all.into_iter().enumerate() {
+            if on_own {
+                self.faults[ego].add(&runs);
+            }
             for run in runs {
                 // A run of probability 0 has no weight to learn from.
                 if run.end == RunEnd::Impossible {
@@ -311,6 +337,7 @@ impl<'a> Estimation<'a> {
     }
 
     fn note_round(&mut self, ego: usize, runs: Vec<RiskRun>) {
+        self.faults[ego].add(&runs);
         let mut round = Round {
             draws: vec![0; self.mixture.shares().len()],
             ..Round::default()
@@ -319,7 +346,11 @@ impl<'a> Estimation<'a> {
             round.draws[run.component] += 1;
             let weight = self.mixture.weight(&run.ratios);
             if matches!(run.end, RunEnd::Invalid { .. }) {
-                round.invalid += weight;
+                round.faults.push(WeightedFault {
+                    index,
+                    component: run.component,
+                    weight,
+                });
             }
             if let Some(failure) = run.failure() {
                 round.failures.push(WeightedFailure {
@@ -383,16 +414,16 @@ impl<'a> Estimation<'a> {
     pub(super) fn report(mut self) -> RiskReport {
         let all = (0..self.players.len()).map(|ego| self.ego_risk(ego));
         let all: Vec<EgoRisk> = all.collect();
-        // Egos share their draws in rounds, which makes the ratio of rounds narrower.
-        let ratio = match &self.rounds[..] {
-            [first, second] if all.iter().all(EgoRisk::is_weighted) => {
-                super::pool::ratio(first, second)
+        for ego in &all {
+            // The worst ego decides, as the worst row of a table does.
+            let faults = &self.watch.faults;
+            faults.note_row(|| ego.ego.clone(), ego.faults.share());
+        }
+        let (ratio, ratio_between) = match self.ratios(&all) {
+            Some([least, most]) if all.iter().any(|ego| ego.between.is_some()) => {
+                (None, Some([least, most]))
             }
-            [_, _] => match (all[0].fails, all[1].fails) {
-                (Some(a), Some(b)) => Some(a.over(&b)),
-                _ => None,
-            },
-            _ => None,
+            ratios => (ratios.map(|[ratio, _]| ratio), None),
         };
         self.cost.egos = all.len();
         let scenario = self.request.egos[0].scenario();
@@ -403,16 +434,43 @@ impl<'a> Estimation<'a> {
             horizon_s: scenario.world().clock().horizon_s,
             traffic: traffic.source.clone(),
             uniform_axes: traffic.uniform_axes.clone(),
+            counts: scenario.rulebook().counts.clone(),
             inside: self.learning.inside().probability,
             exposure: traffic.exposure,
             egos: all,
             ratio,
+            ratio_between,
             surrogate_errors_m: self.surrogate_errors_m,
             cost: self.cost,
         };
+        if report.is_result() {
+            return report;
+        }
         // A ratio of numbers that are no results is none either.
-        let ratio = report.ratio.filter(|_| report.is_result());
-        RiskReport { ratio, ..report }
+        RiskReport {
+            ratio: None,
+            ratio_between: None,
+            ..report
+        }
+    }
+
+    /// Returns the ratio of two egos, with the faults of either one as failures in turn.
+    ///
+    /// The first is the least that faults allow, and the second the most.
+    fn ratios(&self, all: &[EgoRisk]) -> Option<[RiskEstimate; 2]> {
+        let [first, second] = &self.rounds[..] else {
+            return None;
+        };
+        if !all.iter().all(EgoRisk::is_weighted) {
+            let [a, b] = [all[0].least_and_most()?, all[1].least_and_most()?];
+            return Some([a[0].over(&b[1]), a[1].over(&b[0])]);
+        }
+        // Egos share their draws in rounds, which makes the ratio of rounds narrower.
+        let failing = |rounds: &[Round]| -> Vec<Round> {
+            rounds.iter().map(Round::with_failing_faults).collect()
+        };
+        let least = pool::ratio(first, &failing(second))?;
+        Some([least, pool::ratio(&failing(first), second)?])
     }
 
     fn ego_risk(&self, ego: usize) -> EgoRisk {
@@ -430,9 +488,64 @@ impl<'a> Estimation<'a> {
             name,
             (&self.rounds[ego], &self.learning.inside()),
             (checks, self.impossible[ego]),
-            &natural.lawful_rate(),
+            (natural, self.faults[ego].clone()),
             likeliest,
         )
         .with_known(&known)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{directory, traffic, world};
+    use super::*;
+    use crate::ego::Fault;
+
+    fn failed(mode: &str, action: u32) -> RiskRun {
+        RiskRun {
+            actions: vec![action],
+            inputs: vec![0.0],
+            laws: vec![0.1, 0.2, 0.7],
+            ..RiskRun::ending(RunEnd::Failed(EgoFailure {
+                mode: mode.to_owned(),
+                lawful: mode == "lawful",
+                preventable: None,
+            }))
+        }
+    }
+
+    #[test]
+    fn a_round_has_its_failures_its_faults_and_the_likeliest_of_each_kind() {
+        let (world, dir) = (world(), directory("risk-round"));
+        let traffic = traffic(&world, &dir);
+        let egos = [EgoUnderTest::nominal(&world)];
+        let request = RiskRequest::new(&traffic, &egos);
+        let watch = Watch::unwatched();
+        let mut estimation = Estimation::begin(&request, vec![None], &watch);
+        let invalid = RunEnd::Invalid {
+            fault: Fault::error("x"),
+        };
+        let runs = vec![
+            failed("lawful", 1),
+            RiskRun::ending(RunEnd::Outside),
+            failed("broken", 0),
+            RiskRun::ending(invalid),
+            failed("lawful", 2),
+            failed("lawful", 0),
+        ];
+        estimation.note_round(0, runs);
+        let round = &estimation.rounds[0][0];
+        assert_eq!((round.len(), round.failures.len()), (6, 4));
+        let indices = round.failures.iter().map(|it| (it.index, it.lawful));
+        let indices: Vec<(usize, bool)> = indices.collect();
+        assert_eq!(indices, [(0, true), (2, false), (4, true), (5, true)]);
+        assert_eq!((round.faults.len(), round.faults[0].index), (1, 3));
+        assert_eq!(round.faults[0].weight, 1.0);
+        assert_eq!(estimation.faults[0].invalid, 1);
+        // The law prefers action 2, and each kind has one.
+        let likeliest = estimation.likeliest.iter();
+        let likeliest = likeliest.map(|(ego, _, run)| (*ego, run.actions[0]));
+        assert_eq!(likeliest.collect::<Vec<_>>(), [(0, 2), (0, 0)]);
+        std::fs::remove_dir_all(&dir).expect("removed");
     }
 }

@@ -273,6 +273,7 @@ pub(super) fn cells(accelerations: &[f64]) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::action_law::LawMemory;
     use super::*;
     use crate::trace::Signal;
 
@@ -352,5 +353,232 @@ mod tests {
         assert_eq!(action_named(&labels, "-3"), None);
         assert_eq!(action_named(&labels, "-3 m/s²"), Some(0));
         assert_eq!(action_named(&labels, "-"), None);
+    }
+
+    #[test]
+    fn markov_laws_have_a_row_for_each_action() {
+        let file = |stay: &[f64], leave: &[f64]| MarkovFile {
+            stay: Some(stay.to_vec()),
+            leave: Some(leave.to_vec()),
+            transitions: None,
+            onsets: crate::ron_file::Ordered::default(),
+        };
+        let rows = |rows: &[&[f64]]| MarkovFile {
+            stay: None,
+            leave: None,
+            transitions: Some(rows.iter().map(|it| it.to_vec()).collect()),
+            onsets: crate::ron_file::Ordered::default(),
+        };
+        let law = transitions(&file(&[0.5, 1.0], &[0.0, 2.0]), 2).expect("a law");
+        // Action 1 has no other to leave to, and action 0 leaves to it alone.
+        assert_eq!(law, [[0.5, 0.5], [0.0, 1.0]]);
+        let law = transitions(&file(&[0.5, 0.25], &[0.0, 2.0]), 2).expect("a law");
+        assert_eq!(law[1], [0.0, 1.0]);
+        let law = transitions(&rows(&[&[1.0, 3.0], &[0.0, 2.0]]), 2).expect("a law");
+        assert_eq!(law, [[0.25, 0.75], [0.0, 1.0]]);
+        let number = "`stay` has 2 probabilities, and `leave` 2 weights";
+        let weight = "a row of `transitions` has no weight, or one below 0";
+        let either = "a Markov law has either `stay` and `leave`, or `transitions`";
+        let rows_of = "`transitions` has 2 rows of 2 weights";
+        let both = MarkovFile {
+            transitions: rows(&[&[1.0, 0.0], &[0.0, 1.0]]).transitions,
+            ..file(&[0.5, 0.5], &[1.0, 1.0])
+        };
+        let half = MarkovFile {
+            leave: None,
+            ..file(&[0.5, 0.5], &[1.0, 1.0])
+        };
+        for (file, says) in [
+            (file(&[0.5], &[1.0, 1.0]), number),
+            (file(&[0.5, 0.5], &[1.0]), number),
+            (file(&[0.5, 1.1], &[1.0, 1.0]), number),
+            (file(&[-0.1, 0.5], &[1.0, 1.0]), number),
+            (
+                file(&[0.5, 0.5], &[1.0, -1.0]),
+                "a weight of `leave` is below 0",
+            ),
+            (rows(&[&[1.0, 0.0]]), rows_of),
+            (rows(&[&[1.0], &[1.0]]), rows_of),
+            (rows(&[&[1.0, 0.0], &[0.0, 0.0]]), weight),
+            (rows(&[&[1.0, 0.0], &[2.0, -1.0]]), weight),
+            (both, either),
+            (half, either),
+        ] {
+            assert_eq!(transitions(&file, 2).err().as_deref(), Some(says));
+        }
+    }
+
+    #[test]
+    fn actions_represent_what_is_nearest_to_them() {
+        let inf = f64::INFINITY;
+        assert_eq!(
+            cells(&[0.0, -3.0, 2.0]),
+            [[-1.5, 1.0], [-inf, -1.5], [1.0, inf]]
+        );
+        // Equal accelerations represent the same, and one alone represents all.
+        assert_eq!(cells(&[1.0, 1.0, 3.0])[..2], [[-inf, 2.0]; 2]);
+        assert_eq!(cells(&[1.0]), [[-inf, inf]]);
+    }
+
+    #[test]
+    fn laws_that_fit_no_world_are_refused_with_a_fix() {
+        use crate::risk::{RiskTraffic, RiskTrafficError};
+        use crate::world::{LoadError, Scenario};
+        let [acc, cut_in, pedestrian] = ["acc", "cut_in", "pedestrian"]
+            .map(|name| Scenario::shipped(name).expect("shipped").expect("sound"));
+        let markov = |onset: &str| {
+            format!(
+                "\"ado\": Markov(stay: [0.5, 0.5, 0.5], leave: [1, 1, 1], onsets: {{ \"on\": {onset} }})"
+            )
+        };
+        let lateral = "lateral: (stay: [0.9, 0.5], leave: [1, 1])";
+        for (world, model, ados, says) in [
+            (
+                &acc,
+                "",
+                "\"ado\": Fitted()".to_owned(),
+                "a `Fitted` law requires a model",
+            ),
+            (
+                &acc,
+                "motorway",
+                format!("\"ado\": Fitted({lateral})"),
+                "`ado` has no lateral moves",
+            ),
+            (
+                &cut_in,
+                "motorway",
+                "\"ado\": Fitted()".to_owned(),
+                "the lateral moves of `ado` have no law",
+            ),
+            (
+                &pedestrian,
+                "motorway",
+                "\"ado\": Fitted()".to_owned(),
+                "models of traffic have no law for the actions of",
+            ),
+            (
+                &acc,
+                "",
+                "\"ado\": Fitted(), \"other\": Fitted()".to_owned(),
+                "unknown ado `other`",
+            ),
+            (
+                &acc,
+                "",
+                String::new(),
+                "the ado `ado` has no law of actions",
+            ),
+            (
+                &acc,
+                "",
+                markov("(rate_per_s: \"1\", to: { \"-3\": 0 })"),
+                "an onset leads to no action",
+            ),
+            (
+                &acc,
+                "",
+                markov("(rate_per_s: \"1\", to: { \"-3\": -1 })"),
+                "unknown action `-3`, or a weight below 0",
+            ),
+            (
+                &acc,
+                "",
+                markov("(rate_per_s: \"1 +\", to: { \"-3\": 1 })"),
+                "",
+            ),
+        ] {
+            let model = match model {
+                "" => String::new(),
+                name => format!("model: \"{name}\","),
+            };
+            let text =
+                format!("Traffic(source: \"test\", {model} starts: {{}}, ados: {{ {ados} }})");
+            let Err(RiskTrafficError::File(LoadError::Scenario(placed))) =
+                RiskTraffic::parse(world, "t.ron", &text)
+            else {
+                panic!("{text}");
+            };
+            let what = &placed.problems[0].what;
+            assert!(what.contains(says), "{what}");
+        }
+        // Decisions of 0.25 s repeat an action of the model once.
+        let text = format!(
+            "Traffic(source: \"test\", model: \"motorway\", starts: {{}}, ados: {{ \"ado\": Fitted({lateral}) }})"
+        );
+        let law = RiskTraffic::parse(&cut_in, "t.ron", &text)
+            .expect("sound")
+            .actions;
+        assert!(matches!(&law.ados[0].kind, LawKind::Fitted(law) if law.hold == 2));
+        assert_eq!((law.ados[0].actions, law.ados[0].neutral), (6, 1));
+    }
+
+    #[test]
+    fn a_memory_is_read_as_one_hot_codes_of_what_a_law_depends_on() {
+        let markov_ado = AdoLaw {
+            actions: 3,
+            neutral: 1,
+            kind: LawKind::Markov(markov()),
+        };
+        let list = vec![1.0, 0.0];
+        let fitted = FittedLaw {
+            model: TrafficModel::motorway().driver,
+            cells: cells(&list),
+            accelerations_mps2: list,
+            hold: 2,
+            lateral: None,
+        };
+        let law = ActionLaw {
+            ados: vec![
+                markov_ado,
+                AdoLaw {
+                    actions: 2,
+                    neutral: 1,
+                    kind: LawKind::Fitted(fitted),
+                },
+            ],
+        };
+        assert_eq!(law.features(), 3 + 2 * 2);
+        let mut memory = law.begin();
+        let read = |memory: &LawMemory| {
+            let mut all = Vec::new();
+            memory.features(&law, &mut all);
+            all
+        };
+        assert_eq!(read(&memory), [0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
+        // Both take action 0. The model looks back by two decisions, the other law by one.
+        law.note(&mut memory, 0);
+        assert_eq!(read(&memory), [1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]);
+        law.note(&mut memory, 2);
+        assert_eq!(read(&memory), [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
+        law.note(&mut memory, 2 + 3);
+        assert_eq!(read(&memory), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn lateral_moves_are_the_higher_digit_of_a_fitted_action() {
+        let list = vec![1.0, -1.0];
+        let file = MarkovFile {
+            stay: Some(vec![0.75, 0.5]),
+            leave: Some(vec![1.0, 1.0]),
+            transitions: None,
+            onsets: crate::ron_file::Ordered::default(),
+        };
+        let law = FittedLaw {
+            model: TrafficModel::motorway().driver,
+            cells: cells(&list),
+            accelerations_mps2: list,
+            hold: 2,
+            lateral: Some(MarkovLaw {
+                transitions: transitions(&file, 2).expect("a law"),
+                onsets: Vec::new(),
+                decision_s: 0.25,
+            }),
+        };
+        // Between two decisions of the model the acceleration stays, and the move need not.
+        assert_eq!(law.probabilities(&[], [0, 1], 1), [0.0, 0.75, 0.0, 0.25]);
+        assert_eq!(law.probabilities(&[], [0, 2], 1), [0.5, 0.0, 0.5, 0.0]);
+        let drawn = law.probabilities(&[], [3, 3], 2);
+        assert!((drawn[0] + drawn[1] - 0.5).abs() < 1e-12, "{drawn:?}");
     }
 }

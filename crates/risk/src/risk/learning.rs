@@ -231,3 +231,131 @@ impl Learning {
         weights.reduce(|| 0.0, f64::max)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::{EgoFailure, RunEnd};
+    use super::*;
+
+    fn learning(egos: &[&str], fault: Option<ProposalFault>) -> Learning {
+        Learning {
+            data: Vec::new(),
+            egos: egos.iter().map(|it| (*it).to_owned()).collect(),
+            modes: Vec::new(),
+            value: None,
+            pool: Vec::new(),
+            sizes: (1, 2),
+            dimensions: 1,
+            kind: ValueKind::Table,
+            fault,
+            seed: 0,
+        }
+    }
+
+    fn run(mode: Option<&str>) -> RiskRun {
+        let end = match mode {
+            None => RunEnd::Held { lawful: None },
+            Some(mode) => RunEnd::Failed(EgoFailure {
+                mode: mode.to_owned(),
+                lawful: true,
+                preventable: None,
+            }),
+        };
+        RiskRun {
+            actions: vec![0],
+            inputs: vec![0.0],
+            laws: vec![0.5, 0.5],
+            ..RiskRun::ending(end)
+        }
+    }
+
+    fn with(mut learning: Learning, modes: &[(&str, usize)]) -> Learning {
+        for (mode, count) in modes {
+            (0..*count).for_each(|_| learning.add(0, run(Some(mode))));
+        }
+        learning.add_modes();
+        learning
+    }
+
+    #[test]
+    fn the_four_most_frequent_kinds_have_a_proposal_of_their_own() {
+        let few = with(learning(&["ego"], None), &[("a", 9), ("b", 10)]);
+        assert_eq!(few.modes, ["b"]);
+        let all = [("a", 11), ("b", 12), ("c", 13), ("d", 14), ("e", 15)];
+        let mut most = with(learning(&["ego"], None), &all);
+        assert_eq!(most.modes, ["e", "d", "c", "b"]);
+        // Known kinds stay, and there is no room for others.
+        most.value = Some(Value::new(ValueKind::Table, [1, 5, 2], 0));
+        let more = with(most, &[("f", 50)]);
+        assert_eq!(more.modes, ["e", "d", "c", "b"]);
+        assert!(more.value.is_some());
+        // A new kind needs a V with another head.
+        let mut few = few;
+        few.value = Some(Value::new(ValueKind::Table, [1, 2, 2], 0));
+        let more = with(few, &[("a", 1)]);
+        assert_eq!(more.modes, ["b", "a"]);
+        assert!(more.value.is_none());
+    }
+
+    #[test]
+    fn heads_are_of_all_failures_and_of_each_kind() {
+        let one = with(learning(&["ego"], None), &[("a", 20), ("b", 10)]);
+        assert_eq!(one.heads_of(0, &run(Some("b"))), [true, false, true]);
+        assert_eq!(one.heads_of(0, &run(Some("c"))), [true, false, false]);
+        assert_eq!(one.heads_of(0, &run(None)), [false; 3]);
+        // Kinds of two egos are different kinds.
+        let two = with(learning(&["new", "old"], None), &[("a", 20)]);
+        assert_eq!(two.modes, ["new: a"]);
+        assert_eq!(two.heads_of(1, &run(Some("a"))), [true, false]);
+        let only = Some(ProposalFault::Only("a"));
+        let blind = with(learning(&["ego"], only), &[("a", 20), ("b", 20)]);
+        assert_eq!(blind.modes, ["a"]);
+        assert_eq!(blind.heads_of(0, &run(Some("b"))), [false; 2]);
+    }
+
+    #[test]
+    fn the_earliest_runs_without_a_failure_are_forgotten() {
+        let mut all = learning(&["ego"], None);
+        all.add(0, RiskRun::ending(RunEnd::Outside));
+        assert!(all.data.is_empty());
+        all.add(0, run(Some("a")));
+        for at in 0..FITTED.0 + 2 {
+            let mut run = run(None);
+            run.noise = at as u64;
+            all.add(0, run);
+        }
+        all.forget();
+        assert_eq!(all.data.len(), FITTED.0 + 1);
+        assert!(all.data[0].1.failure().is_some());
+        assert_eq!(all.data[1].1.noise, 2);
+        assert!(learning(&["ego"], None).refit(0).is_none());
+    }
+
+    #[test]
+    fn a_limit_is_the_greatest_weight_of_an_ego_s_own_possible_failures() {
+        let mut all = learning(&["new", "old"], None);
+        let mixture = Mixture::natural(1);
+        all.add(1, run(Some("a")));
+        all.add(0, run(None));
+        let mut impossible = run(Some("a"));
+        impossible.ratios = vec![0.0];
+        all.add(0, impossible);
+        assert_eq!(all.limit(0, &mixture), 0.0);
+        assert_eq!(all.limit(1, &mixture), 1.0);
+    }
+
+    #[test]
+    fn the_share_of_starts_inside_is_exact_if_all_are() {
+        let state = |inside: bool| inside.then(|| (vec![0.0], vec![1.0]));
+        let inside = |count: usize| {
+            let mut all = learning(&["ego"], None);
+            all.pool = (0..POOL).map(|at| (vec![0.5], state(at < count))).collect();
+            all.inside()
+        };
+        assert_eq!(inside(POOL).interval, [1.0; 2]);
+        let half = inside(POOL / 2);
+        assert!((half.probability - 0.5).abs() < 1e-12);
+        assert!(half.interval[0] < 0.5 && 0.5 < half.interval[1]);
+        assert_eq!(inside(0).hits, 1);
+    }
+}

@@ -203,4 +203,88 @@ mod tests {
         assert!((q[0] - 0.2625).abs() < 1e-12 && q[1] == 0.0);
         assert_eq!(tilted(&[0.5, 0.5], &[0.0, 0.0], LAW), [0.5, 0.5]);
     }
+
+    /// Starts of which the lower half is drawn often.
+    fn tree() -> StartTree {
+        let starts = (0..200).map(|at| {
+            let share = (f64::from(at) + 0.5) / 200.0;
+            (vec![share], if share < 0.5 { 1.0 } else { 0.0 })
+        });
+        StartTree::fit(&starts.collect::<Vec<_>>(), 1)
+    }
+
+    fn mixture(heads: usize) -> Mixture {
+        let value = Value::new(ValueKind::Table, [1, heads, 2], 0);
+        Mixture::of(value, vec![tree(); heads + 1])
+    }
+
+    #[test]
+    fn shares_of_a_mixture_without_kinds_go_to_all_failures() {
+        let one = mixture(1);
+        let near = |found: &[f64], expected: &[f64]| {
+            let pairs = found.iter().zip(expected);
+            let far = pairs.filter(|(a, b)| (*a - *b).abs() > 1e-9).count();
+            assert!(far == 0 && found.len() == expected.len(), "{found:?}");
+        };
+        near(one.shares(), &[0.1, 0.3, 0.6]);
+        near(mixture(3).shares(), &[0.1, 0.3, 0.2, 0.2, 0.2]);
+        assert!((one.greatest_weight() - 10.0).abs() < 1e-9);
+        assert_eq!(Mixture::natural(1).greatest_weight(), 1.0);
+        // Without its guards, only the proposals for failures are left.
+        let unguarded = mixture(3).unguarded();
+        near(
+            unguarded.shares(),
+            &[0.0, 0.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
+        );
+        assert_eq!(unguarded.law, 0.0);
+    }
+
+    #[test]
+    fn weights_are_those_of_the_start_and_of_every_decision() {
+        let one = mixture(1);
+        let ratios = one.start_ratios(&[0.25]);
+        // A tenth of the law, and the rest in half of its range.
+        for (found, expected) in ratios.iter().zip([1.0, 1.9, 1.9]) {
+            assert!((found - expected).abs() < 1e-9, "{ratios:?}");
+        }
+        assert_eq!(one.tree(0).density(&[0.9]), 1.0);
+        let law = [0.25, 0.75];
+        let proposals = one.proposals(&[0.0], &law);
+        assert_eq!((proposals.len(), &proposals[0][..]), (3, &law[..]));
+        let mut run = RiskRun::ending(super::super::record::RunEnd::Outside);
+        run.shares = vec![0.25];
+        let expected = 1.0 / (0.1 + 0.9 * 1.9);
+        assert!((one.weight_of(&run) - expected).abs() < 1e-9);
+        // A V that prefers nothing changes no weight, and an impossible action has none.
+        (run.actions, run.inputs) = (vec![1, 0], vec![0.0, 0.0]);
+        run.laws = [0.25, 0.75].repeat(2);
+        assert!((one.weight_of(&run) - expected).abs() < 1e-6);
+        run.laws = vec![0.25, 0.75, 0.0, 1.0];
+        assert_eq!(one.weight_of(&run), f64::INFINITY);
+    }
+
+    #[test]
+    fn allocations_round_to_whole_runs_and_leave_none_over() {
+        let one = mixture(1);
+        let counts = |n: usize| {
+            let all = one.allocation(n);
+            assert!(all.is_sorted() && all.len() == n);
+            [0, 1, 2].map(|of| all.iter().filter(|it| **it == of).count())
+        };
+        assert_eq!(counts(10), [1, 3, 6]);
+        assert_eq!(counts(1), [0, 0, 1]);
+        assert_eq!(counts(3), [0, 1, 2]);
+        assert_eq!(counts(0), [0, 0, 0]);
+    }
+
+    #[test]
+    fn a_tilt_has_a_floor_below_the_best_possible_action() {
+        // The floor is a millionth of the best action that the law allows.
+        let q = tilted(&[0.5, 0.5], &[1.0, 0.0], 0.0);
+        assert!((q[1] - 1e-6 / (1.0 + 1e-6)).abs() < 1e-12, "{q:?}");
+        let q = tilted(&[0.5, 0.5, 0.0], &[1e-3, 0.0, 1.0], 0.0);
+        assert!((q[1] - 1e-6 / (1.0 + 1e-6)).abs() < 1e-12, "{q:?}");
+        let soft = softened(&[1e-2, 0.0]);
+        assert!((soft[0] - 0.1).abs() < 1e-12 && (soft[1] - 1e-4).abs() < 1e-12);
+    }
 }

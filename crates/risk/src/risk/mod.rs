@@ -25,6 +25,7 @@ mod record;
 mod report;
 mod request;
 mod run;
+mod run_faults;
 mod run_file;
 mod start_law;
 mod start_tree;
@@ -41,9 +42,10 @@ pub use pool::RiskEstimate;
 pub use record::KnownFailure;
 #[doc(hidden)]
 pub use report::unchecked_estimate;
-pub use report::{EgoRisk, ModeRisk, RiskCost, RiskReport};
+pub use report::{EgoRisk, ModeRisk, RiskBounds, RiskCost, RiskReadings, RiskReport};
 #[doc(hidden)]
 pub use request::ProposalFault;
 pub use request::{RiskRequest, RiskSettings};
+pub use run_faults::RunFaults;
 pub use traffic::{RiskTraffic, RiskTrafficError};
 pub use value::ValueKind;

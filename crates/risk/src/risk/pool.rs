@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::record::DriverAnswer;
 use crate::stats::{clopper_pearson_upper, pareto_shape, student_quantile, wilson};
 
 /// Probability that an interval does not hold.
@@ -17,7 +18,16 @@ pub(super) struct WeightedFailure {
     pub(super) weight: f64,
     pub(super) mode: String,
     pub(super) lawful: bool,
-    pub(super) preventable: Option<bool>,
+    pub(super) preventable: Option<DriverAnswer>,
+}
+
+/// Run that ended in a fault, with its weight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct WeightedFault {
+    /// As in [`WeightedFailure`].
+    pub(super) index: usize,
+    pub(super) component: usize,
+    pub(super) weight: f64,
 }
 
 /// Round of independent draws from one mixture, in fixed numbers per component.
@@ -26,8 +36,7 @@ pub(super) struct Round {
     /// Draws per component.
     pub(super) draws: Vec<usize>,
     pub(super) failures: Vec<WeightedFailure>,
-    /// Sum of the weights of invalid runs.
-    pub(super) invalid: f64,
+    pub(super) faults: Vec<WeightedFault>,
 }
 
 /// Estimate of a probability per run.
@@ -123,6 +132,23 @@ impl Round {
         self.draws.iter().sum()
     }
 
+    /// Returns the round in which every fault is a failure, lawful and preventable.
+    pub(super) fn with_failing_faults(&self) -> Round {
+        let faults = self.faults.iter().map(|fault| WeightedFailure {
+            index: fault.index,
+            component: fault.component,
+            weight: fault.weight,
+            mode: "fault".to_owned(),
+            lawful: true,
+            preventable: Some(DriverAnswer::Avoids),
+        });
+        Round {
+            draws: self.draws.clone(),
+            failures: self.failures.iter().cloned().chain(faults).collect(),
+            faults: Vec::new(),
+        }
+    }
+
     /// Returns the mean of values per draw, and its variance, stratified by component.
     ///
     /// `values` has component and value of all draws that are not 0.
@@ -156,6 +182,16 @@ fn round_shares(rounds: &[Round]) -> Vec<f64> {
     let raw: Vec<f64> = raw.collect();
     let sum: f64 = raw.iter().sum();
     raw.iter().map(|it| it / sum).collect()
+}
+
+/// Returns the pooled share of runs that ended in a fault.
+pub(super) fn fault_share(rounds: &[Round]) -> f64 {
+    let shares = round_shares(rounds);
+    let all = rounds.iter().zip(shares).map(|(round, share)| {
+        let sum: f64 = round.faults.iter().map(|it| it.weight).sum();
+        share * sum / round.len() as f64
+    });
+    all.sum()
 }
 
 /// Returns the contributions of the counted failures to the pooled estimate.
@@ -363,7 +399,7 @@ mod tests {
             Round {
                 draws: draws.to_vec(),
                 failures,
-                invalid: 0.0,
+                faults: Vec::new(),
             }
         };
         sizes.iter().map(round).collect()
@@ -453,7 +489,7 @@ mod tests {
                     preventable: None,
                 })
                 .collect(),
-            invalid: 0.0,
+            faults: Vec::new(),
         };
         // Quantiles of a Pareto density of shape 1.2, alone and beside many equal weights.
         let heavy = |i: u32| 1e-4 * libm::pow((f64::from(i) + 0.5) / 200.0, -1.2);
@@ -486,5 +522,159 @@ mod tests {
         let none = RiskEstimate::counted(0, 10_000);
         let [lo, hi] = none.over(&rate).interval;
         assert!(lo == 0.0 && none.interval[1] / 0.9 < hi && hi < 2.0 * none.interval[1]);
+    }
+
+    #[test]
+    fn means_and_variances_are_stratified_by_component() {
+        let round = Round {
+            draws: vec![4, 6],
+            ..Round::default()
+        };
+        let (mean, variance) = round.mean([(0, 1.0), (0, 3.0), (1, 2.0)].into_iter());
+        assert!((mean - 0.6).abs() < 1e-12 && (variance - 0.12).abs() < 1e-12);
+        // A single draw of a component has no spread, and no division by 0.
+        let round = Round {
+            draws: vec![1, 0, 3],
+            ..Round::default()
+        };
+        let (mean, variance) = round.mean([(0, 2.0)].into_iter());
+        assert_eq!((mean, variance), (0.5, 0.0));
+    }
+
+    /// Round of failures of equal weights.
+    fn equal(draws: usize, failures: usize, weight: f64) -> Round {
+        let failure = |index| WeightedFailure {
+            index,
+            component: 0,
+            weight,
+            mode: String::new(),
+            lawful: true,
+            preventable: None,
+        };
+        Round {
+            draws: vec![draws],
+            failures: (0..failures).map(failure).collect(),
+            faults: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn pooled_estimates_have_exact_numbers() {
+        let found = pooled(&[equal(10_000, 100, 0.1)], |_| true).expect("failures");
+        assert!((found.probability - 1e-3).abs() < 1e-12);
+        assert!((found.ess - 100.0).abs() < 1e-9 && found.hits == 100);
+        // The error of the mean is √(1 − 0.01²) / 10,000 up to 1 / n, and t of 99 is 1.984.
+        let spread = libm::log(found.interval[1] / found.probability);
+        assert!((spread - 1.98422 * 0.0995).abs() < 1e-4, "{spread}");
+        let product = found.interval[0] * found.interval[1];
+        assert!((product - 1e-6).abs() < 1e-12);
+        assert!(pooled(&[equal(100, 0, 1.0)], |_| true).is_none());
+        assert!(pooled(&[equal(100, 9, 1.0)], |it| !it.lawful).is_none());
+        // An interval of probabilities ends at 1.
+        let wide = pooled(&[equal(2, 1, 1.8)], |_| true).expect("a failure");
+        assert_eq!(wide.interval[1], 1.0);
+        // The second of two rounds of one size counts √2 times as much as the first.
+        let two = [equal(1000, 10, 1.0), equal(1000, 20, 1.0)];
+        let found = pooled(&two, |_| true).expect("failures").probability;
+        let root = std::f64::consts::SQRT_2;
+        assert!((found - (0.01 + root * 0.02) / (1.0 + root)).abs() < 1e-12);
+        // A larger round counts as its size.
+        let two = [equal(3000, 30, 1.0), equal(1000, 20, 1.0)];
+        let found = pooled(&two, |_| true).expect("failures").probability;
+        assert!((found - (3.0 * 0.01 + root * 0.02) / (3.0 + root)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_bound_has_exact_parts() {
+        let mut last = equal(1000, 2, 0.5);
+        last.failures[1].weight = 2.0;
+        // The part up to the limit, and that of no failure in 1000 natural runs.
+        let above = 1.0 - libm::pow(0.025, 1e-3);
+        let found = bound(&last, 1.0, (0, 1000));
+        assert!(
+            (found - (0.012_215_170_965 + above)).abs() < 1e-9,
+            "{found}"
+        );
+        // A weight at the limit counts.
+        assert!(bound(&last, 2.0, (0, 1000)) > found);
+        assert!(bound(&last, 0.5, (0, 1000)) < found);
+    }
+
+    #[test]
+    fn a_tail_needs_more_than_five_failures_of_different_weights() {
+        assert_eq!(pareto_k(&[1.0; 5]), None);
+        assert_eq!(pareto_k(&[1.0; 6]), Some(0.0));
+        let mut few = vec![1.0; 40];
+        few[..3].fill(2.0);
+        assert_eq!(pareto_k(&few), Some(1.0));
+        let rising: Vec<f64> = (0..100).map(|at| 1.0 / (1.0 + f64::from(at))).collect();
+        assert!(pareto_k(&rising).expect("enough") > 0.5);
+        // The greatest of these contributions has a tenth of all.
+        let mut round = equal(100, 91, 1.0);
+        round.failures[40].weight = 10.0;
+        assert!((greatest_share(&[round]) - 0.1).abs() < 1e-12);
+        assert_eq!(greatest_share(&[equal(100, 0, 1.0)]), 0.0);
+    }
+
+    #[test]
+    fn faults_are_lawful_and_preventable_failures_at_the_most() {
+        let mut round = equal(1000, 10, 0.5);
+        round.failures[0].lawful = false;
+        let fault = |index| WeightedFault {
+            index,
+            component: 0,
+            weight: 0.25,
+        };
+        round.faults = vec![fault(500), fault(501)];
+        let failing = round.with_failing_faults();
+        assert_eq!((failing.len(), failing.failures.len()), (1000, 12));
+        assert!(failing.faults.is_empty());
+        let of = |rounds: &[Round], lawful: bool| {
+            let found = pooled(rounds, |it| it.lawful || !lawful);
+            (found.expect("failures").probability * 1e6).round()
+        };
+        let (rounds, failing) = ([round], [failing]);
+        assert_eq!((of(&rounds, false), of(&rounds, true)), (5000.0, 4500.0));
+        assert_eq!((of(&failing, false), of(&failing, true)), (5500.0, 5000.0));
+        let avoided = pooled(&failing, |it| it.preventable == Some(DriverAnswer::Avoids));
+        assert_eq!(avoided.expect("faults").hits, 2);
+        assert!((fault_share(&rounds) - 5e-4).abs() < 1e-12);
+        // Two rounds share it as they share the estimate.
+        let root = std::f64::consts::SQRT_2;
+        let two = [rounds[0].clone(), equal(1000, 1, 1.0)];
+        assert!((fault_share(&two) - 5e-4 / (1.0 + root)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_exact_rate_divides_without_width_and_a_ratio_has_no_limit_of_one() {
+        let risk = RiskEstimate::counted(100, 10_000);
+        let half = RiskEstimate {
+            probability: 0.5,
+            interval: [0.5; 2],
+            ess: 1.0,
+            hits: 1,
+        };
+        let over = risk.over(&half);
+        assert!((over.probability - 0.02).abs() < 1e-12);
+        assert!((over.half_width() - risk.half_width()).abs() < 1e-12);
+        assert_eq!((over.hits, over.ess), (100, 100.0));
+        let [many, few] = [equal(1000, 60, 1.0), equal(1000, 30, 1.0)].map(|it| [it]);
+        let found = ratio(&many, &few).expect("failures");
+        assert!((found.probability - 2.0).abs() < 1e-12);
+        // The weaker of both limits it.
+        assert_eq!((found.hits, found.ess.round()), (30, 30.0));
+        assert!(found.interval[0] < 2.0 && 2.0 < found.interval[1]);
+        assert!(ratio(&many, &[equal(1000, 0, 1.0)]).is_none());
+        // Failures on the same draws cancel out, and on others they do not.
+        let mut elsewhere = few.clone();
+        elsewhere[0]
+            .failures
+            .iter_mut()
+            .for_each(|it| it.index += 500);
+        let apart = ratio(&many, &elsewhere).expect("failures");
+        assert!(
+            found.half_width() + 0.1 < apart.half_width(),
+            "{found:?} {apart:?}"
+        );
     }
 }

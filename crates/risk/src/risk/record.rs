@@ -35,8 +35,8 @@ pub(super) enum RunEnd {
     Held { lawful: Option<bool> },
     /// The ego violated ψ_ego.
     Failed(EgoFailure),
-    /// The ego or the physics failed.
-    Invalid { fault: Option<Fault> },
+    /// The ego or the physics failed. Without its fault, the ego might have failed too.
+    Invalid { fault: Fault },
     /// The traffic model gives an action of the run the probability 0.
     Impossible,
 }
@@ -48,8 +48,19 @@ pub(super) struct EgoFailure {
     pub(super) mode: String,
     /// True if every rule was kept up to the failure.
     pub(super) lawful: bool,
-    /// Whether a reference driver avoids it. `None`: not determined.
-    pub(super) preventable: Option<bool>,
+    /// Answer of the reference drivers. `None`: they were not asked.
+    pub(super) preventable: Option<DriverAnswer>,
+}
+
+/// Answer of the driver models of UN R157 to a failure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum DriverAnswer {
+    /// At least one model has no contact in the ego's place.
+    Avoids,
+    /// Every model has a contact.
+    Fails,
+    /// No model applies to such a failure.
+    NoAnswer,
 }
 
 /// Start, noise and joint actions of a counterexample from elsewhere.
@@ -100,7 +111,7 @@ impl RiskRun {
     /// Returns the fault, if the run is invalid by one.
     pub(super) fn fault(&self) -> Option<&Fault> {
         match &self.end {
-            RunEnd::Invalid { fault } => fault.as_ref(),
+            RunEnd::Invalid { fault } => Some(fault),
             _ => None,
         }
     }
@@ -123,5 +134,49 @@ pub(super) fn multiply(ratios: &mut [f64], proposals: &[Vec<f64>], law: &[f64], 
         } else {
             0.0
         };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_runs_that_the_law_can_produce_are_possible() {
+        let with = |ratios: Vec<f64>, end: RunEnd| RiskRun {
+            ratios,
+            ..RiskRun::ending(end)
+        };
+        let held = || RunEnd::Held { lawful: None };
+        assert!(with(vec![1.0, 0.0], held()).is_possible());
+        assert!(!with(vec![0.0, 1.0], held()).is_possible());
+        assert!(!with(Vec::new(), held()).is_possible());
+        assert!(!with(vec![1.0], RunEnd::Impossible).is_possible());
+    }
+
+    #[test]
+    fn ratios_are_multiplied_by_what_each_proposal_prefers() {
+        let proposals = [vec![0.5, 0.5], vec![0.9, 0.1]];
+        let mut ratios = vec![1.0, 2.0];
+        multiply(&mut ratios, &proposals, &[0.5, 0.5], 1);
+        assert_eq!((ratios[0], (ratios[1] * 10.0).round()), (1.0, 4.0));
+        // An action of probability 0 was not taken by nature.
+        multiply(&mut ratios, &proposals, &[1.0, 0.0], 1);
+        assert_eq!(ratios, [0.0, 0.0]);
+    }
+
+    #[test]
+    fn inputs_and_laws_of_a_decision_are_its_own() {
+        let run = RiskRun {
+            actions: vec![0, 1],
+            inputs: vec![1.0, 2.0, 3.0, 4.0],
+            laws: vec![0.1, 0.2, 0.7, 0.3, 0.3, 0.4],
+            ..RiskRun::ending(RunEnd::Outside)
+        };
+        assert_eq!(
+            (run.input(0), run.input(1)),
+            (&[1.0, 2.0][..], &[3.0, 4.0][..])
+        );
+        assert_eq!(run.law(1), [0.3, 0.3, 0.4]);
     }
 }

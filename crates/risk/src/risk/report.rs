@@ -5,14 +5,16 @@ use std::fmt::{self, Display, Formatter};
 use serde::{Deserialize, Serialize};
 
 use super::checks::{Checks, Refusal};
-use super::natural_counts::NaturalCounts;
+use super::natural_counts::{FaultsAs, NaturalCounts};
 use super::pool::{RiskEstimate, Round, pooled};
-use super::record::RiskRun;
+use super::record::{DriverAnswer, RiskRun};
+use super::run_faults::RunFaults;
+use crate::rulebook::Counts;
+use crate::testbench::FaultCount;
 use crate::world::EncounterRate;
 
 /// Runs behind a risk, per ego.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct RiskCost {
     /// Natural runs.
     pub natural: usize,
@@ -46,21 +48,50 @@ pub struct ModeRisk {
     pub risk: RiskEstimate,
 }
 
-/// Risk of an ego, per run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub struct EgoRisk {
-    /// Name of the ego.
-    pub ego: String,
-    /// Probability that it fails. `None` if the estimate was refused.
+/// Probabilities per run, each with its interval.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RiskReadings {
+    /// Probability that the ego fails. `None` if the estimate was refused.
     pub fails: Option<RiskEstimate>,
     /// That it fails, with every rule kept.
     pub fails_lawful: Option<RiskEstimate>,
-    /// That it fails, given that every rule is kept.
-    pub fails_given_lawful: Option<RiskEstimate>,
     /// That it fails where a driver model of UN R157 has no contact.
     pub fails_preventable: Option<RiskEstimate>,
-    /// Shares of the kinds of failure, the greatest first.
+    /// That it fails where no driver model of UN R157 applies.
+    pub fails_unjudged: Option<RiskEstimate>,
+    /// That it fails, given that every rule is kept. A share of lawful runs alone.
+    pub fails_given_lawful: Option<RiskEstimate>,
+    /// That every rule is kept. A share of the first natural runs.
+    pub lawful: Option<RiskEstimate>,
+}
+
+/// Readings of runs of which some ended in a fault.
+///
+/// The truth is in between, since such a run might have ended in a failure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RiskBounds {
+    /// Readings if no fault would have been a failure.
+    pub least: RiskReadings,
+    /// Readings if every fault would have been a failure.
+    pub most: RiskReadings,
+}
+
+/// Risk of an ego, per run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EgoRisk {
+    /// Name of the ego.
+    pub ego: String,
+    /// Risks. All are `None` if the estimate was refused, or if runs ended in faults.
+    #[serde(flatten)]
+    pub readings: RiskReadings,
+    /// Bounds of the risks. `None` without a fault among the counted runs, or if refused.
+    pub between: Option<RiskBounds>,
+    /// Number of natural runs of which `lawful` is a share.
+    pub judged: usize,
+    /// Runs of the ego, and its faults.
+    #[serde(flatten)]
+    pub faults: RunFaults,
+    /// Shares of the kinds of failure, the greatest first. No fault is among them.
     pub modes: Vec<ModeRisk>,
     /// Share of the risk of kinds that a counterexample from elsewhere has shown.
     pub known_share: Option<f64>,
@@ -68,6 +99,9 @@ pub struct EgoRisk {
     pub checks: Option<Checks>,
     /// Known counterexamples that the traffic model cannot produce.
     pub impossible: usize,
+    /// Reason why no run of a foreign ego is a result, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unrepeatable: Option<FaultCount>,
     /// Natural runs of equal width.
     pub crude_runs: Option<f64>,
     /// Likeliest failure of every kind.
@@ -80,7 +114,6 @@ pub struct EgoRisk {
 
 /// Result of [`RiskRequest::estimate`](super::RiskRequest::estimate).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct RiskReport {
     /// Name of the world.
     pub world: String,
@@ -94,26 +127,97 @@ pub struct RiskReport {
     pub uniform_axes: Vec<String>,
     /// Share of the law of starts inside X_init, to which all numbers refer.
     pub inside: f64,
+    /// Violations of ψ_ego that count as failures.
+    pub counts: Counts,
     /// Encounters by which a risk becomes a rate, if declared.
     pub exposure: Option<EncounterRate>,
     /// Risk per ego.
     pub egos: Vec<EgoRisk>,
-    /// Ratio of the first ego's risk to the second's.
+    /// Ratio of the first ego's risk to the second's. `None` if runs ended in faults.
     pub ratio: Option<RiskEstimate>,
+    /// Least and greatest ratio that faults allow. `None` without a fault.
+    pub ratio_between: Option<[RiskEstimate; 2]>,
     /// Root mean square error of the surrogate of each ego, two seconds ahead, m.
     pub surrogate_errors_m: Vec<Option<f64>>,
     /// Runs.
     pub cost: RiskCost,
 }
 
+impl RiskReadings {
+    /// Returns the readings of counted natural runs.
+    fn counted(natural: &NaturalCounts, faults: FaultsAs) -> RiskReadings {
+        let rate = |failures: usize| natural.rate(failures, faults);
+        // A fault that counts as a lawful failure is a lawful run, too.
+        let lawful = natural.lawful_rate(FaultsAs::Failing);
+        let fails_lawful = rate(natural.lawful);
+        RiskReadings {
+            fails: Some(rate(natural.failures())),
+            fails_lawful: Some(fails_lawful),
+            fails_preventable: Some(rate(natural.preventable)),
+            fails_unjudged: Some(rate(natural.unjudged)),
+            fails_given_lawful: (lawful.hits > 0).then(|| fails_lawful.over(&lawful).at_most_one()),
+            lawful: (natural.judged() > 0).then(|| natural.lawful_rate(faults)),
+        }
+    }
+
+    /// Returns the pooled readings of weighted runs. `None` without a failure.
+    fn weighted(
+        (rounds, inside): (&[Round], &RiskEstimate),
+        natural: &NaturalCounts,
+        faults: FaultsAs,
+    ) -> Option<RiskReadings> {
+        // Draws outside X_init are in every mean, but risks refer to starts inside.
+        let per_start = |it: RiskEstimate| it.over(inside).at_most_one();
+        let fails = pooled(rounds, |_| true).map(per_start)?;
+        let fails_lawful = pooled(rounds, |it| it.lawful).map(per_start);
+        let lawful = natural.lawful_rate(FaultsAs::Failing);
+        // Only some failures are assessed, so their share is carried over to all.
+        let assessed = pooled(rounds, |it| it.preventable.is_some());
+        let answered = |answer: DriverAnswer| {
+            let found = pooled(rounds, |it| it.preventable == Some(answer))?;
+            let whole = fails.probability / assessed?.probability;
+            Some(found.scaled(whole).at_most_one())
+        };
+        Some(RiskReadings {
+            fails: Some(fails),
+            fails_lawful,
+            fails_preventable: answered(DriverAnswer::Avoids),
+            fails_unjudged: answered(DriverAnswer::NoAnswer),
+            fails_given_lawful: fails_lawful
+                .filter(|_| lawful.hits > 0)
+                .map(|it| it.over(&lawful).at_most_one()),
+            lawful: (natural.judged() > 0).then(|| natural.lawful_rate(faults)),
+        })
+    }
+}
+
 impl EgoRisk {
+    /// Returns a risk without any reading.
+    fn without_readings(ego: &str, natural: &NaturalCounts, faults: RunFaults) -> EgoRisk {
+        EgoRisk {
+            ego: ego.to_owned(),
+            readings: RiskReadings::default(),
+            between: None,
+            judged: natural.judged(),
+            faults,
+            modes: Vec::new(),
+            known_share: None,
+            checks: None,
+            impossible: 0,
+            unrepeatable: None,
+            crude_runs: None,
+            likeliest: Vec::new(),
+            unchecked: None,
+        }
+    }
+
     /// Adds the share of kinds that counterexamples from elsewhere have shown, if any.
     pub(super) fn with_known(self, known: &[&str]) -> EgoRisk {
         let of_known = self.modes.iter();
         let of_known = of_known.filter(|it| known.contains(&it.mode.as_str()));
         let share = of_known.map(|it| it.share).sum();
         EgoRisk {
-            known_share: (!known.is_empty() && self.fails.is_some()).then_some(share),
+            known_share: (!known.is_empty() && !self.modes.is_empty()).then_some(share),
             ..self
         }
     }
@@ -128,87 +232,85 @@ impl EgoRisk {
         self.checks.as_ref().map_or(&[], |checks| &checks.refusals)
     }
 
+    /// Returns the risk if no fault would have been a failure, and if every one would.
+    ///
+    /// Both are the same without a fault. `None` if the estimate was refused.
+    pub fn least_and_most(&self) -> Option<[RiskEstimate; 2]> {
+        match &self.between {
+            Some(between) => Some([between.least.fails?, between.most.fails?]),
+            None => self.readings.fails.map(|it| [it; 2]),
+        }
+    }
+
+    /// Takes the readings of both meanings of a fault.
+    fn read(&mut self, least: RiskReadings, most: Option<RiskReadings>) {
+        match most {
+            Some(most) => self.between = Some(RiskBounds { least, most }),
+            None => self.readings = least,
+        }
+    }
+
     /// Returns the risk by the counts of natural runs.
     pub(super) fn counted(ego: &str, natural: &NaturalCounts) -> EgoRisk {
-        let counted = |hits: usize| RiskEstimate::counted(hits, natural.inside());
-        let (hits, lawful) = (natural.failures(), natural.lawful);
-        let rate = natural.lawful_rate();
+        let hits = natural.failures();
         let mut modes = natural.modes.clone();
         modes.sort_by(|_, a, _, b| b.cmp(a));
         let modes = modes.into_iter().map(|(mode, count)| ModeRisk {
             mode,
             share: count as f64 / hits.max(1) as f64,
-            risk: counted(count),
+            risk: natural.rate(count, FaultsAs::Held),
         });
-        EgoRisk {
-            ego: ego.to_owned(),
-            fails: Some(counted(hits)),
-            fails_lawful: Some(counted(lawful)),
-            fails_given_lawful: (0 < rate.hits).then(|| counted(lawful).over(&rate).at_most_one()),
-            fails_preventable: Some(counted(natural.preventable)),
+        let mut risk = EgoRisk {
             modes: modes.collect(),
-            known_share: None,
-            checks: None,
-            impossible: 0,
             crude_runs: Some(natural.inside() as f64),
-            likeliest: Vec::new(),
-            unchecked: Some(counted(hits)),
-        }
+            unchecked: Some(natural.rate(hits, FaultsAs::Held)),
+            ..EgoRisk::without_readings(ego, natural, natural.faults.clone())
+        };
+        let readings = |faults| RiskReadings::counted(natural, faults);
+        let most = (natural.faults.invalid > 0).then(|| readings(FaultsAs::Failing));
+        risk.read(readings(FaultsAs::Held), most);
+        risk
     }
 
     /// Pools weighted runs.
     ///
-    /// `inside` is the share of the law of starts inside X_init. `lawful` is the rate of
-    /// natural runs that keep every rule.
+    /// `inside` is the share of the law of starts inside X_init. `faults` are those of all
+    /// runs on the ego's own plant.
     pub(super) fn weighted(
         ego: &str,
         (rounds, inside): (&[Round], &RiskEstimate),
         (mut checks, impossible): (Checks, usize),
-        lawful: &RiskEstimate,
+        (natural, faults): (&NaturalCounts, RunFaults),
         likeliest: Vec<RiskRun>,
     ) -> EgoRisk {
         // The bound is of all draws, but risks refer to starts inside.
         checks.bound = (checks.bound / inside.probability).min(1.0);
         let mut risk = EgoRisk {
-            ego: ego.to_owned(),
-            fails: None,
-            fails_lawful: None,
-            fails_given_lawful: None,
-            fails_preventable: None,
-            modes: Vec::new(),
             impossible,
-            known_share: None,
-            crude_runs: None,
-            checks: None,
             likeliest,
             unchecked: pooled(rounds, |_| true).map(|it| it.over(inside)),
+            ..EgoRisk::without_readings(ego, natural, faults)
         };
         // A refused estimate has no number that could be quoted.
         if checks.refusals.is_empty() {
-            risk.read(rounds, inside, lawful);
+            risk.pool(rounds, inside, natural);
         }
         risk.checks = Some(checks);
         risk
     }
 
-    fn read(&mut self, rounds: &[Round], inside: &RiskEstimate, lawful: &RiskEstimate) {
-        // Draws outside X_init are in every mean, but risks refer to starts inside.
-        let per_start = |it: RiskEstimate| it.over(inside);
-        let Some(all) = pooled(rounds, |_| true).map(per_start) else {
-            return;
+    fn pool(&mut self, rounds: &[Round], inside: &RiskEstimate, natural: &NaturalCounts) {
+        let least = RiskReadings::weighted((rounds, inside), natural, FaultsAs::Held);
+        let Some(least) = least else { return };
+        let Some(all) = least.fails else { return };
+        let has_faults = rounds.iter().any(|round| !round.faults.is_empty());
+        let most = if has_faults || natural.faults.invalid > 0 {
+            let failing: Vec<Round> = rounds.iter().map(Round::with_failing_faults).collect();
+            RiskReadings::weighted((&failing, inside), natural, FaultsAs::Failing)
+        } else {
+            None
         };
-        let with_rules = pooled(rounds, |it| it.lawful).map(per_start);
-        self.fails = Some(all);
-        self.fails_lawful = with_rules;
-        self.fails_given_lawful = with_rules
-            .filter(|_| 0 < lawful.hits)
-            .map(|it| it.over(lawful).at_most_one());
-        // Only some failures are assessed, so their share is carried over to all.
-        let assessed = pooled(rounds, |it| it.preventable.is_some());
-        let prevented = pooled(rounds, |it| it.preventable == Some(true));
-        self.fails_preventable = assessed
-            .zip(prevented)
-            .map(|(assessed, it)| it.scaled(all.probability / assessed.probability));
+        self.read(least, most);
         let mut modes: Vec<&str> = Vec::new();
         for failure in rounds.iter().flat_map(|round| &round.failures) {
             if !modes.contains(&failure.mode.as_str()) {
@@ -216,7 +318,7 @@ impl EgoRisk {
             }
         }
         let modes = modes.into_iter().filter_map(|mode| {
-            let risk = per_start(pooled(rounds, |it| it.mode == mode)?);
+            let risk = pooled(rounds, |it| it.mode == mode)?.over(inside);
             Some(ModeRisk {
                 mode: mode.to_owned(),
                 share: risk.probability / all.probability,
@@ -239,28 +341,55 @@ pub fn unchecked_estimate(risk: &EgoRisk) -> Option<RiskEstimate> {
 impl RiskReport {
     /// Returns whether every ego has a result.
     pub fn is_result(&self) -> bool {
-        self.egos.iter().all(|ego| ego.refusals().is_empty())
+        let is_result = |ego: &EgoRisk| ego.refusals().is_empty() && ego.unrepeatable.is_none();
+        self.egos.iter().all(is_result)
+    }
+
+    /// Returns the upper end of the ratio, with every fault of the first ego a failure.
+    ///
+    /// `None` without a ratio.
+    pub fn greatest_ratio(&self) -> Option<f64> {
+        let most = self.ratio_between.map(|[_, most]| most);
+        most.or(self.ratio).map(|it| it.interval[1])
     }
 
     fn readings(&self, f: &mut Formatter<'_>, ego: &EgoRisk) -> fmt::Result {
-        let rows = [
-            ("fails", ego.fails),
-            ("  and lawful", ego.fails_lawful),
-            ("  given lawful", ego.fails_given_lawful),
-            ("  and preventable", ego.fails_preventable),
-        ];
-        writeln!(f, "{:24}probability    95 % interval          ESS", ego.ego)?;
-        for (name, risk) in rows {
-            match risk {
-                Some(risk) => writeln!(
-                    f,
-                    "{name:24}{:<15}{:<23}{:.0}",
-                    number(risk.probability),
-                    interval(&risk),
-                    risk.ess
-                )?,
-                None => writeln!(f, "{name:24}none observed")?,
+        match &ego.between {
+            Some(between) => {
+                let [held, failing] = ["if no fault is a failure", "if every fault is one"];
+                writeln!(f, "{:24}{held:30}{failing:30}share of", ego.ego)?;
+                for (row, [least, most]) in pairs(&between.least, &between.most) {
+                    let cell = |it: Option<RiskEstimate>| match it {
+                        Some(it) => format!("{}, {}", number(it.probability), interval(&it)),
+                        None => "none observed".to_owned(),
+                    };
+                    let (name, of) = (row.name, row.share_of(ego));
+                    writeln!(f, "{name:24}{:30}{:30}{of}", cell(least), cell(most))?;
+                }
             }
+            None => {
+                let name = &ego.ego;
+                writeln!(
+                    f,
+                    "{name:24}probability    95 % interval          ESS     share of"
+                )?;
+                for (row, [risk, _]) in pairs(&ego.readings, &ego.readings) {
+                    let (name, of) = (row.name, row.share_of(ego));
+                    match risk {
+                        Some(risk) => writeln!(
+                            f,
+                            "{name:24}{:<15}{:<23}{:<8.0}{of}",
+                            number(risk.probability),
+                            interval(&risk),
+                            risk.ess
+                        )?,
+                        None => writeln!(f, "{name:24}{:46}{of}", "none observed")?,
+                    }
+                }
+            }
+        }
+        if !ego.modes.is_empty() {
+            writeln!(f, "of the failures:")?;
         }
         for mode in &ego.modes {
             writeln!(
@@ -275,16 +404,41 @@ impl RiskReport {
             let share = 100.0 * share;
             writeln!(f, "{share:5.1} %  of kinds that known counterexamples show")?;
         }
-        if let (Some(exposure), Some(risk)) = (self.exposure, ego.fails) {
-            let rate = risk.scaled(exposure.encounters());
+        if let (Some(exposure), Some(risks)) = (self.exposure, ego.least_and_most()) {
+            let [least, most] = risks.map(|it| it.scaled(exposure.encounters()));
+            let rate = match &ego.between {
+                Some(_) => format!(
+                    "{} to {}",
+                    number(least.probability),
+                    number(most.probability)
+                ),
+                None => number(least.probability),
+            };
             writeln!(
                 f,
-                "{} encounters {}: {} failures, {}",
+                "{} encounters {}: {rate} failures, {} … {}",
                 exposure.encounters(),
                 exposure.unit(),
-                number(rate.probability),
-                interval(&rate)
+                number(least.interval[0]),
+                number(most.interval[1])
             )?;
+        }
+        Ok(())
+    }
+
+    fn faults(f: &mut Formatter<'_>, ego: &EgoRisk) -> fmt::Result {
+        let RunFaults { runs, invalid, .. } = &ego.faults;
+        if *invalid == 0 {
+            return Ok(());
+        }
+        let share = 100.0 * ego.faults.share();
+        writeln!(
+            f,
+            "invalid: {invalid} of {runs} runs ended in a fault ({share:.2} %), and each might have \
+             been a failure"
+        )?;
+        for fault in &ego.faults.faults {
+            writeln!(f, "invalid: {}: {fault}", ego.ego)?;
         }
         Ok(())
     }
@@ -326,6 +480,23 @@ impl RiskReport {
                 "starts uniform over the world's ranges, without a law: {axes}"
             )?;
         }
+        match &self.counts {
+            Counts::Violation => {}
+            Counts::Contact { closing_mps } => writeln!(
+                f,
+                "a failure is a contact of the ego with a closing speed of {closing_mps} m/s or \
+                 more (`counts`)"
+            )?,
+            Counts::Preventable { by, closing_mps } => {
+                let by: Vec<String> = by.iter().map(|it| it.words().to_owned()).collect();
+                writeln!(
+                    f,
+                    "a failure is a contact of the ego with a closing speed of {closing_mps} m/s or \
+                     more that {} avoids (`counts`)",
+                    by.join(" or ")
+                )?;
+            }
+        }
         // Nearly all of a law is usually inside, which needs no remark.
         if self.inside < 0.999 {
             let share = 100.0 * self.inside;
@@ -339,12 +510,17 @@ impl RiskReport {
 
     /// Writes what the result supports, since a risk is easy to overstate.
     fn claims(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let claim = if self.is_result() {
-            "in this traffic model, on this plant, the ego fails in this share of runs"
-        } else {
-            "in this traffic model, on this plant, the ego fails at most as often as the bound"
-        };
-        writeln!(f, "you may say      {claim}")?;
+        for ego in &self.egos {
+            writeln!(
+                f,
+                "you may say      in traffic “{}”, on the {} plant, in runs of {} s, `{}` fails in {}",
+                self.traffic,
+                self.plant,
+                self.horizon_s,
+                ego.ego,
+                claim(ego)
+            )?;
+        }
         writeln!(
             f,
             "you may not say  a rate on the road, safe below it, or better by two intervals \
@@ -384,6 +560,7 @@ impl Display for RiskReport {
             } else {
                 writeln!(f, "{}: no result", ego.ego)?;
             }
+            RiskReport::faults(f, ego)?;
             match &ego.checks {
                 Some(checks) => self.checked(f, checks)?,
                 None => writeln!(f, "counted among {} natural runs", self.cost.natural)?,
@@ -402,20 +579,102 @@ impl Display for RiskReport {
                 )?;
             }
         }
-        if let Some(ratio) = &self.ratio {
+        if let [first, second, ..] = &self.egos[..]
+            && let Some([least, most]) = self.ratio_between.or(self.ratio.map(|it| [it; 2]))
+        {
+            let probability = if self.ratio_between.is_some() {
+                format!("{:.2} to {:.2}", least.probability, most.probability)
+            } else {
+                format!("{:.2}", least.probability)
+            };
+            let (first, second) = (&first.ego, &second.ego);
+            let [lo, hi] = [least.interval[0], most.interval[1]];
             writeln!(
                 f,
-                "\nratio of `{}` to `{}`: {:.2}, {:.2} … {:.2}",
-                self.egos[0].ego,
-                self.egos[1].ego,
-                ratio.probability,
-                ratio.interval[0],
-                ratio.interval[1]
+                "\nratio of `{first}` to `{second}`: {probability}, {lo:.2} … {hi:.2}"
             )?;
         }
         self.runs(f)?;
         self.claims(f)
     }
+}
+
+/// Line of the table of readings.
+struct ReadingRow {
+    name: &'static str,
+    of: ShareOf,
+}
+
+/// Runs of which a reading is a share.
+#[derive(Clone, Copy)]
+enum ShareOf {
+    All,
+    Lawful,
+    Judged,
+}
+
+impl ReadingRow {
+    fn share_of(&self, ego: &EgoRisk) -> String {
+        match self.of {
+            ShareOf::All => "all runs".to_owned(),
+            ShareOf::Lawful => "lawful runs".to_owned(),
+            ShareOf::Judged => format!("{} natural runs", ego.judged),
+        }
+    }
+}
+
+/// Returns the lines of the table, each with a value of both readings.
+fn pairs(
+    least: &RiskReadings,
+    most: &RiskReadings,
+) -> [(ReadingRow, [Option<RiskEstimate>; 2]); 6] {
+    let pair = |name, of, get: fn(&RiskReadings) -> Option<RiskEstimate>| {
+        (ReadingRow { name, of }, [get(least), get(most)])
+    };
+    [
+        pair("fails", ShareOf::All, |it| it.fails),
+        pair("fails, lawful", ShareOf::All, |it| it.fails_lawful),
+        pair("fails, preventable", ShareOf::All, |it| {
+            it.fails_preventable
+        }),
+        pair("fails, no driver model", ShareOf::All, |it| {
+            it.fails_unjudged
+        }),
+        pair("fails, given lawful", ShareOf::Lawful, |it| {
+            it.fails_given_lawful
+        }),
+        pair("lawful", ShareOf::Judged, |it| it.lawful),
+    ]
+}
+
+/// Returns the share of runs in which an ego may be said to fail, with its interval or bound.
+fn claim(ego: &EgoRisk) -> String {
+    let bound = ego.checks.as_ref().map(|checks| number(checks.bound));
+    let Some([least, most]) = ego.least_and_most() else {
+        let bound = bound.unwrap_or_else(|| number(1.0));
+        return format!("at most {bound} of runs (95 % bound). No estimate is a result");
+    };
+    let RunFaults { runs, invalid, .. } = &ego.faults;
+    let mut text = match &ego.between {
+        Some(_) => format!(
+            "at least {} and at most {} of runs (95 %), since {invalid} of {runs} runs ended in a \
+             fault",
+            number(least.interval[0]),
+            number(most.interval[1])
+        ),
+        None => format!(
+            "{} of runs (95 % interval {})",
+            number(least.probability),
+            interval(&least)
+        ),
+    };
+    if let Some(bound) = bound {
+        text.push_str(&format!(
+            ", as far as its runs show every kind of failure, and in at most {bound} whatever they \
+             missed"
+        ));
+    }
+    text
 }
 
 fn number(value: f64) -> String {
@@ -437,9 +696,12 @@ fn interval(risk: &RiskEstimate) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::mixture::Mixture;
     use super::super::natural_counts::JUDGED;
+    use super::super::pool::{WeightedFailure, WeightedFault};
     use super::super::record::{EgoFailure, RunEnd};
     use super::*;
+    use crate::ego::Fault;
 
     #[test]
     fn the_rate_of_lawful_runs_is_of_judged_runs_only() {
@@ -460,17 +722,241 @@ mod tests {
         let later = later.into_iter().cycle().take(1000);
         let mut natural = NaturalCounts::default();
         natural.add(judged.chain(later).map(RiskRun::ending).collect());
-        let rate = natural.lawful_rate();
+        let rate = natural.lawful_rate(FaultsAs::Held);
         assert_eq!((rate.probability, rate.hits), (0.9, 900));
         // 500 failures, of which none is lawful: nothing to divide, but no NaN either.
         let counted = EgoRisk::counted("ego", &natural);
-        let given = counted.fails_given_lawful.expect("a rate");
+        let readings = counted.readings;
+        let given = readings.fails_given_lawful.expect("a rate");
         assert_eq!((given.probability, given.interval[0]), (0.0, 0.0));
         assert!(
             0.0 < given.interval[1] && given.interval[1] < 0.01,
             "{given:?}"
         );
-        let fails = counted.fails.expect("counted");
+        let fails = readings.fails.expect("counted");
         assert_eq!((fails.hits, fails.probability), (500, 0.25));
+    }
+
+    const INSIDE: RiskEstimate = RiskEstimate {
+        probability: 0.5,
+        interval: [0.5; 2],
+        ess: 1.0,
+        hits: 1,
+    };
+
+    /// Round of 10,000 draws: 100 failures of weight 0.1, of which 60 are lawful, 50 are
+    /// assessed, and 20 of these prevented. Ten runs ended in a fault.
+    fn round(faults: usize) -> Round {
+        let failure = |index: usize| WeightedFailure {
+            index,
+            component: 0,
+            weight: 0.1,
+            mode: if index < 60 { "rear-end" } else { "side-swipe" }.to_owned(),
+            lawful: index < 60,
+            preventable: match index {
+                0..20 => Some(DriverAnswer::Avoids),
+                20..40 => Some(DriverAnswer::Fails),
+                40..50 => Some(DriverAnswer::NoAnswer),
+                _ => None,
+            },
+        };
+        let fault = |index: usize| WeightedFault {
+            index: 1000 + index,
+            component: 0,
+            weight: 0.1,
+        };
+        Round {
+            draws: vec![10_000],
+            failures: (0..100).map(failure).collect(),
+            faults: (0..faults).map(fault).collect(),
+        }
+    }
+
+    /// Natural runs of which four fifths keep every rule.
+    fn natural() -> NaturalCounts {
+        let ends = (0..1000).map(|at| RunEnd::Held {
+            lawful: Some(at % 5 > 0),
+        });
+        let mut natural = NaturalCounts::default();
+        natural.add(ends.map(RiskRun::ending).collect());
+        natural
+    }
+
+    fn weighted(rounds: &[Round], natural: &NaturalCounts) -> EgoRisk {
+        let mixture = Mixture::natural(0);
+        let checks = Checks::of(rounds, (natural, 1.0), &mixture, &[]);
+        let faults = RunFaults::default();
+        let of_natural = (natural, faults);
+        EgoRisk::weighted(
+            "ego",
+            (rounds, &INSIDE),
+            (checks, 3),
+            of_natural,
+            Vec::new(),
+        )
+    }
+
+    #[test]
+    fn weighted_readings_are_shares_of_starts_inside() {
+        let risk = weighted(&[round(0)], &natural());
+        let readings = &risk.readings;
+        let of = |it: Option<RiskEstimate>| it.map(|it| (it.probability * 1e6).round());
+        // 100 of weight 0.1 in 10,000 draws, of which half are inside.
+        assert_eq!(of(readings.fails), Some(2000.0));
+        assert_eq!(of(readings.fails_lawful), Some(1200.0));
+        // 20 and 10 of the 50 that are assessed.
+        assert_eq!(of(readings.fails_preventable), Some(800.0));
+        assert_eq!(of(readings.fails_unjudged), Some(400.0));
+        assert_eq!(of(readings.fails_given_lawful), Some(1500.0));
+        assert_eq!(readings.lawful.map(|it| it.probability), Some(0.8));
+        assert_eq!((risk.judged, risk.impossible), (1000, 3));
+        assert!(risk.between.is_none() && risk.is_weighted());
+        let shares = risk.modes.iter().map(|it| (it.mode.as_str(), it.share));
+        let shares: Vec<(&str, f64)> = shares.collect();
+        assert_eq!(shares[0].0, "rear-end");
+        assert!((shares[0].1 - 0.6).abs() < 1e-9 && (shares[1].1 - 0.4).abs() < 1e-9);
+        assert!((risk.modes[0].risk.probability - 1.2e-3).abs() < 1e-9);
+        // Counting would need n with 1.96 · √((1 − p) / (p n)) as the half-width.
+        let crude = risk.crude_runs.expect("a result");
+        let p = 2e-3;
+        let half = libm::exp(1.96 * libm::sqrt((1.0 - p) / (p * crude))) - 1.0;
+        let own = readings.fails.expect("a result").half_width();
+        assert!((half - own).abs() < 1e-9, "{half} instead of {own}");
+        let known = risk.clone().with_known(&["side-swipe"]).known_share;
+        assert!((known.expect("named") - 0.4).abs() < 1e-9);
+        assert_eq!(risk.with_known(&[]).known_share, None);
+    }
+
+    #[test]
+    fn weighted_faults_leave_bounds_and_no_number() {
+        let risk = weighted(&[round(10)], &natural());
+        assert_eq!(risk.readings, RiskReadings::default());
+        let between = risk.between.clone().expect("faults");
+        let of = |it: Option<RiskEstimate>| it.map(|it| (it.probability * 1e6).round());
+        assert_eq!(of(between.least.fails), Some(2000.0));
+        assert_eq!(of(between.most.fails), Some(2200.0));
+        assert_eq!(of(between.least.fails_lawful), Some(1200.0));
+        assert_eq!(of(between.most.fails_lawful), Some(1400.0));
+        assert!(of(between.most.fails_preventable) >= Some(1000.0));
+        // A fault of a natural run alone forbids a single number, too.
+        let mut natural = natural();
+        let fault = Fault::error("x");
+        natural.add(vec![RiskRun::ending(RunEnd::Invalid { fault })]);
+        // 1 of 1001 natural runs is more than the half-width of the estimate.
+        assert!(!weighted(&[round(0)], &natural).refusals().is_empty());
+        natural.add(vec![RiskRun::ending(RunEnd::Held { lawful: None }); 9000]);
+        let risk = weighted(&[round(0)], &natural);
+        assert_eq!(risk.refusals(), []);
+        assert!(risk.between.is_some());
+    }
+
+    fn report(egos: Vec<EgoRisk>) -> RiskReport {
+        RiskReport {
+            world: "acc".to_owned(),
+            plant: "kinematic".to_owned(),
+            horizon_s: 15.0,
+            traffic: "test".to_owned(),
+            uniform_axes: vec!["ado.speed".to_owned()],
+            inside: 0.9,
+            counts: Counts::Preventable {
+                by: vec![crate::ego::reference::ReferenceDriver::Fsm],
+                closing_mps: 3.0,
+            },
+            exposure: None,
+            egos,
+            ratio: None,
+            ratio_between: None,
+            surrogate_errors_m: Vec::new(),
+            cost: RiskCost::default(),
+        }
+    }
+
+    #[test]
+    fn a_claim_names_its_interval_or_its_bound() {
+        let sound = weighted(&[round(0)], &natural());
+        let text = report(vec![sound.clone()]).to_string();
+        let bound = number(sound.checks.as_ref().expect("weighted").bound);
+        let interval = interval(&sound.readings.fails.expect("a result"));
+        for said in [
+            "in runs of 15 s, `ego` fails in 2.00e-3 of runs (95 % interval ",
+            &interval,
+            &format!("and in at most {bound} whatever they missed"),
+            "more that the fuzzy safety model of UN R157 (FSM) avoids (`counts`)",
+            "90.0 % of the law of starts is inside",
+            "warning: 3 known counterexamples",
+        ] {
+            assert!(text.contains(said), "{said}: {text}");
+        }
+        let faulty = weighted(&[round(10)], &natural());
+        let [least, most] = faulty.least_and_most().expect("a result");
+        let text = report(vec![faulty]).to_string();
+        let said = format!(
+            "`ego` fails in at least {} and at most {} of runs (95 %)",
+            number(least.interval[0]),
+            number(most.interval[1])
+        );
+        assert!(text.contains(&said), "{said}: {text}");
+        // A refused estimate has a bound alone, per start inside.
+        let refused = weighted(&[], &natural());
+        let bound = refused.checks.as_ref().expect("weighted").bound;
+        let refused = report(vec![refused]);
+        assert!(!refused.is_result());
+        let said = format!("fails in at most {} of runs (95 % bound)", number(bound));
+        assert!(refused.to_string().contains(&said), "{refused}");
+        assert!(refused.to_string().contains("ego: no result"));
+    }
+
+    #[test]
+    fn the_greatest_ratio_is_the_one_with_every_fault() {
+        let [narrow, wide] = [0.5, 0.9].map(|upper| RiskEstimate {
+            interval: [0.1, upper],
+            ..INSIDE
+        });
+        let of = |ratio, ratio_between| {
+            let report = RiskReport {
+                ratio,
+                ratio_between,
+                ..report(Vec::new())
+            };
+            report.greatest_ratio()
+        };
+        assert_eq!(of(None, None), None);
+        assert_eq!(of(Some(narrow), None), Some(0.5));
+        assert_eq!(of(None, Some([narrow, wide])), Some(0.9));
+    }
+
+    #[test]
+    fn rates_and_ratios_are_printed_with_both_ends_of_what_faults_allow() {
+        let [sound, faulty] = [0, 10].map(|faults| weighted(&[round(faults)], &natural()));
+        let hourly = |egos: Vec<EgoRisk>, ratio, ratio_between| {
+            let report = RiskReport {
+                exposure: Some(EncounterRate::PerHour(20.0)),
+                ratio,
+                ratio_between,
+                ..report(egos)
+            };
+            report.to_string()
+        };
+        let text = hourly(vec![sound.clone()], None, None);
+        assert!(
+            text.contains("20 encounters per hour: 0.0400 failures, 0.03"),
+            "{text}"
+        );
+        let text = hourly(vec![faulty.clone()], None, None);
+        assert!(
+            text.contains("per hour: 0.0400 to 0.0440 failures, 0.03"),
+            "{text}"
+        );
+        let ratio = RiskEstimate {
+            interval: [0.25, 0.75],
+            ..INSIDE
+        };
+        let text = hourly(vec![sound.clone(), sound.clone()], Some(ratio), None);
+        assert!(
+            text.contains("ratio of `ego` to `ego`: 0.50, 0.25 … 0.75"),
+            "{text}"
+        );
+        let text = hourly(vec![faulty, sound], None, Some([ratio, INSIDE.scaled(2.0)]));
+        assert!(text.contains("`ego`: 0.50 to 1.00, 0.25 … 1.00"), "{text}");
     }
 }

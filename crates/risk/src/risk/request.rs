@@ -13,6 +13,8 @@ use crate::rl::Policy;
 use crate::sim::PlantKind;
 use crate::surrogate::SurrogateWorld;
 
+/// Version of the stored runs, which changes with their meaning.
+const STORED_RUNS: u32 = 2;
 /// Most runs with random actions.
 const EXPLORING: usize = 5_000;
 /// Most runs of the round that only learns on the plant of the ego.
@@ -85,6 +87,21 @@ impl Default for RiskSettings {
     }
 }
 
+/// Returns everything of an ego on which its runs depend.
+///
+/// A name alone would not reveal an ego that has changed.
+fn ego_identity(ego: &EgoUnderTest) -> serde_json::Value {
+    let scenario = ego.scenario();
+    json!([
+        ego.name(),
+        ego.change(),
+        scenario.text(),
+        scenario.plant(),
+        // A rebuilt program is another ego.
+        ego.program_content().map(|content| content.sha256),
+    ])
+}
+
 impl RiskSettings {
     /// Returns the numbers of natural runs, of runs with random actions, and of runs of a
     /// learning round on the ego's own plant.
@@ -125,15 +142,12 @@ impl<'a> RiskRequest<'a> {
             width: 0.0,
             ..self.settings
         };
-        // A name alone would not reveal an ego that has changed.
-        let egos = self.egos.iter().map(|ego| {
-            let scenario = ego.scenario();
-            json!([ego.name(), ego.change(), scenario.text(), scenario.plant()])
-        });
+        let egos = self.egos.iter().map(ego_identity);
         let known = self.known.iter();
         let known = known.map(|it| json!([it.start, it.noise, it.actions]));
         content_hash::fingerprint(&json!({
             "version": env!("CARGO_PKG_VERSION"),
+            "stored_runs": STORED_RUNS,
             "egos": egos.collect::<Vec<_>>(),
             "traffic": self.traffic.sha256,
             "known": known.collect::<Vec<_>>(),
@@ -169,5 +183,93 @@ impl<'a> RiskRequest<'a> {
         });
         let learned = learned.collect();
         (!watch.stopped()).then_some(learned)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{TRAFFIC, world};
+    use super::*;
+    use crate::scene::Start;
+
+    fn known(change: fn(&mut KnownFailure)) -> Vec<KnownFailure> {
+        let mut known = KnownFailure {
+            start: Start(vec![30.0]),
+            noise: 0,
+            actions: vec![0],
+        };
+        change(&mut known);
+        vec![known]
+    }
+
+    #[test]
+    fn everything_that_changes_a_stored_run_changes_the_digest() {
+        let world = world();
+        let weak = EgoUnderTest::find(&world, "weak brakes").expect("fits");
+        let weak = weak[0].clone();
+        let traffic = |text: &str| RiskTraffic::parse(&world, "t.ron", text).expect("sound");
+        let (own, rarer) = (traffic(TRAFFIC), traffic(&TRAFFIC.replace("0.02", "0.01")));
+        let egos = [EgoUnderTest::nominal(&world)];
+        let digest = |change: &dyn Fn(&mut RiskRequest<'_>)| {
+            let mut request = RiskRequest::new(&own, &egos);
+            change(&mut request);
+            request.fingerprint()
+        };
+        let others = [
+            [weak.clone()],
+            [EgoUnderTest::nominal(&world.on(PlantKind::Rigid))],
+        ];
+        let both = [EgoUnderTest::nominal(&world), weak];
+        let lists = [
+            known(|_| {}),
+            known(|it| it.noise = 1),
+            known(|it| it.start = Start(vec![31.0])),
+            known(|it| it.actions.push(1)),
+        ];
+        let mut all = vec![
+            digest(&|_| {}),
+            RiskRequest::new(&rarer, &egos).fingerprint(),
+            RiskRequest::new(&own, &both).fingerprint(),
+            digest(&|it| it.settings.seed = 1),
+            digest(&|it| it.settings.natural = 9_000),
+            // Fewer runs are left to learn from.
+            digest(&|it| it.settings.budget = 20_000),
+            digest(&|it| it.settings.learn_on = Some(PlantKind::Kinematic)),
+            digest(&|it| it.settings.surrogate = Some(100)),
+            digest(&|it| it.settings.value = ValueKind::Table),
+            digest(&|it| it.fault = Some(ProposalFault::StateBlind)),
+        ];
+        all.extend(
+            others
+                .iter()
+                .map(|it| RiskRequest::new(&own, it).fingerprint()),
+        );
+        all.extend(lists.iter().map(|it| {
+            let mut request = RiskRequest::new(&own, &egos);
+            request.known = it;
+            request.fingerprint()
+        }));
+        let mut distinct = all.clone();
+        distinct.sort();
+        distinct.dedup();
+        assert_eq!(distinct.len(), all.len(), "{all:?}");
+        // More rounds of the same runs.
+        assert_eq!(digest(&|it| it.settings.budget = 1_000_000), all[0]);
+        assert_eq!(digest(&|it| it.settings.width = 0.01), all[0]);
+    }
+
+    #[test]
+    fn a_budget_is_shared_between_natural_learning_and_counted_runs() {
+        let before = |budget, natural| {
+            let settings = RiskSettings {
+                budget,
+                natural,
+                ..RiskSettings::default()
+            };
+            settings.before_rounds()
+        };
+        assert_eq!(before(1_000, 10_000), [1_000, 0, 0]);
+        assert_eq!(before(20_000, 10_000), [10_000, 2_000, 1_000]);
+        assert_eq!(before(100_000, 10_000), [10_000, 5_000, 5_000]);
     }
 }

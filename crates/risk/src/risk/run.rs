@@ -7,8 +7,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::action_law::ActionLaw;
 use super::mixture::Mixture;
-use super::record::{EgoFailure, KnownFailure, RiskRun, RunEnd, multiply};
+use super::record::{DriverAnswer, EgoFailure, KnownFailure, RiskRun, RunEnd, multiply};
 use super::start_law::StartLaw;
+use crate::ego::{Fault, FaultKind};
 use crate::experiment::CrashFeatures;
 use crate::rulebook::{Rulebook, Verdict};
 use crate::scene::Start;
@@ -20,7 +21,7 @@ use crate::world::Scenario;
 /// World in which the ego is played to its failure, whatever the rules.
 #[derive(Clone)]
 pub(super) struct RiskWorld {
-    /// World without rules, in which every violation of ψ_ego is a failure.
+    /// World without rules, in which a failure is what the world counts.
     pub(super) scenario: Scenario,
     rules: Arc<Rulebook>,
     pub(super) starts: StartLaw,
@@ -52,8 +53,15 @@ pub(super) struct Order<'a> {
 
 impl RiskWorld {
     pub(super) fn new(world: &Scenario, starts: StartLaw, actions: ActionLaw) -> RiskWorld {
+        // Contacts that count are judged as in every other verb. Where every violation
+        // counts, no run is judged beyond it.
+        let judged = if world.rulebook().counts.is_violation() {
+            world.counting_every_violation()
+        } else {
+            world.clone()
+        };
         RiskWorld {
-            scenario: world.counting_every_violation().without_rules(|_| true),
+            scenario: judged.without_rules(|_| true),
             rules: Arc::new(world.rulebook().clone()),
             starts,
             actions,
@@ -190,7 +198,8 @@ impl RiskWorld {
         let verdict = bench.verdict().unwrap_or(Verdict::Invalid);
         match verdict {
             Verdict::Invalid => {
-                let fault = bench.fault().cloned();
+                let unknown = || Fault::new(FaultKind::Physics, "the run has no verdict");
+                let fault = bench.fault().cloned().unwrap_or_else(unknown);
                 run.end = RunEnd::Invalid { fault };
                 None
             }
@@ -219,15 +228,15 @@ impl RiskWorld {
             None => "lawful".to_owned(),
             Some(rule) => format!("breaks “{}”", self.rules.rules[rule].name),
         };
-        let avoided = || {
-            let assessed = self.scenario.preventability(episode);
-            // A failure is preventable only if the reference driver is shown to avoid it.
-            assessed.human_model_avoids().unwrap_or(false)
+        let answer = || match self.scenario.preventability(episode).human_model_avoids() {
+            Some(true) => DriverAnswer::Avoids,
+            Some(false) => DriverAnswer::Fails,
+            None => DriverAnswer::NoAnswer,
         };
         EgoFailure {
             mode: format!("{}, {rules}", class.contact_in_words()),
             lawful: broken.is_none(),
-            preventable: prevent.then(avoided),
+            preventable: prevent.then(answer),
         }
     }
 
@@ -332,4 +341,25 @@ pub(super) fn draw(probabilities: &[f64], share: f64) -> usize {
         }
     }
     last
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_follow_their_shares_and_take_no_impossible_action() {
+        let law = [0.25, 0.0, 0.5, 0.25, 0.0];
+        for (share, action) in [
+            (0.0, 0),
+            (0.24, 0),
+            (0.26, 2),
+            (0.74, 2),
+            (0.76, 3),
+            (1.0, 3),
+        ] {
+            assert_eq!(draw(&law, share), action, "{share}");
+        }
+        assert_eq!(draw(&[0.0, 1.0], 0.0), 1);
+    }
 }

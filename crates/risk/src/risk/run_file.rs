@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use super::record::{RiskRun, RunEnd};
 use crate::content_hash::sha256;
 use crate::rl::{BundleError, TensorFile};
@@ -10,6 +12,59 @@ use crate::run_dir::RunError;
 
 /// Length of the seal at the end of a file: a SHA-256 in hexadecimal digits.
 const SEAL: usize = 64;
+
+/// Runs that a file contains.
+///
+/// A name alone does not bind a file to its request, since files can be copied.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PieceId {
+    /// Digest of the request.
+    pub(super) request: String,
+    /// Name of the ego's files.
+    pub(super) ego: String,
+    /// Seed of the draws.
+    pub(super) seed: u64,
+    /// Number of the batch, and the kind of its runs.
+    pub(super) stage: u64,
+    pub(super) content: String,
+    /// Runs of the batch.
+    pub(super) total: usize,
+    /// First run of the piece.
+    pub(super) first: usize,
+    /// Runs of the piece.
+    pub(super) runs: usize,
+}
+
+/// Content of a file that tensors cannot hold.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PieceMeta {
+    piece: PieceId,
+    ends: Vec<RunEnd>,
+}
+
+impl PieceId {
+    /// Returns the differences of a stored piece from an expected one.
+    fn differences(&self, expected: &PieceId) -> Vec<String> {
+        let of = |it: &PieceId| {
+            [
+                ("request", it.request.clone()),
+                ("ego", it.ego.clone()),
+                ("seed", it.seed.to_string()),
+                ("stage", format!("{}, {}", it.stage, it.content)),
+                ("runs of the stage", it.total.to_string()),
+                ("first run", it.first.to_string()),
+                ("runs", it.runs.to_string()),
+            ]
+        };
+        let pairs = of(self).into_iter().zip(of(expected));
+        let differ = pairs.filter(|(found, expected)| found != expected);
+        let words = differ
+            .map(|((name, found), (_, expected))| format!("{name}: {found}, expected {expected}"));
+        words.collect()
+    }
+}
 
 fn damaged(path: &Path, why: impl ToString) -> RunError {
     RunError::Damaged {
@@ -22,10 +77,12 @@ fn damaged(path: &Path, why: impl ToString) -> RunError {
 ///
 /// # Errors
 /// The runs do not fit into a file, whose name is `path`.
-pub(super) fn bytes(runs: &[RiskRun], path: &Path) -> Result<Vec<u8>, RunError> {
-    // Ends contain words, which no tensor can hold.
-    let ends: Vec<&RunEnd> = runs.iter().map(|run| &run.end).collect();
-    let meta = serde_json::to_string(&ends).map_err(|error| damaged(path, error))?;
+pub(super) fn bytes(piece: &PieceId, runs: &[RiskRun], path: &Path) -> Result<Vec<u8>, RunError> {
+    let meta = PieceMeta {
+        piece: piece.clone(),
+        ends: runs.iter().map(|run| run.end.clone()).collect(),
+    };
+    let meta = serde_json::to_string(&meta).map_err(|error| damaged(path, error))?;
     let mut file = TensorFile::new(meta);
     // Runs differ in length, so their joined tensors are cut by these sizes.
     let sizes = runs.iter().flat_map(|run| {
@@ -60,11 +117,11 @@ pub(super) fn bytes(runs: &[RiskRun], path: &Path) -> Result<Vec<u8>, RunError> 
     Ok(bytes)
 }
 
-/// Reads runs. `None`: there is no such file.
+/// Reads the runs of a piece. `None`: there is no such file.
 ///
 /// # Errors
-/// The file cannot be read, or is damaged.
-pub(super) fn read(path: &Path) -> Result<Option<Vec<RiskRun>>, RunError> {
+/// The file cannot be read, is damaged, or contains another piece.
+pub(super) fn read(expected: &PieceId, path: &Path) -> Result<Option<Vec<RiskRun>>, RunError> {
     if !path.exists() {
         return Ok(None);
     }
@@ -73,9 +130,19 @@ pub(super) fn read(path: &Path) -> Result<Option<Vec<RiskRun>>, RunError> {
     let sealed = sealed.filter(|(content, seal)| sha256(content).as_bytes() == *seal);
     let (content, _) = sealed.ok_or_else(|| damaged(path, "its hash differs"))?;
     let file = TensorFile::from_bytes(content).map_err(|error| damaged(path, error))?;
-    let ends: Vec<RunEnd> =
+    let meta: PieceMeta =
         serde_json::from_str(file.meta()).map_err(|error| damaged(path, error))?;
-    let runs = runs_of(&file, ends).map_err(|error| damaged(path, error))?;
+    let differences = meta.piece.differences(expected);
+    if !differences.is_empty() {
+        return Err(RunError::OtherPiece {
+            path: path.into(),
+            differences,
+        });
+    }
+    if meta.ends.len() != expected.runs {
+        return Err(damaged(path, "its number of runs differs"));
+    }
+    let runs = runs_of(&file, meta.ends).map_err(|error| damaged(path, error))?;
     let runs = runs.ok_or_else(|| damaged(path, "its tensors do not fit each other"))?;
     Ok(Some(runs))
 }
@@ -130,7 +197,7 @@ mod tests {
         let failure = EgoFailure {
             mode: "rear-end of ego and ado, lawful".to_owned(),
             lawful: true,
-            preventable: Some(false),
+            preventable: Some(super::super::record::DriverAnswer::Fails),
         };
         let run = |end| RiskRun {
             shares: vec![0.1, 1.0 / 3.0],
@@ -153,28 +220,124 @@ mod tests {
             run(RunEnd::Failed(failure)),
             empty.clone(),
             run(RunEnd::Invalid {
-                fault: Some(Fault::error("x")),
+                fault: Fault::error("x"),
             }),
         ];
-        let dir = std::env::temp_dir().join(format!("brakecheck-runs-{}", std::process::id()));
-        std::fs::create_dir_all(&dir).expect("a directory");
-        let path = dir.join("a.runs");
-        let bytes = bytes(&runs, &path).expect("fits");
+        let dir = tempfile::tempdir().expect("a directory");
+        let path = dir.path().join("a.runs");
+        let three = piece(3);
+        let bytes = bytes(&three, &runs, &path).expect("fits");
         std::fs::write(&path, &bytes).expect("written");
-        assert_eq!(read(&path).expect("sound"), Some(runs));
+        assert_eq!(read(&three, &path).expect("sound"), Some(runs));
         std::fs::write(&path, &bytes[..bytes.len() - 4]).expect("written");
-        assert!(read(&path).is_err());
+        assert!(read(&three, &path).is_err());
         for at in [0, bytes.len() / 2, bytes.len() - 1] {
             let mut flipped = bytes.clone();
             flipped[at] ^= 1;
             std::fs::write(&path, &flipped).expect("written");
-            assert!(read(&path).is_err(), "byte {at}");
+            assert!(read(&three, &path).is_err(), "byte {at}");
         }
-        assert_eq!(read(&dir.join("b.runs")).expect("none"), None);
+        assert_eq!(
+            read(&three, &dir.path().join("b.runs")).expect("none"),
+            None
+        );
         // A piece of natural runs without a failure has no decisions.
-        let bytes = super::bytes(std::slice::from_ref(&empty), &path).expect("fits");
+        let one = piece(1);
+        let bytes = super::bytes(&one, std::slice::from_ref(&empty), &path).expect("fits");
         std::fs::write(&path, &bytes).expect("written");
-        assert_eq!(read(&path).expect("sound"), Some(vec![empty]));
-        std::fs::remove_dir_all(&dir).expect("removed");
+        assert_eq!(read(&one, &path).expect("sound"), Some(vec![empty]));
+    }
+
+    fn piece(runs: usize) -> PieceId {
+        PieceId {
+            request: "digest".to_owned(),
+            ego: "0-nominal".to_owned(),
+            seed: 3,
+            stage: 2,
+            content: "round".to_owned(),
+            total: 5000,
+            first: 500,
+            runs,
+        }
+    }
+
+    #[test]
+    fn a_piece_of_other_runs_is_refused_by_name() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let path = dir.path().join("a.runs");
+        let run = RiskRun::ending(RunEnd::Outside);
+        let own = piece(2);
+        let stored = |piece: &PieceId, runs: usize| {
+            let runs = vec![run.clone(); runs];
+            std::fs::write(&path, bytes(piece, &runs, &path).expect("fits")).expect("written");
+            read(&own, &path)
+        };
+        assert!(stored(&own, 2).is_ok());
+        let others = [
+            (
+                "request: other, expected digest",
+                PieceId {
+                    request: "other".to_owned(),
+                    ..own.clone()
+                },
+            ),
+            (
+                "ego: 1-weak, expected 0-nominal",
+                PieceId {
+                    ego: "1-weak".to_owned(),
+                    ..own.clone()
+                },
+            ),
+            (
+                "seed: 4, expected 3",
+                PieceId {
+                    seed: 4,
+                    ..own.clone()
+                },
+            ),
+            (
+                "stage: 1, round, expected 2, round",
+                PieceId {
+                    stage: 1,
+                    ..own.clone()
+                },
+            ),
+            (
+                "stage: 2, natural, expected",
+                PieceId {
+                    content: "natural".to_owned(),
+                    ..own.clone()
+                },
+            ),
+            (
+                "runs of the stage: 6000, expected 5000",
+                PieceId {
+                    total: 6000,
+                    ..own.clone()
+                },
+            ),
+            (
+                "first run: 0, expected 500",
+                PieceId {
+                    first: 0,
+                    ..own.clone()
+                },
+            ),
+            (
+                "runs: 1, expected 2",
+                PieceId {
+                    runs: 1,
+                    ..own.clone()
+                },
+            ),
+        ];
+        for (says, other) in others {
+            let error = stored(&other, 2).expect_err(says);
+            let found = error.to_string();
+            assert!(found.contains(says) && found.contains("a.runs"), "{found}");
+            assert!(error.help().is_some_and(|help| help.contains("delete")));
+        }
+        // A header that does not fit its own runs.
+        assert!(matches!(stored(&own, 1), Err(RunError::Damaged { .. })));
     }
 }

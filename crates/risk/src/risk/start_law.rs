@@ -46,6 +46,7 @@ impl Shape {
     fn of(file: &StartLawFile) -> Result<Shape, String> {
         let ends = |mean: f64, sd: f64, (lo, hi): (f64, f64)| {
             let ends = [lo, hi].map(|end| normal_cdf((end - mean) / sd));
+            // Far in a tail, both ends round to one probability, and nothing could be drawn.
             let fits = lo < hi && 0.0 < sd && ends[0] < ends[1];
             fits.then_some(ends)
                 .ok_or("`within` has no probability, or the spread is not above 0")
@@ -321,5 +322,183 @@ impl AxisBinder<'_, '_> {
                 None
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::world;
+    use super::super::{RiskTraffic, RiskTrafficError};
+    use super::*;
+    use crate::world::LoadError;
+
+    fn shape(text: &str) -> Result<Shape, String> {
+        Shape::of(&crate::ron_file::parse_ron(text).expect(text))
+    }
+
+    #[test]
+    fn quantiles_and_shares_are_inverse_and_end_where_the_law_ends() {
+        for (text, [lo, hi], middle) in [
+            ("Uniform(within: (2, 6))", [2.0, 6.0], 4.0),
+            (
+                "Histogram(edges: [0, 1, 4], weights: [1, 3])",
+                [0.0, 4.0],
+                2.0,
+            ),
+            (
+                "Histogram(edges: [0, 2, 3, 4], weights: [1, 0, 1])",
+                [0.0, 4.0],
+                3.0,
+            ),
+            ("Normal(mean: 5, sd: 2, within: (1, 9))", [1.0, 9.0], 5.0),
+            (
+                "LogNormal(median: 2, sigma: 0.5, within: (1, 4))",
+                [1.0, 4.0],
+                2.0,
+            ),
+        ] {
+            let law = shape(text).expect(text);
+            for (share, value) in [(0.0, lo), (0.5, middle), (1.0, hi)] {
+                let found = law.quantile(share);
+                assert!((found - value).abs() < 1e-6, "{text}, {share}: {found}");
+            }
+            for share in [0.01, 0.2, 0.49, 0.51, 0.9] {
+                let found = law.share(law.quantile(share)).expect("inside");
+                assert!((found - share).abs() < 1e-6, "{text}: {found} for {share}");
+            }
+            for outside in [lo - 0.01, hi + 0.01] {
+                assert_eq!(law.share(outside), None, "{text}: {outside}");
+            }
+        }
+        // A bin without weight has no density, and only its edges have a share.
+        let gap = shape("Histogram(edges: [0, 2, 3, 4], weights: [1, 0, 1])").expect("a law");
+        assert_eq!((gap.share(2.5), gap.share(1.0)), (None, Some(0.25)));
+        let positive = shape("LogNormal(median: 2, sigma: 0.5, within: (1, 4))").expect("a law");
+        assert_eq!((positive.share(0.0), positive.share(-1.0)), (None, None));
+        // 0.75 of the weight is above the edge at 1, spread over 3.
+        let law = shape("Histogram(edges: [0, 1, 4], weights: [1, 3])").expect("a law");
+        assert!((law.quantile(0.125) - 0.5).abs() < 1e-12);
+        assert!((law.quantile(0.625) - 2.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn texts_that_are_no_law_are_refused() {
+        let spread = "`within` has no probability, or the spread is not above 0";
+        let histogram = "a histogram has rising edges, one more than weights from 0 on";
+        for (text, says) in [
+            ("Uniform(within: (2, 2))", "`within` is empty"),
+            ("Uniform(within: (3, 2))", "`within` is empty"),
+            ("Histogram(edges: [0, 1], weights: [1, 1])", histogram),
+            ("Histogram(edges: [0, 1, 1], weights: [1, 1])", histogram),
+            ("Histogram(edges: [0, 2, 1], weights: [1, 1])", histogram),
+            ("Histogram(edges: [0, 1, 2], weights: [1, -0.5])", histogram),
+            ("Histogram(edges: [0, 1, 2], weights: [0, 0])", histogram),
+            ("Normal(mean: 0, sd: 0, within: (0, 1))", spread),
+            ("Normal(mean: 0, sd: 1, within: (1, 0))", spread),
+            ("Normal(mean: 0, sd: 1, within: (80, 90))", spread),
+            ("LogNormal(median: 2, sigma: -1, within: (1, 4))", spread),
+            (
+                "LogNormal(median: 0, sigma: 1, within: (1, 4))",
+                "a lognormal law has values above 0 only",
+            ),
+            (
+                "LogNormal(median: 2, sigma: 1, within: (0, 4))",
+                "a lognormal law has values above 0 only",
+            ),
+        ] {
+            assert_eq!(shape(text).err().as_deref(), Some(says), "{text}");
+        }
+        assert!(shape("Histogram(edges: [0, 1, 2], weights: [0, 1])").is_ok());
+    }
+
+    /// Law of both axes of `acc`, whose ego speed is relative to the ado's.
+    fn traffic(starts: &str) -> Result<RiskTraffic, RiskTrafficError> {
+        let text = super::super::tests::TRAFFIC.replace(
+            "\"ado.headway\": Normal(mean: 35.0, sd: 2.5, within: (24.0, 46.0))",
+            starts,
+        );
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        RiskTraffic::parse(&world, "t.ron", &text)
+    }
+
+    #[test]
+    fn a_draw_is_scaled_and_moved_by_axes_that_are_drawn_before() {
+        let law = traffic(
+            "\"ado.speed\": Uniform(within: (10, 20)),
+             \"ego.speed\": Uniform(within: (0, 4), plus: \"ado.speed\"),
+             \"ado.headway\": Uniform(within: (1, 2), times: \"ego.speed\", plus: \"4\")",
+        );
+        let law = law.expect("sound").starts;
+        let axes: Vec<String> = law.axes.iter().map(|it| it.name.clone()).collect();
+        let at = |name: &str| axes.iter().position(|it| it == name).expect("an axis");
+        let mut shares = vec![0.0; law.dimensions()];
+        shares[at("ado.speed")] = 0.5;
+        shares[at("ego.speed")] = 0.25;
+        shares[at("ado.headway")] = 0.5;
+        let start = law.start(&shares).expect("inside");
+        let value = |name: &str| start.0[at(name)];
+        assert_eq!((value("ado.speed"), value("ego.speed")), (15.0, 16.0));
+        assert_eq!(value("ado.headway"), 1.5 * 16.0 + 4.0);
+        let back = law.shares(&start).expect("possible");
+        let differ = back.iter().zip(&shares).map(|(a, b)| (a - b).abs());
+        assert!(differ.fold(0.0, f64::max) < 1e-12, "{back:?}");
+        // Beyond the world's range of 25 m/s, or beyond the law.
+        let fast = traffic("\"ado.speed\": Uniform(within: (10, 40))")
+            .expect("sound")
+            .starts;
+        let with = |share: f64| {
+            let mut shares = vec![0.5; fast.dimensions()];
+            shares[at("ado.speed")] = share;
+            fast.start(&shares)
+        };
+        assert!(with(0.4).is_some() && with(0.6).is_none());
+        let mut beyond = start;
+        beyond.0[at("ego.speed")] = 20.0;
+        assert_eq!(law.shares(&beyond), None);
+    }
+
+    #[test]
+    fn laws_of_axes_refer_to_earlier_ones_only() {
+        for (starts, says) in [
+            (
+                "\"ego.speed\": Uniform(within: (0, 4), plus: \"ado.speed\"),
+                 \"ado.speed\": Uniform(within: (10, 20))",
+                "`ado.speed` is drawn later",
+            ),
+            (
+                "\"ado.speed\": Uniform(within: (10, 20), plus: \"ado.speed\")",
+                "`ado.speed` is drawn later",
+            ),
+            ("\"speed\": Uniform(within: (0, 4))", "unknown axis `speed`"),
+        ] {
+            let Err(RiskTrafficError::File(LoadError::Scenario(placed))) = traffic(starts) else {
+                panic!("{starts}");
+            };
+            let what = &placed.problems[0].what;
+            assert!(what.contains(says), "{what}");
+        }
+    }
+
+    #[test]
+    fn a_table_of_starts_is_drawn_evenly() {
+        let world = world();
+        let axes = world.axes();
+        let points = [25.0, 30.0, 35.0, 40.0].map(|it| Start(vec![it]));
+        let law = StartLaw {
+            axes,
+            order: Vec::new(),
+            points: points.to_vec(),
+            world,
+        };
+        assert_eq!(law.dimensions(), 1);
+        for (share, point) in [(0.0, 0), (0.24, 0), (0.25, 1), (0.99, 3), (1.0, 3)] {
+            assert_eq!(
+                law.start(&[share]).as_ref(),
+                Some(&points[point]),
+                "{share}"
+            );
+        }
+        assert_eq!(law.shares(&points[2]), Some(vec![0.625]));
+        assert_eq!(law.shares(&Start(vec![26.0])), None);
     }
 }

@@ -182,4 +182,50 @@ mod tests {
         assert!((inverse - 1.0).abs() < 0.08, "{inverse}");
         assert!(n / 2 < inside, "{inside} of {n} draws where failures are");
     }
+
+    #[test]
+    fn boxes_contain_their_lower_ends_and_the_last_one_its_upper_end() {
+        let starts = (0..200).map(|at| {
+            let share = (f64::from(at) + 0.5) / 200.0;
+            (vec![share], if share < 0.5 { 1.0 } else { 0.0 })
+        });
+        let starts: Vec<_> = starts.collect();
+        let tree = StartTree::fit(&starts, 1);
+        for (share, density) in [(0.0, 1.9), (0.499, 1.9), (0.5, 0.1), (1.0, 0.1)] {
+            let found = tree.density(&[share]);
+            assert!((found - density).abs() < 1e-9, "{share}: {found}");
+        }
+        // A start outside all boxes has the density of the law.
+        assert_eq!(tree.density(&[-0.5]), 1.0);
+        // Draws fill the boxes in the order of their shares.
+        assert_eq!(tree.draw(0.0, &[0.5]), [0.25]);
+        assert_eq!(tree.draw(0.94, &[0.5]), [0.25]);
+        assert_eq!(tree.draw(0.96, &[0.5]), [0.75]);
+        assert_eq!(tree.draw(1.0, &[0.5]), [0.75]);
+    }
+
+    #[test]
+    fn few_starts_equal_values_and_no_failure_split_nothing() {
+        let fitted = |n: u32, value: fn(f64) -> f64| {
+            let starts = (0..n).map(|at| {
+                let share = (f64::from(at) + 0.5) / f64::from(n);
+                (vec![share], value(share))
+            });
+            StartTree::fit(&starts.collect::<Vec<_>>(), 1)
+        };
+        let halves = |share: f64| if share < 0.5 { 1.0 } else { 0.0 };
+        // A half needs 24 starts.
+        assert_eq!(fitted(46, halves).leaves.len(), 1);
+        assert_eq!(fitted(48, halves).leaves.len(), 2);
+        assert_eq!(fitted(1000, |_| 0.5).leaves.len(), 1);
+        assert_eq!(fitted(1000, |_| 0.0), StartTree::natural(1));
+        assert_eq!(
+            StartTree::fit(&[(Vec::new(), 1.0)], 0),
+            StartTree::natural(0)
+        );
+        // A steep value splits until a half has too few starts, or there are 64 boxes.
+        let steep = fitted(20_000, |share| libm::exp(-40.0 * share));
+        assert_eq!(steep.leaves.len(), 64);
+        assert!(steep.density(&[0.001]) > 10.0 && steep.density(&[0.9]) < 0.11);
+    }
 }

@@ -9,11 +9,14 @@ use super::{
     RiskReport, RiskRequest, RiskSettings, RiskTraffic, RiskTrafficError, ValueKind,
     unchecked_estimate,
 };
+use crate::ego::{Command, Controller, Fault, Percept};
 use crate::experiment::{EgoUnderTest, Watch};
+use crate::rulebook::Counts;
 use crate::sim::PlantKind;
+use crate::testbench::FaultLog;
 use crate::world::{LoadError, Scenario};
 
-const TRAFFIC: &str = r#"Traffic(
+pub(super) const TRAFFIC: &str = r#"Traffic(
     source: "test",
     starts: { "ado.headway": Normal(mean: 35.0, sd: 2.5, within: (24.0, 46.0)) },
     ados: { "ado": Markov(
@@ -134,7 +137,7 @@ fn estimates_agree_with_the_enumeration_of_all_sequences() {
         let report = estimated(&traffic, &egos, settings(u64::from(seed)));
         let ego = &report.egos[0];
         assert!(report.cost.of_ego() <= 20_000);
-        let Some(risk) = ego.fails else {
+        let Some(risk) = ego.readings.fails else {
             assert!(!ego.refusals().is_empty());
             refused += 1;
             continue;
@@ -301,7 +304,7 @@ fn an_ego_that_cannot_fail_has_a_bound_and_no_result() {
     std::fs::write(&file, far.replace("0.02 *", "0.0 *")).expect("written");
     let traffic = RiskTraffic::read(&world, &file.display().to_string()).expect("sound");
     let report = estimated(&traffic, &[EgoUnderTest::nominal(&world)], settings(0));
-    assert!(!report.is_result() && report.egos[0].fails.is_none());
+    assert!(!report.is_result() && report.egos[0].readings.fails.is_none());
     let checks = report.egos[0].checks.as_ref().expect("not counted");
     assert!(checks.bound < 0.05, "{}", checks.bound);
     std::fs::remove_dir_all(&dir).expect("removed");
@@ -421,4 +424,151 @@ fn natural_runs_side_by_side_have_the_bits_of_single_ones() {
     }
     assert!(0 < failed && 9_000 < held, "{failed} failed, {held} held");
     std::fs::remove_dir_all(&dir).expect("removed");
+}
+
+/// Ego that fails in half of its runs, and in half of these gives up before, if it is
+/// fragile.
+#[derive(Clone)]
+struct Reckless {
+    is_fragile: bool,
+    seed: u64,
+}
+
+impl Controller for Reckless {
+    fn reset(&mut self, seed: u64) {
+        self.seed = seed;
+    }
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let fails = self.seed % 4 > 1;
+        if self.is_fragile && self.seed % 4 == 3 && percept.time_s > 0.5 {
+            return Err(Fault::error("gave up"));
+        }
+        Ok(Command::accelerate(if fails { 2.0 } else { -6.0 }))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}
+
+fn reckless(world: &Scenario, is_fragile: bool) -> EgoUnderTest {
+    let name = if is_fragile { "fragile" } else { "sound" };
+    let factory = move || -> Box<dyn Controller> {
+        Box::new(Reckless {
+            is_fragile,
+            seed: 0,
+        })
+    };
+    EgoUnderTest::own(world, name, std::sync::Arc::new(factory)).expect("driven")
+}
+
+/// Counts natural runs, with a share of faults that is allowed.
+fn counted_with(egos: &[EgoUnderTest], allowed: f64) -> (RiskReport, FaultLog) {
+    let traffic = RiskTraffic::parse(egos[0].scenario(), "t.ron", TRAFFIC).expect("sound");
+    let mut request = RiskRequest::new(&traffic, egos);
+    request.settings = RiskSettings {
+        natural: 1000,
+        ..settings(2)
+    };
+    let watch = Watch {
+        faults: FaultLog::allowing(allowed),
+        ..Watch::unwatched()
+    };
+    let report = request.estimate(&watch).expect("no disk");
+    (report.expect("not stopped"), watch.faults)
+}
+
+#[test]
+fn a_fault_is_in_every_number_of_a_risk_and_passes_no_limit() {
+    let world = world();
+    let egos = [reckless(&world, true), reckless(&world, false)];
+    let (report, log) = counted_with(&egos, 0.3);
+    let [fragile, sound] = &report.egos[..] else {
+        panic!("two egos");
+    };
+    // The same draws without the faults are the truth, which is in between.
+    let truth = sound.readings.fails.expect("no fault");
+    assert!((0.45..0.55).contains(&truth.probability), "{truth:?}");
+    assert!(sound.between.is_none() && sound.faults.invalid == 0);
+    assert_eq!(fragile.readings.fails, None);
+    let [least, most] = fragile.least_and_most().expect("counted");
+    let invalid = fragile.faults.invalid;
+    assert!(
+        200 < invalid && fragile.faults.runs == 1000,
+        "{:?}",
+        fragile.faults
+    );
+    assert_eq!(most.hits, least.hits + invalid);
+    assert!(least.hits < truth.hits && truth.hits <= most.hits);
+    // Faults that are left out would make the fragile ego the better one.
+    assert!(report.ratio.is_none() && 1.0 < report.greatest_ratio().expect("two egos"));
+    let [least, most] = report.ratio_between.expect("faults");
+    assert!(least.probability < 0.6 && 0.95 < most.probability);
+    let json = serde_json::to_value(&report).expect("JSON");
+    let of_fragile = &json["egos"][0];
+    assert!(of_fragile["fails"].is_null() && of_fragile["invalid"] == invalid);
+    assert_eq!(of_fragile["faults"][0]["kind"], "error");
+    assert_eq!(of_fragile["faults"][0]["count"], invalid);
+    let text = report.to_string();
+    let share = format!("invalid: {invalid} of 1000 runs ended in a fault");
+    for said in [&share[..], "gave up", "if every fault is one", "at least"] {
+        assert!(text.contains(said), "{said}: {text}");
+    }
+    // The worst ego decides, so that a sound one does not hide it.
+    assert!(log.complaint().is_none());
+    let (_, log) = counted_with(&egos, 0.2);
+    assert!(
+        log.complaint()
+            .is_some_and(|it| it.row.as_deref() == Some("fragile"))
+    );
+}
+
+#[test]
+fn failures_that_do_not_count_in_the_world_do_not_count_in_its_risk() {
+    let counting = |closing_mps: f64| {
+        let text = world().text().replace(
+            "judge: UntilViolation,",
+            &format!("judge: UntilContact, counts: Contact(closing_mps: {closing_mps}),"),
+        );
+        let world = Scenario::parse("acc.ron", &text).expect("sound");
+        let world = world.on(PlantKind::Kinematic);
+        let egos = [reckless(&world, false)];
+        counted_with(&egos, 0.0).0
+    };
+    let soft = counting(5.0);
+    assert_eq!(soft.counts, Counts::Contact { closing_mps: 5.0 });
+    let fails = soft.egos[0].readings.fails.expect("counted");
+    assert!(300 < fails.hits, "{fails:?}");
+    assert!(soft.to_string().contains("closing speed of 5 m/s or more"));
+    let hard = counting(60.0);
+    assert!(!hard.is_result() && hard.egos[0].is_weighted());
+    assert_eq!(
+        hard.egos[0].refusals()[0].reason,
+        "no failure is known in this traffic"
+    );
+}
+
+#[test]
+fn a_risk_is_said_with_its_interval_its_traffic_and_its_length() {
+    let world = world();
+    let (report, _) = counted_with(&[reckless(&world, false)], 0.0);
+    let text = report.to_string();
+    let [lo, hi] = report.egos[0].readings.fails.expect("counted").interval;
+    let said = "you may say      in traffic “test”, on the kinematic plant, in runs of 2.5 s, \
+                `sound` fails in";
+    assert!(text.contains(said), "{text}");
+    let interval = format!("of runs (95 % interval {lo:.4} … {hi:.4})");
+    assert!(text.contains(&interval), "{interval}: {text}");
+    // Every line of the table is a share of the runs that it names.
+    for (line, of) in [
+        ("fails ", "all runs"),
+        ("fails, lawful ", "all runs"),
+        ("fails, preventable ", "all runs"),
+        ("fails, given lawful ", "lawful runs"),
+        ("lawful ", "1000 natural runs"),
+    ] {
+        let found = text.lines().find(|it| it.starts_with(line));
+        assert!(found.is_some_and(|it| it.ends_with(of)), "{line}: {text}");
+    }
 }

@@ -280,4 +280,45 @@ mod tests {
         assert_eq!(high, low);
         assert!(0.1 < high[1] && high[1] < 0.4, "{high:?}");
     }
+
+    #[test]
+    fn bins_include_their_upper_ends() {
+        let column = TableColumn {
+            input: 0,
+            ends: vec![1.0, 2.0],
+        };
+        assert_eq!(column.bins(), 3);
+        let bins = [0.5, 1.0, 1.5, 2.0, 3.0].map(|it| column.bin(it));
+        assert_eq!(bins, [0, 0, 1, 1, 2]);
+    }
+
+    #[test]
+    fn columns_separate_failures_by_half_the_distance_of_their_shares() {
+        let rows: Vec<[f32; 1]> = [0.0, 1.0, 2.0, 3.0].map(|it| [it]).to_vec();
+        let sample: Vec<(&[f32], bool)> = rows
+            .iter()
+            .zip([false, false, true, true])
+            .map(|(row, fails)| (&row[..], fails))
+            .collect();
+        let with = |end: f32| TableColumn {
+            input: 0,
+            ends: vec![end],
+        };
+        assert_eq!(separation(&with(1.0), &sample), 1.0);
+        assert_eq!(separation(&with(0.0), &sample), 0.5);
+        assert_eq!(separation(&with(9.0), &sample), 0.0);
+        // Quarters of all, and of the failing rows, but nothing is above the greatest.
+        assert_eq!(column(0, &sample).ends, [0.0, 1.0, 2.0]);
+    }
+
+    #[test]
+    fn an_empty_table_expects_hardly_any_failure() {
+        let mut table = TableOfV::new(2, 3);
+        table.fit(&[]);
+        assert_eq!(table.values(&[1.0]), [LEAST; 6]);
+        let law = [0.5, 0.25, 0.25];
+        let means = table.means_without(&[1.0], &law, 1);
+        assert_eq!(means.len(), 2);
+        assert!((means[0] - 0.75 * LEAST).abs() < 1e-15, "{means:?}");
+    }
 }

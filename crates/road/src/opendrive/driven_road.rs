@@ -77,6 +77,7 @@ pub fn lane_road(path: &Path, text: &str, from: &LaneStart) -> Result<LaneRoad, 
         return Err(At::file(path).error(what).helped(help));
     }
     let lane_width_m = line.lanes.width_m(from.s_m, from.lane).unwrap_or(0.0);
+    // Lane 0 of a world is the rightmost, so the road begins that many lanes to the right.
     let right = roads.lanes_beside(&drive, lane_width_m);
     let beside_m = -(right as f64) * lane_width_m;
     let on = roads.lane_way(&root, &drive, (beside_m, 0.0))?;

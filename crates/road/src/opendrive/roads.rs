@@ -164,6 +164,7 @@ impl RoadMap {
                 let along_rad = road_rad + turn_rad + slant_rad;
                 let faces_rad = road_rad + slant_rad;
                 let turned_rad = wrapped(spot.heading_rad - along_rad).abs();
+                // Directions within 0.01 rad rank alike, so that the distance decides between them.
                 let rank = if is_turned {
                     (turned_rad * 100.0).floor()
                 } else {

@@ -2,4 +2,6 @@
 
 pub mod bisimulation;
 pub mod exact;
+pub mod game_graph;
+pub mod position_policy;
 pub mod values;

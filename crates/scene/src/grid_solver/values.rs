@@ -1,53 +1,55 @@
-//! Discounted values of the grid game: V over position pairs and steps left.
+//! Discounted values of the grid game: V over its states and steps left.
 //!
 //! Decisions are numbered from 0. An episode that ends with decision T returns
 //! γ^T R_T, the sum of the paper's Theorem 1. A capture ends it, so T differs
-//! between starts. Without a capture, T = K − 1.
-//!
-//! ```
-//! use brakecheck_scene::grid_solver::exact::{Game, UNIT_MOVES};
-//! use brakecheck_scene::grid_solver::values::ValueTable;
-//! use brakecheck_scene::scene::grid::{Arena, Cell, Position};
-//! use brakecheck_scene::scene::grid::AtWall;
-//!
-//! let arena = Arena { size: 4, refine: 1, ego_step: 2, at_wall: AtWall::FirstInMap };
-//! let game = Game { arena, steps: 8, moves: UNIT_MOVES.to_vec() };
-//! let exact = ValueTable::exact(&game, 0.8, |rho| rho);
-//! let start = Position { ego: Cell { x: 0, y: 0 }, ado: Cell { x: 3, y: 3 } };
-//! let decisions = exact.actions(start).len() as i32;
-//! assert!((exact.at(start) - 0.8f64.powi(decisions - 1)).abs() < 1e-12);
-//! ```
+//! between starts. Without a capture or a broken rule, T = K − 1.
+
+use std::sync::Arc;
 
 use super::exact::Game;
+use super::game_graph::{GameGraph, GameStep, Next};
 use crate::rl::Policy;
+use crate::rulebook::{Rulebook, Verdict};
 use crate::scene::grid::{GridWorld, Position};
 
-/// V of every position pair with every number of steps left.
-///
-/// An episode without a capture is rewarded by its least distance over all
-/// steps. A table holds the value of a pair as if the episode began there,
-/// which suffices for every decision.
+/// Discount under which an earlier success is better, at every horizon in f64.
+const SOONER: f64 = 0.999;
+
+/// V of every state that is no end of an episode.
 #[derive(Clone, Debug)]
 pub struct ValueTable {
-    game: Game,
+    graph: Arc<GameGraph>,
     discount: f64,
-    /// Successors of every pair, action by action.
-    successors: Vec<u32>,
-    /// `layers[left][pair]`. Layer 0 is the reward of an episode whose least
-    /// distance is that of the pair.
+    /// Reward of every verdict of the graph.
+    rewards: Vec<f64>,
+    /// By the number of decisions before a state, and its number there.
     layers: Vec<Vec<f64>>,
 }
 
 impl ValueTable {
-    /// Computes V* by backward induction from the reward of a robustness ρ(¬ψ).
-    ///
-    /// `lawful` maps ρ(¬ψ) to the reward of an episode without rule violations.
-    pub fn exact(game: &Game, discount: f64, lawful: impl Fn(f64) -> f64) -> ValueTable {
-        let mut table = ValueTable::zero(game, discount, lawful);
-        for left in 1..table.layers.len() {
-            table.layers[left] = table.backed_up(left);
+    /// Computes V* by backward induction from the reward of each verdict.
+    pub fn exact(
+        graph: Arc<GameGraph>,
+        discount: f64,
+        reward: impl Fn(&Verdict) -> f64,
+    ) -> ValueTable {
+        let mut table = ValueTable::zero(graph, discount, reward);
+        for layer in (0..table.layers.len()).rev() {
+            table.layers[layer] = table.backed_up(layer);
         }
         table
+    }
+
+    /// Computes the values of an ado that wants a counterexample as soon as possible.
+    ///
+    /// Without one it keeps its rules as long as it can. The value is above 0 exactly
+    /// where a counterexample exists.
+    pub fn soonest(graph: Arc<GameGraph>) -> ValueTable {
+        ValueTable::exact(graph, SOONER, |verdict| match verdict {
+            Verdict::Counterexample { .. } => 1.0,
+            Verdict::Foul { forfeited, .. } => -(*forfeited as f64),
+            _ => 0.0,
+        })
     }
 
     /// Runs value iteration from 0 and returns the number of sweeps as well.
@@ -55,24 +57,20 @@ impl ValueTable {
     /// Stops when two iterates differ by at most α(1 − γ)/(2γ), the stopping
     /// rule that the paper cites for |V_k − V*| ≤ α.
     pub fn iterated(
-        game: &Game,
+        graph: Arc<GameGraph>,
         discount: f64,
-        lawful: impl Fn(f64) -> f64,
+        reward: impl Fn(&Verdict) -> f64,
         alpha: f64,
     ) -> (ValueTable, usize) {
-        let mut table = ValueTable::zero(game, discount, lawful);
+        let mut table = ValueTable::zero(graph, discount, reward);
         let close = alpha * (1.0 - discount) / (2.0 * discount);
         let mut sweeps = 0;
         loop {
-            let next = (1..table.layers.len()).map(|left| table.backed_up(left));
+            let next = (0..table.layers.len()).map(|layer| table.backed_up(layer));
             let next: Vec<Vec<f64>> = next.collect();
-            let moved = next.iter().flatten();
-            let moved = moved.zip(table.layers[1..].iter().flatten());
-            let moved = moved.map(|(new, old)| (new - old).abs());
-            let moved = moved.fold(0.0, f64::max);
-            // Layer 0 holds rewards and is never iterated.
-            table.layers.truncate(1);
-            table.layers.extend(next);
+            let pairs = next.iter().flatten().zip(table.layers.iter().flatten());
+            let moved = largest_gap(pairs);
+            table.layers = next;
             sweeps += 1;
             if moved <= close {
                 return (table, sweeps);
@@ -80,26 +78,26 @@ impl ValueTable {
         }
     }
 
-    /// Reads V from a trained ado, at every pair with every number of steps left.
+    /// Reads V from a trained ado, at every state.
     pub fn learned(&self, world: &GridWorld, policy: &dyn Policy) -> ValueTable {
         let mut scene = world.scene();
         let mut obs = vec![0.0; world.spaces().observation];
+        let steps = self.game().steps;
         self.replaced(|left, both, _| {
-            scene.observe_at(both, self.game.steps.saturating_sub(left), &mut obs);
+            scene.observe_at(both, steps.saturating_sub(left), &mut obs);
             f64::from(policy.value(&obs))
         })
     }
 
-    /// Returns the same game with other values. Captured pairs keep theirs.
+    /// Returns the same game with other values: of steps left, position and old value.
     #[must_use]
     pub fn replaced(&self, mut value: impl FnMut(u32, Position, f64) -> f64) -> ValueTable {
         let mut other = self.clone();
-        for (left, layer) in other.layers.iter_mut().enumerate().skip(1) {
-            for (pair, old) in layer.iter_mut().enumerate() {
-                let both = self.game.position(pair);
-                if !self.game.arena.touching(both) {
-                    *old = value(left as u32, both, *old);
-                }
+        let steps = self.layers.len();
+        for (step, layer) in other.layers.iter_mut().enumerate() {
+            for (state, old) in layer.iter_mut().enumerate() {
+                let both = self.graph.position(step, state);
+                *old = value((steps - step) as u32, both, *old);
             }
         }
         other
@@ -110,34 +108,75 @@ impl ValueTable {
         self.discount
     }
 
+    /// Returns the graph of the game.
+    pub fn graph(&self) -> &Arc<GameGraph> {
+        &self.graph
+    }
+
     /// Returns the game.
     pub fn game(&self) -> &Game {
-        &self.game
+        self.graph.game()
     }
 
-    /// Returns V of a start with all K steps left.
-    pub fn at(&self, both: Position) -> f64 {
-        self.layers
-            .last()
-            .map_or(0.0, |layer| layer[self.game.pair(both)])
+    /// Returns V of a start with all K steps left. `None` if the graph lacks the start.
+    pub fn at(&self, both: Position) -> Option<f64> {
+        Some(match self.graph.start(both)?.step() {
+            // The first sample decides the episode, and no decision follows.
+            GameStep::End(verdict) => self.rewards[verdict],
+            GameStep::State(state) => self.layers[0][state],
+        })
     }
 
-    /// Returns the actions of the greedy policy from a start, up to the capture.
+    /// Returns the number of starts with a value above 0.
+    pub fn successes(&self) -> usize {
+        let starts = self.graph.starts();
+        starts
+            .filter(|both| self.at(*both).is_some_and(|value| value > 0.0))
+            .count()
+    }
+
+    /// Returns the actions of the greedy policy from a start, up to the end.
     ///
     /// The policy looks one step ahead in the model. Ties go to the lowest
     /// index.
     pub fn actions(&self, start: Position) -> Vec<usize> {
-        self.game.actions(start, |both, step| {
-            let left = self.layers.len() - 1 - step as usize;
-            self.greedy(left, self.game.pair(both))
-        })
+        let mut actions = Vec::new();
+        self.walk(start, |_, _, best| {
+            actions.push(best.action());
+            best.action()
+        });
+        actions
     }
 
-    /// Returns max |V − V'| over all pairs that are not captured and all steps left.
+    /// Follows a rule from a start, up to the end of the episode.
+    ///
+    /// `act` receives the number of decisions so far, the position and the best action
+    /// there, and returns the action to take.
+    pub(super) fn walk(
+        &self,
+        start: Position,
+        mut act: impl FnMut(u32, Position, BestAction<'_>) -> usize,
+    ) {
+        let mut here = self.graph.start(start);
+        for layer in 0..self.layers.len() {
+            let Some(GameStep::State(state)) = here.map(Next::step) else {
+                return;
+            };
+            let table = self;
+            let best = BestAction {
+                table,
+                layer,
+                state,
+            };
+            let action = act(layer as u32, self.graph.position(layer, state), best);
+            here = Some(self.graph.next(layer, state)[action]);
+        }
+    }
+
+    /// Returns max |V − V'| over all states.
     pub fn distance(&self, other: &ValueTable) -> f64 {
-        let layers = self.layers.iter().zip(&other.layers).skip(1);
-        let values = layers.flat_map(|(ours, others)| ours.iter().zip(others));
-        values.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        let ours = self.layers.iter().flatten();
+        largest_gap(ours.zip(other.layers.iter().flatten()))
     }
 
     /// Returns max |V − V'| over the states compared by the greedy policy.
@@ -145,24 +184,21 @@ impl ValueTable {
     /// These are the successors of every state on its path from `start`. Only
     /// errors in these states can change its actions.
     pub fn distance_ahead(&self, truth: &ValueTable, start: Position) -> f64 {
-        let (mut both, mut worst) = (start, 0.0f64);
-        for (left, action) in (1..self.layers.len()).rev().zip(self.actions(start)) {
-            for step in &self.game.moves {
-                let next = self.game.arena.next(both, *step);
-                // Captures and last steps are valued by layer 0, which is exact
-                // in both tables.
-                if 1 < left && !self.game.arena.touching(next) {
-                    let pair = self.game.pair(next);
-                    let off = self.layers[left - 1][pair] - truth.layers[left - 1][pair];
-                    worst = worst.max(off.abs());
+        let mut worst = 0.0f64;
+        self.walk(start, |_, _, best| {
+            for next in self.graph.next(best.layer, best.state) {
+                // Ends have the same reward in both tables.
+                if let GameStep::State(next) = next.step() {
+                    let [ours, theirs] = [self, truth].map(|it| it.layers[best.layer + 1][next]);
+                    worst = worst.max((ours - theirs).abs());
                 }
             }
-            both = self.game.arena.next(both, self.game.moves[action]);
-        }
+            best.action()
+        });
         worst
     }
 
-    /// Returns the largest violation of the optimality equation of `game`.
+    /// Returns the largest violation of the optimality equation of the game.
     ///
     /// Under `discount`, it is 0 for V* and for no other table.
     pub fn residual(&self, discount: f64) -> f64 {
@@ -170,80 +206,85 @@ impl ValueTable {
             discount,
             ..self.clone()
         };
-        let layers = (1..self.layers.len()).map(|left| (left, truth.backed_up(left)));
-        let residuals = layers.flat_map(|(left, layer)| {
-            let values = layer.into_iter().zip(&self.layers[left]);
-            values.map(|(want, have)| (want - have).abs())
+        let layers = (0..self.layers.len()).map(|layer| {
+            let backed_up = truth.backed_up(layer);
+            largest_gap(backed_up.iter().zip(&self.layers[layer]))
         });
-        residuals.fold(0.0, f64::max)
+        layers.fold(0.0, f64::max)
     }
 
-    fn zero(game: &Game, discount: f64, lawful: impl Fn(f64) -> f64) -> ValueTable {
-        let per_fine = 1.0 / f64::from(game.arena.refine);
-        let positions = (0..game.pairs()).map(|pair| game.position(pair));
-        let ends: Vec<f64> = positions
-            .clone()
-            .map(|both| lawful(1.0 - f64::from(both.ego.manhattan(both.ado)) * per_fine))
-            .collect();
-        let undecided =
-            positions.zip(&ends).map(
-                |(both, end)| {
-                    if game.arena.touching(both) { *end } else { 0.0 }
-                },
-            );
-        let undecided: Vec<f64> = undecided.collect();
-        let rest = std::iter::repeat_n(undecided, game.steps as usize);
+    /// Returns the value of an action in a state.
+    fn ahead(&self, layer: usize, state: usize, action: usize) -> f64 {
+        match self.graph.next(layer, state)[action].step() {
+            GameStep::End(verdict) => self.rewards[verdict],
+            GameStep::State(next) => self.discount * self.layers[layer + 1][next],
+        }
+    }
+
+    /// Returns the best action in a state, of equal ones the first.
+    fn greedy(&self, layer: usize, state: usize) -> usize {
+        let actions = 0..self.game().moves.len();
+        let values = actions.map(|action| (action, self.ahead(layer, state, action)));
+        let best = values.reduce(|best, other| if other.1 > best.1 { other } else { best });
+        best.map_or(0, |(action, _)| action)
+    }
+
+    fn zero(graph: Arc<GameGraph>, discount: f64, reward: impl Fn(&Verdict) -> f64) -> ValueTable {
+        let layers = 0..graph.depth();
         ValueTable {
-            game: game.clone(),
+            layers: layers.map(|layer| vec![0.0; graph.len(layer)]).collect(),
+            rewards: graph.verdicts().iter().map(reward).collect(),
+            graph,
             discount,
-            successors: game.successors(),
-            layers: std::iter::once(ends).chain(rest).collect(),
         }
     }
 
-    /// Computes one sweep over the pairs with `left` ≥ 1 steps left.
-    fn backed_up(&self, left: usize) -> Vec<f64> {
-        // Without a capture the reward comes with the last decision, `left` − 1
-        // steps later.
-        let held = self.discount.powi(left as i32 - 1);
-        let pairs = (0..self.game.pairs()).map(|pair| {
-            if self.game.arena.touching(self.game.position(pair)) {
-                return self.layers[0][pair];
-            }
-            // Return if no later position is closer than this pair.
-            let held = held * self.layers[0][pair];
-            let actions = 0..self.game.moves.len();
-            actions.fold(held, |best, action| {
-                best.max(self.ahead(left, pair, action))
-            })
-        });
-        pairs.collect()
+    /// Computes one sweep over the states of a layer.
+    fn backed_up(&self, layer: usize) -> Vec<f64> {
+        let states = 0..self.graph.len(layer);
+        states
+            .map(|state| self.ahead(layer, state, self.greedy(layer, state)))
+            .collect()
+    }
+}
+
+/// Returns the reward of each verdict under a rulebook.
+pub fn rewards(rulebook: &Rulebook) -> impl Fn(&Verdict) -> f64 + '_ {
+    // A grid has no faults, so no verdict of its game is invalid.
+    |verdict| rulebook.reward_of(verdict).unwrap_or(f64::NEG_INFINITY)
+}
+
+/// Best action of a table in a state.
+#[derive(Clone, Copy)]
+pub(super) struct BestAction<'a> {
+    table: &'a ValueTable,
+    layer: usize,
+    state: usize,
+}
+
+impl BestAction<'_> {
+    /// Returns the best action, of equal ones the first.
+    pub(super) fn action(&self) -> usize {
+        self.table.greedy(self.layer, self.state)
     }
 
-    fn greedy(&self, left: usize, pair: usize) -> usize {
-        let value = |action: &usize| self.ahead(left, pair, *action);
-        let mut actions = 0..self.game.moves.len();
-        let first = actions.next().unwrap_or(0);
-        let better = |best: usize, action: usize| {
-            if value(&best) < value(&action) {
-                action
-            } else {
-                best
-            }
-        };
-        actions.fold(first, better)
+    /// Returns whether no action is better.
+    pub(super) fn is_best(&self, action: usize) -> bool {
+        self.of(action) >= self.of(self.action())
     }
 
-    /// Returns the value of an action with `left` ≥ 1 steps left.
-    fn ahead(&self, left: usize, pair: usize, action: usize) -> f64 {
-        let next = self.successors[pair * self.game.moves.len() + action] as usize;
-        let ends = left == 1 || self.game.arena.touching(self.game.position(next));
-        if ends {
-            self.layers[0][next]
-        } else {
-            self.discount * self.layers[left - 1][next]
-        }
+    /// Returns the value of the best action.
+    pub(super) fn value(&self) -> f64 {
+        self.of(self.action())
     }
+
+    fn of(&self, action: usize) -> f64 {
+        self.table.ahead(self.layer, self.state, action)
+    }
+}
+
+fn largest_gap<'a>(pairs: impl Iterator<Item = (&'a f64, &'a f64)>) -> f64 {
+    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 impl Game {

@@ -16,21 +16,28 @@ use crate::trace::Schema;
 use brakecheck_traffic::{CUT_IN_GAP_M, CutInState, NaturalLimit};
 
 /// Driving scene with the actions that a limit allows.
-pub(crate) struct LimitedScene {
-    scene: Box<dyn Scene>,
-    limit: AdoLimit,
-    world: DriveWorld,
-    ados: Vec<LimitedVehicle>,
-    bodies: Vec<BodySample>,
+pub struct LimitedScene {
+    /// Scene whose actions are limited.
+    pub scene: Box<dyn Scene>,
+    /// Limit on the ados.
+    pub limit: AdoLimit,
+    /// World of the scene.
+    pub world: DriveWorld,
+    /// Ados that drive vehicles.
+    pub ados: Vec<LimitedVehicle>,
+    /// Motion of all bodies at the last sample.
+    pub bodies: Vec<BodySample>,
 }
 
 /// Ado that drives a vehicle.
 #[derive(Clone)]
-struct LimitedVehicle {
-    agent: usize,
-    meter: VehicleMeter,
+pub struct LimitedVehicle {
+    /// Number of the agent.
+    pub agent: usize,
+    /// Driving so far.
+    pub meter: VehicleMeter,
     /// Acceleration that its last action added to its plan, 0 without a plan.
-    added_mps2: f64,
+    pub added_mps2: f64,
 }
 
 impl LimitedScene {
@@ -74,7 +81,7 @@ impl LimitedScene {
     }
 
     /// Returns whether an acceleration and a speed to the left are allowed.
-    fn allows(&self, ado: &LimitedVehicle, (accel_mps2, left_mps): (f64, f64)) -> bool {
+    pub fn allows(&self, ado: &LimitedVehicle, (accel_mps2, left_mps): (f64, f64)) -> bool {
         let spec = self.world.spec();
         let limit = NaturalLimit::new(&self.limit.model, self.limit.per_1000_km);
         // A deviation is added to what the plan does, and drivers are rated by the sum.
@@ -94,7 +101,7 @@ impl LimitedScene {
     /// Returns the worst state of the ego if an agent crosses into its lane.
     ///
     /// `None` if it crosses no line in front of the ego during the decision.
-    fn cut_in(
+    pub fn cut_in(
         &self,
         agent: usize,
         (accel_mps2, left_mps): (f64, f64),

@@ -6,9 +6,9 @@
 //! Architecture Invariant: nothing here judges an ego or reads a rule.
 
 pub mod behaviour;
-mod limited_scene;
+pub mod limited_scene;
 mod naturalness;
-mod vehicle_meter;
+pub mod vehicle_meter;
 
 use std::fmt::{self, Display, Formatter};
 use std::sync::{Arc, LazyLock};
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::content_hash;
 use brakecheck_traffic::TrafficModel;
 
-pub(crate) use limited_scene::LimitedScene;
+pub use limited_scene::LimitedScene;
 pub use naturalness::{Naturalness, NaturalnessOfRow, SuccessRarity};
 
 /// Model of real drivers with a least rate of events for ados.
@@ -101,11 +101,41 @@ impl DeclaredTraffic {
         })
     }
 
-    /// Returns the naturalness of a row's successes, `None` if none has a rarity.
+    /// Returns the naturalness of a row's successes, `None` if no traffic was named.
     pub fn of_row(&self, successes: &[&SuccessRarity]) -> Option<NaturalnessOfRow> {
-        let is_of_interest = self.is_declared || !successes.is_empty();
-        is_of_interest.then(|| {
-            NaturalnessOfRow::of(&self.model, self.per_1000_km, successes, self.is_declared)
-        })
+        self.is_declared
+            .then(|| NaturalnessOfRow::of(&self.model, self.per_1000_km, successes))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_and_a_training_within_it_are_of_the_declared_traffic() {
+        let free = DeclaredTraffic::default();
+        assert!(free.limit().is_none() && NaturalTraining::of(&free).is_none());
+        let limited = DeclaredTraffic {
+            per_1000_km: Some(20.0),
+            ..DeclaredTraffic::default()
+        };
+        let limit = limited.limit().expect("a limit");
+        assert_eq!(limit.per_1000_km, 20.0);
+        assert_eq!(limit.model.to_ron(), motorway().to_ron());
+        let training = NaturalTraining::of(&limited).expect("a limit");
+        assert_eq!(training.per_1000_km, 20.0);
+        assert_eq!(training.traffic, motorway().to_ron());
+    }
+
+    #[test]
+    fn rows_have_a_naturalness_only_if_traffic_was_named() {
+        let traffic = |is_declared| DeclaredTraffic {
+            is_declared,
+            ..DeclaredTraffic::default()
+        };
+        assert_eq!(traffic(false).of_row(&[]), None);
+        let empty = traffic(true).of_row(&[]).expect("declared");
+        assert_eq!((empty.successes, empty.median), (0, None));
     }
 }

@@ -17,7 +17,7 @@ pub struct Naturalness {
     pub model: String,
     /// Ado with the rarest driving.
     pub ado: String,
-    /// Its rarest event. `None` if it neither brakes nor cuts in.
+    /// Its rarest event. `None` if it neither brakes nor cuts in, or outside the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rarest: Option<String>,
     /// Rate of that event per 1,000 km.
@@ -25,10 +25,10 @@ pub struct Naturalness {
     pub per_1000_km: Option<f64>,
     /// Decades by which its accelerations are less likely than those of a median driver.
     ///
-    /// `None` if it was not computed.
+    /// `None` outside the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surprise_decades: Option<f64>,
-    /// Quantities of which the model has no data. Empty if it has.
+    /// Quantities of which the model has no data. The rarity then has no answer.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub outside: Vec<String>,
 }
@@ -43,7 +43,7 @@ pub struct NaturalnessOfRow {
     pub successes: usize,
     /// Successes with driving of which the model has no data.
     pub outside_data: usize,
-    /// Success of median rarity. `None` without a success.
+    /// Success of median rarity among those inside the data. `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub median: Option<Naturalness>,
 }
@@ -86,60 +86,59 @@ impl SuccessRarity {
         !self.rarity.outside.is_empty()
     }
 
-    /// Returns the naturalness, without the surprise.
+    /// Returns the naturalness, whose surprise takes 20,000 natural drives.
+    ///
+    /// Outside the data it has no rate and no surprise.
     pub fn naturalness(&self, model: &TrafficModel) -> Naturalness {
-        let rarest = self.rarity.rarest();
+        let rarest = self.rarity.rarest().filter(|_| !self.is_outside());
+        let surprise = if self.is_outside() {
+            None
+        } else {
+            model.surprise(&self.behaviour)
+        };
+        let outside = self.rarity.outside.iter();
         Naturalness {
             model: model.name.clone(),
             ado: self.ado.clone(),
             rarest: rarest.map(ToString::to_string),
             per_1000_km: rarest.map(|event| event.per_1000_km.rate),
-            surprise_decades: None,
-            outside: self.rarity.outside.iter().map(outside_words).collect(),
-        }
-    }
-
-    /// Returns the naturalness with the surprise, which takes 20,000 natural drives.
-    pub fn with_surprise(&self, model: &TrafficModel) -> Naturalness {
-        let surprise = model.surprise(&self.behaviour);
-        Naturalness {
             surprise_decades: surprise.map(|it| it.decades),
-            ..self.naturalness(model)
+            outside: outside.map(|it| outside_words(it, model)).collect(),
         }
     }
 }
 
 impl NaturalnessOfRow {
     /// Returns the naturalness of some successes.
-    ///
-    /// `surprises`: whether the surprise of the median success is computed.
     pub fn of(
         model: &TrafficModel,
         limit_per_1000_km: Option<f64>,
         successes: &[&SuccessRarity],
-        surprises: bool,
     ) -> NaturalnessOfRow {
-        let mut sorted = successes.to_vec();
-        sorted.sort_by(|a, b| a.rate().total_cmp(&b.rate()));
+        let inside = successes.iter().filter(|it| !it.is_outside());
+        let mut inside: Vec<&&SuccessRarity> = inside.collect();
+        inside.sort_by(|a, b| a.rate().total_cmp(&b.rate()));
         // Of an even number, the rarer one of the two in the middle.
-        let median = sorted.get(sorted.len().saturating_sub(1) / 2);
+        let median = inside.get(inside.len().saturating_sub(1) / 2);
         NaturalnessOfRow {
             limit_per_1000_km,
             successes: successes.len(),
-            outside_data: successes.iter().filter(|it| it.is_outside()).count(),
-            median: median.map(|it| {
-                if surprises {
-                    it.with_surprise(model)
-                } else {
-                    it.naturalness(model)
-                }
-            }),
+            outside_data: successes.len() - inside.len(),
+            median: median.map(|it| it.naturalness(model)),
         }
     }
 }
 
 impl Display for Naturalness {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        if !self.outside.is_empty() {
+            let outside = self.outside.join(", ");
+            return write!(
+                f,
+                "rarity among the drivers of `{}`: no answer: outside the data: {outside}",
+                self.model
+            );
+        }
         match &self.rarest {
             Some(rarest) => write!(f, "among the drivers of `{}`, {rarest}", self.model)?,
             None => write!(
@@ -156,35 +155,138 @@ impl Display for Naturalness {
                 decades.abs()
             )?;
         }
-        if !self.outside.is_empty() {
-            write!(f, "; outside the data: {}", self.outside.join(", "))?;
-        }
         Ok(())
     }
 }
 
 impl Display for NaturalnessOfRow {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Some(median) = &self.median else {
-            return f.write_str("no success");
-        };
-        write!(
-            f,
-            "in half of {} successes at least as rare as: {median}",
-            self.successes
-        )?;
-        if self.outside_data > 0 {
-            write!(f, "; {} of them are outside the data", self.outside_data)?;
+        let (inside, outside) = (self.successes - self.outside_data, self.outside_data);
+        match &self.median {
+            Some(median) => write!(
+                f,
+                "in half of {inside} successes at least as rare as: {median}"
+            )?,
+            None if self.successes == 0 => return f.write_str("no success"),
+            None => f.write_str("no answer")?,
+        }
+        if outside > 0 {
+            write!(f, "; {outside} successes are outside the data")?;
         }
         Ok(())
     }
 }
 
-fn outside_words(outside: &Outside) -> String {
+fn outside_words(outside: &Outside, model: &TrafficModel) -> String {
+    let domain = &model.domain;
     match outside {
-        Outside::Speed(mps) => format!("a speed of {mps:.1} m/s"),
-        Outside::Acceleration(mps2) => format!("an acceleration of {mps2:+.1} m/s²"),
-        Outside::LateralSpeed(mps) => format!("a cut-in with {mps:.1} m/s to the side"),
+        Outside::Speed(mps) => {
+            let [least, most] = domain.speed_mps;
+            format!("a speed of {mps:.1} m/s, and it covers {least:.1} to {most:.1} m/s")
+        }
+        Outside::Acceleration(mps2) => {
+            let [least, most] = domain.accel_mps2;
+            format!(
+                "an acceleration of {mps2:+.1} m/s², and it covers {least:+.1} to {most:+.1} m/s²"
+            )
+        }
+        Outside::LateralSpeed(mps) => {
+            let most = domain.cut_in_lateral_mps;
+            format!("a cut-in with {mps:.1} m/s to the side, and it covers {most:.1} m/s")
+        }
         _ => "another quantity".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::natural::motorway;
+
+    /// Rarity of an ado that brakes for a second.
+    fn braking(decelerations_mps2: f64, speed_mps: f64) -> SuccessRarity {
+        let behaviour = DrivingBehaviour {
+            speed_mps,
+            decision_s: 0.5,
+            accelerations_mps2: vec![0.0, -decelerations_mps2, -decelerations_mps2, 0.0, 0.0],
+            ..DrivingBehaviour::default()
+        };
+        SuccessRarity {
+            ado: format!("ado {decelerations_mps2}"),
+            rarity: motorway().rarity(&behaviour),
+            behaviour,
+        }
+    }
+
+    #[test]
+    fn the_median_of_some_successes_is_the_rarer_one_in_the_middle() {
+        let model = motorway();
+        let all = [1.0, 2.5, 1.5, 2.0].map(|it| braking(it, 30.0));
+        assert!(all[1].rate() < all[3].rate() && all[3].rate() < all[2].rate());
+        let row =
+            |successes: &[&SuccessRarity]| NaturalnessOfRow::of(&model, Some(20.0), successes);
+        let median = |successes: &[&SuccessRarity]| row(successes).median.map(|it| it.ado);
+        let [a, b, c, d] = &all;
+        assert_eq!(median(&[]), None);
+        assert_eq!(median(&[a]).as_deref(), Some("ado 1"));
+        assert_eq!(median(&[a, b]).as_deref(), Some("ado 2.5"));
+        assert_eq!(median(&[a, b, c]).as_deref(), Some("ado 1.5"));
+        assert_eq!(median(&[a, b, c, d]).as_deref(), Some("ado 2"));
+        let whole = row(&[a, b, c]);
+        assert_eq!((whole.successes, whole.outside_data), (3, 0));
+        assert_eq!(whole.limit_per_1000_km, Some(20.0));
+        // No recorded vehicle was so fast.
+        let fast = braking(2.0, 500.0);
+        assert_eq!(row(&[a, &fast, &fast]).outside_data, 2);
+    }
+
+    #[test]
+    fn a_drive_without_an_event_is_the_least_rare() {
+        let model = motorway();
+        let calm = braking(0.0, 30.0);
+        assert_eq!(calm.rate(), f64::INFINITY);
+        let hard = braking(2.5, 30.0);
+        let rated = hard.naturalness(&model);
+        assert_eq!(rated.per_1000_km, Some(hard.rate()));
+        assert_eq!(
+            (rated.model, rated.ado.as_str()),
+            (model.name.clone(), "ado 2.5")
+        );
+        assert!(rated.rarest.is_some() && rated.surprise_decades.is_some());
+        let rated = calm.naturalness(&model);
+        assert_eq!((rated.rarest, rated.per_1000_km), (None, None));
+    }
+
+    #[test]
+    fn the_surprise_grows_with_the_braking_and_is_that_of_the_median() {
+        let model = motorway();
+        let [soft, hard] = [0.5, 2.5].map(|it| braking(it, 30.0));
+        let decades = |it: &SuccessRarity| it.naturalness(&model).surprise_decades;
+        assert!(decades(&soft).expect("data") + 1.0 < decades(&hard).expect("data"));
+        let row = NaturalnessOfRow::of(&model, None, &[&hard]);
+        let median = row.median.expect("a success");
+        assert_eq!(median.surprise_decades, decades(&hard));
+    }
+
+    #[test]
+    fn quantities_without_data_are_named_with_their_values() {
+        let model = motorway();
+        let words = |outside: Outside| outside_words(&outside, &model);
+        assert!(words(Outside::Speed(60.0)).starts_with("a speed of 60.0 m/s, and it covers"));
+        let braked = words(Outside::Acceleration(-9.0));
+        assert!(braked.starts_with("an acceleration of -9.0 m/s², and it covers -"));
+        let aside = words(Outside::LateralSpeed(5.0));
+        assert!(aside.starts_with("a cut-in with 5.0 m/s to the side, and it covers"));
+        let fast = braking(2.0, 500.0).naturalness(&model);
+        // Outside the data there is no answer.
+        assert_eq!(
+            (fast.rarest, fast.per_1000_km, fast.surprise_decades),
+            (None, None, None)
+        );
+        assert!(
+            fast.outside
+                .iter()
+                .any(|it| it.starts_with("a speed of 500.0 m/s"))
+        );
     }
 }

@@ -6,7 +6,7 @@ use brakecheck_traffic::{DECISION_S, MotionMeter, NaturalLimit};
 ///
 /// The statistics of a model are of stretches of 0.5 s, whatever the decisions are.
 #[derive(Clone, Debug)]
-pub(super) struct VehicleMeter {
+pub struct VehicleMeter {
     meter: MotionMeter,
     /// Samples per stretch.
     stretch: usize,
@@ -20,7 +20,7 @@ pub(super) struct VehicleMeter {
 
 impl VehicleMeter {
     /// Creates the meter of a vehicle that kept its speed before the start.
-    pub(super) fn new(speed_mps: f64, sample_s: f64) -> VehicleMeter {
+    pub fn new(speed_mps: f64, sample_s: f64) -> VehicleMeter {
         let mut meter = MotionMeter::new(speed_mps);
         // Peaks are means over two stretches, so the first one needs a stretch before it.
         meter.push(0.0);
@@ -140,5 +140,71 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn times_are_whole_numbers_of_samples() {
+        assert_eq!(samples_in(0.5, 0.05), 10);
+        assert_eq!(samples_in(0.25, 0.1), 3);
+        assert_eq!(samples_in(0.01, 0.05), 1);
+    }
+
+    /// Returns the hardest of some decelerations that are allowed.
+    fn hardest(meter: &VehicleMeter, per_1000_km: f64, decision_s: f64) -> f64 {
+        let model = motorway();
+        let limit = NaturalLimit::new(&model, per_1000_km);
+        let all = (1..=100).rev().map(|tenths| 0.1 * f64::from(tenths));
+        let mut allowed = all.filter(|it| meter.allows(&limit, -it, decision_s));
+        allowed.next().unwrap_or(0.0)
+    }
+
+    #[test]
+    fn longer_decisions_allow_less_braking() {
+        let meter = VehicleMeter::new(30.0, 0.05);
+        let [half, one, four] = [0.5, 1.0, 4.0].map(|it| hardest(&meter, 20.0, it));
+        // A peak is the mean over a second, of which half a second is half.
+        assert!((half - 2.0 * one).abs() < 0.25, "{half} and {one}");
+        assert!(0.5 < four && four < one, "{four} and {one}");
+        // A part of a stretch is rated as the whole of it.
+        assert_eq!(hardest(&meter, 20.0, 0.1), half);
+        // Beyond the stretch that has begun, the next one counts as a whole.
+        assert_eq!(hardest(&meter, 20.0, 0.55), one);
+    }
+
+    #[test]
+    fn a_vehicle_that_stands_or_stops_brakes_no_more() {
+        for (speed_mps, limited) in [(0.0, false), (0.4, false), (30.0, true)] {
+            let meter = VehicleMeter::new(speed_mps, 0.05);
+            let hardest = hardest(&meter, 20.0, 1.0);
+            assert_eq!(hardest < 9.9, limited, "{speed_mps} m/s: {hardest}");
+        }
+    }
+
+    #[test]
+    fn braking_so_far_counts_with_what_follows() {
+        let after = |samples: u32, accel_mps2: f64| {
+            let mut meter = VehicleMeter::new(30.0, 0.05);
+            (1..=samples).for_each(|it| meter.push(30.0 + 0.05 * f64::from(it) * accel_mps2));
+            meter
+        };
+        let fresh = hardest(&after(0, 0.0), 20.0, 0.05);
+        // Speeds that were kept change nothing, whatever part of a stretch they fill.
+        for samples in [1, 9, 10, 11, 40] {
+            assert!(
+                fresh <= hardest(&after(samples, 0.0), 20.0, 0.05),
+                "{samples}"
+            );
+        }
+        // A stretch of braking leaves less, and half a stretch still less than none.
+        let whole = hardest(&after(10, -2.0), 20.0, 0.5);
+        assert!(whole + 1.0 < fresh, "{whole} and {fresh}");
+        let meter = after(5, -2.0);
+        assert_eq!(meter.speed_mps, 29.5);
+        // 0.25 s of 2 m/s² have lost 0.5 m/s of what a stretch may lose.
+        let rest = hardest(&meter, 20.0, 0.25);
+        assert!(
+            (rest - (2.0 * fresh - 2.0)).abs() < 0.15,
+            "{rest} and {fresh}"
+        );
     }
 }

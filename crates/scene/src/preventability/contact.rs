@@ -35,8 +35,8 @@ fn at_contact(world: &DriveWorld, motion: &Motion) -> Option<(LaneBody, LaneBody
     Some((body(world.ego()), body(with)))
 }
 
-/// Returns the reason why the drivers do not apply, or `None` if they apply.
-pub(super) fn reason_against(world: &DriveWorld, motion: &Motion) -> Option<NotApplicable> {
+/// Returns the reason why the motion cannot be replayed, or `None` if it can.
+pub(super) fn reason_against_replays(world: &DriveWorld, motion: &Motion) -> Option<NotApplicable> {
     if motion.contact.is_none() {
         return Some(NotApplicable::NoContact);
     }
@@ -48,8 +48,17 @@ pub(super) fn reason_against(world: &DriveWorld, motion: &Motion) -> Option<NotA
     if world.spec().road_ado.is_some() {
         return Some(NotApplicable::ChangingRoad);
     }
+    // The touch may join two other agents.
+    let is_of_ego = partner(world, motion).is_some();
+    (!is_of_ego).then_some(NotApplicable::WithoutEgo)
+}
+
+/// Returns the reason why the drivers do not apply, or `None` if they apply.
+pub(super) fn reason_against(world: &DriveWorld, motion: &Motion) -> Option<NotApplicable> {
+    if let Some(reason) = reason_against_replays(world, motion) {
+        return Some(reason);
+    }
     let (Some(with), Some((ego, other))) = (partner(world, motion), at_contact(world, motion))
-    // The touch joins two other agents.
     else {
         return Some(NotApplicable::WithoutEgo);
     };

@@ -8,15 +8,17 @@
 //!
 //! Architecture Invariant: nothing here changes an episode, a verdict or a file.
 
+mod avoidability;
 mod contact;
 mod moments;
 mod outcome;
 mod reference_drive;
 mod replayer;
 
+pub use avoidability::Avoidability;
 pub use outcome::{DriverOutcome, Label, NotApplicable, Preventability, ReplayContact, Struck};
 pub use reference_drive::Seat;
-pub use replayer::{FilmedDriver, RecordedEpisode, Replayer};
+pub use replayer::{BrakingReplays, FilmedDriver, RecordedEpisode, Replayer};
 
 use crate::ego::reference::ReferenceDriver;
 

@@ -18,9 +18,11 @@ pub enum Label {
     AvoidedBySome,
     /// No driver avoids it, but full braking without delay does.
     OnlyByPerfect,
-    /// Only full braking from the very beginning avoids it.
+    /// Only full braking before the first danger avoids it.
     OnlyByForesight,
-    /// No braking avoids it. A driver who steers might.
+    /// No driver and no full braking avoids it. A driver who steers might.
+    ///
+    /// Earlier versions tried full braking from the start and the first danger only.
     UnavoidableByBraking,
     /// The drivers do not apply to such a contact.
     NotApplicable,
@@ -264,14 +266,23 @@ impl Preventability {
         }
         let besides = match self.label {
             Label::OnlyByPerfect => "only full braking without delay avoids it",
-            Label::OnlyByForesight => "only full braking from the very start avoids it",
-            Label::UnavoidableByBraking => "no braking avoids it",
+            Label::OnlyByForesight => "only full braking before the first danger avoids it",
+            Label::UnavoidableByBraking => {
+                "full braking from the first danger or from the start does not avoid it either"
+            }
             // Invariant: of these labels two have drivers that avoid it.
             Label::AvoidedByAll | Label::AvoidedBySome | Label::NotApplicable => return None,
         };
         Some(format!(
             "avoided by none of {all} reference drivers; {besides}"
         ))
+    }
+
+    /// Returns a driver that avoids it, from the handover or from the start on.
+    pub fn any_driver(&self) -> Option<ReferenceDriver> {
+        let mut outcomes = self.handover.iter().chain(&self.t0);
+        let (driver, _) = outcomes.find(|(_, outcome)| outcome.avoided)?;
+        Some(*driver)
     }
 
     /// Returns whether a human model of UN R157 avoids it, CC_LATCHED or FSM.

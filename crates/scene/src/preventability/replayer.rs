@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::contact::{
-    STANDING_MPS, between, exoneration, other_of, partner, reason_against, struck,
+    STANDING_MPS, between, exoneration, other_of, partner, reason_against, reason_against_replays,
+    struck,
 };
 use super::moments::LaneRecord;
 use super::outcome::{DriverOutcome, NotApplicable, Preventability, ReplayContact};
@@ -61,6 +62,28 @@ pub struct Replayer {
     lag_s: f64,
     /// Other vehicles at the current sample, kept to avoid an allocation.
     others: Vec<LaneBody>,
+}
+
+/// Full braking in the ego's place, from any sample of a recorded motion on.
+///
+/// It covers every contact of the ego, because full braking judges no other agent.
+pub struct BrakingReplays {
+    replayer: Replayer,
+    case: RecordedEpisode,
+}
+
+impl BrakingReplays {
+    /// Returns whether full braking from this sample on avoids the contact.
+    ///
+    /// From the contact on it is too late.
+    pub fn avoids(&mut self, sample: usize) -> bool {
+        self.replayer.braking_avoids(&self.case, sample)
+    }
+
+    /// Returns the last sample from which full braking avoids the contact.
+    pub fn last(&mut self) -> Option<usize> {
+        self.replayer.last_braking(&self.case)
+    }
 }
 
 /// Stretch of driving: its first sample, and its speed without danger.
@@ -140,18 +163,25 @@ impl Replayer {
 
     /// Returns whether any of `drivers` avoids the contact from the handover on.
     pub fn preventable_by(&mut self, motion: &Motion, drivers: &[ReferenceDriver]) -> bool {
+        self.judged_by(motion, drivers).unwrap_or(false)
+    }
+
+    /// Returns whether any of `drivers` avoids the contact from the handover on.
+    ///
+    /// `None`: the drivers do not apply, as in [`Replayer::assess`].
+    pub fn judged_by(&mut self, motion: &Motion, drivers: &[ReferenceDriver]) -> Option<bool> {
         if reason_against(&self.world.at_start(&motion.start), motion).is_some() {
-            return false;
+            return None;
         }
         let case = self.case(motion);
+        case.handover?;
         let mut drivers = drivers.to_vec();
-        drivers.retain(|_| case.handover.is_some());
         // The most capable drivers first, so that few replays are needed.
         drivers.sort_by_key(|driver| chances(*driver));
-        drivers.into_iter().any(|driver| {
+        Some(drivers.into_iter().any(|driver| {
             let outcome = self.from_handover(&case, driver, None);
             outcome.is_some_and(|outcome| outcome.avoided)
-        })
+        }))
     }
 
     /// Returns the assessment of the contact at the end of a motion.
@@ -201,7 +231,43 @@ impl Replayer {
         assessed.perfect = self.from_handover(&case, ReferenceDriver::Ideal, trace);
         assessed.foresight = Some(self.from_start(&case, Seat::FullBrakes, trace));
         assessed.label_outcomes();
+        if assessed.label == Label::UnavoidableByBraking {
+            // Braking may help between the start and the first danger, or after it.
+            assessed.label = match (self.last_braking(&case), case.danger) {
+                (Some(last), Some(danger)) if danger <= last => Label::OnlyByPerfect,
+                (Some(_), _) => Label::OnlyByForesight,
+                (None, _) => Label::UnavoidableByBraking,
+            };
+        }
         assessed
+    }
+
+    /// Returns replays with full braking, `None` if the motion cannot be replayed.
+    pub fn braking(self, motion: &Motion) -> Option<BrakingReplays> {
+        let world = self.world.at_start(&motion.start);
+        reason_against_replays(&world, motion)
+            .is_none()
+            .then(|| BrakingReplays {
+                case: self.case(motion),
+                replayer: self,
+            })
+    }
+
+    /// Returns whether full braking from this sample on avoids the contact.
+    fn braking_avoids(&mut self, case: &RecordedEpisode, from: usize) -> bool {
+        let nominal = NominalSpeed::Recorded;
+        let stint = DriveInterval { from, nominal };
+        let mut notes = Notes::default();
+        from < case.recorded
+            && self
+                .drive(case, Seat::FullBrakes, stint, &mut notes)
+                .avoided
+    }
+
+    /// Returns the last sample from which full braking avoids the contact.
+    fn last_braking(&mut self, case: &RecordedEpisode) -> Option<usize> {
+        let mut samples = (0..case.recorded).rev();
+        samples.find(|from| self.braking_avoids(case, *from))
     }
 
     /// Returns the outcome of a driver from the handover on.

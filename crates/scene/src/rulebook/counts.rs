@@ -37,6 +37,20 @@ impl Counts {
         *self == Counts::Violation
     }
 
+    /// Returns the violations that count, in words. `None`: every violation.
+    pub fn in_words(&self) -> Option<String> {
+        let closing_mps = self.closing_mps()?;
+        let mut text = "only a contact of the moving ego, not struck from behind".to_owned();
+        if closing_mps > 0.0 {
+            text.push_str(&format!(", closing at {closing_mps} m/s or more"));
+        }
+        if let Counts::Preventable { by, .. } = self {
+            let names: Vec<&str> = by.iter().map(|driver| driver.name()).collect();
+            text.push_str(&format!(", that {} avoids", names.join(" or ")));
+        }
+        Some(text)
+    }
+
     /// Lower bound of the closing speed, `None` if no contact is required.
     pub fn closing_mps(&self) -> Option<f64> {
         match self {

@@ -70,6 +70,23 @@ impl Actor for SampledPolicy<'_> {
     }
 }
 
+/// Drawing of a policy's actions, several times per start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Temperature of the softmax over the values, above 0.
+    pub temperature: f64,
+    /// Draws per start, at least 1.
+    pub draws: u32,
+}
+
+impl Sampling {
+    /// Drawing of an ado that may know more than its greedy actions show.
+    pub const SECOND_LOOK: Sampling = Sampling {
+        temperature: 0.1,
+        draws: 20,
+    };
+}
+
 /// A constant action.
 pub struct Constant(pub usize);
 

@@ -28,6 +28,9 @@ pub struct FaultCount {
 
 impl std::fmt::Display for FaultCount {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.kind.is_unrepeatable() {
+            return write!(f, "no result: {}", self.message);
+        }
         let (kind, count) = (self.kind.word(), self.count);
         let episodes = if count == 1 { "episode" } else { "episodes" };
         write!(
@@ -69,6 +72,12 @@ pub fn count_faults<'a>(faults: impl IntoIterator<Item = (u64, &'a Fault)>) -> V
     counts
 }
 
+/// Adds the fault on a start to counts by kind.
+pub fn add_fault(counts: &mut Vec<FaultCount>, start: u64, fault: &Fault) {
+    let before = std::mem::take(counts);
+    *counts = merged(before, count_faults([(start, fault)]));
+}
+
 /// Log of the faults of a campaign, filled by every phase that runs episodes.
 ///
 /// It gives up on an ego that does not run: if a program cannot be started, or
@@ -96,12 +105,13 @@ struct State {
     streak: Option<(FaultKind, u32)>,
     /// Largest share of invalid episodes in a row of results, with the row's name.
     worst: Option<(f64, String)>,
+    /// Egos whose commands depend on more than their episode.
+    unrepeatable: Vec<FaultCount>,
 }
 
 impl State {
     fn add(&mut self, start: u64, fault: &Fault) {
-        let before = std::mem::take(&mut self.faults);
-        self.faults = merged(before, count_faults([(start, fault)]));
+        add_fault(&mut self.faults, start, fault);
     }
 }
 
@@ -168,6 +178,16 @@ impl FaultLog {
         }
     }
 
+    /// Records an ego whose commands depend on more than their episode.
+    ///
+    /// No row of it is a result, whatever share of faults is allowed.
+    pub fn note_unrepeatable(&self, found: &FaultCount) {
+        let mut state = self.lock();
+        if !state.unrepeatable.contains(found) {
+            state.unrepeatable.push(found.clone());
+        }
+    }
+
     /// Returns whether the ego was given up.
     pub fn has_given_up(&self) -> bool {
         self.0.given_up.load(Ordering::Relaxed)
@@ -185,13 +205,14 @@ impl FaultLog {
         // is allowed. Other egos of the campaign do not excuse it.
         let never_ran = 1.0 <= worst && !self.0.has_parts;
         let tolerated = worst <= self.0.allowed && !never_ran && !self.has_given_up();
-        if invalid == 0 || tolerated {
+        if (invalid == 0 || tolerated) && state.unrepeatable.is_empty() {
             return None;
         }
         Some(Complaint {
             invalid,
             episodes: state.episodes,
             faults: state.faults.clone(),
+            unrepeatable: state.unrepeatable.clone(),
             row: state.worst.as_ref().map(|(_, row)| row.clone()),
             given_up: self.has_given_up(),
         })
@@ -231,6 +252,8 @@ pub struct Complaint {
     pub episodes: u64,
     /// Faults by kind.
     pub faults: Vec<FaultCount>,
+    /// Egos whose commands depend on more than their episode, so that no row is a result.
+    pub unrepeatable: Vec<FaultCount>,
     /// Row with the largest share of invalid episodes.
     pub row: Option<String>,
     /// True if the campaign ended early because of them.
@@ -239,6 +262,13 @@ pub struct Complaint {
 
 impl Complaint {
     fn in_words(&self) -> String {
+        let mut lines: Vec<String> = Vec::new();
+        for found in &self.unrepeatable {
+            lines.push(format!("no row is a result: {}", found.message));
+        }
+        if self.invalid == 0 {
+            return lines.join("\n");
+        }
         let mut text = format!(
             "{} of {} episodes are invalid: the ego or the physics failed",
             self.invalid, self.episodes
@@ -249,7 +279,8 @@ impl Complaint {
         for fault in &self.faults {
             text.push_str(&format!("\n{fault}"));
         }
-        text
+        lines.push(text);
+        lines.join("\n")
     }
 }
 

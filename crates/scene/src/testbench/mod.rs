@@ -20,10 +20,12 @@ use std::sync::Arc;
 use rand::Rng;
 
 pub use actors::HOLD_DECISIONS;
-pub use actors::{Actor, Constant, HeldRandom, PolicyActor, Random, Replay, SampledPolicy};
+pub use actors::{
+    Actor, Constant, HeldRandom, PolicyActor, Random, Replay, SampledPolicy, Sampling,
+};
 pub use episode::{Aftermath, Episode, play};
-pub use faults::count_faults;
 pub use faults::{Complaint, FaultCount, FaultLog};
+pub use faults::{add_fault, count_faults};
 pub use film::{Film, FilmAfterContact, film, film_beyond, joined};
 pub use gym::{FIRST_KNOWN, Gym, KnownEpisode, Success};
 pub use gym::{Spent, start_of};

@@ -150,6 +150,7 @@ impl BodyPart {
                 let (ahead, left) = outline_bounds(outline_m);
                 thick("shape.outline_m, ahead", ahead)?;
                 thick("shape.outline_m, left", left)?;
+                // Points on a slanted line have wide bounds and no area.
                 within("shape.outline_m, area", area_m2(outline_m), 1e-4, 1e3)?;
                 Ok([ahead, left, *up_m])
             }

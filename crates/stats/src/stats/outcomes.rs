@@ -61,6 +61,13 @@ impl StartOutcome {
         }
     }
 
+    /// Returns whether the ego fails, with an adversary or without one.
+    ///
+    /// A trivial start of one ego alone is a failure of that ego.
+    fn is_failure(self) -> bool {
+        matches!(self, StartOutcome::Solved | StartOutcome::Trivial)
+    }
+
     /// Returns the outcome of its mark.
     fn marked(self) -> StartOutcome {
         use StartOutcome::{Held, RuleViolation, Uncounted, Unsolved};
@@ -120,38 +127,66 @@ impl From<Outcomes> for String {
 /// Comparison of the outcomes of two egos over the same starts.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Flips {
-    /// Number of starts that are valid and not trivial for both.
+    /// Number of starts that are valid for both, and trivial for at most one.
     pub compared: usize,
     /// Starts from which the new ego fails and the old one does not.
     pub newly_failing: Vec<usize>,
     /// Starts from which the old ego fails and the new one does not.
+    ///
+    /// An ado that breaks its rule gives no answer, so its starts are in `no_answer`.
     pub newly_fixed: Vec<usize>,
     /// Starts from which both fail.
     pub both_fail: Vec<usize>,
+    /// Starts on which an ado breaks its rule against the new ego only.
+    pub no_answer: Vec<usize>,
+    /// Number of starts on which both egos have an answer.
+    ///
+    /// No ado breaks its rule on them.
+    pub answered: usize,
+    /// Newly failing starts on which an ado breaks its rule against the old ego.
+    pub unanswered_before: usize,
+    /// Starts without a result for the new ego.
+    pub new_not_run: usize,
+    /// Starts without a result for the old ego.
+    pub old_not_run: usize,
 }
 
 impl Flips {
     /// Compares two egos, start by start.
     pub fn of(new: &[StartOutcome], old: &[StartOutcome]) -> Flips {
-        use StartOutcome::{Solved, Unsolved};
+        use StartOutcome::{Invalid, NotReached, RuleViolation, Trivial};
         let mut flips = Flips::default();
-        for (start, (new, old)) in new.iter().zip(old).enumerate() {
-            match (new.marked(), old.marked()) {
-                (Solved, Unsolved) => flips.newly_failing.push(start),
-                (Unsolved, Solved) => flips.newly_fixed.push(start),
-                (Solved, Solved) => flips.both_fail.push(start),
-                (Unsolved, Unsolved) => {}
-                // Other starts show no difference between the egos.
-                _ => continue,
+        for (start, (new, old)) in new.iter().copied().zip(old.iter().copied()).enumerate() {
+            let has_no_result = |outcome| matches!(outcome, Invalid | NotReached);
+            flips.new_not_run += usize::from(has_no_result(new));
+            flips.old_not_run += usize::from(has_no_result(old));
+            // A start that is trivial for both shows no difference between the egos.
+            if has_no_result(new) || has_no_result(old) || (new, old) == (Trivial, Trivial) {
+                continue;
             }
             flips.compared += 1;
+            let foul = (new == RuleViolation, old == RuleViolation);
+            flips.answered += usize::from(foul == (false, false));
+            match (new.is_failure(), old.is_failure()) {
+                (true, true) => flips.both_fail.push(start),
+                (true, false) => {
+                    flips.newly_failing.push(start);
+                    flips.unanswered_before += usize::from(foul.1);
+                }
+                (false, _) if foul == (true, false) => flips.no_answer.push(start),
+                (false, true) => flips.newly_fixed.push(start),
+                (false, false) => {}
+            }
         }
         flips
     }
 
     /// Returns the exact p-value of McNemar's test on the flipped starts.
+    ///
+    /// It uses the starts on which both egos have an answer.
     pub fn p_value(&self) -> f64 {
-        mcnemar(self.newly_failing.len(), self.newly_fixed.len())
+        let worse = self.newly_failing.len() - self.unanswered_before;
+        mcnemar(worse, self.newly_fixed.len())
     }
 }
 
@@ -215,6 +250,66 @@ mod tests {
                 "{vague}"
             );
         }
+    }
+
+    /// Flips of starts with the outcomes of a new and an old ego.
+    fn flips(pairs: &[(StartOutcome, StartOutcome)]) -> Flips {
+        let (new, old): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+        Flips::of(&new, &old)
+    }
+
+    #[test]
+    fn a_rule_broken_against_the_new_ego_is_no_fix() {
+        use StartOutcome::{Held, RuleViolation, Solved, Uncounted};
+        let found = flips(&[
+            (RuleViolation, Solved),
+            (RuleViolation, Held),
+            (RuleViolation, RuleViolation),
+            (Held, Solved),
+            (Uncounted, Solved),
+            (Solved, RuleViolation),
+            (Solved, Uncounted),
+            (Solved, Solved),
+            (Held, Held),
+        ]);
+        assert_eq!(found.no_answer, [0, 1]);
+        assert_eq!(found.newly_fixed, [3, 4]);
+        assert_eq!(found.newly_failing, [5, 6]);
+        assert_eq!(found.both_fail, [7]);
+        assert_eq!((found.compared, found.answered), (9, 5));
+        // A start without an answer of the old ego is no pair of McNemar's test.
+        assert_eq!(found.unanswered_before, 1);
+        assert_eq!(found.p_value(), mcnemar(1, 2));
+    }
+
+    #[test]
+    fn starts_that_an_ego_did_not_run_are_counted_and_not_compared() {
+        use StartOutcome::{Held, Invalid, NotReached, Solved};
+        let found = flips(&[
+            (Invalid, Held),
+            (NotReached, Solved),
+            (Invalid, Invalid),
+            (Solved, Invalid),
+            (Held, Solved),
+        ]);
+        assert_eq!((found.new_not_run, found.old_not_run), (3, 2));
+        assert_eq!((found.compared, found.newly_fixed), (1, vec![4]));
+        assert!(found.newly_failing.is_empty());
+    }
+
+    #[test]
+    fn a_start_that_only_the_new_ego_fails_by_itself_is_a_new_failure() {
+        use StartOutcome::{Held, Solved, Trivial};
+        let found = flips(&[
+            (Trivial, Held),
+            (Trivial, Solved),
+            (Trivial, Trivial),
+            (Held, Trivial),
+        ]);
+        assert_eq!(found.newly_failing, [0]);
+        assert_eq!(found.both_fail, [1]);
+        assert_eq!(found.newly_fixed, [3]);
+        assert_eq!(found.compared, 3);
     }
 
     #[test]

@@ -7,7 +7,9 @@ use serde::Serialize;
 use super::error::PopulationError;
 use crate::adversary::{Ado, count_solved};
 use crate::crashes::CellFinder;
-use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch, consent};
+use crate::experiment::{
+    EgoUnderTest, EpisodeLoop, TestStarts, Watch, check_repeatability, consent,
+};
 use crate::run_dir::{CellCount, FailureCell, Row, RunDir};
 use crate::search::{Adversary, ExperimentCell};
 use crate::stats::{Incidence, KindsEstimate, NewKinds, Outcomes, StartOutcome};
@@ -52,8 +54,8 @@ pub struct UnionResult {
     pub successes: usize,
     /// successes / starts.
     pub success_rate: f64,
-    /// Wilson's 95 % interval of the rate.
-    pub ci95: [f64; 2],
+    /// Wilson's 95 % interval of the rate. `None` if interrupted.
+    pub ci95: Option<[f64; 2]>,
     /// Share of the search-solved starts that are solved too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recall: Option<f64>,
@@ -136,13 +138,16 @@ impl PopulationTest<'_> {
                 cell
             }));
         }
-        let searched = self
+        let mut searched = self
             .search
             .and_then(|switches| Adversary::switches(switches).play(self.ego, &starts, watch));
         // An interrupted evaluation would have the cells of its first members only.
         if watch.interrupted() {
             return Ok(None);
         }
+        let rows = played.iter_mut().chain(searched.as_mut());
+        let rows = rows.map(|cell| &mut cell.row);
+        check_repeatability(self.ego, &starts, rows, watch);
         let members = played.len();
         // The search comes last, where `results` splits it off.
         played.extend(searched);
@@ -182,7 +187,7 @@ impl PopulationTest<'_> {
                 starts,
                 successes: union.as_ref().map_or(0, |row| row.successes),
                 success_rate: union.as_ref().map_or(0.0, |row| row.success_rate),
-                ci95: union.as_ref().map_or([0.0, 1.0], |row| row.ci95),
+                ci95: union.as_ref().and_then(|row| row.ci95),
                 recall: union.as_ref().and_then(|row| row.recall),
                 runs,
                 cells: incidence.len(),

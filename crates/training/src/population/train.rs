@@ -456,6 +456,14 @@ mod tests {
             .expect("sound")
             .expect("an archive");
         assert!(known.cells.len() > 1 && known.demonstrations.len() > known.cells.len());
+        // A copy has the archive, and one that was changed or deleted is damage.
+        let copy = dir.path().join("copy");
+        members[1].copy_to(&copy).expect("copied");
+        assert!(RunDir::open(&copy).is_ok());
+        fs::write(copy.join("known.json"), "{}").expect("written");
+        assert!(RunDir::open(&copy).is_err());
+        fs::remove_file(copy.join("known.json")).expect("removed");
+        assert!(RunDir::open(&copy).is_err());
         let policies = members
             .iter()
             .map(|member| member.policy_bundle().expect("finished"));

@@ -2,13 +2,14 @@
 //! report.
 
 use super::demonstrations::{Budget, Seeded};
-use super::rollout::successes;
+use super::rollout::{drawn_successes, successes};
 use super::search_worker::SearchEffort;
 use super::training_search::TrainingSearch;
 use crate::experiment::Watch;
 use crate::rl::Policy;
 use crate::run_dir::Calibration;
 use crate::seed::Purpose;
+use crate::testbench::Sampling;
 use crate::world::Scenario;
 
 /// Bounds on the number of calibration starts, one per thousand decisions of the
@@ -28,14 +29,17 @@ pub(super) struct Calibrator<'a> {
     scenario: &'a Scenario,
     seed: u64,
     solved: Vec<bool>,
-    switches: usize,
-    /// Cost of the search.
-    simulations: u64,
+    /// Unsolved starts on which the search did not try all sequences.
+    cut: Vec<bool>,
+    /// Result of the search alone.
+    search: Calibration,
     searched_steps: u64,
     /// Cost of the search and the last evaluation of the ado.
     pub physics_steps: u64,
     /// Cost of the search and all evaluations.
     pub cpu_s: f64,
+    /// Cost of the search alone.
+    search_cpu_s: f64,
 }
 
 impl<'a> Calibrator<'a> {
@@ -68,6 +72,7 @@ impl<'a> Calibrator<'a> {
         // Counted as demonstrations are, although no learner sees these.
         let mut searched = Seeded::default();
         let unsolved = searched.note(&indices, found);
+        let one_switch = searched.sought.solved;
         let budget = Budget {
             simulations: if forks {
                 TWICE.saturating_mul(decisions)
@@ -81,16 +86,36 @@ impl<'a> Calibrator<'a> {
         for shown in &searched.demonstrations {
             solved[shown.index as usize] = true;
         }
+        let switches = if unsolved.is_empty() { 1 } else { 2 };
+        let is_cut = |index: &u64| {
+            let walked = searched.walked.get(index).copied().unwrap_or(0);
+            !solved[*index as usize] && walked < switches
+        };
+        let sequences = training_search.sequences();
         Some(Calibrator {
             scenario,
             seed,
+            cut: indices.iter().map(is_cut).collect(),
             solved,
-            switches: if unsolved.is_empty() { 1 } else { 2 },
-            simulations: searched.sought.simulations,
+            search: Calibration {
+                starts,
+                switches: switches as u64,
+                one_switch,
+                search_simulations: searched.sought.simulations,
+                sequences,
+                ..Calibration::default()
+            },
             searched_steps: searched.sought.physics_steps,
             physics_steps: 0,
             cpu_s: searched.cpu_s,
+            search_cpu_s: searched.cpu_s,
         })
+    }
+
+    /// Returns the processor time of a simulation of the search. `None`: there was none.
+    pub(super) fn seconds_per_simulation(&self) -> Option<f64> {
+        let simulations = self.search.search_simulations;
+        (simulations > 0).then(|| self.search_cpu_s / simulations as f64)
     }
 
     /// Plays an ado on the calibration starts. `None`: stopped.
@@ -98,22 +123,34 @@ impl<'a> Calibrator<'a> {
         let indices: Vec<u64> = (0..self.solved.len() as u64).collect();
         let of = (self.scenario, Purpose::Calibration, self.seed);
         let played = successes(of, &indices, policy, watch)?;
-        let mut calibration = Calibration {
-            starts: indices.len() as u64,
-            switches: self.switches as u64,
-            ..Calibration::default()
-        };
+        let mut calibration = self.search;
+        let mut missed = Vec::new();
         // Of the last evaluation only, so that interruptions do not change the cost.
         self.physics_steps = self.searched_steps;
-        for (played, &searched) in played.into_iter().zip(&self.solved) {
+        for (index, played) in played.into_iter().enumerate() {
+            let searched = self.solved[index];
             let success = played.success.is_some();
             self.physics_steps += played.physics_steps;
             self.cpu_s += played.cpu_s;
             calibration.searched += u64::from(searched);
             calibration.both += u64::from(searched && success);
             calibration.ado_only += u64::from(success && !searched);
+            calibration.undecided += u64::from(self.cut[index] && !success);
+            if searched && !success {
+                missed.push(index as u64);
+            }
         }
-        calibration.simulations = self.simulations + calibration.starts;
+        let ado = (policy, Sampling::SECOND_LOOK);
+        let drawn = drawn_successes(of, &missed, ado, watch)?;
+        let mut draws = 0;
+        for (success, episodes, cost) in drawn {
+            draws += episodes;
+            self.physics_steps += cost.physics_steps;
+            self.cpu_s += cost.cpu_s;
+            calibration.drawn += u64::from(success);
+        }
+        let search = calibration.search_simulations;
+        calibration.simulations = search + calibration.starts + draws;
         Some(calibration)
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! They are searched before a training, and later where the ado fails.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::near_starts::StartCandidates;
@@ -44,6 +45,8 @@ pub(super) struct Seeded {
     pub demonstrations: Vec<Demonstration>,
     pub sought: Sought,
     pub cpu_s: f64,
+    /// Starts of which every sequence with at most this many switches was played.
+    pub walked: BTreeMap<u64, usize>,
 }
 
 /// Searches training starts of `seed` for demonstrations. `None`: stopped.
@@ -223,6 +226,7 @@ impl Seeded {
         let mut done = 0;
         for chunk in indices.chunks(CHUNK) {
             let left = until.saturating_sub(self.sought.simulations);
+            // Easy starts leave most of their share, which hard ones may spend.
             let share = UNEVEN * left / (indices.len() - done) as u64;
             let share = share.min(left / chunk.len() as u64);
             if share == 0 {
@@ -306,6 +310,10 @@ impl Seeded {
             self.sought.simulations += scouted.simulations;
             self.sought.physics_steps += scouted.physics_steps;
             self.cpu_s += scouted.cpu_s;
+            if let Some(switches) = scouted.walked {
+                let walked = self.walked.entry(index).or_default();
+                *walked = switches.max(*walked);
+            }
             match scouted.actions {
                 Some(actions) => {
                     self.sought.solved += 1;

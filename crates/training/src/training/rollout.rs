@@ -3,8 +3,10 @@
 use super::training_egos::TrainingGym;
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::{Env, Policy};
-use crate::seed::Purpose;
+use crate::seed::{self, Purpose};
+use crate::testbench::Sampling;
 use crate::world::Scenario;
+use rand::RngExt;
 
 /// Result of one greedy episode of an ado.
 #[derive(Clone, Default)]
@@ -31,7 +33,7 @@ pub(super) fn successes(
     };
     let played = all.run(indices, gym, |gym, &index, turn| {
         let before = gym.inner().spent().physics_steps;
-        let success = succeeds(gym, index, policy);
+        let success = succeeds(gym, index, &mut |obs| policy.act(obs));
         Some(GreedyEpisode {
             success,
             physics_steps: gym.inner().spent().physics_steps - before,
@@ -42,15 +44,57 @@ pub(super) fn successes(
     (!watch.stopped()).then(|| played.collect())
 }
 
-/// Returns the actions of a success of a greedy ado.
+/// Plays some starts with drawn actions, each until the first success.
+///
+/// Returns whether some draw succeeds, the episodes and the cost of each start. `None` if
+/// stopped.
+pub(super) fn drawn_successes(
+    (scenario, purpose, seed): (&Scenario, Purpose, u64),
+    indices: &[u64],
+    (policy, sampling): (&dyn Policy, Sampling),
+    watch: &Watch<'_>,
+) -> Option<Vec<(bool, u64, GreedyEpisode)>> {
+    let all = EpisodeLoop::counted(watch, indices.len());
+    let gym = || {
+        let mut gym = TrainingGym::new(scenario, purpose, seed);
+        gym.inner().tell_faults(watch.faults.clone());
+        gym
+    };
+    let played = all.run(indices, gym, |gym, &index, turn| {
+        let before = gym.inner().spent().physics_steps;
+        let (mut success, mut draws) = (None, 0);
+        while success.is_none() && draws < u64::from(sampling.draws) && !watch.stopped() {
+            // Equal draws on any number of threads.
+            let mut dice = seed::generator("drawn calibration", &[index, draws]);
+            let mut units = || dice.random::<f64>();
+            let mut act = |obs: &[f32]| policy.sample(obs, sampling.temperature, &mut units);
+            success = succeeds(gym, index, &mut act);
+            draws += 1;
+        }
+        let episode = GreedyEpisode {
+            physics_steps: gym.inner().spent().physics_steps - before,
+            cpu_s: turn.cpu_s(),
+            success: None,
+        };
+        Some((success.is_some(), draws, episode))
+    });
+    let played = played.into_iter().map(Option::unwrap_or_default);
+    (!watch.stopped()).then(|| played.collect())
+}
+
+/// Returns the actions of a success of an ado.
 ///
 /// Under Definition 4 exactly the successes have a reward above 0.
-fn succeeds(gym: &mut TrainingGym<'_>, index: u64, policy: &dyn Policy) -> Option<Vec<usize>> {
+fn succeeds(
+    gym: &mut TrainingGym<'_>,
+    index: u64,
+    act: &mut dyn FnMut(&[f32]) -> usize,
+) -> Option<Vec<usize>> {
     let mut obs = vec![0.0; gym.spaces().observation];
     gym.reset(index, &mut obs);
     let (mut total, mut actions) = (0.0, Vec::new());
     loop {
-        let action = policy.act(&obs);
+        let action = act(&obs);
         actions.push(action);
         let step = gym.step(action, &mut obs);
         total += step.reward;

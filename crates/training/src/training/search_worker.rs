@@ -44,6 +44,8 @@ pub(super) struct Scouted {
     pub physics_steps: u64,
     /// Processor time spent.
     pub cpu_s: f64,
+    /// Largest number of switches of which every sequence was played, without a success.
+    pub walked: Option<usize>,
 }
 
 /// Benches of one thread.
@@ -167,6 +169,8 @@ impl<'a> SearchWorker<'a> {
             }
         }
         let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
+        // A walk that a budget or a success ends is stopped.
+        scouted.walked = (next == WalkControl::Continue).then_some(switches);
         scouted.simulations += simulations;
         scouted.physics_steps += physics_steps;
         scouted

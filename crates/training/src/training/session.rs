@@ -8,17 +8,20 @@ use super::bank::gather;
 use super::error::{OptionClash, SessionError};
 use super::per_ado_mode::PerAdoMode;
 use super::train_loop::{TrainError, TrainingOutcome, steps, train};
-use crate::adversary::Ado;
+use crate::adversary::{Ado, BestOfN};
 use crate::crashes::save_crashes::keep_first;
-use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant};
-use crate::rl::LearnerConfig;
+use crate::experiment::{
+    EgoUnderTest, TestStarts, Watch, check_repeatability, consent, consent_to_family, on_plant,
+};
+use crate::rl::{LearnerConfig, Policy};
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{
-    Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError,
+    Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError, bind_programs,
     trained_naturally,
 };
 use crate::search::{Adversary, Experiment, ExperimentCell};
 use crate::sim::PlantKind;
+use crate::testbench::Sampling;
 use crate::world::{Change, Scenario, TrainingEgos};
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
@@ -179,7 +182,14 @@ impl TrainSession {
         consent(&world, std::slice::from_ref(&tested))?;
         consent_to_family(&world)?;
         let mut run = open(ego)?;
+        // A rebuilt program is another ego.
+        let content = tested.program_content();
+        let programs = content.map(|content| (tested.name().to_owned(), content));
+        bind_programs(run.path(), &programs.into_iter().collect(), false)?;
         run.allow_programs(world.may_start_programs());
+        if world.begins_egos_anew() {
+            run.begin_egos_anew();
+        }
         Ok(TrainSession {
             run,
             world,
@@ -224,9 +234,39 @@ impl TrainSession {
         };
         // Invariant: every adversary here has a cell, and the first is the trained ado's.
         let mut cells = experiment.run(watch);
-        let rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
+        let rows = cells.iter_mut().map(|cell| &mut cell.row);
+        check_repeatability(&self.ego, &starts, rows, watch);
+        let mut rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
         let trained = cells.swap_remove(0);
+        if let Some(row) = self.second_look(&*policy, &starts, watch) {
+            rows.insert(1, row);
+        }
         Ok(Some(Closing { rows, trained }))
+    }
+
+    /// Plays the ado with drawn actions where its greedy actions do not succeed.
+    ///
+    /// `None` unless the calibration has shown that it then solves more starts.
+    fn second_look(
+        &self,
+        policy: &dyn Policy,
+        starts: &TestStarts,
+        watch: &Watch<'_>,
+    ) -> Option<Row> {
+        let calibration = self.run.manifest().calibration;
+        calibration.filter(|calibration| calibration.drawn > 0)?;
+        let Sampling { temperature, draws } = Sampling::SECOND_LOOK;
+        let ado = Ado::Trained(policy, self.run.manifest().seed);
+        let several = BestOfN {
+            request: self.ego.against(ado, starts),
+            policy,
+            tries: 1 + u64::from(draws),
+            temperature: Some(temperature),
+        };
+        let evaluated = several.run(watch).evaluated;
+        let mut cell = ExperimentCell::evaluated(&self.ego, starts, evaluated);
+        cell.judge_contacts(watch);
+        Some(cell.row)
     }
 
     /// Writes the closing evaluation and some counterexamples into the run.

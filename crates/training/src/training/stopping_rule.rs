@@ -132,10 +132,7 @@ impl<'a> StoppingRule<'a> {
         if ended.is_none() {
             let more = (EXTENSION * self.requested as f64) as u64;
             learner.extend(more.max(1).min(self.longest - taken));
-            self.watch.note(&format!(
-                "going on: the ado solves {} of the {} calibration starts that a search solves",
-                now.both, now.searched,
-            ));
+            self.watch.note(&format!("going on: {}", now.in_words()));
         }
         ended.is_some()
     }
@@ -193,6 +190,11 @@ impl<'a> StoppingRule<'a> {
     pub(super) fn cpu_s(&self) -> f64 {
         let calibrating = self.calibrator.as_ref().map_or(0.0, |used| used.cpu_s);
         self.searched_cpu_s + calibrating
+    }
+
+    /// Returns the processor time of a simulation of the calibration search, if it ran.
+    pub(super) fn seconds_per_simulation(&self) -> Option<f64> {
+        self.calibrator.as_ref()?.seconds_per_simulation()
     }
 
     /// Returns the cost of one calibration, which does not depend on interruptions.

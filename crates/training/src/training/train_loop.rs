@@ -9,7 +9,7 @@ use super::stopping_rule::StoppingRule;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
 use crate::rl::{BundleError, Control, Demonstration, Learner};
-use crate::run_dir::{Done, RunDir, RunError};
+use crate::run_dir::{CalibrationWarning, Done, RunDir, RunError};
 use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
 use crate::world::Scenario;
@@ -23,6 +23,17 @@ pub struct TrainingOutcome {
     pub interrupted: bool,
     /// Episodes left out for faults of ego or physics.
     pub aborted: u64,
+    /// Processor time of a simulation of the calibration search, in s.
+    ///
+    /// `None`: it was not searched in this process.
+    pub search_simulation_s: Option<f64>,
+}
+
+impl TrainingOutcome {
+    /// Returns the warning of an ado that is not reliable, with the cost of its advice.
+    pub fn warning(&self) -> Option<CalibrationWarning> {
+        self.done.calibration?.warning_at(self.search_simulation_s)
+    }
 }
 
 /// Returns the number of steps of a training with its closing evaluation.
@@ -292,6 +303,7 @@ impl<'a> TrainLoop<'a> {
                 done,
                 interrupted: !over,
                 aborted: self.log.aborted,
+                search_simulation_s: self.stopping.seconds_per_simulation(),
             }),
         }
     }
@@ -371,6 +383,7 @@ fn finished(run: &RunDir) -> TrainingOutcome {
         },
         interrupted: false,
         aborted: 0,
+        search_simulation_s: None,
     }
 }
 

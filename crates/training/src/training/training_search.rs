@@ -62,6 +62,13 @@ impl<'a> TrainingSearch<'a> {
         bench.fork().is_some()
     }
 
+    /// Returns the numbers of sequences with at most one and at most two switches.
+    pub(super) fn sequences(&self) -> [u64; 2] {
+        let watch = Watch::unwatched();
+        let worker = SearchWorker::new(&self.0, &watch);
+        [1, 2].map(|switches| worker.sequences(switches))
+    }
+
     /// Searches the starts with these indices in parallel, each within a number of
     /// simulations.
     ///

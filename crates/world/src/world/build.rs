@@ -12,7 +12,8 @@ use super::scenario_kind::DriveScenario;
 use super::warnings::Warnings;
 use super::{
     Scenario, check, counting, dry_run, environment, family_check, includes, kind_of_world, limits,
-    per_ado, plans, points, road_ado, roads, slope_and_wind, starts, trained, turns, vacuous,
+    odd_starts, per_ado, plans, points, road_ado, roads, slope_and_wind, starts, trained, turns,
+    vacuous,
 };
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
@@ -61,6 +62,8 @@ pub(super) fn build(
     warnings.found(vacuous::warnings(driving));
     warnings.bounds(&scenario);
     warnings.unseen(driving);
+    warnings.spec_without_ego(driving);
+    warnings.found(odd_starts::warnings(driving));
     scenario.warnings = warnings.of(&scenario.text);
     Ok(scenario)
 }
@@ -273,6 +276,7 @@ fn assemble(
         world: World::Drive(world.clone()),
         rulebook: Arc::new(rulebook),
         programs_allowed: false,
+        fresh_egos: false,
         traffic,
         laws: file.traffic.map(Arc::new),
     };

@@ -190,7 +190,7 @@ impl GroundRectangle {
 }
 
 /// Entry of an agent in the file's list of agents.
-fn entry_of(list: &ValuePath, text: &str, name: &str) -> ValuePath {
+pub(super) fn entry_of(list: &ValuePath, text: &str, name: &str) -> ValuePath {
     let quoted = format!("\"{name}\"");
     let mut entries = (0..MAX_AGENTS).map(|i| list.at(i));
     // Searched in the text, because the entry may differ from the position in

@@ -221,6 +221,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         world: World::Grid(world),
         rulebook: Arc::new(rulebook),
         programs_allowed: false,
+        fresh_egos: false,
         traffic: Default::default(),
         laws: None,
     };

@@ -110,26 +110,33 @@ impl Scenario {
 }
 
 impl GridScenario<'_> {
-    /// Returns the world with an ado that observes both positions.
+    /// Returns the world with an ado that observes both positions and the time left.
     ///
     /// The shipped ados observe a window. [The optimal ado][best] of a larger
     /// map requires the complete map.
     ///
-    /// [best]: brakecheck_scene::grid_solver::exact::PositionPolicy::optimal
+    /// [best]: brakecheck_scene::grid_solver::position_policy::PositionPolicy::optimal
     pub fn fully_observed(self) -> Scenario {
         let mut spec = self.world().spec().clone();
         // Positions are scaled to −1 ..= 1 over the map.
         let half = f64::from(spec.arena.size) / 2.0;
-        let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
-        let observe = names.map(|name| Observed {
+        let half_time = f64::from(spec.steps()) / 2.0;
+        let names = [
+            ("ego.x", half),
+            ("ego.y", half),
+            ("ado.x", half),
+            ("ado.y", half),
+            ("time_left", half_time),
+        ];
+        let observe = names.map(|(name, half)| Observed {
             name: name.to_owned(),
             mid: half,
             half,
         });
         spec.observe = observe.into();
-        // Invariant: every grid publishes both positions.
+        // Invariant: every grid publishes both positions and the time left.
         let world = GridWorld::new(spec);
-        assert!(world.is_ok(), "positions are signals of every grid");
+        assert!(world.is_ok(), "they are signals of every grid");
         Scenario {
             world: World::Grid(world.unwrap_or_else(|_| self.world().clone())),
             ..Scenario::clone(&self)

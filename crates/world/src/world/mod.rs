@@ -38,6 +38,7 @@ mod limits;
 mod natural_file;
 mod number_or_range;
 mod obstacles;
+mod odd_starts;
 mod open_drive;
 mod per_ado;
 mod plans;

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use super::Scenario;
 use crate::ego::reference::ReferenceDriver;
-use crate::preventability::{FilmedDriver, NotApplicable, Preventability, Replayer};
+use crate::preventability::{
+    BrakingReplays, FilmedDriver, NotApplicable, PANEL, Preventability, Replayer,
+};
 use crate::testbench::{Episode, film, motion_of};
 
 impl Scenario {
@@ -31,6 +33,30 @@ impl Scenario {
             (Some(motion), Some(mut replayer)) => replayer.assess(&motion, Some(&episode.trace)),
             _ => Preventability::not_applicable(NotApplicable::NotDriven),
         }
+    }
+
+    /// Returns whether any reference driver of the panel avoids an episode's contact.
+    ///
+    /// This takes few of the replays of [`Scenario::preventability`]. `None`: there is no
+    /// contact, or the drivers do not apply to it.
+    pub fn is_preventable(&self, episode: &Episode) -> Option<bool> {
+        episode.contact.as_ref()?;
+        let mut replayer = self.replayer()?;
+        let motion = motion_of(&mut self.repeating(episode).bench(), episode)?;
+        if motion.is_empty() {
+            return None;
+        }
+        replayer.judged_by(&motion, &PANEL)
+    }
+
+    /// Returns replays of an episode's motion with full braking in the ego's place.
+    ///
+    /// `None` without a contact of the ego, or if the motion cannot be replayed.
+    pub fn braking_replays(&self, episode: &Episode) -> Option<BrakingReplays> {
+        episode.contact.as_ref()?;
+        let mut bench = self.repeating(episode).bench();
+        let motion = motion_of(&mut bench, episode).filter(|motion| !motion.is_empty())?;
+        self.replayer()?.braking(&motion)
     }
 
     /// Returns the drive of a reference driver in the ego's place.

@@ -125,6 +125,7 @@ pub(super) fn check(
     };
     for (i, agent) in spec.agents.iter().enumerate() {
         let place = list.at(entries[i]);
+        // The furthest start counts, since every start of the range may be drawn.
         let front_m = starts::front(spec, i).hi;
         if end_m < front_m {
             beyond(problems, &place, &agent.name, front_m);

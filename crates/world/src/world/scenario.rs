@@ -65,6 +65,8 @@ pub struct Scenario {
     pub(super) rulebook: Arc<Rulebook>,
     /// True if programs that files name may be started.
     pub(super) programs_allowed: bool,
+    /// True if foreign egos begin every episode anew.
+    pub(super) fresh_egos: bool,
     /// Traffic in which the ados drive, with a limit on their rarity if any.
     pub(super) traffic: DeclaredTraffic,
     /// Laws of the starts and of the ados' actions, if declared.
@@ -269,6 +271,11 @@ impl Scenario {
     /// Returns true if programs that files name may be started.
     pub fn may_start_programs(&self) -> bool {
         self.programs_allowed
+    }
+
+    /// Returns true if foreign egos begin every episode anew.
+    pub fn begins_egos_anew(&self) -> bool {
+        self.fresh_egos
     }
 
     /// Returns the ego's stock controller with its actuator, if any.

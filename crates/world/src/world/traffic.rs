@@ -56,9 +56,15 @@ impl Scenario {
         SuccessRarity::of(&self.traffic.model, &world, &episode.trace, episode.judged)
     }
 
-    /// Returns how natural the ados drove in an episode, with the surprise.
+    /// Returns how natural the ados drove in an episode.
+    ///
+    /// `None` if no traffic was named: the shipped model is five minutes of one motorway,
+    /// so only the user can choose it.
     pub fn naturalness_of(&self, episode: &Episode) -> Option<Naturalness> {
+        if !self.traffic.is_declared {
+            return None;
+        }
         let rarity = self.rarity_of(episode)?;
-        Some(rarity.with_surprise(&self.traffic.model))
+        Some(rarity.naturalness(&self.traffic.model))
     }
 }

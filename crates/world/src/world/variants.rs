@@ -8,7 +8,7 @@ use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
 use super::{ChangeError, DriveScenario, Repeats, Scenario, ScenarioKind, TrainingEgos};
 use super::{changed, check, counting};
-use crate::ego::Command;
+use crate::ego::{Command, Transcripts};
 use crate::rl::{ConfigError, LearnerConfig};
 use crate::ron_file::{LoadError, ScenarioError, ValuePath, read};
 use crate::rulebook::{Counts, JudgeKind, Rulebook, TrainingGoal};
@@ -160,6 +160,19 @@ impl Scenario {
         }
     }
 
+    /// Returns the world whose foreign egos begin every episode anew.
+    ///
+    /// A program is started anew, and a controller of yours is made anew, at a cost of one
+    /// start per episode. State that it keeps over `reset` then has no effect. Changes of
+    /// the world have the same.
+    #[must_use]
+    pub fn with_fresh_egos(&self) -> Scenario {
+        Scenario {
+            fresh_egos: true,
+            ..self.redriven(|spec| spec.ego.controller.set_fresh())
+        }
+    }
+
     /// Returns the world with a change.
     ///
     /// # Errors
@@ -173,6 +186,9 @@ impl Scenario {
                 // The change may bring a program of its own, which has no
                 // consent yet.
                 permit(&mut spec, self.programs_allowed);
+                if self.fresh_egos {
+                    spec.ego.controller.set_fresh();
+                }
                 check::still_apart(&spec)?;
                 Ok(self.remade(spec))
             }
@@ -225,6 +241,8 @@ impl Scenario {
             spec.ego.controller = EgoController::Own {
                 name: name.to_owned(),
                 factory,
+                fresh: self.fresh_egos,
+                transcripts: Some(Transcripts::default()),
             };
         })
     }
@@ -244,6 +262,8 @@ impl Scenario {
             spec.ego.controller = EgoController::Own {
                 name: "model".to_owned(),
                 factory,
+                fresh: false,
+                transcripts: None,
             };
         })
     }

@@ -53,6 +53,12 @@ pub(super) enum Oddity {
     BarelyTried,
     /// A formula reads signals that no ado can observe.
     Unseen,
+    /// The specification of the ego reads nothing of the ego.
+    SpecWithoutEgo,
+    /// Every lateral move of an ado leaves the road.
+    OffRoadMove,
+    /// The ego cannot stop before an obstacle.
+    ObstacleTooNear,
     /// Wind blows in a world on the kinematic plant, which has no side motion.
     WindWithoutSlip,
 }
@@ -320,6 +326,29 @@ impl Warnings {
             let words = ("hardly moves", "lags are in seconds; 0.1 to 0.5 are usual");
             self.note(Oddity::LongLag, path.clone(), what, words);
         }
+    }
+
+    /// Warns of a specification that reads nothing of the ego.
+    ///
+    /// An ado then violates it by itself, and the ego is not tested.
+    pub(super) fn spec_without_ego(&mut self, scenario: DriveScenario<'_>) {
+        let signals = scenario.world().schema().signals();
+        let read = scenario.rulebook().spec.signals().into_iter();
+        let read: Vec<String> = read.map(|signal| signals[signal].name.clone()).collect();
+        if scenario.spec().reads_the_ego(&read) {
+            return;
+        }
+        let names: Vec<String> = read.iter().map(|name| format!("`{name}`")).collect();
+        let what = format!(
+            "the ego's specification reads nothing of the ego, only {}",
+            names.join(", ")
+        );
+        let words = (
+            "not about the ego",
+            "mention a signal of the ego, such as its distance from another agent",
+        );
+        let place = ValuePath::top().to("ego_spec");
+        self.note(Oddity::SpecWithoutEgo, place, what, words);
     }
 
     /// Warns of formulas with signals that no ado can observe.

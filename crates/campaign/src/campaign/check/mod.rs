@@ -197,15 +197,16 @@ impl Checker {
         gate: Option<GateEntry>,
         preventability: bool,
         units: &[Unit],
-    ) -> Result<Option<(String, GateOn)>, CampaignError> {
-        let Some(GateEntry { baseline, on }) = gate else {
+    ) -> Result<Option<(String, Vec<GateOn>)>, CampaignError> {
+        let Some(gate) = gate else {
             return Ok(None);
         };
-        // Without the reference drivers no failure counts as preventable.
+        let GateEntry { baseline, on, .. } = gate;
+        // Without the reference drivers no failure counts as preventable. The default gate
+        // counts unknown crashes, so it closes on every new failure then.
         if on == GateOn::Preventable && !preventability {
             let what = "a gate on preventable failures judges none without `preventability: true`";
-            let help =
-                "write `preventability: true` at the top of the file, or `on: Any` in the gate";
+            let help = "write `preventability: true` at the top of the file, or leave out `on: Preventable`";
             let at = ValuePath::top().to("gate");
             return Err(self.source.wrong(&at, what, Some(help.into())));
         }
@@ -214,7 +215,8 @@ impl Checker {
         known.dedup();
         // A misspelt baseline would compare nothing and let every change pass.
         if known.contains(&baseline.as_str()) {
-            return Ok(Some((baseline, on)));
+            let severity = gate.severity.then_some(GateOn::Severity);
+            return Ok(Some((baseline, [on].into_iter().chain(severity).collect())));
         }
         let help = guessed(&baseline, "egos", known);
         let what = format!("no ego of the campaign is called `{baseline}`");

@@ -1,15 +1,21 @@
 //! Test of a program against the ego protocol.
 
+use std::sync::Arc;
+use std::thread;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
 use super::pool::Talk;
+use super::repeatability::{Cause, PAUSES, Pace, TranscriptComparison, by_pace};
+use super::transcript::Transcript;
 use super::{Hello, Process};
-use crate::ego::{Briefing, Command, Fault, Own, Percept, Phase, Seen, SeenLight};
+use crate::ego::{Briefing, Controller, Fault, Own, Percept, Phase, Seen, SeenLight};
 
-/// Samples of each tested episode.
+/// Samples of an episode in which the answers are timed.
 const SAMPLES: usize = 200;
+/// Samples of a short episode.
+const SHORT: usize = 50;
 /// Time between two samples.
 const SAMPLE_S: f64 = 0.05;
 /// Time without questions in which a program must stay silent.
@@ -18,6 +24,35 @@ const SILENCE: Duration = Duration::from_millis(100);
 const GRACE: Duration = Duration::from_secs(2);
 /// Answer time beyond which campaigns become slow.
 const SLOW: Duration = Duration::from_millis(5);
+/// Fewest episodes that are played again in programs started anew.
+const LEAST: usize = 6;
+/// Time after which only the fewest episodes are played again.
+const PATIENCE: Duration = Duration::from_secs(15);
+
+/// Episodes after those that test the messages: their samples and what is around the ego.
+///
+/// Hard ones leave their traces in a program that keeps state. The easy ones after them
+/// show it, and there are enough for programs that count episodes.
+const EPISODES: &[(usize, Around)] = &[
+    (SAMPLES, hard_stop),
+    (SHORT, follow),
+    (3 * SHORT, near_miss),
+    (SHORT, follow),
+    (3 * SHORT, cut_in),
+    (SAMPLES, standing),
+    (SHORT, empty),
+    (800, follow),
+    (3 * SHORT, touch),
+    (SHORT, follow),
+    (SHORT, hard_stop),
+    (SHORT, follow),
+    (SHORT, crowd),
+    (SHORT, follow),
+    (SHORT, cut_in),
+    (SHORT, follow),
+    (SAMPLES, follow),
+    (SAMPLES, hard_stop),
+];
 
 /// Result of a test against the protocol.
 #[derive(Clone, Debug, Serialize)]
@@ -28,9 +63,11 @@ pub struct Exercise {
     pub findings: Vec<Finding>,
     /// True if equal episodes got equal commands.
     ///
-    /// Compared within the same program and with a fresh start of it. `None` if
-    /// the test ended before.
+    /// Compared with programs that were started anew. `None` if the test ended before.
     pub deterministic: Option<bool>,
+    /// Reason why equal episodes got unequal commands, if they did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unrepeatable: Option<Fault>,
     /// Steps per second, including answers.
     pub steps_per_s: Option<f64>,
     /// Fault that ended the test early.
@@ -71,6 +108,7 @@ pub fn exercise(process: &Process) -> Exercise {
         hello: None,
         findings: Vec::new(),
         deterministic: None,
+        unrepeatable: None,
         steps_per_s: None,
         fault: None,
     };
@@ -92,28 +130,37 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
         speed_limit_mps: Some(30.0),
         ..Briefing::default()
     };
+    let mut all = Vec::new();
+    let mut play = |talk: &mut Talk, seed: u64, samples: usize, around: Around| {
+        let played = episode(talk, (seed, &briefing), samples, timeout, around)?;
+        let number = all.len() as u64;
+        let transcript = Transcript {
+            number,
+            ..played.transcript
+        };
+        all.push(Arc::new(transcript));
+        Ok::<Duration, Fault>(played.slowest)
+    };
     let clock = Instant::now();
-    let first = episode(&mut talk, (7, &briefing), SAMPLES, timeout, &follow)?;
+    let slowest = play(&mut talk, 7, SAMPLES, follow)?;
     done.steps_per_s = Some(SAMPLES as f64 / clock.elapsed().as_secs_f64());
     done.find("answers every question, with its number", true, "");
-    commands_are_plausible(done, &first);
 
     // Not finished on purpose: the next reset interrupts this episode, as a
     // contact does.
-    episode(&mut talk, (8, &briefing), SAMPLES / 4, timeout, &follow)?;
+    play(&mut talk, 8, SHORT, follow)?;
     done.find("begins anew in the middle of an episode", true, "");
-    let again = episode(&mut talk, (7, &briefing), SAMPLES, timeout, &follow)?;
-    is_repeatable(done, &first, &again);
-
-    episode(&mut talk, (9, &briefing), SAMPLES / 4, timeout, &|_, _| {
-        (Vec::new(), Vec::new())
-    })?;
+    play(&mut talk, 7, SAMPLES, follow)?;
+    play(&mut talk, 9, SHORT, empty)?;
     done.find("drives on an empty road", true, "");
-    episode(&mut talk, (9, &briefing), SAMPLES / 4, timeout, &crowd)?;
+    play(&mut talk, 9, SHORT, crowd)?;
     done.find("drives among several others and a light", true, "");
+    for (seed, (samples, around)) in (10..).zip(EPISODES) {
+        play(&mut talk, seed, *samples, *around)?;
+    }
+    done.find("brakes hard, and goes on after a contact", true, "");
+    commands_are_plausible(done, &all);
 
-    let slowest = first.iter().map(|(_, took)| *took).max();
-    let slowest = slowest.unwrap_or_default();
     let note = format!(
         "slowest answer {:.1} ms, {:.0} steps/s",
         1e3 * slowest.as_secs_f64(),
@@ -132,12 +179,7 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
         "one answer to each question, and prints for debugging go to stderr"
     };
     done.find("says nothing that it is not asked", silent, note);
-    // A second start finds state that survives `reset`, such as files or
-    // caches.
-    let mut anew = process.talk()?;
-    let fresh = episode(&mut anew, (7, &briefing), SAMPLES, timeout, &follow)?;
-    drop(anew);
-    is_deterministic(done, &first, [&again, &fresh]);
+    is_repeatable(done, process, &all)?;
     let ended = talk.close(GRACE);
     let note = if ended {
         ""
@@ -151,16 +193,23 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
 /// All other agents and lights at an instant.
 type Surroundings = (Vec<Seen>, Vec<SeenLight>);
 
+/// Surroundings at a time and a state of the ego.
+type Around = fn(f64, &Own) -> Surroundings;
+
+/// An episode with the time of its slowest answer.
+struct Played {
+    transcript: Transcript,
+    slowest: Duration,
+}
+
 /// Runs an episode in which the ego moves as it commands.
-///
-/// Returns the commands and the time that each took.
 fn episode(
     talk: &mut Talk,
     (seed, briefing): (u64, &Briefing),
     samples: usize,
     timeout: Duration,
-    around: &dyn Fn(f64, f64) -> Surroundings,
-) -> Result<Vec<(Command, Duration)>, Fault> {
+    around: Around,
+) -> Result<Played, Fault> {
     talk.reset(seed, briefing, timeout)?;
     let mut own = Own {
         speed_mps: 20.0,
@@ -168,10 +217,11 @@ fn episode(
         width_m: 1.8,
         ..Own::default()
     };
-    let mut commands = Vec::with_capacity(samples);
+    let mut steps = Vec::with_capacity(samples);
+    let mut slowest = Duration::ZERO;
     for sample in 0..samples {
         let time_s = sample as f64 * SAMPLE_S;
-        let (others, lights) = around(time_s, own.s_m);
+        let (others, lights) = around(time_s, &own);
         let percept = Percept {
             time_s,
             sample_s: SAMPLE_S,
@@ -181,7 +231,8 @@ fn episode(
         };
         let clock = Instant::now();
         let command = talk.step(&percept, timeout)?;
-        commands.push((command, clock.elapsed()));
+        slowest = slowest.max(clock.elapsed());
+        steps.push((percept, command));
         // A crude integration suffices: the test only needs time to advance.
         let accel_mps2 = if command.accel_mps2.is_finite() {
             command.accel_mps2.clamp(-10.0, 10.0)
@@ -192,7 +243,16 @@ fn episode(
         own.speed_mps = (own.speed_mps + accel_mps2 * SAMPLE_S).max(0.0);
         own.s_m += own.speed_mps * SAMPLE_S;
     }
-    Ok(commands)
+    let transcript = Transcript {
+        seed,
+        briefing: Some(briefing.clone()),
+        steps,
+        ..Transcript::default()
+    };
+    Ok(Played {
+        transcript,
+        slowest,
+    })
 }
 
 fn car(name: &str, headway_m: f64, lateral_m: f64, speed_mps: f64) -> Seen {
@@ -210,16 +270,67 @@ fn car(name: &str, headway_m: f64, lateral_m: f64, speed_mps: f64) -> Seen {
     }
 }
 
-/// Returns a leader that brakes from 20 m/s to a stop, initially 40 m ahead.
-fn follow(time_s: f64, own_s_m: f64) -> Surroundings {
-    let braking_s = time_s.min(10.0);
-    let s_m = 40.0 + 20.0 * braking_s - braking_s * braking_s;
-    let speed_mps = 20.0 - 2.0 * braking_s;
-    let leader = car("leader", s_m - own_s_m, 0.0, speed_mps);
+/// Returns a leader that brakes from 20 m/s to a stop, initially `ahead_m` ahead.
+fn stopping(time_s: f64, own: &Own, ahead_m: f64, braking_mps2: f64) -> Surroundings {
+    let braking_s = time_s.min(20.0 / braking_mps2);
+    let speed_mps = 20.0 - braking_mps2 * braking_s;
+    let s_m = ahead_m + (20.0 + speed_mps) / 2.0 * braking_s;
+    (
+        vec![car("leader", s_m - own.s_m, 0.0, speed_mps)],
+        Vec::new(),
+    )
+}
+
+fn follow(time_s: f64, own: &Own) -> Surroundings {
+    stopping(time_s, own, 40.0, 2.0)
+}
+
+fn hard_stop(time_s: f64, own: &Own) -> Surroundings {
+    stopping(time_s, own, 25.0, 8.0)
+}
+
+/// Returns a leader that comes as near as `least_m` and leaves again, whatever the ego does.
+fn approaching(time_s: f64, own: &Own, least_m: f64) -> Surroundings {
+    let away_s = (time_s - 4.0).abs();
+    let gap_m = least_m + 6.0 * away_s.min(3.5);
+    let closing_mps = if time_s < 4.0 { 6.0 } else { -6.0 };
+    let leader = car(
+        "leader",
+        4.5 + gap_m,
+        0.0,
+        (own.speed_mps - closing_mps).max(0.0),
+    );
     (vec![leader], Vec::new())
 }
 
-fn crowd(time_s: f64, own_s_m: f64) -> Surroundings {
+fn near_miss(time_s: f64, own: &Own) -> Surroundings {
+    approaching(time_s, own, 0.3)
+}
+
+fn touch(time_s: f64, own: &Own) -> Surroundings {
+    approaching(time_s, own, -0.5)
+}
+
+/// Returns a slower car that cuts in from the left.
+fn cut_in(time_s: f64, own: &Own) -> Surroundings {
+    let s_m = 14.0 + 16.0 * time_s;
+    let lateral_m = (3.5 - 2.0 * (time_s - 1.0).max(0.0)).max(0.0);
+    (
+        vec![car("cutter", s_m - own.s_m, lateral_m, 16.0)],
+        Vec::new(),
+    )
+}
+
+fn standing(_: f64, own: &Own) -> Surroundings {
+    (vec![car("obstacle", 60.0 - own.s_m, 0.0, 0.0)], Vec::new())
+}
+
+fn empty(_: f64, _: &Own) -> Surroundings {
+    (Vec::new(), Vec::new())
+}
+
+fn crowd(time_s: f64, own: &Own) -> Surroundings {
+    let own_s_m = own.s_m;
     let others = [(60.0, 0.0), (-20.0, 0.0), (10.0, 3.5), (-5.0, -3.5)];
     let others = others.iter().enumerate();
     let others = others.map(|(i, &(ahead_m, lateral_m))| {
@@ -239,54 +350,70 @@ fn crowd(time_s: f64, own_s_m: f64) -> Surroundings {
     (others.collect(), vec![light])
 }
 
-fn commands_are_plausible(done: &mut Exercise, commands: &[(Command, Duration)]) {
-    let odd = commands.iter().find_map(|(command, _)| command.flaw());
+fn commands_are_plausible(done: &mut Exercise, all: &[Arc<Transcript>]) {
+    let commands = all.iter().flat_map(|transcript| &transcript.steps);
+    let odd = commands.filter_map(|(_, command)| command.flaw()).next();
     let note = odd.as_ref().map_or(String::new(), |fault| {
         format!("{}: {fault}", fault.kind.word())
     });
     done.find("commands what a car can do", odd.is_none(), note);
 }
 
-/// Returns the first sample at which two episodes differ.
-fn differing(first: &[(Command, Duration)], again: &[(Command, Duration)]) -> Option<usize> {
-    let mut pairs = first.iter().zip(again);
-    pairs.position(|((a, _), (b, _))| a != b)
-}
-
-/// Records whether equal seeds give equal commands. Not a requirement.
+/// Records whether the commands depend on nothing but the episode.
 ///
-/// An ego that is not repeatable can be tested, but needs repeats.
+/// State that outlives `reset`, and a clock, fail the test. A random ego can be tested,
+/// but needs repeats.
 fn is_repeatable(
     done: &mut Exercise,
-    first: &[(Command, Duration)],
-    again: &[(Command, Duration)],
-) {
-    let note = match differing(first, again) {
-        None => "and answers alike when it is given the same seed".to_owned(),
-        Some(sample) => format!(
-            "but answers differ from sample {sample} on with the same seed: give the world \
-             `repeats: 5`, or seed all its randomness from `reset`"
-        ),
-    };
-    done.find("begins anew when it is reset", true, note);
-}
-
-/// Records whether crashes of this ego can be minimized and labelled.
-///
-/// Both need to run the ego again with equal results.
-fn is_deterministic(
-    done: &mut Exercise,
-    first: &[(Command, Duration)],
-    others: [&[(Command, Duration)]; 2],
-) {
-    let differs = others.map(|other| differing(first, other));
-    let note = match differs {
-        [None, None] => "and commands the same, as it does when it is started anew".to_owned(),
-        [Some(sample), _] => format!("and is not deterministic: diverges from sample {sample} on"),
-        [None, Some(sample)] => {
-            format!("and diverges from sample {sample} on when it is started anew")
+    process: &Process,
+    all: &[Arc<Transcript>],
+) -> Result<(), Fault> {
+    let make = || Box::new(process.apart().controller()) as Box<dyn Controller>;
+    let began = Instant::now();
+    let mut comparison = TranscriptComparison::default();
+    // The latest episodes have the longest history.
+    let sample: Vec<Arc<Transcript>> = all.iter().rev().cloned().collect();
+    let slow = thread::scope(|scope| {
+        let slow = scope.spawn(|| all.first()?.replay(&mut *make(), Pace::Slow(PAUSES)).ok());
+        for batch in sample.chunks(rayon::current_num_threads().max(2)) {
+            if !comparison.is_equal()
+                || (LEAST <= comparison.compared && PATIENCE < began.elapsed())
+            {
+                break;
+            }
+            comparison.compare(batch, &make);
         }
+        slow.join().ok().flatten()
+    });
+    let compared = comparison.compared;
+    let check = comparison.explained((&make, PAUSES));
+    if let Some(fault) = check.failed {
+        return Err(fault);
+    }
+    let slowly = || by_pace(all.first()?, slow.as_ref()?, (&make, PAUSES));
+    let found = check.found.or_else(slowly);
+    let cause = found.as_ref().map(|found| found.cause);
+    let fault = found.map(|found| found.fault(&process.command.join(" "), None));
+    let said = fault
+        .as_ref()
+        .map_or(String::new(), |it| it.message.clone());
+    let keeps = matches!(cause, Some(Cause::KeptState | Cause::KeptOutside));
+    let same_commands = format!(
+        "{compared} episodes, of which some are hard, had the same commands in programs \
+         started anew"
+    );
+    let notes = match cause {
+        Some(_) if keeps => [said, String::new()],
+        Some(_) => [String::new(), said],
+        None => [same_commands, "also when it is asked slowly".to_owned()],
     };
-    done.deterministic = Some(differs == [None, None]);
-    done.find("runs again with one seed", true, note);
+    let [of_reset, of_seed] = notes;
+    done.find("begins anew when it is reset", !keeps, of_reset);
+    if !keeps {
+        let is_clock = cause == Some(Cause::Clock);
+        done.find("runs again with one seed", !is_clock, of_seed);
+    }
+    done.deterministic = Some(fault.is_none());
+    done.unrepeatable = fault;
+    Ok(())
 }

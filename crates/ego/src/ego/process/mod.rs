@@ -17,9 +17,12 @@ mod pool;
 #[cfg(unix)]
 mod program;
 mod protocol;
+mod repeatability;
+mod transcript;
 #[cfg(not(unix))]
 mod unsupported_platform;
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
@@ -33,11 +36,26 @@ use super::{
 };
 pub(crate) use pool::ProgramCost;
 use pool::{Pool, Talk};
+pub use repeatability::Cause;
+pub use transcript::Transcripts;
+pub use transcript::{Maker, Recorder};
 
 /// Longest timeout that a world may set.
 const MAX_TIMEOUT_S: f64 = 86_400.0;
 /// Shortest timeout. Below it, a machine's own delays look like faults.
 const MIN_TIMEOUT_S: f64 = 0.001;
+
+/// Set once the process is asked to stop: a signal of the process, not of an ego.
+static STOPPING: AtomicBool = AtomicBool::new(false);
+
+/// Ends all waits for programs that do not answer soon.
+pub fn stop_waiting() {
+    STOPPING.store(true, Ordering::Relaxed);
+}
+
+fn is_stopping() -> bool {
+    STOPPING.load(Ordering::Relaxed)
+}
 
 /// A program as the ego, as named in a world file.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +64,8 @@ pub struct Process {
     pub command: Vec<String>,
     /// Longest wait for an answer. Choose it generously, since machines are busy.
     pub timeout_s: f64,
+    /// Start the program anew for every episode. No state then outlives one.
+    pub fresh: bool,
     /// Consent to start the program, which no file can give.
     allowed: bool,
     /// Started programs that wait for an episode, shared by all clones.
@@ -58,8 +78,14 @@ struct ProcessFile {
     command: Vec<String>,
     #[serde(default = "default_timeout_s")]
     timeout_s: f64,
+    #[serde(default, skip_serializing_if = "is_false")]
+    fresh: bool,
     #[serde(default)]
     lag_s: f64,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 impl From<ProcessFile> for Actuated<Process> {
@@ -67,6 +93,7 @@ impl From<ProcessFile> for Actuated<Process> {
         Actuated {
             controller: Process {
                 timeout_s: file.timeout_s,
+                fresh: file.fresh,
                 ..Process::new(file.command)
             },
             lag_s: file.lag_s,
@@ -79,6 +106,7 @@ impl From<Actuated<Process>> for ProcessFile {
         ProcessFile {
             command: controller.command,
             timeout_s: controller.timeout_s,
+            fresh: controller.fresh,
             lag_s,
         }
     }
@@ -102,6 +130,7 @@ impl Process {
         Process {
             command: command.into_iter().map(Into::into).collect(),
             timeout_s: default_timeout_s(),
+            fresh: false,
             // Construction gives no consent: only `allow` does.
             allowed: false,
             pool: Pool::default(),
@@ -128,6 +157,19 @@ impl Process {
             seed: 0,
             fresh: false,
         }
+    }
+
+    /// Returns the same program, whose processes are shared with no other controller.
+    pub fn apart(&self) -> Process {
+        Process {
+            pool: Pool::apart(),
+            ..self.clone()
+        }
+    }
+
+    /// Returns the transcripts of its episodes, which all clones share.
+    pub fn transcripts(&self) -> &Transcripts {
+        self.pool.transcripts()
     }
 
     /// Returns a problem of its settings: the field, the message and the help.
@@ -240,7 +282,8 @@ impl Controller for ProcessController {
     }
 
     fn finish(&mut self) {
-        if let Some(talk) = self.talk.take() {
+        // A fresh program ends with its episode.
+        if let Some(talk) = self.talk.take().filter(|_| !self.spec.fresh) {
             self.spec.pool.give_back(talk);
         }
     }

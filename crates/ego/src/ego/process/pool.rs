@@ -15,11 +15,16 @@ use super::protocol::{
     AskReset, AskStep, DOCUMENT, EgoMessage, Empty, Greeting, Hello, HelloAnswer, Numbered,
     PROTOCOL, ReadyAnswer, Reset, StepAnswer,
 };
+use super::transcript::Transcripts;
 #[cfg(not(unix))]
 use super::unsupported_platform::{UnsupportedProgram as Program, shown};
 
 /// Grace period for the end of a program after its farewell.
 const GRACE: Duration = Duration::from_millis(300);
+/// Grace period for the end of a program that was started to compare its commands.
+const GRACE_APART: Duration = Duration::from_millis(50);
+/// Timeouts within which a started program says hello. It may load a model first.
+const HELLO_TIMEOUTS: u32 = 3;
 
 /// A started program that has said hello.
 pub(super) struct Talk {
@@ -31,6 +36,8 @@ pub(super) struct Talk {
     answer: Vec<u8>,
     /// True after a fault: the program is no longer addressed.
     pub(super) broken: bool,
+    /// Grace period for its end.
+    pub(super) grace: Duration,
 }
 
 impl Talk {
@@ -48,17 +55,30 @@ impl Talk {
             question: Vec::new(),
             answer: Vec::new(),
             broken: false,
+            grace: GRACE,
         };
         let greeting = Greeting {
             protocol: PROTOCOL,
             program: concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
         };
         let occasion = || "asked for its hello".to_owned();
+        let most = timeout.saturating_mul(HELLO_TIMEOUTS);
         let answer: Result<HelloAnswer, Fault> =
-            talk.ask(&EgoMessage::Hello(greeting), timeout, &occasion);
+            talk.ask(&EgoMessage::Hello(greeting), most, &occasion);
         let HelloAnswer { hello } = answer.map_err(|fault| {
             talk.broken = true;
             match fault.kind {
+                FaultKind::Timeout => Fault {
+                    message: format!(
+                        "`{}` did not say hello within {} s of its start, which are \
+                         {HELLO_TIMEOUTS} times its `timeout_s`; if it loads for longer, raise \
+                         `timeout_s` in its `Process(…)`, and otherwise flush its output after \
+                         every line",
+                        talk.program.name(),
+                        most.as_secs_f64()
+                    ),
+                    ..fault
+                },
                 FaultKind::Protocol => Fault {
                     message: format!(
                         "{}; a program begins by saying hello: see {DOCUMENT}",
@@ -261,9 +281,26 @@ struct PoolState {
     episodes: AtomicU64,
     steps: AtomicU64,
     waited_ns: AtomicU64,
+    transcripts: Transcripts,
+    /// Fault of a program that never said hello in time, which it would not do again.
+    silent: Mutex<Option<Fault>>,
+    /// Grace period for the end of its programs, if not the usual one.
+    grace: Option<Duration>,
 }
 
 impl Pool {
+    /// Creates the pool of a program that is started for one episode only.
+    pub(super) fn apart() -> Pool {
+        Pool(Arc::new(PoolState {
+            grace: Some(GRACE_APART),
+            ..PoolState::default()
+        }))
+    }
+
+    pub(super) fn transcripts(&self) -> &Transcripts {
+        &self.0.transcripts
+    }
+
     /// Returns the cost so far.
     pub(super) fn cost(&self) -> ProgramCost {
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
@@ -296,11 +333,28 @@ impl Pool {
         let waiting = self.lock().pop();
         match waiting {
             Some(talk) => Ok(talk),
-            None => {
-                self.0.starts.fetch_add(1, Ordering::Relaxed);
-                Talk::start(command, timeout)
-            }
+            None => self.start(command, timeout),
         }
+    }
+
+    fn start(&self, command: &[String], timeout: Duration) -> Result<Talk, Fault> {
+        let silent = || self.0.silent.lock().unwrap_or_else(PoisonError::into_inner);
+        // It is waited for once, and not again in every episode.
+        if let Some(fault) = &*silent() {
+            return Err(fault.clone());
+        }
+        let is_first = self.0.starts.fetch_add(1, Ordering::Relaxed) == 0;
+        let mut started = Talk::start(command, timeout);
+        if let (Ok(talk), Some(grace)) = (&mut started, self.0.grace) {
+            talk.grace = grace;
+        }
+        if let Err(fault) = &started
+            && is_first
+            && fault.kind == FaultKind::Timeout
+        {
+            *silent() = Some(fault.clone());
+        }
+        started
     }
 
     /// Keeps a program for the next episode.
@@ -332,7 +386,7 @@ impl Drop for Talk {
     fn drop(&mut self) {
         // A broken program may not read, and its grace period would be wasted.
         if !self.broken {
-            self.close(GRACE);
+            self.close(self.grace);
         }
     }
 }

@@ -23,9 +23,12 @@ use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use rustix::process::{
+    Pid, Signal, WaitId, WaitIdOptions, kill_process, kill_process_group, waitid,
+};
 
 use super::super::{Fault, FaultKind};
+use super::is_stopping;
 
 /// Longest line that a program may answer.
 const MAX_LINE_BYTES: usize = 64 * 1024;
@@ -35,6 +38,8 @@ const STDERR_BYTES: usize = 4 * 1024;
 ///
 /// It may have ended while a child of it still holds its output.
 const LOOK_AFTER: Duration = Duration::from_millis(50);
+/// Longest wait for an answer after a stop was requested.
+const AFTER_STOP: Duration = Duration::from_millis(200);
 /// Longest wait for the exit status of a program whose output has ended.
 const STATUS_WAIT: Duration = Duration::from_millis(100);
 
@@ -191,6 +196,16 @@ impl Program {
             if deadline <= now {
                 return Err(self.late(unsent.is_empty(), timeout, occasion));
             }
+            let waited = timeout.saturating_sub(deadline - now);
+            if is_stopping() && waited >= AFTER_STOP {
+                return Err(self.stopped(occasion));
+            }
+            if !self.is_guarded() {
+                return Err(self.protocol(format!(
+                    "ended `/bin/sh`, which guards it, when {}",
+                    occasion()
+                )));
+            }
             self.wait(!unsent.is_empty(), (deadline - now).min(LOOK_AFTER))?;
             let open = self.receive()?;
             // An answer that precedes the reading of the question is no answer.
@@ -341,6 +356,23 @@ impl Program {
             format!("`{name}` read nothing for {seconds} s when {}", occasion())
         };
         Fault::new(FaultKind::Timeout, what)
+    }
+
+    fn stopped(&self, occasion: &dyn Fn() -> String) -> Fault {
+        let name = &self.name;
+        Fault::error(format!(
+            "`{name}` was not waited for any longer when {}: stopped by Ctrl-C",
+            occasion()
+        ))
+    }
+
+    /// Returns whether the watchdog runs, without which the program could outlive
+    /// brakecheck.
+    fn is_guarded(&self) -> bool {
+        let leader = WaitId::Pid(Pid::from_child(&self.watchdog));
+        // Not reaped here, so its number stays that of the group.
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        !matches!(waitid(leader, options), Ok(Some(_)))
     }
 
     fn ended(&mut self, occasion: &dyn Fn() -> String) -> Fault {

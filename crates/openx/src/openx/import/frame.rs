@@ -303,6 +303,7 @@ fn keeps_road(
     let is_here = |it: &Placed| it.lane.as_ref().is_some_and(|lane| lane.road == at.road);
     let alone = line.is_straight() || others.clone().all(|it| is_here(&it.placed));
     let beside = line.driven_beside(at.lane, at.s_m);
+    // Lanes of a world keep their place, so the lanes beside must, too.
     let fixed = beside
         .iter()
         .all(|(id, _)| line.lanes.fixed_m(*id).is_some());

@@ -219,6 +219,7 @@ impl Actions {
                     let (along, left) = (a.0 - b.0, a.1 - b.1);
                     (along * along + left * left).sqrt()
                 };
+                // Velocities have two parts, so the greatest distance may lie between any two.
                 let pairs = list.iter().flat_map(|a| list.iter().map(move |b| (a, b)));
                 let most = pairs.map(|(a, b)| apart(*a, *b)).fold(0.0, f64::max);
                 share(apart(list[a], list[b]), most)
@@ -365,7 +366,7 @@ fn share(part: f64, whole: f64) -> f64 {
 
 impl Lateral {
     /// Returns 1 for left, −1 for right and 0 for hold.
-    fn towards(self) -> f64 {
+    pub fn towards(self) -> f64 {
         match self {
             Lateral::Hold => 0.0,
             Lateral::Left => 1.0,

@@ -85,6 +85,25 @@ impl DriveSpec {
         read.iter().filter(hidden).map(String::as_str).collect()
     }
 
+    /// Returns whether a signal in `read` is one of the ego, alone or with another agent.
+    ///
+    /// A signal of the whole scene, such as `contact`, is one of the ego as well.
+    pub fn reads_the_ego(&self, read: &[String]) -> bool {
+        let all = declared(&self.names());
+        let ego = self.egos().next();
+        let of_ego = |source: SignalReading| {
+            let [a, b] = source.whose;
+            match source.quantity.of {
+                Of::Scene => true,
+                Of::Agent | Of::AgentAndLight => Some(a) == ego,
+                Of::Pair => Some(a) == ego || Some(b) == ego,
+                Of::Clock | Of::Parameter | Of::Light | Of::Weather | Of::Road => false,
+            }
+        };
+        let mut sources = read.iter().flat_map(|name| self.sources(&all, name));
+        sources.any(of_ego)
+    }
+
     /// Returns the published signals behind a name.
     ///
     /// These are the signal itself or the inputs of a derived signal.

@@ -18,7 +18,8 @@ use super::weather::Weather;
 use indexmap::IndexMap;
 
 use crate::ego::{
-    Actuated, Command, Controller, ControllerSpec, RecordedCommands, StockController,
+    Actuated, Command, Controller, ControllerSpec, Maker, RecordedCommands, Recorder,
+    StockController, Transcripts,
 };
 use crate::road::{
     CourseError, Direction, Grade, PlacedRoads, Priority, Road, RoadNetwork, Traveller,
@@ -58,7 +59,7 @@ impl StartPlace {
 }
 
 /// Creates a fresh controller, once per worker.
-pub type ControllerFactory = Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>;
+pub type ControllerFactory = Maker;
 
 /// Drive of the ego: its controller and the lag of its actuator.
 #[derive(Clone, Debug)]
@@ -92,6 +93,10 @@ pub enum EgoController {
         name: String,
         /// Creates a controller that shares no state with earlier ones.
         factory: ControllerFactory,
+        /// Make a controller anew for every episode.
+        fresh: bool,
+        /// Sample of its episodes. `None`: it is this crate's, and known to be repeatable.
+        transcripts: Option<Transcripts>,
     },
     /// Recorded commands of a program or a user's own type, per sample.
     Recorded(Arc<[Command]>),
@@ -126,14 +131,51 @@ impl EgoDrive {
 }
 
 impl EgoController {
-    /// Returns a fresh controller.
+    /// Returns a controller, whose episodes are sampled if it is foreign.
     pub fn build(&self) -> Box<dyn Controller> {
+        let Some(log) = self.transcripts() else {
+            return self.build_apart();
+        };
         match self {
-            EgoController::Stock(spec) => spec.build(),
+            EgoController::Own {
+                factory,
+                fresh: true,
+                ..
+            } => Box::new(Recorder::new(factory(), log).anew(Arc::clone(factory))),
+            EgoController::Stock(spec) => Box::new(Recorder::new(spec.build(), log)),
+            _ => Box::new(Recorder::new(self.build_apart(), log)),
+        }
+    }
+
+    /// Returns a controller that shares nothing with those built before.
+    pub fn build_apart(&self) -> Box<dyn Controller> {
+        match self {
+            EgoController::Stock(spec) => match spec.program() {
+                Some(program) => Box::new(program.apart().controller()),
+                None => spec.build(),
+            },
             EgoController::Own { factory, .. } => factory(),
             EgoController::Recorded(commands) => {
                 Box::new(RecordedCommands::new(Arc::clone(commands)))
             }
+        }
+    }
+
+    /// Returns the transcripts of a foreign ego, in which its repeatability is checked.
+    pub fn transcripts(&self) -> Option<&Transcripts> {
+        match self {
+            EgoController::Stock(spec) => Some(spec.program()?.transcripts()),
+            EgoController::Own { transcripts, .. } => transcripts.as_ref(),
+            EgoController::Recorded(_) => None,
+        }
+    }
+
+    /// Makes every episode begin with a new program or a new controller of yours.
+    pub fn set_fresh(&mut self) {
+        match self {
+            EgoController::Stock(spec) => spec.set_fresh(),
+            EgoController::Own { fresh, .. } => *fresh = true,
+            EgoController::Recorded(_) => {}
         }
     }
 }

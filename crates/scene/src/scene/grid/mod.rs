@@ -185,6 +185,14 @@ impl GridScene {
         self.observe(&row, obs);
     }
 
+    /// Writes the sample after `step` steps, of which the last led from `before` to `now`.
+    pub fn sample_at(&mut self, [before, now]: [Position; 2], step: u32, row: &mut [f64]) {
+        self.moment.before = before;
+        self.moment.now = now;
+        self.moment.step = step;
+        self.publish(row);
+    }
+
     /// Places both agents at t = 0.
     fn place(&mut self, both: Position) {
         self.moment.now = both;

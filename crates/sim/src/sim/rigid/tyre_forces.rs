@@ -90,6 +90,7 @@ impl TyreForces {
         let yaw_inertia_kg_m2 = body.yaw_inertia_kg_m2();
         let wheel = |ahead_m: f64, left_m: f64, static_n: f64, cornering_per_rad: f64| {
             let arm_m = ahead_m - body.com_ahead_m;
+            // A side force at an axle also turns the body, so it moves less than the whole mass.
             let axle_kg = 1.0 / (1.0 / body.mass_kg + arm_m * arm_m / yaw_inertia_kg_m2);
             TyreWheel {
                 ahead_m,

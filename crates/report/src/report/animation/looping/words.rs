@@ -8,6 +8,7 @@ use crate::report::animation::picture::Picture;
 use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words};
 use crate::report::words;
 use crate::rulebook::{RulesUntilContact, Verdict};
+use crate::run_dir::Answer;
 use crate::world::Scenario;
 
 /// Letters per line, in normal and in bold type.
@@ -117,13 +118,14 @@ pub(super) fn facts(
         _ => format!("rules kept: {rules} of {rules}"),
     };
     let chance = about.why.as_ref().and_then(|why| why.last_chance.as_ref());
-    let chance = chance.map(|chance| match chance.at_s {
-        Some(at_s) => format!(
+    let chance = chance.map(|chance| match (chance.at_s, chance.answer()) {
+        (Some(at_s), _) => format!(
             "last chance: {} {:.2} s before the failure",
             chance.driver,
             (chance.violated_s - at_s).max(0.0)
         ),
-        None => format!("last chance: none by {}", chance.driver),
+        (None, Answer::NoAnswer(_)) => format!("last chance by {}: no answer", chance.driver),
+        (None, _) => format!("last chance: none by {}", chance.driver),
     });
     let persistence = about.persistence.as_ref().map(ToString::to_string);
     let known: Vec<String> = [speed, Some(rules), chance, persistence]

@@ -1,0 +1,770 @@
+//! Decision of a gate: the starts that close it, and the reasons.
+//!
+//! `brakecheck gate` and the gates of campaigns share it.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display, Formatter};
+
+use serde::{Deserialize, Serialize};
+use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
+
+use crate::preventability::Avoidability;
+use crate::run_dir::ClosingSpeed;
+use crate::stats::{Flips, StartOutcome};
+
+/// Factor of the ego's Δv above which a failure is more severe than the baseline's.
+const MORE_SEVERE: f64 = 1.2;
+
+/// Reason that closes a gate.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    VariantArray,
+    EnumString,
+    IntoStaticStr,
+    EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
+pub enum GateOn {
+    /// Newly failing starts, unless the crash is shown to be unavoidable.
+    #[default]
+    UnlessUnavoidable,
+    /// Newly failing starts that CC_LATCHED or FSM would have avoided.
+    Preventable,
+    /// All newly failing starts.
+    Any,
+    /// No newly failing start.
+    Never,
+    /// In addition, failures of both egos with Δv up by more than 20 %.
+    Severity,
+}
+
+/// Contact after a failure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GateContact {
+    /// Closing speed.
+    pub closing_mps: f64,
+    /// Change of the ego's velocity. `None`: the ego has no part in the contact.
+    pub ego_delta_v_mps: Option<f64>,
+}
+
+/// Results of an ego for a gate.
+#[derive(Clone, Copy)]
+pub struct GateEgo<'a> {
+    /// Name of the ego.
+    pub name: &'a str,
+    /// Outcome per start.
+    pub outcomes: &'a [StartOutcome],
+    /// Contacts by position of the start.
+    pub contacts: &'a BTreeMap<usize, GateContact>,
+}
+
+/// Start with another outcome on the new ego.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Flipped {
+    /// Position of the start.
+    pub start: usize,
+    /// Outcome on the baseline ego, in the words of campaigns.
+    pub before: &'static str,
+    /// Outcome on the new ego.
+    pub now: &'static str,
+    /// Closing speed on the ego that fails, if it ends in contact.
+    pub closing_mps: Option<f64>,
+    /// Avoidability of a newly failing start.
+    #[serde(flatten, serialize_with = "as_flags")]
+    pub avoidability: Avoidability,
+}
+
+/// Start that fails on both egos, and more severely on the new one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MoreSevere {
+    /// Position of the start.
+    pub start: usize,
+    /// Δv of the baseline ego, 0 without a contact of the ego.
+    pub before_mps: f64,
+    /// Δv of the new ego.
+    pub now_mps: f64,
+}
+
+/// Counts of newly failing starts by the avoidability of the crash.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct NewlyFailingCounts {
+    /// CC_LATCHED or FSM avoids it.
+    pub preventable: usize,
+    /// Only other reference drivers or full braking without delay avoid it.
+    pub avoidable: usize,
+    /// None of them avoids it.
+    pub unavoidable: usize,
+    /// The drivers do not apply, or were not asked.
+    pub unknown: usize,
+}
+
+/// Number of starts that an ego did not run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct NotRun {
+    /// Starts of the new ego.
+    pub ego: usize,
+    /// Starts of the baseline ego.
+    pub baseline: usize,
+}
+
+/// Comparison of a new ego with a baseline under the same ado, start by start.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Gate {
+    /// Name of the new ego.
+    pub ego: String,
+    /// Name of the baseline ego.
+    pub baseline: String,
+    /// Starts that are valid for both, and not trivial for both.
+    pub compared: usize,
+    /// Starts of these on which no ado breaks its rule.
+    pub answered: usize,
+    /// Starts from which the new ego fails and the baseline does not.
+    pub newly_failing: Vec<Flipped>,
+    /// Starts from which the baseline fails and the new ego does not.
+    pub newly_fixed: Vec<Flipped>,
+    /// Starts on which an ado breaks its rule against the new ego only.
+    pub no_answer: Vec<Flipped>,
+    /// Starts that an ego did not run.
+    pub not_run: NotRun,
+    /// Starts from which both fail.
+    pub both_fail: usize,
+    /// Starts of these with Δv up by more than 20 %.
+    pub more_severe: Vec<MoreSevere>,
+    /// Closing speeds of the baseline where both fail in contact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_before_mps: Option<ClosingSpeed>,
+    /// Closing speeds of the new ego on the same starts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_after_mps: Option<ClosingSpeed>,
+    /// Exact two-sided p-value of McNemar's test on the flipped starts with an answer.
+    pub p_value: f64,
+    /// The same comparison while the ados take their neutral action, if it was made.
+    #[serde(skip)]
+    pub without_adversary: Option<Box<Gate>>,
+}
+
+/// Gate with its decision.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DecidedGate {
+    /// Comparison that is decided.
+    #[serde(flatten)]
+    pub gate: Gate,
+    /// Newly failing starts by avoidability.
+    pub newly_failing_by: NewlyFailingCounts,
+    /// Values of `--on` that close the gate, with an adversary or without. Empty: it is open.
+    #[serde(serialize_with = "as_words")]
+    pub closed_by: Vec<GateOn>,
+    /// Whether `--on severity` was requested, for the warning.
+    #[serde(skip)]
+    blocks_severity: bool,
+    /// The decision while the ados take their neutral action, if it was made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    without_adversary: Option<Box<DecidedGate>>,
+}
+
+fn as_flags<S: serde::Serializer>(label: &Avoidability, to: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Flags {
+        preventable: Option<bool>,
+        unavoidable: Option<bool>,
+    }
+    let (preventable, unavoidable) = (label.preventable(), label.unavoidable());
+    let flags = Flags {
+        preventable,
+        unavoidable,
+    };
+    flags.serialize(to)
+}
+
+/// Writes reasons as `--on` reads them.
+pub fn as_words<S: serde::Serializer>(all: &[GateOn], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(all.iter().map(<&'static str>::from))
+}
+
+impl Gate {
+    /// Compares two egos against the same ado on the same starts.
+    ///
+    /// The crashes are not labelled yet ([`Gate::label`]).
+    pub fn of(new: GateEgo<'_>, old: GateEgo<'_>) -> Gate {
+        let flips = Flips::of(new.outcomes, old.outcomes);
+        let flipped = |starts: &[usize], failing: GateEgo<'_>| -> Vec<Flipped> {
+            let one = |&start: &usize| Flipped {
+                start,
+                before: old.outcomes[start].into(),
+                now: new.outcomes[start].into(),
+                closing_mps: failing.contacts.get(&start).map(|it| it.closing_mps),
+                avoidability: Avoidability::Unknown,
+            };
+            starts.iter().map(one).collect()
+        };
+        // Only pairs of contacts are counted, so both lists describe the same starts.
+        let both = flips.both_fail.iter();
+        let closing = |of: GateEgo<'_>, start| Some(of.contacts.get(start)?.closing_mps);
+        let both = both.filter_map(|start| Some((closing(old, start)?, closing(new, start)?)));
+        let (before, after): (Vec<f64>, Vec<f64>) = both.unzip();
+        let severe = flips.both_fail.iter();
+        Gate {
+            ego: new.name.to_owned(),
+            baseline: old.name.to_owned(),
+            compared: flips.compared,
+            answered: flips.answered,
+            newly_failing: flipped(&flips.newly_failing, new),
+            newly_fixed: flipped(&flips.newly_fixed, old),
+            no_answer: flipped(&flips.no_answer, old),
+            not_run: NotRun {
+                ego: flips.new_not_run,
+                baseline: flips.old_not_run,
+            },
+            both_fail: flips.both_fail.len(),
+            more_severe: severe
+                .filter_map(|&start| MoreSevere::of(start, new, old))
+                .collect(),
+            closing_before_mps: ClosingSpeed::of(before),
+            closing_after_mps: ClosingSpeed::of(after),
+            p_value: flips.p_value(),
+            without_adversary: None,
+        }
+    }
+
+    /// Labels the newly failing starts, in order.
+    pub fn label(&mut self, labels: impl IntoIterator<Item = Avoidability>) {
+        for (flipped, label) in self.newly_failing.iter_mut().zip(labels) {
+            flipped.avoidability = label;
+        }
+    }
+
+    /// Returns the newly failing starts by avoidability.
+    pub fn newly_failing_by(&self) -> NewlyFailingCounts {
+        let mut counts = NewlyFailingCounts::default();
+        for flipped in &self.newly_failing {
+            let count = match flipped.avoidability {
+                Avoidability::Preventable => &mut counts.preventable,
+                Avoidability::Avoidable => &mut counts.avoidable,
+                Avoidability::Unavoidable => &mut counts.unavoidable,
+                Avoidability::Unknown => &mut counts.unknown,
+            };
+            *count += 1;
+        }
+        counts
+    }
+
+    /// Returns the number of starts that close the gate for a reason.
+    fn closing(&self, on: GateOn) -> usize {
+        let counts = self.newly_failing_by();
+        match on {
+            // Unknown is no excuse, so only unavoidable crashes are excluded.
+            GateOn::UnlessUnavoidable => self.newly_failing.len() - counts.unavoidable,
+            GateOn::Preventable => counts.preventable,
+            GateOn::Any => self.newly_failing.len(),
+            GateOn::Never => 0,
+            GateOn::Severity => self.more_severe.len(),
+        }
+    }
+
+    /// Returns whether no start has an answer on both egos.
+    pub fn is_unanswered(&self) -> bool {
+        self.answered == 0 && self.newly_failing.is_empty()
+    }
+
+    /// Decides the gate for some reasons, of which any closes it.
+    pub fn decided(mut self, on: &[GateOn]) -> DecidedGate {
+        let alone = self.without_adversary.take();
+        let alone = alone.map(|alone| Box::new(alone.decided(on)));
+        let closes_alone = |on: &GateOn| alone.as_ref().is_some_and(|it| it.closed_by.contains(on));
+        let requested = requested(on);
+        let closed_by = requested.iter().copied();
+        let closed_by = closed_by.filter(|on| 0 < self.closing(*on) || closes_alone(on));
+        DecidedGate {
+            newly_failing_by: self.newly_failing_by(),
+            closed_by: closed_by.collect(),
+            blocks_severity: requested.contains(&GateOn::Severity),
+            without_adversary: alone,
+            gate: self,
+        }
+    }
+}
+
+/// Returns the reasons, with the default one if none is about newly failing starts.
+fn requested(on: &[GateOn]) -> Vec<GateOn> {
+    let mut all: Vec<GateOn> = Vec::new();
+    // Severity is an addition, and alone it must not open the gate for new failures.
+    if on.iter().all(|on| *on == GateOn::Severity) {
+        all.push(GateOn::default());
+    }
+    for on in on {
+        if !all.contains(on) {
+            all.push(*on);
+        }
+    }
+    all
+}
+
+impl MoreSevere {
+    /// Compares the failures of a start. `None`: the new one is not more severe.
+    fn of(start: usize, new: GateEgo<'_>, old: GateEgo<'_>) -> Option<MoreSevere> {
+        // Without a contact of the ego its velocity does not change.
+        let delta_v_mps = |of: GateEgo<'_>| {
+            let contact = of.contacts.get(&start);
+            contact.and_then(|it| it.ego_delta_v_mps).unwrap_or(0.0)
+        };
+        let (before_mps, now_mps) = (delta_v_mps(old), delta_v_mps(new));
+        (now_mps > MORE_SEVERE * before_mps).then_some(MoreSevere {
+            start,
+            before_mps,
+            now_mps,
+        })
+    }
+
+    /// Returns the greatest rise of Δv.
+    pub fn worst(all: &[MoreSevere]) -> Option<MoreSevere> {
+        let rise = |one: &MoreSevere| one.now_mps - one.before_mps;
+        let all = all.iter().copied();
+        all.reduce(|a, b| if rise(&b) > rise(&a) { b } else { a })
+    }
+}
+
+impl Display for NewlyFailingCounts {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} preventable, ", self.preventable)?;
+        if 0 < self.avoidable {
+            write!(f, "{} avoided by other drivers only, ", self.avoidable)?;
+        }
+        write!(
+            f,
+            "{} unavoidable, {} unknown",
+            self.unavoidable, self.unknown
+        )
+    }
+}
+
+impl Display for DecidedGate {
+    /// Writes the comparison, and below it remarks and the decision.
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.lines().join("\n"))
+    }
+}
+
+impl Gate {
+    /// Returns a sentence per group of starts that are neither failing nor fixed.
+    pub fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        if !self.no_answer.is_empty() {
+            let failed = self.no_answer.iter().filter(|it| it.before != "held");
+            let failed = failed.filter(|it| it.before != "uncounted").count();
+            remarks.push(format!(
+                "no answer from {} starts, on which an ado breaks its rule against `{}` ({failed} \
+                 of them fail on `{}` and count as neither failing nor fixed)",
+                self.no_answer.len(),
+                self.ego,
+                self.baseline
+            ));
+        }
+        let before = |word| {
+            self.newly_failing
+                .iter()
+                .filter(move |it| it.before == word)
+        };
+        match before("foul").count() {
+            0 => {}
+            some => remarks.push(format!(
+                "{some} of the newly failing have no answer on `{}`: an ado breaks its rule there",
+                self.baseline
+            )),
+        }
+        let now = self.newly_fixed.iter().filter(|it| it.now == "uncounted");
+        match now.count() {
+            0 => {}
+            some => remarks.push(format!(
+                "{some} of the newly fixed still violate the specification, but not so that it counts"
+            )),
+        }
+        let NotRun { ego, baseline } = self.not_run;
+        if 0 < ego + baseline {
+            remarks.push(format!(
+                "not compared: `{}` did not run from {ego} starts, `{}` from {baseline}",
+                self.ego, self.baseline
+            ));
+        }
+        remarks
+    }
+}
+
+impl DecidedGate {
+    /// Returns whether the gate blocks the new ego.
+    pub fn is_closed(&self) -> bool {
+        !self.closed_by.is_empty()
+    }
+
+    /// Returns the comparison, the remarks and the decision, a line each.
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines = vec![self.comparison()];
+        lines.extend(self.gate.remarks());
+        lines.extend(self.severity());
+        let alone = self.without_adversary.as_deref();
+        lines.extend(alone.and_then(DecidedGate::alone));
+        lines.push(format!("gate {}", self.decision()));
+        lines
+    }
+
+    /// Returns a sentence on failures without an adversary, `None` if they are the same.
+    fn alone(&self) -> Option<String> {
+        let failing = self.gate.newly_failing.len();
+        let severity = self.severity();
+        let failing =
+            (0 < failing).then(|| format!("{failing} newly failing ({})", self.newly_failing_by));
+        let parts: Vec<String> = failing.into_iter().chain(severity).collect();
+        (!parts.is_empty()).then(|| {
+            let (compared, parts) = (self.gate.compared, parts.join("; "));
+            format!("without an adversary, {compared} starts: {parts}")
+        })
+    }
+
+    fn comparison(&self) -> String {
+        let gate = &self.gate;
+        let failing = match gate.newly_failing.len() {
+            0 => "0 newly failing".to_owned(),
+            some => format!("{some} newly failing ({})", self.newly_failing_by),
+        };
+        let speeds = match (gate.closing_before_mps, gate.closing_after_mps) {
+            (Some(before), Some(after)) => format!(
+                "; closing there {:.1} / {:.1} m/s before, {:.1} / {:.1} m/s now (median / 90 %)",
+                before.median, before.p90, after.median, after.p90
+            ),
+            _ => String::new(),
+        };
+        format!(
+            "`{}` against `{}`, {} starts: {failing}, {} newly fixed, {} fail on both{speeds}; \
+             exact McNemar p = {:.2e}",
+            gate.ego,
+            gate.baseline,
+            gate.compared,
+            gate.newly_fixed.len(),
+            gate.both_fail,
+            gate.p_value
+        )
+    }
+
+    fn severity(&self) -> Option<String> {
+        let worst = MoreSevere::worst(&self.gate.more_severe)?;
+        let word = if self.blocks_severity {
+            ""
+        } else {
+            "warning: "
+        };
+        Some(format!(
+            "{word}{} of the {} that fail on both fail more severely (Δv of the ego up by more \
+             than 20 %), the worst from start {}: {:.1} m/s before, {:.1} m/s now",
+            self.gate.more_severe.len(),
+            self.gate.both_fail,
+            worst.start,
+            worst.before_mps,
+            worst.now_mps
+        ))
+    }
+
+    /// Returns the decision with its reason, to follow "gate".
+    pub fn decision(&self) -> String {
+        let reason = |on: &GateOn| {
+            let alone = self.without_adversary.as_ref();
+            let alone = alone.map_or(0, |alone| alone.gate.closing(*on));
+            let starts = match (self.gate.closing(*on), alone) {
+                (some, 0) => some.to_string(),
+                (some, alone) => format!("{some}, and without an adversary {alone},"),
+            };
+            match on {
+                GateOn::UnlessUnavoidable => {
+                    format!("{starts} newly failing starts that are not shown to be unavoidable")
+                }
+                GateOn::Preventable => format!("{starts} preventable newly failing starts"),
+                GateOn::Severity => format!("{starts} starts that fail more severely"),
+                GateOn::Any | GateOn::Never => format!("{starts} newly failing starts"),
+            }
+        };
+        let reasons: Vec<String> = self.closed_by.iter().map(reason).collect();
+        match &reasons[..] {
+            [] if self.gate.is_unanswered() => {
+                "without an answer: no start has a result on both egos with every rule kept"
+                    .to_owned()
+            }
+            [] => "open".to_owned(),
+            reasons => format!("closed by {}", reasons.join(", and by ")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Outcome, Δv of the contact if any, and label of a start.
+    type Played = (StartOutcome, Option<f64>);
+
+    fn contacts(played: &[Played]) -> BTreeMap<usize, GateContact> {
+        let starts = played.iter().enumerate();
+        let contact = |(start, (outcome, delta_v_mps)): (usize, &Played)| {
+            let failed = *outcome == StartOutcome::Solved;
+            let delta_v_mps = delta_v_mps.filter(|_| failed)?;
+            Some((
+                start,
+                GateContact {
+                    closing_mps: 2.0 * delta_v_mps,
+                    ego_delta_v_mps: Some(delta_v_mps),
+                },
+            ))
+        };
+        starts.filter_map(contact).collect()
+    }
+
+    fn gate(new: &[Played], old: &[Played]) -> Gate {
+        let outcomes = |of: &[Played]| of.iter().map(|one| one.0).collect::<Vec<_>>();
+        let (new_outcomes, old_outcomes) = (outcomes(new), outcomes(old));
+        let (new_contacts, old_contacts) = (contacts(new), contacts(old));
+        Gate::of(
+            GateEgo {
+                name: "new",
+                outcomes: &new_outcomes,
+                contacts: &new_contacts,
+            },
+            GateEgo {
+                name: "old",
+                outcomes: &old_outcomes,
+                contacts: &old_contacts,
+            },
+        )
+    }
+
+    const FAILS: Played = (StartOutcome::Solved, None);
+    const HELD: Played = (StartOutcome::Held, None);
+    const FOUL: Played = (StartOutcome::RuleViolation, None);
+
+    fn hits(delta_v_mps: f64) -> Played {
+        (StartOutcome::Solved, Some(delta_v_mps))
+    }
+
+    #[test]
+    fn only_shown_unavoidable_crashes_are_excused() {
+        use Avoidability::{Avoidable, Preventable, Unavoidable, Unknown};
+        use GateOn::{Any, Never, Severity, UnlessUnavoidable};
+        let closed = |label: Avoidability, on: &[GateOn]| {
+            let mut gate = gate(&[FAILS, HELD], &[HELD, HELD]);
+            gate.label([label]);
+            gate.decided(on).closed_by
+        };
+        for label in [Preventable, Avoidable, Unknown] {
+            assert_eq!(closed(label, &[]), [UnlessUnavoidable], "{label:?}");
+        }
+        assert!(closed(Unavoidable, &[]).is_empty());
+        assert_eq!(closed(Unavoidable, &[Any]), [Any]);
+        assert_eq!(
+            closed(Preventable, &[GateOn::Preventable]),
+            [GateOn::Preventable]
+        );
+        for label in [Avoidable, Unavoidable, Unknown] {
+            assert!(
+                closed(label, &[GateOn::Preventable]).is_empty(),
+                "{label:?}"
+            );
+        }
+        assert!(closed(Unknown, &[Never]).is_empty());
+        // Severity is an addition to the default, unless another value is given.
+        assert_eq!(closed(Unknown, &[Severity]), [UnlessUnavoidable]);
+        assert!(closed(Unknown, &[Never, Severity]).is_empty());
+    }
+
+    #[test]
+    fn failures_with_delta_v_up_by_more_than_a_fifth_are_named_and_close_on_request() {
+        let old = [hits(2.0), hits(2.0), hits(2.0), FAILS, FAILS, hits(3.0)];
+        let new = [hits(2.4), hits(2.5), hits(5.0), hits(0.5), FAILS, FAILS];
+        let compared = gate(&new, &old);
+        let severe: Vec<usize> = compared.more_severe.iter().map(|it| it.start).collect();
+        // A rise of just 20 % is none, and a contact after none is one.
+        assert_eq!(severe, [1, 2, 3]);
+        let worst = MoreSevere::worst(&compared.more_severe).expect("one");
+        assert_eq!(
+            (worst.start, worst.before_mps, worst.now_mps),
+            (2, 2.0, 5.0)
+        );
+        let open = compared.clone().decided(&[]);
+        assert!(!open.is_closed());
+        let text = open.to_string();
+        assert!(
+            text.contains("warning: 3 of the 6 that fail on both fail more severely"),
+            "{text}"
+        );
+        assert!(
+            text.contains("start 2: 2.0 m/s before, 5.0 m/s now"),
+            "{text}"
+        );
+        assert!(text.ends_with("gate open"), "{text}");
+        let closed = compared.decided(&[GateOn::Severity]);
+        assert_eq!(closed.closed_by, [GateOn::Severity]);
+        let text = closed.to_string();
+        assert!(
+            text.ends_with("gate closed by 3 starts that fail more severely"),
+            "{text}"
+        );
+        assert!(!text.contains("warning"), "{text}");
+    }
+
+    #[test]
+    fn the_json_and_the_text_count_unknown_crashes_apart() {
+        use Avoidability::{Avoidable, Preventable, Unavoidable, Unknown};
+        let mut compared = gate(&[FAILS; 7], &[HELD; 7]);
+        compared.label([
+            Preventable,
+            Avoidable,
+            Unavoidable,
+            Unavoidable,
+            Unknown,
+            Unknown,
+            Unknown,
+        ]);
+        let decided = compared.decided(&[]);
+        let text = decided.to_string();
+        assert!(
+            text.contains(
+                "7 newly failing (1 preventable, 1 avoided by other drivers only, 2 unavoidable, \
+                 3 unknown)"
+            ),
+            "{text}"
+        );
+        assert!(
+            text.ends_with("closed by 5 newly failing starts that are not shown to be unavoidable"),
+            "{text}"
+        );
+        let json = serde_json::to_value(&decided).expect("JSON");
+        assert_eq!(
+            json["newly_failing_by"],
+            serde_json::json!({"preventable": 1, "avoidable": 1, "unavoidable": 2, "unknown": 3})
+        );
+        assert_eq!(json["closed_by"], serde_json::json!(["unless-unavoidable"]));
+        let starts = json["newly_failing"].as_array().expect("a list");
+        let flags = |nth: usize| {
+            (
+                starts[nth]["preventable"].clone(),
+                starts[nth]["unavoidable"].clone(),
+            )
+        };
+        assert_eq!(flags(0), (true.into(), false.into()));
+        assert_eq!(flags(2), (false.into(), true.into()));
+        assert_eq!(flags(4), (serde_json::Value::Null, serde_json::Value::Null));
+        assert_eq!(starts[0]["before"], "held");
+        assert_eq!(starts[0]["now"], "fails");
+    }
+
+    #[test]
+    fn starts_without_an_answer_are_said_and_never_fixed() {
+        let invalid = (StartOutcome::Invalid, None);
+        let uncounted = (StartOutcome::Uncounted, None);
+        let new = [FOUL, FOUL, FAILS, uncounted, invalid];
+        let old = [FAILS, HELD, FOUL, FAILS, HELD];
+        let decided = gate(&new, &old).decided(&[]);
+        assert_eq!(decided.gate.newly_fixed.len(), 1);
+        let text = decided.to_string();
+        for part in [
+            "4 starts: 1 newly failing",
+            "no answer from 2 starts",
+            "(1 of them fail on `old`",
+            "1 of the newly failing have no answer on `old`",
+            "1 of the newly fixed still violate the specification",
+            "`new` did not run from 1 starts, `old` from 0",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+    }
+
+    #[test]
+    fn failures_without_an_adversary_close_it_too() {
+        let mut compared = gate(&[FOUL, HELD], &[FAILS, HELD]);
+        compared.without_adversary = Some(Box::new(gate(&[FAILS, HELD], &[HELD, HELD])));
+        let decided = compared.clone().decided(&[]);
+        assert_eq!(decided.closed_by, [GateOn::UnlessUnavoidable]);
+        let text = decided.to_string();
+        assert!(
+            text.contains("without an adversary, 2 starts: 1 newly failing (0 preventable"),
+            "{text}"
+        );
+        let json = serde_json::to_value(&decided).expect("JSON");
+        let alone = &json["without_adversary"];
+        assert_eq!(alone["newly_failing"].as_array().map(Vec::len), Some(1));
+        assert!(!compared.decided(&[GateOn::Never]).is_closed());
+    }
+
+    #[test]
+    fn a_gate_without_any_answer_says_so_and_is_not_open() {
+        let decided = gate(&[FOUL, FOUL], &[FAILS, HELD]).decided(&[]);
+        assert!(decided.gate.is_unanswered());
+        assert!(decided.decision().starts_with("without an answer"));
+        assert!(!gate(&[HELD], &[HELD]).is_unanswered());
+        assert!(!gate(&[FAILS], &[FOUL]).is_unanswered());
+    }
+
+    fn played() -> impl Strategy<Value = Played> {
+        use StartOutcome::{Held, Invalid, RuleViolation, Solved, Uncounted};
+        let outcome = prop::sample::select(vec![Solved, Held, RuleViolation, Uncounted, Invalid]);
+        (outcome, prop::option::of(0.0..20.0f64))
+    }
+
+    fn reasons() -> impl Strategy<Value = Vec<GateOn>> {
+        prop::collection::vec(prop::sample::select(GateOn::VARIANTS.to_vec()), 0..4)
+    }
+
+    fn label() -> impl Strategy<Value = Avoidability> {
+        use Avoidability::{Avoidable, Preventable, Unavoidable, Unknown};
+        prop::sample::select(vec![Preventable, Avoidable, Unavoidable, Unknown])
+    }
+
+    proptest! {
+        #[test]
+        fn an_equal_ego_never_closes(
+            starts in prop::collection::vec(played(), 0..30),
+            on in reasons(),
+        ) {
+            let compared = gate(&starts, &starts);
+            prop_assert!(!compared.clone().decided(&on).is_closed());
+            prop_assert_eq!(compared.p_value, 1.0);
+        }
+
+        #[test]
+        fn more_failing_starts_never_open(
+            starts in prop::collection::vec((played(), played(), label()), 1..30),
+            on in reasons(),
+            which in any::<prop::sample::Index>(),
+        ) {
+            let (new, old, labels) = split(&starts);
+            let labelled = |new: &[Played]| {
+                let mut gate = gate(new, &old);
+                let starts: Vec<usize> = gate.newly_failing.iter().map(|it| it.start).collect();
+                gate.label(starts.into_iter().map(|start| labels[start]));
+                gate.decided(&on)
+            };
+            let before = labelled(&new);
+            let mut worse = new.clone();
+            let at = which.index(worse.len());
+            // A failure of the old ego stays one, perhaps more severe.
+            worse[at] = (StartOutcome::Solved, worse[at].1);
+            let after = labelled(&worse);
+            prop_assert!(!before.is_closed() || after.is_closed());
+            for reason in &before.closed_by {
+                prop_assert!(after.closed_by.contains(reason));
+            }
+        }
+    }
+
+    fn split(
+        starts: &[(Played, Played, Avoidability)],
+    ) -> (Vec<Played>, Vec<Played>, Vec<Avoidability>) {
+        let new = starts.iter().map(|it| it.0).collect();
+        let old = starts.iter().map(|it| it.1).collect();
+        (new, old, starts.iter().map(|it| it.2).collect())
+    }
+}
