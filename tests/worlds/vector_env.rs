@@ -46,7 +46,6 @@ fn assert_same_bits(found: &[f32], want: &[f32], context: &str) {
 struct Seen {
     episodes: u32,
     faults: u32,
-    /// Episodes that the first sample decides.
     successes: u32,
     fouls: u32,
     contacts: u32,
