@@ -9,7 +9,7 @@ use brakecheck::crashes::{CrashSelection, Form, KeepSettings};
 use brakecheck::evaluation::{
     Evaluation, GivenRows, ReportRequest, Sampling, SearchCampaign, untrained,
 };
-use brakecheck::experiment::{consent, on_plant, test_starts};
+use brakecheck::experiment::{check_repeatability, consent, on_plant, test_starts};
 use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{Row, RunDir};
 use brakecheck::search::{Adversary, BUDGET, Experiment, Method, MethodSettings, usual_switches};
@@ -299,6 +299,7 @@ pub(crate) fn eval_world<'py>(
                 own.extend(search.map(|cell| cell.row));
                 Row::compare_with_last(&mut own);
             }
+            check_repeatability(ego, &starts, &mut own, watch);
             rows.append(&mut own);
         }
         Ok(Some(rows))

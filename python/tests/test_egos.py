@@ -204,7 +204,7 @@ def test_an_ego_that_keeps_state_gives_no_result_unless_each_episode_has_its_own
             gap = lead.headway_m - 15.0 if lead else 0.0
             return max(-6.0, min(2.0, 0.2 * gap)) * (0.2 if self.episodes > 6 else 1.0)
 
-    asked = {"starts": 20}
+    asked = {"ado": lambda obs: 0, "starts": 20}
     with pytest.raises(FaultError) as raised:
         brakecheck.eval("acc", ego=Tired, **asked)
     assert "keeps state over `reset`" in " ".join(str(raised.value).split())

@@ -28,6 +28,14 @@ fn in_parallel<T: Sync>(all: &[T], work: impl Fn(&T) + Sync) {
     });
 }
 
+/// Writes a world of short runs, because programs answer slowly.
+fn short_world(dir: &tempfile::TempDir) -> String {
+    let file = path(dir, "short.ron");
+    let text = include_str!("../../worlds/acc.ron").replace("horizon_s: 15.0", "horizon_s: 1.0");
+    std::fs::write(&file, text).expect("written");
+    file
+}
+
 /// Kinds of the follower, with the finding about each.
 const KINDS: [(&str, Option<&str>); 16] = [
     ("sound", None),
@@ -105,7 +113,10 @@ fn every_verb_finds_state_and_fresh_programs_keep_none() {
     assert_eq!(code(&found), 0, "{}", stderr(&found));
     let files = std::fs::read_dir(&kept).expect("kept").count();
     assert!(files > 10, "{files}");
-    let verbs: [&[&str]; 3] = [
+    let hold = ["search", "acc", "--method", "hold", "--budget", "4"];
+    let hold = [&hold[..], &["--starts", "6"]].concat();
+    let verbs: [&[&str]; 4] = [
+        &hold,
         &["eval", &run, "--starts", "20"],
         &["gate", &run, "--starts", "20", "--baseline-ego", "nominal"],
         &["replay", &kept],
@@ -128,6 +139,19 @@ fn every_verb_finds_state_and_fresh_programs_keep_none() {
         };
         assert_eq!(solved(&fresh), solved(&sound), "{verb:?}");
     });
+}
+
+#[test]
+fn a_risk_of_a_program_that_keeps_state_is_no_result() {
+    let dir = scratch();
+    let (world, traffic) = (short_world(&dir), root().join("examples/traffic/acc.ron"));
+    let traffic = traffic.display().to_string();
+    let asked = ["risk", &world, "--traffic", &traffic, "--budget", "1000"];
+    let tired = against(&asked, &["tired"]);
+    assert_eq!(code(&tired), 3, "{}", stderr(&tired));
+    let said = stderr(&tired).replace(['\n', '│'], "");
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(said.contains("clear your state at `reset`"), "{said}");
 }
 
 #[test]
@@ -182,10 +206,7 @@ fn a_rebuilt_program_is_another_ego() {
     };
     let traffic = root().join("examples/traffic/acc.ron");
     let (traffic, stored) = (traffic.display().to_string(), path(&dir, "runs"));
-    // Short runs, because a shell answers slowly.
-    let (world, short) = (path(&dir, "short.ron"), "horizon_s: 1.0");
-    let text = include_str!("../../worlds/acc.ron").replace("horizon_s: 15.0", short);
-    std::fs::write(&world, text).expect("written");
+    let world = short_world(&dir);
     let risk = || {
         let asked = [
             "risk",

@@ -315,9 +315,10 @@ fn no_statement_of_a_label_is_false() {
         crashes.len()
     );
     assert!(wrong.is_empty(), "{} are false:\n{shown}", wrong.len());
-    let [avoided, _, unanswered] = answers;
-    // Crashes that no braking avoids are rare: 2 of 204.
+    let [avoided, not_avoided, unanswered] = answers;
     assert!(20 <= crashes.len() && 0 < avoided && 0 < unanswered);
+    // Crashes that no braking avoids are rare: 2 of 204.
+    assert!(crashes.len() < 200 || 0 < not_avoided);
 }
 
 /// A car ahead brakes as its rule forbids from the second on, so a replay in which the ego

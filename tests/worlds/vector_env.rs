@@ -46,6 +46,8 @@ fn assert_same_bits(found: &[f32], want: &[f32], context: &str) {
 struct Seen {
     episodes: u32,
     faults: u32,
+    /// Episodes that the first sample after the start decides.
+    at_once: u32,
     successes: u32,
     fouls: u32,
     contacts: u32,
@@ -101,6 +103,7 @@ fn compare(world: &Scenario, count: usize, steps: usize) -> Seen {
             seen.successes += u32::from(verdict.is_success());
             seen.fouls += u32::from(verdict.is_foul());
             seen.contacts += u32::from(bench.contact().is_some());
+            seen.at_once += u32::from(bench.trace().len() <= 2);
             if bench.fault().is_none() {
                 let spec = &bench.rulebook().spec;
                 let rho = spec.robustness(bench.trace(), &mut scratch);
@@ -333,6 +336,18 @@ fn a_signal_that_is_no_number_aborts_as_in_gyms() {
         "{}",
         seen.faults
     );
+}
+
+#[test]
+fn an_episode_that_its_first_sample_decides_has_the_bits_of_gyms() {
+    // The specification holds at the start, and never at the first sample after it.
+    let late = "always[0, T] ((time_left >= T - 0.01) or (headway >= 1000))";
+    let lanes = changed("acc", "always[0, T] (headway >= d_safe)", late);
+    for (world, count) in [(&lanes, COUNT), (&lanes.on(PlantKind::Rigid), 8)] {
+        let seen = compare(world, count, 60);
+        assert!(0 < seen.at_once);
+        assert_eq!(seen.at_once, seen.episodes);
+    }
 }
 
 /// A contact ends an episode and is no part of the next one.

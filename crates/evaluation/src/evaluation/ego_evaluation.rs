@@ -78,8 +78,7 @@ impl<'a> EgoEvaluation<'a> {
     }
 
     fn row(&self, adversary: Adversary<'_>) -> Option<Row> {
-        let mut cell = adversary.play(self.ego, self.starts, self.watch)?;
-        cell.judge_contacts(self.watch);
+        let cell = adversary.play(self.ego, self.starts, self.watch)?;
         Some(cell.row)
     }
 
@@ -125,8 +124,8 @@ impl<'a> EgoEvaluation<'a> {
             };
             several.run(self.watch).evaluated
         };
-        let mut cell = ExperimentCell::evaluated(self.ego, self.starts, evaluated);
-        cell.judge_contacts(self.watch);
+        let cell = ExperimentCell::evaluated(self.ego, self.starts, evaluated);
+        let cell = cell.with_judged_contacts(self.watch);
         // The explanation is made for the plain evaluation only, without tries.
         if once {
             self.reason =
@@ -159,8 +158,7 @@ impl<'a> EgoEvaluation<'a> {
             }));
         let seed = self.evaluation.run.manifest().seed;
         let ado = Ado::Sampled(self.policy, seed, sampling.temperature);
-        if let Some(mut cell) = Adversary::Ado(ado).play(&ego, self.starts, self.watch) {
-            cell.judge_contacts(self.watch);
+        if let Some(cell) = Adversary::Ado(ado).play(&ego, self.starts, self.watch) {
             self.rows.push(cell.row);
         }
     }
@@ -207,8 +205,8 @@ impl<'a> EgoEvaluation<'a> {
         let named = (self.ego.name(), self.ego.scenario());
         let record = AdaptedTo::of(named, &ego.from, &adapted);
         self.adapted_to = Some(record);
-        let mut cell = ExperimentCell::evaluated(self.ego, self.starts, adapted.evaluated);
-        cell.judge_contacts(self.watch);
+        let cell = ExperimentCell::evaluated(self.ego, self.starts, adapted.evaluated);
+        let cell = cell.with_judged_contacts(self.watch);
         self.rows.push(cell.row.clone());
         self.found = Some(ExperimentCell {
             // The planner is the trained ado with a surrogate, and files name the ado.

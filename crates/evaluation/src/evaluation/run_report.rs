@@ -153,10 +153,7 @@ impl<'a> ReportRequest<'a> {
         let own = EgoUnderTest::nominal(self.scenario);
         let policy = self.run.policy()?;
         let ado = Ado::Trained(&*policy, self.run.manifest().seed);
-        let mut cell = Adversary::Ado(ado).play(&own, &starts, watch);
-        if let Some(cell) = &mut cell {
-            cell.judge_contacts(watch);
-        }
+        let cell = Adversary::Ado(ado).play(&own, &starts, watch);
         report.nominal = cell.as_ref().map(nominal);
         if self.given.rows.is_empty() {
             report.tested.extend(cell.map(tested));

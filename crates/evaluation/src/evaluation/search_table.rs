@@ -103,8 +103,8 @@ impl SearchCampaign<'_> {
                 evens.extend(trained.break_even(&request, &searched, &row, watch));
                 rows.push(row);
             }
-            let mut cell = ExperimentCell::searched(ego, &own, searched);
-            cell.judge_contacts(watch);
+            let cell = ExperimentCell::searched(ego, &own, searched);
+            let mut cell = cell.with_judged_contacts(watch);
             rows.push(cell.row.clone());
             let of_ego = rows.iter_mut().filter(|row| row.ego == ego.name());
             check_repeatability(ego, &own, of_ego, watch);
@@ -142,7 +142,6 @@ impl Trained<'_> {
     ) -> Option<Row> {
         let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
         let mut cell = Adversary::Ado(ado).play(ego, starts, watch)?;
-        cell.judge_contacts(watch);
         cell.row.compare_with_search(&searched.row.solved);
         cell.row.warning = self.run.warning();
         Some(cell.row)

@@ -119,10 +119,12 @@ impl<'a> Adversary<'a> {
                     starts,
                 };
                 let searched = search(&request, watch);
-                return Some(ExperimentCell::searched(ego, starts, searched));
+                let cell = ExperimentCell::searched(ego, starts, searched);
+                return Some(cell.with_judged_contacts(watch));
             }
         };
-        Some(ExperimentCell::evaluated(ego, starts, evaluated))
+        let cell = ExperimentCell::evaluated(ego, starts, evaluated);
+        Some(cell.with_judged_contacts(watch))
     }
 }
 
@@ -132,11 +134,7 @@ impl Experiment<'_> {
     /// If `watch` stops, starts that were not reached are marked as such in the rows.
     pub fn run(&self, watch: &Watch<'_>) -> Vec<ExperimentCell> {
         let adversaries = self.adversaries.iter();
-        let cells = adversaries.filter_map(|adversary| {
-            let mut cell = adversary.play(self.ego, self.starts, watch)?;
-            cell.judge_contacts(watch);
-            Some(cell)
-        });
+        let cells = adversaries.filter_map(|one| one.play(self.ego, self.starts, watch));
         cells.collect()
     }
 
@@ -212,9 +210,9 @@ impl ExperimentCell {
     ///
     /// The row then counts the contacts that they avoid. Programs are not started again, so
     /// their searched successes are not in the sample.
-    pub fn judge_contacts(&mut self, watch: &Watch<'_>) {
+    pub fn with_judged_contacts(mut self, watch: &Watch<'_>) -> ExperimentCell {
         if self.row.success_contacts.is_none() || self.ego.scenario().drive().is_none() {
-            return;
+            return self;
         }
         let is_foreign = self.ego.scenario().ego().is_some_and(EgoDrive::is_foreign);
         let runs_again = |index: &usize| {
@@ -242,6 +240,7 @@ impl ExperimentCell {
             contacts.avoided = avoided;
             contacts.not_judged = not_judged;
         }
+        self
     }
 
     /// Records trivial starts as successes of the neutral action, in a world of points.

@@ -264,9 +264,8 @@ impl TrainSession {
             temperature: Some(temperature),
         };
         let evaluated = several.run(watch).evaluated;
-        let mut cell = ExperimentCell::evaluated(&self.ego, starts, evaluated);
-        cell.judge_contacts(watch);
-        Some(cell.row)
+        let cell = ExperimentCell::evaluated(&self.ego, starts, evaluated);
+        Some(cell.with_judged_contacts(watch).row)
     }
 
     /// Writes the closing evaluation and some counterexamples into the run.
