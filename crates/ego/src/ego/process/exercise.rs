@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use super::pool::Talk;
-use super::repeatability::{Cause, PAUSES, Pace, TranscriptComparison, by_pace};
+use super::repeatability::{PAUSES, Pace, TranscriptComparison, by_pace};
 use super::transcript::Transcript;
+use super::unrepeatable::Cause;
 use super::{Hello, Process};
 use crate::ego::{Briefing, Controller, Fault, Own, Percept, Phase, Seen, SeenLight};
 

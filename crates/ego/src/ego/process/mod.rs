@@ -19,6 +19,7 @@ mod program;
 mod protocol;
 mod repeatability;
 mod transcript;
+mod unrepeatable;
 #[cfg(not(unix))]
 mod unsupported_platform;
 
@@ -36,9 +37,9 @@ use super::{
 };
 pub(crate) use pool::ProgramCost;
 use pool::{Pool, Talk};
-pub use repeatability::Cause;
 pub use transcript::Transcripts;
 pub use transcript::{Maker, Recorder};
+pub use unrepeatable::Cause;
 
 /// Longest timeout that a world may set.
 const MAX_TIMEOUT_S: f64 = 86_400.0;

@@ -10,7 +10,7 @@ use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::repeatability::Unrepeatable;
+use super::unrepeatable::Unrepeatable;
 use crate::ego::{Briefing, Command, Controller, Fault, Percept};
 
 /// Latest episodes in the sample. Neighbours reveal egos that alternate.

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::super::transcript::Recorder;
 use super::*;
-use crate::ego::{Percept, Seen};
+use crate::ego::{FaultKind, Percept, Seen};
 
 /// Pauses that a test can afford.
 const SHORT: Pauses = Pauses {
