@@ -18,9 +18,9 @@ use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Episode, PolicyActor, play};
 use brakecheck::world::AtWall;
 use brakecheck::world::{GridChange, Scenario};
-use brakecheck_scene::grid_solver::exact::{Game, UNIT_MOVES};
-use brakecheck_scene::grid_solver::game_graph::{Depth, GameGraph};
-use brakecheck_scene::grid_solver::values::{ValueTable, rewards};
+use brakecheck_experiment::grid_solver::exact::{Game, UNIT_MOVES};
+use brakecheck_experiment::grid_solver::game_graph::{Depth, GameGraph};
+use brakecheck_experiment::grid_solver::values::{ValueTable, rewards};
 use brakecheck_scene::scene::grid::Arena;
 use brakecheck_world::world::scenario_kind::GridScenario;
 

@@ -5,8 +5,8 @@ use std::collections::{HashSet, VecDeque};
 use brakecheck::world::AtWall;
 use brakecheck::world::{GridChange, Scenario};
 use brakecheck_evaluation::theorems::{TheoremOutcome, bisimulations, theorem_3};
-use brakecheck_scene::grid_solver::bisimulation::{Bisimulation, coarse};
-use brakecheck_scene::grid_solver::exact::Game;
+use brakecheck_experiment::grid_solver::bisimulation::{Bisimulation, coarse};
+use brakecheck_experiment::grid_solver::exact::Game;
 use brakecheck_scene::scene::grid::Position;
 
 use super::theorems::{converged, trained};

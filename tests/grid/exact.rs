@@ -2,8 +2,8 @@
 
 use brakecheck::rl::LearnerRng;
 use brakecheck::testbench::{Aftermath, Random, Replay, play};
-use brakecheck_scene::grid_solver::exact::{Game, UNIT_MOVES, chase};
-use brakecheck_scene::grid_solver::position_policy::PositionPolicy;
+use brakecheck_experiment::grid_solver::exact::{Game, UNIT_MOVES, chase};
+use brakecheck_experiment::grid_solver::position_policy::PositionPolicy;
 use brakecheck_scene::scene::grid::position_of;
 
 use super::{A, B, captures, cells, changed, episode, game, soonest, world};

@@ -4,8 +4,8 @@ use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use brakecheck::world::Scenario;
-use brakecheck_scene::grid_solver::game_graph::{Depth, GameGraph};
-use brakecheck_scene::grid_solver::position_policy::{NoOptimalPolicy, PositionPolicy};
+use brakecheck_experiment::grid_solver::game_graph::{Depth, GameGraph};
+use brakecheck_experiment::grid_solver::position_policy::{NoOptimalPolicy, PositionPolicy};
 use brakecheck_scene::scene::grid::{Position, position_of};
 
 use super::{captures, cells, exact, soonest};
@@ -268,7 +268,7 @@ fn a_game_without_a_list_of_starts_that_is_too_large_is_refused_before_it_is_exp
     )
     .expect("small");
     assert_eq!(
-        brakecheck_scene::grid_solver::values::ValueTable::soonest(graph).at(unknown),
+        brakecheck_experiment::grid_solver::values::ValueTable::soonest(graph).at(unknown),
         None
     );
 }

@@ -10,9 +10,9 @@ use brakecheck_evaluation::theorems::{
     Approximation, Theorem1, Theorem2, TheoremOutcome, grid_theorems, optimal_values, theorem_1,
     theorem_2,
 };
-use brakecheck_scene::grid_solver::game_graph::{Depth, GameGraph};
-use brakecheck_scene::grid_solver::position_policy::PositionPolicy;
-use brakecheck_scene::grid_solver::values::{ValueTable, rewards};
+use brakecheck_experiment::grid_solver::game_graph::{Depth, GameGraph};
+use brakecheck_experiment::grid_solver::position_policy::PositionPolicy;
+use brakecheck_experiment::grid_solver::values::{ValueTable, rewards};
 use brakecheck_scene::scene::grid::position_of;
 
 use super::{A, B, cells, changed, episode, exact, soonest, world};

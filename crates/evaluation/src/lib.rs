@@ -22,11 +22,11 @@ pub mod evaluation;
 pub mod theorems;
 
 use brakecheck_crashes::crashes;
-use brakecheck_experiment::{adversary, experiment, run_dir, search};
+use brakecheck_experiment::{adversary, experiment, grid_solver, run_dir, search};
 use brakecheck_files::ron_file;
 use brakecheck_report::report;
 use brakecheck_rl::rl;
-use brakecheck_scene::{grid_solver, preventability, rulebook, scene, testbench};
+use brakecheck_scene::{preventability, rulebook, scene, testbench};
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;
 use brakecheck_stl::trace;

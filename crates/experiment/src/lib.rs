@@ -20,6 +20,7 @@
 
 pub mod adversary;
 pub mod experiment;
+pub mod grid_solver;
 pub mod run_dir;
 pub mod search;
 pub mod vector_env;
@@ -28,7 +29,7 @@ use brakecheck_ego::ego;
 use brakecheck_files::{content_hash, ron_file, run_files, visible};
 use brakecheck_rl::rl;
 use brakecheck_road::road;
-use brakecheck_scene::{grid_solver, natural, preventability, rulebook, scene, testbench};
+use brakecheck_scene::{natural, preventability, rulebook, scene, testbench};
 use brakecheck_sim::{severity, sim};
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;

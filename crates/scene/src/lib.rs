@@ -19,7 +19,6 @@
 )]
 
 pub mod conformance;
-pub mod grid_solver;
 pub mod natural;
 pub mod preventability;
 pub mod rulebook;

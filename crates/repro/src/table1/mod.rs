@@ -35,9 +35,9 @@ use brakecheck::world::AtWall;
 use brakecheck::world::NotAGrid;
 use brakecheck::world::{ChangeError, Scenario};
 use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
-use brakecheck_scene::grid_solver::exact::{Game, chase};
-use brakecheck_scene::grid_solver::game_graph::{Depth, GameGraph};
-use brakecheck_scene::grid_solver::values::ValueTable;
+use brakecheck_experiment::grid_solver::exact::{Game, chase};
+use brakecheck_experiment::grid_solver::game_graph::{Depth, GameGraph};
+use brakecheck_experiment::grid_solver::values::ValueTable;
 use brakecheck_scene::scene::grid::{Position, position_of};
 use brakecheck_world::world::scenario_kind::GridScenario;
 

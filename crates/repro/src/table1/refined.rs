@@ -14,7 +14,7 @@ use brakecheck::testbench::{Actor, Aftermath, PolicyActor, Replay, Testbench, pl
 use brakecheck::world::GridChange;
 use brakecheck::world::Starts;
 use brakecheck_evaluation::theorems::{bisimulations, lifted};
-use brakecheck_scene::grid_solver::bisimulation::Bisimulation;
+use brakecheck_experiment::grid_solver::bisimulation::Bisimulation;
 use brakecheck_scene::scene::grid::{Position, position_of, start_of};
 use brakecheck_world::world::scenario_kind::GridScenario;
 

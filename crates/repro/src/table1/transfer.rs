@@ -6,7 +6,7 @@ use super::{Learned, Table1Error};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, PolicyActor, play};
 use brakecheck::world::{GridChange, Scenario};
-use brakecheck_scene::grid_solver::exact::Game;
+use brakecheck_experiment::grid_solver::exact::Game;
 use brakecheck_scene::scene::grid::{Position, position_of};
 use brakecheck_world::world::scenario_kind::GridScenario;
 

@@ -11,9 +11,9 @@ use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, PolicyActor, Success, play};
 use brakecheck::world::Starts;
 use brakecheck::world::{GridChange, Scenario};
-use brakecheck_scene::grid_solver::exact::Game;
-use brakecheck_scene::grid_solver::game_graph::{Depth, GameGraph};
-use brakecheck_scene::grid_solver::values::{ValueTable, rewards};
+use brakecheck_experiment::grid_solver::exact::Game;
+use brakecheck_experiment::grid_solver::game_graph::{Depth, GameGraph};
+use brakecheck_experiment::grid_solver::values::{ValueTable, rewards};
 use brakecheck_scene::scene::grid::position_of;
 
 /// Number of random training starts of RQ4, as in the paper.

@@ -112,10 +112,8 @@ impl Scenario {
 impl GridScenario<'_> {
     /// Returns the world with an ado that observes both positions and the time left.
     ///
-    /// The shipped ados observe a window. [The optimal ado][best] of a larger
-    /// map requires the complete map.
-    ///
-    /// [best]: brakecheck_scene::grid_solver::position_policy::PositionPolicy::optimal
+    /// The shipped ados observe a window. The optimal ado of a larger map
+    /// requires the complete map.
     pub fn fully_observed(self) -> Scenario {
         let mut spec = self.world().spec().clone();
         // Positions are scaled to −1 ..= 1 over the map.

@@ -4,7 +4,7 @@
 //! its specification and its rules.
 //!
 //! ```
-//! use brakecheck_scene::grid_solver::exact::{Game, UNIT_MOVES, chase};
+//! use brakecheck_experiment::grid_solver::exact::{Game, UNIT_MOVES, chase};
 //! use brakecheck_scene::scene::grid::Arena;
 //! use brakecheck_scene::scene::grid::AtWall;
 //!

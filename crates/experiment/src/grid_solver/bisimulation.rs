@@ -11,8 +11,8 @@
 //! cells. A captured position is absorbing, because a contact ends the motion.
 //!
 //! ```
-//! use brakecheck_scene::grid_solver::bisimulation::Bisimulation;
-//! use brakecheck_scene::grid_solver::exact::{Game, UNIT_MOVES};
+//! use brakecheck_experiment::grid_solver::bisimulation::Bisimulation;
+//! use brakecheck_experiment::grid_solver::exact::{Game, UNIT_MOVES};
 //! use brakecheck_scene::scene::grid::Arena;
 //! use brakecheck_scene::scene::grid::AtWall;
 //!
