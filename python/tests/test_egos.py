@@ -207,7 +207,9 @@ def test_an_ego_that_keeps_state_gives_no_result_unless_each_episode_has_its_own
     asked = {"ado": lambda obs: 0, "starts": 20}
     with pytest.raises(FaultError) as raised:
         brakecheck.eval("acc", ego=Tired, **asked)
-    assert "keeps state over `reset`" in " ".join(str(raised.value).split())
+    # The text is wrapped, with a bar before each further line.
+    said = " ".join(str(raised.value).replace("│", " ").split())
+    assert "keeps state over `reset`" in said
 
     class Fresh(Tired):
         fresh = True
