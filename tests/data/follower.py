@@ -63,6 +63,9 @@ def command(step):
         case "clock":
             integral += 0.3 * min(now - last, 0.2) if last else 0.0
             accel += 0.5 if integral > 0.2 else 0.0
+        case "silence" if last:
+            integral = max(integral, now - last)
+            accel += 0.5 if integral > 0.4 else 0.0
         case "clock_rate" if last and steps > 1:
             accel += 0.001 * (accel - previous) / max(now - last, 1e-5)
     if KIND == "clock_rate":
@@ -85,7 +88,7 @@ for line in sys.stdin:
             latched = False
         if KIND == "seeded":
             rng = random.Random(message["reset"]["seed"])
-        if KIND == "clock":
+        if KIND in ("clock", "silence"):
             integral, last = 0.0, None
     elif "step" in message:
         steps += 1
