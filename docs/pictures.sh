@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The pictures of README and docs/, drawn again: docs/pictures.sh
 # Needs brakecheck (built, or $BRAKECHECK). docs/img/viewer.png is a screenshot of the rerun
-# viewer (`pip install rerun-sdk==0.36.3`, or $RERUN) and is left out, aloud, without it; without
+# viewer (`pip install rerun-sdk`, 0.36.3 or later, or $RERUN) and is left out, aloud, without it; without
 # a graphics card it takes a software Vulkan (Mesa's lavapipe).
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -50,6 +50,8 @@ mod plans;
 mod process;
 #[path = "worlds/protocols.rs"]
 mod protocols;
+#[path = "worlds/rapier_steps.rs"]
+mod rapier_steps;
 #[path = "worlds/recorded.rs"]
 mod recorded;
 #[path = "worlds/rivals.rs"]

@@ -16,7 +16,8 @@ First steps:
   brakecheck search mine.ron --starts 20
 
 Documents: docs/README.md beside the source, https://docs.rs/brakecheck, and
-`brakecheck VERB --help`. The paper's tables and figures: crates/repro/README.md.";
+`brakecheck VERB --help`. The paper's tables and figures: crates/repro/README.md.
+Libraries in this program, with their licences: `brakecheck notices`.";
 
 pub(super) const NEW: &str = "Examples:\n  brakecheck new mine\n  brakecheck new follow --from-log tracks.csv --kind following -o worlds\n\nDocuments: docs/guide/worlds.md, docs/guide/recordings.md";
 pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/guide/worlds.md, docs/reference/ego-protocol.md";

@@ -20,6 +20,7 @@ mod log;
 mod new;
 mod new_from_log;
 mod new_world;
+mod notices;
 mod number_args;
 mod points;
 mod population;
@@ -124,6 +125,9 @@ enum Verb {
     /// Serve a trained ado to another simulator, in JSON lines.
     #[command(after_help = examples::SERVE)]
     Serve(serve::ServeArgs),
+    /// Print the libraries in this program, with their licences.
+    #[command(hide = true)]
+    Notices(notices::NoticesArgs),
 }
 
 impl Verb {
@@ -147,6 +151,7 @@ impl Verb {
             Verb::View(args) => args.common(),
             Verb::Export(args) => args.common(),
             Verb::Serve(args) => args.common(),
+            Verb::Notices(args) => args.common(),
         }
     }
 
@@ -215,6 +220,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::View(args) => view::run(&args),
         Verb::Export(args) => export::run(&args),
         Verb::Serve(args) => serve::run(&args),
+        Verb::Notices(args) => notices::run(&args),
     }
 }
 

@@ -255,6 +255,10 @@ impl Scene for LimitedScene {
         self.scene.driven()
     }
 
+    fn rapier_steps(&self) -> u64 {
+        self.scene.rapier_steps()
+    }
+
     fn after_contact(&self) -> Option<(AfterContact, Vec<Frame>)> {
         self.scene.after_contact()
     }

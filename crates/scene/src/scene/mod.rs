@@ -323,6 +323,12 @@ pub trait Scene: Send {
     fn driven(&self) -> Option<drive::DriveWorld> {
         None
     }
+    /// Returns the steps of rapier's pipeline in this episode.
+    ///
+    /// 0 without a plant of rapier.
+    fn rapier_steps(&self) -> u64 {
+        0
+    }
     /// Plays on after a contact and returns the events with a frame per sample.
     ///
     /// The scene itself stays at the contact. `None` if nothing is played: without a

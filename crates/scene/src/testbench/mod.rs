@@ -306,6 +306,14 @@ impl Testbench {
         self.advances * u64::from(self.clock().substeps)
     }
 
+    /// Returns the number of steps of rapier's pipeline in this episode.
+    ///
+    /// On the rigid plant it is [`Testbench::physics_steps`], less those after a contact
+    /// within the last sample.
+    pub fn rapier_steps(&self) -> u64 {
+        self.scene.rapier_steps()
+    }
+
     /// Writes the ados' joint observation.
     pub fn observe(&self, obs: &mut [f32]) {
         self.scene.observe(&self.row, obs);

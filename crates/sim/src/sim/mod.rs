@@ -294,6 +294,12 @@ pub trait Plant: Send {
     fn placement(&self, id: BodyId) -> Placement;
     /// Returns the clearance between two bodies' upright boxes, 0 if they touch.
     fn gap_m(&self, a: BodyId, b: BodyId) -> f64;
+    /// Returns the steps of rapier's pipeline since the last [`Plant::clear`].
+    ///
+    /// 0 on a plant without rapier.
+    fn rapier_steps(&self) -> u64 {
+        0
+    }
     /// Returns true if all states are finite and bounded and all commands valid.
     ///
     /// The bounds are 1000 km from the origin, and 200 m/s on the rigid plant.

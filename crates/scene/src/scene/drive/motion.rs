@@ -421,6 +421,10 @@ impl Scene for DriveScene {
         self.frame_of(&*self.state.plant)
     }
 
+    fn rapier_steps(&self) -> u64 {
+        self.state.plant.rapier_steps()
+    }
+
     fn after_contact(&self) -> Option<(AfterContact, Vec<Frame>)> {
         self.collide_on()
     }

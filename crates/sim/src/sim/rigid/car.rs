@@ -1,15 +1,24 @@
 //! Ray-cast car: from a commanded net acceleration to forces at its wheels.
 
-use super::chassis::ChassisId;
+use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
+use rapier3d::math::Vector;
+
 use super::chassis_motion::{ChassisMotion, ComOffset, vector};
 use super::lag::{BrakeLag, SteeringLag};
 use super::motor::Motor;
+use super::shape::CollisionShape;
 use super::tyre_forces::{TyreDemand, TyreForces};
-use super::wheels::Wheel;
-use super::world::RapierWorld;
+use super::world::{ChassisId, RapierWorld};
 use crate::sim::limits::{DriveStep, VehicleLimits};
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, GRAVITY_MPS2, Ground, Placement, Push, Vehicle};
+
+/// Direction of the suspensions in the frame of the chassis.
+const DOWN: Vector = Vector::new(0.0, 0.0, -1.0);
+/// Axles of the wheels. A wheel rolls along normal × axle.
+const AXLE: Vector = Vector::new(0.0, -1.0, 0.0);
+/// Force above any suspension's need, so that a spring always carries its car.
+const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
 
 /// Car in the world, with its current command.
 #[derive(Clone, Debug)]
@@ -17,7 +26,8 @@ pub(super) struct Car {
     id: ChassisId,
     /// Position of rapier's origin for this car.
     origin_m: (f64, f64),
-    wheels: [Wheel; 4],
+    /// Wheels of rapier: front left, front right, rear left, rear right.
+    carrier: DynamicRayCastVehicleController,
     limits: VehicleLimits,
     com: ComOffset,
     mass_kg: f64,
@@ -45,12 +55,12 @@ impl Car {
     /// Puts a car into the world, with its springs in equilibrium.
     pub(super) fn new(
         world: &mut RapierWorld,
-        body: &Body,
+        (body, shape): (&Body, &CollisionShape),
         vehicle: &Vehicle,
         ground: Ground,
         rect: &Rect,
     ) -> Car {
-        let (id, origin_m) = world.insert(body, rect);
+        let (id, origin_m) = world.insert(body, shape, rect);
         let omega_per_s = core::f64::consts::TAU * vehicle.suspension_hz;
         // The hub sits where the sagged spring carries the weight, so a spawned car
         // neither drops nor bounces.
@@ -67,35 +77,34 @@ impl Car {
             vehicle.front_axle_ahead_m(&body.dimensions()),
             vehicle.rear_axle_ahead_m(&body.dimensions()),
         );
-        let wheel = |ahead_m: f64, left_m: f64, share: f64| {
+        let mut carrier = world.vehicle(id);
+        let mut add_wheel = |ahead_m: f64, left_m: f64, share: f64| {
             // Stiffness follows the load, so that both axles compress alike.
             let stiffness = 0.5 * share * omega_per_s * omega_per_s;
             let damping = 0.5 * share * 2.0 * vehicle.suspension_damping * omega_per_s;
-            Wheel {
-                hub: vector(ahead_m, left_m, hub_m),
-                rest_m: vehicle.suspension_rest_m as f32,
-                travel_m: vehicle.suspension_travel_m as f32,
-                radius_m: vehicle.wheel_radius_m as f32,
-                stiffness: stiffness as f32,
-                damping: damping as f32,
-                side_stiffness: side_stiffness(vehicle, share) as f32,
-                friction: (ground.friction * vehicle.grip) as f32,
-                engine_n: 0.0,
-                steering_rad: 0.0,
-                load_n: 0.0,
-            }
+            let tuning = WheelTuning {
+                suspension_stiffness: stiffness as f32,
+                suspension_compression: damping as f32,
+                suspension_damping: damping as f32,
+                max_suspension_travel: vehicle.suspension_travel_m as f32,
+                side_friction_stiffness: side_stiffness(vehicle, share) as f32,
+                friction_slip: (ground.friction * vehicle.grip) as f32,
+                max_suspension_force: MAX_SUSPENSION_FORCE_N,
+            };
+            let hub = vector(ahead_m, left_m, hub_m);
+            let (rest_m, radius_m) = (vehicle.suspension_rest_m, vehicle.wheel_radius_m);
+            carrier.add_wheel(hub, DOWN, AXLE, rest_m as f32, radius_m as f32, &tuning);
         };
         let half_track_m = 0.5 * vehicle.track_m;
         let rear_share = 1.0 - front_share;
+        add_wheel(front_m, half_track_m, front_share);
+        add_wheel(front_m, -half_track_m, front_share);
+        add_wheel(rear_m, half_track_m, rear_share);
+        add_wheel(rear_m, -half_track_m, rear_share);
         Car {
             id,
             origin_m,
-            wheels: [
-                wheel(front_m, half_track_m, front_share),
-                wheel(front_m, -half_track_m, front_share),
-                wheel(rear_m, half_track_m, rear_share),
-                wheel(rear_m, -half_track_m, rear_share),
-            ],
+            carrier,
             limits: VehicleLimits::new(body, vehicle, ground),
             com: ComOffset::of(body),
             mass_kg: body.mass_kg,
@@ -164,7 +173,9 @@ impl Car {
 
     /// Returns the current loads of the wheels.
     fn loads_n(&self) -> [f64; 4] {
-        let loads_n: [f64; 4] = core::array::from_fn(|index| f64::from(self.wheels[index].load_n));
+        let wheels = self.carrier.wheels();
+        let loads_n: [f64; 4] =
+            core::array::from_fn(|index| f64::from(wheels[index].wheel_suspension_force));
         if loads_n.iter().any(|load_n| 0.0 < *load_n) {
             return loads_n;
         }
@@ -199,7 +210,7 @@ impl Car {
             let along_mps2 = sum.along_n / self.mass_kg + self.limits.push().along_mps2;
             self.aim(rect.along_mps() + along_mps2 * dt_s);
         }
-        world.roll(self.id, &mut self.wheels, dt_s);
+        world.roll(&mut self.carrier, dt_s);
         true
     }
 
@@ -223,17 +234,17 @@ impl Car {
         if self.slip(world, rect, (0.0, [0.0; 4]), dt_s) {
             return;
         }
-        for wheel in &mut self.wheels {
-            (wheel.engine_n, wheel.steering_rad) = (0.0, 0.0);
+        for wheel in self.carrier.wheels_mut() {
+            (wheel.engine_force, wheel.steering) = (0.0, 0.0);
         }
-        world.roll(self.id, &mut self.wheels, dt_s);
+        world.roll(&mut self.carrier, dt_s);
     }
 
     fn set_slip_friction(&mut self, ground: Ground) {
         // rapier's wheels carry the whole weight, also on a slope.
         let friction = self.limits.slip_friction(ground) * self.limits.push().load_share;
-        for wheel in &mut self.wheels {
-            wheel.friction = friction as f32;
+        for wheel in self.carrier.wheels_mut() {
+            wheel.friction_slip = friction as f32;
         }
         if let Some(tyres) = &mut self.tyres {
             tyres.set_ground(Ground {
@@ -340,20 +351,22 @@ impl Motor for Car {
         }
 
         // Each wheel takes its share of the load, so that no wheel slips first.
-        let wheels = &mut self.wheels;
-        let loads_n = wheels.iter().map(|wheel| f64::from(wheel.load_n));
+        let wheels = self.carrier.wheels_mut();
+        let loads_n = wheels
+            .iter()
+            .map(|wheel| f64::from(wheel.wheel_suspension_force));
         let load_n: f64 = loads_n.sum();
         for (index, wheel) in wheels.iter_mut().enumerate() {
             // In the first step there is no suspension force yet.
             let share = if 0.0 < load_n {
-                f64::from(wheel.load_n) / load_n
+                f64::from(wheel.wheel_suspension_force) / load_n
             } else {
                 self.load_shares[index]
             };
-            wheel.engine_n = (force_n * share) as f32;
-            wheel.steering_rad = steering_rad[index] as f32;
+            wheel.engine_force = (force_n * share) as f32;
+            wheel.steering = steering_rad[index] as f32;
         }
-        world.roll(self.id, &mut self.wheels, dt_s);
+        world.roll(&mut self.carrier, dt_s);
     }
 
     fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {

@@ -1,7 +1,6 @@
 //! Collisions after the first contact, as rapier resolves them.
 
-use super::chassis::ChassisId;
-use super::collision_world::CollisionWorld;
+use super::world::{ChassisId, RapierWorld};
 use crate::sim::{BodyId, Collision};
 
 /// Time without a force after which two bodies have separated.
@@ -36,7 +35,7 @@ impl Collisions {
     }
 
     /// Returns the velocities of all bodies.
-    pub(super) fn velocities(&self, world: &CollisionWorld) -> Vec<[f64; 2]> {
+    pub(super) fn velocities(&self, world: &RapierWorld) -> Vec<[f64; 2]> {
         let ids = self.ids.iter();
         ids.map(|id| world.velocity_mps(*id)).collect()
     }
@@ -47,7 +46,7 @@ impl Collisions {
     /// change over the step is therefore that of the collision alone.
     pub(super) fn record(
         &mut self,
-        world: &CollisionWorld,
+        world: &RapierWorld,
         before: &[[f64; 2]],
         dt_s: f64,
     ) -> Vec<usize> {

@@ -1,9 +1,9 @@
 //! Walkers, cyclists and carried bodies once bodies collide, as rigid bodies.
 
-use super::chassis::ChassisId;
 use super::chassis_motion::ComOffset;
 use super::motor::Motor;
-use super::world::RapierWorld;
+use super::shape::CollisionShape;
+use super::world::{ChassisId, RapierWorld};
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, Placement};
 
@@ -24,14 +24,12 @@ impl LooseBody {
     /// Puts a body into the world with its motion.
     pub(super) fn new(
         world: &mut RapierWorld,
-        body: &Body,
+        (body, shape): (&Body, &CollisionShape),
         rect: &Rect,
         origin_m: (f64, f64),
     ) -> LooseBody {
-        let id = world.insert_at(body, rect, origin_m);
-        if let Some(together) = world.together_mut() {
-            together.hold_upright(id, true);
-        }
+        let id = world.insert_at(body, shape, rect, origin_m);
+        world.hold_upright(id, true);
         LooseBody {
             id,
             origin_m,
@@ -68,14 +66,12 @@ impl Motor for LooseBody {
         if self.held.take().is_none() {
             return;
         }
-        if let Some(together) = world.together_mut() {
-            together.hold_upright(self.id, false);
-        }
+        world.hold_upright(self.id, false);
     }
 
     fn act(&mut self, world: &mut RapierWorld, _: &Rect, _: f64) {
-        if let (Some(held), Some(together)) = (&self.held, world.together_mut()) {
-            together.move_at(self.id, held);
+        if let Some(held) = &self.held {
+            world.move_at(self.id, held);
         }
     }
 

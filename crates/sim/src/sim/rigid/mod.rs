@@ -5,18 +5,14 @@
 //! but cannot roll over. Walkers and cyclists do not justify a rigid body and move
 //! as on the kinematic plant.
 //!
-//! Architecture Invariant: up to the first contact rapier resolves no collision.
-//! [`Rigid::advance`] ends at that contact, found by parry between the shapes of
-//! the bodies, and leaves every body at its pose of that instant. Only after
-//! [`Rigid::collide`] do the bodies collide, and rapier moves them.
+//! Architecture Invariant: rapier's pipeline makes every step of every vehicle. Up to
+//! the first contact it lets bodies collide with the ground only. [`Rigid::advance`] ends
+//! at that contact, found by parry between the shapes of the bodies, and leaves every
+//! body at its pose of that instant. After [`Rigid::collide`] all bodies collide.
 
-#[cfg(test)]
-mod alone_tests;
 mod bicycle;
 mod car;
-mod chassis;
 mod chassis_motion;
-mod collision_world;
 mod collisions;
 mod foot;
 mod kinematic_playback;
@@ -26,7 +22,6 @@ mod motor;
 mod shape;
 mod touch;
 mod tyre_forces;
-mod wheels;
 mod world;
 
 use std::sync::Arc;
@@ -54,8 +49,6 @@ const BOUND_MPS: f64 = 200.0;
 
 /// Steps of rapier per substep once bodies collide.
 const FINER_STEPS: u32 = 4;
-/// Height at which the collision shape of a vehicle begins.
-const CLEARANCE_M: f64 = 0.15;
 
 /// Rigid plant.
 #[derive(Clone)]
@@ -92,7 +85,7 @@ impl Rigid {
     pub fn new(ground: Ground) -> Rigid {
         Rigid {
             ground,
-            world: RapierWorld::new(),
+            world: RapierWorld::new(ground.friction),
             movers: Vec::new(),
             sweeps: Vec::new(),
             faulty: false,
@@ -121,12 +114,9 @@ impl Rigid {
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
             mover.motor.act(&mut self.world, &sweep.after, dt_s);
         }
-        let Some(together) = self.world.together_mut() else {
-            return;
-        };
-        let before = collisions.velocities(together);
-        together.step(dt_s as f32);
-        for body in collisions.record(together, &before, dt_s) {
+        let before = collisions.velocities(&self.world);
+        self.world.step(dt_s);
+        for body in collisions.record(&self.world, &before, dt_s) {
             self.movers[body].motor.release(&mut self.world);
         }
         for (mover, sweep) in self.movers.iter().zip(&mut self.sweeps) {
@@ -174,7 +164,7 @@ impl Plant for Rigid {
 
     fn clear(&mut self, ground: Ground) {
         self.ground = ground;
-        self.world.clear();
+        self.world = RapierWorld::new(ground.friction);
         self.movers.clear();
         self.sweeps.clear();
         // `passing` survives, as `Plant::pass_through` documents.
@@ -184,6 +174,7 @@ impl Plant for Rigid {
 
     fn set_ground(&mut self, ground: Ground) {
         self.ground = ground;
+        self.world.set_friction(ground.friction);
         for mover in &mut self.movers {
             mover.motor.set_ground(ground);
         }
@@ -205,8 +196,9 @@ impl Plant for Rigid {
             vy_mps: speed_mps * sin,
             yaw_rate_rad_per_s: 0.0,
         };
+        let shape = CollisionShape::of(body);
         let mover = RigidMover {
-            motor: motor(&mut self.world, body, self.ground, &rect),
+            motor: motor(&mut self.world, (body, &shape), self.ground, &rect),
             body: Arc::new(body.clone()),
             accel_mps2: 0.0,
             before_mps: speed_mps,
@@ -214,7 +206,7 @@ impl Plant for Rigid {
         self.sweeps.push(SweptBody::resting(
             mover.motor.rect(&self.world),
             Extent::of(body),
-            CollisionShape::of(body),
+            shape,
         ));
         self.movers.push(mover);
         BodyId(self.movers.len() - 1)
@@ -224,28 +216,21 @@ impl Plant for Rigid {
         if self.passing {
             return false;
         }
-        self.world.solid(self.ground.friction);
+        self.world.solid();
         let at = &self.sweeps[touching.0.0].after;
         let origin_m = origin_near((at.x_m, at.y_m));
         let mut ids = Vec::with_capacity(self.movers.len());
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
-            let body = &*mover.body;
-            let id = match mover.motor.join(&mut self.world, origin_m) {
+            ids.push(match mover.motor.join(&mut self.world, origin_m) {
                 Some(id) => id,
                 None => {
-                    let loose = LooseBody::new(&mut self.world, body, &sweep.after, origin_m);
+                    let shaped = (&*mover.body, &sweep.shape);
+                    let loose = LooseBody::new(&mut self.world, shaped, &sweep.after, origin_m);
                     let id = loose.id();
                     mover.motor = Box::new(loose);
                     id
                 }
-            };
-            // Wheels carry a vehicle, whose collision shape begins above the road.
-            let clearance_m = body.vehicle().map_or(0.0, |_| CLEARANCE_M);
-            let parts = sweep.shape.colliders(clearance_m);
-            if let Some(together) = self.world.together_mut() {
-                together.add_colliders(id, body, parts);
-            }
-            ids.push(id);
+            });
         }
         for body in [touching.0, touching.1] {
             self.movers[body.0].motor.release(&mut self.world);
@@ -355,6 +340,10 @@ impl Plant for Rigid {
         self.sweeps[a.0].gap_m(&self.sweeps[b.0])
     }
 
+    fn rapier_steps(&self) -> u64 {
+        self.world.steps()
+    }
+
     fn sound(&self) -> bool {
         // NaN compares false, so it is unsound.
         let fine = |sweep: &SweptBody| {
@@ -381,9 +370,16 @@ impl Plant for Rigid {
 }
 
 /// Puts a body into the world with its motion model.
-fn motor(world: &mut RapierWorld, body: &Body, ground: Ground, rect: &Rect) -> Box<dyn Motor> {
+fn motor(
+    world: &mut RapierWorld,
+    (body, shape): (&Body, &CollisionShape),
+    ground: Ground,
+    rect: &Rect,
+) -> Box<dyn Motor> {
     match &body.kind {
-        BodyKind::Vehicle(vehicle) => Box::new(Car::new(world, body, vehicle, ground, rect)),
+        BodyKind::Vehicle(vehicle) => {
+            Box::new(Car::new(world, (body, shape), vehicle, ground, rect))
+        }
         BodyKind::Cyclist(cyclist) => Box::new(Bicycle::new(body, cyclist, ground, rect)),
         BodyKind::Walker(walker) => Box::new(Foot::new(walker, rect)),
     }

@@ -1,7 +1,6 @@
 //! Motion model of a body on this plant, one file per kind of body.
 
-use super::chassis::ChassisId;
-use super::world::RapierWorld;
+use super::world::{ChassisId, RapierWorld};
 use crate::sim::planar::Rect;
 use crate::sim::{BodyCommand, Ground, Placement, Push};
 

@@ -1,144 +1,275 @@
-//! Chassis of the rigid plant, the only place that computes in f32.
+//! World of rapier that moves all chassis, the only place that computes in f32.
 //!
-//! Up to the first contact nothing collides, and every [`Chassis`] moves alone. From
-//! [`RapierWorld::solid`] on rapier's pipeline moves them and resolves collisions. The
-//! wheels' rays see only the ground, which is the same everywhere, so each car has an
-//! origin of its own, which follows it. f32 positions stay as fine as 1 µm wherever the
-//! car drives.
+//! Every body is in rapier's sets from its first step to its last. Until
+//! [`RapierWorld::solid`] bodies collide with the ground only, and each car has an
+//! origin of its own, which follows it: f32 positions stay as fine as 1 µm wherever the
+//! car drives. From then on all bodies have a common origin and collide.
 
+use parry3d::partitioning::{Bvh, BvhBuildStrategy};
+use parry3d::query::DefaultQueryDispatcher;
+use rapier3d::control::DynamicRayCastVehicleController;
 use rapier3d::math::{Pose, Rotation, Vector};
-use rapier3d::prelude::{IntegrationParameters, MassProperties};
+use rapier3d::prelude::{
+    CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle, ColliderSet,
+    DefaultBroadPhase, Group, ImpulseJointSet, IntegrationParameters, InteractionGroups,
+    InteractionTestMode, IslandManager, LockedAxes, MassProperties, MultibodyJointSet, NarrowPhase,
+    PhysicsPipeline, QueryFilter, QueryPipelineMut, RigidBody, RigidBodyBuilder, RigidBodyHandle,
+    RigidBodySet, SharedShape, SoftBodySet,
+};
 
-use super::chassis::{Chassis, ChassisId};
 use super::chassis_motion::{ChassisMotion, vector};
-use super::collision_world::CollisionWorld;
-use super::wheels::Wheel;
-use crate::sim::Body;
+use super::shape::CollisionShape;
 use crate::sim::planar::Rect;
+use crate::sim::{Body, GRAVITY_MPS2};
 
 /// Grid of the cars' origins. Shifts by it are exact in f32.
 const GRID_M: f64 = 8.0;
+/// Height at which the collider of a vehicle begins, because wheels carry it.
+const CLEARANCE_M: f64 = 0.15;
+/// Iterations of rapier's solver over all contacts, once bodies collide.
+///
+/// More substeps of the solver would apply the restitution more than once.
+const CONTACT_ITERATIONS: usize = 16;
 
-/// All chassis, first alone and later in one world of rapier.
-#[derive(Clone)]
+const GROUND: Group = Group::GROUP_1;
+const BODY: Group = Group::GROUP_2;
+
+/// Body of a world, numbered in the order of insertion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ChassisId(pub usize);
+
+/// Sets of rapier, without its events and hooks.
 pub(super) struct RapierWorld {
-    chassis: Vec<Chassis>,
-    removed: Vec<ChassisId>,
+    /// Bodies in the order of their numbers.
+    handles: Vec<RigidBodyHandle>,
+    bodies: RigidBodySet,
+    colliders: ColliderSet,
+    islands: IslandManager,
+    broad_phase: DefaultBroadPhase,
+    narrow_phase: NarrowPhase,
+    impulse_joints: ImpulseJointSet,
+    multibody_joints: MultibodyJointSet,
+    soft_bodies: SoftBodySet,
+    ccd_solver: CCDSolver,
     parameters: IntegrationParameters,
-    /// World in which bodies collide, from the first contact on.
-    together: Option<Box<CollisionWorld>>,
+    /// Workspace only, so a fork starts with a fresh pipeline.
+    pipeline: PhysicsPipeline,
+    ground: ColliderHandle,
+    /// Tree for the rays of wheels, which only the ground may stop.
+    ray_targets: Bvh,
+    is_solid: bool,
+    steps: u64,
 }
 
 impl RapierWorld {
     /// Creates flat ground at height 0, without bodies.
-    pub(super) fn new() -> RapierWorld {
+    pub(super) fn new(friction: f64) -> RapierWorld {
+        let ground = ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
+            .friction(friction as f32)
+            .friction_combine_rule(CoefficientCombineRule::Min)
+            .collision_groups(groups(GROUND, GROUND | BODY))
+            .build();
+        let aabb = ground.compute_aabb();
+        let mut colliders = ColliderSet::new();
+        let ground = colliders.insert(ground);
+        let leaf = ground.into_raw_parts().0 as usize;
         RapierWorld {
-            chassis: Vec::new(),
-            removed: Vec::new(),
+            handles: Vec::new(),
+            bodies: RigidBodySet::new(),
+            colliders,
+            islands: IslandManager::new(),
+            broad_phase: DefaultBroadPhase::default(),
+            narrow_phase: NarrowPhase::new(),
+            impulse_joints: ImpulseJointSet::new(),
+            multibody_joints: MultibodyJointSet::new(),
+            soft_bodies: SoftBodySet::new(),
+            ccd_solver: CCDSolver::new(),
             // More solver iterations give a car at rest a phantom velocity.
             parameters: IntegrationParameters {
                 num_solver_iterations: 1,
                 ..Default::default()
             },
-            together: None,
+            pipeline: PhysicsPipeline::new(),
+            ground,
+            ray_targets: Bvh::from_iter(BvhBuildStrategy::Binned, [(leaf, aabb)]),
+            is_solid: false,
+            steps: 0,
         }
     }
 
-    /// Removes all bodies.
-    pub(super) fn clear(&mut self) {
-        self.chassis.clear();
-        self.removed.clear();
-        self.together = None;
+    /// Returns the number of steps of rapier's pipeline so far.
+    pub(super) fn steps(&self) -> u64 {
+        self.steps
     }
 
-    /// Puts a chassis on the ground and returns it with its origin.
+    /// Sets the friction of the ground for bodies that slide on it.
     ///
-    /// The frame of the chassis lies on the ground, below the middle of the box.
-    pub(super) fn insert(&mut self, body: &Body, rect: &Rect) -> (ChassisId, (f64, f64)) {
+    /// They have its friction or theirs, whichever is less.
+    pub(super) fn set_friction(&mut self, friction: f64) {
+        if let Some(ground) = self.colliders.get_mut(self.ground) {
+            ground.set_friction(friction as f32);
+        }
+    }
+
+    /// Puts a body on the ground and returns it with its origin.
+    ///
+    /// The frame of the body lies on the ground, below the middle of the box.
+    pub(super) fn insert(
+        &mut self,
+        body: &Body,
+        shape: &CollisionShape,
+        rect: &Rect,
+    ) -> (ChassisId, (f64, f64)) {
         let origin_m = origin_near((rect.x_m, rect.y_m));
-        (self.insert_at(body, rect, origin_m), origin_m)
+        (self.insert_at(body, shape, rect, origin_m), origin_m)
     }
 
     /// Puts a body on the ground, relative to a given origin.
     pub(super) fn insert_at(
         &mut self,
         body: &Body,
+        shape: &CollisionShape,
         rect: &Rect,
         origin_m: (f64, f64),
     ) -> ChassisId {
-        let (l, w, h) = (body.length_m, body.width_m, body.height_m);
-        // Moments of inertia of a uniform box.
-        let twelfth = body.mass_kg / 12.0;
-        let inertia = vector(
-            twelfth * (w * w + h * h),
-            twelfth * (l * l + h * h),
-            body.yaw_inertia_kg_m2(),
-        );
-        let com = vector(body.com_ahead_m, 0.0, body.com_height_m);
         // Half-angle formulas avoid the platform's sine.
         let half_cos = (0.5 * (1.0 + rect.cos)).max(0.0).sqrt();
         let half_sin = (0.5 * (1.0 - rect.cos)).max(0.0).sqrt().copysign(rect.sin);
         let rotation = Rotation::from_xyzw(0.0, 0.0, half_sin as f32, half_cos as f32).normalize();
         let translation = vector(rect.x_m - origin_m.0, rect.y_m - origin_m.1, 0.0);
-        let chassis = Chassis::new(
-            MassProperties::new(com, body.mass_kg as f32, inertia),
-            Pose::from_parts(translation, rotation),
-            vector(rect.vx_mps, rect.vy_mps, 0.0),
+        let handle = self.bodies.insert(
+            RigidBodyBuilder::dynamic()
+                .pose(Pose::from_parts(translation, rotation))
+                .linvel(vector(rect.vx_mps, rect.vy_mps, 0.0))
+                .additional_mass_properties(mass_properties(body))
+                .ccd_enabled(self.is_solid)
+                .can_sleep(false),
         );
-        if let Some(together) = &mut self.together {
-            return together.insert(&chassis);
+        self.add_colliders(handle, body, shape);
+        // Otherwise wheels that act before the first step would find a body without mass.
+        self.bodies[handle].recompute_mass_properties_from_colliders(&self.colliders);
+        self.handles.push(handle);
+        ChassisId(self.handles.len() - 1)
+    }
+
+    /// Gives a body its collision shape, without changing its mass.
+    fn add_colliders(&mut self, handle: RigidBodyHandle, body: &Body, shape: &CollisionShape) {
+        let clearance_m = body.vehicle().map_or(0.0, |_| CLEARANCE_M);
+        for (middle, part) in shape.colliders(clearance_m) {
+            // In the frame of the body this is no mass at the origin, which rapier ignores
+            // to the bit. A density of 0 would have a centre of mass of its own.
+            let no_mass = MassProperties {
+                local_com: -middle,
+                ..MassProperties::default()
+            };
+            let collider = ColliderBuilder::new(part)
+                .translation(middle)
+                .mass_properties(no_mass)
+                .restitution(body.restitution as f32)
+                .friction(body.body_friction as f32)
+                .collision_groups(body_groups(self.is_solid));
+            self.colliders
+                .insert_with_parent(collider, handle, &mut self.bodies);
         }
-        self.chassis.push(chassis);
-        ChassisId(self.chassis.len() - 1)
     }
 
-    /// Lets rapier resolve contacts from now on.
-    ///
-    /// Bodies that slide on the ground have its friction or theirs, whichever is less.
-    pub(super) fn solid(&mut self, friction: f64) {
-        let (chassis, removed) = (&self.chassis, &self.removed);
-        let parameters = self.parameters;
-        self.together
-            .get_or_insert_with(|| Box::new(CollisionWorld::new(chassis, removed, parameters)))
-            .set_friction(friction);
+    /// Lets bodies collide with each other from now on.
+    pub(super) fn solid(&mut self) {
+        self.is_solid = true;
+        self.parameters.num_internal_pgs_iterations = CONTACT_ITERATIONS;
+        for (handle, collider) in self.colliders.iter_mut() {
+            if handle != self.ground {
+                collider.set_collision_groups(body_groups(true));
+            }
+        }
+        for (_, body) in self.bodies.iter_mut() {
+            // Otherwise a body could pass through a thin one within one step.
+            body.enable_ccd(true);
+        }
     }
 
-    /// Returns the world in which bodies collide, if they do.
-    pub(super) fn together_mut(&mut self) -> Option<&mut CollisionWorld> {
-        self.together.as_deref_mut()
+    /// Removes a body.
+    pub(super) fn remove(&mut self, id: ChassisId) {
+        self.bodies.remove(
+            self.handles[id.0],
+            &mut self.islands,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibody_joints,
+            &mut self.soft_bodies,
+            true,
+        );
+    }
+
+    /// Returns the pairs of bodies between which rapier's last step exerted a force.
+    pub(super) fn colliding(&self) -> Vec<(ChassisId, ChassisId)> {
+        let parent = |collider| {
+            let parent = self.colliders.get(collider)?.parent()?;
+            let number = self.handles.iter().position(|handle| *handle == parent)?;
+            Some(ChassisId(number))
+        };
+        let pairs = self.narrow_phase.contact_pairs().filter(|pair| {
+            let manifolds = pair.solver_manifolds().iter();
+            let mut points = manifolds.flat_map(|manifold| manifold.points.iter());
+            points.any(|point| point.data.impulse > 0.0)
+        });
+        pairs
+            .filter_map(|pair| Some((parent(pair.collider1)?, parent(pair.collider2)?)))
+            .collect()
+    }
+
+    /// Holds a body upright, or lets it fall.
+    pub(super) fn hold_upright(&mut self, id: ChassisId, held: bool) {
+        let locked = if held {
+            LockedAxes::ROTATION_LOCKED_X | LockedAxes::ROTATION_LOCKED_Y
+        } else {
+            LockedAxes::empty()
+        };
+        self.body_mut(id).set_locked_axes(locked, true);
+    }
+
+    /// Sets the velocity of a body on the ground.
+    pub(super) fn move_at(&mut self, id: ChassisId, rect: &Rect) {
+        let body = self.body_mut(id);
+        let up_mps = body.linvel().z;
+        let along = vector(rect.vx_mps, rect.vy_mps, 0.0);
+        body.set_linvel(Vector::new(along.x, along.y, up_mps), true);
+        body.set_angvel(vector(0.0, 0.0, rect.yaw_rate_rad_per_s), true);
+    }
+
+    /// Returns the velocity of a body's centre of mass on the ground.
+    pub(super) fn velocity_mps(&self, id: ChassisId) -> [f64; 2] {
+        let velocity = self.body(id).linvel();
+        [f64::from(velocity.x), f64::from(velocity.y)]
     }
 
     /// Sets the external force at a body's centre of mass, along world x and y.
     pub(super) fn set_force(&mut self, id: ChassisId, (x_n, y_n): (f64, f64)) {
         let force_n = vector(x_n, y_n, 0.0);
-        match &mut self.together {
-            Some(together) => together.set_force(id, force_n),
-            None => self.chassis[id.0].set_force(force_n),
+        if self.body(id).user_force() != force_n {
+            let body = self.body_mut(id);
+            body.reset_forces(true);
+            body.add_force(force_n, true);
         }
-    }
-
-    /// Moves a body to another origin without moving it in the world.
-    pub(super) fn move_origin(&mut self, id: ChassisId, from_m: (f64, f64), to_m: (f64, f64)) {
-        let mut motion = self.motion(id);
-        motion.pose.translation += vector(from_m.0 - to_m.0, from_m.1 - to_m.1, 0.0);
-        self.place(id, &motion);
-    }
-
-    /// Removes a chassis.
-    pub(super) fn remove(&mut self, id: ChassisId) {
-        if let Some(together) = &mut self.together {
-            return together.remove(id);
-        }
-        self.chassis[id.0].disable();
-        self.removed.push(id);
     }
 
     /// Lets a car's wheels act on its chassis for a step.
-    pub(super) fn roll(&mut self, id: ChassisId, wheels: &mut [Wheel; 4], dt_s: f64) {
-        match &mut self.together {
-            Some(together) => together.roll(id, wheels, dt_s as f32),
-            None => self.chassis[id.0].roll(wheels, dt_s as f32),
-        }
+    pub(super) fn roll(&mut self, car: &mut DynamicRayCastVehicleController, dt_s: f64) {
+        let queries = QueryPipelineMut {
+            dispatcher: &DefaultQueryDispatcher,
+            bvh: &self.ray_targets,
+            bodies: &mut self.bodies,
+            colliders: &mut self.colliders,
+            filter: QueryFilter::new(),
+        };
+        car.update_vehicle(dt_s as f32, queries);
+    }
+
+    /// Returns a vehicle without wheels on a body.
+    pub(super) fn vehicle(&self, id: ChassisId) -> DynamicRayCastVehicleController {
+        let mut vehicle = DynamicRayCastVehicleController::new(self.handles[id.0]);
+        vehicle.index_up_axis = 2;
+        vehicle
     }
 
     /// Pushes a body on the ground with an impulse at its centre of mass and an angular
@@ -151,30 +282,55 @@ impl RapierWorld {
         [roll, pitch, yaw]: [f64; 3],
     ) {
         let turned = |x: f64, y: f64, z: f64| vector(x * cos - y * sin, x * sin + y * cos, z);
-        let (impulse, angular) = (turned(along, across, 0.0), turned(roll, pitch, yaw));
-        match &mut self.together {
-            Some(together) => together.push(id, impulse, angular),
-            None => self.chassis[id.0].push(impulse, angular),
-        }
+        let body = self.body_mut(id);
+        body.apply_impulse(turned(along, across, 0.0), true);
+        body.apply_torque_impulse(turned(roll, pitch, yaw), true);
     }
 
     /// Moves all bodies for one step.
     pub(super) fn step(&mut self, dt_s: f64) {
+        self.steps += 1;
         self.parameters.dt = dt_s as f32;
-        if let Some(together) = &mut self.together {
-            return together.step(dt_s as f32);
-        }
-        for chassis in &mut self.chassis {
-            chassis.step(&self.parameters);
+        self.pipeline.step(
+            vector(0.0, 0.0, -GRAVITY_MPS2),
+            &self.parameters,
+            &mut self.islands,
+            &mut self.broad_phase,
+            &mut self.narrow_phase,
+            &mut self.bodies,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibody_joints,
+            &mut self.soft_bodies,
+            &mut self.ccd_solver,
+            &(),
+            &(),
+        );
+    }
+
+    /// Returns the pose and velocity of a body.
+    pub(super) fn motion(&self, id: ChassisId) -> ChassisMotion {
+        let body = self.body(id);
+        ChassisMotion {
+            pose: *body.position(),
+            linear: body.linvel(),
+            angular: body.angvel(),
         }
     }
 
-    /// Returns the pose and velocity of a chassis.
-    pub(super) fn motion(&self, id: ChassisId) -> ChassisMotion {
-        match &self.together {
-            Some(together) => together.motion(id),
-            None => self.chassis[id.0].motion(),
-        }
+    /// Sets the pose and velocity of a body.
+    pub(super) fn place(&mut self, id: ChassisId, motion: &ChassisMotion) {
+        let body = self.body_mut(id);
+        body.set_position(motion.pose, true);
+        body.set_linvel(motion.linear, true);
+        body.set_angvel(motion.angular, true);
+    }
+
+    /// Moves a body to another origin without moving it in the world.
+    pub(super) fn move_origin(&mut self, id: ChassisId, from_m: (f64, f64), to_m: (f64, f64)) {
+        let mut motion = self.motion(id);
+        motion.pose.translation += vector(from_m.0 - to_m.0, from_m.1 - to_m.1, 0.0);
+        self.place(id, &motion);
     }
 
     /// Moves a car's origin to the car once the car is far from it.
@@ -192,13 +348,58 @@ impl RapierWorld {
         *origin_m = (origin_m.0 + shift_x_m, origin_m.1 + shift_y_m);
     }
 
-    /// Sets the pose and velocity of a chassis.
-    pub(super) fn place(&mut self, id: ChassisId, motion: &ChassisMotion) {
-        match &mut self.together {
-            Some(together) => together.place(id, motion),
-            None => self.chassis[id.0].place(motion),
+    fn body(&self, id: ChassisId) -> &RigidBody {
+        &self.bodies[self.handles[id.0]]
+    }
+
+    fn body_mut(&mut self, id: ChassisId) -> &mut RigidBody {
+        &mut self.bodies[self.handles[id.0]]
+    }
+}
+
+impl Clone for RapierWorld {
+    fn clone(&self) -> RapierWorld {
+        RapierWorld {
+            handles: self.handles.clone(),
+            bodies: self.bodies.clone(),
+            colliders: self.colliders.clone(),
+            islands: self.islands.clone(),
+            broad_phase: self.broad_phase.clone(),
+            narrow_phase: self.narrow_phase.clone(),
+            impulse_joints: self.impulse_joints.clone(),
+            multibody_joints: self.multibody_joints.clone(),
+            soft_bodies: self.soft_bodies.clone(),
+            ccd_solver: self.ccd_solver.clone(),
+            parameters: self.parameters,
+            pipeline: PhysicsPipeline::new(),
+            ground: self.ground,
+            ray_targets: self.ray_targets.clone(),
+            is_solid: self.is_solid,
+            steps: self.steps,
         }
     }
+}
+
+/// Returns mass, centre of mass and moments of inertia of a uniform box.
+fn mass_properties(body: &Body) -> MassProperties {
+    let (l, w, h) = (body.length_m, body.width_m, body.height_m);
+    let twelfth = body.mass_kg / 12.0;
+    let inertia = vector(
+        twelfth * (w * w + h * h),
+        twelfth * (l * l + h * h),
+        body.yaw_inertia_kg_m2(),
+    );
+    let com = vector(body.com_ahead_m, 0.0, body.com_height_m);
+    MassProperties::new(com, body.mass_kg as f32, inertia)
+}
+
+fn groups(memberships: Group, filter: Group) -> InteractionGroups {
+    InteractionGroups::new(memberships, filter, InteractionTestMode::And)
+}
+
+/// Returns the groups of a body, which collides with others only once bodies are solid.
+fn body_groups(is_solid: bool) -> InteractionGroups {
+    groups(BODY, if is_solid { GROUND | BODY } else { GROUND })
 }
 
 /// Returns the grid point next to a position.

@@ -1,0 +1,22 @@
+//! `brakecheck notices`: the libraries in the program and their licences.
+
+use clap::Args;
+
+use super::{Common, Exit, Failure, terminal};
+
+/// The output of `cargo run --release --example notices`.
+const NOTICES: &str = include_str!("../../THIRD_PARTY.txt");
+
+#[derive(Args, Debug)]
+pub(super) struct NoticesArgs {}
+
+impl NoticesArgs {
+    pub(super) fn common(&self) -> Common {
+        Common::default()
+    }
+}
+
+pub(super) fn run(_: &NoticesArgs) -> Result<Exit, Failure> {
+    terminal::data(NOTICES.trim_end())?;
+    Ok(Exit::Done)
+}
