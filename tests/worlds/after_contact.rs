@@ -1,10 +1,10 @@
-//! Motion after the first contact, in worlds with `after_contact_s`.
+//! Motion after the first contact.
 
 use brakecheck::crashes::Regressions;
 use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
-use brakecheck::testbench::{Aftermath, Constant, Episode, play};
-use brakecheck::world::{Change, Scenario};
+use brakecheck::testbench::{Aftermath, Constant, Episode, FilmAfterContact, film_beyond, play};
+use brakecheck::world::{Change, PlantKind, Scenario};
 
 /// A row of standing cars, into the first of which a fast ego drives.
 const ROW: &str = r#"Scenario(
@@ -106,18 +106,51 @@ fn a_car_that_is_hit_at_its_corner_is_pushed_over_the_lanes_edge() {
 
 #[test]
 fn nothing_is_played_where_nothing_collides() {
-    let world = row("after_contact_s: 2.0,", "0.0");
-    let on_kinematic = world.on(brakecheck::world::PlantKind::Kinematic);
-    assert_eq!(crash(&on_kinematic).after_contact, None);
     // The second car is beside the ego's way.
     let beside = crash(&row("after_contact_s: 2.0,", "3.4"));
     assert_eq!((beside.contact, beside.after_contact), (None, None));
 }
 
 #[test]
-fn a_kept_crash_has_the_motion_after_the_contact() {
-    let world = row("after_contact_s: 2.0,", "0.0");
+fn a_crash_of_the_kinematic_plant_is_played_on_by_rapier() {
+    let rigid = row("", "0.0");
+    let kinematic = rigid.on(PlantKind::Kinematic);
+    let after = |world: &Scenario| {
+        let episode = crash(world);
+        assert_eq!(episode.after_contact, None);
+        let film = film_beyond(&mut world.bench(), &episode);
+        (film.after.expect("played on"), episode)
+    };
+    let ((hard, _), (flat, episode)) = (after(&rigid), after(&kinematic));
+    assert_eq!(flat.frames.len(), 40);
+    let pairs = |after: &FilmAfterContact| -> Vec<(String, String)> {
+        let collisions = after.motion.collisions.iter();
+        collisions.map(|one| one.between.clone()).collect()
+    };
+    assert_eq!(pairs(&flat)[..2], pairs(&hard)[..2]);
+    let (first, same) = (&flat.motion.collisions[0], &hard.motion.collisions[0]);
+    assert!((first.delta_v_mps.0 - same.delta_v_mps.0).abs() < 0.1 * same.delta_v_mps.0);
+    // The first frame continues the motion at the contact.
+    let touch = episode.contact.expect("a contact");
+    let ahead_m = flat.frames[0].placements[0].centre_m[0] - touch.point_m[0];
+    assert!((-2.3..-1.0).contains(&ahead_m), "{ahead_m}");
+}
+
+#[test]
+fn a_world_may_end_at_the_contact() {
+    let world = row("after_contact_s: 0.0,", "0.0");
     let episode = crash(&world);
+    assert!(episode.contact.is_some());
+    assert_eq!(film_beyond(&mut world.bench(), &episode).after, None);
+}
+
+#[test]
+fn a_kept_crash_has_the_motion_after_the_contact() {
+    let world = row("", "0.0");
+    let episode = crash(&world);
+    let film = film_beyond(&mut world.bench(), &episode);
+    let motion = film.after.expect("played on").motion;
+    assert!((motion.duration_s - 2.0).abs() < 1e-9);
     let dir = tempfile::tempdir().expect("a directory");
     let mut kept =
         Counterexample::record(&world, "nominal", &Change::default(), "search", &episode);
@@ -128,12 +161,12 @@ fn a_kept_crash_has_the_motion_after_the_contact() {
     kept.save(&file, &episode.trace).expect("written");
     let read = Regressions::load(&file).expect("a file");
     let about = read.kept()[0].counterexample.about.clone().expect("labels");
-    assert_eq!(about.after_contact, episode.after_contact);
+    assert_eq!(about.after_contact.as_ref(), Some(&motion));
+    let table = &read.kept()[0].counterexample.motion_after_contact;
+    assert_eq!(table.lines().count(), 41);
     read.reproduce().unwrap_or_else(|error| panic!("{error}"));
     let text = about.to_string();
     assert!(text.contains("ado and front then collide at "), "{text}");
-    let again = read.replay().expect("replayed").remove(0).episode;
-    assert_eq!(again.after_contact, episode.after_contact);
 }
 
 #[test]
@@ -147,10 +180,5 @@ fn a_time_that_cannot_be_played_is_refused_at_its_place() {
     assert!(
         negative.contains("-1 s is outside of 0 ..= 20"),
         "{negative}"
-    );
-    let kinematic = refused("plant: Kinematic, after_contact_s: 1.0,");
-    assert!(
-        kinematic.contains("the kinematic plant resolves no collision"),
-        "{kinematic}"
     );
 }

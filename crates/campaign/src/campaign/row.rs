@@ -47,7 +47,7 @@ pub(crate) struct StartRow {
     pub ego_delta_v_mps: Option<f64>,
     /// Injury risk, where a published curve applies.
     pub injury_risk: Option<f64>,
-    /// Motion after the contact, in worlds with `after_contact_s`.
+    /// Motion after the contact, in worlds that state `after_contact_s`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub after_contact: Option<AfterContact>,
     /// Whether CC_LATCHED or FSM would have avoided the contact.

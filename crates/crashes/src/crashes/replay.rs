@@ -11,6 +11,7 @@ use crate::report::outcome_in_words;
 use crate::rulebook::Verdict;
 use crate::run_dir::{
     About, Counterexample, KeptError, RunDir, RunError, StartRepeated, digests_of,
+    motion_after_contact,
 };
 use crate::scene::drive::EgoDrive;
 use crate::testbench::{Aftermath, Episode, Replay, Success, play};
@@ -54,7 +55,7 @@ impl SavedCounterexample {
         let current = Counterexample {
             about: Some(refined.clone()),
             contact: episode.contact.clone(),
-            ..self.counterexample.as_now(&episode.trace)
+            ..self.counterexample.as_now(scenario, episode)
         };
         current.save(&self.path, &episode.trace)?;
         Ok(refined)
@@ -324,17 +325,21 @@ pub fn replay(kept: &SavedCounterexample, scenario: Scenario) -> Result<Replayed
     let commands = recorded.commands();
     // The world's side is judged by the recorded commands, whatever ego drives above.
     let again = match &commands {
-        Some(commands) => Some(once(
-            kept,
-            &recorded.scenario(&kept.path)?.with_commands(commands),
-        )?),
+        Some(commands) => {
+            let world = recorded.scenario(&kept.path)?.with_commands(commands);
+            let episode = once(kept, &world)?;
+            Some((world, episode))
+        }
         None => None,
     };
     let repeats_by_commands = match &again {
-        Some(again) => Some(first_difference(kept, again)?.is_none() && recorded.is_of(again)),
+        Some((world, again)) => {
+            let difference = first_difference(kept, world, again)?;
+            Some(difference.is_none() && recorded.is_of(again))
+        }
         None => None,
     };
-    let first_difference = first_difference(kept, &episode)?;
+    let first_difference = first_difference(kept, &scenario, &episode)?;
     let identical = first_difference.is_none() && recorded.is_of(&episode);
     Ok(Replayed {
         path: kept.path.clone(),
@@ -398,12 +403,15 @@ impl std::fmt::Display for Difference {
     }
 }
 
-/// Returns the first difference between an episode and its recording.
+/// Returns the first difference between an episode of a world and its recording.
+///
+/// It compares all samples, then the motion after the contact.
 ///
 /// # Errors
 /// Returns an error if the samples beside the file are damaged.
 pub(super) fn first_difference(
     kept: &SavedCounterexample,
+    scenario: &Scenario,
     episode: &Episode,
 ) -> Result<Option<Difference>, KeptError> {
     let recorded = &kept.counterexample;
@@ -424,7 +432,7 @@ pub(super) fn first_difference(
     let positions: Vec<usize> = columns.iter().map(|(_, position)| *position).collect();
     let now = digests_of(&episode.trace, &positions);
     if now == recorded.digests {
-        return Ok(None);
+        return Ok(difference_after_contact(recorded, scenario, episode));
     }
     // A digest has 8 characters per sample, so the first unequal chunk is the sample.
     let digests = recorded.digests.as_bytes().chunks(8);
@@ -445,6 +453,41 @@ pub(super) fn first_difference(
         signal,
         unpublished: None,
     }))
+}
+
+/// Returns the first difference of the motion after the contact, if the file has it.
+fn difference_after_contact(
+    recorded: &Counterexample,
+    scenario: &Scenario,
+    episode: &Episode,
+) -> Option<Difference> {
+    let then = &recorded.motion_after_contact;
+    if then.is_empty() {
+        return None;
+    }
+    let now = motion_after_contact(scenario, episode).unwrap_or_default();
+    if now == *then {
+        return None;
+    }
+    let rows = then.lines().zip(now.lines());
+    let same = rows.take_while(|(then, now)| then == now).count();
+    let numbers = |text: &str| -> Vec<f64> {
+        let row = text.lines().nth(same).unwrap_or_default().split(',');
+        row.map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()
+    };
+    let columns = then.lines().next().unwrap_or_default().split(',');
+    let pairs = numbers(then).into_iter().zip(numbers(&now));
+    let mut cells = columns.zip(pairs);
+    let differing = cells.find(|(_, (was, is))| was.to_bits() != is.to_bits());
+    let after_s = numbers(then).first().copied().unwrap_or(0.0);
+    let contact_s = episode.contact.as_ref().map_or(0.0, |contact| contact.time_s);
+    Some(Difference {
+        // The table begins with a head, so its rows count from 1.
+        sample: episode.trace.len() + same.saturating_sub(1),
+        time_s: contact_s + after_s,
+        signal: differing.map(|(name, (was, is))| (format!("{name} after the contact"), was, is)),
+        unpublished: None,
+    })
 }
 
 /// Returns the recorded signals with their present columns.
@@ -473,9 +516,12 @@ mod tests {
         all.kept()[0].clone()
     }
 
+    fn world(kept: &SavedCounterexample) -> Scenario {
+        kept.counterexample.scenario(&kept.path).expect("a world")
+    }
+
     fn replayed(kept: &SavedCounterexample) -> Episode {
-        let scenario = kept.counterexample.scenario(&kept.path).expect("a world");
-        let replayed = replay(kept, scenario).expect("replayed");
+        let replayed = replay(kept, world(kept)).expect("replayed");
         replayed.episode
     }
 
@@ -505,7 +551,32 @@ mod tests {
         let episode = replayed(&kept);
         let fewer = [("ego.speed", "ego.speed"), ("headway", "headway")];
         let old = recorded_as(&kept, &episode, &fewer);
-        assert_eq!(first_difference(&old, &episode).expect("compared"), None);
+        let difference = first_difference(&old, &world(&kept), &episode);
+        assert_eq!(difference.expect("compared"), None);
+    }
+
+    #[test]
+    fn a_difference_after_the_contact_has_its_agent_and_both_values() {
+        let mut kept = kept();
+        let episode = replayed(&kept);
+        let now = motion_after_contact(&world(&kept), &episode).expect("a contact");
+        assert_eq!(now.lines().count(), 41, "a head and 2 s of samples");
+        kept.counterexample.motion_after_contact = now.clone();
+        let compared = |kept: &SavedCounterexample| {
+            first_difference(kept, &world(kept), &episode).expect("compared")
+        };
+        assert_eq!(compared(&kept), None);
+        let mut rows: Vec<String> = now.lines().map(str::to_owned).collect();
+        let (time, rest) = rows[2].split_once(',').expect("columns");
+        let (_, rest) = rest.split_once(',').expect("columns");
+        rows[2] = format!("{time},7.5,{rest}");
+        kept.counterexample.motion_after_contact = rows.join("\n");
+        let difference = compared(&kept).expect("a difference");
+        let (name, was, is) = difference.signal.expect("a column");
+        assert_eq!((name.as_str(), was), ("ego.x after the contact", 7.5));
+        assert!(is > 200.0, "{is}");
+        let contact_s = episode.contact.expect("a contact").time_s;
+        assert!((difference.time_s - contact_s - 0.1).abs() < 1e-9);
     }
 
     #[test]
@@ -513,7 +584,7 @@ mod tests {
         let kept = kept();
         let episode = replayed(&kept);
         let gone = recorded_as(&kept, &episode, &[("ego.mood", "ego.speed")]);
-        let difference = first_difference(&gone, &episode).expect("compared");
+        let difference = first_difference(&gone, &world(&kept), &episode).expect("compared");
         let told = difference.expect("a difference").to_string();
         assert_eq!(told, "`ego.mood` was recorded and is no signal any more");
     }

@@ -20,7 +20,7 @@ use crate::run_dir::{
     About, AdversaryId, Counterexample, KeptError, NoAnswer, Severity, Why, file_name, make_dir,
 };
 use crate::search::ExperimentCell;
-use crate::testbench::{Episode, Testbench};
+use crate::testbench::{Episode, Testbench, film_beyond};
 use crate::world::{Change, Scenario};
 
 /// Least share of variations in which a kept counterexample must fail.
@@ -216,7 +216,11 @@ pub fn labels_of_contact(scenario: &Scenario, episode: &Episode) -> About {
 fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     About {
         severity: Severity::of(episode),
-        after_contact: episode.after_contact.clone(),
+        after_contact: episode.contact.as_ref().and_then(|_| {
+            let mut bench = scenario.repeating(episode).bench();
+            let after = film_beyond(&mut bench, episode).after;
+            after.map(|after| after.motion)
+        }),
         naturalness: scenario.naturalness_of(episode),
         preventability: episode
             .contact

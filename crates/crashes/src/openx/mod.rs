@@ -50,7 +50,7 @@ pub(crate) struct Crash<'a> {
     pub episode: &'a Episode,
     /// Passage up to the contact, or to the end of the episode.
     pub recorded: &'a Passage,
-    /// Motion after the contact, in worlds with `after_contact_s`.
+    /// Motion after the contact, if there is one.
     pub after: Option<&'a FilmAfterContact>,
     /// Passage to the horizon, simulated without contact ([`ghostly`][ghostly]).
     ///

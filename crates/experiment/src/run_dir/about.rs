@@ -21,7 +21,7 @@ pub struct About {
     /// Effect of the contact on the ego. `None` without a contact of the ego.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub severity: Option<Severity>,
-    /// Motion after the contact. `None` in worlds that end there.
+    /// Motion after the contact. `None` without a contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub after_contact: Option<AfterContact>,
     /// Result of shrinking. `None` if the counterexample is as it was found.

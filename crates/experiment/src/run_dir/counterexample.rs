@@ -19,7 +19,7 @@ use crate::ron_file::ScenarioError;
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::run_files::disk::read_text;
 use crate::scene::{ContactEvent, Dynamics, Start};
-use crate::testbench::Episode;
+use crate::testbench::{Episode, film_beyond};
 use crate::trace::Trace;
 use crate::world::{Change, ChangeError, Scenario};
 
@@ -83,6 +83,13 @@ pub struct Counterexample {
     pub signals: Vec<String>,
     /// Digests of the samples, with eight hexadecimal digits each.
     pub digests: String,
+    /// Motion after the contact, as the text of a table in CSV.
+    ///
+    /// One row per sample with its time since the contact, and of every agent the
+    /// centre `x y z` in metres and the orientation as a quaternion `qx qy qz qw`. Empty
+    /// without such a motion, and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub motion_after_contact: String,
     /// Facts about the counterexample. `None` if they were not determined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub about: Option<About>,
@@ -158,14 +165,17 @@ impl Counterexample {
                 .collect(),
             signals: Vec::new(),
             digests: String::new(),
+            motion_after_contact: String::new(),
             about: None,
             world_file: scenario.text.clone(),
         };
-        recorded.as_now(&episode.trace)
+        recorded.as_now(scenario, episode)
     }
 
-    /// Returns the counterexample with the samples' data as of this version.
-    pub fn as_now(&self, trace: &Trace) -> Counterexample {
+    /// Returns the counterexample with the samples and the motion after the contact as
+    /// of this version.
+    pub fn as_now(&self, scenario: &Scenario, episode: &Episode) -> Counterexample {
+        let trace = &episode.trace;
         let signals = trace.schema().signals().iter();
         let all: Vec<usize> = (0..signals.len()).collect();
         Counterexample {
@@ -174,6 +184,7 @@ impl Counterexample {
             samples_sha256: Some(sha256(csv_of(trace).as_bytes())),
             signals: signals.map(|signal| signal.name.clone()).collect(),
             digests: digests_of(trace, &all),
+            motion_after_contact: motion_after_contact(scenario, episode).unwrap_or_default(),
             ..self.clone()
         }
     }
@@ -418,6 +429,35 @@ impl Counterexample {
         }
         Ok(Start(start))
     }
+}
+
+/// Returns the motion after the contact of an episode as the text of a table.
+///
+/// `None` if nothing moves after it. [`Counterexample::motion_after_contact`] has the
+/// columns.
+pub fn motion_after_contact(scenario: &Scenario, episode: &Episode) -> Option<String> {
+    episode.contact.as_ref()?;
+    // A program is not started again: its commands are in the episode.
+    let mut bench = scenario.repeating(episode).bench();
+    let after = film_beyond(&mut bench, episode).after?;
+    let agents = bench.stage().agents;
+    let mut text = String::from("time");
+    for agent in &agents {
+        for column in ["x", "y", "z", "qx", "qy", "qz", "qw"] {
+            text += &format!(",{}.{column}", agent.name);
+        }
+    }
+    for (index, frame) in after.frames.iter().enumerate() {
+        // Time is i · dt. Rounding removes the digits that binary fractions add.
+        let time_s = ((index + 1) as f64 * after.sample_s * 1e9).round() / 1e9;
+        text += &format!("\n{time_s}");
+        for placement in &frame.placements {
+            let numbers = placement.centre_m.iter().chain(&placement.rotation.coords);
+            // The shortest text of a number has all of its bits.
+            numbers.for_each(|number| text += &format!(",{number}"));
+        }
+    }
+    Some(text)
 }
 
 /// Digests of all samples, of the given columns in their order.

@@ -259,8 +259,8 @@ impl Scene for LimitedScene {
         self.scene.rapier_steps()
     }
 
-    fn after_contact(&self) -> Option<(AfterContact, Vec<Frame>)> {
-        self.scene.after_contact()
+    fn after_contact(&self, default_s: f64) -> Option<(AfterContact, Vec<Frame>)> {
+        self.scene.after_contact(default_s)
     }
 
     fn finish(&mut self) {

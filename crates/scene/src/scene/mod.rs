@@ -126,6 +126,11 @@ impl ContactEvent {
     }
 }
 
+/// Time after the contact that episodes have which are kept or shown, in seconds.
+///
+/// A world's own `after_contact_s` replaces it.
+pub const KEPT_AFTER_CONTACT_S: f64 = 2.0;
+
 /// Motion of the agents after the first contact, as the physics resolves it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AfterContact {
@@ -331,10 +336,10 @@ pub trait Scene: Send {
     }
     /// Plays on after a contact and returns the events with a frame per sample.
     ///
-    /// The scene itself stays at the contact. `None` if nothing is played: without a
-    /// contact, in worlds with `after_contact_s: 0`, and on plants that resolve no
-    /// collisions.
-    fn after_contact(&self) -> Option<(AfterContact, Vec<Frame>)> {
+    /// It plays `default_s` where the world states no `after_contact_s`. rapier moves
+    /// all bodies, also those of the kinematic plant. The scene itself stays at the
+    /// contact. `None` if nothing is played: without a contact or without bodies.
+    fn after_contact(&self, _default_s: f64) -> Option<(AfterContact, Vec<Frame>)> {
         None
     }
     /// Ends the episode, so that an external ego stops waiting for a sample.

@@ -26,7 +26,7 @@ pub struct Episode {
     pub robustness: f64,
     /// The first contact, if the agents touched.
     pub contact: Option<ContactEvent>,
-    /// Motion after the contact, in worlds with `after_contact_s`.
+    /// Motion after the contact, in worlds that state `after_contact_s`.
     pub after_contact: Option<AfterContact>,
     /// After a success that ended in contact: rules kept or broken up to the contact.
     pub rules_until_contact: Option<RulesUntilContact>,
@@ -88,7 +88,8 @@ pub fn play(
 impl Testbench {
     fn after_contact(&self) -> Option<AfterContact> {
         self.contact.as_ref()?;
-        self.scene.after_contact().map(|(after, _)| after)
+        // Without a wish of the world only kept episodes are worth the time.
+        self.scene.after_contact(0.0).map(|(after, _)| after)
     }
 
     /// Returns the record of the episode played from `start` under `actions`.

@@ -3,14 +3,14 @@
 use std::borrow::Cow;
 
 use super::{Aftermath, Episode, Testbench};
-use crate::scene::{AfterContact, Frame};
+use crate::scene::{AfterContact, Frame, KEPT_AFTER_CONTACT_S};
 
 /// Poses of a recorded episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     /// One frame per sample, the first at 0 s. With a contact, the last is its instant.
     pub frames: Vec<Frame>,
-    /// Motion after the contact, in worlds with `after_contact_s`.
+    /// Motion after the contact, if there is one.
     pub after: Option<FilmAfterContact>,
 }
 
@@ -71,8 +71,7 @@ pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
 pub fn film_beyond(bench: &mut Testbench, episode: &Episode) -> Film {
     let frames = film(bench, episode);
     let after = bench.contact.as_ref().and_then(|touch| {
-        // Only worlds with `after_contact_s` have it.
-        let (motion, frames) = bench.scene.after_contact()?;
+        let (motion, frames) = bench.scene.after_contact(KEPT_AFTER_CONTACT_S)?;
         Some(FilmAfterContact {
             contact_s: touch.time_s,
             sample_s: bench.clock().sample_s,

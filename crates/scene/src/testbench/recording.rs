@@ -81,7 +81,7 @@ pub fn motion_of(bench: &mut Testbench, episode: &Episode) -> Option<Motion> {
 
 /// Plays a recorded episode again and returns motion and traffic lights.
 ///
-/// In worlds with `after_contact_s`, the frames after the contact are the second value.
+/// The frames after the contact are the second value.
 pub fn passage_of(
     bench: &mut Testbench,
     episode: &Episode,

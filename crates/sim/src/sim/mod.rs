@@ -259,7 +259,8 @@ pub trait Plant: Send {
     /// `touching` are the bodies in contact. They, and every body that collides
     /// later, let go of their controls: vehicles roll freely, and others move as
     /// the collision throws them. `advance` returns no contact any more. Returns
-    /// false on a plant that resolves no collisions, and changes nothing there.
+    /// false on a plant that resolves no collisions, and changes nothing there:
+    /// [`Rigid::taking_over`] does it instead.
     fn collide(&mut self, _touching: (BodyId, BodyId)) -> bool {
         false
     }

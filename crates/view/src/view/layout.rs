@@ -15,7 +15,7 @@ use rerun::datatypes::{self, Range1D};
 
 use super::error::ViewError;
 use super::lines;
-use super::log_writer::{LogWriter, SHOWN_TIME, UNTIL_VERDICT, nanos};
+use super::log_writer::{LogWriter, SHOWN_TIME, nanos};
 use super::viewed_episode::ViewedEpisode;
 
 /// Height of a plot, of a line of its legend, and of the legend's frame.
@@ -147,7 +147,7 @@ impl<'a> BlueprintBuilder<'a> {
         self.property(&view, "PlotLegend", &legend)?;
         // Room at the end keeps the legend off the last events. Plots without a
         // legend have the same axis, so that they are comparable.
-        let end_s = legend_room(story) * story.end_s().max(0.1);
+        let end_s = (legend_room(story) * story.end_s().max(0.1)).max(story.motion_end_s());
         let instant =
             |time_s: f64| datatypes::TimeRangeBoundary::Absolute(datatypes::TimeInt(nanos(time_s)));
         let axis = TimeAxis::new().with_view_range(datatypes::TimeRange {
@@ -175,12 +175,12 @@ impl<'a> BlueprintBuilder<'a> {
             let hidden = PanelBlueprint::new().with_state(PanelState::Collapsed);
             self.journal.layout(panel.into(), &hidden)?;
         }
-        // Following opens at the end of a timeline, which is the verdict.
+        // Following opens at the end of a timeline, which is the contact or the verdict.
         // Playing from there starts again at real speed.
         let timeline = if self.is_stream {
             SHOWN_TIME
         } else {
-            story.opens_s().map_or("sim_time", |_| UNTIL_VERDICT)
+            story.opening().map_or("sim_time", |opening| opening.name)
         };
         let time = TimePanelBlueprint::new()
             .with_state(PanelState::Collapsed)

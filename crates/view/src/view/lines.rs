@@ -44,7 +44,7 @@ pub(super) fn log_marks(
     }
     if let Some(touch) = &story.episode.contact {
         // A contact lies between two samples, and the later sample shows it.
-        let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
+        let sample = story.sample_of(touch.time_s);
         let name = format!("contact {:.2} s", touch.time_s);
         upright("contact", (sample, touch.time_s), &name, palette::CONTACT)?;
     }

@@ -13,8 +13,15 @@ use super::error::ViewError;
 
 /// Application under which the viewer keeps the user's layout.
 const APPLICATION: &str = "brakecheck";
-/// Timeline that ends with the verdict, for episodes that continue after it.
-pub(super) const UNTIL_VERDICT: &str = "until_verdict";
+/// Timeline that ends at an instant, at which a recording opens.
+///
+/// A viewer that follows a timeline opens at its end. Blueprints have no other way to
+/// select the opening time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OpeningTimeline {
+    pub name: &'static str,
+    pub end_s: f64,
+}
 /// Timeline of a stream: the episodes one after another, in simulated time.
 pub(super) const SHOWN_TIME: &str = "shown_time";
 /// Timeline of a stream: the number of the episode.
@@ -74,8 +81,8 @@ impl StreamPlace {
 pub(super) struct LogWriter {
     store: StoreId,
     messages: Vec<LogMsg>,
-    /// End of the timeline [`UNTIL_VERDICT`], in nanoseconds.
-    until: Option<i64>,
+    /// Timeline that ends at the opening time, if the recording continues after it.
+    opening: Option<OpeningTimeline>,
     /// Place of the current episode, in a stream.
     place: Option<StreamPlace>,
 }
@@ -92,7 +99,7 @@ impl LogWriter {
         LogWriter {
             store,
             messages: vec![opening],
-            until: None,
+            opening: None,
             place: None,
         }
     }
@@ -114,13 +121,9 @@ impl LogWriter {
         std::mem::take(&mut self.messages)
     }
 
-    /// Adds a timeline that ends at `time_s` to all later messages up to that time.
-    ///
-    /// A viewer that follows a timeline opens at its end. Blueprints have no
-    /// other way to select the opening time.
-    pub(super) fn ending_at(mut self, time_s: Option<f64>) -> LogWriter {
-        // Marks extend one microsecond beyond their instant.
-        self.until = time_s.map(|time_s| nanos(time_s + 2e-6));
+    /// Adds a timeline to all later messages up to its end.
+    pub(super) fn opening_at(mut self, opening: Option<OpeningTimeline>) -> LogWriter {
+        self.opening = opening;
         self
     }
 
@@ -192,9 +195,9 @@ impl LogWriter {
         let instant = TimePoint::default()
             .with(Timeline::new_sequence("step"), sample as i64)
             .with(Timeline::new_duration("sim_time"), nanos(time_s));
-        let instant = match self.until {
-            Some(until) if nanos(time_s) <= until => {
-                instant.with(Timeline::new_duration(UNTIL_VERDICT), nanos(time_s))
+        let instant = match &self.opening {
+            Some(opening) if nanos(time_s) <= opening.end_ns() => {
+                instant.with(Timeline::new_duration(opening.name), nanos(time_s))
             }
             _ => instant,
         };
@@ -234,9 +237,11 @@ impl LogWriter {
                 .collect(),
         );
         let chunk = chunk?;
-        let until = self.until.unwrap_or(i64::MIN);
+        let Some(opening) = self.opening else {
+            return self.push(chunk);
+        };
         // Rows are sorted by time, so those of the shorter timeline come first.
-        let early = times.partition_point(|time| *time <= until);
+        let early = times.partition_point(|time| *time <= opening.end_ns());
         if early == 0 {
             return self.push(chunk);
         }
@@ -244,7 +249,7 @@ impl LogWriter {
         // end of the shorter timeline.
         let mut first = chunk.row_sliced_shallow(0, early);
         let times_s = times[..early].iter().map(|time| 1e-9 * *time as f64);
-        let column = TimeColumn::new_duration_secs(UNTIL_VERDICT, times_s);
+        let column = TimeColumn::new_duration_secs(opening.name, times_s);
         first.add_timeline(column)?;
         self.push(first)?;
         match times.len() - early {
@@ -271,6 +276,13 @@ impl LogWriter {
         self.messages
             .push(LogMsg::ArrowMsg(self.store.clone(), message));
         Ok(())
+    }
+}
+
+impl OpeningTimeline {
+    fn end_ns(&self) -> i64 {
+        // Marks extend one microsecond beyond their instant.
+        nanos(self.end_s + 2e-6)
     }
 }
 

@@ -3,7 +3,8 @@
 //! A recording contains the cars in 3D, every signal, the contact, and the
 //! verdict in words. It also contains the running robustness of the ego's
 //! specification and of every rule. Its timelines are `sim_time` and `step`. If
-//! the episode continues after the verdict, `until_verdict` ends there:
+//! the motion continues after the contact, `until_contact` ends there, and in an
+//! episode without one `until_verdict` ends at the verdict:
 //!
 //! | panel | of | entity | what it is |
 //! | --- | --- | --- | --- |
@@ -34,9 +35,9 @@
 //! The panel `from above` shows the scene a second time. A grid world has a map
 //! in the plane instead of both.
 //!
-//! A recording opens at the verdict. In most episodes this is the last sample,
-//! with the crash, and otherwise the end of `until_verdict`. Playing from there
-//! starts again, and `sim_time` has the complete episode.
+//! A recording opens at the contact, or without one at the verdict: at the end of
+//! `until_contact` or `until_verdict`, or of the motion. Playing from there starts
+//! again, and `sim_time` has the complete motion.
 //!
 //! Running robustness is the informative bound of the interval of possible
 //! values. For `always` it is the running minimum. It crosses zero at the sample
@@ -187,7 +188,7 @@ impl<'a> Recording<'a> {
     /// Returns an error if the viewer's library rejects the data.
     pub fn messages(&self) -> Result<Messages, ViewError> {
         let story = &self.0;
-        let mut journal = LogWriter::new(StoreKind::Recording).ending_at(story.opens_s());
+        let mut journal = LogWriter::new(StoreKind::Recording).opening_at(story.opening());
         let about = RecordingInfo::update_fields().with_name(story.scenario.name.as_str());
         journal.always(EntityPath::properties(), &[&about])?;
         panels::log(story, &mut journal)?;

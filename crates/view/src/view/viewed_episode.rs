@@ -1,5 +1,6 @@
 //! Episode as numbers to show, independent of the viewer.
 
+use super::log_writer::OpeningTimeline;
 use super::palette;
 use super::palette::Rgb;
 use crate::rulebook::Verdict;
@@ -8,9 +9,9 @@ use crate::stl::{Interval, Monitor};
 use crate::testbench::{Episode, Film, FilmAfterContact, film_beyond};
 use crate::world::Scenario;
 
-/// Least aftermath in seconds for which a recording opens at the verdict.
+/// Least motion in seconds after contact or verdict for which a recording opens there.
 ///
-/// Below it, the end of the episode shows the verdict as well.
+/// Below it, the end of the motion shows the same.
 const GOES_ON_S: f64 = 0.3;
 
 /// Episode with all derived values that a viewer shows.
@@ -117,6 +118,12 @@ impl<'a> ViewedEpisode<'a> {
         (sample as f64 * self.episode.trace.dt_s() * 1e9).round() / 1e9
     }
 
+    /// First sample at or after an instant.
+    pub(super) fn sample_of(&self, time_s: f64) -> usize {
+        let sample = (time_s / self.episode.trace.dt_s()).ceil() as usize;
+        sample.min(self.samples().saturating_sub(1))
+    }
+
     /// Time of the last sample in seconds.
     pub(super) fn end_s(&self) -> f64 {
         self.time_s(self.samples().saturating_sub(1))
@@ -146,10 +153,22 @@ impl<'a> ViewedEpisode<'a> {
         last.map_or(0.0, |(_, time_s)| time_s).max(self.end_s())
     }
 
-    /// Opening time of the viewer, if the episode continues long after the verdict.
-    pub(super) fn opens_s(&self) -> Option<f64> {
-        let decided_s = self.time_s(self.decided?);
-        (decided_s + GOES_ON_S < self.motion_end_s()).then_some(decided_s)
+    /// Opening time of the viewer, if the motion continues long after it.
+    ///
+    /// It is the contact, or the verdict of an episode without a contact.
+    pub(super) fn opening(&self) -> Option<OpeningTimeline> {
+        let opening = match (&self.episode.contact, self.decided) {
+            (Some(contact), _) => OpeningTimeline {
+                name: "until_contact",
+                end_s: self.time_s(self.sample_of(contact.time_s)),
+            },
+            (None, Some(sample)) => OpeningTimeline {
+                name: "until_verdict",
+                end_s: self.time_s(sample),
+            },
+            (None, None) => return None,
+        };
+        (opening.end_s + GOES_ON_S < self.motion_end_s()).then_some(opening)
     }
 
     /// Index of the ego in the cast.

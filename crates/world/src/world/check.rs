@@ -324,16 +324,14 @@ pub(super) fn script(problems: &mut Problems, path: &ValuePath, script: &Script)
 /// Greatest range of sensors, in metres.
 const MAX_RANGE_M: f64 = 10_000.0;
 
-/// Checks the time after the first contact, which only the rigid plant can play.
+/// Checks the time after the first contact.
 pub(super) fn after_contact(problems: &mut Problems, path: &ValuePath, file: &ScenarioFile) {
-    let after_s = file.after_contact_s;
+    let Some(after_s) = file.after_contact_s else {
+        return;
+    };
     if !(0.0..=MOST_AFTER_CONTACT_S).contains(&after_s) {
         let what = format!("{after_s} s is outside of 0 ..= {MOST_AFTER_CONTACT_S}");
         let help = "0 ends the motion at the first contact";
-        problems.add(path, what, "here", Some(help.to_owned()));
-    } else if after_s > 0.0 && file.plant == PlantKind::Kinematic {
-        let what = "the kinematic plant resolves no collision".to_owned();
-        let help = "write `plant: Rigid`, or leave `after_contact_s` out";
         problems.add(path, what, "here", Some(help.to_owned()));
     }
 }

@@ -36,7 +36,7 @@ pub(super) struct ScenarioFile {
     #[serde(default = "rigid")]
     pub(super) plant: PlantKind,
     #[serde(default)]
-    pub(super) after_contact_s: f64,
+    pub(super) after_contact_s: Option<f64>,
     #[serde(default)]
     pub(super) judge: JudgeKind,
     #[serde(default)]

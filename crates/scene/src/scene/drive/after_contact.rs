@@ -1,24 +1,26 @@
-//! Motion after the first contact, on plants that resolve collisions.
+//! Motion after the first contact: rapier resolves the collisions.
 
 use super::motion::DriveScene;
 use crate::scene::{AfterContact, CollisionEvent, Frame, PushedEvent};
-use crate::sim::{BodyId, Collision, Plant, Pose};
+use crate::sim::{BodyCommand, BodyId, Collision, Plant, Pose, Rigid};
 
 impl DriveScene {
     /// Plays on after the contact of the last sample, without changing the scene.
     ///
-    /// Returns the frames after each sample, too. `None` without a contact, on a
-    /// plant that resolves no collisions, or if the world plays no such time.
-    pub(super) fn collide_on(&self) -> Option<(AfterContact, Vec<Frame>)> {
+    /// It plays `default_s` if the world states no time. Returns the frames after each
+    /// sample, too. `None` without a contact, or for a time of 0.
+    pub(super) fn collide_on(&self, default_s: f64) -> Option<(AfterContact, Vec<Frame>)> {
         let spec = &self.layout.spec;
         let contact = self.state.touch.as_ref()?;
-        let samples = (spec.after_contact_s / spec.clock.sample_s).round() as usize;
+        let after_s = spec.after_contact_s.unwrap_or(default_s);
+        let samples = (after_s / spec.clock.sample_s).round() as usize;
         if samples == 0 {
             return None;
         }
         let mut plant = self.state.plant.fork();
         if !plant.collide(contact.pair) {
-            return None;
+            plant = self.handed_over();
+            plant.collide(contact.pair);
         }
         let begun_s = self.contact_s(contact);
         let mut lanes: Vec<Option<usize>> = self.lanes(&*plant);
@@ -61,6 +63,21 @@ impl DriveScene {
             pushed,
         };
         Some((after, frames))
+    }
+
+    /// Returns the bodies of a plant that resolves no collisions, in rapier's hands.
+    fn handed_over(&self) -> Box<dyn Plant> {
+        let agents = self.layout.spec.agents.iter();
+        let bodies = agents.map(|agent| &agent.body);
+        let bodies = bodies.zip(self.state.states.iter().copied());
+        let mut plant = Rigid::taking_over(self.state.ground(), bodies);
+        for (id, command) in self.state.bodies.iter().zip(&self.commanded) {
+            // A body on a plan keeps its velocity.
+            if let Some(command @ (BodyCommand::Drive { .. } | BodyCommand::Walk { .. })) = command {
+                plant.command(*id, *command);
+            }
+        }
+        Box::new(plant)
     }
 
     fn collision_of(&self, collision: &Collision, begun_s: f64) -> CollisionEvent {

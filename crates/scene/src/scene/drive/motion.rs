@@ -425,8 +425,8 @@ impl Scene for DriveScene {
         self.state.plant.rapier_steps()
     }
 
-    fn after_contact(&self) -> Option<(AfterContact, Vec<Frame>)> {
-        self.collide_on()
+    fn after_contact(&self, default_s: f64) -> Option<(AfterContact, Vec<Frame>)> {
+        self.collide_on(default_s)
     }
 
     fn bodies(&self, into: &mut Vec<BodySample>) {

@@ -251,8 +251,11 @@ pub struct DriveSpec {
     pub clock: Clock,
     /// Physics engine.
     pub plant: PlantKind,
-    /// Time to play after the first contact. 0 ends the motion there.
-    pub after_contact_s: f64,
+    /// Time to play after the first contact in every episode. 0 ends the motion there.
+    ///
+    /// `None`: [`KEPT_AFTER_CONTACT_S`](crate::scene::KEPT_AFTER_CONTACT_S) in the
+    /// episodes that are kept or shown, and nothing in the others.
+    pub after_contact_s: Option<f64>,
     /// The world's own road, on which the ego drives.
     pub road: Road,
     /// Further roads, by name.

@@ -79,6 +79,14 @@ impl SceneState {
         self.sample = 0;
     }
 
+    /// Returns the ground at this sample.
+    pub(super) fn ground(&self) -> Ground {
+        match self.weather {
+            Some(WeatherState { friction, .. }) => Ground { friction },
+            None => ground(&self.spec),
+        }
+    }
+
     /// Spawns the body of the next agent.
     pub fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
         self.bodies.push(self.plant.spawn(body, pose, speed_mps));

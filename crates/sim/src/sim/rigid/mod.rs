@@ -94,6 +94,43 @@ impl Rigid {
         }
     }
 
+    /// Creates a plant with the bodies of another one, in their order and motion.
+    pub fn taking_over<'a>(
+        ground: Ground,
+        bodies: impl IntoIterator<Item = (&'a Body, BodyState)>,
+    ) -> Rigid {
+        let mut plant = Rigid::new(ground);
+        for (body, state) in bodies {
+            let mut rect = rect_at(body, state.pose, state.speed_mps);
+            // From the front bumper to the middle, which swings less in a turn.
+            let rate = state.yaw_rate_rad_per_s;
+            let left_mps = state.lateral_mps - rate * body.half_length_m();
+            rect.vx_mps -= left_mps * rect.sin;
+            rect.vy_mps += left_mps * rect.cos;
+            rect.yaw_rate_rad_per_s = rate;
+            plant.add(body, &rect);
+        }
+        plant
+    }
+
+    /// Puts a body on the ground, in motion.
+    fn add(&mut self, body: &Body, rect: &Rect) -> BodyId {
+        let shape = CollisionShape::of(body);
+        let mover = RigidMover {
+            motor: motor(&mut self.world, (body, &shape), self.ground, rect),
+            body: Arc::new(body.clone()),
+            accel_mps2: 0.0,
+            before_mps: rect.along_mps(),
+        };
+        self.sweeps.push(SweptBody::resting(
+            mover.motor.rect(&self.world),
+            Extent::of(body),
+            shape,
+        ));
+        self.movers.push(mover);
+        BodyId(self.movers.len() - 1)
+    }
+
     fn step(&mut self, dt_s: f64) {
         // All motors act before rapier steps, so the order of bodies does not matter.
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
@@ -185,31 +222,7 @@ impl Plant for Rigid {
     }
 
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId {
-        let (sin, cos) = libm::sincos(pose.heading_rad);
-        let back_m = body.half_length_m();
-        let rect = Rect {
-            x_m: pose.x_m - back_m * cos,
-            y_m: pose.y_m - back_m * sin,
-            cos,
-            sin,
-            vx_mps: speed_mps * cos,
-            vy_mps: speed_mps * sin,
-            yaw_rate_rad_per_s: 0.0,
-        };
-        let shape = CollisionShape::of(body);
-        let mover = RigidMover {
-            motor: motor(&mut self.world, (body, &shape), self.ground, &rect),
-            body: Arc::new(body.clone()),
-            accel_mps2: 0.0,
-            before_mps: speed_mps,
-        };
-        self.sweeps.push(SweptBody::resting(
-            mover.motor.rect(&self.world),
-            Extent::of(body),
-            shape,
-        ));
-        self.movers.push(mover);
-        BodyId(self.movers.len() - 1)
+        self.add(body, &rect_at(body, pose, speed_mps))
     }
 
     fn collide(&mut self, touching: (BodyId, BodyId)) -> bool {
@@ -366,6 +379,21 @@ impl Plant for Rigid {
 
     fn fork(&self) -> Box<dyn Plant> {
         Box::new(self.clone())
+    }
+}
+
+/// Returns the footprint of a body whose front bumper has a pose, moving along it.
+fn rect_at(body: &Body, pose: Pose, speed_mps: f64) -> Rect {
+    let (sin, cos) = libm::sincos(pose.heading_rad);
+    let back_m = body.half_length_m();
+    Rect {
+        x_m: pose.x_m - back_m * cos,
+        y_m: pose.y_m - back_m * sin,
+        cos,
+        sin,
+        vx_mps: speed_mps * cos,
+        vy_mps: speed_mps * sin,
+        yaw_rate_rad_per_s: 0.0,
     }
 }
 

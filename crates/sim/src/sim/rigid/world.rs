@@ -140,7 +140,8 @@ impl RapierWorld {
         let handle = self.bodies.insert(
             RigidBodyBuilder::dynamic()
                 .pose(Pose::from_parts(translation, rotation))
-                .linvel(vector(rect.vx_mps, rect.vy_mps, 0.0))
+                .linvel(of_com(body, rect))
+                .angvel(vector(0.0, 0.0, rect.yaw_rate_rad_per_s))
                 .additional_mass_properties(mass_properties(body))
                 .ccd_enabled(self.is_solid)
                 .can_sleep(false),
@@ -391,6 +392,16 @@ fn mass_properties(body: &Body) -> MassProperties {
     );
     let com = vector(body.com_ahead_m, 0.0, body.com_height_m);
     MassProperties::new(com, body.mass_kg as f32, inertia)
+}
+
+/// Returns the velocity of the centre of mass of a body whose middle moves on the ground.
+fn of_com(body: &Body, rect: &Rect) -> Vector {
+    let swing_mps = rect.yaw_rate_rad_per_s * body.com_ahead_m;
+    vector(
+        rect.vx_mps - swing_mps * rect.sin,
+        rect.vy_mps + swing_mps * rect.cos,
+        0.0,
+    )
 }
 
 fn groups(memberships: Group, filter: Group) -> InteractionGroups {

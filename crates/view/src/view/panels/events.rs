@@ -115,8 +115,7 @@ fn events(story: &ViewedEpisode<'_>) -> Vec<Event> {
         let closing = touch.closing_speed_mps;
         let text = format!("contact of {a} and {b}, closing at {closing:.2} m/s");
         // The instant of the contact lies between two samples.
-        let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
-        push(sample.min(last), touch.time_s, text, true);
+        push(story.sample_of(touch.time_s), touch.time_s, text, true);
     }
     if let Some(after) = &story.after {
         for (time_s, text) in after.motion.events() {

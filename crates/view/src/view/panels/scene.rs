@@ -135,11 +135,8 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
     let Some(touch) = &story.episode.contact else {
         return Ok(());
     };
-    let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
-    let Some(frame) = story
-        .frames
-        .get(sample.min(story.frames.len().saturating_sub(1)))
-    else {
+    let sample = story.sample_of(touch.time_s);
+    let Some(frame) = story.frames.get(sample) else {
         return Ok(());
     };
     let centre_of = |name: &str| {
