@@ -131,7 +131,9 @@ fn texts(directory: &Path, licence: &str) -> Vec<String> {
         .filter(|name| begins(name, &["LICENSE", "LICENCE", "COPYING", "UNLICENSE"]))
         .filter(|name| directory.join(name).is_file())
         .collect();
-    let mit = licences.iter().position(|name| name.to_uppercase().contains("MIT"));
+    let mit = licences
+        .iter()
+        .position(|name| name.to_uppercase().contains("MIT"));
     if let (Some(mit), true) = (mit, licence.contains("OR")) {
         licences = vec![licences[mit]];
     }

@@ -122,7 +122,11 @@ fn a_crash_is_recorded_with_everything_about_it() {
             "{entity} has {components:?}"
         );
         if 1 < rows {
-            assert_eq!(timelines, &["sim_time", "step", "until_contact"], "{entity}");
+            assert_eq!(
+                timelines,
+                &["sim_time", "step", "until_contact"],
+                "{entity}"
+            );
         }
     }
     for rule in &world.rulebook().rules {
@@ -334,10 +338,18 @@ fn bodies_move_on_after_the_contact_and_its_events_are_lines_of_the_log() {
         assert!((poses_s.last().unwrap() - contact_s - 1.5).abs() < 1e-6);
     }
     // It opens at the contact, with the marks and the poses of that instant.
-    for entity in ["/world/ego", "/signals/speed", "/robustness/ego_spec", "/marks/contact"] {
+    for entity in [
+        "/world/ego",
+        "/signals/speed",
+        "/robustness/ego_spec",
+        "/marks/contact",
+    ] {
         let until = times(&bytes, entity, "until_contact");
         let last_s = 1e-9 * *until.iter().max().expect("on the timeline") as f64;
-        assert!((0.0..0.06).contains(&(last_s - contact_s + 1e-6)), "{entity} {last_s}");
+        assert!(
+            (0.0..0.06).contains(&(last_s - contact_s + 1e-6)),
+            "{entity} {last_s}"
+        );
     }
     // Curves end as before.
     assert_eq!(seconds("/signals/speed").len(), episode.trace.len());

@@ -5,9 +5,9 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TrafficRecording,
-    fit_traffic, read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc, svg_instant,
-    svg_overview,
+    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TrafficModel,
+    TrafficRecording, fit_traffic, read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc,
+    svg_instant, svg_overview,
 };
 use clap::Args;
 use serde_json::{Value, json};

@@ -31,7 +31,11 @@ fn every_substep_of_the_scenes_of_the_paper_is_a_step_of_rapier() {
                 let left = ours - theirs;
                 // The sample of a contact ends early.
                 let substeps = u64::from(bench.clock().substeps);
-                let most = if bench.contact().is_some() { substeps } else { 1 };
+                let most = if bench.contact().is_some() {
+                    substeps
+                } else {
+                    1
+                };
                 assert!(left < most, "{name}: {theirs} of {ours} steps");
                 stepped = stepped.max(theirs);
             }

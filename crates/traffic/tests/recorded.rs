@@ -8,7 +8,7 @@ use std::process::Command;
 
 use brakecheck_traffic::{
     Analysis, BoundRules, Class, PathCrossing, RecordedWorlds, RoadUserTrack, SituationKind,
-    SourceFile, TrafficRuleFile, fit_traffic, read_csv_guessed, read_xosc,
+    SourceFile, TrafficModel, TrafficRuleFile, fit_traffic, read_csv_guessed, read_xosc,
 };
 
 const WHEEL: &str = "tasi-0.15.4-py3-none-any.whl";

@@ -480,7 +480,10 @@ fn difference_after_contact(
     let mut cells = columns.zip(pairs);
     let differing = cells.find(|(_, (was, is))| was.to_bits() != is.to_bits());
     let after_s = numbers(then).first().copied().unwrap_or(0.0);
-    let contact_s = episode.contact.as_ref().map_or(0.0, |contact| contact.time_s);
+    let contact_s = episode
+        .contact
+        .as_ref()
+        .map_or(0.0, |contact| contact.time_s);
     Some(Difference {
         // The table begins with a head, so its rows count from 1.
         sample: episode.trace.len() + same.saturating_sub(1),

@@ -63,8 +63,8 @@ pub use adversary_id::keys as adversary_keys;
 pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
 pub use contact_severity::{ClosingSpeed, ContactSeverity};
-pub use counterexample::{digests_of, motion_after_contact};
 pub use counterexample::{Counterexample, KeptError};
+pub use counterexample::{digests_of, motion_after_contact};
 pub use differences::RequestedTraining;
 pub use failure_cell::{
     CLOSING_BIN_MPS, CellCount, CellFailure, DecisiveAction, FailureCell, KnownFailures,

@@ -13,7 +13,6 @@ use crate::ron_file::ValuePath;
 use crate::rulebook::Reward;
 use crate::scene::Clock;
 use crate::scene::drive::{DriveSpec, Range, Script, Sensors};
-use crate::sim::PlantKind;
 use crate::stl::Expr;
 use crate::testbench::{MAX_REPEATS, Repeats};
 

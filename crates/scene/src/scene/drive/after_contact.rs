@@ -73,7 +73,8 @@ impl DriveScene {
         let mut plant = Rigid::taking_over(self.state.ground(), bodies);
         for (id, command) in self.state.bodies.iter().zip(&self.commanded) {
             // A body on a plan keeps its velocity.
-            if let Some(command @ (BodyCommand::Drive { .. } | BodyCommand::Walk { .. })) = command {
+            if let Some(command @ (BodyCommand::Drive { .. } | BodyCommand::Walk { .. })) = command
+            {
                 plant.command(*id, *command);
             }
         }
