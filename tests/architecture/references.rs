@@ -324,9 +324,15 @@ fn wrong_commands(text: &str) -> Vec<String> {
     wrong.collect()
 }
 
-/// Every word of the sources and of the worlds' files, and the worlds' names.
+/// Every word of the sources and of the worlds' files, and the names of worlds and crates.
 fn known_words() -> BTreeSet<String> {
     let mut known = BTreeSet::new();
+    let crates = std::fs::read_dir(root().join("crates")).expect("readable");
+    known.extend(
+        crates
+            .flatten()
+            .map(|it| it.file_name().to_string_lossy().into_owned()),
+    );
     let mut texts: Vec<String> = texts().into_iter().map(|(_, text)| text).collect();
     for world in below(&root().join("worlds"), "ron") {
         known.extend(
