@@ -18,6 +18,8 @@ const EVERY_S: f64 = 0.1;
 const WORDS_S: f64 = 0.5;
 /// Time in which a label jumps to another side of its body, in seconds.
 const JUMP_S: f64 = 0.002;
+/// Width of a letter of a caption. Longer captions are set closer.
+const LETTER_PX: f64 = 7.5;
 
 /// Content of one half.
 pub(super) struct LoopPanel<'a> {
@@ -260,7 +262,10 @@ impl LoopPanel<'_> {
                 // With reduced motion, only the last caption is seen.
                 g class=(keyframes.seen(&turns)) visibility=[next.map(|_| "hidden")] {
                     rect class=(if *good { "fine" } else { "poor" }) y=(n(height_px - 28.0, 1)) width=(width_px) height="28" {}
-                    text class="result" x="10" y=(n(height_px - 9.0, 1)) { (words) }
+                    @let is_long = width_px - 20.0 < LETTER_PX * words.chars().count() as f64;
+                    @let fitted = is_long.then(|| n(width_px - 20.0, 1));
+                    @let by = is_long.then_some("spacingAndGlyphs");
+                    text class="result" x="10" y=(n(height_px - 9.0, 1)) textLength=[fitted] lengthAdjust=[by] { (words) }
                 }
             }
         }

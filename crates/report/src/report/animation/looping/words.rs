@@ -51,9 +51,11 @@ pub(super) fn captions_of(
     let mut captions = vec![(*end_s, outcome.clone())];
     for (time_s, words) in &picture.after {
         match &mut captions[..] {
-            // The first collision is that of the contact.
+            // The first collision is that of the contact, which is said already.
             [(begun_s, said)] if time_s - *begun_s <= TOGETHER_S => {
-                *said = format!("{said}; {words}");
+                if let Some((_, further)) = words.split_once("; ") {
+                    *said = format!("{said}; {further}");
+                }
             }
             _ => captions.push((*time_s, capital(words))),
         }
