@@ -145,7 +145,7 @@ impl GridWorld {
     /// Marks the observed numbers that follow from the current position alone.
     ///
     /// Times and speeds do not. A derived signal does if all signals in it do.
-    pub(crate) fn positional(&self) -> Vec<bool> {
+    pub fn positional(&self) -> Vec<bool> {
         let spec = self.spec();
         let offers = spec.catalogue();
         let plain = |name: &str| {
