@@ -7,6 +7,8 @@
 mod answers;
 #[path = "fuzz/corpus.rs"]
 mod corpus;
+#[path = "fuzz/documents.rs"]
+mod documents;
 #[path = "fuzz/files.rs"]
 mod files;
 #[path = "fuzz/formulas.rs"]

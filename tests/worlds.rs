@@ -44,6 +44,8 @@ mod naming;
 mod nested;
 #[path = "worlds/open_drive.rs"]
 mod open_drive;
+#[path = "worlds/plan_speeds.rs"]
+mod plan_speeds;
 #[path = "worlds/plans.rs"]
 mod plans;
 #[path = "worlds/process.rs"]

@@ -114,7 +114,7 @@ impl Failure {
 
 impl Note {
     /// A message without a place, as a terminal may show it.
-    fn new(what: &str, help: Option<&str>) -> Note {
+    pub(super) fn new(what: &str, help: Option<&str>) -> Note {
         Note {
             what: printable(what),
             help: help.map(printable),

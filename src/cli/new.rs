@@ -5,12 +5,20 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
+use super::failure::Note;
 use super::new_from_log::{self, FromLogArgs};
 use super::{Common, Exit, Failure, new_world, print_json, terminal};
 use crate::openx::import::{DroppedElements, EgoEvent, Import, ImportError, Imported};
-use crate::ron_file::file_text;
+use crate::ron_file::{ScenarioError, file_text};
 use crate::run_dir::write_file;
 use crate::world::Scenario;
+
+/// Problems of a scenario that are printed.
+const MOST_NOTES: usize = 50;
+/// Characters of a line of a world that are printed.
+const MOST_CHARS: usize = 120;
+/// Help of a problem without one of its own.
+const LIST: &str = "what is read is in docs/reference/protocols.md";
 
 #[derive(Args, Debug)]
 pub(super) struct NewArgs {
@@ -127,7 +135,7 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
             ));
         }
         // A text that brakecheck would refuse must not reach the disk.
-        Scenario::parse(&file, &world.text)?;
+        Scenario::parse(&file, &world.text).map_err(|error| refused_world(from, &error))?;
         files.push((path, file));
     }
     // All checks are done, so the files of a protocol appear together.
@@ -182,6 +190,26 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// Error of a scenario whose world is refused, in words of the scenario.
+///
+/// The world is not written, so no place in it helps.
+fn refused_world(from: &Path, error: &ScenarioError) -> Failure {
+    let from = from.display();
+    let notes = error.problems.iter().map(|problem| {
+        let help = problem.help.clone();
+        let help = help.unwrap_or_else(|| "change the numbers that lead to it".to_owned());
+        let (line, _) = error.line_column(problem.span.start);
+        let line = error.text.lines().nth(line - 1).unwrap_or_default().trim();
+        let line: String = line.chars().take(MOST_CHARS).collect();
+        let what = format!(
+            "`{from}` becomes a world that is not allowed: {}, in `{line}`",
+            problem.what
+        );
+        Note::new(&what, Some(&help))
+    });
+    Failure::of(Exit::Input, notes.collect())
+}
+
 /// Elements of a kind that have no effect, and where the first of them is.
 fn dropped_line(dropped: &DroppedElements) -> String {
     let DroppedElements {
@@ -196,9 +224,10 @@ fn dropped_line(dropped: &DroppedElements) -> String {
 
 impl From<ImportError> for Failure {
     fn from(error: ImportError) -> Failure {
-        let help = error.help.clone();
-        let help =
-            help.unwrap_or_else(|| "what is read is in docs/reference/protocols.md".to_owned());
-        Failure::input(error.to_string(), help)
+        let notes = error.all().take(MOST_NOTES).map(|error| {
+            let help = error.help.as_deref().unwrap_or(LIST);
+            Note::new(&error.headline(), Some(help))
+        });
+        Failure::of(Exit::Input, notes.collect())
     }
 }

@@ -71,6 +71,25 @@ fn rows_do_not_depend_on_a_stream() {
 }
 
 #[test]
+fn a_stream_that_the_disk_refuses_is_a_fault() {
+    let dir = scratch();
+    let file = path(&dir, "full.rrd");
+    std::os::unix::fs::symlink("/dev/full", &file).expect("a link");
+    let mut args = vec![
+        "search",
+        "worlds/acc.ron",
+        "--starts",
+        "6",
+        "--switches",
+        "1",
+    ];
+    args.extend(["--plant", "kinematic", "--rerun", &file]);
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    assert!(stderr(&output).contains("cannot be written"));
+}
+
+#[test]
 fn a_directory_becomes_one_recording() {
     let dir = scratch();
     let file = path(&dir, "all.rrd");

@@ -4,6 +4,8 @@
 //! The places are those of the laws of OpenSCENARIO; esmini has them to one of its
 //! steps of 0.01 s.
 
+#[path = "imports/limits.rs"]
+mod limits;
 #[path = "imports/places.rs"]
 mod places;
 #[path = "imports/precedence.rs"]

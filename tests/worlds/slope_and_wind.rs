@@ -150,23 +150,53 @@ fn the_ego_perceives_a_parked_car_from_the_sample_in_range_on() {
     }
 }
 
+fn crash_of(fields: &str) -> (Scenario, brakecheck::testbench::Episode) {
+    let world = world(&text(COASTS, "sedan", fields).replace("s_m: 100.0", "s_m: 40.0"));
+    let mut bench = world.bench();
+    let start = Start(vec![]);
+    let crash = play(&mut bench, &start, 3, &mut Constant(0), Aftermath::Skip);
+    assert!(crash.contact.is_some());
+    (world, crash)
+}
+
 #[test]
-fn files_of_other_tools_refuse_grades_and_wind_by_name() {
-    for (fields, named) in [
-        ("grades: [(0.0, -0.06)]", "grades"),
-        ("wind: (speed_mps: 3.0, from_rad: 0.0)", "wind"),
-    ] {
-        let world = world(&text(COASTS, "sedan", fields).replace("s_m: 100.0", "s_m: 40.0"));
-        let mut bench = world.bench();
-        let start = Start(vec![]);
-        let crash = play(&mut bench, &start, 3, &mut Constant(0), Aftermath::Skip);
-        assert!(crash.contact.is_some());
-        let refused = openx(&world, &crash, "crash", "nominal");
-        let Err(ExportRefusal::OpenX(OpenXError::SlopeOrWind { what })) = refused else {
-            panic!("exported");
+fn files_of_other_tools_refuse_wind_by_name() {
+    let (world, crash) = crash_of("wind: (speed_mps: 3.0, from_rad: 0.0)");
+    let refused = openx(&world, &crash, "crash", "nominal");
+    let Err(ExportRefusal::OpenX(OpenXError::Wind)) = refused else {
+        panic!("exported");
+    };
+}
+
+#[test]
+fn files_of_other_tools_have_the_heights_of_the_grades() {
+    let (world, crash) = crash_of("grades: [(0.0, 0.0), (20.0, -0.06)]");
+    let files = openx(&world, &crash, "crash", "nominal").expect("exported");
+    // The road is flat from 50 m behind the first body up to 20 m, and falls from there.
+    let numbers = |text: &str, element: &str, name: &str| -> Vec<f64> {
+        let elements = text.split('<').filter(|it| it.starts_with(element));
+        let value = |it: &str| {
+            let from = it.find(&format!(" {name}=\""))? + name.len() + 3;
+            it[from..].split('"').next()?.parse().ok()
         };
-        assert_eq!(what, named);
+        elements.filter_map(value).collect()
+    };
+    let slopes = numbers(&files.road, "elevation ", "b");
+    assert!(
+        slopes[0].abs() < 1e-12 && (slopes[1] + 0.06).abs() < 1e-9,
+        "{slopes:?}"
+    );
+    let (xs, zs) = (
+        numbers(&files.replay, "WorldPosition", "x"),
+        numbers(&files.replay, "WorldPosition", "z"),
+    );
+    assert!(10 < xs.len() && xs.iter().any(|x_m| 30.0 < *x_m));
+    for (x_m, z_m) in xs.iter().zip(&zs) {
+        let height_m = -0.06 * (x_m - 20.0).max(0.0);
+        assert!((z_m - height_m).abs() < 1e-6, "{x_m}: {z_m}");
     }
+    let pitches = numbers(&files.replay, "WorldPosition", "p");
+    assert!(pitches.iter().any(|it| (it - 0.06_f64.atan()).abs() < 1e-6));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use brakecheck_traffic::{Class, OsiAxles, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
 
-use crate::openx::vehicle_category;
+use crate::openx::{Elevation, vehicle_category};
 use crate::scene::drive::{Agent, Drive};
 use crate::scene::{BodySample, Placement};
 use crate::sim::{Body, BodyKind};
@@ -20,7 +20,9 @@ pub(super) fn osi_trace(
     episode: &Episode,
     road: (String, String),
 ) -> Option<Vec<u8>> {
-    let agents = &scenario.drive()?.spec().agents;
+    let drive = scenario.drive()?;
+    let agents = &drive.spec().agents;
+    let elevation = Elevation::of(drive.world());
     let mut bench = scenario.bench();
     bench.record_motion();
     let Film { frames, .. } = film_beyond(&mut bench, episode);
@@ -43,7 +45,17 @@ pub(super) fn osi_trace(
         instants.push(OsiFrame {
             time_ns,
             states: states
-                .map(|(agent, (body, placement))| state(&agent.body, body, placement))
+                .map(|(agent, (body, placement))| {
+                    let mut state = state(&agent.body, body, placement);
+                    if let Some(elevation) = &elevation {
+                        let (height_m, pitch_rad, roll_rad) =
+                            elevation.tilt(agent.road, &body.state.pose);
+                        state.centre_m[2] += height_m;
+                        state.roll_pitch_yaw_rad[0] += roll_rad;
+                        state.roll_pitch_yaw_rad[1] += pitch_rad;
+                    }
+                    state
+                })
                 .collect(),
         });
     }

@@ -14,6 +14,7 @@
 //! Architecture Invariant: this module plays no episode and writes nothing to
 //! disk. It converts passages that the caller recorded.
 
+mod elevation;
 mod entity;
 mod lights;
 mod origin;
@@ -29,6 +30,7 @@ use crate::scene::Passage;
 use crate::scene::drive::DriveSpec;
 use crate::testbench::{Episode, FilmAfterContact};
 use crate::world::DriveScenario;
+pub(crate) use elevation::Elevation;
 use entity::PerformanceLimits;
 pub(crate) use entity::vehicle_category;
 use origin::{AUTHOR, DATE};
@@ -81,12 +83,9 @@ pub enum OpenXError {
         /// Name of the weather.
         name: String,
     },
-    /// The road has grades, or the wind blows, which the files cannot state.
-    #[error("the world has {what}")]
-    SlopeOrWind {
-        /// `grades` or `wind`.
-        what: &'static str,
-    },
+    /// The wind blows, which the files cannot state.
+    #[error("the world has wind")]
+    Wind,
     /// The XML writer failed, which is not expected in memory.
     #[error("writing XML failed: {0}")]
     Xml(#[from] io::Error),
@@ -98,16 +97,15 @@ impl Crash<'_> {
     /// # Errors
     ///
     /// Returns an error for a contact before any agent moved, for weather that an
-    /// ado changes, and for grades and wind.
+    /// ado changes, and for wind.
     pub fn files(&self) -> Result<OpenX, OpenXError> {
         if let Some(weather) = &self.scenario.spec().weather {
             let name = weather.name.clone();
             return Err(OpenXError::ChangingWeather { name });
         }
         let spec = self.scenario.spec();
-        let forces = [("grades", spec.has_grades()), ("wind", spec.wind.is_some())];
-        if let Some((what, _)) = forces.into_iter().find(|(_, is_there)| *is_there) {
-            return Err(OpenXError::SlopeOrWind { what });
+        if spec.wind.is_some() {
+            return Err(OpenXError::Wind);
         }
         let world = self.scenario.world();
         // Both passages fit on the written road, since both scenarios refer to
@@ -160,7 +158,12 @@ impl Crash<'_> {
         header: XmlElement,
     ) -> Result<XmlElement, OpenXError> {
         let spec = self.scenario.spec();
-        let ways = ways(spec, passage, after)?;
+        let mut ways = ways(spec, passage, after)?;
+        if let Some(elevation) = Elevation::of(self.scenario.world()) {
+            for (way, agent) in ways.iter_mut().zip(&spec.agents) {
+                elevation.lift(agent.road, way);
+            }
+        }
         let parts: Vec<StoryboardAgent> = (spec.agents.iter().zip(&ways).zip(drivers).enumerate())
             .map(|(number, ((agent, way), &driver))| StoryboardAgent {
                 agent,

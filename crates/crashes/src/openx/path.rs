@@ -17,6 +17,10 @@ pub(super) struct Vertex {
     pub x_m: f64,
     pub y_m: f64,
     pub heading_rad: f64,
+    /// Height and tilt, 0 on a flat road.
+    pub z_m: f64,
+    pub pitch_rad: f64,
+    pub roll_rad: f64,
 }
 
 /// Distance in metres from the front bumper back to the reference point.
@@ -102,6 +106,9 @@ fn placed(placement: &Placement, ahead_m: f64) -> Vertex {
         x_m: pose.x_m,
         y_m: pose.y_m,
         heading_rad: pose.heading_rad,
+        z_m: 0.0,
+        pitch_rad: 0.0,
+        roll_rad: 0.0,
     }
 }
 
@@ -112,6 +119,9 @@ fn vertex(state: &BodyState, time_s: f64, behind_m: f64) -> Vertex {
         x_m: pose.x_m,
         y_m: pose.y_m,
         heading_rad: pose.heading_rad,
+        z_m: 0.0,
+        pitch_rad: 0.0,
+        roll_rad: 0.0,
     }
 }
 
@@ -129,11 +139,10 @@ impl Vertex {
         let place = XmlElement::new("WorldPosition")
             .number("x", self.x_m)
             .number("y", self.y_m)
-            // The height is 0 on every road: brakecheck's roads are flat.
-            .number("z", 0.0)
+            .number("z", self.z_m)
             .number("h", self.heading_rad)
-            .number("p", 0.0)
-            .number("r", 0.0);
+            .number("p", self.pitch_rad)
+            .number("r", self.roll_rad);
         XmlElement::new("Position").child(place)
     }
 

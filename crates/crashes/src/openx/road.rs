@@ -7,6 +7,7 @@
 //! − k). Crossing roads have no junction, because no agent changes from road to
 //! road.
 
+use super::elevation::Elevation;
 use super::lights;
 use super::origin::{AUTHOR, DATE};
 use super::stretch::Stretch;
@@ -33,9 +34,11 @@ pub(super) fn document(
     // named ones.
     let own = std::iter::once((&spec.world, &spec.road));
     let named = spec.roads.iter().map(|(name, placed)| (name, &placed.road));
+    let elevation = Elevation::of(world);
     let roads = own.chain(named).zip(world.courses()).enumerate();
     let roads = roads.map(|(number, ((name, road), course))| {
-        let laid = element((number, name), road, course, stretch(number));
+        let profile = elevation.map(|it| it.profile(number, stretch(number)));
+        let laid = element((number, name), road, (course, profile), stretch(number));
         if spec.lights_of(number).next().is_some() {
             laid.child(lights::signals(spec, number, stretch(number)))
         } else {
@@ -49,7 +52,7 @@ pub(super) fn document(
 fn element(
     (number, name): (usize, &str),
     lanes_of: &Road,
-    course: &Course,
+    (course, profile): (&Course, Option<XmlElement>),
     stretch: Stretch,
 ) -> XmlElement {
     let mut road = XmlElement::new("road")
@@ -62,6 +65,7 @@ fn element(
         road = road.child(speed_limit(limit_mps));
     }
     road.child(plan_view(course, stretch))
+        .children(profile)
         .child(lanes(lanes_of))
 }
 

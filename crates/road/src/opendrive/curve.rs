@@ -7,7 +7,7 @@
 use core::f64::consts::PI;
 use std::collections::HashMap;
 
-use super::ways::Bend;
+use super::ways::{Bend, MOST_ARCS};
 use crate::pose::{Pose, wrapped};
 
 /// Greatest distance in metres of the arcs from their curve.
@@ -71,10 +71,22 @@ pub(crate) struct CurveArc {
 /// Arcs within [`NEAR_M`] of a curve, also on parallels up to `beside_m` beside it.
 ///
 /// `at` is the place on the curve at a distance. Its heading is the tangent.
-pub(crate) fn arcs_of(at: &dyn Fn(f64) -> Pose, length_m: f64, beside_m: f64) -> Vec<CurveArc> {
+///
+/// # Errors
+///
+/// Returns a message for a curve that would need too many arcs.
+pub(crate) fn arcs_of(
+    at: &dyn Fn(f64) -> Pose,
+    length_m: f64,
+    beside_m: f64,
+) -> Result<Vec<CurveArc>, String> {
     let mut arcs = Vec::new();
     split(at, (0.0, length_m), beside_m, &mut arcs);
-    arcs
+    if arcs.len() as f64 <= MOST_ARCS {
+        Ok(arcs)
+    } else {
+        Err(format!("a curve of more than {MOST_ARCS} arcs within 1 mm"))
+    }
 }
 
 fn split(
@@ -83,6 +95,10 @@ fn split(
     beside_m: f64,
     arcs: &mut Vec<CurveArc>,
 ) {
+    // What is already too much is not split any further.
+    if MOST_ARCS < arcs.len() as f64 {
+        return;
+    }
     let (start, end) = (at(from_m), at(to_m));
     let pair = pair_of(start, end);
     let pair_m: f64 = pair.iter().map(|(_, bend)| bend.length_m).sum();
@@ -222,13 +238,64 @@ pub(crate) struct ParametricCurve {
 impl ParametricCurve {
     /// Parts into which a curve is cut to measure it, as in esmini.
     const PARTS: u32 = 200;
+    /// Halvings after which a parameter is as precise as its bits.
+    const HALVINGS: u32 = 60;
 
+    /// Returns a curve up to a parameter, stretched to the length that the file states.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message for a curve without a length.
     pub fn new(
         start: Pose,
         (ahead, left): (Cubic, Cubic),
         most: f64,
         length_m: f64,
-    ) -> ParametricCurve {
+    ) -> Result<ParametricCurve, String> {
+        let mut lengths_m = Self::lengths_m((ahead, left), most);
+        let sum_m = lengths_m.last().copied().unwrap_or(0.0);
+        if sum_m == 0.0 || !sum_m.is_finite() {
+            return Err("its polynomials lead nowhere".to_owned());
+        }
+        for it in &mut lengths_m {
+            *it *= length_m / sum_m;
+        }
+        Ok(ParametricCurve {
+            start,
+            ahead,
+            left,
+            most,
+            lengths_m,
+        })
+    }
+
+    /// Returns the curve of a function of the distance ahead, as long as the file states.
+    ///
+    /// Its length is that along the curve, so it ends before the same distance ahead.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message for a curve without a length.
+    pub fn of_function(start: Pose, left: Cubic, length_m: f64) -> Result<ParametricCurve, String> {
+        let ahead = Cubic {
+            from_m: 0.0,
+            terms: [0.0, 1.0, 0.0, 0.0],
+        };
+        let (mut least, mut most) = (0.0, length_m);
+        for _ in 0..Self::HALVINGS {
+            let middle = 0.5 * (least + most);
+            let lengths_m = Self::lengths_m((ahead, left), middle);
+            if lengths_m.last().is_some_and(|sum_m| *sum_m < length_m) {
+                least = middle;
+            } else {
+                most = middle;
+            }
+        }
+        ParametricCurve::new(start, (ahead, left), most, length_m)
+    }
+
+    /// Lengths along two polynomials at even parameters up to one.
+    fn lengths_m((ahead, left): (Cubic, Cubic), most: f64) -> Vec<f64> {
         let step = most / f64::from(Self::PARTS);
         let mut lengths_m = vec![0.0];
         let mut sum_m = 0.0;
@@ -237,16 +304,7 @@ impl ParametricCurve {
             sum_m += step * libm::hypot(ahead.slope(middle), left.slope(middle));
             lengths_m.push(sum_m);
         }
-        for it in &mut lengths_m {
-            *it *= length_m / sum_m;
-        }
-        ParametricCurve {
-            start,
-            ahead,
-            left,
-            most,
-            lengths_m,
-        }
+        lengths_m
     }
 
     pub fn at(&self, s_m: f64) -> Pose {
@@ -307,8 +365,9 @@ mod tests {
             ),
         ];
         for (ahead, left, most, length_m) in cases {
-            let curve = ParametricCurve::new(start, (ahead, left), most, length_m);
-            let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, 4.0);
+            let curve =
+                ParametricCurve::new(start, (ahead, left), most, length_m).expect("a curve");
+            let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, 4.0).expect("few arcs");
             // Chained from the start on: errors of the arcs would add up.
             let mut spot = start;
             let mut covered_m = 0.0;
@@ -338,12 +397,42 @@ mod tests {
             (cubic([0.0, 10.0, 0.0, 0.0]), cubic([0.0, 0.0, 1.0, 0.0])),
             1.0,
             20.0,
-        );
+        )
+        .expect("a curve");
         let end = curve.at(20.0);
         assert!((end.x_m - 10.0).abs() < 1e-9 && (end.y_m - 1.0).abs() < 1e-9);
         assert!((end.heading_rad - libm::atan(0.2)).abs() < 1e-9);
         // Half of the length, and not half of the parameter, is in the middle.
         let middle = curve.at(10.0);
         assert!((middle.x_m - 5.0247).abs() < 1e-3, "{middle:?}");
+    }
+
+    #[test]
+    fn a_function_is_as_long_along_itself_as_its_file_states() {
+        // y = x²/2000, whose length up to x is known in closed form.
+        let along_m = |x: f64| {
+            let slope = 0.001 * x;
+            0.5 * x * (1.0 + slope * slope).sqrt() + 500.0 * libm::asinh(slope)
+        };
+        let left = cubic([0.0, 0.0, 0.0005, 0.0]);
+        let curve = ParametricCurve::of_function(Pose::default(), left, 300.0).expect("a curve");
+        for s_m in [50.0, 200.0, 300.0] {
+            let at = curve.at(s_m);
+            assert!((along_m(at.x_m) - s_m).abs() < 1e-3, "{s_m}: {at:?}");
+            assert!((at.y_m - 0.0005 * at.x_m * at.x_m).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_curve_without_end_or_length_is_refused() {
+        let flat = cubic([0.0; 4]);
+        assert!(ParametricCurve::new(Pose::default(), (flat, flat), 1.0, 5.0).is_err());
+        let wild = cubic([0.0, 0.0, 0.001, 1e-6]);
+        let curve = ParametricCurve::of_function(Pose::default(), wild, 1e5).expect("a curve");
+        let zigzag = |s_m: f64| Pose {
+            heading_rad: 1e4 * libm::sin(s_m),
+            ..curve.at(s_m)
+        };
+        assert!(arcs_of(&zigzag, 1e5, 12.0).is_err());
     }
 }

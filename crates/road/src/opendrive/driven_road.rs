@@ -55,6 +55,18 @@ pub fn lane_road(path: &Path, text: &str, from: &LaneStart) -> Result<LaneRoad, 
     let root = XmlNode::parse(path, text.trim_start_matches('\u{feff}'))?;
     let roads = RoadMap::of(&root)?;
     let line = roads.road(&root, from.road)?;
+    if !(0.0..=line.length_m).contains(&from.s_m) {
+        let what = format!(
+            "`s_m` is {}, and road `{}` has {} m",
+            from.s_m, from.road, line.length_m
+        );
+        let help = "begin the way on the road";
+        return Err(line.node.refused(what, help));
+    }
+    if from.length_m.is_nan() || from.length_m <= 0.0 {
+        let what = format!("`length_m` is {}", from.length_m);
+        return Err(At::file(path).error(what).helped("write a length above 0"));
+    }
     let at = OnLane {
         road: from.road.to_owned(),
         lane: from.lane,

@@ -1,10 +1,12 @@
 //! Import errors and their places.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Error of an import, with its place in the files.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{}`{}{}: {what}", file.display(), self.place(), self.point())]
+///
+/// Its text has a line for every problem.
+#[derive(Clone, Debug, PartialEq)]
 pub struct ImportError {
     /// File that contains the error.
     pub file: PathBuf,
@@ -18,9 +20,89 @@ pub struct ImportError {
     pub help: Option<String>,
     /// True if the error concerns the point only. Other points may be valid.
     pub is_of_point: bool,
+    /// True if another problem is the cause, beside which this one says nothing new.
+    pub follows: bool,
+    /// Further problems, in the order of the file.
+    pub more: Vec<ImportError>,
+}
+
+impl std::error::Error for ImportError {}
+
+impl fmt::Display for ImportError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.headline())?;
+        for error in &self.more {
+            write!(f, "\n{}", error.headline())?;
+        }
+        Ok(())
+    }
+}
+
+/// Problems of an import, so that one message names them all.
+#[derive(Debug, Default)]
+pub struct Blockers(Vec<ImportError>);
+
+impl Blockers {
+    /// Keeps the error of a result, and returns its value.
+    pub fn keep<T>(&mut self, result: Result<T, ImportError>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(mut error) => {
+                let more = std::mem::take(&mut error.more);
+                self.0.push(error);
+                self.0.extend(more);
+                None
+            }
+        }
+    }
+
+    /// Returns whether there is no problem so far.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Ends the collection.
+    ///
+    /// # Errors
+    ///
+    /// Returns all problems as one error, each once and in the order of the file.
+    pub fn none(self) -> Result<(), ImportError> {
+        let mut all = self.0;
+        if all.iter().any(|error| !error.follows) {
+            all.retain(|error| !error.follows);
+        }
+        let line = |error: &ImportError| error.element.as_ref().map_or(0, |it| it.1);
+        all.sort_by(|a, b| (&a.file, line(a)).cmp(&(&b.file, line(b))));
+        all.dedup_by(|a, b| (&a.what, &a.file, &a.element) == (&b.what, &b.file, &b.element));
+        let mut all = all.into_iter();
+        let Some(mut first) = all.next() else {
+            return Ok(());
+        };
+        first.more = all.collect();
+        // A point is only left out for what concerns the point alone.
+        first.is_of_point &= first.more.iter().all(|error| error.is_of_point);
+        Err(first)
+    }
 }
 
 impl ImportError {
+    /// Returns the text of this problem alone, with its place.
+    pub fn headline(&self) -> String {
+        let file = self.file.display();
+        format!("`{file}`{}{}: {}", self.place(), self.point(), self.what)
+    }
+
+    /// Returns all problems of the error, this one first.
+    pub fn all(&self) -> impl Iterator<Item = &ImportError> {
+        std::iter::once(self).chain(&self.more)
+    }
+
+    /// Returns the error as the effect of another problem, if it is one.
+    pub fn following(mut self, follows: bool) -> ImportError {
+        self.follows = follows;
+        self
+    }
+
     fn place(&self) -> String {
         let place = self.element.as_deref();
         let place = place.map(|(element, line)| format!(", line {line}, {element}"));
@@ -43,8 +125,11 @@ impl ImportError {
     pub fn at_point(mut self, index: usize, set: &[(String, String)]) -> ImportError {
         let set = set.iter().map(|(name, value)| format!("{name} = {value}"));
         let set: Vec<String> = set.collect();
-        self.point
-            .get_or_insert_with(|| Box::new((index, set.join(", "))));
+        let point = Box::new((index, set.join(", ")));
+        for error in &mut self.more {
+            error.point.get_or_insert_with(|| point.clone());
+        }
+        self.point.get_or_insert(point);
         self
     }
 
@@ -97,6 +182,8 @@ impl At {
             what: what.into(),
             help: None,
             is_of_point: false,
+            follows: false,
+            more: Vec::new(),
         }
     }
 }

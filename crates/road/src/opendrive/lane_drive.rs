@@ -8,7 +8,7 @@ use super::error::ImportError;
 use super::links::RoadLink;
 use super::roads::{ImportedRoad, OnLane, RoadMap};
 use super::tree::XmlNode;
-use super::ways::{Bend, ImportedPath, OnWay};
+use super::ways::{Bend, ImportedPath, OnWay, WINDS};
 use crate::pose::{Pose, wrapped};
 
 /// Length in metres that a lane may lose by slanting, on the whole way.
@@ -175,7 +175,9 @@ impl RoadMap {
             let length_m = stretch.length_m();
             let at = |along_m: f64| stretch.pose(road, along_m, left_m);
             lost_m += stretch.slant_m(road);
-            for arc in arcs_of(&at, length_m, 0.0) {
+            let arcs = arcs_of(&at, length_m, 0.0);
+            let arcs = arcs.map_err(|what| road.node.refused(what, WINDS))?;
+            for arc in arcs {
                 if begins.is_none() {
                     begins = Some(arc.start);
                     spot = arc.start;
@@ -201,7 +203,10 @@ impl RoadMap {
             let help = "a way along lanes of nearly constant width and offset is read";
             return Err(asks.refused(what, help));
         }
-        let begins = begins.ok_or_else(|| asks.error("its lane has no length"))?;
+        let begins = begins.ok_or_else(|| {
+            let help = "place it before the end of its lane, in the direction of the traffic";
+            asks.refused("its lane has no length", help)
+        })?;
         let ends_m = pieces.iter().map(|piece| piece.length_m).sum();
         let way = ImportedPath { begins, pieces };
         let turns = way.pieces.iter().map(|it| (it.per_m * it.length_m).abs());

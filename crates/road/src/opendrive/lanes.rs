@@ -5,6 +5,10 @@ use super::error::ImportError;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
 
+/// Greatest number of lanes of a section, and of sections or offsets of a road.
+const MOST_LANES: usize = 200;
+const MOST_SECTIONS: usize = 5_000;
+
 /// Lane of a section.
 #[derive(Clone, Debug)]
 pub struct SectionLane {
@@ -47,6 +51,9 @@ impl RoadLanes {
         lanes: &XmlNode,
         refused: &mut Option<ImportError>,
     ) -> Result<RoadLanes, ImportError> {
+        for name in ["laneOffset", "laneSection"] {
+            few(lanes, lanes.all(name).count(), (name, MOST_SECTIONS))?;
+        }
         let offsets = lanes.all("laneOffset").map(|it| cubic(it, "s", 0.0));
         let profile = road.child("lateralProfile").into_iter();
         let banks = profile.flat_map(|it| it.all("superelevation"));
@@ -54,6 +61,8 @@ impl RoadLanes {
         let sections = lanes.all("laneSection").map(|section| {
             let s_m = ParameterScope::default().number_or_zero(section, "s")?;
             let sides = section.children.iter().flat_map(|side| side.all("lane"));
+            let counts = section.children.iter().map(|side| side.all("lane").count());
+            few(section, counts.sum(), ("lane", MOST_LANES))?;
             let lanes = sides.map(|lane| section_lane(lane, s_m, refused));
             Ok(OpenDriveLaneSection {
                 s_m,
@@ -79,6 +88,10 @@ impl RoadLanes {
     /// `None` if the section at this station has no such lane.
     pub fn middle(&self, (section, s_m): (usize, f64), lane: i32) -> Option<(f64, f64)> {
         let lanes = self.sections.get(section)?;
+        // Before numbers up to it are counted: a world may ask for any.
+        if lane != 0 && lanes.lane(lane).is_none() {
+            return None;
+        }
         let offset = begun(&self.offsets, s_m);
         let (mut t_m, mut slope) = (offset.at(s_m), offset.slope(s_m));
         let sign = f64::from(lane.signum());
@@ -196,6 +209,15 @@ fn cubic(node: &XmlNode, start: &str, from_m: f64) -> Result<Cubic, ImportError>
     })
 }
 
+/// Refuses an element with more parts of a name than are read.
+fn few(node: &XmlNode, count: usize, (name, most): (&str, usize)) -> Result<(), ImportError> {
+    if count <= most {
+        return Ok(());
+    }
+    let what = format!("it has {count} `{name}`: at most {most} are read");
+    Err(node.refused(what, "leave out those on which nobody drives"))
+}
+
 fn section_lane(
     lane: &XmlNode,
     s_m: f64,
@@ -206,14 +228,14 @@ fn section_lane(
         let help = "give the lane a `width`";
         refused.get_or_insert_with(|| border.refused("a lane with a `border` is not read", help));
     }
+    few(lane, lane.all("width").count(), ("width", MOST_SECTIONS))?;
     let widths = lane.all("width").map(|it| cubic(it, "sOffset", s_m));
     let link = |name: &str| {
         let node = lane.child("link").and_then(|it| it.child(name));
-        let id = node.map(|it| plain.number(it, "id"));
-        Ok::<_, ImportError>(id.transpose()?.map(|id| id as i32))
+        node.map(|it| plain.lane(it, "id")).transpose()
     };
     Ok(SectionLane {
-        id: plain.number(lane, "id")? as i32,
+        id: plain.lane(lane, "id")?,
         widths: widths.collect::<Result<_, ImportError>>()?,
         drives: lane.raw("type") == Some("driving"),
         links: [link("predecessor")?, link("successor")?],

@@ -62,10 +62,9 @@ impl Junctions {
     pub fn of(root: &XmlNode) -> Result<Junctions, ImportError> {
         let plain = ParameterScope::default();
         let connection = |it: &XmlNode| {
-            let lanes = it.all("laneLink").map(|link| {
-                let (from, to) = (plain.number(link, "from")?, plain.number(link, "to")?);
-                Ok((from as i32, to as i32))
-            });
+            let lanes = it
+                .all("laneLink")
+                .map(|link| Ok((plain.lane(link, "from")?, plain.lane(link, "to")?)));
             // A direct junction names the linked road itself.
             let over = it.raw("connectingRoad").or(it.raw("linkedRoad"));
             Ok(JunctionConnection {

@@ -4,7 +4,7 @@ use super::curve::{Cubic, CurveArc, ParametricCurve, arcs_of};
 use super::error::ImportError;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
-use super::ways::{Bend, Spiral};
+use super::ways::{Bend, Spiral, WINDS};
 use crate::pose::{Pose, wrapped};
 
 /// Lateral distance in metres up to which lanes stay near their curves.
@@ -12,6 +12,12 @@ const LANES_M: f64 = 12.0;
 /// Tolerances within which consecutive pieces of a reference line connect.
 pub(crate) const MEET_M: f64 = 0.01;
 const MEET_RAD: f64 = 1e-3;
+/// Greatest length of a road, and greatest distance of its places from the origin.
+pub(crate) const MOST_ROAD_M: f64 = 100_000.0;
+const MOST_PLACE_M: f64 = 1e8;
+/// Greatest heading in radians and curvature in 1/m.
+const MOST_HEADING_RAD: f64 = 1e4;
+const MOST_PER_M: f64 = 1e3;
 
 /// Piece of a reference line.
 #[derive(Clone, Copy, Debug)]
@@ -52,34 +58,49 @@ pub(crate) fn pieces_of(
     let mut pieces: Vec<ReferenceSegment> = Vec::new();
     for geometry in plan_view.all("geometry") {
         let shape = geometry.only()?;
-        let length_m = plain.number(geometry, "length")?;
+        let length_m = plain.number_in(geometry, "length", 0.0..=MOST_ROAD_M)?;
         let before = pieces.last().map(ReferenceSegment::end);
-        let s_m = plain.number(geometry, "s")?;
+        let s_m = plain.number_in(geometry, "s", -MEET_M..=MOST_ROAD_M)?;
+        let place = |name: &str, most: f64| plain.number_in(geometry, name, -most..=most);
         let start = Pose {
-            x_m: plain.number(geometry, "x")?,
-            y_m: plain.number(geometry, "y")?,
-            heading_rad: plain.number(geometry, "hdg")?,
+            x_m: place("x", MOST_PLACE_M)?,
+            y_m: place("y", MOST_PLACE_M)?,
+            heading_rad: place("hdg", MOST_HEADING_RAD)?,
         };
+        let curvature = |name: &str| plain.number_in(shape, name, -MOST_PER_M..=MOST_PER_M);
+        let winds = |what: String| shape.refused(what, WINDS);
         let bend = |per_m| chained((s_m, start), vec![Bend { length_m, per_m }]);
         let added = match shape.name.as_str() {
             "line" => bend(0.0),
-            "arc" => bend(plain.number(shape, "curvature")?),
+            "arc" => {
+                let per_m = curvature("curvature")?;
+                let arc = Spiral {
+                    length_m,
+                    from_per_m: per_m,
+                    to_per_m: per_m,
+                };
+                chained((s_m, start), arc.arcs(LANES_M).map_err(winds)?)
+            }
             "spiral" => {
                 let spiral = Spiral {
                     length_m,
-                    from_per_m: plain.number(shape, "curvStart")?,
-                    to_per_m: plain.number(shape, "curvEnd")?,
+                    from_per_m: curvature("curvStart")?,
+                    to_per_m: curvature("curvEnd")?,
                 };
-                chained((s_m, start), spiral.arcs(LANES_M))
+                chained((s_m, start), spiral.arcs(LANES_M).map_err(winds)?)
             }
+            // A piece without a length has no curve.
+            "paramPoly3" | "poly3" if length_m == 0.0 => bend(0.0),
             "paramPoly3" | "poly3" => {
                 let curve = polynomial(shape, start, length_m)?;
                 let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, LANES_M);
+                let arcs = arcs.map_err(winds)?;
                 arcs.into_iter().map(|arc| segment(s_m, arc)).collect()
             }
             other => {
                 let what = format!("a road with a `{other}` is not read");
-                refused.get_or_insert_with(|| shape.error(what));
+                let help = "write a line, an arc, a spiral or a paramPoly3";
+                refused.get_or_insert_with(|| shape.refused(what, help));
                 // The shape is replaced by a line. No entity can be on it.
                 bend(0.0)
             }
@@ -137,22 +158,16 @@ fn polynomial(shape: &XmlNode, start: Pose, length_m: f64) -> Result<ParametricC
             terms: [a?, b?, c?, d?],
         })
     };
-    let is_function = shape.name == "poly3";
-    let (ahead, left) = if is_function {
-        let along = Cubic {
-            from_m: 0.0,
-            terms: [0.0, 1.0, 0.0, 0.0],
-        };
-        (along, cubic(["a", "b", "c", "d"])?)
-    } else {
-        (
-            cubic(["aU", "bU", "cU", "dU"])?,
-            cubic(["aV", "bV", "cV", "dV"])?,
-        )
-    };
-    let by_length = is_function || shape.raw("pRange") == Some("arcLength");
+    let refused = |what: String| shape.refused(what, "check its coefficients");
+    if shape.name == "poly3" {
+        let left = cubic(["a", "b", "c", "d"])?;
+        return ParametricCurve::of_function(start, left, length_m).map_err(refused);
+    }
+    let ahead = cubic(["aU", "bU", "cU", "dU"])?;
+    let left = cubic(["aV", "bV", "cV", "dV"])?;
+    let by_length = shape.raw("pRange") == Some("arcLength");
     let most = if by_length { length_m } else { 1.0 };
-    Ok(ParametricCurve::new(start, (ahead, left), most, length_m))
+    ParametricCurve::new(start, (ahead, left), most, length_m).map_err(refused)
 }
 
 /// Refuses a piece that does not start at the end of the previous piece.
@@ -164,15 +179,18 @@ fn joins(
     let (ends_m, end) = before.unwrap_or((0.0, start));
     let off_m = libm::hypot(start.x_m - end.x_m, start.y_m - end.y_m);
     let turned_rad = wrapped(start.heading_rad - end.heading_rad).abs();
-    let fits = (s_m - ends_m).abs() <= MEET_M && off_m <= MEET_M && turned_rad <= MEET_RAD;
-    if fits {
-        Ok(())
-    } else {
-        let what = format!(
-            "it begins {off_m:.3} m and {turned_rad:.4} rad off the end of the piece before \
-                 it, at s = {s_m} m instead of {ends_m} m"
-        );
-        let help = "make the pieces of the planView meet";
-        Err(geometry.refused(what, help))
+    // Only what is off is named, or two numbers that look alike would be compared.
+    let misfits = [
+        (MEET_M < (s_m - ends_m).abs())
+            .then(|| format!("at s = {s_m:.3} m instead of {ends_m:.3} m")),
+        (MEET_M < off_m).then(|| format!("{off_m:.3} m off the end of the piece before it")),
+        (MEET_RAD < turned_rad)
+            .then(|| format!("turned by {turned_rad:.4} rad against the piece before it")),
+    ];
+    let misfits: Vec<String> = misfits.into_iter().flatten().collect();
+    if misfits.is_empty() {
+        return Ok(());
     }
+    let help = "make the pieces of the planView meet";
+    Err(geometry.refused(format!("it begins {}", misfits.join(", ")), help))
 }

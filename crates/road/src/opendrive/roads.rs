@@ -10,11 +10,14 @@ use super::curve::{Cubic, self_overlap_m};
 use super::error::ImportError;
 use super::lanes::{RoadLanes, heights_of};
 use super::links::{Junctions, RoadLink, controllers};
-use super::reference_line::{MEET_M, ReferenceSegment, pieces_of};
+use super::reference_line::{MEET_M, MOST_ROAD_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
 use super::surface::Surface;
 use super::tree::XmlNode;
 use crate::pose::{Pose, wrapped};
+
+/// Greatest number of lines and arcs of all roads of a file.
+const MOST_PIECES: usize = 200_000;
 
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]
@@ -74,12 +77,28 @@ pub struct RoadMap {
 impl RoadMap {
     /// Reads the roads of a file.
     pub fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
-        let roads = root.all("road").map(|road| {
-            let id = road.need("id")?.to_owned();
-            Ok((id, ImportedRoad::of(road)?))
-        });
+        let mut roads: BTreeMap<String, ImportedRoad> = BTreeMap::new();
+        let mut pieces = 0;
+        for node in root.all("road") {
+            let id = node.need("id")?.to_owned();
+            let road = ImportedRoad::of(node)?;
+            pieces += road.pieces.len();
+            if MOST_PIECES < pieces {
+                let what = format!("the roads have more than {MOST_PIECES} lines and arcs so far");
+                let help = "cut out the roads that the scenario uses";
+                return Err(node.refused(what, help));
+            }
+            if let Some(first) = roads.get(&id) {
+                let what = format!(
+                    "a second road `{id}`, after that of line {}",
+                    first.node.line
+                );
+                return Err(node.refused(what, "give each road an id of its own"));
+            }
+            roads.insert(id, road);
+        }
         Ok(RoadMap {
-            roads: roads.collect::<Result<_, ImportError>>()?,
+            roads,
             junctions: Junctions::of(root)?,
             controllers: controllers(root)?,
         })
@@ -192,7 +211,12 @@ impl RoadMap {
     /// `asks` is the element that refers to the road.
     pub fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
         let road = self.roads.get(id);
-        let road = road.ok_or_else(|| asks.error(format!("there is no road `{id}`")))?;
+        let road = road.ok_or_else(|| {
+            let known = self.roads.keys().take(10).map(String::as_str);
+            let known = known.collect::<Vec<_>>().join(", ");
+            let help = format!("the roads of the file: {known}");
+            asks.refused(format!("there is no road `{id}`"), &help)
+        })?;
         match &road.refused {
             Some(error) => Err(error.clone()),
             None => Ok(road),
@@ -206,16 +230,17 @@ impl ImportedRoad {
         // The first problem of a road is kept and reading continues: an unused
         // road must not fail the import.
         let mut refused = None;
-        let length_m = plain.number(road, "length")?;
+        let length_m = plain.number_in(road, "length", 0.0..=MOST_ROAD_M)?;
         let pieces = pieces_of(road.inner("planView")?, &mut refused)?;
         if pieces.is_empty() {
-            return Err(road.error("a road without geometry"));
+            let help = "give its planView a `geometry`, or leave the road out";
+            return Err(road.refused("a road without geometry", help));
         }
         // The declared length serves as the end of the road, so it must agree
         // with the pieces.
         let ends_m = pieces.last().map_or(0.0, |piece| piece.end().0);
         if MEET_M < (ends_m - length_m).abs() {
-            let what = format!("its length is {length_m} m, that of its geometry {ends_m} m");
+            let what = format!("its length is {length_m:.3} m, that of its geometry {ends_m:.3} m");
             let help = "make both the same";
             refused.get_or_insert_with(|| road.refused(what, help));
         }
@@ -281,8 +306,7 @@ impl ImportedRoad {
     /// Place at a station, `t_m` to the left of the reference line.
     pub fn at(&self, s_m: f64, t_m: f64) -> Pose {
         // A station on a joint belongs to the later piece.
-        let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
-        let piece = before.unwrap_or(&self.pieces[0]);
+        let piece = self.piece(s_m);
         let on = piece.start.bent(s_m - piece.s_m, piece.per_m);
         on.moved(0.0, t_m)
     }
@@ -330,7 +354,11 @@ impl ImportedRoad {
         let section = self.lanes.section(s_m).map_or(0, |(section, _)| section);
         self.lanes.middle((section, s_m), lane).ok_or_else(|| {
             let road = self.node.raw("id").unwrap_or_default();
-            asks.error(format!("the road `{road}` has no lane {lane}"))
+            let section = self.lanes.section(s_m);
+            let lanes = section.into_iter().flat_map(|(_, it)| &it.lanes);
+            let lanes: Vec<String> = lanes.map(|it| it.id.to_string()).collect();
+            let help = format!("its lanes there: {}", lanes.join(", "));
+            asks.refused(format!("the road `{road}` has no lane {lane}"), &help)
         })
     }
 
@@ -348,8 +376,14 @@ impl ImportedRoad {
 
     /// Curvature of the reference line at a station.
     pub fn per_m(&self, s_m: f64) -> f64 {
-        let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
-        before.unwrap_or(&self.pieces[0]).per_m
+        self.piece(s_m).per_m
+    }
+
+    /// Piece that has begun last at a station.
+    fn piece(&self, s_m: f64) -> &ReferenceSegment {
+        // Pieces that are out of order are refused, so any of them will do.
+        let begun = self.pieces.partition_point(|it| it.s_m <= s_m);
+        &self.pieces[begun.saturating_sub(1)]
     }
 
     /// Returns true for a single straight piece.

@@ -1,10 +1,16 @@
 //! Parameters with their values, and texts that refer to them.
 
+use core::ops::RangeInclusive;
 use std::collections::BTreeMap;
 
 use super::error::ImportError;
 use super::expression::evaluate;
 use super::tree::XmlNode;
+
+/// Greatest size of a number in a file, whose products stay finite.
+const MOST: f64 = 1e12;
+/// Greatest number of a lane.
+const MOST_LANE: f64 = 1000.0;
 
 /// Values of the parameters that a part of a file may use.
 #[derive(Clone, Debug, Default)]
@@ -56,8 +62,51 @@ impl ParameterScope {
 
     /// Returns a required attribute as a number.
     pub fn number(&self, node: &XmlNode, name: &str) -> Result<f64, ImportError> {
+        self.number_in(node, name, -MOST..=MOST)
+    }
+
+    /// Returns a required attribute as a number of a range.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a text that is no number, and for one outside of the range.
+    pub fn number_in(
+        &self,
+        node: &XmlNode,
+        name: &str,
+        range: RangeInclusive<f64>,
+    ) -> Result<f64, ImportError> {
         let text = self.text(node, name)?;
-        number(&text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
+        let within = format!(
+            "write a number from {} to {}",
+            short(*range.start()),
+            short(*range.end())
+        );
+        let value = number(&text).ok_or_else(|| {
+            let what = format!("`{name}` is `{text}`, which is no number");
+            node.refused(what, &within)
+        })?;
+        if range.contains(&value) {
+            Ok(value)
+        } else {
+            Err(node.refused(format!("`{name}` is {text}"), &within))
+        }
+    }
+
+    /// Returns a required attribute as the number of a lane, or of lanes.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a fraction, and for a number beyond all lanes.
+    pub fn lane(&self, node: &XmlNode, name: &str) -> Result<i32, ImportError> {
+        let value = self.number(node, name)?;
+        if value.fract() == 0.0 && value.abs() <= MOST_LANE {
+            // A whole number of this size has the same value as an integer.
+            return Ok(value as i32);
+        }
+        let what = format!("`{name}` is {value}, which is no number of a lane");
+        let help = format!("write a whole number from -{MOST_LANE} to {MOST_LANE}");
+        Err(node.refused(what, &help))
     }
 
     /// Returns an attribute as a number, or 0 if it is missing.
@@ -88,13 +137,21 @@ impl ParameterScope {
                 // The shortest text that reads back bit for bit keeps the value
                 // exact.
                 Ok(value) => Ok(value.to_string()),
-                Err(why) => Err(node.error(format!("the expression `{trimmed}`: {why}"))),
+                Err(why) => {
+                    let help = "use numbers, declared parameters, + - * / ( ) and functions such \
+                                as pow, sqrt, min and max";
+                    Err(node.refused(format!("the expression `{trimmed}`: {why}"), help))
+                }
             };
         }
         match trimmed.strip_prefix('$') {
             Some(name) => match self.get(name) {
                 Some(value) => Ok(value.to_owned()),
-                None => Err(node.error(format!("there is no parameter `{name}`"))),
+                None => {
+                    let what = format!("there is no parameter `{name}`");
+                    let help = "declare it in the `ParameterDeclarations`";
+                    Err(node.refused(what, help))
+                }
             },
             None => Ok(text.to_owned()),
         }
@@ -122,7 +179,7 @@ impl ParameterScope {
                     let rule = constraint.need("rule")?;
                     let kept = compared(value, rule, &other);
                     all &= kept.ok_or_else(|| {
-                        constraint.error(format!("the rule `{rule}` is not understood"))
+                        constraint.refused(format!("the rule `{rule}` is not understood"), RULES)
                     })?;
                 }
                 holds |= all;
@@ -134,6 +191,19 @@ impl ParameterScope {
         Ok(None)
     }
 }
+
+/// Number with few digits, also if it is large.
+fn short(value: f64) -> String {
+    if value.abs() < 1e6 {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}
+
+/// Help about the rules of comparisons.
+pub const RULES: &str =
+    "write equalTo, notEqualTo, lessThan, lessOrEqual, greaterThan or greaterOrEqual";
 
 /// Parses a finite number.
 pub fn number(text: &str) -> Option<f64> {

@@ -14,6 +14,13 @@ use super::files::Files;
 const MAX_BYTES: usize = 16 << 20;
 /// Greatest depth of nested elements.
 const MAX_DEPTH: usize = 200;
+/// Greatest number of elements and attributes of a file, and of attributes of an element.
+///
+/// An element takes more memory than its text.
+const MAX_ITEMS: usize = 1_000_000;
+const MAX_ATTRIBUTES: usize = 200;
+/// Fix of a text that is no XML.
+const NO_XML: &str = "check the file with a tool such as xmllint";
 
 /// Element of a file.
 #[derive(Clone, Debug)]
@@ -39,15 +46,22 @@ impl XmlNode {
     /// XML.
     pub fn read(path: &Path, standard: &str, files: Files<'_>) -> Result<XmlNode, ImportError> {
         let at = At::file(path);
-        let text = files(path).map_err(|error| at.error(error.to_string()))?;
+        let text = files(path).map_err(|error| {
+            let help = "check its path, which counts from the file that names it";
+            at.error(error.to_string()).helped(help)
+        })?;
         if MAX_BYTES < text.len() {
-            return Err(at.error(format!("it is larger than {MAX_BYTES} bytes")));
+            let what = format!("it is larger than {MAX_BYTES} bytes");
+            return Err(at
+                .error(what)
+                .helped("cut out the roads that the scenario uses"));
         }
         // A byte order mark is no part of the XML.
         let text = text.trim_start_matches('\u{feff}');
         // The words of the XML reader do not help with other kinds of files.
         if !text.trim_start().starts_with('<') {
-            return Err(at.error(format!("it is not an {standard} XML file")));
+            let what = format!("it is not an {standard} XML file");
+            return Err(at.error(what).helped("name the XML file itself"));
         }
         XmlNode::parse(path, text)
     }
@@ -58,6 +72,7 @@ impl XmlNode {
         let (mut line, mut counted) = (1, 0);
         let mut open: Vec<XmlNode> = Vec::new();
         let mut root: Option<XmlNode> = None;
+        let mut items = 0;
         loop {
             let event = reader.read_event();
             // The position lies behind the event, so the line is that of the
@@ -67,6 +82,13 @@ impl XmlNode {
                 .get(counted..upto)
                 .map_or(0, |part| part.matches('\n').count());
             counted = upto;
+            if MAX_ITEMS < items {
+                let what = format!("it has more than {MAX_ITEMS} elements and attributes");
+                let at = At::element(path, "here".to_owned(), line);
+                return Err(at
+                    .error(what)
+                    .helped("cut out the roads that the scenario uses"));
+            }
             let close =
                 |open: &mut Vec<XmlNode>, root: &mut Option<XmlNode>, node: XmlNode| match open
                     .last_mut()
@@ -76,18 +98,26 @@ impl XmlNode {
                 };
             match event {
                 Ok(Event::Start(start)) => {
-                    let node = XmlNode::of(&file, &start, (line, upto))
-                        .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
+                    let node = XmlNode::of(&file, &start, (line, upto)).map_err(|what| {
+                        let at = At::element(path, "here".to_owned(), line);
+                        at.error(what).helped(NO_XML)
+                    })?;
+                    items += 1 + node.attributes.len();
                     open.push(node);
                     // Guards the stack of the recursive functions that read the
                     // tree.
                     if MAX_DEPTH < open.len() {
-                        return Err(At::file(path).error("its elements nest too deeply"));
+                        let what = format!("its elements nest more than {MAX_DEPTH} deep");
+                        let at = At::element(path, "here".to_owned(), line);
+                        return Err(at.error(what).helped(NO_XML));
                     }
                 }
                 Ok(Event::Empty(start)) => {
-                    let node = XmlNode::of(&file, &start, (line, upto))
-                        .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
+                    let node = XmlNode::of(&file, &start, (line, upto)).map_err(|what| {
+                        let at = At::element(path, "here".to_owned(), line);
+                        at.error(what).helped(NO_XML)
+                    })?;
+                    items += 1 + node.attributes.len();
                     close(&mut open, &mut root, node);
                 }
                 Ok(Event::End(_)) => {
@@ -99,13 +129,17 @@ impl XmlNode {
                 Ok(_) => {}
                 Err(error) => {
                     let what = format!("this is no XML: {error}");
-                    return Err(At::element(path, "here".to_owned(), line).error(what));
+                    let at = At::element(path, "here".to_owned(), line);
+                    return Err(at.error(what).helped(NO_XML));
                 }
             }
         }
         match (root, open.is_empty()) {
             (Some(root), true) => Ok(root),
-            _ => Err(At::file(path).error("it ends before all its elements do")),
+            _ => {
+                let what = "it ends before all its elements do";
+                Err(At::file(path).error(what).helped(NO_XML))
+            }
         }
     }
 
@@ -114,7 +148,10 @@ impl XmlNode {
         start: &BytesStart<'_>,
         (line, place): (usize, usize),
     ) -> Result<XmlNode, String> {
-        let attributes = start.attributes().map(|attribute| {
+        let attributes = start.attributes().enumerate().map(|(count, attribute)| {
+            if MAX_ATTRIBUTES < count {
+                return Err(format!("it has more than {MAX_ATTRIBUTES} attributes"));
+            }
             let attribute = attribute.map_err(|error| error.to_string())?;
             let value = unescape(&attribute.value).map_err(|error| error.to_string())?;
             Ok((attribute.key.0.to_owned(), value.into_owned()))
@@ -175,8 +212,10 @@ impl XmlNode {
 
     /// Returns a required attribute as written.
     pub fn need(&self, name: &str) -> Result<&str, ImportError> {
-        self.raw(name)
-            .ok_or_else(|| self.error(format!("it has no `{name}`")))
+        self.raw(name).ok_or_else(|| {
+            let help = format!("add the attribute `{name}`");
+            self.refused(format!("it has no `{name}`"), &help)
+        })
     }
 
     /// Returns the children of a name.
@@ -191,16 +230,19 @@ impl XmlNode {
 
     /// Returns the first child of a name, or an error.
     pub fn inner(&self, name: &str) -> Result<&XmlNode, ImportError> {
-        self.child(name)
-            .ok_or_else(|| self.error(format!("there is no `{name}` in it")))
+        self.child(name).ok_or_else(|| {
+            let help = format!("add a `{name}`");
+            self.refused(format!("there is no `{name}` in it"), &help)
+        })
     }
 
     /// Returns the first child, or an error for an empty element.
     ///
     /// It serves elements with exactly one child of several possible kinds.
     pub fn only(&self) -> Result<&XmlNode, ImportError> {
-        self.children
-            .first()
-            .ok_or_else(|| self.error("there is nothing in it"))
+        self.children.first().ok_or_else(|| {
+            let help = "write what belongs into it, or leave it out";
+            self.refused("there is nothing in it", help)
+        })
     }
 }

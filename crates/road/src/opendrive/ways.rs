@@ -24,6 +24,15 @@ const SAME_RAD: f64 = 1e-9;
 /// Radius in metres below which an arc counts as a corner.
 const SHARP_M: f64 = 1.0;
 
+/// Greatest turn of a piece in radians: 30 full circles.
+pub const MOST_WINDS_RAD: f64 = 200.0;
+/// Greatest number of arcs of a curve.
+pub(crate) const MOST_ARCS: f64 = 10_000.0;
+/// Fix of a way that a world refuses as its road.
+pub const FOLDS: &str = "keep its pieces above 0 m, and its radii above the width of its lanes";
+/// Fix of a curve that is too long or winds up.
+pub const WINDS: &str = "lessen its curvature or its length";
+
 /// Piece of a path: a line or an arc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bend {
@@ -266,7 +275,10 @@ impl OnWay {
 
     /// Returns the station that is nearest to a place.
     pub fn station_m(&self, at: &At, spot: &Pose) -> Result<f64, ImportError> {
-        let course = self.way.course().map_err(|what| at.error(what))?;
+        let course = self
+            .way
+            .course()
+            .map_err(|what| at.error(what).helped(FOLDS))?;
         Ok(course.locate(spot).s_m)
     }
 
@@ -348,12 +360,23 @@ impl Spiral {
     /// at most c·h²/12, and off by 0 on average. The lateral error is the
     /// integral of the heading error and does not add up from arc to arc. It is
     /// 0 at both ends and at most c·h³/(36·√3).
-    pub fn arcs(&self, beside_m: f64) -> Vec<Bend> {
-        if self.from_per_m == self.to_per_m {
-            return vec![Bend {
+    ///
+    /// # Errors
+    ///
+    /// Returns a message for a spiral that winds up or would need too many arcs.
+    pub fn arcs(&self, beside_m: f64) -> Result<Vec<Bend>, String> {
+        let turn_rad = self.length_m * self.from_per_m.abs().max(self.to_per_m.abs());
+        if turn_rad.is_nan() || MOST_WINDS_RAD < turn_rad {
+            return Err(format!(
+                "a curvature from {} to {} 1/m on {} m",
+                self.from_per_m, self.to_per_m, self.length_m
+            ));
+        }
+        if self.from_per_m == self.to_per_m || self.length_m == 0.0 {
+            return Ok(vec![Bend {
                 length_m: self.length_m,
                 per_m: self.from_per_m,
-            }];
+            }]);
         }
         let change_per_m2 = ((self.to_per_m - self.from_per_m) / self.length_m).abs();
         let most = 36.0 * 3f64.sqrt();
@@ -365,8 +388,14 @@ impl Spiral {
         let outer = 1.0 / 12f64.sqrt();
         // Both ends together reach 2·outer beyond the middles.
         let arcs = (self.length_m / most_m + 1.0 - 2.0 * outer).ceil().max(1.0);
+        if MOST_ARCS < arcs {
+            return Err(format!(
+                "a spiral of {arcs} arcs: at most {MOST_ARCS} are read"
+            ));
+        }
         // The steps are evened out, so all inner arcs have equal lengths.
         let step_m = self.length_m / (arcs - 1.0 + 2.0 * outer);
+        // At most `MOST_ARCS`.
         let last = arcs as usize - 1;
         let arcs = (0..=last).map(|i| {
             let middle_m = step_m * (outer + i as f64);
@@ -377,7 +406,7 @@ impl Spiral {
                     + (self.to_per_m - self.from_per_m) * middle_m / self.length_m,
             }
         });
-        arcs.collect()
+        Ok(arcs.collect())
     }
 }
 
@@ -441,7 +470,7 @@ mod tests {
             };
             let way = ImportedPath {
                 begins: Pose::default(),
-                pieces: spiral.arcs(beside_m),
+                pieces: spiral.arcs(beside_m).expect("few arcs"),
             };
             let arcs_m: f64 = way.pieces.iter().map(|piece| piece.length_m).sum();
             assert!((arcs_m - length_m).abs() < 1e-9, "{arcs_m}");

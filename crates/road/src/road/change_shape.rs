@@ -34,6 +34,19 @@ impl ChangeShape {
         }
     }
 
+    /// Returns the share of the time at which a share is changed, both from 0 to 1.
+    pub fn share_of(self, changed: f64) -> f64 {
+        match self {
+            ChangeShape::Linear => changed,
+            // The half angle stays precise near 0, where the cosine is flat.
+            ChangeShape::Cosine => 2.0 / PI * libm::asin(changed.clamp(0.0, 1.0).sqrt()),
+            // The root of the cubic between 0 and 1, by its trigonometric form.
+            ChangeShape::Cubic => {
+                0.5 - libm::sin(libm::asin((1.0 - 2.0 * changed).clamp(-1.0, 1.0)) / 3.0)
+            }
+        }
+    }
+
     /// Returns the rate at a share of the time, as a multiple of the mean rate.
     pub fn rate(self, share: f64) -> f64 {
         match self {
@@ -49,6 +62,22 @@ impl ChangeShape {
             ChangeShape::Linear => 0.5 * share * share,
             ChangeShape::Cosine => 0.5 * (share - libm::sin(PI * share) / PI),
             ChangeShape::Cubic => share * share * share * (1.0 - 0.5 * share),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shape_is_inverted() {
+        for shape in [ChangeShape::Linear, ChangeShape::Cosine, ChangeShape::Cubic] {
+            for step in 0..=100 {
+                let share = f64::from(step) / 100.0;
+                let back = shape.share_of(shape.changed(share));
+                assert!((back - share).abs() < 1e-7, "{shape:?} {share} {back}");
+            }
         }
     }
 }

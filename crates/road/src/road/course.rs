@@ -97,6 +97,15 @@ struct Leg {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Course {
     legs: Vec<Leg>,
+    /// Boxes around consecutive legs, so that a search skips most of them.
+    boxes: Vec<LegBox>,
+}
+
+/// Box around the first leg, or around [`BOXED_LEGS`] later ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct LegBox {
+    least_m: [f64; 2],
+    most_m: [f64; 2],
 }
 
 /// Length of straight road before the first and behind the last piece.
@@ -105,6 +114,8 @@ pub(crate) const RUN_OUT_M: f64 = 10_000.0;
 const DRAWN_M: f64 = 2.0;
 /// Up to this number of legs, all are searched: skipping costs more than it saves.
 const FEW_LEGS: usize = 8;
+/// Number of legs in a box.
+const BOXED_LEGS: usize = 8;
 /// Tolerance of the search radius, which covers rounding of distances.
 const SAME_M: f64 = 1e-6;
 /// Length of border drawn before and behind the used part of a road.
@@ -231,8 +242,10 @@ impl Course {
             heading_rad,
         };
         let start = origin.ahead(-RUN_OUT_M);
+        let first = Leg::new(-RUN_OUT_M, RUN_OUT_M, start, 0.0);
         Course {
-            legs: vec![Leg::new(-RUN_OUT_M, RUN_OUT_M, start, 0.0)],
+            boxes: vec![first.bounds()],
+            legs: vec![first],
         }
     }
 
@@ -241,8 +254,20 @@ impl Course {
             return;
         };
         let (from_s_m, end) = (last.from_s_m + last.length_m, last.pose(last.length_m, 0.0));
-        self.legs
-            .push(Leg::new(from_s_m, length_m, end, curvature_per_m));
+        let leg = Leg::new(from_s_m, length_m, end, curvature_per_m);
+        match self.boxes.last_mut() {
+            // The first leg, which is long, has a box of its own.
+            Some(last) if (self.legs.len() - 1) % BOXED_LEGS != 0 => last.include(leg.bounds()),
+            _ => self.boxes.push(leg.bounds()),
+        }
+        self.legs.push(leg);
+    }
+
+    /// Returns the legs of a box.
+    fn boxed(&self, number: usize) -> &[Leg] {
+        let first = number.checked_sub(1).map_or(0, |nth| 1 + nth * BOXED_LEGS);
+        let behind = 1 + number * BOXED_LEGS;
+        &self.legs[first..behind.min(self.legs.len())]
     }
 
     /// Returns the pieces in order, without the straight ends.
@@ -275,32 +300,57 @@ impl Course {
     }
 
     fn locate_on_legs(&self, pose: &Pose) -> OnRoad {
+        self.nearest(pose).1
+    }
+
+    /// Returns the distance to the course and the coordinates at its nearest point.
+    pub(super) fn nearest(&self, pose: &Pose) -> (f64, OnRoad) {
         let mut nearest: Option<(f64, OnRoad)> = None;
         let within_m = if self.legs.len() <= FEW_LEGS {
             f64::INFINITY
         } else {
-            // A leg is at least as far as its start minus its length.
-            let starts_m = self.legs.iter().map(|leg| leg.start_away_m(pose));
+            // The nearest leg is no farther than any start.
+            let away_m = self.boxes.iter().map(|it| it.away_m(pose));
+            let near = away_m.enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
+            let legs = self.boxed(near.map_or(0, |(number, _)| number)).iter();
+            let starts_m = legs.map(|leg| leg.start_away_m(pose));
             starts_m.fold(f64::INFINITY, f64::min) + SAME_M
         };
-        for leg in &self.legs {
-            if within_m < leg.start_away_m(pose) - leg.length_m {
+        for (number, around) in self.boxes.iter().enumerate() {
+            if within_m < around.away_m(pose) {
                 continue;
             }
-            let (away_m, at) = leg.locate(pose);
-            // Strictly nearer, so the earlier of two equally near legs is kept.
-            if nearest.as_ref().is_none_or(|(best_m, _)| away_m < *best_m) {
-                nearest = Some((away_m, at));
+            for leg in self.boxed(number) {
+                // A leg is at least as far as its start minus its length.
+                if within_m < leg.start_away_m(pose) - leg.length_m {
+                    continue;
+                }
+                let (away_m, at) = leg.locate(pose);
+                // Strictly nearer, so the earlier of two equally near legs is kept.
+                if nearest.as_ref().is_none_or(|(best_m, _)| away_m < *best_m) {
+                    nearest = Some((away_m, at));
+                }
             }
         }
-        // Invariant: there are legs.
-        nearest.map(|(_, at)| at).unwrap_or_default()
+        // Without legs, the road is world x.
+        nearest.unwrap_or_else(|| (pose.y_m.abs(), self.locate(pose)))
+    }
+
+    /// Returns the greatest curvature of its pieces, in either direction.
+    pub(super) fn most_curvature_per_m(&self) -> f64 {
+        let legs = self.legs.iter();
+        legs.fold(0.0, |most, leg| most.max(leg.curvature_per_m.abs()))
+    }
+
+    /// Returns the last leg that has begun at a station.
+    fn begun(&self, s_m: f64) -> Option<&Leg> {
+        let begun = self.legs.partition_point(|leg| leg.from_s_m <= s_m);
+        self.legs.get(begun.checked_sub(1)?)
     }
 
     /// Returns the curvature at a station, positive to the left.
     pub fn curvature_per_m(&self, s_m: f64) -> f64 {
-        let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
-        leg.map_or(0.0, |leg| leg.curvature_per_m)
+        self.begun(s_m).map_or(0.0, |leg| leg.curvature_per_m)
     }
 
     /// Returns the mean curvature over a distance from a station.
@@ -335,8 +385,7 @@ impl Course {
 
     /// Returns the pose of an agent that drives along the course.
     pub fn pose(&self, s_m: f64, lateral_m: f64) -> Pose {
-        let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
-        match leg.or(self.legs.first()) {
+        match self.begun(s_m).or(self.legs.first()) {
             Some(leg) => leg.pose(s_m - leg.from_s_m, lateral_m),
             None => Pose {
                 x_m: s_m,
@@ -373,6 +422,26 @@ impl Course {
     }
 }
 
+impl LegBox {
+    fn include(&mut self, other: LegBox) {
+        for axis in 0..2 {
+            self.least_m[axis] = self.least_m[axis].min(other.least_m[axis]);
+            self.most_m[axis] = self.most_m[axis].max(other.most_m[axis]);
+        }
+    }
+
+    /// Returns the distance from a pose to the box, less a tolerance.
+    fn away_m(&self, pose: &Pose) -> f64 {
+        let off_m = |at_m: f64, axis: usize| {
+            (self.least_m[axis] - at_m)
+                .max(at_m - self.most_m[axis])
+                .max(0.0)
+        };
+        let (dx, dy) = (off_m(pose.x_m, 0), off_m(pose.y_m, 1));
+        (dx * dx + dy * dy).sqrt() - SAME_M
+    }
+}
+
 impl Leg {
     fn new(from_s_m: f64, length_m: f64, start: Pose, curvature_per_m: f64) -> Leg {
         Leg {
@@ -382,6 +451,32 @@ impl Leg {
             frame: start.frame(),
             curvature_per_m,
         }
+    }
+
+    /// Returns a box around the leg.
+    fn bounds(&self) -> LegBox {
+        let middle = self.pose(0.5 * self.length_m, 0.0);
+        // Half of the length is the farthest that any of it can be from its middle.
+        let disc = |centre_m: f64| {
+            (
+                centre_m - 0.5 * self.length_m,
+                centre_m + 0.5 * self.length_m,
+            )
+        };
+        let (left_m, right_m) = disc(middle.x_m);
+        let (low_m, high_m) = disc(middle.y_m);
+        let mut around = LegBox {
+            least_m: [left_m, low_m],
+            most_m: [right_m, high_m],
+        };
+        if self.curvature_per_m == 0.0 {
+            let end = self.pose(self.length_m, 0.0);
+            around = LegBox {
+                least_m: [self.start.x_m.min(end.x_m), self.start.y_m.min(end.y_m)],
+                most_m: [self.start.x_m.max(end.x_m), self.start.y_m.max(end.y_m)],
+            };
+        }
+        around
     }
 
     /// Returns the distance from a pose to the start of the leg.

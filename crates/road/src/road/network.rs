@@ -122,20 +122,37 @@ impl TravelLine {
         self.course.locate(&at).lateral_m - self.lateral_m
     }
 
+    /// Returns the least distance of a point of the other path, and its offset to the
+    /// left of this path.
+    fn seen_m(&self, other: &TravelLine, s_m: f64) -> (f64, f64) {
+        let at = other.course.pose(s_m, other.lateral_m);
+        let (away_m, on) = self.course.nearest(&at);
+        (away_m - self.lateral_m.abs(), on.lateral_m - self.lateral_m)
+    }
+
     /// Returns the crossings with another path, in driving order.
     ///
     /// Follows the other path and detects where it changes sides.
     fn crossed_by(&self, other: &TravelLine) -> Vec<Crossing> {
         let steps = (other.course.end_s_m() + 2.0 * BEYOND_M) / STEP_M;
+        let steps = steps.ceil() as usize;
         let s_m = |step: usize| step as f64 * STEP_M - BEYOND_M;
+        // On the outside of a bend, a step covers more than its length.
+        let outside = other.course.most_curvature_per_m() * other.lateral_m.abs();
+        let step_m = STEP_M * (1.0 + outside);
         let mut found = Vec::new();
-        let mut before_m = self.offset_m(other, s_m(0));
-        for step in 1..=steps.ceil() as usize {
-            let here_m = self.offset_m(other, s_m(step));
-            if (before_m < 0.0) != (here_m < 0.0) {
-                found.extend(self.crossing(other, (s_m(step - 1), s_m(step)), before_m < 0.0));
+        let mut step = 0;
+        let (mut away_m, mut before_m) = self.seen_m(other, s_m(0));
+        while step < steps {
+            // As far as the other path is away from this one, it cannot cross it.
+            let far = (away_m / step_m) as usize;
+            let next = if 1 < far { step + far - 1 } else { step + 1 };
+            let next = next.min(steps);
+            let (next_away_m, here_m) = self.seen_m(other, s_m(next));
+            if next == step + 1 && (before_m < 0.0) != (here_m < 0.0) {
+                found.extend(self.crossing(other, (s_m(step), s_m(next)), before_m < 0.0));
             }
-            before_m = here_m;
+            (step, away_m, before_m) = (next, next_away_m, here_m);
         }
         found.sort_by(|a: &Crossing, b| a.s_m.total_cmp(&b.s_m));
         if self.direction == Direction::Against {

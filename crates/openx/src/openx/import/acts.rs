@@ -19,7 +19,7 @@ use super::motion::is_still;
 use super::places::PositionContext;
 use super::relations::StoryElement;
 use super::triggers::starts;
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
@@ -47,23 +47,28 @@ pub(super) fn acts(
         gone: Vec::new(),
         relative: Vec::new(),
         begun: Vec::new(),
+        blockers: Blockers::default(),
         stop_s: f64::INFINITY,
     };
     for story in board.all("Story") {
         let declared = story.child("ParameterDeclarations");
         let own = ParameterScope::declared(declared, scope, &[])?;
         for act in story.all("Act") {
-            reader.act(act, &own)?;
+            let read = reader.act(act, &own);
+            reader.blockers.keep(read);
         }
     }
     // Checked last, since a later act may contain the lane change.
-    reader.lanes_stay()?;
+    let stay = reader.lanes_stay();
+    reader.blockers.keep(stay);
     let Reader {
         scripts,
         gone,
         stop_s,
+        blockers,
         ..
     } = reader;
+    blockers.none()?;
     for (entity, script) in entities.iter_mut().zip(scripts) {
         entity.steps = script.steps;
         entity.approach = script.approach;
@@ -84,6 +89,8 @@ struct Reader<'a> {
     relative: Vec<(String, ImportError)>,
     /// Elements with the times in seconds at which they begin, as far as known.
     begun: Vec<(StoryElement, f64)>,
+    /// Problems so far.
+    blockers: Blockers,
     /// Earliest time in seconds at which an act stops.
     stop_s: f64,
 }
@@ -94,7 +101,7 @@ impl Reader<'_> {
         if actions.is_empty() {
             return Ok(());
         }
-        happens_once(context)?;
+        self.blockers.keep(happens_once(context));
         let mut moved = Vec::new();
         for (kind, inner) in &actions {
             match kind.name.as_str() {
@@ -125,11 +132,46 @@ impl Reader<'_> {
                 continue;
             }
             let known = self.scripts.iter().position(|it| it.name == *actor);
-            let known = known
-                .ok_or_else(|| context.event.error(format!("no agent is called `{actor}`")))?;
-            self.step(known, context, &moved)?;
+            let known = known.ok_or_else(|| {
+                let help = "name an entity that the Init places";
+                let error = context
+                    .event
+                    .refused(format!("no agent is called `{actor}`"), help);
+                error.following(self.ground.unplaced.contains(actor))
+            })?;
+            if self.scripts[known].is_broken {
+                self.probe(known, context, &moved);
+                continue;
+            }
+            let read = self.step(known, context, &moved);
+            if self.blockers.keep(read).is_none() {
+                self.scripts[known].is_broken = true;
+                // What waits for the event is no problem of its own.
+                let elements = StoryElement::of("event", context.event);
+                self.begun.extend(elements.map(|it| (it, context.begins_s)));
+            }
         }
         Ok(())
+    }
+
+    /// Reads an event of an entity for its problems only.
+    ///
+    /// The steps before it are not known, so its place among them is not checked.
+    fn probe(&mut self, who: usize, context: &EventContext<'_>, actions: &[&XmlNode]) {
+        let known = (self.ground, &self.begun[..]);
+        let start = starts(context.event, context.scope, context.begins_s, known);
+        self.blockers.keep(start);
+        let mut step = ImportedStep::default();
+        // These need the place and the speed that the entity has by then.
+        let depends = |action: &XmlNode| {
+            let inner = action.children.first();
+            let name = inner.map_or("", |it| it.name.as_str());
+            action.name == "SynchronizeAction" || name == "FollowTrajectoryAction"
+        };
+        for action in actions.iter().filter(|it| !depends(it)) {
+            let read = self.action(who, context, action, true, &mut step);
+            self.blockers.keep(read);
+        }
     }
 
     fn global(&mut self, context: &EventContext<'_>, it: &XmlNode) -> Result<(), ImportError> {

@@ -38,9 +38,10 @@ impl ImportedBody {
         let name = scope.text(entity, "name")?;
         let bounds = entity.inner("BoundingBox")?;
         let size = bounds.inner("Dimensions")?;
-        let length_m = scope.number(size, "length")?;
-        let width_m = scope.number(size, "width")?;
-        let height_m = scope.number(size, "height")?;
+        let sizes_m = 0.0..=1000.0;
+        let length_m = scope.number_in(size, "length", sizes_m.clone())?;
+        let width_m = scope.number_in(size, "width", sizes_m.clone())?;
+        let height_m = scope.number_in(size, "height", sizes_m)?;
         let centre_m = scope.number(bounds.inner("Center")?, "x")?;
         let front_m = centre_m + 0.5 * length_m;
         let mass_kg = scope.number_or_zero(entity, "mass")?;
@@ -104,10 +105,16 @@ impl ImportedBody {
                 let centre_m = centre_m.max(0.3 * length_m);
                 on_wheels((centre_m, 0.6 * length_m), 0.1 * height_m, 0.8 * width_m)
             }
-            other => return Err(entity.error(format!("a `{other}` is not read"))),
+            other => {
+                let help = "write a Vehicle, a Pedestrian or a MiscObject";
+                return Err(entity.refused(format!("a `{other}` is not read"), help));
+            }
         };
         let most = |name: &str| match entity.child("Performance") {
-            Some(performance) if performance.raw(name).is_some() => scope.number(performance, name),
+            // Some files write the greatest number there is.
+            Some(performance) if performance.raw(name).is_some() => {
+                scope.number_in(performance, name, 0.0..=f64::MAX)
+            }
             // Without a stated limit, any speed profile of the file is
             // possible.
             _ => Ok(f64::INFINITY),
@@ -166,7 +173,8 @@ fn bicycle(
 ) -> Result<String, ImportError> {
     let stock = Body::shipped("bicyclist").and_then(Result::ok);
     let Some((body, limits)) = stock.as_ref().and_then(|it| Some((it, it.cyclist()?))) else {
-        return Err(entity.error("a bicycle is not read"));
+        let help = "write the vehicleCategory `car`";
+        return Err(entity.refused("a bicycle is not read", help));
     };
     let front = entity.inner("Axles")?.inner("FrontAxle")?;
     let wheelbase_m = scope.number(front, "positionX")?;

@@ -11,6 +11,9 @@ use crate::opendrive::files::Files;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
+/// Names that a help lists at most.
+const MOST_NAMES: usize = 20;
+
 /// Catalogs of a scenario file.
 ///
 /// `NAME.xosc` in one of the directories that the file lists is the catalog
@@ -76,7 +79,11 @@ impl Catalogs {
             .iter()
             .find(|it| it.raw("name") == Some(&name));
         let entry = entry.ok_or_else(|| {
-            reference.error(format!("the catalog `{catalog}` has no entry `{name}`"))
+            let entries = list.children.iter().filter_map(|it| it.raw("name"));
+            let entries: Vec<&str> = entries.take(MOST_NAMES).collect();
+            let help = format!("its entries: {}", entries.join(", "));
+            let what = format!("the catalog `{catalog}` has no entry `{name}`");
+            reference.refused(what, &help)
         })?;
         let assignments = reference.child("ParameterAssignments");
         let assignments = assignments

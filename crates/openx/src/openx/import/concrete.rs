@@ -9,12 +9,14 @@ use super::places::Placed;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::roads::{OnLane, RoadMap};
 use crate::opendrive::ways::MOST_ASIDE_M;
-use crate::opendrive::ways::{Bend, ImportedPath};
+use crate::opendrive::ways::{Bend, FOLDS, ImportedPath};
 use crate::road::Grade;
 use crate::sim::Pose;
 
 /// Step in metres in which a road that comes back onto itself is shortened.
 const SHORTER_M: f64 = 10.0;
+/// Greatest number of such steps.
+const MOST_STEPS: f64 = 1000.0;
 /// Length in metres behind a reference point and ahead of it that holds its body.
 const BODY_M: f64 = 20.0;
 
@@ -93,17 +95,19 @@ impl Concrete {
                     s_m,
                     t_m: own_t_m,
                     ..
-                } = placed
-                    .lane
-                    .as_ref()
-                    .ok_or_else(|| refused("a place beside a bend is on no lane".to_owned()))?;
+                } = placed.lane.as_ref().ok_or_else(|| {
+                    let help = "place it by a `LanePosition`";
+                    refused("a place beside a bend is on no lane".to_owned()).helped(help)
+                })?;
                 if own != road {
-                    return Err(refused(format!(
-                        "a place on road `{own}` beside a bend of `{road}`"
-                    )));
+                    let what = format!("a place on road `{own}` beside a bend of `{road}`");
+                    let help = "place it on the road of the ego";
+                    return Err(refused(what).helped(help));
                 }
                 let root = self.roads.get(road);
-                let root = root.ok_or_else(|| refused(format!("there is no road `{road}`")))?;
+                let root = root.ok_or_else(|| {
+                    refused(format!("there is no road `{road}`")).helped("place the ego on a road")
+                })?;
                 // The frame is a parallel of the reference line, and its length
                 // differs by 1 − κ·t.
                 let pieces = root.pieces.iter();
@@ -144,7 +148,9 @@ impl Concrete {
             RoadFrame::Along(way) if !self.is_on_road(placed) => way,
             _ => return self.in_frame(placed),
         };
-        let course = way.course().map_err(|what| self.at.error(what))?;
+        let course = way
+            .course()
+            .map_err(|what| self.at.error(what).helped(FOLDS))?;
         let at = course.locate(&placed.spot);
         Ok(Pose {
             x_m: at.s_m,
@@ -243,7 +249,8 @@ impl Concrete {
         if !laps(length_m) {
             return f64::INFINITY;
         }
-        let shorter = (1..).map(|steps| length_m - f64::from(steps) * SHORTER_M);
+        let step_m = SHORTER_M.max(length_m / MOST_STEPS);
+        let shorter = (1..).map(|steps| length_m - f64::from(steps) * step_m);
         let mut shorter = shorter.take_while(|ends_m| *ends_m > last_m);
         // A road on which an entity is placed so late is left as it is, and
         // refused.

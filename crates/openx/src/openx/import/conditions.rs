@@ -56,7 +56,12 @@ pub(super) fn formula(
     let find = |name: &str| {
         let found = all.iter().find(|it| it.entity.name == name);
         let what = format!("no agent is called `{name}`");
-        found.ok_or_else(|| watch.at.error(what))
+        found.ok_or_else(|| {
+            watch
+                .at
+                .error(what)
+                .helped("name an entity that the Init places")
+        })
     };
     let target = match &watch.measure {
         Measure::Clearance { target, .. }
@@ -152,7 +157,10 @@ impl ConditionQuantity {
             is_defined: true,
             is_near: false,
         };
-        let refused = |what: &str| Err(watch.at.error(what));
+        let refused = |what: &str| {
+            let help = "wait for a time, a speed or the distance between both boxes";
+            Err(watch.at.error(what).helped(help))
+        };
         let name = &who.name;
         // Signals are those of fronts, and files compare reference points.
         let at = (

@@ -6,6 +6,9 @@
 
 use std::fmt::Write as _;
 
+/// Greatest number of worlds of an import.
+pub(super) const MOST_WORLDS: usize = 1_000;
+
 /// World that an import produced.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportedWorld {
@@ -125,8 +128,12 @@ pub(super) fn tidy(value: f64) -> f64 {
 
 /// Groups drafts into worlds, each with the points that share it.
 ///
-/// Several worlds are numbered from 1.
-pub(super) fn worlds(name: &str, source: &str, drafts: Vec<(usize, Draft)>) -> Vec<ImportedWorld> {
+/// Several worlds are numbered from 1. Returns `None` for more than [`MOST_WORLDS`].
+pub(super) fn worlds(
+    name: &str,
+    source: &str,
+    drafts: Vec<(usize, Draft)>,
+) -> Option<Vec<ImportedWorld>> {
     let mut groups: Vec<Vec<(usize, Draft)>> = Vec::new();
     for (index, draft) in drafts {
         let fits = |group: &&mut Vec<(usize, Draft)>| {
@@ -134,9 +141,11 @@ pub(super) fn worlds(name: &str, source: &str, drafts: Vec<(usize, Draft)>) -> V
             // group must end before the earliest departure of any member.
             group[0].1.is_like(&draft) && group.iter().all(|(_, it)| it.ends_with(&draft))
         };
+        let is_full = groups.len() == MOST_WORLDS;
         let group = groups.iter_mut().find(fits);
         match group {
             Some(group) => group.push((index, draft)),
+            None if is_full => return None,
             None => groups.push(vec![(index, draft)]),
         }
     }
@@ -153,7 +162,7 @@ pub(super) fn worlds(name: &str, source: &str, drafts: Vec<(usize, Draft)>) -> V
             name,
         }
     });
-    worlds.collect()
+    Some(worlds.collect())
 }
 
 /// RON text of the world of a group of points.

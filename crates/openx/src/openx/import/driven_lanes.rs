@@ -10,6 +10,9 @@ use crate::opendrive::tree::XmlNode;
 /// Distance of the points of a line.
 const STEP_M: f64 = 2.0;
 
+/// Greatest number of places on the roads of a file.
+const MOST_PLACES: usize = 2_000_000;
+
 /// Driving lanes of one direction of a road.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrivenLanes {
@@ -79,6 +82,10 @@ pub fn lane_places(
         let id = node.need("id")?;
         let road = roads.road(node, id)?;
         let steps = libm::floor(road.length_m / step_m) as usize;
+        if MOST_PLACES < places.len() + steps {
+            let what = format!("its roads have more than {MOST_PLACES} places so far");
+            return Err(node.refused(what, "cut out the roads that the recording uses"));
+        }
         for s_m in (0..=steps).map(|step| step as f64 * step_m) {
             let Some((section, lanes)) = road.lanes.section(s_m) else {
                 continue;

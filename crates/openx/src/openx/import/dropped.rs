@@ -1,10 +1,11 @@
 //! List of the elements that have no effect, so that nothing is dropped silently.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use crate::opendrive::scope::number;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::{ParameterScope, number};
 use crate::opendrive::tree::XmlNode;
 
 /// Elements of one kind that have no effect on the worlds.
@@ -64,7 +65,7 @@ pub(super) struct DropLog(RefCell<DropLists>);
 struct DropLists {
     kinds: Vec<DroppedElements>,
     /// Places of the counted elements by file, so that no element counts twice.
-    known: BTreeMap<PathBuf, Vec<usize>>,
+    known: BTreeMap<PathBuf, BTreeSet<usize>>,
 }
 
 impl DropLog {
@@ -80,7 +81,7 @@ impl DropLog {
             }
             // A stop time ends the run. Every other stop condition is dropped.
             None if node.name == "StopTrigger" => {
-                for group in node.children.iter().filter(|it| lone_time(it).is_none()) {
+                for group in node.children.iter().filter(|it| times(it).is_none()) {
                     self.note("stop conditions", group);
                 }
             }
@@ -94,10 +95,9 @@ impl DropLog {
         let places = found.known.entry(node.file().to_owned()).or_default();
         // Every point reads the same files, and two references may name one
         // catalog entry.
-        if places.contains(&node.place) {
+        if !places.insert(node.place) {
             return;
         }
-        places.push(node.place);
         match found.kinds.iter_mut().find(|it| it.kind == kind) {
             Some(known) => known.count += 1,
             None => found.kinds.push(DroppedElements {
@@ -127,17 +127,52 @@ fn is_empty_element(node: &XmlNode) -> bool {
     is_curve && terms.all(|term| number(term) == Some(0.0))
 }
 
-/// Only condition of a group, if it is a simulation time that comes.
+/// Conditions of a group, if all of them are simulation times and one of them comes.
 ///
-/// Returns the condition and its time.
-pub(super) fn lone_time(group: &XmlNode) -> Option<(&XmlNode, &XmlNode)> {
-    let [condition] = &group.children[..] else {
-        return None;
-    };
-    let time = condition
-        .child("ByValueCondition")?
-        .child("SimulationTimeCondition")?;
-    // Other rules hold from the start, and a time never falls.
-    let comes = matches!(time.raw("rule"), Some("greaterThan" | "greaterOrEqual"));
-    (comes && condition.raw("conditionEdge") != Some("falling")).then_some((condition, time))
+/// Returns each condition with its time.
+pub(super) fn times(group: &XmlNode) -> Option<Vec<(&XmlNode, &XmlNode)>> {
+    let pairs = group.children.iter().map(|condition| {
+        let by = condition.child("ByValueCondition")?;
+        Some((condition, by.child("SimulationTimeCondition")?))
+    });
+    let pairs = pairs.collect::<Option<Vec<_>>>()?;
+    pairs
+        .iter()
+        .any(|(condition, time)| comes(condition, time))
+        .then_some(pairs)
+}
+
+/// Returns whether a condition of time is false at first and true later.
+fn comes(condition: &XmlNode, time: &XmlNode) -> bool {
+    let is_falling = condition.raw("conditionEdge") == Some("falling");
+    match time.raw("rule") {
+        Some("greaterThan" | "greaterOrEqual" | "equalTo") => !is_falling,
+        // Its end is what falls.
+        Some("lessThan" | "lessOrEqual") => is_falling,
+        _ => false,
+    }
+}
+
+/// Time in seconds at which all conditions of a group hold first, or `None` for never.
+///
+/// # Errors
+///
+/// Returns an error for a value that is no number.
+pub(super) fn time_s(
+    pairs: &[(&XmlNode, &XmlNode)],
+    scope: &ParameterScope,
+) -> Result<Option<f64>, ImportError> {
+    let (mut from_s, mut until_s) = (0.0_f64, f64::INFINITY);
+    for (condition, time) in pairs {
+        let delay_s = scope.number_or_zero(condition, "delay")?;
+        let at_s = scope.number(time, "value")? + delay_s;
+        if comes(condition, time) {
+            from_s = from_s.max(at_s);
+        }
+        let is_instant = time.raw("rule") == Some("equalTo");
+        if is_instant || !comes(condition, time) {
+            until_s = until_s.min(at_s);
+        }
+    }
+    Ok((from_s <= until_s).then_some(from_s))
 }

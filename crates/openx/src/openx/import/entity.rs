@@ -3,9 +3,15 @@
 use core::f64::consts::PI;
 
 use super::bodies::ImportedBody;
+use super::laws::AT_ONCE_MPS;
 use super::places::Placed;
 use crate::opendrive::error::At;
+use crate::opendrive::roads::RoadMap;
 use crate::road::ChangeShape;
+use crate::sim::wrapped;
+
+/// Sine of the least angle between a lane and a pedestrian that walks across it.
+const ACROSS_SINE: f64 = 0.1;
 
 /// Entity of a scenario.
 #[derive(Clone, Debug)]
@@ -40,6 +46,26 @@ impl ImportedEntity {
         })
     }
 
+    /// Returns whether it walks from a place on a lane in another direction than the lane.
+    ///
+    /// It goes where it faces. Players may lead it along the lane.
+    pub(super) fn walks_across(&self, roads: &RoadMap) -> bool {
+        let Some(at) = self
+            .placed
+            .lane
+            .as_ref()
+            .filter(|_| self.placed.way.is_none())
+        else {
+            return false;
+        };
+        let Some(road) = roads.get(&at.road) else {
+            return false;
+        };
+        let off_rad = wrapped(self.placed.spot.heading_rad - road.at(at.s_m, 0.0).heading_rad);
+        let is_along = libm::sin(off_rad).abs() < ACROSS_SINE;
+        self.body.on_foot && self.moves() && self.approach.is_none() && !is_along
+    }
+
     /// 1 if the left of its way is the left of its road, and −1 otherwise.
     pub(super) fn side(&self, against: bool) -> f64 {
         let on_lanes = self.placed.way.as_ref().is_some_and(|on| on.is_lane);
@@ -50,7 +76,7 @@ impl ImportedEntity {
 }
 
 /// Step of an entity's script.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ImportedStep {
     pub when: Option<WatchedCondition>,
     pub after_s: f64,
@@ -151,6 +177,22 @@ pub(super) enum ImportedLaw {
 }
 
 impl ImportedLaw {
+    /// Greatest lateral speed in m/s of a change across the path, or 0.
+    ///
+    /// It begins at a lateral offset and a sum of lane changes so far.
+    pub(super) fn across_mps(&self, (t_m, changed_m): (f64, f64)) -> f64 {
+        match self {
+            ImportedLaw::LaneChange { by_m: 0.0, .. } => 0.0,
+            ImportedLaw::LaneChange { rate_mps, .. } => *rate_mps,
+            // Half of π·by/T, with the duration of the cosine.
+            ImportedLaw::Beside {
+                t_m: to_m,
+                most_lateral_mps2,
+            } => (0.5 * (to_m + changed_m - t_m).abs() * most_lateral_mps2).sqrt(),
+            ImportedLaw::Speed { .. } | ImportedLaw::Walk { .. } => 0.0,
+        }
+    }
+
     /// Duration in seconds, or `None` if it depends on the run.
     ///
     /// It begins at a speed, a lateral offset and a sum of lane changes so far.
@@ -170,6 +212,8 @@ impl ImportedLaw {
                 shape,
             } => Some(shape.peak() * (to_mps - from_mps?).abs() / rate_mps2),
             ImportedLaw::Speed { .. } => None,
+            // A jump takes no time.
+            ImportedLaw::LaneChange { rate_mps, .. } if AT_ONCE_MPS <= *rate_mps => Some(0.0),
             ImportedLaw::LaneChange {
                 by_m,
                 rate_mps,

@@ -5,7 +5,7 @@ use core::f64::consts::PI;
 use super::ends::{slowest_mps, speeds_mps};
 use super::entity::ImportedEntity;
 use super::places::{Placed, is_along};
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::lane_drive::LaneStretch;
 use crate::opendrive::roads::OnLane;
 use crate::opendrive::roads::RoadMap;
@@ -22,6 +22,8 @@ const MOST_M: f64 = 5_000.0;
 /// Longest run in seconds for which ways are read, and their length beyond it.
 const USUAL_S: f64 = 60.0;
 const BEYOND_M: f64 = 200.0;
+/// Help about an ego that the file deletes.
+pub(super) const DELETED: &str = "name another entity with --ego, or keep this one";
 /// Usual width of a lane in metres, where the file has none.
 const USUAL_WIDTH_M: f64 = 3.5;
 
@@ -61,7 +63,7 @@ impl FrameOfEgo {
     ) -> Result<FrameOfEgo, ImportError> {
         let reach_m = reach_m(entities, stop_s);
         let Some(ego) = entities.iter().position(|it| it.is_ego) else {
-            return Err(asks.error("the ego is deleted"));
+            return Err(asks.refused("the ego is deleted", DELETED));
         };
         let it = if keeps_road(asks, roads, entities, ego)? {
             FrameOfEgo::of_road(asks, roads, &entities[ego])?
@@ -73,9 +75,11 @@ impl FrameOfEgo {
                 it => it?,
             }
         };
+        let mut blockers = Blockers::default();
         for entity in entities.iter_mut().filter(|it| !it.is_ego) {
-            it.place(asks, roads, (entity, reach_m))?;
+            blockers.keep(it.place(asks, roads, (entity, reach_m)));
         }
+        blockers.none()?;
         Ok(it)
     }
 
@@ -120,12 +124,17 @@ impl FrameOfEgo {
         let line = roads.road(asks, &at.road)?;
         let beside = line.driven_beside(at.lane, at.s_m);
         let own = beside.iter().find(|(id, _)| *id == at.lane);
-        let width_m = own.map_or(USUAL_WIDTH_M, |(_, width_m)| *width_m);
+        // A shoulder or a sidewalk has a width, too.
+        let own_m = own.map(|(_, width_m)| *width_m);
+        let width_m = own_m.or_else(|| line.lanes.width_m(at.s_m, at.lane));
+        let width_m = width_m
+            .filter(|width_m| 0.0 < *width_m)
+            .unwrap_or(USUAL_WIDTH_M);
         let same = beside.iter().all(|(_, other_m)| *other_m == width_m);
         let (outer, lanes) = match (same, beside.len()) {
             // A single lane, or lanes of different widths: the ego's lane and the
             // oncoming lane.
-            (true, 1) | (false, _) => (at.lane, 2),
+            (true, 0 | 1) | (false, _) => (at.lane, 2),
             (true, lanes) => (beside[0].0, lanes),
         };
         let t_m = line.middle_m(asks, outer)?;
@@ -191,7 +200,8 @@ impl FrameOfEgo {
         let place = on.located(asks, &ego.placed.spot)?;
         let off = place.spot().sees(&ego.placed.spot);
         if SAME_WAY_M < off.x_m.abs() {
-            return Err(asks.error("the ego is not on the way along its lane"));
+            let help = "place it on a lane, or name another entity with --ego";
+            return Err(asks.refused("the ego is not on the way along its lane", help));
         }
         if place.ends_m - place.along_m < LEAST_WAY_M {
             let what = format!(
@@ -199,7 +209,9 @@ impl FrameOfEgo {
                 at.lane,
                 place.ends_m - place.along_m
             );
-            return Err(asks.error(what).of_point());
+            let help = "place it farther from the end of its road, or leave the point out with \
+                        --skip-broken";
+            return Err(asks.refused(what, help).of_point());
         }
         let way = place.way.clone();
         ego.placed.way = Some(place);
@@ -325,7 +337,13 @@ fn own_way(
     (entity, reach_m): (&ImportedEntity, f64),
 ) -> Result<OnWay, ImportError> {
     let at = entity.placed.lane.as_ref().filter(|at| at.lane != 0);
-    let at = at.ok_or_else(|| entity.at.error("it moves on no lane and on no way"))?;
+    let at = at.ok_or_else(|| {
+        let help = "place it by a `LanePosition`, or let it follow a trajectory";
+        entity
+            .at
+            .error("it moves on no lane and on no way")
+            .helped(help)
+    })?;
     let drive = roads.lane_drive(asks, at, (&entity.route, reach_m))?;
     let line = roads.road(asks, &at.road)?;
     let (middle_m, _) = line.middle_at(asks, at.s_m, at.lane)?;
@@ -336,7 +354,8 @@ fn own_way(
     };
     let on = roads.lane_way(asks, &drive, (left_m, slowest_mps(entity)))?;
     if SAME_WAY_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
-        return Err(entity.at.error("it moves across its lane"));
+        let help = "let it face along its lane, or let it follow a trajectory";
+        return Err(entity.at.error("it moves across its lane").helped(help));
     }
     // Lanes of other roads have other numbers, so changes are only read where
     // all lanes go on alike.

@@ -4,7 +4,7 @@ use super::bodies::ImportedBody;
 use super::concrete::Concrete;
 use super::seen::EntityInFrame;
 use crate::opendrive::error::ImportError;
-use crate::opendrive::ways::ImportedPath;
+use crate::opendrive::ways::{FOLDS, ImportedPath};
 use crate::road::Course;
 use crate::sim::Pose;
 
@@ -55,7 +55,8 @@ fn course(concrete: &Concrete) -> Result<Course, ImportError> {
         begins: Pose::default(),
         pieces: concrete.pieces(f64::INFINITY),
     };
-    way.course().map_err(|what| concrete.at.error(what))
+    let course = way.course();
+    course.map_err(|what| concrete.at.error(what).helped(FOLDS))
 }
 
 /// Clear length between the box of an entity and that of the ego behind it.

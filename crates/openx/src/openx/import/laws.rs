@@ -33,6 +33,9 @@ pub(super) fn gap_of(
     }
 }
 
+/// What is dropped of a meeting.
+const OWN_APPROACH: &str = "the approach of a meeting before its steady part";
+
 /// Lateral speed in m/s of a change of lane at once: it takes about a millisecond.
 pub(super) const AT_ONCE_MPS: f64 = 5000.0;
 
@@ -79,10 +82,15 @@ pub(super) fn speed(
         "RelativeTargetSpeed" if scope.text(target, "entityRef")? == speeds.name => {
             (own_speed(target, scope, speeds.now_mps)?, None)
         }
-        "RelativeTargetSpeed" => relative_speed(target, scope, of)?,
+        "RelativeTargetSpeed" => relative_speed(target, scope, &of)?,
         _ => return Err(unknown_target(target)),
     };
-    if relative_to.is_none() && to_mps < 0.0 {
+    // The speed that a world adds, as far as it is known before the run.
+    let base_mps = relative_to.as_deref().map_or(Some(0.0), |name| of(name));
+    if let Some(to_mps) = base_mps
+        .map(|base_mps| base_mps + to_mps)
+        .filter(|it| *it < 0.0)
+    {
         let what = format!("a speed of {to_mps} m/s");
         return Err(target.refused(what, "reversing is not read: a speed is at least 0"));
     }
@@ -280,11 +288,14 @@ fn slanted_m(shape: ChangeShape, by_m: f64, way_m: f64) -> f64 {
 }
 
 /// Reads a meeting with the ego.
+///
+/// The way in which it reaches the final speed is that of brakecheck, which is noted.
 pub(super) fn approached(
     it: &XmlNode,
     scope: &ParameterScope,
     (ground, ego_mps): (PositionContext<'_>, Option<f64>),
 ) -> Result<Approached, ImportError> {
+    ground.catalogs.note(OWN_APPROACH, it);
     if scope.text(it, "masterEntityRef")? != ground.ego.name {
         return Err(it.refused(
             "only meetings with the ego are read",

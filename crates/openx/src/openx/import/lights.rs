@@ -13,6 +13,10 @@ use crate::opendrive::tree::XmlNode;
 /// Step in seconds in which the end of schedules grows, so that points share a world.
 const STEP_S: f64 = 60.0;
 
+/// Least duration of a cycle, and greatest of a phase.
+const LEAST_CYCLE_S: f64 = 0.5;
+const MOST_PHASE_S: f64 = 1e6;
+
 /// Cycle of a light: phases with their durations, from a time on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LightCycle {
@@ -90,7 +94,7 @@ fn cycles(
     let mut cycles: BTreeMap<String, Option<LightCycle>> = BTreeMap::new();
     let mut before_s = 0.0;
     for phase in controller.all("Phase") {
-        let duration_s = scope.number(phase, "duration")?;
+        let duration_s = scope.number_in(phase, "duration", 0.0..=MOST_PHASE_S)?;
         for state in &phase.children {
             let shown = shown(&scope.text(state, "state")?);
             let signals = match state.raw("trafficSignalId") {
@@ -113,6 +117,11 @@ fn cycles(
             }
         }
         before_s += duration_s;
+    }
+    if 0.0 < before_s && before_s < LEAST_CYCLE_S {
+        let what = format!("its phases last {before_s} s together");
+        let help = format!("let a cycle last {LEAST_CYCLE_S} s or longer");
+        return Err(controller.refused(what, &help));
     }
     let cycles = cycles.into_iter().filter_map(|(signal, cycle)| {
         let mut cycle = cycle?;
@@ -143,7 +152,10 @@ fn begins_s(
             break;
         };
         let known = all.iter().find(|it| it.raw("name") == Some(before));
-        at = known.ok_or_else(|| at.error(format!("there is no controller `{before}`")))?;
+        at = known.ok_or_else(|| {
+            let help = "name a `TrafficSignalController` of the file";
+            at.refused(format!("there is no controller `{before}`"), help)
+        })?;
     }
     Ok(sum_s)
 }

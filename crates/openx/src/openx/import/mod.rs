@@ -90,7 +90,8 @@ impl Import<'_> {
         let wanted = |index: usize| self.only.is_none_or(|only| only == index);
         if let Some(only) = self.only.filter(|only| points.len() <= *only) {
             let what = format!("there is no point {only}: there are {}", points.len());
-            return Err(At::file(self.points.unwrap_or(self.scenario)).error(what));
+            let at = At::file(self.points.unwrap_or(self.scenario));
+            return Err(at.error(what).helped("points count from 0"));
         }
         for (index, point) in points
             .iter()
@@ -121,7 +122,8 @@ impl Import<'_> {
         if drafts.is_empty() {
             let error =
                 At::file(self.scenario).error("every point breaks a constraint of the file");
-            return Err(error);
+            let help = "leave --skip-broken out: the message then names the constraint";
+            return Err(error.helped(help));
         }
         let cut = drafts.iter().filter(|(_, draft)| draft.is_cut).count();
         let mut dropped = protocol.dropped.list();
@@ -136,7 +138,14 @@ impl Import<'_> {
             });
         }
         let source = self.source(&protocol);
-        let worlds = draft::worlds(self.name, &source, drafts);
+        let worlds = draft::worlds(self.name, &source, drafts).ok_or_else(|| {
+            let most = draft::MOST_WORLDS;
+            let what = format!("the points differ in more than numbers, in over {most} ways");
+            let help = "keep roads and bodies alike, or import fewer points";
+            At::file(self.points.unwrap_or(self.scenario))
+                .error(what)
+                .helped(help)
+        })?;
         Ok(Imported {
             worlds,
             broken,

@@ -2,7 +2,7 @@
 
 use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
-use super::dropped::lone_time;
+use super::dropped::{DropLog, time_s, times};
 use super::entity::{ImportedEntity, ImportedLaw};
 use super::laws::{Speeds, gap_of, relative_speed, speed, unknown_target};
 use super::places::{Placed, PositionContext};
@@ -205,7 +205,10 @@ fn on_first(
         }
     }
     let (trajectory, own) = ground.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
-    let place = first(&trajectory).ok_or_else(|| it.error("there is no place in it"))?;
+    let place = first(&trajectory).ok_or_else(|| {
+        let help = "give its `Trajectory` a `Shape` with positions";
+        it.refused("there is no place in it", help)
+    })?;
     ground.place(place, &own)
 }
 
@@ -273,7 +276,9 @@ pub(super) fn first_speed_mps(
                     (value_mps, None) => value_mps,
                     (value_mps, Some(name)) => {
                         let what = format!("`{name}` is not placed before");
-                        of_mps(&name).ok_or_else(|| target.error(what))? + value_mps
+                        let help = "write an `AbsoluteTargetSpeed`, or place it before";
+                        let of_mps = of_mps(&name);
+                        of_mps.ok_or_else(|| target.refused(what, help))? + value_mps
                     }
                 }
             }
@@ -285,9 +290,9 @@ pub(super) fn first_speed_mps(
     if 0.0 <= speed_mps {
         Ok((speed_mps, ramp))
     } else {
-        Err(private.error(format!(
-            "it starts at {speed_mps} m/s: reversing is not read"
-        )))
+        let what = format!("it starts at {speed_mps} m/s");
+        let help = "reversing is not read: a speed is at least 0";
+        Err(private.refused(what, help))
     }
 }
 
@@ -305,16 +310,22 @@ pub(super) fn first_gap_m(
 }
 
 /// Time in seconds at which the file ends the run, if it states a time alone.
-pub(super) fn stop_s(board: &XmlNode, scope: &ParameterScope) -> Result<Option<f64>, ImportError> {
+///
+/// A group of times that never hold together is noted as dropped.
+pub(super) fn stop_s(
+    board: &XmlNode,
+    scope: &ParameterScope,
+    dropped: &DropLog,
+) -> Result<Option<f64>, ImportError> {
     let groups = board.child("StopTrigger");
     let groups = groups.into_iter().flat_map(|it| it.all("ConditionGroup"));
     let mut stop_s: Option<f64> = None;
     for group in groups {
-        if let Some((condition, time)) = lone_time(group) {
-            let delay_s = scope.number_or_zero(condition, "delay")?;
-            let at_s = scope.number(time, "value")? + delay_s;
+        let Some(times) = times(group) else { continue };
+        match time_s(&times, scope)? {
             // Groups are alternatives, so the earliest time ends the run.
-            stop_s = Some(stop_s.map_or(at_s, |known| known.min(at_s)));
+            Some(at_s) => stop_s = Some(stop_s.map_or(at_s, |known| known.min(at_s))),
+            None => dropped.note("stop conditions", group),
         }
     }
     Ok(stop_s)

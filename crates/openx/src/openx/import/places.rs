@@ -18,6 +18,8 @@ use crate::sim::{Pose, wrapped};
 const SAME_RAD: f64 = 1e-6;
 /// Distance in metres beyond an end that still counts as the end.
 const SAME_M: f64 = 1e-6;
+/// Greatest distance in metres of a place from the origin.
+const MOST_PLACE_M: f64 = 1e8;
 /// Sine of the least turn of a route that is not straight.
 const TURNED_SINE: f64 = 0.1;
 /// Angle in radians between a lane and a straight route from which on the road bends.
@@ -53,6 +55,8 @@ pub(super) struct PositionContext<'a> {
     pub ego: &'a EgoRequest,
     /// Parameters that an event changes.
     pub changed: &'a [String],
+    /// Entities whose place another message refuses.
+    pub unplaced: &'a [String],
     /// Entities that a controller may move.
     pub steered: &'a [String],
     /// Entities that the Init deletes.
@@ -75,12 +79,28 @@ impl PositionContext<'_> {
         position: &XmlNode,
         scope: &ParameterScope,
     ) -> Result<Placed, ImportError> {
+        let placed = self.read_place(position, scope)?;
+        let far_m = placed.spot.x_m.abs().max(placed.spot.y_m.abs());
+        // Also rejects NaN.
+        if far_m <= MOST_PLACE_M {
+            return Ok(placed);
+        }
+        let what = format!("it is {far_m:e} m from the origin");
+        let help = format!("keep all places within {MOST_PLACE_M:e} m of it");
+        Err(position.refused(what, &help))
+    }
+
+    fn read_place(
+        &self,
+        position: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<Placed, ImportError> {
         let it = position.only()?;
         match it.name.as_str() {
             "WorldPosition" => self.in_world(it, scope),
             "LanePosition" => {
                 let road = self.road_id(it, scope)?;
-                let lane = scope.number(it, "laneId")? as i32;
+                let lane = scope.lane(it, "laneId")?;
                 let offset_m = scope.number_or_zero(it, "offset")?;
                 let s_m = scope.number(it, "s")?;
                 let forward = self.roads.road(it, &road)?.leads_forward(lane);
@@ -109,11 +129,10 @@ impl PositionContext<'_> {
                 }
                 // With `dsLane` the left is that of the entity, and with `ds` that of
                 // the road, along which the new place faces, too.
-                let side = if by_lane && !at.forward { -1.0 } else { 1.0 };
-                let by = scope.number(it, "dLane")? * side;
-                let lane = beside(at.lane, by as i32);
+                let side = if by_lane && !at.forward { -1 } else { 1 };
+                let lane = beside(at.lane, scope.lane(it, "dLane")? * side);
                 let forward = !by_lane || line.leads_forward(lane);
-                let offset_m = scope.number_or_zero(it, "offset")? * side;
+                let offset_m = scope.number_or_zero(it, "offset")? * f64::from(side);
                 self.on_lane(it, scope, (&at.road, lane, forward), (s_m, offset_m))
             }
             "RelativeRoadPosition" => {
@@ -185,7 +204,12 @@ impl PositionContext<'_> {
     fn other(&self, it: &XmlNode, scope: &ParameterScope) -> Result<&Placed, ImportError> {
         let name = scope.text(it, "entityRef")?;
         let other = self.placed.get(&name);
-        other.ok_or_else(|| it.error(format!("`{name}` is not placed before")))
+        other.ok_or_else(|| {
+            let help = "place it in Init, relative to none that is relative to it";
+            let error = it.refused(format!("`{name}` is not placed before"), help);
+            // Another message says why it is not.
+            error.following(self.unplaced.contains(&name))
+        })
     }
 
     /// Returns a place in the plane, with the lane on which it is.
@@ -378,7 +402,7 @@ impl PositionContext<'_> {
         })?;
         let lane = match on.raw("laneId") {
             // A place of a route has its number of the lane from the file.
-            Some(_) if stretch.road == stops[0].road => scope.number(on, "laneId")? as i32,
+            Some(_) if stretch.road == stops[0].road => scope.lane(on, "laneId")?,
             _ => stretch.lane,
         };
         let at = (stretch.road.as_str(), lane, stretch.is_forward());

@@ -4,11 +4,13 @@ use std::path::Path;
 
 use crate::opendrive::error::ImportError;
 use crate::opendrive::files::Files;
-use crate::opendrive::scope::number;
+use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
 /// Greatest number of points.
-const MAX_POINTS: usize = 1_000_000;
+const MAX_POINTS: usize = 100_000;
+/// Help about distributions.
+const KINDS: &str = "write a `DistributionSet`, a `DistributionRange` or a `ValueSetDistribution`";
 
 /// Values that a point sets, as written and in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,22 +23,27 @@ pub struct ImportedPoint(pub Vec<(String, String)>);
 /// Returns an error for other distributions and for more than [`MAX_POINTS`].
 pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, ImportError> {
     let root = XmlNode::read(path, "OpenSCENARIO", files)?;
-    let list = root
-        .child("ParameterValueDistribution")
-        .ok_or_else(|| root.error("it has no `ParameterValueDistribution`: no variation file"))?;
+    let list = root.child("ParameterValueDistribution").ok_or_else(|| {
+        let what = "it has no `ParameterValueDistribution`: it is no variation file";
+        root.refused(
+            what,
+            "name the scenario with --from, and its variations with --points",
+        )
+    })?;
     let mut points = vec![ImportedPoint::default()];
     for kind in &list.children {
         match kind.name.as_str() {
             "Deterministic" => {}
             "ScenarioFile" => continue,
-            _ => return Err(kind.error("only deterministic distributions are read")),
+            _ => return Err(kind.refused("only deterministic distributions are read", KINDS)),
         }
         for axis in &kind.children {
             let values = axis_of(axis)?;
             // Checked before the product is built, which could exhaust the
             // memory.
             if MAX_POINTS < points.len() * values.len() {
-                return Err(axis.error(format!("more than {MAX_POINTS} points")));
+                let help = "split the file, or lengthen its steps";
+                return Err(axis.refused(format!("more than {MAX_POINTS} points"), help));
             }
             let product = points.iter().flat_map(|point| {
                 values.iter().map(|value| {
@@ -62,7 +69,7 @@ fn axis_of(axis: &XmlNode) -> Result<Vec<Vec<(String, String)>>, ImportError> {
                     values.collect::<Result<Vec<_>, _>>()?
                 }
                 range if range.name == "DistributionRange" => range_of(range)?,
-                other => return Err(other.error("such a distribution is not read")),
+                other => return Err(other.refused("such a distribution is not read", KINDS)),
             };
             let values = values.into_iter();
             Ok(values.map(|value| vec![(name.to_owned(), value)]).collect())
@@ -80,26 +87,24 @@ fn axis_of(axis: &XmlNode) -> Result<Vec<Vec<(String, String)>>, ImportError> {
             });
             sets.collect()
         }
-        _ => Err(axis.error("such a distribution is not read")),
+        _ => Err(axis.refused("such a distribution is not read", KINDS)),
     }
 }
 
 /// Values of a range, including both ends.
 fn range_of(range: &XmlNode) -> Result<Vec<String>, ImportError> {
     let limits = range.inner("Range")?;
-    let of = |node: &XmlNode, name: &str| {
-        let text = node.need(name)?;
-        number(text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
-    };
-    let (lower, upper) = (of(limits, "lowerLimit")?, of(limits, "upperLimit")?);
-    let step = of(range, "stepWidth")?;
+    let plain = ParameterScope::default();
+    let lower = plain.number(limits, "lowerLimit")?;
+    let upper = plain.number(limits, "upperLimit")?;
+    let step = plain.number(range, "stepWidth")?;
     // A small surplus keeps the upper limit: (upper − lower) / step may be just
     // below a whole number.
     let count = ((upper - lower) / step + 1e-9).floor();
     if step <= 0.0 || !(0.0..MAX_POINTS as f64).contains(&count) {
-        return Err(range.error(format!(
-            "a range from {lower} to {upper} in steps of {step}"
-        )));
+        let what = format!("a range from {lower} to {upper} in steps of {step}");
+        let help = format!("write a step above 0 that makes at most {MAX_POINTS} points");
+        return Err(range.refused(what, &help));
     }
     // Multiples of the step and not repeated sums, whose errors would add up.
     let values = (0..=count as u32).map(|i| (lower + f64::from(i) * step).to_string());

@@ -12,14 +12,14 @@ use super::concrete::Concrete;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::{ImportedEntity, ImportedStep};
-use super::frame::FrameOfEgo;
+use super::frame::{DELETED, FrameOfEgo};
 use super::lights::lights;
 use super::motion;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
 use super::relations::{absent, ambiguous, changed_parameters, ordered, steered};
 use super::request::Import;
-use crate::opendrive::error::{At, ImportError};
+use crate::opendrive::error::{At, Blockers, ImportError};
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::scope::{ParameterScope, number};
@@ -43,6 +43,38 @@ pub(super) struct Protocol {
     maps: Vec<(String, PathBuf)>,
 }
 
+/// Greatest numbers of elements of a kind, each far beyond what a world can hold.
+const MOST: [(&str, usize); 8] = [
+    ("ScenarioObject", 500),
+    ("Private", 500),
+    ("Event", 1_000),
+    ("Condition", 5_000),
+    ("Vertex", 20_000),
+    ("ClothoidSplineSegment", 2_000),
+    ("Waypoint", 2_000),
+    ("Phase", 5_000),
+];
+
+/// Refuses a file with more elements of a kind than are read in reasonable time.
+fn few(root: &XmlNode) -> Result<(), ImportError> {
+    fn count<'a>(node: &'a XmlNode, counts: &mut [usize; MOST.len()]) -> Option<&'a XmlNode> {
+        if let Some(kind) = MOST.iter().position(|(name, _)| *name == node.name) {
+            counts[kind] += 1;
+            if MOST[kind].1 < counts[kind] {
+                return Some(node);
+            }
+        }
+        node.children.iter().find_map(|child| count(child, counts))
+    }
+    let Some(first_too_many) = count(root, &mut [0; MOST.len()]) else {
+        return Ok(());
+    };
+    let most = MOST.iter().find(|(name, _)| *name == first_too_many.name);
+    let most = most.map_or(0, |(_, most)| *most);
+    let what = format!("more than {most} elements of this kind");
+    Err(first_too_many.refused(what, "split the scenario"))
+}
+
 impl Protocol {
     pub(super) fn open(import: &Import<'_>, files: Files<'_>) -> Result<Protocol, ImportError> {
         let path = import.scenario;
@@ -51,6 +83,7 @@ impl Protocol {
             let error = root.error("there is no `Storyboard` in it: it is no scenario");
             return Err(error.helped("a variation file is named with --points"));
         }
+        few(&root)?;
         let beside = path.parent().unwrap_or(Path::new(""));
         let header = root.child("FileHeader");
         let about = header
@@ -111,7 +144,8 @@ impl Protocol {
         // A misspelled parameter would silently leave its default in place.
         if let Some((name, _)) = point.0.iter().find(|(name, _)| !declared(name)) {
             let what = format!("a point sets `{name}`, which the scenario does not declare");
-            return Err(self.root.error(what));
+            let help = "correct its name, or declare it in the scenario";
+            return Err(self.root.refused(what, help));
         }
         ParameterScope::declared(self.declarations(), &ParameterScope::default(), &point.0)
     }
@@ -125,7 +159,8 @@ impl Protocol {
         Ok(broken.map(|declaration| {
             let name = declaration.raw("name").unwrap_or_default();
             let value = scope.get(name).unwrap_or_default();
-            let error = declaration.error(format!("{value} breaks its constraints"));
+            let help = "change its value, or leave such points out with --skip-broken";
+            let error = declaration.refused(format!("{value} breaks its constraints"), help);
             error.of_point()
         }))
     }
@@ -142,7 +177,7 @@ impl Protocol {
     ) -> Result<Concrete, ImportError> {
         let roads = self.road_map(scope, files)?;
         let mut placed: BTreeMap<String, Placed> = BTreeMap::new();
-        let mut entities = Vec::new();
+        let mut entities: Vec<ImportedEntity> = Vec::new();
         let init = self
             .root
             .inner("Storyboard")?
@@ -157,27 +192,16 @@ impl Protocol {
         let steered = steered(&self.root, &objects);
         let ambiguous = ambiguous(self.root.inner("Storyboard")?);
         let turns_relative = self.turns_relative();
+        let mut blockers = Blockers::default();
+        let mut unplaced: Vec<String> = Vec::new();
         for begun in ordered(&privates) {
-            let name = begun.need("entityRef")?;
-            let object = objects.iter().find(|it| it.raw("name") == Some(name));
-            let object = object.ok_or_else(|| begun.error("no agent has this name"))?;
-            if placed.contains_key(name) {
-                return Err(begun.error("it is placed twice"));
-            }
-            let (body, own) = match object.only()? {
-                it if it.name == "CatalogReference" => self.catalogs.entry(it, scope, files)?,
-                it => {
-                    let declared = it.child("ParameterDeclarations");
-                    (it.clone(), ParameterScope::declared(declared, scope, &[])?)
-                }
-            };
-            let body = ImportedBody::of(&body, &own)?;
-            let body = body.beside(entities.iter().map(|it: &ImportedEntity| &it.body));
             let ground = PositionContext {
                 roads: &roads,
                 catalogs: &self.catalogs,
                 files,
+                // An entity cannot refer to a later one.
                 placed: &placed,
+                unplaced: &unplaced,
                 ego: &self.ego,
                 changed: &changed,
                 steered: &steered,
@@ -185,49 +209,20 @@ impl Protocol {
                 turns_relative,
                 ambiguous: &ambiguous,
             };
-            // `ground` borrows the places so far, so an entity cannot refer to
-            // a later entity.
-            let (at, route) = motion::begins(begun, scope, ground)?;
-            let before = (&entities[..], &body);
-            let (speed_mps, ramp) = motion::first_speed_mps(begun, scope, before)?;
-            let is_ego = name == self.ego.name;
-            // The trajectory of an ego that is left states the speed with which it begins.
-            let timed_mps = motion::timed_mps(begun, scope, ground);
-            let timed_mps = timed_mps.filter(|_| is_ego && self.ego.is_left);
-            let speed_mps = timed_mps.unwrap_or(speed_mps);
-            if is_ego && ramp.is_some() && !self.ego.is_left {
-                let help = "--leave-ego leaves its events to your controller and lists them";
-                return Err(begun.refused("the ego begins with a change of speed", help));
+            match blockers.keep(self.entity(begun, scope, (ground, &objects[..], &entities[..]))) {
+                Some(entity) => {
+                    placed.insert(entity.name.clone(), entity.placed.clone());
+                    entities.push(entity);
+                }
+                None => unplaced.extend(begun.raw("entityRef").map(str::to_owned)),
             }
-            if is_ego && ramp.is_some() {
-                self.ego.leave(begun);
-            }
-            let first = ramp.filter(|_| !is_ego).map(|law| ImportedStep {
-                when: None,
-                after_s: 0.0,
-                laws: vec![law],
-                overlaps: false,
-            });
-            let gap_m = motion::first_gap_m(begun, scope, (speed_mps, &self.ego.name))?;
-            placed.insert(name.to_owned(), at.clone());
-            entities.push(ImportedEntity {
-                name: name.to_owned(),
-                is_ego: name == self.ego.name,
-                body,
-                placed: at,
-                speed_mps,
-                steps: first.into_iter().collect(),
-                approach: None,
-                route,
-                gap_m,
-                at: begun.at(),
-            });
         }
         let ground = PositionContext {
             roads: &roads,
             catalogs: &self.catalogs,
             files,
             placed: &placed,
+            unplaced: &unplaced,
             ego: &self.ego,
             changed: &changed,
             steered: &steered,
@@ -236,21 +231,22 @@ impl Protocol {
             ambiguous: &ambiguous,
         };
         let board = self.root.inner("Storyboard")?;
-        let scale = motion::friction_scale(init, scope, ground)?;
-        let acts_stop_s = acts(board, scope, (ground, scale), &mut entities)?;
+        let scale = blockers.keep(motion::friction_scale(init, scope, ground));
+        let read = acts(board, scope, (ground, scale.unwrap_or(1.0)), &mut entities);
+        let acts_stop_s = blockers.keep(read).flatten();
+        blockers.none()?;
+        let scale = scale.unwrap_or(1.0);
         let ego = entities.iter().find(|it| it.is_ego);
         let asks = privates
             .iter()
             .find(|it| it.raw("entityRef") == Some(&self.ego.name));
         let (Some(_), Some(asks)) = (ego, asks) else {
-            let names: Vec<&str> = objects.iter().filter_map(|it| it.raw("name")).collect();
-            let what = format!("no agent is called `{}`", self.ego.name);
-            let help = format!("name the ego with --ego: {}", names.join(", "));
-            return Err(self.root.refused(what, &help));
+            return Err(self.no_ego(&objects));
         };
         // The road of the ego decides: one world has one friction and one speed
         // limit.
-        let stop_s = motion::stop_s(board, scope)?.into_iter().chain(acts_stop_s);
+        let stop_s = motion::stop_s(board, scope, &self.dropped)?;
+        let stop_s = stop_s.into_iter().chain(acts_stop_s);
         let stop_s = stop_s.reduce(f64::min);
         let FrameOfEgo {
             frame,
@@ -260,17 +256,25 @@ impl Protocol {
             drive,
         } = FrameOfEgo::of(asks, &roads, (&mut entities, stop_s))?;
         let ego = entities.iter().find(|it| it.is_ego);
-        let ego = ego.ok_or_else(|| asks.error("the ego is deleted"))?;
+        let ego = ego.ok_or_else(|| asks.refused("the ego is deleted", DELETED))?;
         let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
         let friction = roads.friction(road)? * scale;
         if !FRICTIONS.contains(&friction) {
             let what = format!("a friction of {friction} is outside of 0.01 ..= 2");
-            return Err(init.error(what));
+            let help = "change the frictionScaleFactor, or the friction of the material";
+            return Err(init.refused(what, help));
         }
         if drive.is_none() {
             // A trajectory has no heights of its own.
             let heights = roads.all().filter(|(_, road)| road.rises());
             heights.for_each(|(_, road)| self.dropped.note("elevation", &road.node));
+        }
+        for entity in entities.iter().filter(|it| it.walks_across(&roads)) {
+            let private = privates
+                .iter()
+                .find(|it| it.raw("entityRef") == Some(&entity.name));
+            let kind = "the direction of a lane for pedestrians that face across it";
+            self.dropped.note(kind, private.unwrap_or(asks));
         }
         let (drive, left_m) = drive.unwrap_or_default();
         let passed = roads.lane_signals(asks, &drive, left_m)?;
@@ -306,6 +310,96 @@ impl Protocol {
         }
         concrete.road_ends_m = concrete.unlapped_m();
         Ok(concrete)
+    }
+
+    /// Reads an entity of the Init: its body, its place and its first speed.
+    fn entity(
+        &self,
+        begun: &XmlNode,
+        scope: &ParameterScope,
+        (ground, objects, before): (PositionContext<'_>, &[&XmlNode], &[ImportedEntity]),
+    ) -> Result<ImportedEntity, ImportError> {
+        let name = begun.need("entityRef")?;
+        let object = objects.iter().find(|it| it.raw("name") == Some(name));
+        let object = object.ok_or_else(|| {
+            begun.refused(
+                "no agent has this name",
+                "name a `ScenarioObject` of the file",
+            )
+        })?;
+        if ground.placed.contains_key(name) {
+            let help = "join both `Private` of the entity";
+            return Err(begun.refused("it is placed twice", help));
+        }
+        let mut blockers = Blockers::default();
+        let body = blockers.keep(self.body(object, scope, ground.files));
+        let body = body.map(|body| body.beside(before.iter().map(|it| &it.body)));
+        let begins = blockers.keep(motion::begins(begun, scope, ground));
+        let (Some(body), Some((placed, route))) = (body, begins) else {
+            return Err(blockers
+                .none()
+                .err()
+                .unwrap_or_else(|| begun.error("it is not read")));
+        };
+        let (speed_mps, ramp) = motion::first_speed_mps(begun, scope, (before, &body))?;
+        let is_ego = name == self.ego.name;
+        // The trajectory of an ego that is left states the speed with which it begins.
+        let timed_mps = motion::timed_mps(begun, scope, ground);
+        let timed_mps = timed_mps.filter(|_| is_ego && self.ego.is_left);
+        let speed_mps = timed_mps.unwrap_or(speed_mps);
+        if is_ego && ramp.is_some() && !self.ego.is_left {
+            let help = "--leave-ego leaves its events to your controller and lists them";
+            return Err(begun.refused("the ego begins with a change of speed", help));
+        }
+        if is_ego && ramp.is_some() {
+            self.ego.leave(begun);
+        }
+        let first = ramp.filter(|_| !is_ego).map(|law| ImportedStep {
+            laws: vec![law],
+            ..ImportedStep::default()
+        });
+        Ok(ImportedEntity {
+            name: name.to_owned(),
+            is_ego,
+            body,
+            gap_m: motion::first_gap_m(begun, scope, (speed_mps, &self.ego.name))?,
+            placed,
+            speed_mps,
+            steps: first.into_iter().collect(),
+            approach: None,
+            route,
+            at: begun.at(),
+        })
+    }
+
+    fn body(
+        &self,
+        object: &XmlNode,
+        scope: &ParameterScope,
+        files: Files<'_>,
+    ) -> Result<ImportedBody, ImportError> {
+        let (body, own) = match object.only()? {
+            it if it.name == "CatalogReference" => self.catalogs.entry(it, scope, files)?,
+            it => {
+                let declared = it.child("ParameterDeclarations");
+                (it.clone(), ParameterScope::declared(declared, scope, &[])?)
+            }
+        };
+        ImportedBody::of(&body, &own)
+    }
+
+    /// Error of a file whose ego has another name, or no place.
+    fn no_ego(&self, objects: &[&XmlNode]) -> ImportError {
+        let name = &self.ego.name;
+        let own = objects.iter().find(|it| it.raw("name") == Some(name));
+        if let Some(object) = own {
+            let help = "place it in Init by a `TeleportAction`, or name another with --ego";
+            return object.refused("the ego is never placed", help);
+        }
+        let names: Vec<&str> = objects.iter().filter_map(|it| it.raw("name")).collect();
+        let help = format!("name the ego with --ego: {}", names.join(", "));
+        self.root
+            .refused(format!("no agent is called `{name}`"), &help)
     }
 
     fn road_map(

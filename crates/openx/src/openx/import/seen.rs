@@ -127,9 +127,9 @@ pub(super) fn seen<'a>(
         EntityPath::Own(concrete.in_plane(&on.way.begins), on)
     } else if entity.body.on_foot {
         if !shares_road {
-            return Err(refused(
-                "a pedestrian beside a way that bends is not read".to_owned(),
-            ));
+            let help = "let it follow a trajectory";
+            let what = "a pedestrian beside a way that bends is not read".to_owned();
+            return Err(refused(what).helped(help));
         } else if near(FRAC_PI_2) {
             EntityPath::Left
         } else if near(-FRAC_PI_2) {
@@ -139,9 +139,9 @@ pub(super) fn seen<'a>(
         } else if near(PI) || near(-PI) {
             EntityPath::Against
         } else {
-            return Err(refused(
-                "on foot one faces along the road or across it".to_owned(),
-            ));
+            let help = "turn it by a quarter or a half circle, or let it follow a trajectory";
+            let what = "a pedestrian that faces neither along its road nor across it";
+            return Err(refused(what.to_owned()).helped(help));
         }
     } else if shares_road && leads(0.0) {
         EntityPath::With
@@ -154,9 +154,9 @@ pub(super) fn seen<'a>(
         match (&entity.placed.way, moves) {
             (Some(on), true) => EntityPath::Own(concrete.in_plane(&on.way.begins), on),
             (None, true) => {
-                return Err(refused(
-                    "it moves across the ego's road on no way of its own".to_owned(),
-                ));
+                let help = "let it follow a trajectory, or place it along a lane";
+                let what = "it moves across the ego's road on no way of its own";
+                return Err(refused(what.to_owned()).helped(help));
             }
             (_, false) if entity.is_ego => {
                 let help = "place it along its lane, or name another entity with --ego";

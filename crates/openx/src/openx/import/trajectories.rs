@@ -4,13 +4,16 @@ use super::places::{PositionContext, is_along};
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::{Bend, ImportedPath, OnWay, Spiral};
+use crate::opendrive::ways::{Bend, ImportedPath, OnWay, Spiral, WINDS};
 use crate::sim::{Pose, wrapped};
 
 /// Greatest angle in radians between the heading at a place and the line to the next.
 const FACES_RAD: f64 = 0.1;
 /// Length in metres up to which a line may differ more.
 const SHORT_M: f64 = 1.0;
+/// Lengths in metres of a piece of a trajectory, and greatest length of the whole.
+const LENGTHS_M: core::ops::RangeInclusive<f64> = 1e-6..=MOST_WAY_M;
+const MOST_WAY_M: f64 = 100_000.0;
 
 /// Place of a trajectory with times: its time in seconds and its station in metres.
 pub(super) type TimedPlace = (f64, f64);
@@ -27,12 +30,29 @@ impl PositionContext<'_> {
         match inner.or(reference.child("Trajectory")) {
             Some(it) if it.name == "CatalogReference" => self.catalogs.entry(it, scope, self.files),
             Some(it) => Ok((it.clone(), scope.clone())),
-            None => Err(reference.error("there is no trajectory in it")),
+            None => {
+                let help = "give it a `Trajectory` or a `CatalogReference`";
+                Err(reference.refused("there is no trajectory in it", help))
+            }
         }
     }
 
     /// Returns the path of a trajectory, and the position of its start on the path.
     pub(super) fn way(
+        &self,
+        trajectory: &XmlNode,
+        scope: &ParameterScope,
+    ) -> Result<OnWay, ImportError> {
+        let on = self.whole_way(trajectory, scope)?;
+        if on.ends_m <= MOST_WAY_M {
+            return Ok(on);
+        }
+        let what = format!("a way of {:.0} m", on.ends_m);
+        let help = format!("keep it below {MOST_WAY_M} m");
+        Err(trajectory.refused(what, &help))
+    }
+
+    fn whole_way(
         &self,
         trajectory: &XmlNode,
         scope: &ParameterScope,
@@ -65,7 +85,10 @@ impl PositionContext<'_> {
             }
             "Clothoid" => self.clothoid(shape, scope),
             "ClothoidSpline" => self.spline(shape, scope),
-            other => Err(shape.error(format!("a way along a `{other}` is not read"))),
+            other => {
+                let help = "write a Polyline, a Clothoid or a ClothoidSpline";
+                Err(shape.refused(format!("a way along a `{other}` is not read"), help))
+            }
         }
     }
 
@@ -78,7 +101,7 @@ impl PositionContext<'_> {
             None => "curvatureDot",
         };
         let (length_m, from_per_m) = (
-            scope.number(shape, "length")?,
+            scope.number_in(shape, "length", LENGTHS_M)?,
             scope.number(shape, "curvature")?,
         );
         let spiral = Spiral {
@@ -86,10 +109,8 @@ impl PositionContext<'_> {
             from_per_m,
             to_per_m: from_per_m + scope.number_or_zero(shape, name)? * length_m,
         };
-        if length_m <= 0.0 {
-            return Err(shape.error(format!("a piece of {length_m} m")));
-        }
-        let pieces = spiral.arcs(0.0);
+        let arcs = spiral.arcs(0.0);
+        let pieces = arcs.map_err(|what| shape.refused(what, WINDS))?;
         Ok(OnWay {
             way: ImportedPath { begins, pieces },
             along_m: 0.0,
@@ -128,16 +149,14 @@ impl PositionContext<'_> {
                 ));
             }
             let spiral = Spiral {
-                length_m: scope.number(segment, "length")?,
+                length_m: scope.number_in(segment, "length", LENGTHS_M)?,
                 from_per_m: scope.number(segment, "curvatureStart")?,
                 to_per_m: scope.number(segment, "curvatureEnd")?,
             };
-            if spiral.length_m <= 0.0 {
-                return Err(segment.error(format!("a piece of {} m", spiral.length_m)));
-            }
             // A path of its own has no lanes beside it, so its arcs need no
             // margin.
-            pieces.extend(spiral.arcs(0.0));
+            let arcs = spiral.arcs(0.0);
+            pieces.extend(arcs.map_err(|what| segment.refused(what, WINDS))?);
         }
         let begins = begins.ok_or_else(|| {
             shape.refused("a way without pieces", "give it a `ClothoidSplineSegment`")

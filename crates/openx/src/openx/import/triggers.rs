@@ -4,8 +4,8 @@ use super::entity::{Measure, WatchedCondition};
 use super::joined::{StartTrigger, all_of, any_of};
 use super::places::PositionContext;
 use super::relations::StoryElement;
-use crate::opendrive::error::ImportError;
-use crate::opendrive::scope::{ParameterScope, compared};
+use crate::opendrive::error::{Blockers, ImportError};
+use crate::opendrive::scope::{ParameterScope, RULES, compared};
 use crate::opendrive::tree::XmlNode;
 
 /// Places, and the times at which elements begin as far as they are known.
@@ -30,6 +30,7 @@ pub(super) fn starts(
         return Ok(StartTrigger::At(from_s));
     };
     let mut possible: Vec<StartTrigger> = Vec::new();
+    let mut blockers = Blockers::default();
     let mut groups = 0;
     for group in trigger.all("ConditionGroup") {
         groups += 1;
@@ -47,10 +48,19 @@ pub(super) fn starts(
                 continue;
             }
             let help = "use the rule greaterThan";
-            return Err(group.refused("a condition of one instant beside others is not read", help));
+            let what = "a condition of one instant beside others is not read";
+            blockers.keep::<()>(Err(group.refused(what, help)));
+            continue;
         }
+        let mut is_read = true;
         for condition in group.all("Condition") {
-            all.push(condition_of(condition, scope, from_s, context)?);
+            match blockers.keep(condition_of(condition, scope, from_s, context)) {
+                Some(one) => all.push(one),
+                None => is_read = false,
+            }
+        }
+        if !is_read {
+            continue;
         }
         // A group of conditions holds only if all of them hold.
         if all.iter().any(|it| matches!(it, StartTrigger::Never)) {
@@ -59,11 +69,13 @@ pub(super) fn starts(
         // A condition that holds at once adds nothing to the others.
         let is_now = |it: &StartTrigger| matches!(it, StartTrigger::At(at_s) if *at_s == from_s);
         all.retain(|it| !is_now(it));
-        match all_of(group, all)? {
-            None => return Ok(StartTrigger::At(from_s)),
-            Some(one) => possible.push(one),
+        match blockers.keep(all_of(group, all)) {
+            None => {}
+            Some(None) if blockers.is_empty() => return Ok(StartTrigger::At(from_s)),
+            Some(one) => possible.extend(one),
         }
     }
+    blockers.none()?;
     match any_of(trigger, possible)? {
         Some(one) => Ok(one),
         // An empty trigger starts at once. Groups that never hold never start
@@ -257,10 +269,14 @@ fn parameter(
 ) -> Result<StartTrigger, ImportError> {
     let name = by.need("parameterRef")?.trim_start_matches('$');
     let value = scope.get(name);
-    let value = value.ok_or_else(|| by.error(format!("there is no `{name}`")))?;
+    let value = value.ok_or_else(|| {
+        let help = "declare it in the `ParameterDeclarations`";
+        by.refused(format!("there is no `{name}`"), help)
+    })?;
     let rule = by.need("rule")?;
     let holds = compared(value, rule, &scope.text(by, "value")?);
-    let holds = holds.ok_or_else(|| by.error(format!("the rule `{rule}` is not understood")))?;
+    let holds =
+        holds.ok_or_else(|| by.refused(format!("the rule `{rule}` is not understood"), RULES))?;
     if rises {
         let what = format!("an edge of `{name}` never comes: a parameter does not change");
         return Err(by.refused(what, "write conditionEdge=\"none\""));
@@ -302,7 +318,10 @@ fn watch(
         // Equality has no duration, so both rules of a side are read alike.
         Some("lessThan" | "lessOrEqual") => true,
         Some("greaterThan" | "greaterOrEqual") => false,
-        Some(rule) => return Err(it.error(format!("the rule `{rule}` is not read here"))),
+        Some(rule) => {
+            let help = "write lessThan, lessOrEqual, greaterThan or greaterOrEqual";
+            return Err(it.refused(format!("the rule `{rule}` is not read here"), help));
+        }
         // A place is reached within its tolerance, and a way is done beyond it.
         None => it.name == "ReachPositionCondition",
     };

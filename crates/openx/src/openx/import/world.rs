@@ -3,12 +3,13 @@
 use super::concrete::Concrete;
 use super::draft::{Draft, tidy};
 use super::ends::to_mps;
+use super::frame::DELETED;
 use super::gaps::place_by_gaps;
 use super::places::Placed;
 use super::plans::plan;
 use super::run_end::{ends_s, first_leaves_s};
 use super::seen::{EntityInFrame, EntityPath, seen};
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::grade_list;
 use crate::opendrive::ways::{Bend, laid};
 
@@ -43,13 +44,13 @@ const STEP_M: f64 = 100.0;
 ///
 /// Returns an error for content that a world file cannot express.
 pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, ImportError> {
-    let all = concrete
-        .entities
-        .iter()
-        .map(|entity| seen(concrete, entity));
-    let mut all = all.collect::<Result<Vec<EntityInFrame>, ImportError>>()?;
+    let mut blockers = Blockers::default();
+    let all = concrete.entities.iter();
+    let all = all.filter_map(|entity| blockers.keep(seen(concrete, entity)));
+    let mut all: Vec<EntityInFrame> = all.collect();
+    blockers.none()?;
     let ego = all.iter().position(|it| it.entity.is_ego);
-    let ego = ego.ok_or_else(|| concrete.at.error("no agent is called `Ego`"))?;
+    let ego = ego.ok_or_else(|| concrete.at.error("the ego is deleted").helped(DELETED))?;
     let (ego_front_m, ego_mps) = (
         all[ego].spot.x_m + all[ego].entity.body.front_m,
         all[ego].entity.speed_mps,
@@ -106,10 +107,12 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
             .count()
             > 1;
     let mut triggers = Vec::new();
+    let mut blockers = Blockers::default();
     // The ego comes first, since plans of later agents may refer to it.
     for it in std::iter::once(&all[ego]).chain(all.iter().filter(|it| !it.entity.is_ego)) {
-        agent(&mut draft, concrete, &all, it, ado, &mut triggers)?;
+        blockers.keep(agent(&mut draft, concrete, &all, it, ado, &mut triggers));
     }
+    blockers.none()?;
     for light in &concrete.lights {
         draft.text(&light.text(until_s));
     }
@@ -426,7 +429,8 @@ fn obstacle(
     }
     let Some((road, at)) = nearest else {
         let what = "it stands beside no straight way";
-        return Err(it.entity.at.error(what));
+        let help = "place it along the road of the ego, or leave it out";
+        return Err(it.entity.at.error(what).helped(help));
     };
     draft.text(&format!(
         "        Obstacle(name: \"{name}\", body: \"{}\", {road}s_m: ",

@@ -7,6 +7,9 @@ use crate::road::ChangeShape;
 /// Largest difference at which two instants count as equal.
 pub(super) const SAME_S: f64 = 1e-9;
 
+/// Lateral speed from which a change is a jump, as no body drives it.
+const JUMP_MPS: f64 = 1000.0;
+
 /// A speed that changes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SpeedRamp {
@@ -98,7 +101,51 @@ impl Swing {
         }
     }
 
+    /// Returns the greatest lateral speed. It is infinite for a change in no time.
+    pub(super) fn most_mps(&self) -> f64 {
+        if self.by_m == 0.0 {
+            return 0.0;
+        }
+        self.shape.peak() * self.by_m.abs() / self.lasts_s
+    }
+
+    /// Returns whether it displaces its body at once, without a motion.
+    pub(super) fn is_jump(&self) -> bool {
+        JUMP_MPS <= self.most_mps()
+    }
+
+    /// Returns its way within an interval in which the body drives `way_m`.
+    ///
+    /// A body moves sideways no farther than it drives. The rest of the motion is
+    /// delayed by what it lags behind.
+    pub(super) fn driven_m(&mut self, way_m: f64, (from_s, to_s): (f64, f64)) -> f64 {
+        if self.ends_s() <= from_s {
+            return 0.0;
+        }
+        let done_m = self.way_m(from_s);
+        if way_m <= 0.0 {
+            // A standing body keeps its place, whatever its plan demands.
+            self.begins_s += (to_s - from_s.max(self.begins_s)).max(0.0);
+            return 0.0;
+        }
+        if self.is_jump() {
+            self.begins_s = from_s - self.lasts_s;
+            return self.by_m - done_m;
+        }
+        let wanted_m = self.way_m(to_s) - done_m;
+        if wanted_m.abs() <= way_m {
+            return wanted_m;
+        }
+        let aside_m = way_m.copysign(self.by_m);
+        let share = self.shape.share_of((done_m + aside_m) / self.by_m);
+        self.begins_s = to_s - share * self.lasts_s;
+        aside_m
+    }
+
     pub(super) fn speed_mps(&self, time_s: f64) -> f64 {
+        if self.is_jump() {
+            return 0.0;
+        }
         let share = (time_s - self.begins_s) / self.lasts_s;
         if 0.0 < self.lasts_s && (0.0..1.0).contains(&share) {
             match self.shape {

@@ -19,6 +19,10 @@ use crate::stl::{Monitor, OnlineMonitor};
 
 /// Speed below which a body keeps its heading.
 const TURNING_MPS: f64 = 0.05;
+/// Distance below which a body counts as not displaced.
+const SAME_M: f64 = 1e-9;
+/// Parts of a sample in which a lateral motion may lag behind its plan.
+const LAG_PARTS: u32 = 10;
 /// Largest lateral deviation speed of a vehicle, as a share of its speed.
 const MAX_SLIP: f64 = 0.4;
 
@@ -75,7 +79,10 @@ enum PlanPhase {
     /// Waits for a time.
     Due(f64),
     Acts {
+        /// End of its laws along the path, and of those across it that it overlaps.
         ends_s: f64,
+        /// Whether it also ends no earlier than the lateral motion.
+        awaits_swing: bool,
     },
     /// No steps are left.
     Over,
@@ -220,6 +227,7 @@ impl PlanRun {
     ) -> Arrival {
         let SampleSpan { from_s, to_s, .. } = stretch;
         let mut time_s = from_s;
+        let mut driven = Driven::default();
         loop {
             // Steps due at the end of the sample are settled too, so the
             // arrival has the motion that follows them.
@@ -228,14 +236,21 @@ impl PlanRun {
                 break;
             }
             let next_s = self.next_change_s(time_s).min(to_s);
-            self.move_on(stretch.course, time_s, next_s);
+            driven.add(self.move_on(stretch.course, time_s, next_s));
             time_s = next_s;
         }
         let sample_s = to_s - from_s;
         let speed_mps = self.ramp.speed_mps(to_s);
-        self.stray_on(commanded, speed_mps, sample_s);
+        let strayed_m = self.stray_on(commanded, speed_mps, (sample_s, driven));
         let sideways_mps = self.swing.map_or(0.0, |swing| swing.speed_mps(to_s));
-        self.arrive(stretch.course, (speed_mps, sideways_mps), sample_s)
+        // Where the plan demands more, the body lags behind it.
+        let sideways_mps = sideways_mps.clamp(-speed_mps, speed_mps);
+        let ways_m = (driven.way_m, driven.way_m + strayed_m);
+        self.arrive(
+            stretch.course,
+            (speed_mps, sideways_mps),
+            (sample_s, ways_m),
+        )
     }
 
     /// Returns the planned state, without deviations.
@@ -262,13 +277,41 @@ impl PlanRun {
         Pose { heading_rad, ..at }.ahead(self.carried.lever_m)
     }
 
+    /// Returns whether a lateral motion may be faster than the body, now or later.
+    fn may_lag(&self, swing: &Swing, time_s: f64) -> bool {
+        let slowest_mps = self.ramp.speed_mps(time_s).min(self.ramp.to_mps);
+        slowest_mps < swing.most_mps()
+    }
+
     /// Advances between two instants at which no law begins or ends.
-    fn move_on(&mut self, course: &Course, from_s: f64, to_s: f64) {
-        let way_m = self.ramp.way_m(from_s, to_s);
-        let (aside_m, is_slanted) = match self.swing {
-            Some(swing) => (swing.way_m(to_s) - swing.way_m(from_s), swing.is_slanted),
-            None => (0.0, false),
+    fn move_on(&mut self, course: &Course, from_s: f64, to_s: f64) -> Driven {
+        let Some(mut swing) = self.swing.filter(|it| self.may_lag(it, from_s)) else {
+            let way_m = self.ramp.way_m(from_s, to_s);
+            let aside_m = self
+                .swing
+                .map_or(0.0, |it| it.way_m(to_s) - it.way_m(from_s));
+            let is_slanted = self.swing.is_some_and(|it| it.is_slanted);
+            return self.move_by(course, (way_m, aside_m), is_slanted);
         };
+        let mut driven = Driven::default();
+        let at_s = |part: u32| from_s + (to_s - from_s) * f64::from(part) / f64::from(LAG_PARTS);
+        for part in 0..LAG_PARTS {
+            let within = (at_s(part), at_s(part + 1));
+            let way_m = self.ramp.way_m(within.0, within.1);
+            let is_slanted = swing.is_slanted && !swing.is_jump();
+            let aside_m = swing.driven_m(way_m, within);
+            driven.add(self.move_by(course, (way_m, aside_m), is_slanted));
+        }
+        self.swing = Some(swing);
+        driven
+    }
+
+    fn move_by(
+        &mut self,
+        course: &Course,
+        (way_m, aside_m): (f64, f64),
+        is_slanted: bool,
+    ) -> Driven {
         let ahead_m = if is_slanted {
             forward_part(way_m, aside_m)
         } else {
@@ -280,33 +323,61 @@ impl PlanRun {
         let shorter = 1.0 - course.curvature_per_m(self.s_m) * middle_m;
         self.s_m += cos * ahead_m / shorter;
         self.lateral_m += sin * ahead_m + aside_m;
+        Driven {
+            way_m,
+            aside_m,
+            ahead_m,
+        }
     }
 
-    /// Adds an ado's action to the deviation.
-    fn stray_on(&mut self, (accel_mps2, left_mps): (f64, f64), planned_mps: f64, sample_s: f64) {
+    /// Adds an ado's action to the deviation, and returns its way ahead.
+    fn stray_on(
+        &mut self,
+        (accel_mps2, left_mps): (f64, f64),
+        planned_mps: f64,
+        (sample_s, driven): (f64, Driven),
+    ) -> f64 {
         let before_mps = self.stray.ahead_mps;
         // Agents never reverse.
         let ahead_mps = (before_mps + accel_mps2 * sample_s).max(-planned_mps);
-        let most_mps = if self.carried.on_foot {
-            f64::INFINITY
-        } else {
-            MAX_SLIP * (planned_mps + ahead_mps)
-        };
-        let left_mps = left_mps.clamp(-most_mps, most_mps);
         // Trapezoidal rule, exact for the even acceleration within a sample.
         // The earlier speed is limited too, since the plan may have slowed down
         // since.
+        let ahead_m = 0.5 * (before_mps.max(-planned_mps) + ahead_mps) * sample_s;
         self.stray.ahead_mps = ahead_mps;
-        self.stray.ahead_m += 0.5 * (before_mps.max(-planned_mps) + ahead_mps) * sample_s;
+        self.stray.ahead_m += ahead_m;
+        if self.carried.on_foot {
+            self.stray.left_mps = left_mps;
+            self.stray.left_m += left_mps * sample_s;
+            return ahead_m;
+        }
+        let most_mps = MAX_SLIP * (planned_mps + ahead_mps);
+        let mut left_mps = left_mps.clamp(-most_mps, most_mps);
+        // Together with the plan it moves sideways no farther than it drives.
+        let aside_m = self.carried.direction().0 * driven.aside_m;
+        let most_m = (driven.way_m + ahead_m).max(0.0);
+        if !driven.jumps() && most_m < (aside_m + left_mps * sample_s).abs() {
+            let all_m = (aside_m + left_mps * sample_s).clamp(-most_m, most_m);
+            left_mps = (all_m - aside_m) / sample_s;
+            // A body that its plan slants has no more of its way ahead.
+            let is_slanted = self.swing.is_some_and(|swing| swing.is_slanted);
+            let whole_m = if is_slanted {
+                forward_part(most_m, all_m)
+            } else {
+                most_m
+            };
+            self.stray.ahead_m += whole_m - driven.ahead_m - ahead_m;
+        }
         self.stray.left_mps = left_mps;
         self.stray.left_m += left_mps * sample_s;
+        ahead_m
     }
 
     fn arrive(
         &mut self,
         course: &Course,
         (speed_mps, sideways_mps): (f64, f64),
-        sample_s: f64,
+        (sample_s, (planned_m, driven_m)): (f64, (f64, f64)),
     ) -> Arrival {
         let (cos, sin) = self.carried.direction();
         let is_slanted = self.swing.is_some_and(|swing| swing.is_slanted);
@@ -328,12 +399,16 @@ impl PlanRun {
         // standing body must not turn.
         let moves = TURNING_MPS <= ahead_mps.max(sideways_mps.abs());
         if !self.carried.on_foot && moves {
-            self.heading_rad = libm::atan2(velocity_mps.y, velocity_mps.x);
+            let towards_rad = libm::atan2(velocity_mps.y, velocity_mps.x);
+            self.heading_rad = self.carried.turned(self.heading_rad, towards_rad, driven_m);
         }
         let planned_mps = ahead(speed_mps);
         if !self.carried.on_foot && TURNING_MPS <= planned_mps.max(sideways_mps.abs()) {
             let aside_mps = sin * planned_mps + sideways_mps;
-            self.planned_rad = libm::atan2(aside_mps, cos * planned_mps);
+            let towards_rad = libm::atan2(aside_mps, cos * planned_mps);
+            self.planned_rad = self
+                .carried
+                .turned(self.planned_rad, towards_rad, planned_m);
         }
         let before = self.last;
         let pose = self.pose(course);
@@ -364,7 +439,42 @@ impl PlanRun {
     }
 }
 
+/// Distance that a plan drives, and its parts across and along the road.
+#[derive(Clone, Copy, Debug, Default)]
+struct Driven {
+    way_m: f64,
+    aside_m: f64,
+    ahead_m: f64,
+}
+
+impl Driven {
+    fn add(&mut self, other: Driven) {
+        self.way_m += other.way_m;
+        self.aside_m += other.aside_m;
+        self.ahead_m += other.ahead_m;
+    }
+
+    /// Returns whether the plan has displaced the body farther than it drove.
+    fn jumps(&self) -> bool {
+        self.way_m + SAME_M < self.aside_m.abs()
+    }
+}
+
 impl PlanConstants {
+    /// Returns the heading of a body that turns towards another on a way.
+    ///
+    /// Steered wheels turn a car on circles of about the length of its lever, so a
+    /// slow body turns slowly and a standing one not at all.
+    fn turned(&self, from_rad: f64, to_rad: f64, way_m: f64) -> f64 {
+        let turn_rad = wrapped(to_rad - from_rad);
+        let most_rad = way_m.abs() / self.lever_m;
+        if turn_rad.abs() <= most_rad {
+            to_rad
+        } else {
+            wrapped(from_rad + most_rad.copysign(turn_rad))
+        }
+    }
+
     /// Returns cosine and sine of the facing. Vehicles face along the road.
     fn direction(&self) -> (f64, f64) {
         if self.on_foot {

@@ -59,7 +59,10 @@ impl Reader<'_> {
         if !moves {
             return Ok(());
         }
-        let begins_s = match begins? {
+        // What the events of an act are is read whatever the act waits for.
+        let begins = self.blockers.keep(begins);
+        let is_read = begins.is_some();
+        let begins_s = match begins.unwrap_or(StartTrigger::At(0.0)) {
             StartTrigger::Never => return Ok(()),
             StartTrigger::At(at_s) => {
                 let element = StoryElement::of("act", act);
@@ -75,6 +78,9 @@ impl Reader<'_> {
                 return Err(act.refused("an act that waits for an element is not read", help));
             }
         };
+        if !is_read {
+            self.scripts.iter_mut().for_each(|it| it.is_broken = true);
+        }
         for (group, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
                 let actions = moving(event, (actors, scope), self.ground)?;
@@ -91,7 +97,8 @@ impl Reader<'_> {
                     scope,
                     actors,
                 };
-                self.event(&context)?;
+                let read = self.event(&context);
+                self.blockers.keep(read);
             }
         }
         if let Some(stop) = act

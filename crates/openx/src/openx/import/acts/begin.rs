@@ -2,13 +2,18 @@
 
 use super::script::{EventContext, ended, stop_aside};
 use super::{Reader, SOON_S, directions};
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::ends::to_mps;
 use crate::openx::import::entity::{ImportedLaw, ImportedStep, Measure, WatchedCondition};
 use crate::openx::import::joined::StartTrigger;
+use crate::openx::import::laws::AT_ONCE_MPS;
 use crate::openx::import::relations::StoryElement;
 use crate::openx::import::triggers::starts;
+
+/// Problem of a lane change by distance while the speed changes, and its fix.
+const BY_DISTANCE: &str = "a lane change by distance beside a change of speed is not read";
+const BY_TIME: &str = "state the lane change by a time or a rate, or change the speed after it";
 
 /// Step without laws, and what goes on of a law that it cuts.
 type Begun = (ImportedStep, Option<ImportedLaw>);
@@ -46,14 +51,29 @@ impl Reader<'_> {
         // What follows a trajectory stands until then, whatever speed comes with it.
         let (routes, others): (Vec<&XmlNode>, Vec<&XmlNode>) =
             actions.iter().partition(|it| it.name == "RoutingAction");
+        let mut blockers = Blockers::default();
         for action in routes.into_iter().chain(others) {
-            self.action(who, context, action, at_start, &mut step)?;
+            blockers.keep(self.action(who, context, action, at_start, &mut step));
         }
+        blockers.none()?;
         let script = &mut self.scripts[who];
         if let Some(rest) = rest {
             // A change of speed goes on beside what the step does.
             script.speeds.now_mps = to_mps(&rest, 0.0).or(script.speeds.now_mps);
             step.laws.push(rest);
+        }
+        let across = step.laws.iter().map(|law| law.across_mps(from_m));
+        let across_mps = across.fold(0.0, f64::max);
+        if 0.0 < across_mps {
+            script.across_mps = across_mps;
+            script.is_by_distance = actions.iter().any(|it| is_by_distance(it));
+            let has_speed = step
+                .laws
+                .iter()
+                .any(|law| matches!(law, ImportedLaw::Speed { .. }));
+            if script.is_by_distance && has_speed {
+                return Err(event.refused(BY_DISTANCE, BY_TIME));
+            }
         }
         script.ended = ended(context, actions.len());
         if script.approach.is_some() && !step.laws.is_empty() {
@@ -84,6 +104,23 @@ impl Reader<'_> {
         script.ends_s = begins_s
             .zip(lasts_s)
             .map(|(at_s, lasts_s)| at_s + step.after_s + lasts_s);
+        // A body moves sideways no faster than it drives, so a slow one takes longer
+        // than the file says, and a standing one until it drives. What follows begins
+        // beside it.
+        let goes_on =
+            0.0 < across_mps || begins_s.is_some_and(|at_s| at_s + step.after_s < script.aside_s);
+        let slowest_mps = from_mps.zip(script.speeds.now_mps).map(|(a, b)| a.min(b));
+        let lags = slowest_mps.is_some_and(|slowest_mps| slowest_mps < script.across_mps);
+        if goes_on && lags && script.across_mps < AT_ONCE_MPS {
+            step.overlaps |= 0.0 < across_mps;
+            script.aside_s = f64::INFINITY;
+            let along = step.laws.iter().filter(|law| law.across_mps(from_m) == 0.0);
+            let along_s = along.map(|law| law.lasts_s(from_mps, from_m));
+            let along_s = along_s.fold(Some(0.0), |a, b| Some(f64::max(a?, b?)));
+            let begins_s = begins_s.zip(along_s);
+            script.ends_s = begins_s.map(|(at_s, lasts_s)| at_s + step.after_s + lasts_s);
+            script.ended.clear();
+        }
         // Actions at the start that change the initial state need no step.
         if !step.laws.is_empty() {
             script.steps.push(step);
@@ -119,12 +156,7 @@ impl Reader<'_> {
         let event = context.event;
         let script = &self.scripts[who];
         let is_first = !script.has_begun;
-        let mut step = ImportedStep {
-            when: None,
-            after_s: 0.0,
-            laws: Vec::new(),
-            overlaps: false,
-        };
+        let mut step = ImportedStep::default();
         let mut rest = None;
         let priority = event.raw("priority").unwrap_or_default();
         let replaces = context.replaces(script);
@@ -139,6 +171,9 @@ impl Reader<'_> {
                 "an act that waits for something, after other events of an agent, is not read";
             return Err(event.refused(what, "let the act begin by a time"));
         }
+        // A change by distance follows a speed that stays.
+        let changes_speed = directions(actions).0;
+        let (by_distance, goes_on_until_s) = (script.is_by_distance, script.aside_until_s());
         // Whether all that came before has ended when the act begins.
         let (ends_s, aside_s, same_act) = (
             script.ends_s,
@@ -170,6 +205,9 @@ impl Reader<'_> {
                 if aside_s <= at_s && ends_s.is_some_and(|ends_s| ends_s <= at_s) =>
             {
                 step.after_s = at_s - ends_s.unwrap_or(0.0);
+            }
+            StartTrigger::At(at_s) if by_distance && changes_speed && at_s < goes_on_until_s => {
+                return Err(event.refused(BY_DISTANCE, BY_TIME));
             }
             StartTrigger::At(at_s)
                 if priority != "skip"
@@ -204,6 +242,9 @@ impl Reader<'_> {
                 step.when = Some(watch);
                 step.after_s = delay_s;
             }
+            StartTrigger::When { .. } if by_distance && changes_speed => {
+                return Err(event.refused(BY_DISTANCE, BY_TIME));
+            }
             StartTrigger::When { watch, delay_s }
                 if same_act
                     && priority != "skip"
@@ -226,6 +267,13 @@ impl Reader<'_> {
         }
         Ok(Some((step, rest)))
     }
+}
+
+/// Returns whether an action changes the lane by a distance.
+fn is_by_distance(action: &XmlNode) -> bool {
+    let change = action.child("LaneChangeAction");
+    let dynamics = change.and_then(|it| it.child("LaneChangeActionDynamics"));
+    dynamics.is_some_and(|it| it.raw("dynamicsDimension") == Some("distance"))
 }
 
 /// Returns whether an action or an element of it goes on for ever.

@@ -21,7 +21,7 @@ impl Reader<'_> {
         let ground = self.ground;
         let on = own_lane(&self.scripts[who], it)?;
         let target = it.inner("LaneChangeTarget")?.only()?;
-        let value = scope.number(target, "value")? as i32;
+        let value = scope.lane(target, "value")?;
         let to = match target.name.as_str() {
             "AbsoluteTargetLane" => value,
             _ => {
@@ -132,7 +132,11 @@ impl Reader<'_> {
         }
         let other = self.ground.placed.get(&name);
         let lane = other.and_then(|it| it.lane.clone());
-        let lane = lane.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
+        let lane = lane.ok_or_else(|| {
+            let help = "place it by a `LanePosition`";
+            let error = target.refused(format!("`{name}` is on no lane"), help);
+            error.following(self.ground.unplaced.contains(&name))
+        })?;
         let help = "name the lane by an absolute target";
         let what = format!("a lane relative to `{name}`, who changes its own, is not read");
         self.relative.push((name, target.refused(what, help)));

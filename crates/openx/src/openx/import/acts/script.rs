@@ -56,6 +56,12 @@ pub(super) struct EntityScript {
     pub on_foot: bool,
     /// True once it follows a trajectory of an event.
     pub follows: bool,
+    /// True once an event of the entity is refused, so that its steps are not known.
+    pub is_broken: bool,
+    /// Greatest lateral speed in m/s of the last change across the path.
+    pub across_mps: f64,
+    /// True if the last change across the path is one by distance.
+    pub is_by_distance: bool,
     /// Steps of the same event after the first.
     pub later: Vec<ImportedStep>,
 }
@@ -87,9 +93,17 @@ impl EntityScript {
             is_cut: false,
             on_foot: entity.body.on_foot,
             follows: false,
+            is_broken: false,
+            across_mps: 0.0,
+            is_by_distance: false,
             later: Vec::new(),
             last: (!entity.steps.is_empty()).then_some((0.0, Some(entity.speed_mps))),
         }
+    }
+
+    /// Time in seconds until which a change across the path goes on, as far as known.
+    pub(super) fn aside_until_s(&self) -> f64 {
+        self.ends_s.unwrap_or(f64::INFINITY).max(self.aside_s)
     }
 
     /// Lets a step that waits begin beside a change across the path that waits too.
@@ -127,16 +141,24 @@ impl EntityScript {
         let (begins_s, from_mps) = self.last?;
         // A change of the Init is none of an event: only another of the same kind stops it.
         let stops = replaces && self.act != 0;
+        let last = self.steps.last_mut().filter(|_| begins_s <= at_s)?;
+        let is_across = matches!(
+            last.laws[..],
+            [ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }]
+        );
         // Two changes that the step would stop are not read.
-        if stops && at_s < self.aside_s {
+        if stops && !is_across && at_s < self.aside_s {
             return None;
         }
-        let last = self.steps.last_mut().filter(|_| begins_s <= at_s)?;
         match &mut last.laws[..] {
             [ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }] if along && !across => {
                 last.overlaps = true;
                 // The next step counts from the begin of this one, and ends beside it.
-                self.aside_s = if stops { at_s } else { self.ends_s? };
+                self.aside_s = if stops {
+                    at_s
+                } else {
+                    self.aside_s.max(self.ends_s?)
+                };
                 self.ends_s = Some(begins_s);
                 self.is_cut |= stops;
                 Some((at_s - begins_s, stops.then(stop_aside)))

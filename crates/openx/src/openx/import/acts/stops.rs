@@ -6,7 +6,7 @@ use super::Reader;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::openx::import::dropped::lone_time;
+use crate::openx::import::dropped::{time_s, times};
 use crate::openx::import::motion::friction_of;
 
 impl Reader<'_> {
@@ -43,8 +43,9 @@ impl Reader<'_> {
             if self.waits_in_vain(group, scope) {
                 continue;
             }
-            let at_s = match lone_time(group) {
-                Some((_, time)) => scope.number(time, "value")?,
+            let at_s = match times(group) {
+                // Times that never hold together never stop it.
+                Some(times) => time_s(&times, scope)?.unwrap_or(f64::INFINITY),
                 None => {
                     let condition = group.only()?;
                     let by = condition.child("ByEntityCondition").ok_or_else(refused)?;

@@ -29,10 +29,10 @@ impl PlanRun {
         loop {
             match self.phase {
                 PlanPhase::Due(at_s) if at_s <= time_s + SAME_S => {
-                    let ends_s = self.act(at_s, time_s, road, speed_of);
-                    self.phase = PlanPhase::Acts { ends_s };
+                    self.phase = self.act(at_s, time_s, road, speed_of);
                 }
-                PlanPhase::Acts { ends_s } if ends_s <= time_s + SAME_S => {
+                PlanPhase::Acts { .. } if self.acts_until_s() <= time_s + SAME_S => {
+                    let ends_s = self.acts_until_s();
                     if let Some(MotionLaw::Walk { .. }) = self.steps[self.step].does.first() {
                         self.ramp = SpeedRamp::steady(0.0);
                     }
@@ -46,25 +46,48 @@ impl PlanRun {
         }
     }
 
+    /// Returns the end of the acting step, as far as it is known now.
+    fn acts_until_s(&self) -> f64 {
+        match (&self.phase, &self.swing) {
+            (
+                PlanPhase::Acts {
+                    ends_s,
+                    awaits_swing: true,
+                },
+                Some(swing),
+            ) => ends_s.max(swing.ends_s()),
+            (PlanPhase::Acts { ends_s, .. }, _) => *ends_s,
+            _ => f64::INFINITY,
+        }
+    }
+
     pub(super) fn next_change_s(&self, time_s: f64) -> f64 {
+        // The end of a motion that may lag is only known once it is there.
+        let lags = self.swing.is_some_and(|it| self.may_lag(&it, time_s));
         let step_s = match self.phase {
             PlanPhase::Due(at_s) => at_s,
-            PlanPhase::Acts { ends_s } => ends_s,
-            PlanPhase::Waits { .. } | PlanPhase::Over => f64::INFINITY,
+            PlanPhase::Acts { awaits_swing, .. } if !(awaits_swing && lags) => self.acts_until_s(),
+            PlanPhase::Acts { .. } | PlanPhase::Waits { .. } | PlanPhase::Over => f64::INFINITY,
         };
-        let swing = self.swing.map(|it| it.ends_s());
+        let swing = self.swing.filter(|_| !lags).map(|it| it.ends_s());
         let changes = [Some(step_s), Some(self.ramp.ends_s()), swing];
         let later = changes.into_iter().flatten();
         let later = later.filter(|at_s| time_s + SAME_S < *at_s);
         later.fold(f64::INFINITY, f64::min)
     }
 
-    /// Begins the laws of a step and returns the time at which all have ended.
+    /// Begins the laws of a step and returns the phase in which they act.
     ///
     /// The step was due at `at_s`, which may lie before the current time.
-    fn act(&mut self, at_s: f64, now_s: f64, road: &Road, speed_of: &impl Fn(&str) -> f64) -> f64 {
+    fn act(
+        &mut self,
+        at_s: f64,
+        now_s: f64,
+        road: &Road,
+        speed_of: &impl Fn(&str) -> f64,
+    ) -> PlanPhase {
         let from_mps = self.ramp.speed_mps(now_s);
-        let mut ends_s = at_s;
+        let (mut ends_s, mut awaits_swing) = (at_s, false);
         let laws = self.steps[self.step].does.clone();
         for law in &laws {
             let mut to_speed = |to_mps: f64, rate_mps2: f64, shape: ChangeShape| {
@@ -118,19 +141,30 @@ impl PlanRun {
                     self.sway((at_s, lasts_s), (by_m, ChangeShape::Cosine), false)
                 }
             };
-            if !(self.steps[self.step].overlaps && law.is_across()) {
+            if !law.is_across() {
                 ends_s = ends_s.max(law_ends_s);
+            } else if !self.steps[self.step].overlaps {
+                awaits_swing = true;
             }
         }
         // Laws that began before now have acted since, along and across.
-        let missed_m = self.ramp.way_m(at_s, now_s) - from_mps * (now_s - at_s);
         if at_s < now_s {
+            let way_m = self.ramp.way_m(at_s, now_s);
+            let missed_m = way_m - from_mps * (now_s - at_s);
             let (cos, sin) = self.carried.direction();
             self.s_m += cos * missed_m;
-            let begun = self.swing.filter(|_| laws.iter().any(MotionLaw::is_across));
-            self.lateral_m += sin * missed_m + begun.map_or(0.0, |it| it.way_m(now_s));
+            let mut aside_m = 0.0;
+            if let Some(begun) = &mut self.swing
+                && laws.iter().any(MotionLaw::is_across)
+            {
+                aside_m = begun.driven_m(way_m, (at_s, now_s));
+            }
+            self.lateral_m += sin * missed_m + aside_m;
         }
-        ends_s
+        PlanPhase::Acts {
+            ends_s,
+            awaits_swing,
+        }
     }
 
     fn sway(
