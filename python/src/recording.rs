@@ -1,9 +1,9 @@
 //! Recordings from arrays that Python owns.
 
 use brakecheck_traffic::{
-    Analysis, Class, ReadError, RecordedWorlds, RecordingColumns, SituationKind, SituationPlan,
-    SituationRoad, SourceFile, TrafficModel, TrafficRecording, TrafficRule, TrafficRuleFile,
-    svg_overview,
+    Analysis, BoundRules, Class, ReadError, RecordedWorlds, RecordingColumns, SituationKind,
+    SituationPlan, SituationRoad, SourceFile, TrafficRecording, TrafficRule, TrafficRuleFile,
+    fit_traffic, svg_overview,
 };
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
@@ -132,7 +132,7 @@ impl RawRecording {
             leads,
             ..
         } = &self.0;
-        let bound = file.bind(recording);
+        let bound = BoundRules::bind(&file, recording);
         let bound = bound.map_err(|error| wrong(error.to_string(), error.help()))?;
         let results = py.detach(|| bound.evaluate(recording, frame, leads));
         let results: Vec<_> = results.iter().map(|it| it.summary()).collect();
@@ -200,7 +200,7 @@ pub(crate) fn fit_traffic<'py>(
         sha256: None,
     });
     let sources = sources.collect();
-    let model = py.detach(|| TrafficModel::fit(name, sources, &analyses));
+    let model = py.detach(|| fit_traffic(name, sources, &analyses));
     let model = model.map_err(|error| wrong(error.to_string(), error.help()))?;
     Ok((model.to_ron(), objects(py, &model)?))
 }

@@ -5,8 +5,8 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TrafficModel,
-    TrafficRecording, read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc, svg_instant,
+    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TrafficRecording,
+    fit_traffic, read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc, svg_instant,
     svg_overview,
 };
 use clap::Args;
@@ -377,7 +377,7 @@ fn fit(args: &LogArgs, path: &Path, analyses: &[Analysis]) -> Result<TrafficMode
         sources.push(source);
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let model = TrafficModel::fit(&name, sources, analyses)?;
+    let model = fit_traffic(&name, sources, analyses)?;
     write_file(path, model.to_ron().as_bytes())?;
     if !args.json {
         terminal::data(&format!("{model}\nwrote {}", path.display()))?;

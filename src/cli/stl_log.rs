@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use brakecheck_traffic::{
-    Analysis, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow, svg_instant,
+    Analysis, BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow,
+    svg_instant,
 };
 use serde_json::{Value, json};
 
@@ -26,7 +27,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     let (source, rules) = rule_file(args)?;
     let mut checked = Vec::new();
     for (analysis, map) in log::read_all(&args.log, args.map.as_deref(), args.road.as_deref())? {
-        let bound = rules.bind(&analysis.recording);
+        let bound = BoundRules::bind(&rules, &analysis.recording);
         let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
         let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
         checked.push(CheckedRecording {

@@ -7,7 +7,7 @@
 mod synthetic;
 
 use brakecheck_traffic::{
-    ColumnMap, LaneFrame, Leads, TrafficRecording, TrafficRuleFile, read_csv,
+    BoundRules, ColumnMap, LaneFrame, Leads, TrafficRecording, TrafficRuleFile, read_csv,
 };
 use divan::counter::{BytesCount, ItemsCount};
 use divan::{Bencher, black_box};
@@ -47,7 +47,7 @@ fn ten_rules(bencher: Bencher) {
     let frame = LaneFrame::fit(&recording);
     let leads = Leads::find(&recording, &frame);
     let file = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
-    let rules = file.bind(&recording).expect("shipped");
+    let rules = BoundRules::bind(&file, &recording).expect("shipped");
     bencher
         .counter(ItemsCount::new(recording.counts.rows))
         .bench_local(|| rules.evaluate(black_box(&recording), &frame, &leads));

@@ -1,63 +1,15 @@
 //! Predictions of one part of the data for the other.
 
-use std::fmt::{self, Display, Formatter};
-
+use brakecheck_driver_model::{AccelerationModel, BRAKING_MPS2, CalibrationRow, Pareto};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 
-use crate::acceleration_model::AccelerationModel;
 use crate::driving_data::{CUT_IN_MPS2, DrivingData, VehicleData};
-use crate::tail::Pareto;
 
 /// Deceleration whose frequency is predicted, in m/s².
 const HARD_MPS2: f64 = 2.0;
 /// Decisions of the longer horizon.
 const FIVE_S: usize = 10;
-/// Prediction of one part of the data for the other.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CalibrationRow {
-    /// Part that was predicted.
-    pub tested_on: String,
-    /// Predicted quantity.
-    pub quantity: String,
-    /// Predicted rate or share.
-    pub predicted: f64,
-    /// Observed rate or share.
-    pub observed: f64,
-    /// Observed events, or unbroken stretches of driving with one.
-    pub events: usize,
-}
-
-impl CalibrationRow {
-    /// Returns the prediction over the observation.
-    pub fn ratio(&self) -> f64 {
-        self.predicted / self.observed
-    }
-}
-
-impl Display for CalibrationRow {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let (ratio, events) = (self.ratio(), self.events);
-        let printed = if ratio.is_finite() {
-            format!("{ratio:.2}")
-        } else {
-            "–".to_owned()
-        };
-        let verdict = if events < 5 {
-            ", too few events to judge"
-        } else if (0.5..=2.0).contains(&ratio) {
-            ""
-        } else {
-            ", off by more than a factor of two"
-        };
-        write!(
-            f,
-            "{printed:4}  {}, {}: {events} events{verdict}",
-            self.quantity, self.tested_on
-        )
-    }
-}
 
 /// Fits one half of the vehicles, or one direction, and predicts the other.
 pub(crate) fn calibrate(data: &DrivingData) -> Vec<CalibrationRow> {
@@ -160,7 +112,7 @@ fn predict_events(fitted: &[&VehicleData], tested: &[&VehicleData], add: Add<'_>
         let above = values.iter().filter(|it| from <= **it);
         above.map(|it| it - from).collect()
     };
-    let threshold = crate::BRAKING_MPS2;
+    let threshold = BRAKING_MPS2;
     let (from, to) = (peaks(fitted), peaks(tested));
     if let Some(pareto) = Pareto::fit(&excess(&from, threshold)) {
         for size in [2.0, 3.0] {

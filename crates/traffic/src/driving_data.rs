@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use brakecheck_driver_model::SpeedSeries;
+
 use crate::analysis::Analysis;
-use crate::braking::{SpeedSeries, speed_series};
+use crate::speed_series::speed_series;
 
 /// Deceleration of a follower from which the tail of cut-ins is fitted.
 pub(crate) const CUT_IN_MPS2: f64 = 0.1;

@@ -33,10 +33,7 @@ impl Lead {
     ///
     /// It is 0 if the gap does not shrink, and infinite without a gap.
     pub fn needed_mps2(&self) -> f64 {
-        if self.closing_mps <= 0.0 {
-            return 0.0;
-        }
-        self.closing_mps * self.closing_mps / (2.0 * self.gap_m.max(0.0))
+        brakecheck_driver_model::needed_mps2(self.gap_m, self.closing_mps)
     }
 }
 

@@ -5,9 +5,9 @@
 //! Read a CSV file with [`read_csv`] and a [`ColumnMap`], OpenSCENARIO trajectories with
 //! [`read_xosc`], or an OSI trace with [`read_osi`] or [`read_mcap`]. [`write_osi`] writes one. [`Analysis::of`] fits lanes
 //! without a map and finds leads, followings, cut-ins and crossings. A [`TrafficRuleFile`] evaluates
-//! formulas on all vehicles. [`RecordedWorlds::of`] writes situations as world files. [`TrafficModel::fit`] measures how often drivers brake
-//! and cut in, [`TrafficModel::rarity`] rates a [`DrivingBehaviour`], and [`NaturalLimit`]
-//! masks actions that would make an event too rare.
+//! formulas on all vehicles. [`RecordedWorlds::of`] writes situations as world files. [`fit_traffic`] measures how
+//! often drivers brake and cut in. The model itself, and the limits on actions that it
+//! gives, are those of `brakecheck-driver-model`, whose items this crate re-exports.
 //!
 //! Architecture Invariant: knows no file, no clock, no scene and no ego.
 
@@ -26,9 +26,7 @@
     allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
 )]
 
-mod acceleration_model;
 mod analysis;
-mod braking;
 mod calibration;
 mod column_map;
 mod columns;
@@ -38,14 +36,13 @@ mod crossing_text;
 mod crossings;
 mod driving_data;
 mod error;
+mod fit;
 mod following;
 mod grid;
 mod lane_change_plan;
 mod lane_frame;
-mod limit;
 mod mcap;
 mod mcap_writer;
-mod model;
 mod osi;
 mod osi_message;
 mod osi_schema;
@@ -55,29 +52,25 @@ mod path;
 mod picture;
 mod plan;
 mod problem;
-mod rarity;
 mod read;
 mod recording;
 mod road_fit;
 mod rules;
-mod simplex;
 mod situation_plan;
 mod situations;
-mod starts;
+mod speed_series;
+mod start_table;
 mod stock_body;
 mod summary;
 mod svg;
-mod tail;
 mod timestamp;
 mod world;
 mod world_text;
 mod xosc;
 mod xosc_entity;
 
-pub use acceleration_model::AccelerationModel;
 pub use analysis::Analysis;
-pub use braking::{BRAKING_MPS2, BrakingEvent, DECISION_S, MotionMeter, SpeedSeries, speed_series};
-pub use calibration::CalibrationRow;
+pub use brakecheck_driver_model::*;
 pub use column_map::{
     AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns,
     TimeColumn, VectorColumns, YAxis,
@@ -86,12 +79,11 @@ pub use columns::RecordingColumns;
 pub use crossing_roads::CrossingRoads;
 pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
+pub use fit::fit_traffic;
 pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
 pub use lane_change_plan::LaneChangePlan;
 pub use lane_frame::{Carriageway, Lane, LaneFrame, MappedCarriageway, PlacedTrack};
-pub use limit::NaturalLimit;
 pub use mcap::read_mcap;
-pub use model::{Domain, Exposure, ModelError, SourceFile, TrafficModel};
 pub use osi::read_osi;
 pub use osi_writer::{OsiAxles, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
 pub use other_plan::OtherPlan;
@@ -99,22 +91,19 @@ pub use path::{Path, PathPlace};
 pub use picture::{svg_instant, svg_overview};
 pub use plan::{PIECE_S, SpeedPlan};
 pub use problem::{FilePlace, FileProblem};
-pub use rarity::{CutInState, DrivingBehaviour, Outside, RareEvent, Rarity, RatedEvent, Surprise};
 pub use read::{read_csv, read_csv_guessed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 pub use road_fit::{FittedPiece, FittedRoad};
-pub use rules::{BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow};
+pub use rules::BoundRules;
 pub use situation_plan::{
     AcrossPlan, LANE_CHANGE_AT_S, LanePlace, RecordedPlace, SituationPlan, SituationRoad,
 };
 pub use situations::{
-    CUT_IN_GAP_M, LaneChange, RecordedCutIn, RecordedFollowing, SituationKind, Situations, WINDOW_S,
+    LaneChange, RecordedCutIn, RecordedFollowing, SituationKind, Situations, WINDOW_S,
 };
-pub use starts::{StartRarity, StartState, StartTable};
+pub use speed_series::speed_series;
+pub use start_table::start_table;
 pub use stock_body::StockBody;
-pub use summary::{
-    CarriagewaySummary, CrossingSummary, LaneSummary, RecordingSummary, RuleSummary,
-};
-pub use tail::{COUNTED_FROM, EventRate, EventTail, Pareto, RateSource, TailPoint};
+pub use summary::{CarriagewaySummary, CrossingSummary, LaneSummary, RecordingSummary};
 pub use world::{RecordedWorld, RecordedWorlds};
 pub use xosc::read_xosc;

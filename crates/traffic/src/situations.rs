@@ -1,14 +1,13 @@
 //! Situations in a recording: followings, lane changes and cut-ins.
 
+use brakecheck_driver_model::CUT_IN_GAP_M;
+
 use crate::following::{Lead, Leads};
 use crate::lane_frame::LaneFrame;
 use crate::recording::{Class, TrafficRecording};
 
 /// Shortest following that counts, and the length of its windows, in seconds.
 pub const WINDOW_S: f64 = 10.0;
-
-/// Greatest gap between a cut-in and its follower.
-pub const CUT_IN_GAP_M: f64 = 100.0;
 
 /// Time for which the follower of a cut-in has been in its lane.
 const IN_LANE_BEFORE_S: f64 = 1.0;

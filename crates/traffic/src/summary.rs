@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use crate::analysis::Analysis;
 use crate::recording::{Class, ReadCounts};
-use crate::rules::{RuleResult, WorstRow};
 
 /// Greatest post-encroachment time of a close crossing in seconds.
 const CLOSE_PET_S: f64 = 5.0;
@@ -134,40 +133,5 @@ impl Analysis {
             row.least_m = clearances.min_by(f64::total_cmp);
         }
         rows.into_values().collect()
-    }
-}
-
-/// Result of a rule with its rates.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct RuleSummary {
-    /// Name of the rule.
-    pub rule: String,
-    /// Share of rows with a negative robustness.
-    pub share: f64,
-    /// Vehicles with an episode.
-    pub vehicles: usize,
-    /// Episodes of violations.
-    pub episodes: usize,
-    /// Episodes per 1,000 km of all vehicles.
-    pub per_1000_km: f64,
-    /// Episodes left out because all of their rows are interpolated or overlap.
-    pub left_out: usize,
-    /// Row with the least robustness, `None` without an episode.
-    pub worst: Option<WorstRow>,
-}
-
-impl RuleResult {
-    /// Returns the result with its rates.
-    pub fn summary(&self) -> RuleSummary {
-        RuleSummary {
-            rule: self.rule.clone(),
-            share: self.share(),
-            vehicles: self.vehicles,
-            episodes: self.episodes,
-            per_1000_km: self.per_1000_km(),
-            left_out: self.doubtful,
-            worst: self.worst.clone(),
-        }
     }
 }

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use brakecheck_traffic::{
-    Analysis, Class, PathCrossing, RecordedWorlds, RoadUserTrack, SituationKind, SourceFile,
-    TrafficModel, TrafficRuleFile, read_csv_guessed, read_xosc,
+    Analysis, BoundRules, Class, PathCrossing, RecordedWorlds, RoadUserTrack, SituationKind,
+    SourceFile, TrafficRuleFile, fit_traffic, read_csv_guessed, read_xosc,
 };
 
 const WHEEL: &str = "tasi-0.15.4-py3-none-any.whl";
@@ -93,12 +93,12 @@ fn the_bars_hold_on_five_minutes_of_a_motorway() {
     let [analysis] = analyses;
 
     let rules = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
-    let rules = rules.bind(&analysis.recording).expect("shipped");
+    let rules = BoundRules::bind(&rules, &analysis.recording).expect("shipped");
     let results = rules.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
     let ttc = &results[1];
     assert!((2..=10).contains(&ttc.episodes), "{ttc:?}");
 
-    let model = TrafficModel::fit("motorway", Vec::new(), &[analysis]).expect("enough events");
+    let model = fit_traffic("motorway", Vec::new(), &[analysis]).expect("enough events");
     let rates = [(2.0, 16.0, 45.0), (3.0, 2.8, 12.0)];
     for (size, least, most) in rates {
         let rate = model.braking_peak.rate_of(size).rate;

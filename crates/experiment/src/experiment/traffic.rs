@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use brakecheck_traffic::{ModelError, TrafficModel};
+use brakecheck_driver_model::{ModelError, TrafficModel};
 
 use crate::natural::motorway;
 use crate::ron_file::file_text;

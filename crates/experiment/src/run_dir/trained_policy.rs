@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use brakecheck_traffic::{ModelError, TrafficModel};
+use brakecheck_driver_model::{ModelError, TrafficModel};
 
 use super::{RunDir, RunError};
 use crate::natural::NaturalTraining;

@@ -1,6 +1,6 @@
 //! Rules on recorded traffic as JUnit XML.
 
-use brakecheck_traffic::RuleResult;
+use brakecheck_driver_model::RuleResult;
 use maud::{PreEscaped, html};
 
 use crate::visible::visible_markup;

@@ -2,7 +2,7 @@
 
 use crate::stats::student_cdf;
 use crate::stl::BoundExpr;
-use brakecheck_traffic::AccelerationModel;
+use brakecheck_driver_model::AccelerationModel;
 
 /// Law of the joint action: a product over the ados.
 #[derive(Clone, Debug)]

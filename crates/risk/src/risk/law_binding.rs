@@ -8,7 +8,7 @@ use crate::scene::drive::{Actions, DriveSpec};
 use crate::stl::Expr;
 use crate::trace::Schema;
 use crate::world::{AdoLawFile, FittedFile, MarkovFile, OnsetFile};
-use brakecheck_traffic::{DECISION_S, TrafficModel};
+use brakecheck_driver_model::{DECISION_S, TrafficModel};
 
 /// Context of the binding of laws.
 pub(super) struct LawBinder<'a, 'b> {

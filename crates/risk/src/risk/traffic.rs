@@ -14,7 +14,7 @@ use crate::ron_file::{
 };
 use crate::scene::drive::DriveWorld;
 use crate::world::{DeclaredTrafficFile, EncounterRate, Scenario};
-use brakecheck_traffic::TrafficModel;
+use brakecheck_driver_model::TrafficModel;
 
 /// Laws of the starts and of the ados' actions in a world.
 ///

@@ -5,7 +5,7 @@ use crate::road::OnRoad;
 use crate::scene::drive::{Drive, DriveWorld};
 use crate::sim::Pose;
 use crate::trace::Trace;
-use brakecheck_traffic::{CUT_IN_GAP_M, CutInState, DECISION_S, DrivingBehaviour, StartState};
+use brakecheck_driver_model::{CUT_IN_GAP_M, CutInState, DECISION_S, DrivingBehaviour, StartState};
 
 /// Returns the driving of each ado in a vehicle, with its name, over some samples.
 pub fn behaviours(

@@ -13,7 +13,7 @@ use crate::scene::{
 };
 use crate::seed::StartKey;
 use crate::trace::Schema;
-use brakecheck_traffic::{CUT_IN_GAP_M, CutInState, NaturalLimit};
+use brakecheck_driver_model::{CUT_IN_GAP_M, CutInState, NaturalLimit};
 
 /// Driving scene with the actions that a limit allows.
 pub struct LimitedScene {

@@ -16,7 +16,7 @@ use std::sync::{Arc, LazyLock};
 use serde::{Deserialize, Serialize};
 
 use crate::content_hash;
-use brakecheck_traffic::TrafficModel;
+use brakecheck_driver_model::TrafficModel;
 
 pub use limited_scene::LimitedScene;
 pub use naturalness::{Naturalness, NaturalnessOfRow, SuccessRarity};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::behaviour::behaviours;
 use crate::scene::drive::DriveWorld;
 use crate::trace::Trace;
-use brakecheck_traffic::{DrivingBehaviour, Outside, Rarity, TrafficModel};
+use brakecheck_driver_model::{DrivingBehaviour, Outside, Rarity, TrafficModel};
 
 /// Rarity of an ado's driving in one episode, among real drivers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

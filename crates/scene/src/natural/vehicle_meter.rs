@@ -1,6 +1,6 @@
 //! Braking of a vehicle so far, and in the next decision.
 
-use brakecheck_traffic::{DECISION_S, MotionMeter, NaturalLimit};
+use brakecheck_driver_model::{DECISION_S, MotionMeter, NaturalLimit};
 
 /// Braking of a vehicle, read sample by sample.
 ///
@@ -125,7 +125,7 @@ mod tests {
         for decision_s in [0.1, 0.5, 1.0] {
             for per_1000_km in [1.0, 10.0, 100.0] {
                 let all = braked(per_1000_km, decision_s);
-                let rarity = model.rarity(&brakecheck_traffic::DrivingBehaviour {
+                let rarity = model.rarity(&brakecheck_driver_model::DrivingBehaviour {
                     speed_mps: 30.0,
                     decision_s,
                     accelerations_mps2: all.iter().map(|it| -it).collect(),

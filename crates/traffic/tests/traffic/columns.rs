@@ -109,7 +109,7 @@ fn a_trailer_is_ahead_of_others_and_follows_nobody() {
         stl: "always (ego.speed <= 1)".to_owned(),
     };
     let rules = brakecheck_traffic::TrafficRuleFile::of(vec![rule]);
-    let rules = rules.bind(&analysis.recording).expect("a rule");
+    let rules = brakecheck_traffic::BoundRules::bind(&rules, &analysis.recording).expect("a rule");
     let results = rules.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
     assert_eq!(results[0].vehicles, 2);
 }

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use brakecheck_traffic::{
     Analysis, CutInState, DrivingBehaviour, MotionMeter, NaturalLimit, Outside, RateSource,
-    SourceFile, StartState, StartTable, TrafficModel,
+    SourceFile, StartState, TrafficModel, fit_traffic, start_table,
 };
 
 use crate::situations::recorded;
@@ -19,7 +19,7 @@ static FITTED: LazyLock<TrafficModel> = LazyLock::new(|| {
         name: "synthetic".to_owned(),
         sha256: None,
     };
-    TrafficModel::fit("synthetic", vec![source], &analyses).unwrap_or_else(|it| panic!("{it}"))
+    fit_traffic("synthetic", vec![source], &analyses).unwrap_or_else(|it| panic!("{it}"))
 });
 
 /// Braking by `accel_mps2` for a number of decisions from 30 m/s.
@@ -49,7 +49,7 @@ fn counts_and_exposure_are_those_of_the_recordings() {
 #[test]
 fn shares_of_starts_are_those_of_a_count_by_hand() {
     let analysis = Analysis::of(recorded(&synthetic::traffic(14, 15, 40.0).0));
-    let table = StartTable::fit(std::slice::from_ref(&analysis));
+    let table = start_table(std::slice::from_ref(&analysis));
     let (mut all, mut tight) = (0, 0);
     for (track, leads) in analysis.recording.tracks.iter().zip(&analysis.leads.of) {
         for (lead, speed_mps) in leads.iter().zip(&track.speed_mps) {

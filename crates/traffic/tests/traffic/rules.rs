@@ -1,8 +1,8 @@
 //! Rules over recordings against a count by hand.
 
 use brakecheck_traffic::{
-    ColumnMap, LaneFrame, Lead, Leads, RuleResult, TrafficRecording, TrafficRule, TrafficRuleFile,
-    read_csv,
+    BoundRules, ColumnMap, LaneFrame, Lead, Leads, RuleResult, TrafficRecording, TrafficRule,
+    TrafficRuleFile, read_csv,
 };
 
 use crate::situations::recorded;
@@ -21,9 +21,7 @@ fn file(rules: &[&str]) -> TrafficRuleFile {
 fn results(recording: &TrafficRecording, rules: &[&str]) -> (Vec<RuleResult>, Leads) {
     let frame = LaneFrame::fit(recording);
     let leads = Leads::find(recording, &frame);
-    let bound = file(rules)
-        .bind(recording)
-        .unwrap_or_else(|it| panic!("{it}"));
+    let bound = BoundRules::bind(&file(rules), recording).unwrap_or_else(|it| panic!("{it}"));
     (bound.evaluate(recording, &frame, &leads), leads)
 }
 
@@ -94,7 +92,10 @@ fn a_rule_about_the_lead_says_nothing_without_one() {
 fn presence_as_a_number_is_refused() {
     let (rows, _) = synthetic::traffic(5, 5, 10.0);
     let recording = recorded(&rows);
-    let error = file(&["lead.present == 1 implies ego.lead.gap >= 2"]).bind(&recording);
+    let error = BoundRules::bind(
+        &file(&["lead.present == 1 implies ego.lead.gap >= 2"]),
+        &recording,
+    );
     let error = error.err().expect("refused");
     assert!(error.to_string().contains("lead.present"), "{error}");
 }
@@ -103,8 +104,7 @@ fn presence_as_a_number_is_refused() {
 fn an_unknown_signal_names_its_rule() {
     let (rows, _) = synthetic::traffic(5, 5, 10.0);
     let recording = recorded(&rows);
-    let error = file(&["ego.sped > 3"])
-        .bind(&recording)
+    let error = BoundRules::bind(&file(&["ego.sped > 3"]), &recording)
         .err()
         .expect("refused");
     assert!(
@@ -149,5 +149,5 @@ fn the_shipped_rules_bind_to_their_signals() {
     let recording = recorded(&rows);
     let file = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
     assert_eq!(file.rules.len(), 10);
-    assert!(file.bind(&recording).is_ok());
+    assert!(BoundRules::bind(&file, &recording).is_ok());
 }

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use brakecheck_traffic::{TrafficModel, TrafficRuleFile};
+use brakecheck_driver_model::{TrafficModel, TrafficRuleFile};
 
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile};
 use super::natural_file::{NaturalFile, SHIPPED, TrafficFile};
@@ -108,7 +108,7 @@ fn rules_of(
             ));
         }
     }
-    let rule = |rule: &brakecheck_traffic::TrafficRule| {
+    let rule = |rule: &brakecheck_driver_model::TrafficRule| {
         let stl = rule.always().map_err(|error| {
             let help = error.help().unwrap_or("`brakecheck stl` checks formulas");
             refused(format!("`{name}`, rule `{}`: {error}", rule.name), help)

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brakecheck_traffic::TrafficModel;
+use brakecheck_driver_model::TrafficModel;
 
 use super::Scenario;
 use super::declared_traffic_file::DeclaredTrafficFile;

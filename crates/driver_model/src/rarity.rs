@@ -8,10 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::acceleration_model::AccelerationModel;
 use crate::braking::{DECISION_S, SpeedSeries};
-use crate::following::Lead;
 use crate::model::TrafficModel;
 use crate::starts::{StartRarity, StartState};
 use crate::tail::{EventRate, RateSource};
+
+/// Greatest gap between a cut-in and its follower.
+pub const CUT_IN_GAP_M: f64 = 100.0;
 
 /// Rollouts of the model with which a run is compared.
 pub const ROLLOUTS: usize = 20_000;
@@ -46,13 +48,18 @@ pub struct CutInState {
 impl CutInState {
     /// Returns the constant deceleration that the follower needs, in m/s².
     pub fn needed_mps2(&self) -> f64 {
-        let lead = Lead {
-            track: 0,
-            gap_m: self.gap_m,
-            closing_mps: self.closing_mps,
-        };
-        lead.needed_mps2()
+        needed_mps2(self.gap_m, self.closing_mps)
     }
+}
+
+/// Returns the constant deceleration that avoids a contact, in m/s².
+///
+/// It is 0 if the gap does not shrink, and infinite without a gap.
+pub fn needed_mps2(gap_m: f64, closing_mps: f64) -> f64 {
+    if closing_mps <= 0.0 {
+        return 0.0;
+    }
+    closing_mps * closing_mps / (2.0 * gap_m.max(0.0))
 }
 
 impl DrivingBehaviour {

@@ -12,7 +12,7 @@ use crate::starts::StartState;
 /// needed. Keeping the speed is always allowed.
 ///
 /// ```
-/// use brakecheck_traffic::{MotionMeter, NaturalLimit, TrafficModel};
+/// use brakecheck_driver_model::{MotionMeter, NaturalLimit, TrafficModel};
 ///
 /// let model = TrafficModel::motorway();
 /// let limit = NaturalLimit::new(&model, 3.0);

@@ -2,21 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::lane_frame::LaneFrame;
-use crate::recording::{Class, TrafficRecording};
-
 /// Length of a decision in seconds. All statistics are of such decisions.
 pub const DECISION_S: f64 = 0.5;
 
 /// Deceleration over one second from which a stretch is a braking event, in m/s².
 pub const BRAKING_MPS2: f64 = 1.0;
 
-/// Fewest decisions of a stretch that is used.
-const LEAST_DECISIONS: usize = 4;
-
 /// Speeds of a vehicle every 0.5 s, without interpolated samples.
 #[derive(Clone, Debug, Default, PartialEq)]
-#[non_exhaustive]
 pub struct SpeedSeries {
     /// Track in the recording.
     pub track: usize,
@@ -34,7 +27,7 @@ impl SpeedSeries {
     }
 
     /// Returns the series with reversed speeds, whose braking is acceleration.
-    pub(crate) fn mirrored(&self) -> SpeedSeries {
+    pub fn mirrored(&self) -> SpeedSeries {
         SpeedSeries {
             speeds_mps: self.speeds_mps.iter().map(|speed| -speed).collect(),
             ..self.clone()
@@ -65,39 +58,6 @@ impl SpeedSeries {
         events.extend(meter.event());
         events
     }
-}
-
-/// Returns the unbroken stretches of all vehicles on a carriageway.
-///
-/// Interpolated samples break a stretch, because the recorder smoothed them.
-pub fn speed_series(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<SpeedSeries> {
-    let step = ((DECISION_S / recording.dt_s).round() as usize).max(1);
-    let mut all = Vec::new();
-    for (track, placed) in frame.tracks.iter().enumerate() {
-        let Some(placed) = placed else { continue };
-        let own = &recording.tracks[track];
-        // A trailer has no driver.
-        if own.class == Class::Trailer {
-            continue;
-        }
-        let mut at = 0;
-        for stretch in own.filled.chunk_by(|a, b| a == b) {
-            let range = at..at + stretch.len();
-            at = range.end;
-            if stretch[0] {
-                continue;
-            }
-            let speeds_mps: Vec<f64> = own.speed_mps[range].iter().step_by(step).copied().collect();
-            if LEAST_DECISIONS < speeds_mps.len() {
-                all.push(SpeedSeries {
-                    track,
-                    carriageway: placed.carriageway,
-                    speeds_mps,
-                });
-            }
-        }
-    }
-    all
 }
 
 /// Stretch in which the mean over each second is at or below −1 m/s².
