@@ -145,6 +145,11 @@ impl Drop for Live {
     fn drop(&mut self) {
         if let Some(end) = self.view.as_ref().and_then(LiveView::finish) {
             terminal::note(&in_words(&end));
+            // A closed viewer is the user's choice, any other end a failure.
+            let is_torn = end.error.is_some_and(|it| !matches!(it, ViewError::Closed));
+            if is_torn {
+                terminal::note_torn();
+            }
         }
     }
 }
