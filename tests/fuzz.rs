@@ -26,6 +26,8 @@ mod mutate;
 mod naive;
 #[path = "fuzz/policies.rs"]
 mod policies;
+#[path = "fuzz/recordings.rs"]
+mod recordings;
 #[path = "fuzz/samples.rs"]
 mod samples;
 #[path = "fuzz/worlds.rs"]

@@ -135,6 +135,7 @@ impl RawRecording {
         let bound = BoundRules::bind(&file, recording);
         let bound = bound.map_err(|error| wrong(error.to_string(), error.help()))?;
         let results = py.detach(|| bound.evaluate(recording, frame, leads));
+        let results = results.map_err(|error| wrong(error.to_string(), error.help()))?;
         let results: Vec<_> = results.iter().map(|it| it.summary()).collect();
         objects(py, &results)
     }

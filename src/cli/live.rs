@@ -158,6 +158,11 @@ impl Drop for Live {
             let is_torn = !matches!(end.error, None | Some(ViewError::Closed));
             TORN.fetch_or(is_torn, Ordering::Relaxed);
             terminal::note(&in_words(&end));
+            // A closed viewer is the user's choice, any other end a failure.
+            let is_torn = end.error.is_some_and(|it| !matches!(it, ViewError::Closed));
+            if is_torn {
+                terminal::note_torn();
+            }
         }
     }
 }

@@ -5,39 +5,45 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TrafficModel,
-    TrafficRecording, fit_traffic, read_csv, read_csv_guessed, read_mcap, read_osi, read_xosc,
-    svg_instant, svg_overview,
+    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TimeColumn,
+    TrafficModel, TrafficRecording, fit_traffic, read_csv, read_csv_timed, read_fcd, read_lanelets,
+    read_mcap, read_osi, read_xosc, svg_instant, svg_overview,
 };
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::{Common, Exit, Failure, print_json, table_of, terminal};
+use super::{Common, Exit, Failure, log_reading, print_json, table_of, terminal};
 use crate::openx::import::driven_lanes;
 use crate::ron_file::{file_text, open_file};
 use crate::run_dir::write_file;
 
 #[derive(Args, Debug)]
 pub(super) struct LogArgs {
-    /// Recordings: FILE.csv, FILE.xosc, FILE.osi or FILE.mcap.
+    /// Recordings: FILE.csv, FILE.xosc, FILE.osi, FILE.mcap or FILE.xml.
     ///
     /// CSV has a row per road user and instant. OpenSCENARIO has polylines that its
-    /// entities follow. OSI traces hold osi3.GroundTruth or osi3.SensorView. Any other
-    /// ending is read as CSV.
+    /// entities follow. OSI traces hold osi3.GroundTruth or osi3.SensorView, and XML is
+    /// floating car data of SUMO. Any other ending is read as CSV.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Column map: dlr, highd, ind, ngsim, generic or a RON file [default: by header].
+    /// Column map: dlr, highd, ind, ngsim, sumo, interaction, generic or a RON file
+    /// [default: by header].
     ///
     /// A RON file states the columns with their units and the reference point:
     /// ColumnMap(time: Seconds("t"), id: "car", x: "x", y: "y",
-    /// velocity: Magnitude("v"), size: Fixed(length_m: 4.5, width_m: 1.8)).
-    /// Times are Seconds, Milliseconds, Iso or Frames, references are Centre, Corner
-    /// or Front, and length_unit is Metres or Feet. The shipped maps are examples, in
-    /// crates/traffic/maps of the source.
+    /// velocity: Magnitude("v"), speed_unit: KilometresPerHour, delimiter: Some(';')).
+    /// Times are Seconds, Milliseconds, Microseconds, Nanoseconds, Iso or Frames,
+    /// references are Centre, Corner or Front, length_unit is Metres or Feet, angles
+    /// are Radians, Degrees, CompassDegrees or CompassRadians. The shipped maps are
+    /// examples, in crates/traffic/maps of the source.
     #[arg(long, value_name = "NAME|FILE.ron")]
     map: Option<String>,
-    /// Take the lanes from an OpenDRIVE file in the frame of the recording, unfitted.
-    #[arg(long, value_name = "FILE.xodr")]
+    /// Time column, with its unit: time_ms [default: that of the map].
+    #[arg(long, value_name = "COLUMN")]
+    time: Option<String>,
+    /// Take the lanes from a road file in the frame of the recording, unfitted:
+    /// OpenDRIVE, or Lanelet2 with local_x and local_y.
+    #[arg(long, value_name = "FILE.xodr|FILE.osm")]
     road: Option<PathBuf>,
     /// Fit a naturalness model, print its calibration and write it.
     #[arg(long, value_name = "FILE.ron")]
@@ -71,7 +77,11 @@ impl LogArgs {
 }
 
 pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
-    let recordings = read_all(&args.files, args.map.as_deref(), args.road.as_deref())?;
+    let named = Columns {
+        map: args.map.as_deref(),
+        time: args.time.as_deref(),
+    };
+    let recordings = read_all(&args.files, named, args.road.as_deref())?;
     // Tables come first, so that they are shown even if a file cannot be written.
     if !args.json {
         for (analysis, map) in &recordings {
@@ -143,16 +153,33 @@ fn instant(analysis: &Analysis, id: &str, at_s: f64) -> Result<String, Failure> 
     })
 }
 
+/// Columns that are named on the command line.
+#[derive(Clone, Copy)]
+pub(super) struct Columns<'a> {
+    /// Name or file of a column map.
+    pub(super) map: Option<&'a str>,
+    /// Time column.
+    pub(super) time: Option<&'a str>,
+}
+
 /// Reads recordings and finds their lanes and situations, each with its column map.
 pub(super) fn read_all(
     files: &[PathBuf],
-    map: Option<&str>,
+    columns: Columns<'_>,
     road: Option<&Path>,
 ) -> Result<Vec<(Analysis, String)>, Failure> {
-    let map = map.map(column_map).transpose()?;
-    let road = road.map(lanes_of).transpose()?;
+    let mut map = columns.map.map(column_map).transpose()?;
+    if let (Some((map, _)), Some(time)) = (&mut map, columns.time) {
+        map.time = TimeColumn::named(time);
+    }
+    let is_osm = |file: &&Path| file.extension().is_some_and(|it| it == "osm");
+    let road = match road {
+        Some(file) if is_osm(&file) => Some(lanelets_of(file)?),
+        Some(file) => Some(lanes_of(file)?),
+        None => None,
+    };
     let analysed = |file: &PathBuf| {
-        let (recording, map) = read(file, map.as_ref())?;
+        let (recording, map) = read(file, map.as_ref(), columns.time)?;
         let analysis = match &road {
             Some(road) => on_road(recording, road)?,
             None => Analysis::of(recording),
@@ -182,6 +209,14 @@ fn lanes_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
     })
 }
 
+fn lanelets_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
+    let name = file.display().to_string();
+    Ok(MappedRoad {
+        file,
+        carriageways: read_lanelets(open(file)?, &name)?,
+    })
+}
+
 fn on_road(recording: TrafficRecording, road: &MappedRoad<'_>) -> Result<Analysis, Failure> {
     let analysis = Analysis::on_map(recording, &road.carriageways);
     if analysis.frame.carriageways.is_empty() {
@@ -201,7 +236,10 @@ fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {
     if let Some(map) = ColumnMap::shipped(name) {
         return Ok((map, name.to_owned()));
     }
-    let text = text_of(name, "name dlr, highd, ind, ngsim, generic or a RON file")?;
+    let text = text_of(
+        name,
+        "name dlr, highd, ind, ngsim, sumo, interaction, generic or a RON file",
+    )?;
     let map = ron::from_str(&text).map_err(|error| {
         Failure::input(
             format!("`{name}`: invalid column map at {error}"),
@@ -219,6 +257,7 @@ pub(super) fn text_of(name: &str, help: &str) -> Result<String, Failure> {
 fn read(
     file: &Path,
     map: Option<&(ColumnMap, String)>,
+    time: Option<&str>,
 ) -> Result<(TrafficRecording, String), Failure> {
     let (name, rows) = (file.display().to_string(), open(file)?);
     let format = file.extension().and_then(OsStr::to_str).unwrap_or_default();
@@ -228,13 +267,14 @@ fn read(
         "xosc" => read_xosc(rows, &name),
         "osi" => read_osi(rows, &name),
         "mcap" => read_mcap(rows, &name),
-        _ => return read_rows(rows, &name, map),
+        "xml" => read_fcd(rows, &name),
+        _ => return read_rows(rows, &name, map, time),
     };
     // A column map without effect would hide a mistake.
-    if map.is_some() {
+    if map.is_some() || time.is_some() {
         return Err(Failure::input(
-            format!("`{name}` is not CSV, so it has no column map"),
-            "leave out --map, or read the CSV files by a command of their own",
+            format!("`{name}` is not CSV, so it has no columns"),
+            "leave out --map and --time, or read the CSV files by a command of their own",
         ));
     }
     Ok((recording?, format))
@@ -244,11 +284,12 @@ fn read_rows(
     rows: File,
     name: &str,
     map: Option<&(ColumnMap, String)>,
+    time: Option<&str>,
 ) -> Result<(TrafficRecording, String), Failure> {
     Ok(match map {
         Some((map, known)) => (read_csv(rows, name, map)?, known.clone()),
         None => {
-            let (recording, known) = read_csv_guessed(rows, name)?;
+            let (recording, known) = read_csv_timed(rows, name, time)?;
             (recording, known.to_owned())
         }
     })
@@ -275,9 +316,7 @@ fn show(analysis: &Analysis, map: &str) -> Result<(), Failure> {
         recording.dt_s,
         recording.distance_km(),
     ))?;
-    if let Some(text) = corrections(recording) {
-        terminal::note(&text);
-    }
+    log_reading::note(analysis, map);
     let lanes = analysis.frame.carriageways.iter().enumerate();
     let lanes = lanes.flat_map(|(i, carriageway)| {
         carriageway.lanes.iter().enumerate().map(move |(k, lane)| {
@@ -330,34 +369,6 @@ fn show_crossings(analysis: &Analysis) -> Result<(), Failure> {
     });
     let header = ["crossing", "paths", "PET < 5 s", "least PET s", "least m"];
     terminal::data(&table_of(header, rows))
-}
-
-/// Returns a line on the corrections of a reading, `None` without any.
-fn corrections(recording: &TrafficRecording) -> Option<String> {
-    let counts = &recording.counts;
-    let parts = [
-        (counts.marked, "rows interpolated by the recorder"),
-        (counts.off_grid, "rows off the time grid, interpolated"),
-        (counts.holes_filled, "samples filled in short holes"),
-        (counts.holes_split, "tracks split at long holes"),
-        (counts.too_short, "tracks of one sample left out"),
-        (counts.unknown_class, "rows of an unknown class"),
-        (
-            counts.assumed_sizes,
-            "road users with the size of their class",
-        ),
-        (
-            counts.without_motion,
-            "entities without a trajectory left out",
-        ),
-        (counts.other_messages, "messages of other channels left out"),
-    ];
-    let parts: Vec<String> = parts
-        .iter()
-        .filter(|(count, _)| 0 < *count)
-        .map(|(count, what)| format!("{count} {what}"))
-        .collect();
-    (!parts.is_empty()).then(|| parts.join(", "))
 }
 
 fn report(analysis: &Analysis, map: &str) -> Value {

@@ -17,6 +17,7 @@ mod last_resort;
 mod league;
 mod live;
 mod log;
+mod log_reading;
 mod new;
 mod new_from_log;
 mod new_world;
@@ -369,4 +370,36 @@ fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
 /// Renders failures without colour, for tests and logs.
 pub fn plain_theme() -> GraphicalTheme {
     GraphicalTheme::unicode_nocolor()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use clap::{Command, CommandFactory};
+
+    /// clap checks this in debug builds only, and panics there.
+    fn assert_unique(command: &Command) {
+        let mut seen = BTreeSet::new();
+        for argument in command.get_arguments() {
+            let names = [
+                Some(format!("id {}", argument.get_id())),
+                argument.get_long().map(|it| format!("--{it}")),
+                argument.get_short().map(|it| format!("-{it}")),
+            ];
+            for name in names.into_iter().flatten() {
+                let is_new = seen.insert(name.clone());
+                assert!(is_new, "`{}` has {name} twice", command.get_name());
+            }
+        }
+        command.get_subcommands().for_each(assert_unique);
+    }
+
+    #[test]
+    fn no_verb_has_an_option_twice() {
+        let mut command = super::Cli::command();
+        command.build();
+        assert_unique(&command);
+        command.debug_assert();
+    }
 }

@@ -46,9 +46,10 @@ pub(super) struct NewArgs {
     /// its events.
     #[arg(long, requires = "from")]
     leave_ego: bool,
-    /// Road file of a map that the scenario gives by name.
-    #[arg(long, value_name = "NAME=FILE.xodr", value_parser = map_of, requires = "from")]
-    map: Vec<(String, PathBuf)>,
+    /// With --from, road file of a map that the scenario gives by name. With
+    /// --from-log, column map as in `brakecheck log`.
+    #[arg(long, value_name = "NAME=FILE.xodr|NAME|FILE.ron")]
+    map: Vec<String>,
     /// Agent of the file that is an ado and may stray from its plan.
     #[arg(long, value_name = "NAME", requires = "from")]
     ado: Option<String>,
@@ -73,7 +74,20 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         return import(args, from);
     }
     if args.log.is_requested() {
-        return new_from_log::run(&args.log, &args.name, args.json);
+        if args.map.len() > 1 {
+            return Err(Failure::input(
+                "several column maps",
+                "name one, and read files of other columns by a command of their own",
+            ));
+        }
+        let map = args.map.first().map(String::as_str);
+        return new_from_log::run(&args.log, &args.name, map, args.json);
+    }
+    if !args.map.is_empty() {
+        return Err(Failure::input(
+            "--map without a file to import",
+            "name the file with --from or --from-log",
+        ));
     }
     let name = args.name.strip_suffix(".ron").unwrap_or(&args.name);
     let file = format!("{name}.ron");
@@ -98,8 +112,14 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
 }
 
 /// Parses `NAME=FILE`.
-fn map_of(text: &str) -> Result<(String, PathBuf), String> {
-    let (name, file) = text.split_once('=').ok_or("expected NAME=FILE.xodr")?;
+fn map_of(text: &String) -> Result<(String, PathBuf), Failure> {
+    let pair = text.split_once('=');
+    let (name, file) = pair.ok_or_else(|| {
+        Failure::input(
+            format!("`{text}` names no road file of a map"),
+            "write --map NAME=FILE.xodr",
+        )
+    })?;
     Ok((name.to_owned(), PathBuf::from(file)))
 }
 
@@ -107,6 +127,7 @@ fn map_of(text: &str) -> Result<(String, PathBuf), String> {
 fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
     let stem = named.file_name().unwrap_or_default().to_string_lossy();
+    let maps: Vec<_> = args.map.iter().map(map_of).collect::<Result<_, _>>()?;
     let import = Import {
         scenario: from,
         points: args.points.as_deref(),
@@ -116,7 +137,7 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         ado: args.ado.as_deref(),
         ego: args.ego.as_deref(),
         leaves_ego: args.leave_ego,
-        maps: &args.map,
+        maps: &maps,
     };
     let Imported {
         worlds,

@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::new_world;
-use super::{Exit, Failure, log, print_json, terminal};
+use super::{Exit, Failure, log, log_reading, print_json, terminal};
 use crate::run_dir::{make_dir, write_file};
 use crate::world::Scenario;
 
@@ -25,11 +25,11 @@ pub(super) struct FromLogArgs {
         conflicts_with = "from"
     )]
     from_log: Vec<PathBuf>,
-    /// Column map of the recordings, as in `brakecheck log` [default: by header].
-    #[arg(long, value_name = "NAME|FILE.ron", requires = "from_log")]
-    map: Option<String>,
-    /// Take the lanes from an OpenDRIVE file in the frame of the recording, unfitted.
-    #[arg(long, value_name = "FILE.xodr", requires = "from_log")]
+    /// Time column of the recordings, with its unit [default: that of the map].
+    #[arg(long, value_name = "COLUMN", requires = "from_log")]
+    time: Option<String>,
+    /// Take the lanes from a road file in the frame of the recording, unfitted.
+    #[arg(long, value_name = "FILE.xodr|FILE.osm", requires = "from_log")]
     road: Option<PathBuf>,
     /// Situations to write. Your ego replaces one of the recorded road users.
     #[arg(long, value_enum, requires = "from_log")]
@@ -73,11 +73,25 @@ impl FromLogArgs {
 }
 
 /// Writes the worlds of the recordings, or none if a file is there already.
-pub(super) fn run(args: &FromLogArgs, name: &str, prints_json: bool) -> Result<Exit, Failure> {
+///
+/// `map` is their column map.
+pub(super) fn run(
+    args: &FromLogArgs,
+    name: &str,
+    map: Option<&str>,
+    prints_json: bool,
+) -> Result<Exit, Failure> {
     let kind = args.kind.unwrap_or(KindArg::Following).situations();
     let name = name.strip_suffix(".ron").unwrap_or(name);
     new_world::text_named(name)?;
-    let recordings = log::read_all(&args.from_log, args.map.as_deref(), args.road.as_deref())?;
+    let columns = log::Columns {
+        map,
+        time: args.time.as_deref(),
+    };
+    let recordings = log::read_all(&args.from_log, columns, args.road.as_deref())?;
+    for (analysis, map) in &recordings {
+        log_reading::note(analysis, map);
+    }
     let analyses: Vec<Analysis> = recordings.into_iter().map(|it| it.0).collect();
     let most = usize::from(args.count.unwrap_or(24));
     let others = usize::from(args.others.unwrap_or(0));

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::{Common, Exit, Failure, finite_or_word, print_json, terminal};
 use crate::ron_file::{Problem, ScenarioError, file_text};
-use crate::run_dir::{trace_of_csv, write_file};
+use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_file};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
@@ -43,9 +43,15 @@ pub(super) struct StlArgs {
     /// Write a picture of the worst instant of each rule.
     #[arg(long, value_name = "DIR", requires = "log")]
     pub(super) picture: Option<PathBuf>,
-    /// Sampling period in seconds [default: from the time column, else 1].
+    /// Sampling period in seconds [default: from the time column].
     #[arg(long, value_name = "S")]
     dt: Option<f64>,
+    /// Time column of the trace or of the recordings [default: by its name].
+    ///
+    /// Known names are time, t, timestamp, sim_time and the like, with or without their
+    /// unit: time [ms], t_ns.
+    #[arg(long, value_name = "COLUMN")]
+    pub(super) time: Option<String>,
     /// Samples on which the left side of `until` must hold.
     #[arg(long, value_enum, default_value = "half-open")]
     until: UntilArg,
@@ -89,7 +95,9 @@ enum EndArg {
 
 /// Measures the formula on the trace in a file.
 pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
-    let trace = read(args, trace)?;
+    let read = read(args, trace)?;
+    terminal::note(&format!("read: {read}"));
+    let trace = read.trace;
     let in_formula = |error: StlError| placed("formula", &args.formula, &error);
     let formula: Formula = args.formula.parse().map_err(in_formula)?;
     let names = Names {
@@ -230,7 +238,7 @@ fn lines(all: &[f64], dt_s: f64) -> String {
         .join("\n")
 }
 
-fn read(args: &StlArgs, file: &str) -> Result<Trace, Failure> {
+fn read(args: &StlArgs, file: &str) -> Result<ReadTrace, Failure> {
     let failed = |error: std::io::Error| {
         Failure::input(
             format!("cannot read `{file}`: {error}"),
@@ -249,7 +257,11 @@ fn read(args: &StlArgs, file: &str) -> Result<Trace, Failure> {
             "give seconds, such as `--dt 0.05`",
         ));
     }
-    trace_of_csv(&text, args.dt)
+    let options = TraceOptions {
+        dt_s: args.dt,
+        time: args.time.as_deref(),
+    };
+    read_trace(&text, &options)
         .map_err(|error| Failure::input(format!("`{file}`: {error}"), error.help()))
 }
 

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use brakecheck_traffic::{
-    Analysis, BoundRules, RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow,
-    svg_instant,
+    Analysis, BoundRules, Evaluated, RuleResult, RulesError, TrafficRule, TrafficRuleFile,
+    WorstRow, svg_instant,
 };
 use serde_json::{Value, json};
 
 use super::stl::{StlArgs, constants, placed};
-use super::{Exit, Failure, log, table_of, terminal};
+use super::{Exit, Failure, log, log_reading, table_of, terminal};
 use crate::report::recorded_rules_junit;
 use crate::run_dir::{make_dir, write_file};
 
@@ -18,6 +18,7 @@ struct CheckedRecording {
     analysis: Analysis,
     map: String,
     results: Vec<RuleResult>,
+    evaluated: Evaluated,
     /// File names of the pictures, one per rule, `None` without a violation.
     pictures: Vec<Option<String>>,
 }
@@ -26,15 +27,24 @@ struct CheckedRecording {
 pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     let (source, rules) = rule_file(args)?;
     let mut checked = Vec::new();
-    for (analysis, map) in log::read_all(&args.log, args.map.as_deref(), args.road.as_deref())? {
+    let columns = log::Columns {
+        map: args.map.as_deref(),
+        time: args.time.as_deref(),
+    };
+    for (analysis, map) in log::read_all(&args.log, columns, args.road.as_deref())? {
+        log_reading::note(&analysis, &map);
         let bound = BoundRules::bind(&rules, &analysis.recording);
         let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
         let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
+        let results = results.map_err(|error| in_rule_file(&source, &rules, error))?;
+        let evaluated = Evaluated::of(&analysis.recording, &analysis.frame, &analysis.leads);
+        terminal::note(&format!("evaluated: {evaluated}"));
         checked.push(CheckedRecording {
             pictures: vec![None; results.len()],
             analysis,
             map,
             results,
+            evaluated,
         });
     }
     if let Some(folder) = &args.picture {
@@ -175,6 +185,7 @@ impl CheckedRecording {
             "map": self.map,
             "duration_s": recording.duration_s(),
             "distance_km": recording.distance_km(),
+            "evaluated": self.evaluated,
             "rules": rules.collect::<Vec<_>>(),
         })
     }

@@ -143,6 +143,12 @@ fn read_line<P: Program>(arguments: impl IntoIterator<Item = OsString>) -> Resul
 ///
 /// If more episodes are invalid than allowed, the output is no verdict on the ego.
 fn settled(common: &Common, exit: Exit) -> Result<Exit, Failure> {
+    if is_torn() && !stopped() {
+        return Err(Failure::fault(
+            "the recording of `--rerun` is not whole".to_owned(),
+            Some("check the free space there, or leave it out".to_owned()),
+        ));
+    }
     match common.faults().complaint() {
         // An interruption has an exit code of its own, which takes precedence.
         Some(complaint) if !stopped() => Err(complaint.into()),
@@ -174,6 +180,19 @@ pub(super) fn stop() -> &'static AtomicBool {
 /// Returns whether Ctrl-C was pressed.
 pub(super) fn stopped() -> bool {
     STOP.load(Ordering::Relaxed)
+}
+
+/// Set once a stream could not be written to its end.
+static TORN: AtomicBool = AtomicBool::new(false);
+
+/// Notes that a stream could not be written to its end, which is a failure.
+#[cfg_attr(not(feature = "rerun"), allow(dead_code))]
+pub(super) fn note_torn() {
+    TORN.store(true, Ordering::Relaxed);
+}
+
+fn is_torn() -> bool {
+    TORN.load(Ordering::Relaxed)
 }
 
 /// The first Ctrl-C asks to stop and save, the second one ends at once.

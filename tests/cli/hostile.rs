@@ -253,7 +253,10 @@ fn what_is_no_ordinary_file_is_refused_before_it_is_read() {
     let device = path(&dir, "device.ron");
     std::os::unix::fs::symlink("/dev/zero", &device).expect("a link");
     let (run, _) = small_run(&dir, "run", &[]);
-    for file in [&pipe, &device] {
+    // Names that begin like those of the shell's pipes, and lead elsewhere.
+    let around = |file: &str| format!("/proc/self/fd/../../..{file}");
+    let (pipe_again, device_again) = (around(&pipe), around("/dev/zero"));
+    for file in [&pipe, &device, &pipe_again, &device_again] {
         let verbs: [&[&str]; 10] = [
             &["check", file],
             &["train", file],

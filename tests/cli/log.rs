@@ -434,3 +434,55 @@ fn a_pipe_is_refused_instead_of_awaited() {
         "it is no ordinary file: a pipe",
     );
 }
+
+#[test]
+fn what_was_read_and_evaluated_is_said_and_nothing_is_a_failure() {
+    let (folder, file) = folder();
+    let formula = "always (ego.lead.gap >= 28)";
+    let output = brakecheck(&["stl", formula, "--log", &file]);
+    let said = stderr(&output);
+    for words in [
+        "as generic: time `time` in s; box centre `x`, `y` in m",
+        "a row per 0.050000 s (20 Hz)",
+        "evaluated: 2 tracks of motor vehicles in 600 rows",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    let rules = folder.path().join("none.ron");
+    write(&rules, b"RuleFile(rules: [])");
+    let rules = rules.display().to_string();
+    refused(&["stl", &rules, "--log", &file], "there are no rules");
+    let walkers = recording()
+        .replace("length,width\n", "length,width,class\n")
+        .replace(",1.8\n", ",1.8,pedestrian\n");
+    let walkers_file = folder.path().join("walkers.csv");
+    write(&walkers_file, walkers.as_bytes());
+    let map = folder.path().join("map.ron");
+    let text = "ColumnMap(time: Seconds(\"time\"), id: \"id\", x: \"x\", y: \"y\", class: Words(\"class\"))";
+    write(&map, text.as_bytes());
+    let (walkers_file, map) = (
+        walkers_file.display().to_string(),
+        map.display().to_string(),
+    );
+    let args = ["stl", formula, "--log", &walkers_file, "--map", &map];
+    refused(&args, "has no motor vehicle");
+}
+
+#[test]
+fn a_column_map_is_named_for_new_worlds_too() {
+    let (folder, file) = folder();
+    let worlds = folder.path().join("worlds").display().to_string();
+    let args = [
+        "new",
+        "w",
+        "--from-log",
+        &file,
+        "--kind",
+        "following",
+        "--map",
+        "generic",
+    ];
+    let output = brakecheck(&[&args[..], &["-o", &worlds]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    refused(&["new", "w", "--map", "generic"], "--map without a file");
+}

@@ -196,3 +196,17 @@ fn requests_without_a_place_for_the_stream_are_refused() {
         assert!(!std::path::Path::new(&run).exists(), "{more:?}");
     }
 }
+
+/// A stream that ends early is no recording, although the command itself went well.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stream_to_a_full_disk_is_a_failure() {
+    let dir = scratch();
+    let file = path(&dir, "full.rrd");
+    std::os::unix::fs::symlink("/dev/full", &file).expect("a link");
+    let plant = ["--starts", "2", "--plant", "kinematic"];
+    let output = brakecheck(&[&["search", "acc", "--rerun", &file], &plant[..]].concat());
+    let said = stderr(&output);
+    assert_eq!(code(&output), 3, "{said}");
+    assert!(said.contains("is not whole"), "{said}");
+}

@@ -75,6 +75,15 @@ pub enum RulesError {
         /// Error in its formula.
         source: Box<StlError>,
     },
+    /// There is no rule.
+    #[error("there are no rules")]
+    Empty,
+    /// No vehicle is there to be judged.
+    #[error("`{recording}` has no motor vehicle, so no rule was evaluated")]
+    NoVehicle {
+        /// Name of the recording.
+        recording: String,
+    },
     /// Two signals have the same name.
     #[error("`vehicle` and `lead` have the same name: {0}")]
     Names(#[from] SchemaError),
@@ -91,6 +100,11 @@ impl RulesError {
                 Some(help) => help.to_owned(),
                 None => "`brakecheck stl --help` lists the signals".to_owned(),
             },
+            RulesError::Empty => "add a rule".to_owned(),
+            RulesError::NoVehicle { .. } => {
+                "map the class column, since cars, vans, trucks and motorcycles are evaluated"
+                    .to_owned()
+            }
             RulesError::Names(_) => "give them different names".to_owned(),
         }
     }

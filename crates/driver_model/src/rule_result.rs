@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct RuleResult {
     /// Name of the rule.
     pub rule: String,
-    /// Rows of vehicles on a carriageway.
+    /// Rows of all motor vehicles.
     pub rows: usize,
     /// Recorded rows with a negative robustness, without interpolated and overlapping ones.
     pub rows_broken: usize,

@@ -181,9 +181,15 @@ impl Ratio {
     }
 }
 
+/// A short decimal as such, any other fraction as `1/30`, which bounds may contain.
 impl fmt::Display for Ratio {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.to_f64())
+        let decimal = self.to_f64().to_string();
+        // Longer ones are cut, and then two different times could look alike.
+        if decimal.len() <= 10 || self.under > 1_000_000 {
+            return write!(f, "{decimal}");
+        }
+        write!(f, "{}/{}", self.over, self.under)
     }
 }
 

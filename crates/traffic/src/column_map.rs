@@ -23,7 +23,7 @@ const FOOT_M: f64 = 0.3048;
 /// assert_eq!(map.columns(), ["t", "car", "east", "north"]);
 /// # Ok::<(), ron::error::SpannedError>(())
 /// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ColumnMap {
     /// Column of the time, with its notation.
@@ -40,6 +40,12 @@ pub struct ColumnMap {
     /// Unit of positions, sizes, velocities and accelerations, by default metres.
     #[serde(default)]
     pub length_unit: LengthUnit,
+    /// Unit of velocities, by default the unit of lengths per second.
+    #[serde(default)]
+    pub speed_unit: SpeedUnit,
+    /// Separator of the fields, by default `,`, `;` or a tab as in the header.
+    #[serde(default)]
+    pub delimiter: Option<char>,
     /// Point of the vehicle that has the position, by default the box centre.
     #[serde(default)]
     pub reference: Reference,
@@ -54,7 +60,8 @@ pub struct ColumnMap {
     /// Columns of the acceleration, by default derived from the speed.
     #[serde(default)]
     pub acceleration: VectorColumns,
-    /// Length and width of the box.
+    /// Length and width of the box, by default those of the class.
+    #[serde(default)]
     pub size: SizeColumns,
     /// Class of the road user, by default a car.
     #[serde(default)]
@@ -71,6 +78,10 @@ pub enum TimeColumn {
     Seconds(String),
     /// Milliseconds since any instant.
     Milliseconds(String),
+    /// Microseconds since any instant.
+    Microseconds(String),
+    /// Nanoseconds since any instant.
+    Nanoseconds(String),
     /// ISO 8601 date and time, such as `2024-10-07 06:00:00.05+00:00`.
     Iso(String),
     /// Frame numbers at a constant rate.
@@ -88,9 +99,42 @@ impl TimeColumn {
         match self {
             TimeColumn::Seconds(column)
             | TimeColumn::Milliseconds(column)
+            | TimeColumn::Microseconds(column)
+            | TimeColumn::Nanoseconds(column)
             | TimeColumn::Iso(column)
             | TimeColumn::Frames { column, .. } => column,
         }
+    }
+
+    /// Returns the seconds in the unit of the numbers, `None` for dates.
+    pub(crate) fn unit_s(&self) -> Option<f64> {
+        Some(match self {
+            TimeColumn::Seconds(_) => 1.0,
+            TimeColumn::Milliseconds(_) => 1e-3,
+            TimeColumn::Microseconds(_) => 1e-6,
+            TimeColumn::Nanoseconds(_) => 1e-9,
+            TimeColumn::Frames { rate_hz, .. } => 1.0 / rate_hz,
+            TimeColumn::Iso(_) => return None,
+        })
+    }
+
+    /// Returns the column and its notation in words.
+    fn in_words(&self) -> String {
+        let column = self.column();
+        match self {
+            TimeColumn::Seconds(_) => format!("time `{column}` in s"),
+            TimeColumn::Milliseconds(_) => format!("time `{column}` in ms"),
+            TimeColumn::Microseconds(_) => format!("time `{column}` in µs"),
+            TimeColumn::Nanoseconds(_) => format!("time `{column}` in ns"),
+            TimeColumn::Iso(_) => format!("time `{column}` as a date"),
+            TimeColumn::Frames { rate_hz, .. } => format!("frames `{column}` at {rate_hz} Hz"),
+        }
+    }
+}
+
+impl Default for TimeColumn {
+    fn default() -> TimeColumn {
+        TimeColumn::Seconds("time".to_owned())
     }
 }
 
@@ -124,6 +168,44 @@ impl LengthUnit {
     }
 }
 
+/// Unit of velocities.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SpeedUnit {
+    /// Unit of lengths per second: m/s or ft/s.
+    #[default]
+    LengthUnit,
+    /// m/s.
+    MetresPerSecond,
+    /// km/h.
+    KilometresPerHour,
+    /// Miles of 1,609.344 m per hour.
+    MilesPerHour,
+    /// Feet per second.
+    FeetPerSecond,
+}
+
+impl SpeedUnit {
+    /// Returns the m/s in a unit.
+    pub fn mps(self, lengths: LengthUnit) -> f64 {
+        match self {
+            SpeedUnit::LengthUnit => lengths.metres(),
+            SpeedUnit::MetresPerSecond => 1.0,
+            SpeedUnit::KilometresPerHour => 1.0 / 3.6,
+            SpeedUnit::MilesPerHour => 1609.344 / 3600.0,
+            SpeedUnit::FeetPerSecond => FOOT_M,
+        }
+    }
+
+    fn name(self, lengths: LengthUnit) -> &'static str {
+        match (self, lengths) {
+            (SpeedUnit::LengthUnit, LengthUnit::Feet) | (SpeedUnit::FeetPerSecond, _) => "ft/s",
+            (SpeedUnit::LengthUnit, LengthUnit::Metres) | (SpeedUnit::MetresPerSecond, _) => "m/s",
+            (SpeedUnit::KilometresPerHour, _) => "km/h",
+            (SpeedUnit::MilesPerHour, _) => "mph",
+        }
+    }
+}
+
 /// Point of a vehicle's box that has its recorded position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reference {
@@ -143,6 +225,32 @@ pub enum AngleUnit {
     Degrees,
     /// Radians.
     Radians,
+    /// Degrees clockwise from the second axis, which points north.
+    CompassDegrees,
+    /// Radians clockwise from the second axis, which points north.
+    CompassRadians,
+}
+
+impl AngleUnit {
+    /// Returns the heading in radians of a value. `flip` is −1 if y points to the right.
+    pub(crate) fn heading_rad(self, value: f64, flip: f64) -> f64 {
+        let north_rad = std::f64::consts::FRAC_PI_2;
+        match self {
+            AngleUnit::Degrees => flip * value.to_radians(),
+            AngleUnit::Radians => flip * value,
+            AngleUnit::CompassDegrees => flip * (north_rad - value.to_radians()),
+            AngleUnit::CompassRadians => flip * (north_rad - value),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            AngleUnit::Degrees => "degrees",
+            AngleUnit::Radians => "rad",
+            AngleUnit::CompassDegrees => "degrees of a compass",
+            AngleUnit::CompassRadians => "radians of a compass",
+        }
+    }
 }
 
 /// Column of an angle.
@@ -167,9 +275,13 @@ pub enum VectorColumns {
 }
 
 /// Source of the size of a box.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum SizeColumns {
-    /// Two columns, in the length unit of the file.
+    /// The usual size of the class.
+    #[default]
+    ByClass,
+    /// Two columns, in the length unit of the file. Where either is 0 or empty, the size
+    /// is that of the class.
     Columns {
         /// Column of the length along the heading.
         length: String,
@@ -203,7 +315,22 @@ pub enum ClassColumns {
     ByLength {
         /// Length of the shortest truck in metres.
         truck_from_m: f64,
+        /// Class of road users without a size, by default a car.
+        #[serde(default)]
+        without_size: Class,
     },
+    /// A column of words, such as `car`, `bus` or `pedestrian/bicycle`.
+    Words(String),
+}
+
+impl ClassColumns {
+    /// Returns the classes by the usual length of trucks.
+    pub(crate) fn by_length() -> ClassColumns {
+        ClassColumns::ByLength {
+            truck_from_m: 7.5,
+            without_size: Class::Car,
+        }
+    }
 }
 
 impl Default for ClassColumns {
@@ -213,17 +340,23 @@ impl Default for ClassColumns {
 }
 
 /// Names and texts of the shipped column maps.
-const SHIPPED: [(&str, &str); 5] = [
+const SHIPPED: [(&str, &str); 8] = [
     ("dlr", include_str!("../maps/dlr.ron")),
     ("highd", include_str!("../maps/highd.ron")),
     ("ind", include_str!("../maps/ind.ron")),
     ("ngsim", include_str!("../maps/ngsim.ron")),
+    ("sumo", include_str!("../maps/sumo.ron")),
+    ("interaction", include_str!("../maps/interaction.ron")),
+    (
+        "interaction_pedestrians",
+        include_str!("../maps/interaction_pedestrians.ron"),
+    ),
     ("generic", include_str!("../maps/generic.ron")),
 ];
 
 impl ColumnMap {
     /// Returns the names of the shipped maps.
-    pub fn shipped_names() -> [&'static str; 5] {
+    pub fn shipped_names() -> [&'static str; 8] {
         SHIPPED.map(|(name, _)| name)
     }
 
@@ -240,13 +373,49 @@ impl ColumnMap {
     }
 
     /// Returns the name of the first shipped map whose columns are all in `header`.
+    ///
+    /// Capital and small letters are alike, since the same data has both.
     pub fn guess(header: &[String]) -> Option<&'static str> {
         let fits = |name: &&'static str| {
             let map = ColumnMap::shipped(name);
-            let has = |column: &&str| header.iter().any(|it| it == column);
+            let has = |column: &&str| header.iter().any(|it| it.eq_ignore_ascii_case(column));
             map.is_some_and(|map| map.columns().iter().all(has))
         };
         ColumnMap::shipped_names().into_iter().find(fits)
+    }
+
+    /// Returns the columns, units and reference point in words.
+    pub fn in_words(&self) -> String {
+        let unit = match self.length_unit {
+            LengthUnit::Metres => "m",
+            LengthUnit::Feet => "ft",
+        };
+        let point = match self.reference {
+            Reference::Centre => "box centre",
+            Reference::Corner => "box corner",
+            Reference::Front => "front bumper",
+        };
+        let side = match self.y_axis {
+            YAxis::Left => "",
+            YAxis::Right => ", y to the right",
+        };
+        let time = self.time.in_words();
+        let mut text = format!("{time}; {point} `{}`, `{}` in {unit}{side}", self.x, self.y);
+        match &self.heading {
+            Some(angle) => {
+                text += &format!("; heading `{}` in {}", angle.column, angle.unit.name())
+            }
+            None => text += "; heading of the motion",
+        }
+        let unit = self.speed_unit.name(self.length_unit);
+        match &self.velocity {
+            VectorColumns::Derived => text += "; speed of the positions",
+            VectorColumns::Components(x, y) => {
+                text += &format!("; velocity `{x}`, `{y}` in {unit}")
+            }
+            VectorColumns::Magnitude(along) => text += &format!("; speed `{along}` in {unit}"),
+        }
+        text
     }
 
     /// Returns the names of all columns that the map reads.
@@ -266,7 +435,7 @@ impl ColumnMap {
         match &self.class {
             ClassColumns::Fixed(_) | ClassColumns::ByLength { .. } => {}
             ClassColumns::Shares(shares) => all.extend(shares.keys().map(|it| &**it)),
-            ClassColumns::Codes { column, .. } => all.push(column),
+            ClassColumns::Codes { column, .. } | ClassColumns::Words(column) => all.push(column),
         }
         all.extend(self.interpolated.as_deref());
         all

@@ -5,8 +5,9 @@ use std::fmt::Display;
 use std::hash::Hash;
 
 use crate::error::ReadError;
-use crate::grid::{self, RawRow, RawTrack, RawTracks, RawVector};
+use crate::grid;
 use crate::problem::{FilePlace, FileProblem};
+use crate::raw::{RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
 
 /// Arrays of a recording: a value per row, a row per road user and instant.
@@ -157,12 +158,9 @@ impl TrafficRecording {
             });
             let track = &mut tracks[at];
             let class = columns.classes.map_or(Class::Car, |it| it[i]);
-            track.shares[class as usize] += 1.0;
-            if let Some((lengths_m, widths_m)) = columns.size_m {
-                track.length_sum_m += lengths_m[i];
-                track.width_sum_m += widths_m[i];
-                track.seen += 1.0;
-            }
+            let size_m = columns.size_m.map_or([0.0; 2], |(lengths_m, widths_m)| {
+                [lengths_m[i], widths_m[i]]
+            });
             let speed_mps = columns.speed_mps.map(|it| it[i]);
             track.rows.push(RawRow {
                 time_s: columns.times_s[i] - start_s,
@@ -172,6 +170,8 @@ impl TrafficRecording {
                 velocity: speed_mps.map_or(RawVector::Unknown, RawVector::Along),
                 acceleration: RawVector::Unknown,
                 marked: false,
+                size_m,
+                class: Some(class),
             });
         }
         let raw = RawTracks {
@@ -181,6 +181,8 @@ impl TrafficRecording {
                 ..ReadCounts::default()
             },
             origin_m,
+            reading: "arrays in s, m, rad and m/s; box centre".to_owned(),
+            rate_hz: None,
         };
         grid::recording(raw, name)
     }

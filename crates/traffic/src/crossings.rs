@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::grid::wrapped;
+use crate::raw::wrapped;
 use crate::recording::{RoadUserTrack, TrafficRecording};
 
 /// Greatest post-encroachment time of a crossing that is kept.

@@ -72,8 +72,20 @@ pub enum ReadError {
         /// Text of the field.
         text: String,
     },
-    /// A box has no extent.
-    #[error("`{file}`, line {line}, column `{column}`: the size {value} is not positive")]
+    /// A position is nowhere on Earth.
+    #[error("`{file}`, line {line}, column `{column}`: {value} is farther than 100,000 km")]
+    Far {
+        /// Name of the file.
+        file: String,
+        /// Line of the row, from 1.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// Coordinate in the unit of the file.
+        value: f64,
+    },
+    /// A box is negative or longer than 1 km.
+    #[error("`{file}`, line {line}, column `{column}`: {value} is not the size of a road user")]
     Size {
         /// Name of the file.
         file: String,
@@ -120,8 +132,8 @@ impl ReadError {
             ReadError::UnknownFormat { .. } => {
                 let known = crate::ColumnMap::shipped_names().join(", ");
                 format!(
-                    "write a column map, or name one of {known}; `generic` has the columns \
-                     time, id, x, y, heading, speed, length and width"
+                    "write a column map, or name one of {known}; without one the columns time, \
+                     id, x and y are needed, and `--time NAME` names the time"
                 )
             }
             ReadError::MissingColumn {
@@ -140,6 +152,7 @@ impl ReadError {
                 "write 2024-10-07T06:00:00.05Z, or map the time as Seconds, Milliseconds or Frames"
                     .to_owned()
             }
+            ReadError::Far { .. } => "remove the row, or map the position in its unit".to_owned(),
             ReadError::Size { .. } => {
                 "remove the rows, or map the size as Fixed(length_m: 4.5, width_m: 1.8)".to_owned()
             }

@@ -1,51 +1,41 @@
 //! The vehicle ahead of every vehicle, at every sample.
 
 use crate::lane_frame::LaneFrame;
+use crate::lead::{LEAD_GAP_M, Lead};
+use crate::path_leads::OwnPath;
 use crate::recording::{Class, TrafficRecording};
-
-/// Greatest gap at which a vehicle ahead counts as the lead.
-pub const LEAD_GAP_M: f64 = 120.0;
-
-/// Greatest time to collision that is reported.
-pub const TTC_MAX_S: f64 = 100.0;
-
-/// Vehicle ahead in the same lane at one sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lead {
-    /// Position of its track in the recording.
-    pub track: usize,
-    /// Clearance along the line in metres. It is negative where boxes overlap.
-    pub gap_m: f64,
-    /// Speed of the follower minus that of the lead.
-    pub closing_mps: f64,
-}
-
-impl Lead {
-    /// Returns the time to collision in seconds, at most 100.
-    pub fn ttc_s(&self) -> f64 {
-        if self.closing_mps <= 0.0 {
-            return TTC_MAX_S;
-        }
-        (self.gap_m / self.closing_mps).clamp(0.0, TTC_MAX_S)
-    }
-
-    /// Returns the constant deceleration that avoids the contact, in m/s².
-    ///
-    /// It is 0 if the gap does not shrink, and infinite without a gap.
-    pub fn needed_mps2(&self) -> f64 {
-        brakecheck_driver_model::needed_mps2(self.gap_m, self.closing_mps)
-    }
-}
 
 /// Leads of all tracks, a value per sample of the track.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Leads {
-    /// Lead per track and sample.
+    /// Lead in the lane per track and sample.
     pub of: Vec<Vec<Option<Lead>>>,
+    /// Lead along the own path, only of motor vehicles without lanes.
+    pub by_path: Vec<Vec<Option<Lead>>>,
 }
 
 impl Leads {
+    /// Returns the leads of a track: in its lane, or along its path without lanes.
+    pub fn of_track(&self, track: usize) -> &[Option<Lead>] {
+        match self.by_path.get(track) {
+            Some(leads) if !leads.is_empty() => leads,
+            _ => &self.of[track],
+        }
+    }
+
+    /// Finds the leads along the paths of motor vehicles without lanes.
+    fn find_by_path(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<Vec<Option<Lead>>> {
+        let tracks = recording.tracks.iter().enumerate();
+        let leads = tracks.map(|(i, track)| {
+            if frame.tracks[i].is_some() || !track.class.is_motor_vehicle() {
+                return Vec::new();
+            }
+            OwnPath::of(track).map_or_else(Vec::new, |path| path.leads(recording, i))
+        });
+        leads.collect()
+    }
+
     /// Finds the nearest vehicle ahead in the lane, up to a gap of 120 m.
     pub fn find(recording: &TrafficRecording, frame: &LaneFrame) -> Leads {
         let empty = |track: &crate::RoadUserTrack| vec![None; track.len()];
@@ -95,6 +85,9 @@ impl Leads {
                 });
             }
         }
-        Leads { of }
+        Leads {
+            of,
+            by_path: Leads::find_by_path(recording, frame),
+        }
     }
 }

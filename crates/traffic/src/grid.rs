@@ -1,107 +1,28 @@
 //! From raw rows to tracks on one time grid.
 
-use std::f64::consts::PI;
+use brakecheck_stl::sampling::EvenSampling;
 
+use crate::agreement::{Agreement, FAST_MPS};
 use crate::error::ReadError;
+use crate::parts::{Part, parts};
 use crate::problem::{FilePlace, FileProblem};
-use crate::recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
+use crate::raw::{RawReference, RawRow, RawTrack, RawTracks, RawVector, wrapped};
+use crate::recording::{ReadCounts, RoadUserTrack, TrafficRecording};
 
 /// Share of a period by which an instant may be off the grid.
 const ON_GRID: f64 = 0.05;
 
-/// Greatest number of samples of a recording, a month at 20 Hz.
-const MOST_SAMPLES: f64 = 5.0e7;
+/// Greatest number of samples of the time grid, five days at 20 Hz.
+const MOST_SAMPLES: f64 = 1.0e7;
+
+/// Least and greatest sampling period in seconds.
+const PERIODS_S: [f64; 2] = [5.0e-4, 5.0];
+
+/// Greatest number of samples per row: more are mostly made up.
+const SAMPLES_PER_ROW: usize = 20;
 
 /// Speed below which the direction of motion is no heading, in m/s.
 const STANDING_MPS: f64 = 0.5;
-
-/// Recorded vector of a row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum RawVector {
-    Unknown,
-    Along(f64),
-    Components(f64, f64),
-}
-
-/// Row of a road user, in seconds and metres.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RawRow {
-    pub(crate) time_s: f64,
-    pub(crate) x_m: f64,
-    pub(crate) y_m: f64,
-    pub(crate) heading_rad: Option<f64>,
-    pub(crate) velocity: RawVector,
-    pub(crate) acceleration: RawVector,
-    pub(crate) marked: bool,
-}
-
-/// Point of a road user whose positions are recorded.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) enum RawReference {
-    #[default]
-    Centre,
-    Front,
-    /// The box centre lies this far ahead and to the left of it.
-    CentreAt {
-        ahead_m: f64,
-        left_m: f64,
-    },
-}
-
-impl RawReference {
-    /// Returns how far the centre is ahead and to the left.
-    fn centre_m(self, length_m: f64) -> (f64, f64) {
-        match self {
-            RawReference::Centre => (0.0, 0.0),
-            RawReference::Front => (-0.5 * length_m, 0.0),
-            RawReference::CentreAt { ahead_m, left_m } => (ahead_m, left_m),
-        }
-    }
-}
-
-/// Rows of a road user, in any order.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct RawTrack {
-    pub(crate) id: Vec<u8>,
-    pub(crate) reference: RawReference,
-    pub(crate) rows: Vec<RawRow>,
-    /// Sum per class.
-    pub(crate) shares: [f64; Class::ALL.len()],
-    pub(crate) length_sum_m: f64,
-    pub(crate) width_sum_m: f64,
-    /// Number of rows in the sums. Without any the size is that of the class.
-    pub(crate) seen: f64,
-}
-
-impl RawTrack {
-    /// Returns the length and width.
-    fn size_m(&self) -> [f64; 2] {
-        if self.seen == 0.0 {
-            return self.class().usual_size_m();
-        }
-        [self.length_sum_m, self.width_sum_m].map(|sum_m| sum_m / self.seen)
-    }
-
-    fn class(&self) -> Class {
-        let by_share = |a: &&Class, b: &&Class| {
-            let share = |class: Class| self.shares[class as usize];
-            share(**a).total_cmp(&share(**b))
-        };
-        let best = Class::ALL.iter().max_by(by_share);
-        best.copied().unwrap_or_default()
-    }
-
-    fn id(&self) -> String {
-        String::from_utf8_lossy(&self.id).into_owned()
-    }
-}
-
-/// All rows of a file.
-pub(crate) struct RawTracks {
-    pub(crate) tracks: Vec<RawTrack>,
-    pub(crate) counts: ReadCounts,
-    pub(crate) origin_m: [f64; 2],
-}
 
 /// Puts all rows on the time grid of the file.
 pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, ReadError> {
@@ -109,6 +30,8 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
         mut tracks,
         mut counts,
         origin_m,
+        reading,
+        rate_hz,
     } = raw;
     for track in &mut tracks {
         track.rows.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -125,56 +48,207 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
             });
         }
     }
-    counts.assumed_sizes = tracks.iter().filter(|it| it.seen == 0.0).count();
+    counts.assumed_sizes = tracks.iter().filter(|it| !it.has_size()).count();
     let empty = || ReadError::Empty {
         file: file.to_owned(),
     };
-    let dt_s = median_step(&tracks).ok_or_else(empty)?;
-    let firsts = tracks.iter().filter_map(|it| it.rows.first());
-    let first_s = firsts.map(|row| row.time_s).fold(f64::INFINITY, f64::min);
-    check_span(&tracks, first_s, dt_s, file)?;
+    let whole = |problem| ReadError::Content {
+        file: file.to_owned(),
+        place: FilePlace::Whole,
+        problem,
+    };
+    let grid = TimeGrid::of(&tracks).ok_or_else(empty)?;
+    check_span(&tracks, &grid).map_err(whole)?;
     let mut all = Vec::with_capacity(tracks.len());
+    let mut agreement = Agreement::default();
+    let rows: usize = tracks.iter().map(|it| it.rows.len()).sum();
+    let mut budget = SAMPLES_PER_ROW * rows + 10_000;
     for raw in &mut tracks {
         for row in &mut raw.rows {
-            row.time_s -= first_s;
+            row.time_s -= grid.first_s;
         }
-        let rows = std::mem::take(&mut raw.rows);
-        for part in parts(&rows, dt_s, &mut counts) {
-            match track(raw, part, dt_s, &mut counts) {
-                Some(track) => all.push(track),
-                None => counts.too_short += 1,
+        for part in parts(raw, grid.dt_s, &mut counts) {
+            let Some(samples) = grid.samples(&part.rows, &mut counts) else {
+                counts.too_short += 1;
+                continue;
+            };
+            if mean_speed_mps(&samples.rows, grid.dt_s) > FAST_MPS {
+                counts.too_fast += 1;
+                continue;
             }
+            budget = budget
+                .checked_sub(samples.rows.len())
+                .ok_or_else(|| whole(FileProblem::Uneven { dt_s: grid.dt_s }))?;
+            agreement.add(&samples.rows, grid.dt_s);
+            all.push(track(raw, &part, samples, grid.dt_s, &mut counts));
         }
+    }
+    if all.is_empty() && counts.too_fast > 0 {
+        return Err(whole(FileProblem::Fast {
+            speed_mps: FAST_MPS,
+        }));
     }
     if all.is_empty() {
         return Err(empty());
     }
+    if let Some(problem) = agreement.problem(rate_hz) {
+        return Err(whole(problem));
+    }
+    (counts.speeds_off, counts.headings_off) = (agreement.speeds_off, agreement.headings_off);
     Ok(TrafficRecording {
         name: file.to_owned(),
-        dt_s,
+        dt_s: grid.dt_s,
         origin_m,
         tracks: all,
         counts,
+        reading,
     })
 }
 
-/// Returns an error if the time grid would have more than [`MOST_SAMPLES`].
-fn check_span(tracks: &[RawTrack], first_s: f64, dt_s: f64, file: &str) -> Result<(), ReadError> {
+/// Returns a problem if the time grid would be implausible or have too many samples.
+fn check_span(tracks: &[RawTrack], grid: &TimeGrid) -> Result<(), FileProblem> {
+    let dt_s = grid.dt_s;
     let lasts = tracks.iter().filter_map(|it| it.rows.last());
     // Rows are sorted with NaN last, and a NaN is no span.
-    let span = |row: &RawRow| row.time_s - first_s;
+    let span = |row: &RawRow| row.time_s - grid.first_s;
     let fits = |span_s: &f64| (0.0..=MOST_SAMPLES * dt_s).contains(span_s);
-    match lasts.map(span).find(|span_s| !fits(span_s)) {
-        Some(span_s) => Err(ReadError::Content {
-            file: file.to_owned(),
-            place: FilePlace::Whole,
-            problem: FileProblem::Span { span_s, dt_s },
-        }),
-        None => Ok(()),
+    if let Some(span_s) = lasts.map(span).find(|span_s| !fits(span_s)) {
+        return Err(FileProblem::Span { span_s, dt_s });
+    }
+    if !(PERIODS_S[0]..=PERIODS_S[1]).contains(&dt_s) {
+        return Err(FileProblem::Period { dt_s });
+    }
+    Ok(())
+}
+
+/// Time grid of a recording.
+struct TimeGrid {
+    first_s: f64,
+    dt_s: f64,
+    /// Share of a period by which an instant may be off the grid.
+    on_grid: f64,
+}
+
+/// Returns the step to which all instants are rounded, 0 for none from a microsecond on.
+fn resolution_s(instants: &[f64]) -> f64 {
+    let is_step = |step_s: &f64| {
+        let off = |it: &f64| (it / step_s - (it / step_s).round()).abs();
+        instants.iter().all(|it| off(it) < 1e-3)
+    };
+    let steps_s = [1e-2, 1e-3, 1e-4, 1e-5];
+    steps_s.into_iter().find(is_step).unwrap_or(0.0)
+}
+
+/// Rows on the grid.
+struct GridSamples {
+    first: usize,
+    rows: Vec<RawRow>,
+}
+
+impl TimeGrid {
+    /// Fits a grid to the instants of all rows, which are sorted per track.
+    fn of(tracks: &[RawTrack]) -> Option<TimeGrid> {
+        let firsts = tracks.iter().filter_map(|it| it.rows.first());
+        let first_s = firsts.map(|row| row.time_s).fold(f64::INFINITY, f64::min);
+        let median_s = median_step(tracks)?;
+        let irregular = TimeGrid {
+            first_s,
+            // Steps below half a microsecond are no sampling rate.
+            dt_s: (median_s * 1e6).round() / 1e6,
+            on_grid: ON_GRID,
+        };
+        let mut instants: Vec<f64> = tracks
+            .iter()
+            .flat_map(|it| it.rows.iter().map(|row| row.time_s))
+            .collect();
+        instants.sort_by(f64::total_cmp);
+        // One instant of several road users may differ in its last digits.
+        instants.dedup_by(|a, b| *a - *b <= 1e-4 * median_s);
+        let even = EvenSampling::fit(&instants);
+        let even = even.filter(|it| (it.dt_s / median_s - 1.0).abs() < 0.25);
+        let grid = even.map_or(irregular, |it| TimeGrid {
+            first_s,
+            dt_s: it.dt_s,
+            // The first instant may be rounded the other way than the farthest one.
+            on_grid: if it.off_s <= 0.55 * resolution_s(&instants) {
+                ON_GRID.max(2.1 * it.off_s / it.dt_s)
+            } else {
+                ON_GRID
+            },
+        });
+        (grid.dt_s > 0.0).then_some(grid)
+    }
+
+    /// Interpolates unbroken rows onto the grid, `None` for fewer than two samples.
+    fn samples(&self, rows: &[RawRow], counts: &mut ReadCounts) -> Option<GridSamples> {
+        let (dt_s, on_grid) = (self.dt_s, self.on_grid);
+        let (first, last) = (rows.first()?, rows.last()?);
+        let from = (first.time_s / dt_s - on_grid).ceil().max(0.0) as usize;
+        let to = (last.time_s / dt_s + on_grid).floor() as usize;
+        if to < from + 1 {
+            return None;
+        }
+        let off = |row: &&RawRow| {
+            let at = row.time_s / dt_s;
+            on_grid < (at - at.round()).abs()
+        };
+        counts.off_grid += rows.iter().filter(off).count();
+        let mut next = 0;
+        let mut samples: Vec<RawRow> = Vec::with_capacity(to + 1 - from);
+        for k in from..=to {
+            let time_s = k as f64 * dt_s;
+            while next + 1 < rows.len() && rows[next].time_s < time_s - on_grid * dt_s {
+                next += 1;
+            }
+            samples.push(self.sample(rows, next, time_s, counts));
+        }
+        Some(GridSamples {
+            first: from,
+            rows: samples,
+        })
+    }
+
+    /// Returns the sample at `time_s`, from the row there or its neighbours.
+    fn sample(&self, rows: &[RawRow], next: usize, time_s: f64, counts: &mut ReadCounts) -> RawRow {
+        let (after, dt_s) = (rows[next], self.dt_s);
+        if (after.time_s - time_s).abs() <= self.on_grid * dt_s || next == 0 {
+            return after;
+        }
+        let before = rows[next - 1];
+        let share = (time_s - before.time_s) / (after.time_s - before.time_s);
+        let is_hole = 1.5 * dt_s < after.time_s - before.time_s;
+        counts.holes_filled += usize::from(is_hole);
+        let mix = |a: f64, b: f64| a + share * (b - a);
+        let mix_vector = |a: RawVector, b: RawVector| match (a, b) {
+            (RawVector::Along(a), RawVector::Along(b)) => RawVector::Along(mix(a, b)),
+            (RawVector::Components(ax, ay), RawVector::Components(bx, by)) => {
+                RawVector::Components(mix(ax, bx), mix(ay, by))
+            }
+            _ => RawVector::Unknown,
+        };
+        let angle = |(a, b): (f64, f64)| a + share * wrapped(b - a);
+        RawRow {
+            time_s,
+            x_m: mix(before.x_m, after.x_m),
+            y_m: mix(before.y_m, after.y_m),
+            heading_rad: before.heading_rad.zip(after.heading_rad).map(angle),
+            velocity: mix_vector(before.velocity, after.velocity),
+            acceleration: mix_vector(before.acceleration, after.acceleration),
+            marked: is_hole || before.marked || after.marked,
+            size_m: before.size_m,
+            class: before.class,
+        }
     }
 }
 
-/// Returns the median step of all road users, rounded to microseconds.
+/// Returns the length of the way over its duration.
+fn mean_speed_mps(samples: &[RawRow], dt_s: f64) -> f64 {
+    let step = |pair: &[RawRow]| libm::hypot(pair[1].x_m - pair[0].x_m, pair[1].y_m - pair[0].y_m);
+    let way_m: f64 = samples.windows(2).map(step).sum();
+    way_m / ((samples.len() - 1) as f64 * dt_s)
+}
+
+/// Returns the median step of all road users.
 fn median_step(tracks: &[RawTrack]) -> Option<f64> {
     let step = |rows: &[RawRow]| rows[1].time_s - rows[0].time_s;
     let mut steps: Vec<f64> = tracks
@@ -185,96 +259,35 @@ fn median_step(tracks: &[RawTrack]) -> Option<f64> {
         return None;
     }
     let middle = steps.len() / 2;
-    let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-    let rounded = (*median * 1e6).round() / 1e6;
-    // Steps below half a microsecond are no sampling rate.
-    (0.0 < rounded).then_some(rounded)
+    Some(*steps.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Splits rows at long holes.
-fn parts<'a>(rows: &'a [RawRow], dt_s: f64, counts: &mut ReadCounts) -> Vec<&'a [RawRow]> {
-    let is_near = |a: &RawRow, b: &RawRow| b.time_s - a.time_s <= HOLE_S.max(1.5 * dt_s);
-    let parts: Vec<&[RawRow]> = rows.chunk_by(is_near).collect();
-    counts.holes_split += parts.len().saturating_sub(1);
-    parts
-}
-
-/// Interpolates unbroken rows onto the grid.
+/// Returns the track of a part with its samples.
 fn track(
     raw: &RawTrack,
-    rows: &[RawRow],
+    part: &Part,
+    samples: GridSamples,
     dt_s: f64,
     counts: &mut ReadCounts,
-) -> Option<RoadUserTrack> {
-    let (first, last) = (rows.first()?, rows.last()?);
-    let from = (first.time_s / dt_s - ON_GRID).ceil().max(0.0) as usize;
-    let to = (last.time_s / dt_s + ON_GRID).floor() as usize;
-    if to < from + 1 {
-        return None;
-    }
-
-    let [length_m, width_m] = raw.size_m();
+) -> RoadUserTrack {
+    let class = raw.class(&part.rows);
+    let ([length_m, width_m], varies) = raw.size_m(&part.rows, class);
+    counts.varying_sizes += usize::from(varies);
+    let id = match part.vehicle {
+        0 => raw.id(),
+        // Another vehicle than the first one with this identity.
+        again => format!("{}#{}", raw.id(), again + 1),
+    };
     let mut track = RoadUserTrack {
-        id: raw.id(),
-        class: raw.class(),
+        id,
+        class,
         length_m,
         width_m,
-        first_sample: from,
+        first_sample: samples.first,
         ..RoadUserTrack::default()
     };
-    let off = |row: &&RawRow| {
-        let at = row.time_s / dt_s;
-        ON_GRID < (at - at.round()).abs()
-    };
-    counts.off_grid += rows.iter().filter(off).count();
-    let mut next = 0;
-    let mut samples: Vec<RawRow> = Vec::with_capacity(to + 1 - from);
-    for k in from..=to {
-        let time_s = k as f64 * dt_s;
-        while next + 1 < rows.len() && rows[next].time_s < time_s - ON_GRID * dt_s {
-            next += 1;
-        }
-        samples.push(sample(rows, next, time_s, dt_s, counts));
-    }
-    fill(&mut track, &samples, dt_s, raw.reference);
-    Some(track)
-}
-
-/// Returns the sample at `time_s`, from the row there or its neighbours.
-fn sample(rows: &[RawRow], next: usize, time_s: f64, dt_s: f64, counts: &mut ReadCounts) -> RawRow {
-    let after = rows[next];
-    if (after.time_s - time_s).abs() <= ON_GRID * dt_s || next == 0 {
-        return after;
-    }
-    let before = rows[next - 1];
-    let share = (time_s - before.time_s) / (after.time_s - before.time_s);
-    let is_hole = 1.5 * dt_s < after.time_s - before.time_s;
-    counts.holes_filled += usize::from(is_hole);
-    let mix = |a: f64, b: f64| a + share * (b - a);
-    let mix_vector = |a: RawVector, b: RawVector| match (a, b) {
-        (RawVector::Along(a), RawVector::Along(b)) => RawVector::Along(mix(a, b)),
-        (RawVector::Components(ax, ay), RawVector::Components(bx, by)) => {
-            RawVector::Components(mix(ax, bx), mix(ay, by))
-        }
-        _ => RawVector::Unknown,
-    };
-    let angle = |(a, b): (f64, f64)| a + share * wrapped(b - a);
-    RawRow {
-        time_s,
-        x_m: mix(before.x_m, after.x_m),
-        y_m: mix(before.y_m, after.y_m),
-        heading_rad: before.heading_rad.zip(after.heading_rad).map(angle),
-        velocity: mix_vector(before.velocity, after.velocity),
-        acceleration: mix_vector(before.acceleration, after.acceleration),
-        marked: is_hole || before.marked || after.marked,
-    }
-}
-
-/// Returns an angle in (−π, π].
-pub(crate) fn wrapped(angle_rad: f64) -> f64 {
-    let turn = 2.0 * PI;
-    let rest = angle_rad.rem_euclid(turn);
-    if PI < rest { rest - turn } else { rest }
+    fill(&mut track, &samples.rows, dt_s, raw.reference);
+    track
 }
 
 /// Fills the columns of a track, with derived quantities where none were recorded.

@@ -26,6 +26,7 @@
     allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
 )]
 
+mod agreement;
 mod analysis;
 mod calibration;
 mod column_map;
@@ -36,24 +37,34 @@ mod crossing_text;
 mod crossings;
 mod driving_data;
 mod error;
+mod fcd;
 mod fit;
 mod following;
 mod grid;
 mod lane_change_plan;
 mod lane_frame;
+mod lanelet;
+mod lanes;
+mod lead;
 mod mcap;
 mod mcap_writer;
+mod named_map;
 mod osi;
 mod osi_message;
 mod osi_schema;
 mod osi_writer;
 mod other_plan;
+mod parts;
 mod path;
+mod path_leads;
 mod picture;
 mod plan;
+mod positions;
 mod problem;
+mod raw;
 mod read;
 mod recording;
+mod reference_line;
 mod road_fit;
 mod rules;
 mod situation_plan;
@@ -66,23 +77,28 @@ mod svg;
 mod timestamp;
 mod world;
 mod world_text;
+mod xml_lines;
 mod xosc;
 mod xosc_entity;
 
 pub use analysis::Analysis;
 pub use brakecheck_driver_model::*;
 pub use column_map::{
-    AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns,
+    AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns, SpeedUnit,
     TimeColumn, VectorColumns, YAxis,
 };
 pub use columns::RecordingColumns;
 pub use crossing_roads::CrossingRoads;
 pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
+pub use fcd::read_fcd;
 pub use fit::fit_traffic;
-pub use following::{LEAD_GAP_M, Lead, Leads, TTC_MAX_S};
+pub use following::Leads;
 pub use lane_change_plan::LaneChangePlan;
-pub use lane_frame::{Carriageway, Lane, LaneFrame, MappedCarriageway, PlacedTrack};
+pub use lane_frame::{Carriageway, LaneFrame, MappedCarriageway, NoLanes};
+pub use lanelet::read_lanelets;
+pub use lanes::{Lane, PlacedTrack};
+pub use lead::{LEAD_GAP_M, Lead, TTC_MAX_S};
 pub use mcap::read_mcap;
 pub use osi::read_osi;
 pub use osi_writer::{OsiAxles, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
@@ -91,10 +107,10 @@ pub use path::{Path, PathPlace};
 pub use picture::{svg_instant, svg_overview};
 pub use plan::{PIECE_S, SpeedPlan};
 pub use problem::{FilePlace, FileProblem};
-pub use read::{read_csv, read_csv_guessed};
+pub use read::{read_csv, read_csv_guessed, read_csv_timed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 pub use road_fit::{FittedPiece, FittedRoad};
-pub use rules::BoundRules;
+pub use rules::{BoundRules, Evaluated};
 pub use situation_plan::{
     AcrossPlan, LANE_CHANGE_AT_S, LanePlace, RecordedPlace, SituationPlan, SituationRoad,
 };

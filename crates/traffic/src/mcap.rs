@@ -15,7 +15,7 @@ use crate::recording::TrafficRecording;
 /// Beginning and end of an MCAP file.
 pub(crate) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 /// Greatest length of a record and of an unpacked chunk in bytes.
-const MOST_BYTES: u64 = 1 << 30;
+const MOST_BYTES: u64 = 1 << 27;
 
 // Types of records.
 const SCHEMA: u8 = 0x03;
@@ -28,7 +28,7 @@ const DATA_END: u8 = 0x0f;
 ///
 /// Messages have the schema `osi3.GroundTruth` or `osi3.SensorView`. The first channel
 /// with such a message is read, and messages of further ones are counted. Chunks are not
-/// compressed or compressed with lz4, or with zstd if the feature `zstd` is on.
+/// compressed, or compressed with lz4 or zstd.
 ///
 /// # Errors
 /// The file is not MCAP, ends early, or a message is invalid.
@@ -232,7 +232,6 @@ fn unpacked(content: &[u8]) -> Result<Vec<u8>, FileProblem> {
     let records = match &*compression {
         "" => packed.to_vec(),
         "lz4" => read_all(lz4_flex::frame::FrameDecoder::new(packed), size)?,
-        #[cfg(feature = "zstd")]
         "zstd" => {
             let failed = |error: String| FileProblem::Decompress(error);
             let decoder = ruzstd::decoding::StreamingDecoder::new(packed);

@@ -6,11 +6,12 @@ use std::io::{BufReader, Read};
 use prost::Message;
 
 use crate::error::ReadError;
-use crate::grid::{self, RawRow, RawTrack, RawTracks, RawVector};
+use crate::grid;
 use crate::osi_message::{
     OsiBase, OsiGroundTruth, OsiMovingObject, OsiSensorView, OsiTimestamp, OsiVector,
 };
 use crate::problem::{FilePlace, FileProblem};
+use crate::raw::{FARTHEST_M, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
 
 /// Greatest length of a message in bytes.
@@ -139,7 +140,8 @@ impl<'a> OsiTracks<'a> {
             return Err(self.error(place, problem));
         };
         for object in &ground_truth.moving_objects {
-            let Some(id) = object.id.as_ref().and_then(|it| it.value) else {
+            // A number 0 is left out by writers of proto3, as is that of esmini's first car.
+            let Some(id) = object.id.as_ref().map(|it| it.value.unwrap_or(0)) else {
                 let problem = missing("a moving object".to_owned(), "id");
                 return Err(self.error(place, problem));
             };
@@ -196,6 +198,8 @@ impl<'a> OsiTracks<'a> {
         let seconds = instant.seconds.unwrap_or(0).saturating_sub(origin.seconds);
         let nanos = i64::from(instant.nanos.unwrap_or(0)) - origin.nanos;
         let yaw = base.orientation.as_ref().and_then(|it| it.yaw);
+        let class = class_of(object);
+        let size_m = size(base, &owner)?;
         let row = RawRow {
             time_s: seconds as f64 + nanos as f64 * 1e-9,
             x_m: position_m[0] - origin.position_m[0],
@@ -206,11 +210,12 @@ impl<'a> OsiTracks<'a> {
             velocity: vector(base.velocity.as_ref(), &owner, "base.velocity")?,
             acceleration: vector(base.acceleration.as_ref(), &owner, "base.acceleration")?,
             marked: false,
+            size_m: size_m.unwrap_or_default(),
+            // A class may change from row to row, so the track gets its most frequent one.
+            class: None,
         };
-        let class = class_of(object);
         self.counts.rows += 1;
         self.counts.unknown_class += usize::from(class.is_none());
-        let size_m = size(base, &owner)?;
         let tracks = &mut self.tracks;
         let at = *self.by_id.entry(id).or_insert_with(|| {
             tracks.push(RawTrack {
@@ -220,13 +225,7 @@ impl<'a> OsiTracks<'a> {
             tracks.len() - 1
         });
         let track = &mut tracks[at];
-        // A class may change from row to row, so the track gets its most frequent one.
         track.shares[class.unwrap_or(Class::Other) as usize] += 1.0;
-        if let Some([length_m, width_m]) = size_m {
-            track.length_sum_m += length_m;
-            track.width_sum_m += width_m;
-            track.seen += 1.0;
-        }
         track.rows.push(row);
         Ok(())
     }
@@ -240,6 +239,8 @@ impl<'a> OsiTracks<'a> {
             tracks: self.tracks,
             counts: self.counts,
             origin_m: self.origin.map_or([0.0; 2], |origin| origin.position_m),
+            reading: "timestamps of the messages; box centre in m".to_owned(),
+            rate_hz: None,
         };
         grid::recording(raw, self.file)
     }
@@ -269,10 +270,18 @@ fn components(
     owner: &dyn Fn() -> String,
     name: &str,
 ) -> Result<[f64; 2], FileProblem> {
-    Ok([
-        finite(vector.x.unwrap_or(0.0), owner, name)?,
-        finite(vector.y.unwrap_or(0.0), owner, name)?,
-    ])
+    let near = |value: Option<f64>| {
+        let value = finite(value.unwrap_or(0.0), owner, name)?;
+        if value.abs() <= FARTHEST_M {
+            return Ok(value);
+        }
+        Err(FileProblem::Far {
+            owner: owner(),
+            name: name.to_owned(),
+            value,
+        })
+    };
+    Ok([near(vector.x)?, near(vector.y)?])
 }
 
 fn vector(

@@ -43,6 +43,13 @@ impl Path {
         (2 <= x_m.len()).then_some(Path { x_m, y_m, s_m })
     }
 
+    /// Returns the path relative to an origin.
+    pub(crate) fn relative_to(mut self, origin_m: [f64; 2]) -> Path {
+        self.x_m.iter_mut().for_each(|x| *x -= origin_m[0]);
+        self.y_m.iter_mut().for_each(|y| *y -= origin_m[1]);
+        self
+    }
+
     /// Returns the length in metres.
     pub fn length_m(&self) -> f64 {
         self.s_m.last().copied().unwrap_or(0.0)

@@ -84,6 +84,15 @@ pub enum FileProblem {
     /// Times of a trajectory count from an unknown instant.
     #[error("the times of a trajectory are relative to an event without an instant")]
     RelativeTime,
+    /// A trajectory has no times, and its entity no speed.
+    #[error("the trajectory of `{0}` has no `Timing`, and the entity no speed in `Init`")]
+    NoTiming(String),
+    /// No step has a road user.
+    #[error("no vehicle and no person in a timestep of fcd-export")]
+    NoVehicles,
+    /// No lanelet has local coordinates.
+    #[error("no lanelet whose nodes have `local_x` and `local_y`")]
+    NoLanelets,
     /// No entity has a trajectory.
     #[error("no entity follows a polyline")]
     NoTrajectory,
@@ -121,8 +130,8 @@ pub enum FileProblem {
     /// The checksum of a chunk does not fit.
     #[error("the checksum of the chunk does not fit its contents")]
     Checksum,
-    /// This build cannot decompress a chunk.
-    #[error("this build does not read chunks compressed with `{0}`")]
+    /// The compression of a chunk is unknown.
+    #[error("chunks compressed with `{0}` are not read")]
     Compression(String),
     /// A chunk cannot be decompressed.
     #[error("the chunk cannot be decompressed: {0}")]
@@ -134,6 +143,57 @@ pub enum FileProblem {
         span_s: f64,
         /// Median step in seconds.
         dt_s: f64,
+    },
+    /// The sampling period is implausible.
+    #[error("the instants are {dt_s} s apart")]
+    Period {
+        /// Period in seconds.
+        dt_s: f64,
+    },
+    /// Most samples of the time grid would be made up.
+    #[error("the instants are too uneven for steps of {dt_s} s")]
+    Uneven {
+        /// Period in seconds.
+        dt_s: f64,
+    },
+    /// Road users are faster than any.
+    #[error("by their positions, road users drive with {speed_mps:.0} m/s or more")]
+    Fast {
+        /// Median speed in m/s.
+        speed_mps: f64,
+    },
+    /// Recorded speeds contradict the positions.
+    #[error(
+        "the recorded speeds are {ratio:.3} times those of the positions{}",
+        suggestion(.fits.as_deref())
+    )]
+    SpeedsDiffer {
+        /// Median of recorded speed over speed of the positions.
+        ratio: f64,
+        /// Unit or rate that explains it.
+        fits: Option<String>,
+    },
+    /// Recorded headings contradict the motion.
+    #[error(
+        "{:.0} % of the headings are not the direction of motion{}",
+        100.0 * .share,
+        suggestion(*.fits)
+    )]
+    HeadingsDiffer {
+        /// Share of the headings.
+        share: f64,
+        /// Unit that explains it.
+        fits: Option<&'static str>,
+    },
+    /// A position is nowhere on Earth.
+    #[error("`{name}` of `{owner}` is {value} m from the origin")]
+    Far {
+        /// Name of the element or object.
+        owner: String,
+        /// Name of the field or array.
+        name: String,
+        /// Coordinate in metres.
+        value: f64,
     },
     /// Two arrays have different lengths.
     #[error("`{name}` has {got} values, the times have {want}")]
@@ -169,6 +229,13 @@ impl FileProblem {
                 "write domainAbsoluteRelative=\"absolute\", or start the event by a \
                  SimulationTimeCondition"
             }
+            FileProblem::NoVehicles => "write it with `sumo --fcd-output FILE.xml`",
+            FileProblem::NoLanelets => {
+                "save the Lanelet2 map with local coordinates, or name an OpenDRIVE file"
+            }
+            FileProblem::NoTiming(_) => {
+                "write a TimeReference with Timing, or a SpeedAction in Init"
+            }
             FileProblem::NoTrajectory => {
                 "record the motion as FollowTrajectoryAction; for scenarios to be simulated use \
                  `brakecheck new --from`"
@@ -189,14 +256,36 @@ impl FileProblem {
             FileProblem::Record(_) | FileProblem::Checksum | FileProblem::Decompress(_) => {
                 "copy the file again, or run `mcap recover`"
             }
-            FileProblem::Compression(_) => {
-                "build with `--features zstd`, or run `mcap compress --compression lz4`"
-            }
+            FileProblem::Compression(_) => "run `mcap compress --compression lz4`",
             FileProblem::Span { .. } => {
                 "map the time in its unit, and remove rows of another day or clock"
             }
+            FileProblem::Period { .. } => {
+                "map the time in its unit: Seconds, Milliseconds, Microseconds, Nanoseconds or \
+                 Frames"
+            }
+            FileProblem::Uneven { .. } => {
+                "resample the recording, or remove the rows that are sampled more finely"
+            }
+            FileProblem::Fast { .. } => {
+                "map times and positions in their units, or resample at the rate of the positions"
+            }
+            FileProblem::SpeedsDiffer { .. } => {
+                "write a column map with the right rate_hz, unit of time or `speed_unit`, or with \
+                 `velocity: Derived`"
+            }
+            FileProblem::HeadingsDiffer { .. } => {
+                "write a column map with the right unit of `heading` (Degrees, Radians, \
+                 CompassDegrees, CompassRadians), or with `heading: None`"
+            }
+            FileProblem::Far { .. } => "remove the row, or map the position in its unit",
             FileProblem::ArrayLength { .. } => "give each array a value per row",
         }
         .to_owned()
     }
+}
+
+/// Returns the explanation as the end of a message.
+fn suggestion(fits: Option<&str>) -> String {
+    fits.map_or(String::new(), |fits| format!(", which fits {fits}"))
 }

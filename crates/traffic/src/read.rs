@@ -1,67 +1,110 @@
 //! Reading of long CSV files.
 
 use std::collections::HashMap;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 
 use csv::ByteRecord;
 
-use crate::column_map::{
-    AngleUnit, ClassColumns, ColumnMap, Reference, SizeColumns, TimeColumn, VectorColumns, YAxis,
-};
+use crate::column_map::{ClassColumns, ColumnMap, Reference, SizeColumns, TimeColumn, YAxis};
 use crate::error::ReadError;
-use crate::grid::{self, RawReference, RawRow, RawTrack, RawTracks, RawVector};
+use crate::grid;
+use crate::positions::Positions;
+use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
 use crate::timestamp::parse_iso;
+use crate::xosc_entity::class_of_words;
 
-/// Reads rows with a shipped column map, which the header determines.
+/// Length of the longest road user, beyond that of any train.
+const MOST_SIZE_M: f64 = 1000.0;
+
+/// Reads rows with the column map that the header determines.
 ///
-/// Returns the name of the map, too.
+/// It is a shipped map, or one of usual names ([`ColumnMap::by_names`]), which is called
+/// `by name`. Returns the name of the map, too.
 ///
 /// # Errors
-/// No shipped map fits, or a row is invalid.
+/// No map fits, or a row is invalid.
 pub fn read_csv_guessed(
     rows: impl Read,
     name: &str,
 ) -> Result<(TrafficRecording, &'static str), ReadError> {
-    let mut reader = csv_of(rows);
+    read_csv_timed(rows, name, None)
+}
+
+/// Reads rows like [`read_csv_guessed`], with another time column.
+///
+/// # Errors
+/// No map fits, or a row is invalid.
+pub fn read_csv_timed(
+    rows: impl Read,
+    name: &str,
+    time: Option<&str>,
+) -> Result<(TrafficRecording, &'static str), ReadError> {
+    let mut reader = csv_of(rows, None, name)?;
     let header = header_of(&mut reader, name)?;
-    let known = ColumnMap::guess(&header);
-    let Some((known, map)) = known.and_then(|it| Some((it, ColumnMap::shipped(it)?))) else {
+    let shipped = ColumnMap::guess(&header);
+    let shipped = shipped.and_then(|it| Some((it, ColumnMap::shipped(it)?)));
+    let named = || Some(("by name", ColumnMap::by_names(&header, time)?));
+    let Some((known, mut map)) = shipped.or_else(named) else {
         return Err(ReadError::UnknownFormat {
             file: name.to_owned(),
             header: header.join(","),
         });
     };
+    if let Some(column) = time {
+        map.time = TimeColumn::named(column);
+    }
     Ok((read_rows(reader, &header, name, &map)?, known))
 }
 
 /// Reads rows with a column map. Errors call them by `name`.
 ///
-/// The rows may have any order. The result has one time grid, whose period is the
-/// median step. A row on the grid is taken as it is. Otherwise the neighbours in time
-/// are interpolated. Holes of up to [`HOLE_S`](crate::HOLE_S) are filled and marked,
-/// and longer ones split a track. [`ReadCounts`] counts all of it.
+/// The rows may have any order. The result has one time grid, whose period is fitted to
+/// all instants. A row on the grid is taken as it is. Otherwise the neighbours in time
+/// are interpolated. Holes of up to [`HOLE_S`](crate::HOLE_S) are filled and marked, and
+/// longer ones split a track, as do jumps. [`ReadCounts`] counts all of it.
 ///
 /// # Errors
-/// A column is missing, or a row is invalid.
+/// A column is missing, a row is invalid, or speeds or headings contradict the positions.
 pub fn read_csv(
     rows: impl Read,
     name: &str,
     map: &ColumnMap,
 ) -> Result<TrafficRecording, ReadError> {
-    let mut reader = csv_of(rows);
+    let mut reader = csv_of(rows, map.delimiter, name)?;
     let header = header_of(&mut reader, name)?;
     read_rows(reader, &header, name, map)
 }
 
-fn csv_of<R: Read>(rows: R) -> csv::Reader<R> {
-    csv::ReaderBuilder::new()
+/// Returns a reader of records, with the separator of the first line if none is given.
+fn csv_of<R: Read>(
+    rows: R,
+    delimiter: Option<char>,
+    name: &str,
+) -> Result<csv::Reader<BufReader<R>>, ReadError> {
+    let mut rows = BufReader::with_capacity(1 << 18, rows);
+    let start = rows.fill_buf().map_err(|source| ReadError::File {
+        file: name.to_owned(),
+        source,
+    })?;
+    let line = start
+        .split(|byte| *byte == b'\n')
+        .next()
+        .unwrap_or_default();
+    let count = |sign: u8| line.iter().filter(|byte| **byte == sign).count();
+    let known = delimiter.and_then(|it| u8::try_from(it).ok());
+    let usual = [b',', b';', b'\t']
+        .into_iter()
+        .rev()
+        .max_by_key(|sign| count(*sign));
+    Ok(csv::ReaderBuilder::new()
         .buffer_capacity(1 << 18)
         // The default also ends a record at `\r`, and then counts lines of files with
         // `\r\n` one too low. The `\r` is trimmed with the blanks.
         .terminator(csv::Terminator::Any(b'\n'))
         .trim(csv::Trim::All)
-        .from_reader(rows)
+        .delimiter(known.or(usual).unwrap_or(b','))
+        .from_reader(rows))
 }
 
 fn header_of(reader: &mut csv::Reader<impl Read>, name: &str) -> Result<Vec<String>, ReadError> {
@@ -113,74 +156,6 @@ fn read_rows(
     grid::recording(parser.finish(), name)
 }
 
-/// Positions of the columns of a map in a header.
-struct Positions {
-    time: usize,
-    id: usize,
-    x: usize,
-    y: usize,
-    heading: Option<usize>,
-    velocity: Vec<usize>,
-    acceleration: Vec<usize>,
-    size: Option<(usize, usize)>,
-    shares: Vec<(usize, Class)>,
-    code: Option<usize>,
-    interpolated: Option<usize>,
-}
-
-impl Positions {
-    fn new(header: &[String], file: &str, map: &ColumnMap) -> Result<Positions, ReadError> {
-        let at = |column: &str| {
-            let found = header.iter().position(|it| it == column);
-            found.ok_or_else(|| missing(header, file, column))
-        };
-        let vector = |columns: &VectorColumns| match columns {
-            VectorColumns::Derived => Ok(Vec::new()),
-            VectorColumns::Components(x, y) => Ok(vec![at(x)?, at(y)?]),
-            VectorColumns::Magnitude(along) => Ok(vec![at(along)?]),
-        };
-        let optional = |column: Option<&String>| column.map(|it| at(it)).transpose();
-        Ok(Positions {
-            time: at(map.time.column())?,
-            id: at(&map.id)?,
-            x: at(&map.x)?,
-            y: at(&map.y)?,
-            heading: optional(map.heading.as_ref().map(|it| &it.column))?,
-            velocity: vector(&map.velocity)?,
-            acceleration: vector(&map.acceleration)?,
-            size: match &map.size {
-                SizeColumns::Columns { length, width } => Some((at(length)?, at(width)?)),
-                SizeColumns::Fixed { .. } => None,
-            },
-            shares: match &map.class {
-                ClassColumns::Shares(shares) => {
-                    let share = |(column, class): (&String, &Class)| Ok((at(column)?, *class));
-                    shares.iter().map(share).collect::<Result<_, _>>()?
-                }
-                _ => Vec::new(),
-            },
-            code: match &map.class {
-                ClassColumns::Codes { column, .. } => Some(at(column)?),
-                _ => None,
-            },
-            interpolated: optional(map.interpolated.as_ref())?,
-        })
-    }
-}
-
-fn missing(header: &[String], file: &str, column: &str) -> ReadError {
-    let likeness = |it: &&String| strsim::jaro_winkler(it, column);
-    let nearest = header
-        .iter()
-        .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
-    ReadError::MissingColumn {
-        file: file.to_owned(),
-        column: column.to_owned(),
-        nearest: nearest.filter(|it| 0.7 < likeness(it)).cloned(),
-        header: header.join(","),
-    }
-}
-
 /// Converts rows into raw tracks in metres and seconds, in a frame with y to the left.
 struct RowParser<'a> {
     header: &'a [String],
@@ -198,7 +173,8 @@ struct RowParser<'a> {
 /// First row, from which time and place are measured.
 struct Origin {
     whole_s: i64,
-    rest_s: f64,
+    /// In the unit of the column, in which it is exact.
+    rest: f64,
     position_m: [f64; 2],
 }
 
@@ -227,10 +203,20 @@ impl<'a> RowParser<'a> {
             tracks: self.tracks,
             counts: self.counts,
             origin_m: self.origin.map_or([0.0; 2], |origin| origin.position_m),
+            reading: self.map.in_words(),
+            rate_hz: match &self.map.time {
+                TimeColumn::Frames { rate_hz, .. } => Some(*rate_hz),
+                _ => None,
+            },
         }
     }
 
     fn push(&mut self, record: &ByteRecord) -> Result<(), ReadError> {
+        // SUMO writes a row for every instant, also for those without a vehicle.
+        if record[self.at.id].is_empty() {
+            self.counts.without_id += 1;
+            return Ok(());
+        }
         self.counts.rows += 1;
         let unit = self.map.length_unit.metres();
         let flip = match self.map.y_axis {
@@ -238,23 +224,17 @@ impl<'a> RowParser<'a> {
             YAxis::Right => -1.0,
         };
         let (mut x_m, mut y_m) = (
-            self.number(record, self.at.x)? * unit,
-            self.number(record, self.at.y)? * unit,
+            self.place(record, self.at.x)? * unit,
+            self.place(record, self.at.y)? * unit,
         );
-        let (length_m, width_m) = self.size(record)?;
+        let size_m = self.size(record)?;
         if self.map.reference == Reference::Corner {
             // Boxes along the file's axes, so the heading does not matter.
-            x_m += 0.5 * length_m;
-            y_m += 0.5 * width_m;
+            x_m += 0.5 * size_m[0];
+            y_m += 0.5 * size_m[1];
         }
         let heading_rad = match (&self.map.heading, self.at.heading) {
-            (Some(angle), Some(at)) => {
-                let value = self.number(record, at)?;
-                Some(match angle.unit {
-                    AngleUnit::Degrees => flip * value.to_radians(),
-                    AngleUnit::Radians => flip * value,
-                })
-            }
+            (Some(angle), Some(at)) => Some(angle.unit.heading_rad(self.number(record, at)?, flip)),
             _ => None,
         };
         let time_s = self.time(record, [x_m, flip * y_m])?;
@@ -264,26 +244,25 @@ impl<'a> RowParser<'a> {
             .interpolated
             .is_some_and(|at| matches!(&record[at], b"True" | b"true" | b"TRUE" | b"1"));
         self.counts.marked += usize::from(marked);
+        let speed_unit = self.map.speed_unit.mps(self.map.length_unit);
         let row = RawRow {
             time_s,
             x_m: x_m - origin[0],
             y_m: flip * y_m - origin[1],
             heading_rad,
-            velocity: self.vector(record, &self.at.velocity, unit, flip)?,
+            velocity: self.vector(record, &self.at.velocity, speed_unit, flip)?,
             acceleration: self.vector(record, &self.at.acceleration, unit, flip)?,
             marked,
+            size_m,
+            class: self.class(record, size_m[0]),
         };
         let track = self.track_of(record);
-        // Sums, so that the class is of the mean share and the size of the mean size.
+        // Sums, so that the class is of the mean share.
         let shares = self.at.shares.clone();
         for (at, class) in shares {
             let share = self.number(record, at)?;
             self.tracks[track].shares[class as usize] += share;
         }
-        self.tracks[track].length_sum_m += length_m;
-        self.tracks[track].width_sum_m += width_m;
-        self.tracks[track].seen += 1.0;
-        self.count_class(record, track, length_m);
         self.tracks[track].rows.push(row);
         Ok(())
     }
@@ -313,36 +292,47 @@ impl<'a> RowParser<'a> {
         self.last
     }
 
-    fn count_class(&mut self, record: &ByteRecord, track: usize, length_m: f64) {
-        let class = match (&self.map.class, self.at.code) {
-            (ClassColumns::Codes { codes, .. }, Some(at)) => {
-                let code = String::from_utf8_lossy(&record[at]);
-                let class = codes.get(code.trim()).copied();
-                self.counts.unknown_class += usize::from(class.is_none());
-                class.unwrap_or(Class::Other)
+    /// Returns the class of a row, `None` where shares decide.
+    fn class(&mut self, record: &ByteRecord, length_m: f64) -> Option<Class> {
+        let text = self.at.code.map(|at| String::from_utf8_lossy(&record[at]));
+        let known = match (&self.map.class, text) {
+            (ClassColumns::Codes { codes, .. }, Some(code)) => codes.get(code.trim()).copied(),
+            (ClassColumns::Words(_), Some(words)) => class_of_words(&words),
+            (ClassColumns::ByLength { without_size, .. }, _) if length_m == 0.0 => {
+                Some(*without_size)
             }
-            (ClassColumns::ByLength { truck_from_m }, _) if *truck_from_m <= length_m => {
-                Class::Truck
+            (ClassColumns::ByLength { truck_from_m, .. }, _) if *truck_from_m <= length_m => {
+                Some(Class::Truck)
             }
-            (ClassColumns::Fixed(class), _) => *class,
-            (ClassColumns::Shares(_), _) => return,
-            _ => Class::Car,
+            (ClassColumns::Fixed(class), _) => Some(*class),
+            (ClassColumns::Shares(_), _) => return None,
+            _ => Some(Class::Car),
         };
-        self.tracks[track].shares[class as usize] += 1.0;
+        self.counts.unknown_class += usize::from(known.is_none());
+        // A vehicle of an unknown word is evaluated, one of an unlisted code is another.
+        let unknown = match &self.map.class {
+            ClassColumns::Words(_) => Class::Car,
+            _ => Class::Other,
+        };
+        Some(known.unwrap_or(unknown))
     }
 
-    fn size(&self, record: &ByteRecord) -> Result<(f64, f64), ReadError> {
-        let (SizeColumns::Columns { .. }, Some((length, width))) = (&self.map.size, self.at.size)
-        else {
-            return Ok(match &self.map.size {
-                SizeColumns::Fixed { length_m, width_m } => (*length_m, *width_m),
-                SizeColumns::Columns { .. } => (0.0, 0.0),
-            });
+    /// Returns the length and width in metres, 0 where they are not recorded.
+    fn size(&self, record: &ByteRecord) -> Result<[f64; 2], ReadError> {
+        if let SizeColumns::Fixed { length_m, width_m } = &self.map.size {
+            return Ok([*length_m, *width_m]);
+        }
+        let Some((length, width)) = self.at.size else {
+            return Ok([0.0; 2]);
         };
-        let positive = |at: usize| {
+        let size = |at: usize| {
+            if record[at].is_empty() {
+                return Ok(0.0);
+            }
             let value = self.number(record, at)?;
-            if 0.0 < value {
-                return Ok(value * self.map.length_unit.metres());
+            let size_m = value * self.map.length_unit.metres();
+            if (0.0..MOST_SIZE_M).contains(&size_m) {
+                return Ok(size_m);
             }
             Err(ReadError::Size {
                 file: self.file.to_owned(),
@@ -351,7 +341,27 @@ impl<'a> RowParser<'a> {
                 value,
             })
         };
-        Ok((positive(length)?, positive(width)?))
+        let size_m = [size(length)?, size(width)?];
+        // A box without an extent in one direction is none.
+        Ok(if size_m.contains(&0.0) {
+            [0.0; 2]
+        } else {
+            size_m
+        })
+    }
+
+    /// Returns a coordinate in the unit of the file.
+    fn place(&self, record: &ByteRecord, at: usize) -> Result<f64, ReadError> {
+        let value = self.number(record, at)?;
+        if value.abs() * self.map.length_unit.metres() <= FARTHEST_M {
+            return Ok(value);
+        }
+        Err(ReadError::Far {
+            file: self.file.to_owned(),
+            line: line_of(record),
+            column: self.header[at].clone(),
+            value,
+        })
     }
 
     fn vector(
@@ -378,10 +388,7 @@ impl<'a> RowParser<'a> {
         if self.origin.is_some() && self.last_time.0 == field {
             return Ok(self.last_time.1);
         }
-        let (whole_s, rest_s) = match &self.map.time {
-            TimeColumn::Seconds(_) => (0, self.number(record, self.at.time)?),
-            TimeColumn::Milliseconds(_) => (0, self.number(record, self.at.time)? / 1000.0),
-            TimeColumn::Frames { rate_hz, .. } => (0, self.number(record, self.at.time)? / rate_hz),
+        let (whole_s, rest) = match &self.map.time {
             TimeColumn::Iso(column) => {
                 let text = String::from_utf8_lossy(field);
                 parse_iso(text.trim()).ok_or_else(|| ReadError::Instant {
@@ -391,13 +398,16 @@ impl<'a> RowParser<'a> {
                     text: shown(field),
                 })?
             }
+            _ => (0, self.number(record, self.at.time)?),
         };
         let origin = self.origin.get_or_insert(Origin {
             whole_s,
-            rest_s,
+            rest,
             position_m,
         });
-        let time_s = (whole_s - origin.whole_s) as f64 + (rest_s - origin.rest_s);
+        // The difference first: an epoch in nanoseconds has all digits of an f64.
+        let unit_s = self.map.time.unit_s().unwrap_or(1.0);
+        let time_s = (whole_s - origin.whole_s) as f64 + (rest - origin.rest) * unit_s;
         self.last_time.0.clear();
         self.last_time.0.extend_from_slice(field);
         self.last_time.1 = time_s;

@@ -163,6 +163,30 @@ pub struct ReadCounts {
     pub without_motion: usize,
     /// Messages of further channels of a trace, left out.
     pub other_messages: usize,
+    /// Rows without an identity, left out.
+    #[serde(default)]
+    pub without_id: usize,
+    /// Rows that jump away for at most half a second, left out.
+    #[serde(default)]
+    pub displaced: usize,
+    /// Tracks faster than any road user, left out.
+    #[serde(default)]
+    pub too_fast: usize,
+    /// Steps that nothing on wheels takes, each of which ends a track.
+    #[serde(default)]
+    pub jumps: usize,
+    /// Identities that go to another vehicle, which gets a number: `7#2`.
+    #[serde(default)]
+    pub reused_ids: usize,
+    /// Tracks whose length varies by more than a fifth. The mean is taken.
+    #[serde(default)]
+    pub varying_sizes: usize,
+    /// Tracks whose recorded speed differs from that of the positions by a quarter.
+    #[serde(default)]
+    pub speeds_off: usize,
+    /// Tracks that mostly head elsewhere than they move.
+    #[serde(default)]
+    pub headings_off: usize,
 }
 
 /// Longest hole that is interpolated, in seconds.
@@ -182,6 +206,8 @@ pub struct TrafficRecording {
     pub tracks: Vec<RoadUserTrack>,
     /// Corrections made while reading.
     pub counts: ReadCounts,
+    /// Columns, units and frame of the file in words.
+    pub reading: String,
 }
 
 impl TrafficRecording {

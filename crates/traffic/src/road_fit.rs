@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::grid::wrapped;
 use crate::path::Path;
 use crate::plan::{rounded, solved};
+use crate::raw::wrapped;
 
 /// Least distance of the points that are fitted.
 const POINT_M: f64 = 0.5;

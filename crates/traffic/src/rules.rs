@@ -1,15 +1,19 @@
 //! Rules in Signal Temporal Logic over all vehicles of a recording.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::sync::Arc;
 
 use brakecheck_driver_model::{RuleResult, RulesError, TrafficRule, TrafficRuleFile, WorstRow};
 use brakecheck_stl::trace::Schema;
 use brakecheck_stl::{Monitor, Names, Samples, Settings, StlError};
+use serde::Serialize;
 
-use crate::following::{LEAD_GAP_M, Leads, TTC_MAX_S};
+use crate::following::Leads;
 use crate::lane_frame::LaneFrame;
-use crate::recording::{Class, TrafficRecording};
+use crate::lead::{LEAD_GAP_M, TTC_MAX_S};
+use crate::path_leads::OwnPath;
+use crate::recording::TrafficRecording;
 
 /// Time within which violations of a rule are one episode.
 const SAME_EPISODE_S: f64 = 1.0;
@@ -41,6 +45,9 @@ impl BoundRules {
         rules: &TrafficRuleFile,
         recording: &TrafficRecording,
     ) -> Result<BoundRules, RulesError> {
+        if rules.rules.is_empty() {
+            return Err(RulesError::Empty);
+        }
         let schema = Arc::new(Schema::new(recording.dt_s, rules.signals())?);
         let names = Names {
             constants: rules.constants.clone(),
@@ -62,24 +69,32 @@ impl BoundRules {
         })
     }
 
-    /// Evaluates all rules on every motor vehicle on a carriageway.
+    /// Evaluates all rules on every motor vehicle.
+    ///
+    /// Outside of the carriageways the vehicle ahead is that on the own path. `ego.s` is
+    /// then along it, `ego.lane` is −1 and `ego.lateral` is 0.
+    ///
+    /// # Errors
+    /// The recording has no motor vehicle.
     pub fn evaluate(
         &self,
         recording: &TrafficRecording,
         frame: &LaneFrame,
         leads: &Leads,
-    ) -> Vec<RuleResult> {
+    ) -> Result<Vec<RuleResult>, RulesError> {
         let mut tallies: Vec<RuleTally> = self.monitors.iter().map(RuleTally::new).collect();
         let mut columns = VehicleColumns::default();
         let mut robustness = Vec::new();
-        for (track, placed) in frame.tracks.iter().enumerate() {
-            let Some(placed) = placed else { continue };
-            let own = &recording.tracks[track];
-            // A trailer has no driver.
-            if own.class == Class::Trailer {
+        let mut evaluated = 0;
+        for (track, own) in recording.tracks.iter().enumerate() {
+            if !own.class.is_motor_vehicle() {
                 continue;
             }
-            columns.fill(own, placed, &leads.of[track]);
+            let placed = frame.tracks[track].clone();
+            let Some(placed) = placed.or_else(|| along_own_path(own)) else {
+                continue;
+            };
+            columns.fill(own, &placed, leads.of_track(track));
             let all = vec![
                 &own.speed_mps[..],
                 &own.accel_mps2,
@@ -96,13 +111,86 @@ impl BoundRules {
             let Ok(samples) = Samples::new(Arc::clone(&self.schema), all) else {
                 continue;
             };
+            evaluated += 1;
             let distance_km = own.distance_m() / 1000.0;
             for ((_, monitor), tally) in self.monitors.iter().zip(&mut tallies) {
                 monitor.robustness_of_all(&samples, &mut robustness);
                 tally.add(recording, leads, track, &robustness, distance_km);
             }
         }
-        tallies.into_iter().map(RuleTally::finish).collect()
+        // Rules that nothing was measured against hold for everything.
+        if evaluated == 0 {
+            return Err(RulesError::NoVehicle {
+                recording: recording.name.clone(),
+            });
+        }
+        Ok(tallies.into_iter().map(RuleTally::finish).collect())
+    }
+}
+
+/// Returns the place of a vehicle along its own path.
+fn along_own_path(track: &crate::RoadUserTrack) -> Option<crate::PlacedTrack> {
+    let path = OwnPath::of(track)?;
+    Some(crate::PlacedTrack {
+        carriageway: 0,
+        s_m: path.front_m(track),
+        lateral_m: vec![0.0; track.len()],
+        lane: vec![None; track.len()],
+    })
+}
+
+/// Amount of a recording that rules are evaluated on.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct Evaluated {
+    /// Tracks of motor vehicles.
+    pub vehicles: usize,
+    /// Those of them without lanes, evaluated along their paths.
+    pub by_path: usize,
+    /// Rows of all of them.
+    pub rows: usize,
+    /// Rows with a vehicle ahead.
+    pub rows_with_lead: usize,
+    /// Tracks of other classes, which are not evaluated.
+    pub left_out: BTreeMap<&'static str, usize>,
+}
+
+impl Evaluated {
+    /// Counts the vehicles and rows of a recording.
+    pub fn of(recording: &TrafficRecording, frame: &LaneFrame, leads: &Leads) -> Evaluated {
+        let mut found = Evaluated::default();
+        for (i, track) in recording.tracks.iter().enumerate() {
+            if !track.class.is_motor_vehicle() {
+                *found.left_out.entry(track.class.name()).or_default() += 1;
+                continue;
+            }
+            found.vehicles += 1;
+            found.by_path += usize::from(frame.tracks[i].is_none());
+            found.rows += track.len();
+            found.rows_with_lead += leads.of_track(i).iter().flatten().count();
+        }
+        found
+    }
+}
+
+impl fmt::Display for Evaluated {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} tracks of motor vehicles in {} rows, {} rows with a vehicle ahead",
+            self.vehicles, self.rows, self.rows_with_lead
+        )?;
+        if self.by_path > 0 {
+            write!(
+                f,
+                "; {} of them without lanes, along their paths",
+                self.by_path
+            )?;
+        }
+        for (class, count) in &self.left_out {
+            write!(f, "; left out: {count} of class {class}")?;
+        }
+        Ok(())
     }
 }
 
@@ -210,7 +298,7 @@ impl RuleTally {
         if worst.is_some_and(|it| it.robustness <= robustness) {
             return;
         }
-        let lead = leads.of[track][at].map(|it| recording.tracks[it.track].id.clone());
+        let lead = leads.of_track(track)[at].map(|it| recording.tracks[it.track].id.clone());
         self.result.worst = Some(WorstRow {
             id: own.id.clone(),
             lead,
@@ -229,7 +317,7 @@ impl RuleTally {
 /// Returns true for rows that the recorder made up, or in which two boxes overlap.
 fn is_doubtful(recording: &TrafficRecording, leads: &Leads, track: usize, at: usize) -> bool {
     let own = &recording.tracks[track];
-    let of_lead = leads.of[track][at].is_some_and(|lead| {
+    let of_lead = leads.of_track(track)[at].is_some_and(|lead| {
         let ahead = &recording.tracks[lead.track];
         lead.gap_m < 0.0 || ahead.filled[own.first_sample + at - ahead.first_sample]
     });

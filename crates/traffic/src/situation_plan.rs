@@ -3,7 +3,7 @@
 use crate::analysis::Analysis;
 use crate::crossing_roads::CrossingRoads;
 use crate::lane_change_plan::LaneChangePlan;
-use crate::lane_frame::PlacedTrack;
+use crate::lanes::PlacedTrack;
 use crate::other_plan::OtherPlan;
 use crate::path::Path;
 use crate::plan::{SpeedPlan, rounded};

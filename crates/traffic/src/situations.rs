@@ -2,8 +2,9 @@
 
 use brakecheck_driver_model::CUT_IN_GAP_M;
 
-use crate::following::{Lead, Leads};
+use crate::following::Leads;
 use crate::lane_frame::LaneFrame;
+use crate::lead::Lead;
 use crate::recording::{Class, TrafficRecording};
 
 /// Shortest following that counts, and the length of its windows, in seconds.

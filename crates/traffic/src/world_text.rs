@@ -232,7 +232,7 @@ impl OtherTexts {
 /// Returns a named road of one lane as an entry of `roads`.
 pub(crate) fn road_entry(name: &str, road: &FittedRoad, width_m: f64, origin: RoadPose) -> String {
     let [x, y] = origin.relative_m(road.start_m).map(rounded);
-    let heading_rad = rounded(crate::grid::wrapped(road.heading_rad - origin.heading_rad));
+    let heading_rad = rounded(crate::raw::wrapped(road.heading_rad - origin.heading_rad));
     // A lane is at least 1 m wide, and the world's own is 3.5 m or more.
     let width_m = rounded(width_m.max(1.0));
     let pieces = road.to_ron();

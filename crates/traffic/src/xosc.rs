@@ -1,16 +1,18 @@
 //! Reading of OpenSCENARIO trajectories.
 
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 
 use indexmap::IndexMap;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::error::ReadError;
-use crate::grid::{self, RawRow, RawTrack, RawTracks, RawVector};
+use crate::grid;
 use crate::problem::{FilePlace, FileProblem};
+use crate::raw::{FARTHEST_M, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
+use crate::xml_lines::LineCounter;
 use crate::xosc_entity::{XoscEntity, class_of_catalog, class_of_vehicle};
 
 /// Reads the polylines that the entities of a scenario follow. Errors call it by `name`.
@@ -63,41 +65,6 @@ pub fn read_xosc(text: impl Read, name: &str) -> Result<TrafficRecording, ReadEr
     file.finish()
 }
 
-/// Reader that counts the lines behind it.
-struct LineCounter<R> {
-    inner: BufReader<R>,
-    line: u64,
-}
-
-impl<R: Read> LineCounter<R> {
-    fn new(inner: R) -> LineCounter<R> {
-        LineCounter {
-            inner: BufReader::with_capacity(1 << 18, inner),
-            line: 1,
-        }
-    }
-}
-
-impl<R: Read> Read for LineCounter<R> {
-    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
-        let got = self.fill_buf()?.read(into)?;
-        self.consume(got);
-        Ok(got)
-    }
-}
-
-impl<R: Read> BufRead for LineCounter<R> {
-    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        self.inner.fill_buf()
-    }
-
-    fn consume(&mut self, amount: usize) {
-        let passed = &self.inner.buffer()[..amount];
-        self.line += passed.iter().filter(|byte| **byte == b'\n').count() as u64;
-        self.inner.consume(amount);
-    }
-}
-
 /// Polyline of some entities.
 #[derive(Default)]
 struct TimedLine {
@@ -121,6 +88,8 @@ struct XoscFile<'a> {
     actors: Vec<String>,
     /// Instant at which the current event starts.
     start_s: Option<f64>,
+    /// Speeds of the entities at the start.
+    speeds_mps: IndexMap<String, f64>,
     /// Polylines of the current event.
     lines: Vec<TimedLine>,
     vertex_s: Option<f64>,
@@ -139,6 +108,7 @@ impl<'a> XoscFile<'a> {
             entity: None,
             actors: Vec::new(),
             start_s: None,
+            speeds_mps: IndexMap::new(),
             lines: Vec::new(),
             vertex_s: None,
             tracks: IndexMap::new(),
@@ -173,6 +143,12 @@ impl<'a> XoscFile<'a> {
             "Event" => self.start_s = None,
             "SimulationTimeCondition" if self.is_inside("Event") && self.start_s.is_none() => {
                 self.start_s = Some(self.number(tag, "value")?);
+            }
+            "AbsoluteTargetSpeed" if self.is_inside("Private") => {
+                let speed_mps = self.number(tag, "value")?;
+                for id in &self.actors {
+                    self.speeds_mps.insert(id.clone(), speed_mps);
+                }
             }
             // A trajectory of a route catalog has no actor.
             "Trajectory" if !self.actors.is_empty() => self.lines.push(TimedLine {
@@ -253,7 +229,7 @@ impl<'a> XoscFile<'a> {
     }
 
     fn row(&mut self, tag: &BytesStart<'_>, time_s: f64) -> Result<RawRow, ReadError> {
-        let (x_m, y_m) = (self.number(tag, "x")?, self.number(tag, "y")?);
+        let (x_m, y_m) = (self.place(tag, "x")?, self.place(tag, "y")?);
         let heading = self.optional(tag, "h")?;
         let heading_rad = heading
             .map(|text| self.parsed(tag, "h", &text))
@@ -267,6 +243,8 @@ impl<'a> XoscFile<'a> {
             velocity: RawVector::Unknown,
             acceleration: RawVector::Unknown,
             marked: false,
+            size_m: [0.0; 2],
+            class: None,
         })
     }
 
@@ -297,6 +275,13 @@ impl<'a> XoscFile<'a> {
             (true, None) => return Err(self.error(FileProblem::RelativeTime)),
         };
         let (scale, offset_s) = line.timing.unwrap_or((1.0, 0.0));
+        if scale <= 0.0 {
+            return Err(self.error(FileProblem::NotPositive {
+                owner: "Timing".to_owned(),
+                name: "scale".to_owned(),
+                value: scale,
+            }));
+        }
         for id in &line.entities {
             let entity = self.entities.get(id).copied().unwrap_or_default();
             self.counts.rows += line.rows.len();
@@ -305,11 +290,22 @@ impl<'a> XoscFile<'a> {
             }
             let track = self.tracks.entry(id.clone());
             let track = track.or_insert_with(|| entity.track(id));
+            // Times of the trajectory pass `scale` times as fast as those of the run.
+            let speed_mps = self.speeds_mps.get(id).copied();
             let timed = |row: &RawRow| RawRow {
-                time_s: start_s + scale * row.time_s + offset_s,
+                time_s: start_s + (row.time_s - offset_s) / scale,
                 ..*row
             };
-            track.rows.extend(line.rows.iter().map(timed));
+            match line.timing {
+                Some(_) => track.rows.extend(line.rows.iter().map(timed)),
+                None => {
+                    let Some(speed_mps) = speed_mps.filter(|it| *it > 0.0) else {
+                        let problem = FileProblem::NoTiming(id.clone());
+                        return Err(self.error(problem));
+                    };
+                    track.rows.extend(driven(&line.rows, start_s, speed_mps));
+                }
+            }
         }
         Ok(())
     }
@@ -329,6 +325,8 @@ impl<'a> XoscFile<'a> {
             tracks: self.tracks.into_values().collect(),
             counts: self.counts,
             origin_m: self.origin_m.unwrap_or_default(),
+            reading: "times of the vertices; reference points in m".to_owned(),
+            rate_hz: None,
         };
         grid::recording(raw, self.name)
     }
@@ -370,6 +368,18 @@ impl<'a> XoscFile<'a> {
         })
     }
 
+    fn place(&self, tag: &BytesStart<'_>, name: &str) -> Result<f64, ReadError> {
+        let value = self.number(tag, name)?;
+        if value.abs() <= FARTHEST_M {
+            return Ok(value);
+        }
+        Err(self.error(FileProblem::Far {
+            owner: tag.local_name().into_inner().to_owned(),
+            name: name.to_owned(),
+            value,
+        }))
+    }
+
     fn size(&self, tag: &BytesStart<'_>, name: &str) -> Result<f64, ReadError> {
         let value = self.number(tag, name)?;
         if 0.0 < value {
@@ -381,4 +391,25 @@ impl<'a> XoscFile<'a> {
             value,
         }))
     }
+}
+
+/// Returns the rows of a line that an entity drives along with a speed of its own.
+fn driven(rows: &[RawRow], start_s: f64, speed_mps: f64) -> Vec<RawRow> {
+    let mut along_m = 0.0;
+    let mut last: Option<&RawRow> = None;
+    let mut all: Vec<RawRow> = Vec::with_capacity(rows.len());
+    for row in rows {
+        let step_m = last.map_or(0.0, |it| libm::hypot(row.x_m - it.x_m, row.y_m - it.y_m));
+        // A point that is there twice has one instant.
+        if last.is_some() && step_m == 0.0 {
+            continue;
+        }
+        along_m += step_m;
+        last = Some(row);
+        all.push(RawRow {
+            time_s: start_s + along_m / speed_mps,
+            ..*row
+        });
+    }
+    all
 }

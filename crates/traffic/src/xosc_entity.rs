@@ -1,6 +1,6 @@
 //! Entities of OpenSCENARIO: their classes and bounding boxes.
 
-use crate::grid::{RawReference, RawTrack};
+use crate::raw::{RawReference, RawTrack};
 use crate::recording::Class;
 
 /// Class and box of an entity, as far as the file has them.
@@ -24,7 +24,7 @@ impl XoscEntity {
         };
         track.shares[self.class.unwrap_or_default() as usize] = 1.0;
         if let Some([length_m, width_m]) = self.size_m {
-            (track.length_sum_m, track.width_sum_m, track.seen) = (length_m, width_m, 1.0);
+            track.size_m = Some([length_m, width_m]);
             track.reference = RawReference::CentreAt {
                 ahead_m: self.centre_m[0],
                 left_m: self.centre_m[1],
@@ -51,21 +51,25 @@ pub(crate) fn class_of_vehicle(category: &str) -> Option<Class> {
 
 /// Returns the class that the names of a catalog and its entry suggest.
 pub(crate) fn class_of_catalog(catalog: &str, entry: &str) -> Option<Class> {
-    let entry = entry.to_ascii_lowercase();
-    let by_word = entry
-        .split(|it: char| !it.is_ascii_alphabetic())
-        .find_map(|word| {
-            Some(match word {
-                "pedestrian" | "person" | "walker" => Class::Pedestrian,
-                "bicycle" | "bike" | "cyclist" => Class::Bicycle,
-                "motorbike" | "motorcycle" => Class::Motorcycle,
-                "car" | "sedan" | "suv" => Class::Car,
-                "van" => Class::Van,
-                "truck" | "lorry" | "bus" => Class::Truck,
-                "trailer" | "semitrailer" => Class::Trailer,
-                _ => return None,
-            })
-        });
     let is_pedestrian = || catalog.to_ascii_lowercase().contains("pedestrian");
-    by_word.or_else(|| is_pedestrian().then_some(Class::Pedestrian))
+    class_of_words(entry).or_else(|| is_pedestrian().then_some(Class::Pedestrian))
+}
+
+/// Returns the class of the first word that names one, such as that of `veh_passenger`.
+pub(crate) fn class_of_words(text: &str) -> Option<Class> {
+    let text = text.to_ascii_lowercase();
+    let mut words = text.split(|it: char| !it.is_ascii_alphabetic());
+    words.find_map(|word| {
+        Some(match word {
+            "pedestrian" | "pedestrians" | "person" | "walker" | "ped" => Class::Pedestrian,
+            "bicycle" | "bike" | "cyclist" | "bicyclist" | "cycle" => Class::Bicycle,
+            "motorbike" | "motorcycle" | "motorcyclist" | "moped" | "scooter" => Class::Motorcycle,
+            "car" | "sedan" | "suv" | "passenger" | "taxi" | "automobile" => Class::Car,
+            "van" | "delivery" => Class::Van,
+            "truck" | "lorry" | "bus" | "coach" | "hgv" => Class::Truck,
+            "trailer" | "semitrailer" => Class::Trailer,
+            "tram" | "train" | "animal" => Class::Other,
+            _ => return None,
+        })
+    })
 }

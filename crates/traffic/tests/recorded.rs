@@ -94,7 +94,9 @@ fn the_bars_hold_on_five_minutes_of_a_motorway() {
 
     let rules = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
     let rules = BoundRules::bind(&rules, &analysis.recording).expect("shipped");
-    let results = rules.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
+    let results = rules
+        .evaluate(&analysis.recording, &analysis.frame, &analysis.leads)
+        .expect("vehicles");
     let ttc = &results[1];
     assert!((2..=10).contains(&ttc.episodes), "{ttc:?}");
 

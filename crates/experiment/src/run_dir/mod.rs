@@ -77,7 +77,7 @@ pub use program_content::{ProgramContents, bind_programs, stored_programs};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
 pub use row::{Anytime, BrokenRule, FailsAlone, FailureKind, Partial, Row, Unconfirmed};
-pub use samples::{SamplesError, trace_of_csv};
+pub use samples::{ReadTrace, SamplesError, TraceOptions, read_trace, trace_of_csv};
 pub use success_contacts::SuccessContacts;
 pub use training_counterexamples::Stored;
 pub(crate) use training_counterexamples::StoredCount;

@@ -1,16 +1,22 @@
 //! Traces from CSV: a header of signal names, then one line per sample.
 //!
-//! A first column `time` or `t`, with or without its unit (`time [s]`), is the
-//! time in seconds. It must be even and determines the sampling period. Columns
-//! of `true` and `false` are Boolean signals. All other values must be finite
-//! numbers. Otherwise the error states the line.
+//! The time column is known by its name, such as `time [s]`, `timestamp` or `sim_time`.
+//! It must be even within the rounding of its stamps, and determines the sampling
+//! period. Columns of `true` and `false` are Boolean signals. All other values must be
+//! finite numbers. Otherwise the error states the line.
 
+use std::fmt;
 use std::sync::Arc;
+
+use brakecheck_stl::sampling::{EvenSampling, MOST_OFF, TimeName, rate_of, time_name, time_rank};
 
 use crate::trace::{Schema, SchemaError, Signal, Trace};
 
-/// Largest deviation from even sampling, as a share of the period.
+/// Deviation from even sampling that counts as none, as a share of the period.
 const UNEVEN: f64 = 1e-3;
+
+/// Digits behind the point from which stamps count as not rounded.
+const FULL_DIGITS: usize = 7;
 
 /// CSV text that is not a trace.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -77,8 +83,36 @@ pub enum SamplesError {
         /// Time of the previous sample.
         before: f64,
     },
-    /// The time column has another unit.
-    #[error("line 1: the times of `{column}` are in `{unit}`, and seconds are expected")]
+    /// No column is a time.
+    #[error("line 1: none of the columns `{columns}` is known as the time")]
+    NoTime {
+        /// Names in the header.
+        columns: String,
+    },
+    /// The column that is named as the time is not there.
+    #[error("line 1: there is no column `{column}` among `{columns}`")]
+    NoSuchTime {
+        /// Name that was given.
+        column: String,
+        /// Names in the header.
+        columns: String,
+    },
+    /// Two columns are times with different periods.
+    #[error("line 1: `{first}` and `{second}` are both times, with different periods")]
+    TwoTimes {
+        /// Name of the first one.
+        first: String,
+        /// Name of the other one.
+        second: String,
+    },
+    /// The first line has values in place of names.
+    #[error("line {line}: values where the names of the signals are expected")]
+    NoHeader {
+        /// Number of the line, from 1.
+        line: usize,
+    },
+    /// The time column has an unknown unit.
+    #[error("line 1: the times of `{column}` are in `{unit}`, which is no known unit")]
     TimeUnit {
         /// Name of the column in the header.
         column: String,
@@ -102,13 +136,24 @@ impl SamplesError {
     /// Returns advice for the user.
     pub fn help(&self) -> &'static str {
         match self {
+            SamplesError::NoTime { .. } | SamplesError::NoSuchTime { .. } => {
+                "name the column with `--time NAME`, or state the period with `--dt SECONDS`"
+            }
+            SamplesError::TwoTimes { .. } => "name one of them with `--time NAME`",
+            SamplesError::NoHeader { .. } => {
+                "write the names above the values, such as `time,headway`"
+            }
             SamplesError::Separator { .. } => {
                 "separate names and values with `,`, and write decimals with a point"
             }
             SamplesError::Uneven { .. } => "resample the trace at a fixed period",
             SamplesError::NotLater { .. } => "sort the samples by time, each once",
-            SamplesError::TimeUnit { .. } => "convert the column to seconds and call it `time`",
-            SamplesError::Period { .. } => "leave out `--dt`, or the time column",
+            SamplesError::TimeUnit { .. } => {
+                "use s, ms, us or ns, or convert the column to seconds"
+            }
+            SamplesError::Period { .. } => {
+                "leave out `--dt`, or name another time column with `--time`"
+            }
             SamplesError::Ragged { .. } => "give every line as many values as the header has names",
             SamplesError::NotANumber { .. } => "write a number such as 1.5, or true / false",
             _ => "a trace looks like `time,headway` and then `0.0,12.5`, one line per sample",
@@ -116,30 +161,115 @@ impl SamplesError {
     }
 }
 
+/// Options of the reading of a trace.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TraceOptions<'a> {
+    /// Sampling period in seconds, by default that of the time column.
+    pub dt_s: Option<f64>,
+    /// Name of the time column, by default the column that has the name of a time.
+    pub time: Option<&'a str>,
+}
+
+/// Trace with the origin of its period.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadTrace {
+    /// The trace.
+    pub trace: Trace,
+    /// Name of the time column, `None` if the period was given instead.
+    pub time: Option<String>,
+    /// Largest distance of a stamp from even sampling in seconds.
+    pub off_s: f64,
+}
+
+/// One line: time column, samples, period and signals.
+impl fmt::Display for ReadTrace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let dt_s = self.trace.dt_s();
+        let samples = self.trace.len();
+        match &self.time {
+            Some(name) => write!(f, "time `{name}`: {samples} samples")?,
+            None => write!(f, "no time column: {samples} samples")?,
+        }
+        write!(f, " at {:.6} s ({})", dt_s, rate_of(dt_s))?;
+        if self.off_s > UNEVEN * dt_s {
+            write!(f, ", stamps rounded by up to {:.6} s", self.off_s)?;
+        }
+        Ok(())
+    }
+}
+
 /// Reads a trace from CSV text.
 ///
-/// The sampling period is `dt_s` if given, otherwise that of the time column,
-/// otherwise 1 s. Lines count from 1, including the header.
+/// The sampling period is `dt_s` if given, otherwise that of the time column. Lines
+/// count from 1, including the header.
 ///
 /// # Errors
 ///
 /// Returns an error with the line of the problem.
 pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError> {
+    let options = TraceOptions { dt_s, time: None };
+    read_trace(text, &options).map(|read| read.trace)
+}
+
+/// Reads a trace from CSV text with options, and describes its time.
+///
+/// # Errors
+///
+/// Returns an error with the line of the problem.
+pub fn read_trace(text: &str, options: &TraceOptions<'_>) -> Result<ReadTrace, SamplesError> {
     // Spreadsheets write a byte order mark, which would be part of the first
     // name.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let header = commented_header(text);
     let mut reader = csv::ReaderBuilder::new()
         .flexible(true)
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
+        .has_headers(header.is_none())
         .from_reader(text.as_bytes());
     let csv_error = |error: csv::Error| SamplesError::Csv(error.to_string());
-    let names: Vec<String> = reader
-        .headers()
-        .map_err(csv_error)?
-        .iter()
-        .map(str::to_owned)
-        .collect();
+    let names: Vec<String> = match header {
+        Some(names) => names,
+        None => {
+            let names = reader.headers().map_err(csv_error)?;
+            names.iter().map(str::to_owned).collect()
+        }
+    };
+    check_names(&names)?;
+    let mut table = SampleTable::new(names, options)?;
+    for record in reader.records() {
+        table.push(&record.map_err(csv_error)?)?;
+    }
+    table.read(options.dt_s)
+}
+
+/// Returns the names of a header that is a comment, as numpy writes it.
+///
+/// It is the last comment before values, with a name for each of them.
+fn commented_header(text: &str) -> Option<Vec<String>> {
+    let is_comment = |line: &&str| line.trim_start().starts_with('#') || line.trim().is_empty();
+    let mut lines = text.lines();
+    let comments: Vec<&str> = lines.by_ref().take_while(is_comment).collect();
+    let first = text.lines().nth(comments.len())?;
+    if !is_values(first.split(',')) {
+        return None;
+    }
+    let last = comments.iter().rev().find(|line| !line.trim().is_empty())?;
+    let names = last.trim_start().trim_start_matches('#').split(',');
+    let names: Vec<String> = names.map(|name| name.trim().to_owned()).collect();
+    let fits = names.len() == first.split(',').count();
+    (fits && !is_values(names.iter().map(String::as_str))).then_some(names)
+}
+
+/// Returns true if all fields are numbers or truth values.
+fn is_values<'a>(mut fields: impl Iterator<Item = &'a str>) -> bool {
+    fields.all(|field| {
+        let field = field.trim().trim_matches('"').to_ascii_lowercase();
+        field == "true" || field == "false" || field.parse::<f64>().is_ok()
+    })
+}
+
+fn check_names(names: &[String]) -> Result<(), SamplesError> {
     if names.is_empty() || names.iter().all(String::is_empty) {
         return Err(SamplesError::Empty);
     }
@@ -147,41 +277,102 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
         return Err(SamplesError::NoName { column: column + 1 });
     }
     // A single name with another separator in it is a mistake, not a column.
-    if let [only] = &names[..] {
+    if let [only] = names {
         let separators = [(';', "semicolons"), ('\t', "tabs")];
         let found = separators.iter().find(|(sign, _)| only.contains(*sign));
-        if let Some((_, by)) = found {
+        // Names may have blanks in them, and values have not.
+        let by_blanks = only.contains(' ') && is_values(only.split_whitespace());
+        let by = found.map(|(_, by)| *by).or(by_blanks.then_some("blanks"));
+        if let Some(by) = by {
             return Err(SamplesError::Separator { by });
         }
     }
-    let mut table = SampleTable::new(names)?;
-    for record in reader.records() {
-        table.push(&record.map_err(csv_error)?)?;
+    if is_values(names.iter().map(String::as_str)) {
+        return Err(SamplesError::NoHeader { line: 1 });
     }
-    table.trace(dt_s)
+    Ok(())
+}
+
+/// Column of times.
+struct TimeIndex {
+    column: usize,
+    unit_s: f64,
+}
+
+/// Returns the columns that are times by their names, the most usual name first.
+fn time_columns(
+    names: &mut [String],
+    options: &TraceOptions<'_>,
+) -> Result<Vec<TimeIndex>, SamplesError> {
+    let columns = || names.join("`, `");
+    if let Some(given) = options.time {
+        let named = |it: &String| it == given || bare(it) == given;
+        let column = names.iter().position(named);
+        let column = column.ok_or_else(|| SamplesError::NoSuchTime {
+            column: given.to_owned(),
+            columns: columns(),
+        })?;
+        // A name that is no usual one is in seconds, unless it ends with its unit.
+        let unit_s = known_time(&names[column])?.map_or(1.0, |it| it.unit_s);
+        return Ok(vec![TimeIndex { column, unit_s }]);
+    }
+    let mut found = Vec::new();
+    let mut shortened = Vec::new();
+    for (column, name) in names.iter().enumerate() {
+        if let Some(time) = known_time(name)? {
+            found.push((
+                time_rank(&time.name),
+                TimeIndex {
+                    column,
+                    unit_s: time.unit_s,
+                },
+            ));
+            shortened.push((column, time.name));
+        }
+    }
+    if found.is_empty() && options.dt_s.is_none() {
+        return Err(SamplesError::NoTime { columns: columns() });
+    }
+    for (column, name) in shortened {
+        names[column] = name;
+    }
+    found.sort_by_key(|(rank, _)| *rank);
+    Ok(found.into_iter().map(|(_, time)| time).collect())
+}
+
+fn bare(name: &str) -> &str {
+    name.split(['[', '(']).next().unwrap_or(name).trim_end()
+}
+
+fn known_time(name: &str) -> Result<Option<TimeName>, SamplesError> {
+    time_name(name).map_err(|unit| SamplesError::TimeUnit {
+        column: name.to_owned(),
+        unit: unit.0,
+    })
 }
 
 /// Numbers read so far, with the line of each sample.
 struct SampleTable {
     names: Vec<String>,
-    /// True if the first column is the time.
-    timed: bool,
+    times: Vec<TimeIndex>,
+    /// Most digits behind the point in each time column.
+    digits: Vec<usize>,
     boolean: Vec<bool>,
     rows: Vec<Vec<f64>>,
     lines: Vec<usize>,
 }
 
 impl SampleTable {
-    fn new(mut names: Vec<String>) -> Result<SampleTable, SamplesError> {
-        let time = time_name(&names[0])?;
-        let timed = time.is_some();
-        if let Some(time) = time {
-            names[0] = time;
-        }
+    fn new(
+        mut names: Vec<String>,
+        options: &TraceOptions<'_>,
+    ) -> Result<SampleTable, SamplesError> {
+        let times = time_columns(&mut names, options)?;
         Ok(SampleTable {
             boolean: vec![true; names.len()],
             names,
-            timed,
+            digits: vec![0; times.len()],
+            times,
             rows: Vec::new(),
             lines: Vec::new(),
         })
@@ -214,34 +405,28 @@ impl SampleTable {
                 value: value.to_owned(),
             })?);
         }
+        for (time, digits) in self.times.iter().zip(&mut self.digits) {
+            *digits = (*digits).max(digits_of(&record[time.column]));
+        }
         self.rows.push(row);
         self.lines.push(line);
         Ok(())
     }
 
-    fn trace(self, dt_s: Option<f64>) -> Result<Trace, SamplesError> {
+    fn read(self, dt_s: Option<f64>) -> Result<ReadTrace, SamplesError> {
         if self.rows.is_empty() {
             return Err(SamplesError::NoSample);
         }
-        let timed = self.timed;
-        let column_s = if timed && 1 < self.rows.len() {
-            Some(self.period()?)
-        } else {
-            None
-        };
-        if let (Some(given_s), Some(column_s)) = (dt_s, column_s)
-            && UNEVEN * column_s < (given_s - column_s).abs()
-        {
-            return Err(SamplesError::Period { given_s, column_s });
-        }
+        let time = self.time(dt_s)?;
         let signals = self.names.iter().zip(&self.boolean).enumerate();
         // A time column keeps its values, so the trace has it as a signal too.
-        let signals = signals.map(|(i, (name, boolean))| match (boolean, timed && i == 0) {
+        let column = self.times.first().map(|it| (it.column, it.unit_s));
+        let signals = signals.map(|(i, (name, boolean))| match (boolean, column) {
             (true, _) => Signal::boolean(name, "read from CSV"),
-            (_, true) => Signal::real(name, "s", "time"),
+            (_, Some((at, 1.0))) if at == i => Signal::real(name, "s", "time"),
             _ => Signal::real(name, "", "read from CSV"),
         });
-        let schema = Schema::new(dt_s.or(column_s).unwrap_or(1.0), signals)?;
+        let schema = Schema::new(dt_s.or(time.map(|it| it.dt_s)).unwrap_or(1.0), signals)?;
         let mut trace = Trace::new(Arc::new(schema));
         for row in &self.rows {
             // Invariant: every value was checked when it was read.
@@ -249,86 +434,145 @@ impl SampleTable {
                 .push(row)
                 .map_err(|error| SamplesError::Csv(error.to_string()))?;
         }
-        Ok(trace)
+        Ok(ReadTrace {
+            trace,
+            time: column.map(|(at, _)| self.names[at].clone()),
+            off_s: time.map_or(0.0, |it| it.off_s),
+        })
     }
 
-    /// Returns the period of the time column, which must be even.
-    fn period(&self) -> Result<f64, SamplesError> {
-        let (start, last) = (self.rows[0][0], self.rows[self.rows.len() - 1][0]);
-        let mean_s = (last - start) / (self.rows.len() - 1) as f64;
-        // The period is a decimal fraction of the file, without the rounding of
-        // differences.
-        let period_s = tidy(mean_s);
-        for (i, row) in self.rows.iter().enumerate() {
-            let expected = start + i as f64 * mean_s;
-            let uneven = UNEVEN * mean_s.abs() < (row[0] - expected).abs();
-            if uneven || period_s <= 0.0 {
-                return Err(self.odd_step().unwrap_or(SamplesError::Uneven {
-                    line: self.lines[i],
-                    found: row[0],
-                    expected: tidy(expected),
-                }));
+    /// Returns the sampling of the time columns, `None` without one or for one sample.
+    fn time(&self, dt_s: Option<f64>) -> Result<Option<TimeFit>, SamplesError> {
+        if self.rows.len() < 2 {
+            return Ok(None);
+        }
+        let mut first: Option<TimeFit> = None;
+        for (time, digits) in self.times.iter().zip(&self.digits) {
+            let fit = match self.fit(time, *digits) {
+                Ok(fit) => fit,
+                // Only the column with the most usual name must be the time.
+                Err(_) if first.is_some() => continue,
+                Err(error) => return Err(error),
+            };
+            match first {
+                None => first = Some(fit),
+                Some(before) if UNEVEN * before.dt_s < (fit.dt_s - before.dt_s).abs() => {
+                    return Err(SamplesError::TwoTimes {
+                        first: self.names[self.times[0].column].clone(),
+                        second: self.names[time.column].clone(),
+                    });
+                }
+                Some(_) => {}
             }
         }
-        Ok(period_s)
+        if let (Some(given_s), Some(fit)) = (dt_s, first)
+            && UNEVEN * fit.dt_s < (given_s - fit.dt_s).abs()
+        {
+            return Err(SamplesError::Period {
+                given_s,
+                column_s: fit.dt_s,
+            });
+        }
+        Ok(first)
+    }
+
+    /// Fits the period of a time column, which must be even.
+    fn fit(&self, time: &TimeIndex, digits: usize) -> Result<TimeFit, SamplesError> {
+        let times_s: Vec<f64> = self
+            .rows
+            .iter()
+            .map(|row| row[time.column] * time.unit_s)
+            .collect();
+        let uneven = |times_s: &[f64]| self.odd_step(times_s);
+        let Some(fit) = EvenSampling::fit(&times_s) else {
+            return Err(uneven(&times_s));
+        };
+        let most_s = UNEVEN * fit.dt_s + rounding_s(&times_s, digits, time.unit_s);
+        let is_even = fit.off_s <= most_s.min(MOST_OFF * fit.dt_s);
+        if fit.periods as usize != times_s.len() - 1 || !is_even {
+            return Err(uneven(&times_s));
+        }
+        Ok(TimeFit {
+            dt_s: fit.dt_s,
+            off_s: fit.off_s,
+        })
     }
 
     /// First time that does not follow from the previous time.
     ///
     /// The mean period is no reference: one long step changes it, and even
     /// samples would be reported. The median step is not affected.
-    fn odd_step(&self) -> Option<SamplesError> {
-        let mut steps_s: Vec<f64> = self
-            .rows
-            .windows(2)
-            .map(|two| two[1][0] - two[0][0])
-            .collect();
-        steps_s.sort_by(f64::total_cmp);
-        let usual_s = steps_s[(steps_s.len() - 1) / 2];
-        self.rows.windows(2).enumerate().find_map(|(i, two)| {
-            let (before, found) = (two[0][0], two[1][0]);
-            let line = self.lines[i + 1];
-            if found <= before {
-                return Some(SamplesError::NotLater {
-                    line,
-                    found,
-                    before,
-                });
-            }
-            let odd = UNEVEN * usual_s < (found - before - usual_s).abs();
-            odd.then(|| SamplesError::Uneven {
+    fn odd_step(&self, times_s: &[f64]) -> SamplesError {
+        let steps = || times_s.windows(2).map(|two| two[1] - two[0]);
+        let mut sorted: Vec<f64> = steps().collect();
+        sorted.sort_by(f64::total_cmp);
+        let usual_s = sorted[(sorted.len() - 1) / 2];
+        let off = |step_s: f64| (step_s - usual_s).abs();
+        let not_later = times_s.windows(2).position(|two| two[1] <= two[0]);
+        // Rounding makes steps differ a little, so the first clear difference is named.
+        let clear_s = off(steps().fold(
+            usual_s,
+            |worst, it| {
+                if off(it) > off(worst) { it } else { worst }
+            },
+        ));
+        let odd = steps().position(|it| off(it) >= 0.5 * clear_s && off(it) > UNEVEN * usual_s);
+        let at = not_later.or(odd).unwrap_or(0);
+        let (before, found, line) = (times_s[at], times_s[at + 1], self.lines[at + 1]);
+        if found <= before {
+            return SamplesError::NotLater {
                 line,
                 found,
-                expected: tidy(before + usual_s),
-            })
-        })
+                before,
+            };
+        }
+        SamplesError::Uneven {
+            line,
+            found,
+            expected: tidy(before + usual_s),
+        }
     }
+}
+
+/// Period of a time column, and how far its stamps are off.
+#[derive(Clone, Copy)]
+struct TimeFit {
+    dt_s: f64,
+    off_s: f64,
+}
+
+/// Returns the distance from an instant that the notation of its stamp causes.
+fn rounding_s(times_s: &[f64], digits: usize, unit_s: f64) -> f64 {
+    let most_s = times_s.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
+    let written_s = if digits < FULL_DIGITS {
+        0.51 * unit_s / f64::from(10_u32.pow(digits as u32))
+    } else {
+        0.0
+    };
+    // Single precision has 24 bits, and prints nine digits of them.
+    let is_single = |it: &f64| {
+        let single = *it as f32;
+        f64::from(single) == *it || format!("{single}").parse() == Ok(*it)
+    };
+    let single_s = if times_s.iter().all(is_single) {
+        most_s * f64::from(f32::EPSILON)
+    } else {
+        0.0
+    };
+    written_s.max(single_s) + 4.0 * f64::EPSILON * most_s
+}
+
+/// Returns the digits behind the point of a written number.
+fn digits_of(text: &str) -> usize {
+    if text.contains(['e', 'E']) {
+        return FULL_DIGITS;
+    }
+    text.split_once('.').map_or(0, |(_, part)| part.len())
 }
 
 /// Rounds to nine decimals, which removes the digits of binary fractions.
 fn tidy(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
-}
-
-/// Name of a time column without its unit. `None` for another column.
-fn time_name(header: &str) -> Result<Option<String>, SamplesError> {
-    let (name, unit) = match header.split_once(['[', '(']) {
-        Some((name, unit)) => (
-            name.trim_end(),
-            Some(unit.trim_end_matches([']', ')']).trim()),
-        ),
-        None => (header, None),
-    };
-    if !["time", "t"].contains(&name.to_ascii_lowercase().as_str()) {
-        return Ok(None);
-    }
-    match unit {
-        None | Some("" | "s" | "sec" | "second" | "seconds") => Ok(Some(name.to_owned())),
-        Some(unit) => Err(SamplesError::TimeUnit {
-            column: header.to_owned(),
-            unit: unit.to_owned(),
-        }),
-    }
 }
 
 #[cfg(test)]
@@ -356,12 +600,12 @@ mod tests {
     fn bad_files_name_the_line() {
         let cases = [
             ("", "empty"),
-            ("x,y\n", "no sample"),
+            ("t,y\n", "no sample"),
             ("x,,z\n1,2,3\n", "column 2"),
-            ("x,x\n1,2\n", "declared twice"),
-            ("x,y\n1,2\n3\n", "line 3: 1 values for 2 columns"),
-            ("x\n1\nNaN\n", "line 3, column `x`: `NaN`"),
-            ("x\n1\ninf\n", "`inf` is no finite number"),
+            ("t,x,x\n1,2,3\n", "declared twice"),
+            ("t,y\n1,2\n3\n", "line 3: 1 values for 2 columns"),
+            ("t\n1\nNaN\n", "line 3, column `t`: `NaN`"),
+            ("t\n1\ninf\n", "`inf` is no finite number"),
             (
                 "time;x\n0;1\n",
                 "line 1: the columns are separated by semicolons",
@@ -370,7 +614,7 @@ mod tests {
                 "time\tx\n0\t1\n",
                 "line 1: the columns are separated by tabs",
             ),
-            ("x\n1\nabc\n", "`abc`"),
+            ("t\n1\nabc\n", "`abc`"),
             ("t,x\n0,1\n1,1\n3,1\n", "line 4: time 3 s where 2 s was"),
             (
                 "t,x\n0,1\n2,1\n3,1\n4,1\n",
@@ -385,7 +629,20 @@ mod tests {
                 "t,x\n0,1\n1,1\n.5,1\n2,1\n",
                 "line 4: time 0.5 s is not later",
             ),
-            ("time [ms],x\n0,1\n10,1\n", "in `ms`"),
+            ("time [h],x\n0,1\n10,1\n", "in `h`"),
+            (
+                "x,y\n1,2\n",
+                "none of the columns `x`, `y` is known as the time",
+            ),
+            ("0,1\n1,2\n", "line 1: values where the names"),
+            (
+                "time,stamp\n0,0\n1,2\n2,4\n",
+                "`time` and `stamp` are both times",
+            ),
+            (
+                "t,x\n0,1\n1,1\n2,1\n4,1\n5,1\n",
+                "line 5: time 4 s where 3 s was",
+            ),
         ];
         for (text, says) in cases {
             let error = trace_of_csv(text, None).expect_err(text).to_string();
@@ -394,6 +651,71 @@ mod tests {
         let error = trace_of_csv("t,x\n0,1\n1,1\n", Some(0.5)).expect_err("contradiction");
         assert!(
             error.to_string().contains("not by the given 0.5 s"),
+            "{error}"
+        );
+    }
+
+    /// A trace of three seconds whose x is 9 at 0.8 s, with a stamp per instant.
+    fn stamped(rate_hz: f64, stamp: impl Fn(f64) -> String) -> String {
+        let rows = (0..=(3.0 * rate_hz) as usize).map(|i| {
+            let time_s = i as f64 / rate_hz;
+            let x = if (time_s - 0.8).abs() < 0.5 / rate_hz {
+                9
+            } else {
+                0
+            };
+            format!("{x},{}\n", stamp(time_s))
+        });
+        format!("x,sim_time\n{}", rows.collect::<String>())
+    }
+
+    #[test]
+    fn rounded_stamps_have_their_rate() {
+        for rate_hz in [10.0, 15.0, 24.0, 30.0, 60.0, 90.0, 100.0] {
+            let stamps: [&dyn Fn(f64) -> String; 6] = [
+                &|t| format!("{t}"),
+                &|t| format!("{t:.3}"),
+                &|t| format!("{}", t as f32),
+                &|t| format!("{}", f64::from(t as f32)),
+                &|t| format!("{}", 1.7e9 + t),
+                &|t| format!("{:.3}", 1.7e9 + t),
+            ];
+            for stamp in stamps {
+                let text = stamped(rate_hz, stamp);
+                let read = read_trace(&text, &TraceOptions::default());
+                let read = read.unwrap_or_else(|error| panic!("{rate_hz} Hz: {error}\n{text}"));
+                assert_eq!(read.trace.dt_s(), 1.0 / rate_hz);
+                assert_eq!(read.time.as_deref(), Some("sim_time"));
+            }
+        }
+    }
+
+    #[test]
+    fn the_time_is_known_wherever_it_stands() {
+        for text in [
+            "# time,x\n0.0,1\n0.1,2\n0.2,3\n",
+            "# made by numpy\n# time, x\n0.0,1\n0.1,2\n0.2,3\n",
+            "x,TimeStamp\n1,0.0\n2,0.1\n3,0.2\n",
+            "x,time_ms\n1,0\n2,100\n3,200\n",
+            "epoch,x\n1700000000.0,1\n1700000000.1,2\n1700000000.2,3\n",
+        ] {
+            let trace = trace_of_csv(text, None).unwrap_or_else(|it| panic!("{text}: {it}"));
+            assert_eq!((trace.dt_s(), trace.len()), (0.1, 3), "{text}");
+            assert_eq!(
+                trace.signal("x"),
+                Some([1.0, 2.0, 3.0].as_slice()),
+                "{text}"
+            );
+        }
+        let named = TraceOptions {
+            time: Some("k"),
+            ..TraceOptions::default()
+        };
+        let read = read_trace("x,k\n1,0\n2,0.5\n", &named).expect("a trace");
+        assert_eq!(read.trace.dt_s(), 0.5);
+        let error = read_trace("x,t\n1,0\n2,0.5\n", &named).expect_err("no column k");
+        assert!(
+            error.to_string().contains("no column `k` among `x`, `t`"),
             "{error}"
         );
     }

@@ -13,18 +13,58 @@ const OPENED: [&str; 3] = ["/dev/fd", "/dev/stdin", "/proc/self/fd"];
 /// Opens an ordinary file, or a pipe of the shell's (`<(…)`).
 ///
 /// A pipe that has a name waits for its writer without end, and a device may
-/// never end. Both are refused.
+/// never end. Both are refused, whatever way leads to them.
 pub fn open_file(path: &Path) -> Result<File> {
+    // Before it is opened, since opening a pipe with a name waits for its writer.
     let kind = fs::metadata(path)?;
+    if !kind.is_file() && !kind.is_dir() && !is_of_shell(path) {
+        return Err(no_file());
+    }
+    let file = File::open(path)?;
+    // The name may lead elsewhere by now, so what was opened decides.
+    let kind = file.metadata()?;
     if kind.is_dir() {
         return Err(Error::new(ErrorKind::IsADirectory, "it is a directory"));
     }
-    let is_opened = OPENED.iter().any(|place| path.starts_with(place));
-    if !kind.is_file() && !is_opened {
-        let why = "it is no ordinary file: a pipe, a socket or a device";
-        return Err(Error::new(ErrorKind::InvalidInput, why));
+    if kind.is_file() || (is_pipe(&kind) && is_of_shell(path)) {
+        return Ok(file);
     }
-    File::open(path)
+    Err(no_file())
+}
+
+fn no_file() -> Error {
+    let why = "it is no ordinary file: a pipe, a socket or a device";
+    Error::new(ErrorKind::InvalidInput, why)
+}
+
+/// Returns true for the name of a pipe that the shell opened.
+///
+/// A longer way, such as `/dev/fd/../zero`, leads anywhere.
+fn is_of_shell(path: &Path) -> bool {
+    let Some(text) = path.to_str() else {
+        return false;
+    };
+    OPENED.iter().any(|place| {
+        let rest = text.strip_prefix(place);
+        let number = |rest: &str| {
+            let digits = rest.strip_prefix('/').unwrap_or(rest);
+            digits.bytes().all(|byte| byte.is_ascii_digit())
+        };
+        rest.is_some_and(number)
+    })
+}
+
+#[cfg(unix)]
+fn is_pipe(kind: &fs::Metadata) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    let kind = kind.file_type();
+    // A terminal and `/dev/null` as standard input are devices that end.
+    kind.is_fifo() || kind.is_socket() || kind.is_char_device()
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: &fs::Metadata) -> bool {
+    true
 }
 
 /// The bytes of a file.

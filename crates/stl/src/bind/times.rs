@@ -110,13 +110,12 @@ impl Binder<'_> {
         };
         // A quotient that does not fit is certainly beyond the limit.
         let samples = value.div(self.period).ok_or_else(too_far)?;
-        let whole = samples.floor();
-        // Rounding would silently change the formula, so neighbours are suggested.
-        if !samples.is_whole() {
+        let whole = nearest(samples).unwrap_or_else(|| samples.floor());
+        // Rounding further would silently change the formula, so neighbours are suggested.
+        if nearest(samples).is_none() {
             let beside = |n: i128| {
-                Ratio::new(n, 1)
-                    .and_then(|n| n.mul(self.period))
-                    .map_or(f64::NAN, Ratio::to_f64)
+                let time = Ratio::new(n, 1).and_then(|n| n.mul(self.period));
+                time.map_or_else(|| "?".to_owned(), |time| time.to_string())
             };
             return Err(StlError::new(
                 format!(
@@ -127,7 +126,7 @@ impl Binder<'_> {
                 "between two samples",
             )
             .with_help(format!(
-                "the neighbours are {} s and {} s",
+                "the neighbours are {} s and {} s: write one of them, or resample the trace",
                 beside(whole),
                 beside(whole + 1)
             )));
@@ -137,6 +136,25 @@ impl Binder<'_> {
             .filter(|n| *n <= limit)
             .ok_or_else(too_far)
     }
+}
+
+/// Largest share by which a bound may be off a multiple of the sampling period.
+///
+/// It is that of a period or a bound that was written with seven digits.
+const ROUNDED: f64 = 1e-6;
+
+/// Returns the whole number of samples, `None` if it is not within [`ROUNDED`].
+fn nearest(samples: Ratio) -> Option<i128> {
+    let (value, below) = (samples.to_f64(), samples.floor());
+    let off = |n: i128| (value - n as f64).abs();
+    let whole = if off(below) <= off(below + 1) {
+        below
+    } else {
+        below + 1
+    };
+    // Never by a noticeable part of a sample, however long the bound is.
+    let is_near = off(whole) <= (ROUNDED * value).min(1e-3);
+    (samples.is_whole() || (is_near && whole > 0)).then_some(whole)
 }
 
 fn in_seconds(value: Ratio, unit: Option<TimeUnit>) -> Option<Ratio> {

@@ -2,6 +2,7 @@
 
 mod columns;
 mod crossings;
+mod foreign;
 mod naturalness;
 mod openscenario;
 mod osi;

@@ -161,14 +161,15 @@ fn times_have_a_scale_an_offset_and_a_start() {
     let groups = group("a", &line, &timing("absolute"), trigger)
         + &group("b", &line, &timing("relative"), trigger);
     let recording = good(&scenario(&both, &groups));
-    // From 1.0 to 1.8 s and from 5.0 to 5.8 s, on a grid from the first instant.
+    // Twice as fast: from −0.5 to −0.3 s and from 3.5 to 3.7 s, on a grid from the first.
     let spans: Vec<(usize, usize)> = recording
         .tracks
         .iter()
         .map(|it| (it.first_sample, it.end_sample()))
         .collect();
-    assert!((recording.dt_s - 0.2).abs() < 1e-9);
-    assert_eq!(spans, [(0, 5), (20, 25)]);
+    assert!((recording.dt_s - 0.05).abs() < 1e-9);
+    assert_eq!(spans, [(0, 5), (80, 85)]);
+    assert!((recording.tracks[0].speed_mps[2] - 20.0).abs() < 1e-6);
     assert_eq!(recording.counts.without_motion, 1);
     // The start of the act is not that of the event.
     let groups = group("a", &line, &timing("relative"), "");

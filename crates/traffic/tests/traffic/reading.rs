@@ -218,8 +218,8 @@ fn every_mistake_has_file_line_column_and_fix() {
             "quote fields",
         ),
         (
-            generic(&format!("{good}0.1,a,0,0,0,10,0,1.8\n")),
-            "`log.csv`, line 3, column `length`: the size 0 is not positive",
+            generic(&format!("{good}0.1,a,0,0,0,10,-1,1.8\n")),
+            "`log.csv`, line 3, column `length`: -1 is not the size of a road user",
             "Fixed(length_m: 4.5, width_m: 1.8)",
         ),
         (

@@ -22,7 +22,8 @@ fn results(recording: &TrafficRecording, rules: &[&str]) -> (Vec<RuleResult>, Le
     let frame = LaneFrame::fit(recording);
     let leads = Leads::find(recording, &frame);
     let bound = BoundRules::bind(&file(rules), recording).unwrap_or_else(|it| panic!("{it}"));
-    (bound.evaluate(recording, &frame, &leads), leads)
+    let results = bound.evaluate(recording, &frame, &leads);
+    (results.unwrap_or_else(|it| panic!("{it}")), leads)
 }
 
 #[test]

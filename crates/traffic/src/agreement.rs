@@ -1,0 +1,179 @@
+//! Quantities that a recording states twice: speeds and headings against positions.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use crate::problem::FileProblem;
+use crate::raw::{RawRow, RawVector, wrapped};
+
+/// Share by which the speeds of all road users may differ from their positions.
+const SPEED_SHARE: f64 = 0.1;
+/// Share by which those of a single road user may.
+const OWN_SPEED_SHARE: f64 = 0.25;
+/// Difference up to which a heading is the direction of motion, 20°.
+const SAME_WAY_RAD: f64 = PI / 9.0;
+/// Speed below which positions are too noisy to be compared, in m/s.
+const MOVING_MPS: f64 = 2.0;
+/// Speed that no road user has, in m/s.
+pub(crate) const FAST_MPS: f64 = 130.0;
+/// Compared places of a road user.
+const MOST_PLACES: usize = 200;
+
+/// Units that a ratio of speeds suggests: ratio, and the unit in words.
+const RATIOS: [(f64, &str); 8] = [
+    (3.6, "km/h"),
+    (2.236_94, "mph"),
+    (3.280_84, "ft/s"),
+    (1.943_84, "knots"),
+    (1000.0, "times in milliseconds"),
+    (0.3048, "positions in feet"),
+    (1.0e9, "times in nanoseconds"),
+    (1.0e6, "times in microseconds"),
+];
+
+/// Comparison of the columns of all road users with their positions.
+#[derive(Default)]
+pub(crate) struct Agreement {
+    /// Recorded speed over that of the positions.
+    ratios: Vec<f64>,
+    /// Recorded heading, and direction of motion.
+    headings: Vec<(f64, f64)>,
+    /// Speeds of the positions in m/s.
+    speeds_mps: Vec<f64>,
+    /// Road users whose speeds differ from their positions.
+    pub(crate) speeds_off: usize,
+    /// Road users whose headings differ from their motion.
+    pub(crate) headings_off: usize,
+}
+
+impl Agreement {
+    /// Compares the samples of a road user, which are `dt_s` apart.
+    pub(crate) fn add(&mut self, samples: &[RawRow], dt_s: f64) {
+        // Half a second on either side, so that noise of positions does not matter.
+        let reach = ((0.5 / dt_s).round() as usize).max(1);
+        let places = samples.len().saturating_sub(2 * reach);
+        if places == 0 {
+            return;
+        }
+        let first = (self.ratios.len(), self.headings.len());
+        for i in (reach..samples.len() - reach).step_by(places.div_ceil(MOST_PLACES).max(1)) {
+            let (a, b) = (&samples[i - reach], &samples[i + reach]);
+            let (x, y) = (b.x_m - a.x_m, b.y_m - a.y_m);
+            let speed_mps = libm::hypot(x, y) / (2.0 * reach as f64 * dt_s);
+            let recorded = speed_of(&samples[i - reach..=i + reach]);
+            if speed_mps.max(recorded.unwrap_or(0.0)) < MOVING_MPS {
+                continue;
+            }
+            self.speeds_mps.push(speed_mps);
+            if let Some(recorded) = recorded {
+                self.ratios.push(recorded / speed_mps.max(1e-9));
+            }
+            if let Some(heading_rad) = samples[i].heading_rad
+                && speed_mps >= MOVING_MPS
+            {
+                self.headings.push((heading_rad, libm::atan2(y, x)));
+            }
+        }
+        let own = &mut self.ratios[first.0..];
+        let off = median(own).is_some_and(|it| (it - 1.0).abs() > OWN_SPEED_SHARE);
+        self.speeds_off += usize::from(off);
+        let own = &self.headings[first.1..];
+        let turned = own.iter().filter(|it| !is_same_way(**it)).count();
+        self.headings_off += usize::from(2 * turned > own.len());
+    }
+
+    /// Returns the contradiction that makes the recording useless, if there is one.
+    ///
+    /// `rate_hz` is that of a column of frames.
+    pub(crate) fn problem(&mut self, rate_hz: Option<f64>) -> Option<FileProblem> {
+        if let Some(speed_mps) = median(&mut self.speeds_mps).filter(|it| *it > FAST_MPS) {
+            return Some(FileProblem::Fast { speed_mps });
+        }
+        let ratio = median(&mut self.ratios).unwrap_or(1.0);
+        if (ratio - 1.0).abs() > SPEED_SHARE {
+            return Some(FileProblem::SpeedsDiffer {
+                ratio,
+                fits: fits(ratio, rate_hz),
+            });
+        }
+        self.heading_problem()
+    }
+
+    fn heading_problem(&self) -> Option<FileProblem> {
+        let share_of = |read: &dyn Fn(f64) -> f64| {
+            let same = self
+                .headings
+                .iter()
+                .filter(|(heading, course)| is_same_way((read(*heading), *course)));
+            same.count() as f64 / self.headings.len() as f64
+        };
+        if self.headings.len() < 5 {
+            return None;
+        }
+        let share = share_of(&|it| it);
+        let readings: [(&'static str, &dyn Fn(f64) -> f64); 6] = [
+            ("degrees", &f64::to_radians),
+            ("degrees of a compass, clockwise from north", &|it| {
+                FRAC_PI_2 - it.to_radians()
+            }),
+            ("radians of a compass, clockwise from north", &|it| {
+                FRAC_PI_2 - it
+            }),
+            ("clockwise angles", &|it| -it),
+            ("the direction of the rear", &|it| it + PI),
+            ("radians", &f64::to_degrees),
+        ];
+        let off: Vec<f64> = self
+            .headings
+            .iter()
+            .filter(|it| !is_same_way(**it))
+            .map(|it| it.0.abs())
+            .collect();
+        // Read as degrees, any small error of a heading vanishes.
+        let are_large = 2 * off.iter().filter(|it| **it > 1.0).count() > off.len();
+        let best = readings
+            .iter()
+            .filter(|(name, _)| *name != "degrees" || are_large)
+            .map(|(name, read)| (*name, share_of(read)))
+            .max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let is_better = off.len() >= 5 && 1.0 - best.1 <= 0.3 * (1.0 - share) && best.1 > 0.9;
+        (is_better || share < 0.6).then_some(FileProblem::HeadingsDiffer {
+            share: 1.0 - share,
+            fits: is_better.then_some(best.0),
+        })
+    }
+}
+
+fn is_same_way((heading_rad, course_rad): (f64, f64)) -> bool {
+    wrapped(heading_rad - course_rad).abs() <= SAME_WAY_RAD
+}
+
+/// Returns the mean of the recorded speeds, `None` without them.
+fn speed_of(samples: &[RawRow]) -> Option<f64> {
+    let mut sum = 0.0;
+    for row in samples {
+        sum += match row.velocity {
+            RawVector::Unknown => return None,
+            RawVector::Along(value) => value.abs(),
+            RawVector::Components(x, y) => libm::hypot(x, y),
+        };
+    }
+    Some(sum / samples.len() as f64)
+}
+
+/// Returns the units or the rate that explain a ratio of speeds.
+fn fits(ratio: f64, rate_hz: Option<f64>) -> Option<String> {
+    let is_near = |it: &&(f64, &str)| (ratio / it.0 - 1.0).abs() < 0.05;
+    if let Some((_, unit)) = RATIOS.iter().find(is_near) {
+        return Some((*unit).to_owned());
+    }
+    let rate_hz = rate_hz.map(|it| it * ratio)?;
+    Some(format!("a frame rate of {rate_hz:.2} Hz"))
+}
+
+fn median(values: &mut [f64]) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let middle = values.len() / 2;
+    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}

@@ -1,0 +1,109 @@
+//! Reading of SUMO's floating car data.
+
+use std::io::Read;
+
+use indexmap::IndexMap;
+
+use crate::column_map::AngleUnit;
+use crate::error::ReadError;
+use crate::grid;
+use crate::problem::{FilePlace, FileProblem};
+use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVector};
+use crate::recording::{Class, ReadCounts, TrafficRecording};
+use crate::xml_lines::{Element, read_elements};
+use crate::xosc_entity::class_of_words;
+
+/// Reads `fcd-export` of SUMO in XML. Errors call it by `name`.
+///
+/// Positions are those of the front bumper in metres, angles degrees of a compass, and
+/// speeds m/s. Files have no boxes: they are those of the class, which is that of the first
+/// word in `type` that names one. Persons and containers are read, too.
+///
+/// # Errors
+/// The text is not XML, has no road user, or a value is not a finite number.
+pub fn read_fcd(text: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
+    let mut file = Fcd::default();
+    read_elements(text, name, &mut file, Fcd::start, |_, _| {})?;
+    if file.tracks.is_empty() {
+        return Err(ReadError::Content {
+            file: name.to_owned(),
+            place: FilePlace::Whole,
+            problem: FileProblem::NoVehicles,
+        });
+    }
+    let raw = RawTracks {
+        tracks: file.tracks.into_values().collect(),
+        counts: file.counts,
+        origin_m: file.origin_m.unwrap_or_default(),
+        reading: "timesteps in s; front bumper in m; angle in degrees of a compass; speed in m/s"
+            .to_owned(),
+        rate_hz: None,
+    };
+    grid::recording(raw, name)
+}
+
+#[derive(Default)]
+struct Fcd {
+    /// Instant of the open step.
+    time_s: Option<f64>,
+    tracks: IndexMap<String, RawTrack>,
+    origin_m: Option<[f64; 2]>,
+    counts: ReadCounts,
+}
+
+impl Fcd {
+    fn start(&mut self, element: &Element<'_>) -> Result<(), ReadError> {
+        let class = match element.name() {
+            "timestep" => {
+                self.time_s = Some(element.number("time")?);
+                return Ok(());
+            }
+            "vehicle" => None,
+            "person" => Some(Class::Pedestrian),
+            _ => return Ok(()),
+        };
+        let Some(time_s) = self.time_s else {
+            return Err(element.error(FileProblem::MissingField {
+                owner: element.name().to_owned(),
+                field: "timestep",
+            }));
+        };
+        let id = element.text("id")?;
+        let place = |name: &str| {
+            let value = element.number(name)?;
+            if value.abs() <= FARTHEST_M {
+                return Ok(value);
+            }
+            Err(element.error(FileProblem::Far {
+                owner: id.clone(),
+                name: name.to_owned(),
+                value,
+            }))
+        };
+        let (x_m, y_m) = (place("x")?, place("y")?);
+        let origin_m = *self.origin_m.get_or_insert([x_m, y_m]);
+        let angle = element.optional_number("angle")?;
+        let speed_mps = element.optional_number("speed")?;
+        let words = element.optional("type")?.unwrap_or_default();
+        let known = class_of_words(&words).or(class);
+        self.counts.rows += 1;
+        self.counts.unknown_class += usize::from(known.is_none());
+        let track = self.tracks.entry(id.clone()).or_insert_with(|| RawTrack {
+            id: id.into_bytes(),
+            reference: RawReference::Front,
+            ..RawTrack::default()
+        });
+        track.rows.push(RawRow {
+            time_s,
+            x_m: x_m - origin_m[0],
+            y_m: y_m - origin_m[1],
+            heading_rad: angle.map(|it| AngleUnit::CompassDegrees.heading_rad(it, 1.0)),
+            velocity: speed_mps.map_or(RawVector::Unknown, RawVector::Along),
+            acceleration: RawVector::Unknown,
+            marked: false,
+            size_m: [0.0; 2],
+            class: Some(known.unwrap_or_default()),
+        });
+        Ok(())
+    }
+}

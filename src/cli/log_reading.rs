@@ -1,0 +1,84 @@
+//! Lines on a reading: what was read, left out and contradictory.
+
+use brakecheck_traffic::{Analysis, ReadCounts};
+
+use super::terminal;
+use crate::stl::sampling::rate_of;
+
+/// Prints a line each on what was read, left out, corrected and contradictory.
+pub(super) fn note(analysis: &Analysis, map: &str) {
+    let recording = &analysis.recording;
+    let lanes: usize = analysis
+        .frame
+        .carriageways
+        .iter()
+        .map(|it| it.lanes.len())
+        .sum();
+    terminal::note(&format!(
+        "read `{}` as {map}: {}; a row per {:.6} s ({}); {} carriageways with {lanes} lanes",
+        recording.name,
+        recording.reading,
+        recording.dt_s,
+        rate_of(recording.dt_s),
+        analysis.frame.carriageways.len(),
+    ));
+    let counts = &recording.counts;
+    let mut left_out = listed(&left_out(counts));
+    left_out.extend(analysis.frame.without_lanes.iter().map(ToString::to_string));
+    for (title, parts) in [
+        ("left out", left_out),
+        ("corrected", listed(&corrected(counts))),
+        ("contradicts itself", listed(&contradictions(counts))),
+    ] {
+        if !parts.is_empty() {
+            terminal::note(&format!("{title}: {}", parts.join(", ")));
+        }
+    }
+}
+
+fn left_out(counts: &ReadCounts) -> [(usize, &'static str); 6] {
+    [
+        (counts.too_fast, "tracks faster than any road user"),
+        (counts.displaced, "rows that jump away and come back"),
+        (counts.too_short, "tracks of one sample"),
+        (counts.without_id, "rows without an identity"),
+        (counts.without_motion, "entities without a trajectory"),
+        (counts.other_messages, "messages of other channels"),
+    ]
+}
+
+fn corrected(counts: &ReadCounts) -> [(usize, &'static str); 6] {
+    [
+        (counts.marked, "rows interpolated by the recorder"),
+        (counts.off_grid, "rows off the time grid, interpolated"),
+        (counts.holes_filled, "samples filled in short holes"),
+        (counts.holes_split, "tracks split at long holes"),
+        (counts.unknown_class, "rows of an unknown class"),
+        (
+            counts.assumed_sizes,
+            "road users with the size of their class",
+        ),
+    ]
+}
+
+fn contradictions(counts: &ReadCounts) -> [(usize, &'static str); 5] {
+    [
+        (counts.jumps, "jumps at which tracks are split"),
+        (counts.reused_ids, "identities of a second vehicle"),
+        (counts.varying_sizes, "tracks with varying lengths"),
+        (
+            counts.speeds_off,
+            "tracks whose speeds are not those of the positions",
+        ),
+        (
+            counts.headings_off,
+            "tracks that head elsewhere than they move",
+        ),
+    ]
+}
+
+fn listed(parts: &[(usize, &'static str)]) -> Vec<String> {
+    let some = parts.iter().filter(|(count, _)| *count > 0);
+    some.map(|(count, what)| format!("{count} {what}"))
+        .collect()
+}

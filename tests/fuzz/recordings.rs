@@ -1,0 +1,244 @@
+//! Recordings: refused by name, or read and analysed within bounds.
+
+use brakecheck_traffic::{
+    Analysis, BoundRules, DrivingBehaviour, ReadError, TrafficModel, TrafficRecording,
+    TrafficRuleFile, read_csv_guessed, read_fcd, read_lanelets, read_mcap, read_osi, read_xosc,
+};
+use proptest::prelude::*;
+use proptest::sample::{Index, select};
+
+use super::corpus::Source;
+use super::harness::{Bytes, Seen, Target};
+use super::mutate::mutants;
+
+/// Rows of two vehicles, of which one changes lanes behind the other.
+fn rows(header: &str, line: impl Fn(f64, &str, [f64; 4]) -> String) -> String {
+    let mut text = format!("{header}\n");
+    for i in 0..40 {
+        let t = 0.1 * f64::from(i);
+        let share = (t / 4.0).clamp(0.0, 1.0);
+        text += &line(t, "1", [20.0 * t, 0.0, 0.0, 20.0]);
+        text += &line(t, "2", [30.0 + 18.0 * t, 3.5 * (1.0 - share), 0.0, 18.0]);
+    }
+    text
+}
+
+fn csv() -> Vec<Source> {
+    let generic = rows(
+        "time,id,x,y,heading,speed,length,width",
+        |t, id, [x, y, h, v]| format!("{t:.1},{id},{x:.2},{y:.2},{h},{v},4.5,1.8\n"),
+    );
+    let ngsim = rows(
+        "Vehicle_ID,Global_Time,Local_X,Local_Y,v_length,v_Width,v_Class,v_Vel,v_Acc",
+        |t, id, [x, y, _, v]| {
+            let (ms, feet) = ((1000.0 * t).round(), 1.0 / 0.3048);
+            format!(
+                "{id},{ms},{},{},15,6,2,{},0\n",
+                -y * feet,
+                x * feet,
+                v * feet
+            )
+        },
+    );
+    let named = rows("x;y;vx;vy;object_id;time_ms", |t, id, [x, y, _, v]| {
+        format!("{x};{y};{v};-0.875;{id};{}\n", 1000.0 * t)
+    });
+    let highd = rows(
+        "frame,id,x,y,width,height,xVelocity,yVelocity,xAcceleration,yAcceleration",
+        |t, id, [x, y, _, v]| {
+            let frame = (10.0 * t).round();
+            format!(
+                "{frame},{id},{},{},4.5,1.8,{},0,0,0\n",
+                0.4 * x,
+                10.0 - y,
+                v
+            )
+        },
+    );
+    vec![
+        Source::new("generic", generic),
+        Source::new("ngsim", ngsim),
+        Source::new("named", named),
+        Source::new("highd", highd),
+    ]
+}
+
+fn xml() -> Vec<Source> {
+    let mut fcd = String::from("<fcd-export>\n");
+    for i in 0..30 {
+        let x = 2.0 * f64::from(i);
+        fcd += &format!(
+            "<timestep time=\"{:.1}\"><vehicle id=\"a\" x=\"{x}\" y=\"0\" angle=\"90\" \
+             type=\"car\" speed=\"20\"/></timestep>\n",
+            0.1 * f64::from(i)
+        );
+    }
+    fcd += "</fcd-export>\n";
+    let mut xosc = String::from(
+        "<OpenSCENARIO><Entities><ScenarioObject name=\"a\"><Vehicle name=\"c\" \
+         vehicleCategory=\"car\"/></ScenarioObject></Entities><Private entityRef=\"a\">\
+         <Trajectory name=\"t\"><Shape><Polyline>\n",
+    );
+    for i in 0..30 {
+        xosc += &format!(
+            "<Vertex time=\"{:.1}\"><Position><WorldPosition x=\"{}\" y=\"0\"/></Position></Vertex>\n",
+            0.1 * f64::from(i),
+            2 * i
+        );
+    }
+    xosc += "</Polyline></Shape></Trajectory><Timing domainAbsoluteRelative=\"absolute\" \
+             scale=\"1\" offset=\"0\"/></Private></OpenSCENARIO>\n";
+    let osm = "<osm><node id='1'><tag k='local_x' v='0'/><tag k='local_y' v='0'/></node>\
+               <node id='2'><tag k='local_x' v='50'/><tag k='local_y' v='0'/></node>\
+               <node id='3'><tag k='local_x' v='0'/><tag k='local_y' v='3'/></node>\
+               <node id='4'><tag k='local_x' v='50'/><tag k='local_y' v='3'/></node>\
+               <way id='5'><nd ref='1'/><nd ref='2'/></way><way id='6'><nd ref='3'/><nd ref='4'/></way>\
+               <relation id='7'><member ref='6' role='left'/><member ref='5' role='right'/>\
+               <tag k='type' v='lanelet'/></relation></osm>";
+    vec![
+        Source::new("fcd", fcd),
+        Source::new("xosc", xosc),
+        Source::new("osm", osm),
+    ]
+}
+
+/// Analyses a recording with all rules, or reads its error.
+fn used(read: Result<TrafficRecording, ReadError>) -> Seen {
+    let recording = match read {
+        Ok(recording) => recording,
+        Err(error) => {
+            assert!(!error.to_string().is_empty() && !error.help().is_empty());
+            return Seen::Refused;
+        }
+    };
+    assert!(recording.dt_s.is_finite() && recording.dt_s > 0.0);
+    let analysis = Analysis::of(recording);
+    let rules = TrafficRuleFile::parse(TrafficRuleFile::motorway_text()).expect("shipped");
+    let bound = BoundRules::bind(&rules, &analysis.recording).expect("shipped");
+    // Without a motor vehicle there is nothing to evaluate.
+    let _ = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
+    assert!(!format!("{:?}", analysis.summary()).is_empty());
+    Seen::Accepted
+}
+
+#[test]
+fn any_csv_of_a_recording_is_refused_or_analysed() {
+    let target = Target {
+        name: "log",
+        cases: 1500,
+        shrinks: 300,
+        least_percent: (15, 15),
+    };
+    target.run(&mutants(csv().into()), |mutant| {
+        used(read_csv_guessed(mutant.text.as_bytes(), "log.csv").map(|it| it.0))
+    });
+}
+
+#[test]
+fn any_xml_of_a_recording_or_a_map_is_refused_or_analysed() {
+    let target = Target {
+        name: "log_xml",
+        cases: 1500,
+        shrinks: 300,
+        least_percent: (10, 15),
+    };
+    target.run(&mutants(xml().into()), |mutant| {
+        let text = mutant.text.as_bytes();
+        if let Err(error) = read_lanelets(text, "map.osm") {
+            assert!(!error.help().is_empty());
+        }
+        if text.starts_with(b"<OpenSCENARIO") {
+            used(read_xosc(text, "log.xosc"))
+        } else {
+            used(read_fcd(text, "log.xml"))
+        }
+    });
+}
+
+/// Traces of another writer, with their readers.
+type Trace = (
+    &'static [u8],
+    fn(&[u8]) -> Result<TrafficRecording, ReadError>,
+);
+
+const TRACES: [Trace; 5] = [
+    (
+        include_bytes!("../../crates/traffic/tests/data/gt.osi"),
+        |it| read_osi(it, "log.osi"),
+    ),
+    (
+        include_bytes!("../../crates/traffic/tests/data/sv.osi"),
+        |it| read_osi(it, "log.osi"),
+    ),
+    (
+        include_bytes!("../../crates/traffic/tests/data/gt_none.mcap"),
+        |it| read_mcap(it, "log.mcap"),
+    ),
+    (
+        include_bytes!("../../crates/traffic/tests/data/gt_lz4.mcap"),
+        |it| read_mcap(it, "log.mcap"),
+    ),
+    (
+        include_bytes!("../../crates/traffic/tests/data/sv_zstd.mcap"),
+        |it| read_mcap(it, "log.mcap"),
+    ),
+];
+
+#[test]
+fn any_trace_is_refused_or_analysed() {
+    let target = Target {
+        name: "log_trace",
+        cases: 2500,
+        shrinks: 300,
+        least_percent: (5, 20),
+    };
+    let edit = (
+        any::<Index>(),
+        select(vec![0_u8, 1, 0x7f, 0x80, 0xff]),
+        any::<bool>(),
+    );
+    let edits = prop::collection::vec(edit, 1..5);
+    let cut = prop::option::weighted(0.2, any::<Index>());
+    let spoilt = (0..TRACES.len(), edits, cut).prop_map(|(which, edits, cut)| {
+        let mut bytes = TRACES[which].0.to_vec();
+        for (at, value, flips) in edits {
+            let at = at.index(bytes.len());
+            bytes[at] = if flips { bytes[at] ^ value } else { value };
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        (which, Bytes(bytes))
+    });
+    target.run(&spoilt, |(which, bytes)| used(TRACES[*which].1(&bytes.0)));
+}
+
+#[test]
+fn any_traffic_model_is_refused_or_rates() {
+    let target = Target {
+        name: "traffic",
+        cases: 400,
+        shrinks: 100,
+        least_percent: (10, 10),
+    };
+    let text = TrafficModel::motorway().to_ron();
+    let behaviour = DrivingBehaviour {
+        speed_mps: 30.0,
+        decision_s: 0.5,
+        accelerations_mps2: vec![0.0, -3.0, -3.0, 0.0],
+        ..DrivingBehaviour::default()
+    };
+    target.run(
+        &mutants(vec![Source::new("motorway", text)].into()),
+        |mutant| match TrafficModel::parse(&mutant.text) {
+            Ok(model) => {
+                let _ = format!("{model}{:?}", model.rarity(&behaviour));
+                Seen::Accepted
+            }
+            Err(error) => {
+                assert!(!error.to_string().is_empty() && !error.help().is_empty());
+                Seen::Refused
+            }
+        },
+    );
+}
