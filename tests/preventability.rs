@@ -4,13 +4,15 @@
 mod at_the_wheel;
 #[path = "preventability/by_hand.rs"]
 mod by_hand;
+#[path = "preventability/edges.rs"]
+mod edges;
 #[path = "preventability/panel.rs"]
 mod panel;
 
 use brakecheck::crashes::Regressions;
 use brakecheck::ego::ReferenceDriver;
 use brakecheck::preventability::Seat;
-use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability};
+use brakecheck::preventability::{HUMAN_MODELS, Label, NotApplicable, PANEL, Preventability};
 use brakecheck::scene::{ContactEvent, Motion};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Episode, HeldRandom, motion_of, play};
@@ -129,6 +131,12 @@ fn an_assessment_agrees_with_itself() {
                     "{name} {driver:?}"
                 );
             }
+            // Both questions about several drivers take fewer replays.
+            let humans = world.is_avoided_by_any(&episode, &HUMAN_MODELS);
+            assert_eq!(humans, assessed.human_model_avoids(), "{name}");
+            let applies = assessed.label != Label::NotApplicable;
+            let any = PANEL.iter().any(|driver| assessed.is_avoided_by(*driver));
+            assert_eq!(world.is_preventable(&episode), applies.then_some(any));
             let json = serde_json::to_string(&assessed).expect("JSON");
             let ron = ron::to_string(&assessed).expect("RON");
             assert_eq!(

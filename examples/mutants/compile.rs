@@ -220,7 +220,11 @@ impl Workshop {
     /// Compiles the suites that there are.
     fn programs(&self, suites: &[String]) -> Fallible<BTreeMap<String, PathBuf>> {
         let mut verb = vec!["test", "--no-run"];
-        for suite in suites {
+        if suites.iter().any(|suite| suite.starts_with("brakecheck-")) {
+            // With the facade, so that the dependencies keep their features.
+            verb.extend(["--lib", "-p", "brakecheck"]);
+        }
+        for suite in suites.iter().map(|suite| program_of(suite)) {
             let there = CRATES.iter().any(|sources| {
                 let file = self.copy.join(sources).with_file_name("tests").join(suite);
                 file.with_extension("rs").exists() || file.join("main.rs").exists()
@@ -228,6 +232,8 @@ impl Workshop {
             if suite == "lib" {
                 // Unit tests of every crate.
                 verb.extend(["--lib", "--workspace", "--exclude", "brakecheck-python"]);
+            } else if suite.starts_with("brakecheck-") {
+                verb.extend(["-p", suite]);
             } else if there {
                 verb.extend(["--test", suite]);
             } else {
@@ -251,8 +257,16 @@ impl Workshop {
                 programs.insert(name.to_string(), PathBuf::from(program));
             }
         }
+        if suites.iter().all(|suite| suite != "lib") {
+            programs.remove("lib");
+        }
         Ok(programs)
     }
+}
+
+/// The part of a suite that names its program: `worlds` of `worlds:vector_env`.
+pub fn program_of(suite: &str) -> &str {
+    suite.split_once(':').map_or(suite, |(program, _)| program)
 }
 
 /// Files and bytes an error points to, primary spans first.

@@ -8,6 +8,7 @@
 //!
 //! - The draw spreads over the files in proportion to their mutants. One that
 //!   does not compile is left out, and the next of the draw takes its place.
+//!   `--each` draws from every path of `--files` by itself.
 //! - The suites run without a mutant first. All must pass; their times make
 //!   the limits, and a suite that never meets the place of a mutant is not run
 //!   for it: it could not fail.
@@ -28,6 +29,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, OpenOptions};
 use std::io::{Error, Write};
 use std::path::{Path, PathBuf};
+use std::slice::from_ref;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -54,13 +56,17 @@ struct Options {
     /// How many mutants are drawn
     #[arg(long, default_value_t = 100)]
     count: usize,
+    /// Draw so many from each of the paths, instead of from all of them together
+    #[arg(long)]
+    each: bool,
     /// Directory for the copy, its target directory and the results
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Files or directories whose mutants are listed
     #[arg(long, value_delimiter = ',', default_value = FILES)]
     files: Vec<String>,
-    /// Test targets, `lib` for the unit tests; those that are missing are told
+    /// Test targets, `lib` for all unit tests, or a package for its own. `TARGET:TEXT` has
+    /// only the tests whose name contains the text; missing targets are told
     #[arg(long, value_delimiter = ',', default_value = SUITES)]
     suites: Vec<String>,
     /// Tests to leave out whose name contains this
@@ -90,9 +96,17 @@ struct Outcome {
 fn main() -> Fallible<()> {
     let options = Options::parse();
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    let draw = draw(all_mutants(&root, &options.files)?, options.seed);
+    let paths = if options.each { options.files.len() } else { 1 };
+    let count = options.count * paths;
+    let draw = if options.each {
+        let rooms = options.files.iter();
+        let rooms = rooms.map(|room| Ok(draw(all_mutants(&root, from_ref(room))?, options.seed)));
+        in_turn(rooms.collect::<Fallible<_>>()?)
+    } else {
+        draw(all_mutants(&root, &options.files)?, options.seed)
+    };
     if options.list {
-        let drawn = draw.iter().take(options.count);
+        let drawn = draw.iter().take(count);
         drawn.for_each(|it| println!("{}", row(it, "")));
         return Ok(());
     }
@@ -109,22 +123,34 @@ fn main() -> Fallible<()> {
     let started = Instant::now();
     let key = digest(&[serde_json::to_string(&draw)?]);
     let dropped = output.join(format!("dropped-{key}.json"));
-    let built = workshop.build(&draw, options.count, &options.suites, &dropped)?;
+    let built = workshop.build(&draw, count, &options.suites, &dropped)?;
     eprintln!("compiled in {:.0} s", started.elapsed().as_secs_f64());
 
     let stage = Stage {
         copy: workshop.copy,
         scratch: output.join("scratch"),
         skip: options.skip.clone(),
+        only: only_of(&options.suites),
     };
     fs::create_dir_all(&stage.scratch)?;
-    let names = built.programs.keys().chain(&options.skip);
+    let names = built.programs.keys().chain(&options.suites);
+    let names = names.chain(&options.skip);
     let parts: Vec<&String> = [&built.fingerprint].into_iter().chain(names).collect();
     let state = digest(&parts);
     let suites = rehearsed(&stage, &built, &output.join(format!("suites-{state}.json")))?;
     let results = output.join("results.jsonl");
     let outcomes = judged(&options, &stage, &built, &suites, &state, &results)?;
     report(&options, &built, &suites, &outcomes, &output)
+}
+
+/// The texts of which a test's name has to contain one, by program.
+fn only_of(suites: &[String]) -> BTreeMap<String, Vec<String>> {
+    let mut only: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for (program, text) in suites.iter().filter_map(|suite| suite.split_once(':')) {
+        let name = program.replace('-', "_");
+        only.entry(name).or_default().push(text.to_owned());
+    }
+    only
 }
 
 /// The mutants of every Rust file at or below these paths, by file.
@@ -135,6 +161,8 @@ fn all_mutants(root: &Path, paths: &[String]) -> Fallible<Vec<Vec<Drawn>>> {
     }
     let asked = |file: &&PathBuf| paths.iter().any(|path| file.starts_with(path));
     let mut all = Vec::new();
+    // Tests in a file of their own are not the library.
+    let asked = |file: &&PathBuf| asked(file) && !file.ends_with("tests.rs");
     for path in files.iter().filter(asked) {
         let file = path.to_string_lossy();
         let mutants = find::mutants(&fs::read_to_string(root.join(path))?)?;
@@ -164,6 +192,18 @@ fn draw(files: Vec<Vec<Drawn>>, seed: u64) -> Vec<Drawn> {
     }
     placed.sort_by(|a, b| a.0.total_cmp(&b.0));
     let numbered = (1..).zip(placed);
+    numbered.map(|(id, (_, it))| Drawn { id, ..it }).collect()
+}
+
+/// The first of every draw, then the second of every draw, and so on.
+fn in_turn(draws: Vec<Vec<Drawn>>) -> Vec<Drawn> {
+    let turns = draws
+        .into_iter()
+        .flat_map(|draw| draw.into_iter().enumerate());
+    let mut turns: Vec<(usize, Drawn)> = turns.collect();
+    // Stable, so the paths keep their order within a turn.
+    turns.sort_by_key(|(turn, _)| *turn);
+    let numbered = (1..).zip(turns);
     numbered.map(|(id, (_, it))| Drawn { id, ..it }).collect()
 }
 
@@ -253,6 +293,15 @@ fn report(
     let survived = |it: &&Outcome| matches!(it.verdict, Verdict::Survived { .. });
     let run = outcomes.len();
     let killed = run - outcomes.values().filter(survived).count();
+    for path in options.files.iter().filter(|_| options.each) {
+        let of_path = || {
+            outcomes
+                .values()
+                .filter(|it| it.drawn.file.starts_with(path))
+        };
+        let (all, left) = (of_path().count(), of_path().filter(survived).count());
+        println!("{path}: {} of {all} killed", all - left);
+    }
     println!(
         "\nSeed {}: {killed} of {run} killed ({:.0} %); {} drawn, {} more do not compile.",
         options.seed,

@@ -1,5 +1,6 @@
 //! Test programs under a mutant: killed by which test, or survived.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -50,6 +51,8 @@ pub struct Stage {
     pub scratch: PathBuf,
     /// Patterns of tests that are left out.
     pub skip: Vec<String>,
+    /// Patterns of the tests that are run, by suite, where not all are.
+    pub only: BTreeMap<String, Vec<String>>,
 }
 
 enum Ending {
@@ -68,7 +71,7 @@ impl Stage {
         let _ = std::fs::remove_file(&list);
         let started = Instant::now();
         let note = Some(list.as_path());
-        match self.play(program, 0, note, Duration::from_secs(3600))? {
+        match self.play((name, program), 0, note, Duration::from_secs(3600))? {
             Ending::Passed => {}
             Ending::Failed(test) => return Err(format!("{name}: {test} fails unchanged").into()),
             Ending::TooLong => return Err(format!("{name} takes more than an hour").into()),
@@ -93,7 +96,7 @@ impl Stage {
         let mut reached_by = Vec::new();
         for suite in suites.iter().filter(|suite| suite.reached.contains(&id)) {
             let limit = Duration::from_secs_f64(PATIENCE * (suite.seconds + 5.0));
-            let ending = self.play(&suite.program, id, None, limit)?;
+            let ending = self.play((&suite.name, &suite.program), id, None, limit)?;
             let suite = suite.name.clone();
             match ending {
                 Ending::Passed => reached_by.push(suite),
@@ -107,7 +110,7 @@ impl Stage {
     /// Runs one test program up to its first failure.
     fn play(
         &self,
-        program: &Path,
+        (name, program): (&str, &Path),
         id: u32,
         reached: Option<&Path>,
         limit: Duration,
@@ -119,6 +122,7 @@ impl Stage {
             .arg("-c")
             .arg(format!("ulimit -v {ROOM_KIB}; exec \"$0\" \"$@\""))
             .arg(program)
+            .args(self.only.get(name).into_iter().flatten())
             .args(self.skip.iter().flat_map(|pattern| ["--skip", pattern]))
             .current_dir(&self.copy)
             .env("CARGO_MANIFEST_DIR", &self.copy)

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{brakecheck, code, json, path, refusal, refused, scratch, stderr};
+use super::{brakecheck, code, json, path, refusal, refused, scratch, small_run, stderr};
 
 /// Few runs, which are too few for a result.
 const FEW: [&str; 8] = [
@@ -72,6 +72,33 @@ fn known_counterexamples_are_played_and_judged_by_the_traffic() {
     let probes = ego["checks"]["probes"][1].as_u64().expect("a number");
     let impossible = ego["impossible"].as_u64().expect("a number");
     assert!(probes + impossible >= 1, "{ego}");
+}
+
+/// Counterexamples of a training are known failures of its own world only.
+#[test]
+fn counterexamples_of_a_training_are_used_in_its_own_world_alone() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let found = json(&brakecheck(&few(&["--run", &run, "--json"])));
+    let ego = &found["egos"][0];
+    let probes = ego["checks"]["probes"][1].as_u64().expect("a number");
+    let impossible = ego["impossible"].as_u64().expect("a number");
+    assert!(probes + impossible >= 1, "{ego}");
+    // One more action.
+    let text = std::fs::read_to_string("worlds/acc.ron").expect("shipped");
+    let other = path(&dir, "other.ron");
+    let set = "[-3.0, 0.0, 3.0]";
+    assert!(text.contains(set));
+    std::fs::write(&other, text.replace(set, "[-3.0, 0.0, 3.0, 1.0]")).expect("written");
+    let traffic = std::fs::read_to_string("examples/traffic/acc.ron").expect("there");
+    let traffic = traffic.replace("[0.6, 0.9, 0.6]", "[0.6, 0.9, 0.6, 0.5]");
+    let traffic = traffic.replace("[0.0, 1.0, 0.3]", "[0.0, 1.0, 0.3, 0.1]");
+    let laws = path(&dir, "laws.ron");
+    std::fs::write(&laws, traffic).expect("written");
+    let plant = ["--plant", "kinematic", "--budget", "500", "--run", &run];
+    let asked = [&["risk", &other, "--traffic", &laws][..], &plant].concat();
+    refused(&asked, "other starts or actions");
 }
 
 fn pieces(dir: &str) -> Vec<PathBuf> {

@@ -220,6 +220,7 @@ fn a_kind_is_decided_by_both_sides_and_the_headings() {
         ([1.0, 0.0], 179.0, CrashKind::HeadOn),
         ([1.0, 0.0], 136.0, CrashKind::HeadOn),
         ([1.0, 0.0], -136.0, CrashKind::HeadOn),
+        ([0.9397, -0.342], 135.0, CrashKind::Crossing),
         // At 134° the other's flank is touched.
         ([1.0, 0.0], 134.0, CrashKind::Crossing),
         ([1.0, 0.0], 44.0, CrashKind::RearEnd),

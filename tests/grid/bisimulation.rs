@@ -102,6 +102,29 @@ fn equal_offsets_in_their_cells_are_related_and_centres_even_at_zero() {
     }
 }
 
+/// The least ε is found up to a bound that it reaches, and none below it.
+#[test]
+fn the_least_epsilon_is_within_its_bound() {
+    let first = game(B, 4, 2, 8);
+    let second = refined(&first, 2);
+    let least = Bisimulation::least_epsilon(&first, &second, 4.0).expect("related");
+    assert!(0.0 < least && least < 1.0, "{least}");
+    assert_eq!(
+        Bisimulation::least_epsilon(&first, &second, least),
+        Some(least)
+    );
+    let below = least - 0.5 / 2.0;
+    assert_eq!(Bisimulation::least_epsilon(&first, &second, below), None);
+    let at = Bisimulation::greatest(&first, &second, least);
+    assert!(at.starts().next().is_some());
+    assert!(
+        Bisimulation::greatest(&first, &second, below)
+            .starts()
+            .next()
+            .is_none()
+    );
+}
+
 #[test]
 fn an_ego_is_bisimilar_to_itself_and_to_another_only_where_both_never_differ() {
     let nominal = game(A, 4, 2, 8);

@@ -12,7 +12,11 @@ use super::{contacts, world};
 const SAMPLE_S: f64 = 0.05;
 
 /// Two lanes with an ego and two other sedans, which are 4.54 m long and 1.8 m wide.
-fn lanes(friction: f64) -> Scenario {
+pub(super) fn lanes(friction: f64) -> Scenario {
+    lanes_of(3.5, friction)
+}
+
+pub(super) fn lanes_of(width_m: f64, friction: f64) -> Scenario {
     let car = |name: &str, drive: &str| {
         format!(
             "Vehicle(name: \"{name}\", body: \"sedan\", lane: 0, \
@@ -34,7 +38,7 @@ fn lanes(friction: f64) -> Scenario {
         "Scenario(name: \"lanes\", question: \"?\", \
          clock: (horizon_s: 20.0, decision_s: 0.5, sample_s: {SAMPLE_S:?}, substeps: 5), \
          plant: Kinematic, \
-         road: Straight(lanes: 2, lane_width_m: 3.5, friction: {friction:?}), \
+         road: Straight(lanes: 2, lane_width_m: {width_m:?}, friction: {friction:?}), \
          agents: [{agents}], ego_spec: \"always (ego.ado.gap >= 0.5)\")"
     );
     Scenario::parse("lanes.ron", &text).unwrap_or_else(|error| panic!("{error}"))
@@ -42,18 +46,18 @@ fn lanes(friction: f64) -> Scenario {
 
 /// A car as a function of time: place, heading, speeds and acceleration.
 #[derive(Clone, Copy)]
-struct Car {
-    x_m: f64,
-    y_m: f64,
-    heading_rad: f64,
-    speed_mps: f64,
-    lateral_mps: f64,
-    accel_mps2: f64,
+pub(super) struct Car {
+    pub(super) x_m: f64,
+    pub(super) y_m: f64,
+    pub(super) heading_rad: f64,
+    pub(super) speed_mps: f64,
+    pub(super) lateral_mps: f64,
+    pub(super) accel_mps2: f64,
     /// Time from which it accelerates and moves sideways.
-    from_s: f64,
+    pub(super) from_s: f64,
 }
 
-const CAR: Car = Car {
+pub(super) const CAR: Car = Car {
     x_m: 0.0,
     y_m: 0.0,
     heading_rad: 0.0,
@@ -87,7 +91,7 @@ impl Car {
 }
 
 /// Cars up to a contact of two of them.
-fn motion(cars: [Car; 3], end_s: f64, between: [&str; 2]) -> Motion {
+pub(super) fn motion(cars: [Car; 3], end_s: f64, between: [&str; 2]) -> Motion {
     let row = |sample: usize| cars.map(|car| car.at(sample as f64 * SAMPLE_S));
     let mut motion = Motion::new(Start(Vec::new()), &row(0));
     let samples = (end_s / SAMPLE_S).round() as usize;
@@ -105,7 +109,7 @@ fn motion(cars: [Car; 3], end_s: f64, between: [&str; 2]) -> Motion {
     motion
 }
 
-const FAR: Car = Car {
+pub(super) const FAR: Car = Car {
     x_m: 500.0,
     y_m: 3.5,
     ..CAR
@@ -117,7 +121,7 @@ fn assessed(ego: Car, ado: Car, end_s: f64) -> Preventability {
     replayer.assess(&motion([ego, ado, FAR], end_s, ["ego", "ado"]), None)
 }
 
-fn field(known: &Preventability, name: &str) -> Value {
+pub(super) fn field(known: &Preventability, name: &str) -> Value {
     serde_json::to_value(known).expect("JSON")[name].clone()
 }
 

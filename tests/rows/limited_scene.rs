@@ -181,3 +181,65 @@ fn ados_within_a_limit_brake_as_often_as_the_limit_says() {
         assert!(limit <= found && free < found, "{found} for {limit}");
     }
 }
+
+/// Scene of a world within a limit, at its lowest start but with one axis at a share.
+fn begun(text: &str, axis: &str, share: f64) -> LimitedScene {
+    let world = Scenario::parse("other.ron", text).unwrap_or_else(|error| panic!("{error}"));
+    let driving = world.drive().expect("a road").world().clone();
+    let mut scene = LimitedScene {
+        scene: world.world().scene(),
+        limit: AdoLimit {
+            model: motorway(),
+            per_1000_km: 20.0,
+        },
+        world: driving,
+        ados: Vec::new(),
+        bodies: Vec::new(),
+    };
+    let values = world.axes().into_iter().map(|it| {
+        let share = if it.name == axis { share } else { 0.0 };
+        it.lo + share * (it.hi - it.lo)
+    });
+    scene.reset(&Start(values.collect()), 0);
+    scene
+}
+
+#[test]
+fn a_limit_is_on_the_road_of_the_start() {
+    let text = include_str!("../../worlds/acc.ron");
+    let text = text.replace("friction: 0.9)", "friction: (0.5, 0.9))");
+    let friction = |share: f64| {
+        let scene = begun(&text, "friction", share);
+        scene.world.spec().road.friction()
+    };
+    assert!((friction(0.0) - 0.5).abs() < 1e-9 && (friction(1.0) - 0.9).abs() < 1e-9);
+}
+
+#[test]
+fn every_ado_with_a_plan_has_its_own_part_of_a_joint_action() {
+    let text = include_str!("../../worlds/r157/lead_brakes.ron");
+    let first = text
+        .find("        Vehicle(\n            name: \"lead_vehicle\"")
+        .expect("an ado");
+    let last = text
+        .find("    ],\n    ego_spec")
+        .expect("the end of the agents");
+    let second = text[first..last]
+        .replace("lead_vehicle", "second")
+        .replace("x_m: 47.233333333", "x_m: 90.0");
+    let both = format!("{}{second}{}", &text[..last], &text[last..]);
+    let mut scene = begun(&both, "", 0.0);
+    let added =
+        |scene: &LimitedScene| -> Vec<f64> { scene.ados.iter().map(|it| it.added_mps2).collect() };
+    assert_eq!(added(&scene), [0.0; 2]);
+    // Nine actions each, of which three in a row have one acceleration.
+    let acceleration = |action: usize| [-1.0, 0.0, 1.0][action % 3];
+    for (one, two) in [(0, 8), (8, 0), (4, 2), (2, 1)] {
+        scene.decide(one + 9 * two);
+        assert_eq!(
+            added(&scene),
+            [acceleration(one), acceleration(two)],
+            "{one}, {two}"
+        );
+    }
+}

@@ -25,7 +25,7 @@ use brakecheck_ego::ego;
 use brakecheck_experiment::{experiment, run_dir, vector_env};
 use brakecheck_files::{content_hash, ron_file};
 use brakecheck_rl::rl;
-use brakecheck_scene::{rulebook, scene, testbench};
+use brakecheck_scene::{preventability, rulebook, scene, testbench};
 use brakecheck_sim::sim;
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;

@@ -324,3 +324,53 @@ impl Fate {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(found: usize, related_starts: usize, pairs: usize, misses: usize) -> Theorem3 {
+        Theorem3 {
+            changed: "other".to_owned(),
+            epsilon: 0.0,
+            candidates: 9,
+            related: 5,
+            sweeps: 2,
+            least_epsilon: None,
+            starts: 9,
+            related_starts,
+            capturable: 4,
+            found,
+            tau: Some(0.5),
+            inside: ReplayedOnGrid {
+                pairs,
+                ..ReplayedOnGrid::default()
+            },
+            outside: ReplayedOnGrid::default(),
+            misses,
+            outcome: TheoremOutcome::Holds,
+        }
+    }
+
+    #[test]
+    fn theorem_3_is_judged_by_its_misses_and_its_premises() {
+        let judged = |row: Theorem3| match row.judged() {
+            TheoremOutcome::PremiseNotMet { why } => format!("premise: {why}"),
+            TheoremOutcome::Refuted { why } => format!("refuted: {why}"),
+            outcome => format!("{outcome:?}"),
+        };
+        assert_eq!(judged(row(4, 3, 2, 0)), "Holds");
+        assert_eq!(judged(row(4, 1, 1, 0)), "Holds");
+        // A miss is a bug even of an ado that has not converged.
+        for found in [3, 4] {
+            assert_eq!(
+                judged(row(found, 3, 2, 1)),
+                "refuted: 1 of 2 related counterexamples are not carried over"
+            );
+        }
+        assert!(judged(row(3, 3, 2, 0)).contains("it captures from 3 of 4 starts"));
+        assert_eq!(judged(row(4, 0, 0, 0)), "premise: no start pair is related");
+        let none = judged(row(4, 3, 0, 0));
+        assert!(none.contains("none of 3 related start pairs"), "{none}");
+    }
+}

@@ -150,3 +150,124 @@ impl GridTheorems {
             || self.theorem_3.iter().any(|row| row.outcome.is_refuted())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An ado that always does the same.
+    struct Always;
+
+    impl Policy for Always {
+        fn act(&self, _: &[f32]) -> usize {
+            0
+        }
+
+        fn value(&self, _: &[f32]) -> f32 {
+            0.0
+        }
+    }
+
+    #[test]
+    fn every_refuted_part_and_every_unchecked_grid_refutes_the_whole() {
+        let text = include_str!("../../../../worlds/grid.ron");
+        let world = Scenario::parse("grid.ron", text).expect("sound");
+        let sound = grid_theorems(world.grid().expect("a grid"), &Always, &[]).expect("solved");
+        assert!(!sound.is_refuted());
+        let refuted = || crate::theorems::TheoremOutcome::Refuted { why: String::new() };
+        let with = |change: fn(&mut GridTheorems)| {
+            let mut all = sound.clone();
+            change(&mut all);
+            all.is_refuted()
+        };
+        // No relation at all is a grid that nothing was checked on.
+        assert!(with(|it| it.unchecked.push("finer".to_owned())));
+        assert!(!with(|it| it.not_comparable.push("larger".to_owned())));
+        let mut all = sound.clone();
+        all.theorem_1.rows[3].outcome = refuted();
+        assert!(all.is_refuted());
+        for at in 0..2 {
+            let mut all = sound.clone();
+            let second = [&mut all.theorem_2, &mut all.theorem_2_learned];
+            second.into_iter().nth(at).expect("two").outcome = refuted();
+            assert!(all.is_refuted());
+        }
+        // An ado that misses a bound is no bug.
+        let mut all = sound.clone();
+        all.theorem_1.rows[0].outcome_of_learned = refuted();
+        assert!(!all.is_refuted());
+    }
+
+    #[test]
+    fn worlds_that_the_theorems_do_not_fit_are_refused_before_anything_is_played() {
+        let text = include_str!("../../../../worlds/grid_jump.ron");
+        let refusal = |from: &str, to: &str| {
+            assert!(text.contains(from), "{from}");
+            let world = Scenario::parse("other.ron", &text.replace(from, to)).expect("sound");
+            let refusal = admits_theorems(&world).err();
+            refusal.map(|error| error.to_string())
+        };
+        assert_eq!(refusal("size: 4", "size: 4"), None);
+        let drawn = refusal("starts: AllPairs", "starts: Uniform").expect("no list");
+        assert!(drawn.contains("no list of starts"), "{drawn}");
+        let rule = "always[0, T] (speed_inf <= 1.5)";
+        let nested = "always[0, T] (eventually[0, 2] (ado.x >= 0))";
+        let nested = refusal(rule, nested).expect("no state");
+        assert!(nested.contains("cannot be judged from a state"), "{nested}");
+        let road = include_str!("../../../../worlds/acc.ron");
+        let road = Scenario::parse("acc.ron", road).expect("sound");
+        assert_eq!(admits_theorems(&road), Ok(()));
+    }
+
+    #[test]
+    fn formulas_on_other_signals_are_not_compared() {
+        let text = include_str!("../../../../worlds/grid.ron");
+        let covered = |from: &str, to: &str| {
+            let world = Scenario::parse("grid.ron", &text.replace(from, to)).expect("sound");
+            is_covered(world.grid().expect("a grid"))
+        };
+        assert!(covered("", ""));
+        assert!(!covered(
+            "(speed_inf <= 1.5)",
+            "(speed_inf <= 1.5 or time_left <= 1)"
+        ));
+    }
+
+    #[test]
+    fn relations_are_those_of_all_distances_below_tau() {
+        use crate::world::GridChange;
+
+        let text = include_str!("../../../../worlds/grid.ron");
+        let world = Scenario::parse("grid.ron", text).expect("sound");
+        let epsilons = |refine: u32, change: GridChange| {
+            let change = GridChange {
+                refine: Some(refine),
+                ego_step: Some(2 * refine),
+                ..change
+            };
+            let other = world.with(&change.into()).expect("fits");
+            let [one, two] = [&world, &other].map(|it| it.grid().expect("a grid"));
+            let relations = bisimulations(one, two, TAU)?;
+            Some(
+                relations
+                    .iter()
+                    .map(|it| it.epsilon())
+                    .collect::<Vec<f64>>(),
+            )
+        };
+        let plain = GridChange::default;
+        // A distance of τ itself promises nothing.
+        assert_eq!(epsilons(2, plain()), Some(vec![0.0]));
+        assert_eq!(epsilons(3, plain()), Some(vec![0.0, 1.0 / 3.0]));
+        let larger = GridChange {
+            size: Some(5),
+            ..plain()
+        };
+        assert_eq!(epsilons(1, larger), None);
+        let longer = GridChange {
+            horizon: Some(crate::world::Horizon::Steps(5)),
+            ..plain()
+        };
+        assert_eq!(epsilons(1, longer), None);
+    }
+}

@@ -353,3 +353,26 @@ impl TransferRun {
         self.sharp.as_ref().is_some_and(|(_, covered)| *covered)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spread_has_ranks_of_observed_values() {
+        let of = |values: &[f64]| {
+            let Spread { median, p90, max } = Spread::of(values.iter().copied());
+            [median, p90, max]
+        };
+        let eleven: Vec<f64> = (0..11).rev().map(f64::from).collect();
+        assert_eq!(of(&eleven), [5.0, 9.0, 10.0]);
+        assert_eq!(of(&[3.0]), [3.0; 3]);
+        assert_eq!(of(&[]), [0.0; 3]);
+        assert_eq!(
+            of(&[f64::INFINITY, 1.0, 2.0]),
+            [2.0, f64::INFINITY, f64::INFINITY]
+        );
+        let json = serde_json::to_value(Spread::of([1.0, f64::INFINITY].into_iter()));
+        assert_eq!(json.expect("words")["max"], "inf");
+    }
+}

@@ -202,3 +202,111 @@ impl RiskRequest<'_> {
         begun.elapsed().as_secs_f64() / TIMED as f64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{TRAFFIC, world};
+    use super::super::{RiskSettings, RiskTraffic, ValueKind};
+    use super::*;
+    use crate::experiment::Watch;
+
+    /// Files of an extension in a directory.
+    fn files(dir: &Path, extension: &str) -> Vec<std::path::PathBuf> {
+        let entries = std::fs::read_dir(dir).expect("a directory").flatten();
+        let mut files: Vec<_> = entries.map(|it| it.path()).collect();
+        files.retain(|it| it.extension().is_some_and(|it| it == extension));
+        files.sort();
+        files
+    }
+
+    #[test]
+    fn the_likeliest_lawful_failures_are_kept_and_read_as_known_ones() {
+        let (world, dir) = (world(), tempfile::tempdir().expect("a directory"));
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let egos = [EgoUnderTest::nominal(&world)];
+        let mut request = RiskRequest::new(&traffic, &egos);
+        request.settings = RiskSettings {
+            budget: 3_000,
+            natural: 200,
+            value: ValueKind::Table,
+            ..RiskSettings::default()
+        };
+        let report = request.estimate(&Watch::unwatched()).expect("no disk");
+        let report = report.expect("not stopped");
+        let kinds = &report.egos[0].likeliest;
+        let lawful = kinds
+            .iter()
+            .filter(|run| run.failure().is_some_and(|it| it.lawful));
+        let mut lawful: Vec<(Start, u64, Vec<usize>)> = lawful
+            .map(|run| {
+                let actions = run.actions.iter().map(|it| *it as usize);
+                let start = traffic.starts.start(&run.shares).expect("inside");
+                (start, run.noise, actions.collect())
+            })
+            .collect();
+        assert!(!lawful.is_empty());
+        let kept = dir.path().join("kept");
+        let lines = request.keep(&report, &kept).expect("a disk");
+        assert_eq!(lines.len(), kinds.len());
+        let refused = lines
+            .iter()
+            .filter(|it| it.starts_with("not kept, since it is not lawful"));
+        assert_eq!(refused.count(), kinds.len() - lawful.len());
+        let found = files(&kept, "ron");
+        assert_eq!(
+            (found.len(), files(&kept, "svg").len()),
+            (lawful.len(), lawful.len())
+        );
+        let known = KnownFailure::of_files(&world, &kept).expect("read");
+        let mut again: Vec<_> = known
+            .iter()
+            .map(|it| (it.start.clone(), it.noise, it.actions.clone()))
+            .collect();
+        again.iter().for_each(|(start, noise, actions)| {
+            let mut ado = Replay::holding(actions);
+            let run = play(&mut world.bench(), start, *noise, &mut ado, Aftermath::Skip);
+            assert!(run.verdict.is_success(), "{:?}", run.verdict);
+        });
+        let order = |a: &(Start, u64, Vec<usize>), b: &(Start, u64, Vec<usize>)| {
+            (a.1, &a.2).cmp(&(b.1, &b.2))
+        };
+        again.sort_by(order);
+        lawful.sort_by(order);
+        assert_eq!(again, lawful);
+        // One file alone, and all of them for a world of another name or with fewer actions.
+        let one = KnownFailure::of_files(&world, &found[0]).expect("read");
+        assert_eq!(one, known[..1]);
+        let fitting = |from: &str, to: &str| {
+            assert!(world.text().contains(from), "{from}");
+            let other = Scenario::parse("other.ron", &world.text().replace(from, to));
+            KnownFailure::of_files(&other.expect("sound"), &kept).expect("read")
+        };
+        assert_eq!(fitting("name: \"acc\"", "name: \"other\""), []);
+        let set = "Accelerations([-3.0, 0.0, 3.0]), neutral: 1";
+        let brakes = known
+            .iter()
+            .filter(|it| it.actions.iter().all(|action| *action == 0));
+        let brakes: Vec<KnownFailure> = brakes.cloned().collect();
+        assert_eq!(fitting(set, "Accelerations([-3.0]), neutral: 0"), brakes);
+    }
+
+    #[test]
+    fn the_cost_is_announced_for_every_ego() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let egos = [EgoUnderTest::nominal(&world), EgoUnderTest::nominal(&world)];
+        let announced = |egos: &[EgoUnderTest]| {
+            let mut request = RiskRequest::new(&traffic, egos);
+            request.settings.budget = 700;
+            request.announced()
+        };
+        assert_eq!(
+            announced(&egos[..1]),
+            "at most 700 runs of 2.5 s with the ego"
+        );
+        assert_eq!(
+            announced(&egos),
+            "at most 700 runs of 2.5 s with each of 2 egos"
+        );
+    }
+}

@@ -11,6 +11,7 @@ use super::record::{DriverAnswer, EgoFailure, KnownFailure, RiskRun, RunEnd, mul
 use super::start_law::StartLaw;
 use crate::ego::{Fault, FaultKind};
 use crate::experiment::CrashFeatures;
+use crate::preventability::HUMAN_MODELS;
 use crate::rulebook::{Rulebook, Verdict};
 use crate::scene::Start;
 use crate::seed::generator;
@@ -228,7 +229,7 @@ impl RiskWorld {
             None => "lawful".to_owned(),
             Some(rule) => format!("breaks “{}”", self.rules.rules[rule].name),
         };
-        let answer = || match self.scenario.preventability(episode).human_model_avoids() {
+        let answer = || match self.scenario.is_avoided_by_any(episode, &HUMAN_MODELS) {
             Some(true) => DriverAnswer::Avoids,
             Some(false) => DriverAnswer::Fails,
             None => DriverAnswer::NoAnswer,

@@ -31,3 +31,6 @@ pub const PANEL: [ReferenceDriver; 6] = [
     ReferenceDriver::Rss,
     ReferenceDriver::Fsm,
 ];
+
+/// Human models of UN R157, which decide whether a crash counts as preventable.
+pub const HUMAN_MODELS: [ReferenceDriver; 2] = [ReferenceDriver::CcLatched, ReferenceDriver::Fsm];

@@ -3,6 +3,7 @@
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
+use super::HUMAN_MODELS;
 use super::moments::CutIn;
 use crate::ego::reference::ReferenceDriver;
 
@@ -290,8 +291,8 @@ impl Preventability {
     /// `None` if the drivers do not apply.
     pub fn human_model_avoids(&self) -> Option<bool> {
         let applies = self.label != Label::NotApplicable;
-        let humans = [ReferenceDriver::CcLatched, ReferenceDriver::Fsm];
-        applies.then(|| humans.into_iter().any(|driver| self.is_avoided_by(driver)))
+        let mut humans = HUMAN_MODELS.into_iter();
+        applies.then(|| humans.any(|driver| self.is_avoided_by(driver)))
     }
 
     /// Returns whether a driver avoids it from the handover on.

@@ -40,13 +40,24 @@ impl Scenario {
     /// This takes few of the replays of [`Scenario::preventability`]. `None`: there is no
     /// contact, or the drivers do not apply to it.
     pub fn is_preventable(&self, episode: &Episode) -> Option<bool> {
+        self.is_avoided_by_any(episode, &PANEL)
+    }
+
+    /// Returns whether any of some reference drivers avoids an episode's contact.
+    ///
+    /// `None` as in [`Scenario::is_preventable`].
+    pub fn is_avoided_by_any(
+        &self,
+        episode: &Episode,
+        drivers: &[ReferenceDriver],
+    ) -> Option<bool> {
         episode.contact.as_ref()?;
         let mut replayer = self.replayer()?;
         let motion = motion_of(&mut self.repeating(episode).bench(), episode)?;
         if motion.is_empty() {
             return None;
         }
-        replayer.judged_by(&motion, &PANEL)
+        replayer.judged_by(&motion, drivers)
     }
 
     /// Returns replays of an episode's motion with full braking in the ego's place.
