@@ -178,7 +178,7 @@ fn bare_usual(bencher: Bencher, cars: usize) {
     bare(bencher, cars, false);
 }
 
-#[divan::bench(args = [2, 8])]
+#[divan::bench(args = [2, 8, 128])]
 fn bare_lean(bencher: Bencher, cars: usize) {
     bare(bencher, cars, true);
 }

@@ -18,9 +18,9 @@ fn main() {
 
 const WORLDS: [&str; 4] = ["acc", "merge", "sandwich", "cut_in"];
 
-fn kinematic(name: &str) -> Scenario {
+fn shipped(name: &str, plant: PlantKind) -> Scenario {
     let world = Scenario::shipped(name).expect("shipped").expect("valid");
-    world.on(PlantKind::Kinematic)
+    world.on(plant)
 }
 
 /// Random numbers that cost nothing beside a step (Marsaglia's xorshift).
@@ -93,8 +93,8 @@ impl Vectorised {
     }
 }
 
-fn vectorised(bencher: Bencher, world: &str, count: usize) {
-    let mut env = Vectorised::new(&kinematic(world), count);
+fn vectorised(bencher: Bencher, world: &Scenario, count: usize) {
+    let mut env = Vectorised::new(world, count);
     // Episodes have then begun at different times.
     (0..60).for_each(|_| env.step());
     bencher
@@ -105,13 +105,13 @@ fn vectorised(bencher: Bencher, world: &str, count: usize) {
 /// The world of the bar.
 #[divan::bench(args = [64, 4096])]
 fn acc(bencher: Bencher, count: usize) {
-    vectorised(bencher, "acc", count);
+    vectorised(bencher, &shipped("acc", PlantKind::Kinematic), count);
 }
 
 /// Other worlds, 4096 environments each.
 #[divan::bench(args = WORLDS)]
 fn worlds(bencher: Bencher, world: &str) {
-    vectorised(bencher, world, 4096);
+    vectorised(bencher, &shipped(world, PlantKind::Kinematic), 4096);
 }
 
 /// Gyms, one after the other.
@@ -134,8 +134,8 @@ impl Gyms {
     }
 }
 
-fn gyms(bencher: Bencher, count: usize) {
-    let world = kinematic("acc");
+fn gyms(bencher: Bencher, plant: PlantKind, count: usize) {
+    let world = shipped("acc", plant);
     let gym = |seed: usize| Gym::new(world.bench(), Purpose::Train, seed as u64);
     let mut gyms = Gyms {
         gyms: (0..count).map(gym).collect(),
@@ -155,11 +155,23 @@ fn gyms(bencher: Bencher, count: usize) {
 /// As many gyms of `acc`.
 #[divan::bench(args = [64, 4096])]
 fn one_by_one(bencher: Bencher, count: usize) {
-    gyms(bencher, count);
+    gyms(bencher, PlantKind::Kinematic, count);
 }
 
 /// A single gym of `acc`.
 #[divan::bench]
 fn alone(bencher: Bencher) {
-    gyms(bencher, 1);
+    gyms(bencher, PlantKind::Kinematic, 1);
+}
+
+/// 64 environments of `acc` on the rigid plant.
+#[divan::bench]
+fn rigid_together(bencher: Bencher) {
+    vectorised(bencher, &shipped("acc", PlantKind::Rigid), 64);
+}
+
+/// A single gym of `acc` on the rigid plant.
+#[divan::bench]
+fn rigid_alone(bencher: Bencher) {
+    gyms(bencher, PlantKind::Rigid, 1);
 }

@@ -110,7 +110,8 @@ fn a_crash_is_recorded_with_everything_about_it() {
         ("/marks/contact", 2, "Scalars:scalars"),
         ("/actions/ado", 3, "StateChange:state"),
         ("/verdict", 1, "TextDocument:text"),
-        ("/verdict/events", 6, "TextLog:text"),
+        // One of them is the collision after the contact.
+        ("/verdict/events", 7, "TextLog:text"),
     ];
     for (entity, rows, component) in expected {
         let (found, timelines, components) = content

@@ -102,19 +102,24 @@ fn an_ego_that_nobody_here_wrote_coasts_beyond_its_last_command() {
     )
     .unwrap();
     let replay = way(&Node::read(&texts.replay), "ego");
-    assert!((replay.last().unwrap()[0] - contact_s).abs() < 1e-9);
+    assert!((replay.last().unwrap()[0] - contact_s - 2.0).abs() < 1e-9);
     let external = way(&Node::read(&texts.external), "ado");
     assert!((external.last().unwrap()[0] - 15.0).abs() < 1e-9);
 }
 
 #[test]
-fn a_replay_goes_on_after_the_contact_in_worlds_that_play_it() {
+fn a_replay_goes_on_after_the_contact_for_the_time_of_its_world() {
     let text = include_str!("../../worlds/acc.ron");
-    let longer = text.replace("plant: Rigid,", "plant: Rigid, after_contact_s: 1.5,");
+    let playing = |after_s: f64| {
+        text.replace(
+            "plant: Rigid,",
+            &format!("plant: Rigid, after_contact_s: {after_s:?},"),
+        )
+    };
     let actions: Vec<usize> = [vec![0; 8], vec![2; 3], vec![0; 10]].concat();
     let start = Start(vec![12.21, 9.57, 17.9]);
-    let exported = [text, &longer].map(|text| {
-        let world = Scenario::parse("acc.ron", text).unwrap();
+    let exported = [playing(0.0), playing(1.5)].map(|text| {
+        let world = Scenario::parse("acc.ron", &text).unwrap();
         let mut ado = Replay::holding(&actions);
         let episode = play(&mut world.bench(), &start, 0, &mut ado, Aftermath::Play);
         let texts = openx(&world, &episode, "pile_up", "nominal").unwrap();

@@ -181,11 +181,12 @@ fn rear_axles_and_the_middles_of_walkers_are_what_moves() {
 }
 
 #[test]
-fn a_replay_ends_at_the_instant_of_the_contact() {
+fn a_replay_ends_two_seconds_after_the_contact() {
     let mut contacts = 0;
     for exported in all() {
         let contact_s = exported.contact_s();
-        let end_s = contact_s.unwrap_or((exported.trace.len() - 1) as f64 * exported.trace.dt_s());
+        let last_s = (exported.trace.len() - 1) as f64 * exported.trace.dt_s();
+        let end_s = contact_s.map_or(last_s, |contact_s| contact_s + 2.0);
         for agent in &exported.spec().agents {
             let way = way(&exported.replay, &agent.name);
             let last_s = way.last().unwrap()[0];

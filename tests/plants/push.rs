@@ -12,6 +12,7 @@ fn downhill() -> Push {
     Push {
         along_mps2: GRAVITY_MPS2 * SLOPE.0,
         left_mps2: 0.0,
+        grade_mps2: [GRAVITY_MPS2 * SLOPE.0, 0.0],
         load_share: SLOPE.1,
     }
 }
@@ -19,6 +20,7 @@ fn downhill() -> Push {
 fn uphill() -> Push {
     Push {
         along_mps2: -GRAVITY_MPS2 * SLOPE.0,
+        grade_mps2: [-GRAVITY_MPS2 * SLOPE.0, 0.0],
         ..downhill()
     }
 }

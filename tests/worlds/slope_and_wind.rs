@@ -163,7 +163,7 @@ fn crash_of(fields: &str) -> (Scenario, brakecheck::testbench::Episode) {
 fn files_of_other_tools_refuse_wind_by_name() {
     let (world, crash) = crash_of("wind: (speed_mps: 3.0, from_rad: 0.0)");
     let refused = openx(&world, &crash, "crash", "nominal");
-    let Err(ExportRefusal::OpenX(OpenXError::Wind)) = refused else {
+    let Err(ExportRefusal::OpenX(OpenXError::BanksOrWind { what: "wind" })) = refused else {
         panic!("exported");
     };
 }

@@ -21,4 +21,4 @@
 pub mod severity;
 pub mod sim;
 
-use brakecheck_road::pose;
+use brakecheck_road::{pose, road};

@@ -275,9 +275,9 @@ fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
             Exit::Input,
             "name counterexamples of worlds without `Weather`; `brakecheck view` shows this one",
         ),
-        ExportRefusal::OpenX(OpenXError::Wind) => (
+        ExportRefusal::OpenX(OpenXError::BanksOrWind { .. }) => (
             Exit::Input,
-            "name counterexamples of worlds without `wind`; `brakecheck view` shows this one",
+            "name counterexamples of worlds without `banks` and `wind`; `brakecheck view` shows this one",
         ),
         ExportRefusal::OpenX(OpenXError::Xml(_)) => (Exit::Fault, "please report it"),
         ExportRefusal::Differs { .. } => (

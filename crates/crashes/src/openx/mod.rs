@@ -83,9 +83,12 @@ pub enum OpenXError {
         /// Name of the weather.
         name: String,
     },
-    /// The wind blows, which the files cannot state.
-    #[error("the world has wind")]
-    Wind,
+    /// The world has banked roads or wind, which the files do not state.
+    #[error("the world has {what}")]
+    BanksOrWind {
+        /// `banks` or `wind`.
+        what: &'static str,
+    },
     /// The XML writer failed, which is not expected in memory.
     #[error("writing XML failed: {0}")]
     Xml(#[from] io::Error),
@@ -104,8 +107,11 @@ impl Crash<'_> {
             return Err(OpenXError::ChangingWeather { name });
         }
         let spec = self.scenario.spec();
-        if spec.wind.is_some() {
-            return Err(OpenXError::Wind);
+        let has_banks =
+            (0..spec.roads.len() + 1).any(|road| !spec.profile_of(road).banks.is_empty());
+        let unwritten = [("banks", has_banks), ("wind", spec.wind.is_some())];
+        if let Some((what, _)) = unwritten.into_iter().find(|(_, is_there)| *is_there) {
+            return Err(OpenXError::BanksOrWind { what });
         }
         let world = self.scenario.world();
         // Both passages fit on the written road, since both scenarios refer to

@@ -79,7 +79,7 @@ fn has_constant_surroundings(layout: &DriveLayout) -> bool {
         && spec.lights.is_empty()
         && spec.weather.is_none()
         && spec.road_ado.is_none()
-        && !spec.has_grades()
+        && !spec.has_slopes()
         && spec.wind.is_none()
         && spec.environment.is_empty()
         && spec.parameters.is_empty()

@@ -6,7 +6,7 @@ use super::error::{At, ImportError};
 use super::roads::{OnLane, RoadMap};
 use super::tree::XmlNode;
 use crate::pose::Pose;
-use crate::road::{Grade, Piece};
+use crate::road::{Bank, Grade, Piece};
 
 /// Greatest length in metres of a way along lanes.
 const MOST_M: f64 = 5_000.0;
@@ -39,6 +39,10 @@ pub struct LaneRoad {
     pub pieces: Vec<Piece>,
     /// Grades along the course.
     pub grades: Vec<Grade>,
+    /// Banks along the course.
+    pub banks: Vec<Bank>,
+    /// Height of the start in the file.
+    pub begins_z_m: f64,
     /// Signals along it with their stations.
     pub signals: Vec<(String, f64)>,
 }
@@ -99,6 +103,8 @@ pub fn lane_road(path: &Path, text: &str, from: &LaneStart) -> Result<LaneRoad, 
         lane_width_m,
         pieces: on.way.pieces(),
         grades: roads.lane_grades(&root, &drive, beside_m)?,
+        banks: roads.lane_banks(&root, &drive, beside_m)?,
+        begins_z_m: line.height_m(from.s_m, at.t_m + f64::from(at.side()) * beside_m),
         signals: roads.lane_signals(&root, &drive, beside_m)?,
     })
 }

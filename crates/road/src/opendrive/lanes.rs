@@ -33,8 +33,8 @@ pub struct OpenDriveLaneSection {
 #[derive(Clone, Debug)]
 pub struct RoadLanes {
     offsets: Vec<Cubic>,
-    /// Superelevation in radians.
-    banks: Vec<Cubic>,
+    /// Superelevation in radians, positive where the left side is higher.
+    pub(super) banks: Vec<Cubic>,
     pub(crate) sections: Vec<OpenDriveLaneSection>,
 }
 

@@ -28,4 +28,4 @@ mod driven_road;
 pub use driven_road::{LaneRoad, LaneStart, lane_road};
 pub use error::ImportError;
 pub use files::Files;
-pub use way_parts::grade_list;
+pub use way_parts::{bank_list, grade_list};

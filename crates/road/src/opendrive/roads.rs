@@ -6,7 +6,7 @@ use core::cmp::Ordering;
 use core::f64::consts::{FRAC_PI_2, PI};
 use std::collections::BTreeMap;
 
-use super::curve::{Cubic, self_overlap_m};
+use super::curve::{Cubic, begun, self_overlap_m};
 use super::error::ImportError;
 use super::lanes::{RoadLanes, heights_of};
 use super::links::{Junctions, RoadLink, controllers};
@@ -72,6 +72,14 @@ pub struct RoadMap {
     roads: BTreeMap<String, ImportedRoad>,
     pub(crate) junctions: Junctions,
     controllers: BTreeMap<String, Vec<String>>,
+}
+
+impl ImportedRoad {
+    /// Returns the height at a station and an offset to the left of the reference line.
+    pub fn height_m(&self, s_m: f64, t_m: f64) -> f64 {
+        let bank_rad = begun(&self.lanes.banks, s_m).at(s_m);
+        begun(&self.heights_m, s_m).at(s_m) + libm::tan(bank_rad) * t_m
+    }
 }
 
 impl RoadMap {

@@ -1,4 +1,4 @@
-//! Grades and signals along ways on lanes, from those of their roads.
+//! Grades, banks and signals along ways on lanes, from those of their roads.
 
 use super::curve::{begun, pair_of};
 use super::error::ImportError;
@@ -6,7 +6,7 @@ use super::lane_drive::LaneStretch;
 use super::roads::{ImportedRoad, RoadMap};
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
-use crate::road::{Grade, MAX_RISE};
+use crate::road::{Bank, Grade, MAX_RISE};
 
 /// Length in metres of a part with one rise, and greatest number of parts of a way.
 const PART_M: f64 = 2.0;
@@ -15,6 +15,8 @@ const MOST_PARTS: f64 = 900.0;
 const LEAST_M: f64 = 0.01;
 /// Greatest difference of rises that count as equal: 0.01 m/s² of acceleration.
 const SAME_RISE: f64 = 1e-3;
+/// Greatest difference of the slopes across the road that count as equal.
+const SAME_BANK: f64 = 1e-4;
 
 /// Short part of a way, with its stations on the road and on the way.
 struct WayPart<'a> {
@@ -22,6 +24,15 @@ struct WayPart<'a> {
     lane: i32,
     on_road_m: [f64; 2],
     on_way_m: [f64; 2],
+}
+
+/// Returns banks in the form of a world file.
+pub fn bank_list(banks: &[Bank]) -> String {
+    let banks = banks.iter();
+    let banks: Vec<String> = banks
+        .map(|bank| format!("({:.3}, {:.6})", bank.s_m, bank.slope))
+        .collect();
+    format!("[{}]", banks.join(", "))
 }
 
 /// Returns grades in the form of a world file.
@@ -65,6 +76,37 @@ impl RoadMap {
         }
         let is_flat = grades.iter().all(|grade| grade.rise == 0.0);
         Ok(if is_flat { Vec::new() } else { grades })
+    }
+
+    /// Returns the banks of a way along lanes, at an offset to the left of their middle.
+    ///
+    /// The list is empty for a way without any bank.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a road with unsupported content.
+    pub fn lane_banks(
+        &self,
+        asks: &XmlNode,
+        stretches: &[LaneStretch],
+        left_m: f64,
+    ) -> Result<Vec<Bank>, ImportError> {
+        let parts = self.parts(asks, stretches, left_m)?;
+        let all = parts.iter().map(|part| Bank {
+            s_m: 0.5 * (part.on_way_m[0] + part.on_way_m[1]),
+            slope: part.bank(),
+        });
+        let all: Vec<Bank> = all.collect();
+        if all.iter().all(|bank| bank.slope == 0.0) {
+            return Ok(Vec::new());
+        }
+        // A bank between two equal ones changes nothing.
+        let same = |a: &Bank, b: &Bank| (a.slope - b.slope).abs() <= SAME_BANK;
+        let kept = all.iter().enumerate().filter(|(i, bank)| {
+            let (before, after) = (i.checked_sub(1).map(|i| &all[i]), all.get(i + 1));
+            !(before.is_some_and(|it| same(it, bank)) && after.is_some_and(|it| same(it, bank)))
+        });
+        Ok(kept.map(|(_, bank)| *bank).collect())
     }
 
     /// Returns the signals of a way along lanes with their stations, in order.
@@ -144,6 +186,14 @@ impl WayPart<'_> {
         let middle_m = 0.5 * (from_m + to_m);
         let slope = begun(&self.road.heights_m, middle_m).slope(middle_m);
         slope * (to_m - from_m) / self.length_m()
+    }
+
+    /// Slope to the left of the direction of travel.
+    fn bank(&self) -> f64 {
+        let [from_m, to_m] = self.on_road_m;
+        let middle_m = 0.5 * (from_m + to_m);
+        let slope = libm::tan(begun(&self.road.lanes.banks, middle_m).at(middle_m));
+        if from_m <= to_m { slope } else { -slope }
     }
 
     /// Station on the way of a station on the road, if the part contains it.

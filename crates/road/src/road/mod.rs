@@ -1,4 +1,4 @@
-//! Roads as geometry: lanes, courses, grades and the crossings of paths.
+//! Roads as geometry: lanes, courses, surfaces and the crossings of paths.
 //!
 //! A [`Road`] has lanes, a [`Course`] leads its lane 0 through the plane, and a
 //! network joins the roads of a world.
@@ -12,6 +12,7 @@ mod network;
 mod placement;
 mod self_overlap;
 mod slope;
+mod surface;
 
 pub use change_shape::ChangeShape;
 pub use course::wrapped;
@@ -21,5 +22,5 @@ pub use network::{RoadNetwork, Traveller, goes_first};
 pub use placement::PlacedRoads;
 pub use placement::{Direction, PlacedRoad, Priority, RoadPlace};
 pub use self_overlap::SelfOverlap;
-pub use slope::Grade;
-pub use slope::{MAX_RISE, grade_at};
+pub use slope::{Bank, Grade, MAX_RISE, RoadProfile, slope_direction};
+pub use surface::{SurfaceExtent, SurfaceMesh, stations_m};

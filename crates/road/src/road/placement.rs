@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::course::{Course, CourseError, Piece};
 use super::lanes::Road;
-use super::slope::Grade;
+use super::slope::{Bank, Grade, RoadProfile};
 
 /// Named roads, in file order.
 pub type PlacedRoads = IndexMap<String, PlacedRoad>;
@@ -13,7 +13,7 @@ pub type PlacedRoads = IndexMap<String, PlacedRoad>;
 /// Origin of a road: the middle of its lane 0 at s = 0.
 ///
 /// In the frame of the world's own road.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RoadPlace {
     /// Position along world x.
@@ -23,6 +23,9 @@ pub struct RoadPlace {
     /// Heading, counter-clockwise from world x.
     #[serde(default)]
     pub heading_rad: f64,
+    /// Height.
+    #[serde(default)]
+    pub z_m: f64,
 }
 
 /// Right of way where a road crosses the world's own.
@@ -62,9 +65,23 @@ pub struct PlacedRoad {
     pub priority: Priority,
     /// Its grades, by station.
     pub grades: Vec<Grade>,
+    /// Length of the vertical curves between its grades.
+    pub vertical_curve_m: f64,
+    /// Its banks, by station.
+    pub banks: Vec<Bank>,
 }
 
 impl PlacedRoad {
+    /// Returns the heights of its surface.
+    pub fn profile(&self) -> RoadProfile<'_> {
+        RoadProfile {
+            grades: &self.grades,
+            vertical_curve_m: self.vertical_curve_m,
+            banks: &self.banks,
+            z_m: self.at.z_m,
+        }
+    }
+
     /// Returns the course of lane 0.
     ///
     /// # Errors
@@ -74,6 +91,7 @@ impl PlacedRoad {
             x_m,
             y_m,
             heading_rad,
+            ..
         } = self.at;
         // The lanes lie on the left of lane 0, so an arc must be wider than all
         // of them.

@@ -74,6 +74,12 @@ impl VehicleLimits {
         self.set_ground(self.ground);
     }
 
+    /// Sets the share of the weight that presses on the ground.
+    pub(super) fn set_load_share(&mut self, load_share: f64) {
+        self.push.load_share = load_share;
+        self.set_ground(self.ground);
+    }
+
     /// Returns the ground.
     pub(super) fn ground(&self) -> Ground {
         self.ground

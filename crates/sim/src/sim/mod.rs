@@ -1,9 +1,9 @@
 //! Plants: the motion of road users under commands, and their contacts.
 //!
 //! One trait has two implementations: [`kinematic`] (2D, closed form) and
-//! [`rigid`] (3D, rapier ray-cast cars with parry contacts). The ground is flat
-//! and unbounded. Roads belong to the scene. `docs/background/physics.md` lists the scope
-//! and the limits of both models.
+//! [`rigid`] (3D, rapier ray-cast cars with parry contacts). The ground is a plane, or
+//! the surface that a scene lays under the rigid plant. Roads belong to the scene.
+//! `docs/background/physics.md` lists the scope and the limits of both models.
 //!
 //! Frame: x forward, y left, z up (ISO 8855). Poses and states refer to the
 //! **middle of the front bumper**, projected to the ground.
@@ -53,7 +53,7 @@ pub use handling::{Brakes, Tyres};
 pub use kinematic::Kinematic;
 pub(crate) use limits::AIR_KG_PER_M3;
 pub use push::Push;
-pub use rigid::Rigid;
+pub use rigid::{GroundSurface, Rigid};
 pub use vehicle::Vehicle;
 pub use walker::Walker;
 pub use wind::{Gust, Wind};
@@ -233,7 +233,7 @@ pub struct Collision {
     pub delta_v_mps: [[f64; 2]; 2],
 }
 
-/// Plant: bodies on flat ground, stepped together.
+/// Plant: bodies on the ground, stepped together.
 ///
 /// Equal calls give equal bits, on a fork and on any thread as well.
 pub trait Plant: Send {
@@ -241,6 +241,10 @@ pub trait Plant: Send {
     fn kind(&self) -> PlantKind;
     /// Removes all bodies and lays new ground. Time restarts at 0.
     fn clear(&mut self, ground: Ground);
+    /// Replaces the plane by a surface, until [`Plant::clear`]. `None` is the plane.
+    ///
+    /// Bodies spawn on it. The kinematic plant has no surface and ignores it.
+    fn lay(&mut self, _surface: Option<&GroundSurface>) {}
     /// Changes the ground under the bodies, from the next `advance` on.
     fn set_ground(&mut self, ground: Ground);
     /// Puts a body on the ground, moving along its heading.

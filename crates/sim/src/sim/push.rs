@@ -7,6 +7,10 @@ pub struct Push {
     pub along_mps2: f64,
     /// Acceleration to the left of the heading.
     pub left_mps2: f64,
+    /// Part of both that gravity gives on a grade.
+    ///
+    /// A plant on a surface leaves this part to the surface.
+    pub grade_mps2: [f64; 2],
     /// Share of the weight that presses on the ground, the cosine of the slope.
     pub load_share: f64,
 }
@@ -16,6 +20,7 @@ impl Push {
     pub const NONE: Push = Push {
         along_mps2: 0.0,
         left_mps2: 0.0,
+        grade_mps2: [0.0; 2],
         load_share: 1.0,
     };
 
@@ -23,6 +28,7 @@ impl Push {
     pub(super) fn is_finite(&self) -> bool {
         [self.along_mps2, self.left_mps2, self.load_share]
             .iter()
+            .chain(&self.grade_mps2)
             .all(|it| it.is_finite())
     }
 }

@@ -171,6 +171,16 @@ impl<'a> ViewedEpisode<'a> {
         (opening.end_s + GOES_ON_S < self.motion_end_s()).then_some(opening)
     }
 
+    /// Height of the ground below a member of the cast: 0 on flat roads.
+    pub(super) fn ground_m(&self, who: usize, frame: &Frame) -> f64 {
+        let borders = self.stage.lane_borders_m.iter();
+        let mut borders = borders.chain(self.stage.side_roads_m.iter().flatten());
+        if borders.all(|border| border.iter().all(|point| point[2] == 0.0)) {
+            return 0.0;
+        }
+        frame.placements[who].centre_m[2] - 0.5 * self.stage.agents[who].size_m[2]
+    }
+
     /// Index of the ego in the cast.
     pub(super) fn ego(&self) -> usize {
         let is_ego = |who: &crate::scene::AgentDescription| who.role == Role::Ego;

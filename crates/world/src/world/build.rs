@@ -161,6 +161,8 @@ fn assemble(
         lights,
         weather,
         grades: nominal_grades(&file.grades),
+        vertical_curve_m: file.vertical_curve_m,
+        banks: slope_and_wind::banks_of(&file.banks),
         wind: file.wind.as_ref().map(WindFile::nominal),
         turns: turns.as_ref().map(|(turns, _)| turns.clone()),
         road_ado: road_ado.as_ref().map(|(road, _)| road.clone()),

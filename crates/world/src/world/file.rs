@@ -47,6 +47,12 @@ pub(super) struct ScenarioFile {
     /// Grades of the world's own road: station and rise.
     #[serde(default)]
     pub(super) grades: Vec<(f64, NumberOrRange)>,
+    /// Length of the vertical curves between them.
+    #[serde(default)]
+    pub(super) vertical_curve_m: f64,
+    /// Banks of the world's own road: station and slope to the left.
+    #[serde(default)]
+    pub(super) banks: Vec<(f64, f64)>,
     #[serde(default)]
     pub(super) wind: Option<WindFile>,
     #[serde(default)]
@@ -121,6 +127,12 @@ pub(super) struct RoadFile {
     /// Grades: station and rise.
     #[serde(default)]
     pub(super) grades: Vec<(f64, f64)>,
+    /// Length of the vertical curves between them.
+    #[serde(default)]
+    pub(super) vertical_curve_m: f64,
+    /// Banks: station and slope to the left.
+    #[serde(default)]
+    pub(super) banks: Vec<(f64, f64)>,
 }
 
 fn one_lane() -> usize {

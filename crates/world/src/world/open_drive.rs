@@ -7,10 +7,13 @@ use std::path::Path;
 use super::environment_file::{LanesFile, OwnRoad};
 use super::file::{AgentFile, RoadFile, ScenarioFile};
 use super::runs::RunSource;
-use crate::opendrive::{LaneRoad, LaneStart, grade_list, lane_road};
+use crate::opendrive::{LaneRoad, LaneStart, bank_list, grade_list, lane_road};
 use crate::road::{Piece, Priority};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
+
+/// Length of the vertical curves between the grades of a file, which are short parts.
+const VERTICAL_CURVE_M: f64 = 4.0;
 
 /// Returns the values that replace those of an OpenDRIVE file, with their places in
 /// the text: roads along lanes, and lights at signals.
@@ -69,9 +72,12 @@ pub(super) fn values(
         let _ = write!(limit, ", speed_limit_mps: {limit_mps:?}");
     }
     let mut text = format!("Curved({}, friction: {friction}{limit})", lanes(&own));
-    // Grades of the world itself take precedence.
+    // Grades and banks of the world itself take precedence.
     if file.grades.is_empty() {
         text += &grades(&own);
+    }
+    if file.banks.is_empty() {
+        text += &banks(&own);
     }
     let mut values = vec![(place, text)];
     let mut named = BTreeMap::new();
@@ -167,7 +173,17 @@ fn grades(road: &LaneRoad) -> String {
     if road.grades.is_empty() {
         String::new()
     } else {
-        format!(", grades: {}", grade_list(&road.grades))
+        let grades = grade_list(&road.grades);
+        format!(", grades: {grades}, vertical_curve_m: {VERTICAL_CURVE_M:?}")
+    }
+}
+
+/// Banks as a field of its own, if there are any.
+fn banks(road: &LaneRoad) -> String {
+    if road.banks.is_empty() {
+        String::new()
+    } else {
+        format!(", banks: {}", bank_list(&road.banks))
     }
 }
 
@@ -179,12 +195,15 @@ fn placed(own: &LaneRoad, road: &LaneRoad, file: &RoadFile) -> String {
         Priority::Equal => "Equal",
         Priority::Over => "Over",
     };
+    let z_m = road.begins_z_m - own.begins_z_m;
     format!(
-        "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}), {}{}, priority: {priority})",
+        "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}, z_m: {z_m:?}), {}{}{}, \
+         priority: {priority})",
         at.x_m,
         at.y_m,
         at.heading_rad,
         lanes(road),
-        grades(road)
+        grades(road),
+        banks(road)
     )
 }

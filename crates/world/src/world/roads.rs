@@ -37,13 +37,9 @@ pub(super) fn placed(
             let what = format!("nothing says where road `{name}` begins");
             problems.add(&path, what, "without a place", Some(help.to_owned()));
             // Agents refer to roads by their number, so the road stays in the list.
-            RoadPlace {
-                x_m: 0.0,
-                y_m: 0.0,
-                heading_rad: 0.0,
-            }
+            RoadPlace::default()
         });
-        for (field, value) in [("x_m", start.x_m), ("y_m", start.y_m)] {
+        for (field, value) in [("x_m", start.x_m), ("y_m", start.y_m), ("z_m", start.z_m)] {
             check::within(problems, &at.to(field), value, -MAX_AWAY_M, MAX_AWAY_M);
         }
         let turn = core::f64::consts::TAU;
@@ -69,7 +65,9 @@ pub(super) fn placed(
             shares_lane_width: road.lane_width_m.is_none(),
             pieces: road.pieces.clone(),
             priority: road.priority,
-            grades: slope_and_wind::placed(problems, &path.to("grades"), &road.grades),
+            grades: slope_and_wind::placed(problems, &path, road),
+            vertical_curve_m: road.vertical_curve_m,
+            banks: slope_and_wind::banks_of(&road.banks),
         };
         check::lanes(problems, &path, &placed.road, PATH_M);
         refuse_course(problems, &path, &placed);

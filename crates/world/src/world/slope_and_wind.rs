@@ -1,8 +1,8 @@
-//! Checks of the grades of roads and of the wind, whose numbers may be ranges.
+//! Checks of the grades and banks of roads and of the wind.
 
 use super::check::{range_within, within};
-use super::file::{NumberOrRange, ScenarioFile};
-use crate::road::{Grade, MAX_RISE};
+use super::file::{NumberOrRange, RoadFile, ScenarioFile};
+use crate::road::{Bank, Grade, MAX_RISE};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::EnvironmentQuantity;
@@ -11,8 +11,12 @@ use crate::scene::drive::EnvironmentQuantity;
 const MAX_WIND_MPS: f64 = 60.0;
 /// Bounds of the duration of a gust, in seconds.
 const GUST_S: (f64, f64) = (0.1, 60.0);
-/// Greatest number of grades.
+/// Greatest number of grades, and of banks.
 const MAX_GRADES: usize = 1_000;
+/// Greatest slope across a road.
+const MAX_BANK: f64 = 0.5;
+/// Greatest length of a vertical curve.
+const MAX_VERTICAL_CURVE_M: f64 = 1_000.0;
 
 /// A number of a file with its quantity and its place.
 type PlacedRange = (EnvironmentQuantity, ValuePath, NumberOrRange);
@@ -50,8 +54,10 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
         };
         range_within(problems, &place, numbers, (least, most));
     }
+    let top = ValuePath::top();
     let stations_m: Vec<f64> = file.grades.iter().map(|(from_s_m, _)| *from_s_m).collect();
-    in_order(problems, &ValuePath::top().to("grades"), &stations_m);
+    in_order(problems, &top.to("grades"), "grade", &stations_m);
+    shaped(problems, &top, file.vertical_curve_m, &file.banks);
     if let Some(wind) = &file.wind {
         let place = ValuePath::top().to("wind");
         let turn = core::f64::consts::TAU;
@@ -63,26 +69,43 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
     }
 }
 
-/// Reads and checks the grades of a named road.
-pub(super) fn placed(
-    problems: &mut Problems,
-    place: &ValuePath,
-    grades: &[(f64, f64)],
-) -> Vec<Grade> {
+/// Checks the vertical curves and the banks of a road.
+fn shaped(problems: &mut Problems, road: &ValuePath, curve_m: f64, banks: &[(f64, f64)]) {
+    let place = road.to("vertical_curve_m");
+    within(problems, &place, curve_m, 0.0, MAX_VERTICAL_CURVE_M);
+    let place = road.to("banks");
+    for (i, (_, slope)) in banks.iter().enumerate() {
+        within(problems, &place.at(i).at(1), *slope, -MAX_BANK, MAX_BANK);
+    }
+    let stations_m: Vec<f64> = banks.iter().map(|(s_m, _)| *s_m).collect();
+    in_order(problems, &place, "bank", &stations_m);
+}
+
+/// Returns the banks of a file.
+pub(super) fn banks_of(banks: &[(f64, f64)]) -> Vec<Bank> {
+    let banks = banks.iter();
+    banks.map(|&(s_m, slope)| Bank { s_m, slope }).collect()
+}
+
+/// Reads the grades of a named road, and checks its profile.
+pub(super) fn placed(problems: &mut Problems, path: &ValuePath, road: &RoadFile) -> Vec<Grade> {
+    let (place, grades) = (path.to("grades"), &road.grades);
     for (i, (_, rise)) in grades.iter().enumerate() {
         within(problems, &place.at(i).at(1), *rise, -MAX_RISE, MAX_RISE);
     }
     let stations_m: Vec<f64> = grades.iter().map(|(from_s_m, _)| *from_s_m).collect();
-    in_order(problems, place, &stations_m);
+    in_order(problems, &place, "grade", &stations_m);
+    shaped(problems, path, road.vertical_curve_m, &road.banks);
     let grades = grades.iter();
     let grades = grades.map(|&(from_s_m, rise)| Grade { from_s_m, rise });
     grades.collect()
 }
 
-/// Refuses too many grades, and stations that do not increase.
-fn in_order(problems: &mut Problems, place: &ValuePath, stations_m: &[f64]) {
+/// Refuses too many grades or banks, and stations that do not increase.
+fn in_order(problems: &mut Problems, place: &ValuePath, what: &str, stations_m: &[f64]) {
+    let kind = what;
     if MAX_GRADES < stations_m.len() {
-        let what = format!("{} grades", stations_m.len());
+        let what = format!("{} {kind}s", stations_m.len());
         let help = format!("at most {MAX_GRADES}");
         problems.add(place, what, "too many", Some(help));
     }
@@ -90,10 +113,10 @@ fn in_order(problems: &mut Problems, place: &ValuePath, stations_m: &[f64]) {
         let is_increasing = pair[0] < pair[1];
         if !is_increasing {
             let what = format!(
-                "the grade from {:?} m on follows that from {:?} m on",
+                "the {kind} from {:?} m on follows that from {:?} m on",
                 pair[1], pair[0]
             );
-            let help = "list grades by increasing station".to_owned();
+            let help = format!("list {kind}s by increasing station");
             problems.add(&place.at(i + 1), what, "out of order", Some(help));
         }
     }

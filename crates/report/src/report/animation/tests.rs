@@ -59,8 +59,17 @@ pub(in crate::report) fn shown(scenario: &Scenario, episode: Episode) -> Example
     }
 }
 
+/// A shipped world that plays on after a contact for a time.
+fn playing_on(text: &str, after_s: f64) -> Scenario {
+    world(&text.replace(
+        "plant: Rigid,",
+        &format!("plant: Rigid, after_contact_s: {after_s:?},"),
+    ))
+}
+
+/// Following, up to the contact.
 fn acc() -> Scenario {
-    world(include_str!("../../../../../worlds/acc.ron"))
+    playing_on(include_str!("../../../../../worlds/acc.ron"), 0.0)
 }
 
 /// Value of a list at a time, interpolated as in play.js.
@@ -78,9 +87,9 @@ fn numbers(values: &Value) -> Vec<f64> {
     values.iter().filter_map(Value::as_f64).collect()
 }
 
-/// Cut-in, in which y and heading of an agent change.
+/// Cut-in, in which y and heading of an agent change, up to the contact.
 fn cut_in() -> Scenario {
-    world(include_str!("../../../../../worlds/cut_in.ron"))
+    playing_on(include_str!("../../../../../worlds/cut_in.ron"), 0.0)
 }
 
 /// Numbers in the brackets after a name in a `transform`.
@@ -414,8 +423,7 @@ fn the_script_moves_shapes_as_the_stills_were_drawn() {
 
 /// The world of `acc`, which plays on after a contact.
 fn acc_with_aftermath() -> Scenario {
-    let text = include_str!("../../../../../worlds/acc.ron");
-    world(&text.replace("plant: Rigid,", "plant: Rigid, after_contact_s: 1.5,"))
+    playing_on(include_str!("../../../../../worlds/acc.ron"), 1.5)
 }
 
 #[test]
@@ -451,7 +459,7 @@ fn a_page_goes_on_after_the_contact_and_names_the_collision() {
     let said_s = data["after"][0][0].as_f64().expect("a time");
     assert!((said_s - after.motion.collisions[0].time_s).abs() < 1e-3);
     assert!(SCRIPT.contains("film.after"));
-    // Without the field, a page is as it was.
+    // A world may end its pages at the contact.
     assert!(!json(&Picture::of(&acc(), &crash(&acc()), 0)).contains("\"after\""));
 }
 

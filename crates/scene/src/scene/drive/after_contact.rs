@@ -1,6 +1,7 @@
 //! Motion after the first contact: rapier resolves the collisions.
 
 use super::motion::DriveScene;
+use super::surface::surface_of;
 use crate::scene::{AfterContact, CollisionEvent, Frame, PushedEvent};
 use crate::sim::{BodyCommand, BodyId, Collision, Plant, Pose, Rigid};
 
@@ -67,10 +68,11 @@ impl DriveScene {
 
     /// Returns the bodies of a plant that resolves no collisions, in rapier's hands.
     fn handed_over(&self) -> Box<dyn Plant> {
+        let surface = surface_of(&self.layout.spec, &self.layout.network);
         let agents = self.layout.spec.agents.iter();
         let bodies = agents.map(|agent| &agent.body);
         let bodies = bodies.zip(self.state.states.iter().copied());
-        let mut plant = Rigid::taking_over(self.state.ground(), bodies);
+        let mut plant = Rigid::taking_over(self.state.ground(), surface.as_ref(), bodies);
         for (id, command) in self.state.bodies.iter().zip(&self.commanded) {
             // A body on a plan keeps its velocity.
             if let Some(command @ (BodyCommand::Drive { .. } | BodyCommand::Walk { .. })) = command

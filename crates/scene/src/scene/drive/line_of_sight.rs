@@ -3,7 +3,8 @@
 //! The ego looks from the middle of its front bumper. An agent is seen if at
 //! least one of five points of its box is visible: a corner or the middle. A
 //! point is hidden if the straight line to it crosses the box of a third body
-//! on wheels, parked or moving, whatever its height. Pedestrians hide nothing.
+//! on wheels, parked or moving, whatever its height. Pedestrians hide nothing. A
+//! crest of the ego's road hides an agent whose roof is below the line over it.
 //! Weather hides every agent whose box is farther away than the visibility, and
 //! so do sensors by their range.
 
@@ -11,7 +12,11 @@ use nalgebra::Point2;
 
 use super::spec::DriveSpec;
 use super::state::SceneState;
+use super::surface::crest_hides;
 use crate::sim::{Body, BodyState, GroundFrame, Pose};
+
+/// Height of the ego's eyes above the road.
+const EYE_M: f64 = 1.1;
 
 /// Outline of a body from above.
 struct Footprint {
@@ -94,6 +99,9 @@ pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
     } else {
         None
     };
+    if let Some(seen) = seen.as_mut().filter(|_| spec.has_slopes()) {
+        hide_behind_crests(scene, ego, seen);
+    }
     let visibility_m = scene.weather.map(|weather| weather.visibility_m);
     let reach_m = [visibility_m, spec.sensors.range_m].into_iter().flatten();
     let reach_m = reach_m.fold(f64::INFINITY, f64::min);
@@ -106,6 +114,20 @@ pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
         }
     }
     seen
+}
+
+/// Hides agents on the ego's road whose roofs are behind a crest.
+fn hide_behind_crests(scene: &SceneState, ego: usize, seen: &mut [bool]) {
+    let spec = &scene.spec;
+    let profile = spec.profile_of(spec.agents[ego].road);
+    let eye = (scene.on_road[ego].s_m, EYE_M);
+    for (other, sees) in seen.iter_mut().enumerate() {
+        let roof = (
+            scene.on_road_of(ego, other).s_m,
+            spec.agents[other].body.height_m,
+        );
+        *sees &= other == ego || !crest_hides(&profile, eye, roof);
+    }
 }
 
 /// Returns whether the ego has a line of sight to each agent in the given states.

@@ -35,6 +35,7 @@ mod start_environment;
 mod start_sampling;
 mod state;
 mod steering;
+mod surface;
 mod trained;
 mod turn_action;
 mod turns;

@@ -62,8 +62,7 @@ impl DriveScene {
         }
         let piece = ado.piece(course, self.state.next_curvature_per_m);
         let layout = Arc::new(self.layout.with_piece(piece)?);
-        self.state.spec = Arc::clone(&layout.spec);
-        self.state.network = Arc::clone(&layout.network);
+        self.state.change_roads(&layout.spec, &layout.network);
         self.controller.brief(&layout.briefing());
         self.layout = layout;
         Ok(())

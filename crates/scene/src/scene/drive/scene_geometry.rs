@@ -2,6 +2,7 @@
 
 use super::layout::DriveLayout;
 use super::spec::{Drive, StartPlace};
+use super::surface::polyline_m;
 use crate::scene::{AgentDescription, LightPost, Role, SceneGeometry};
 
 /// Returns the cast, the lanes and the lights.
@@ -25,7 +26,12 @@ pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
         );
         let point = |lateral_m: f64| {
             let pose = layout.network.courses()[light.road].pose(light.line_m, lateral_m);
-            [pose.x_m, pose.y_m, 0.0]
+            let profile = spec.profile_of(light.road);
+            [
+                pose.x_m,
+                pose.y_m,
+                profile.height_m(light.line_m, lateral_m),
+            ]
         };
         LightPost {
             name: light.name.clone(),
@@ -38,13 +44,16 @@ pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
         let reach_m = used_m(layout, road);
         let borders = placed.road.borders_m();
         borders
-            .map(|lateral_m| course.polyline_m(lateral_m, reach_m))
+            .map(|lateral_m| polyline_m(course, &placed.profile(), lateral_m, reach_m))
             .collect()
     });
     SceneGeometry {
         agents: agents.collect(),
         lane_borders_m: borders
-            .map(|lateral_m| layout.network.main().polyline_m(lateral_m, (0.0, 0.0)))
+            .map(|lateral_m| {
+                let (course, profile) = (layout.network.main(), spec.profile_of(0));
+                polyline_m(course, &profile, lateral_m, (0.0, 0.0))
+            })
             .collect(),
         side_roads_m: side_roads.collect(),
         lights: lights.collect(),

@@ -22,7 +22,8 @@ use crate::ego::{
     StockController, Transcripts,
 };
 use crate::road::{
-    CourseError, Direction, Grade, PlacedRoads, Priority, Road, RoadNetwork, Traveller,
+    Bank, CourseError, Direction, Grade, PlacedRoads, Priority, Road, RoadNetwork, RoadProfile,
+    Traveller,
 };
 use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::sim::{Body, PlantKind, Wind};
@@ -276,6 +277,10 @@ pub struct DriveSpec {
     pub turns: Option<TurnsAdo>,
     /// Grades of the world's own road, by station.
     pub grades: Vec<Grade>,
+    /// Length of the vertical curves between them.
+    pub vertical_curve_m: f64,
+    /// Banks of the world's own road, by station.
+    pub banks: Vec<Bank>,
     /// Wind, if any.
     pub wind: Option<Wind>,
     /// Sensors of the ego.
@@ -326,17 +331,23 @@ impl Agent {
 }
 
 impl DriveSpec {
-    /// Returns the grades of a road by its index. 0 is the world's own.
-    pub fn grades_of(&self, road: usize) -> &[Grade] {
+    /// Returns the heights of a road by its index. 0 is the world's own.
+    pub fn profile_of(&self, road: usize) -> RoadProfile<'_> {
         match road {
-            0 => &self.grades,
-            road => &self.roads[road - 1].grades,
+            0 => RoadProfile {
+                grades: &self.grades,
+                vertical_curve_m: self.vertical_curve_m,
+                banks: &self.banks,
+                z_m: 0.0,
+            },
+            road => self.roads[road - 1].profile(),
         }
     }
 
-    /// Returns whether any of its roads has grades.
-    pub fn has_grades(&self) -> bool {
-        (0..=self.roads.len()).any(|road| !self.grades_of(road).is_empty())
+    /// Returns whether any of its roads has grades or banks.
+    pub fn has_slopes(&self) -> bool {
+        let mut profiles = (0..=self.roads.len()).map(|road| self.profile_of(road));
+        profiles.any(|it| !it.grades.is_empty() || !it.banks.is_empty())
     }
 
     /// Returns a road by its index. 0 is the world's own.

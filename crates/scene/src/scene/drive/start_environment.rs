@@ -211,10 +211,9 @@ impl DriveScene {
         if Arc::ptr_eq(&layout, &self.layout) {
             return Ok(());
         }
-        self.state.spec = Arc::clone(&layout.spec);
+        self.state.change_roads(&layout.spec, &layout.network);
         self.sensing = Sensing::new(layout.spec.sensors, layout.spec.clock.sample_s);
         if !Arc::ptr_eq(&layout.network, &self.layout.network) {
-            self.state.network = Arc::clone(&layout.network);
             self.controller.brief(&layout.briefing());
         }
         self.layout = layout;

@@ -11,11 +11,15 @@ use super::actions::PhaseAction;
 use super::light::LightState;
 use super::plan_execution::PlannedAt;
 use super::spec::{Agent, DriveSpec};
+use super::surface::surface_of;
 use super::weather::WeatherState;
 use super::weather_rates::WeatherRates;
 use crate::ego::LaneOccupancy;
-use crate::road::{Direction, OnRoad, RoadNetwork, grade_at};
-use crate::sim::{self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, Plant, Pose, Push};
+use crate::road::{Direction, OnRoad, RoadNetwork, slope_direction};
+use crate::sim::{
+    self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, GroundSurface, Plant, PlantKind,
+    Pose, Push,
+};
 
 /// State of a driving scene at a sample.
 pub struct SceneState {
@@ -23,6 +27,8 @@ pub struct SceneState {
     /// Roads at the start of the episode.
     pub network: Arc<RoadNetwork>,
     pub(crate) plant: Box<dyn Plant>,
+    /// Surface of the roads, on the rigid plant if they have slopes.
+    surface: Option<GroundSurface>,
     /// The agents' bodies in the plant, in file order.
     pub bodies: Vec<BodyId>,
     /// State of each body at this sample.
@@ -49,6 +55,7 @@ impl SceneState {
     pub fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
         let agents = spec.agents.len();
         SceneState {
+            surface: surface_on(spec.plant, &spec, &network),
             plant: sim::plant(spec.plant, ground(&spec)),
             bodies: Vec::with_capacity(agents),
             states: Vec::with_capacity(agents),
@@ -65,9 +72,23 @@ impl SceneState {
         }
     }
 
+    /// Changes the spec and its roads.
+    pub(super) fn change_roads(&mut self, spec: &Arc<DriveSpec>, network: &Arc<RoadNetwork>) {
+        self.spec = Arc::clone(spec);
+        self.network = Arc::clone(network);
+        let surface = surface_on(spec.plant, spec, network);
+        if surface.is_some() || self.surface.is_some() {
+            self.plant.lay(surface.as_ref());
+        }
+        self.surface = surface;
+    }
+
     /// Returns to t = 0 without agents, with the first phases and the first weather.
     pub(super) fn clear(&mut self) {
         self.plant.clear(ground(&self.spec));
+        if self.surface.is_some() {
+            self.plant.lay(self.surface.as_ref());
+        }
         self.bodies.clear();
         self.lights.clear();
         self.lights
@@ -115,23 +136,25 @@ impl SceneState {
 
     /// Lets slopes and wind act on the bodies for the next sample.
     fn push_all(&mut self) {
-        if !self.spec.has_grades() && self.spec.wind.is_none() {
+        if !self.spec.has_slopes() && self.spec.wind.is_none() {
             return;
         }
         let time_s = self.time_s();
         for (i, agent) in self.spec.agents.iter().enumerate() {
             let (at, state) = (&self.on_road[i], &self.states[i]);
-            let grades = self.spec.grades_of(agent.road);
-            let (rise_sin, load_share) = grade_at(grades, at.s_m).direction();
+            let rise = self.spec.profile_of(agent.road).rise(at.s_m);
+            let (rise_sin, load_share) = slope_direction(rise);
             // Downhill is against the road where it rises.
             let downhill_mps2 = GRAVITY_MPS2 * rise_sin;
             let (sin, cos) = libm::sincos(at.heading_rad);
             let wind = self.spec.wind.as_ref();
             let wind = wind.map(|wind| wind.accel_mps2(time_s, &agent.body, state));
             let (along_mps2, left_mps2) = wind.unwrap_or_default();
+            let grade_mps2 = [-downhill_mps2 * cos, downhill_mps2 * sin];
             let push = Push {
-                along_mps2: along_mps2 - downhill_mps2 * cos,
-                left_mps2: left_mps2 + downhill_mps2 * sin,
+                along_mps2: along_mps2 + grade_mps2[0],
+                left_mps2: left_mps2 + grade_mps2[1],
+                grade_mps2,
                 load_share,
             };
             self.plant.push(self.bodies[i], push);
@@ -167,6 +190,7 @@ impl SceneState {
             spec: Arc::clone(&self.spec),
             network: Arc::clone(&self.network),
             plant: self.plant.fork(),
+            surface: self.surface.clone(),
             bodies: self.bodies.clone(),
             states: self.states.clone(),
             on_road: self.on_road.clone(),
@@ -320,6 +344,14 @@ impl SceneState {
         let length_m = self.spec.agents[a].body.length_m;
         let next_m = ways.clone().find(|way_m| -length_m <= *way_m);
         next_m.or_else(|| ways.next_back())
+    }
+}
+
+/// Returns the surface of the roads on a plant. The kinematic plant has none.
+fn surface_on(plant: PlantKind, spec: &DriveSpec, network: &RoadNetwork) -> Option<GroundSurface> {
+    match plant {
+        PlantKind::Rigid => surface_of(spec, network),
+        PlantKind::Kinematic => None,
     }
 }
 

@@ -2,6 +2,8 @@
 //!
 //! rapier holds nothing of them until bodies collide.
 
+use parry3d_f64::math::Pose as SurfacePose;
+
 use super::motor::Motor;
 use super::world::RapierWorld;
 use crate::sim::planar::Rect;
@@ -102,9 +104,17 @@ impl Motor for Bicycle {
         self.rect_of(&self.ride)
     }
 
-    fn placement(&self, _: &RapierWorld, height_m: f64) -> Placement {
-        let Rect { x_m, y_m, .. } = self.rect_of(&self.ride);
-        Placement::upright([x_m, y_m, 0.5 * height_m], self.ride.heading_rad)
+    fn pose(&self, world: &RapierWorld, rect: &Rect) -> SurfacePose {
+        let point = world.surface_at(rect.x_m, rect.y_m);
+        point.map_or(SurfacePose::IDENTITY, |point| point.pose(rect))
+    }
+
+    fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {
+        let rect = self.rect_of(&self.ride);
+        match world.surface_at(rect.x_m, rect.y_m) {
+            Some(point) => point.placement(&rect, height_m),
+            None => Placement::upright([rect.x_m, rect.y_m, 0.5 * height_m], self.ride.heading_rad),
+        }
     }
 
     fn fork(&self) -> Box<dyn Motor> {

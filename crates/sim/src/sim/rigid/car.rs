@@ -1,5 +1,6 @@
 //! Ray-cast car: from a commanded net acceleration to forces at its wheels.
 
+use parry3d_f64::math::Pose;
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 use rapier3d::math::Vector;
 
@@ -49,6 +50,13 @@ pub(super) struct Car {
     is_joined: bool,
     /// True once this car collided. It then rolls freely.
     is_released: bool,
+    /// Direction in which the ground carries the car.
+    up: Vector,
+    /// True on a surface: grades act by gravity, and the loads of the wheels limit the
+    /// grip.
+    on_surface: bool,
+    /// True once the wheels have acted.
+    has_rolled: bool,
 }
 
 impl Car {
@@ -129,6 +137,9 @@ impl Car {
             origin_before_m: origin_m,
             is_joined: false,
             is_released: false,
+            up: world.up_at(rect),
+            on_surface: world.has_surface(),
+            has_rolled: false,
         }
     }
 
@@ -159,6 +170,24 @@ impl Car {
         given_mps2
     }
 
+    /// Notes the ground under the wheels of the last step: its direction and its load.
+    fn feel_ground(&mut self) {
+        if !self.on_surface {
+            return;
+        }
+        let wheels = self.carrier.wheels();
+        let normals = wheels.iter().map(|wheel| wheel.raycast_info());
+        let normals = normals.filter(|ray| ray.is_in_contact);
+        let sum: Vector = normals.map(|ray| ray.contact_normal_ws).sum();
+        // In the air the last direction stays.
+        if sum != Vector::ZERO {
+            self.up = sum.normalize();
+        }
+        let load_n: f64 = self.loads_n().iter().sum();
+        let weight_n = self.mass_kg * GRAVITY_MPS2;
+        self.limits.set_load_share(load_n / weight_n);
+    }
+
     /// Returns the acceleration of a step after the lag of the brakes.
     fn command_mps2(&mut self, dt_s: f64) -> f64 {
         let command_mps2 = self.accel_mps2;
@@ -176,7 +205,9 @@ impl Car {
         let wheels = self.carrier.wheels();
         let loads_n: [f64; 4] =
             core::array::from_fn(|index| f64::from(wheels[index].wheel_suspension_force));
-        if loads_n.iter().any(|load_n| 0.0 < *load_n) {
+        // Off a surface, a car may be in the air.
+        let in_air = self.on_surface && self.has_rolled;
+        if in_air || loads_n.iter().any(|load_n| 0.0 < *load_n) {
             return loads_n;
         }
         // In the first step there is no suspension force yet.
@@ -204,7 +235,7 @@ impl Car {
         let sum = tyres.forces(rect, &demand, dt_s);
         let impulse = (sum.along_n * dt_s, sum.across_n * dt_s);
         let turn = sum.moments_n_m.map(|moment_n_m| moment_n_m * dt_s);
-        world.push(self.id, (rect.cos, rect.sin), impulse, turn);
+        world.push(self.id, (rect.cos, rect.sin), self.up, (impulse, turn));
         if sum.is_limited {
             // The target waits for the car.
             let along_mps2 = sum.along_n / self.mass_kg + self.limits.push().along_mps2;
@@ -219,9 +250,17 @@ impl Car {
         let Push {
             along_mps2,
             left_mps2,
+            grade_mps2,
             ..
         } = self.limits.push();
-        let (along_n, left_n) = (self.mass_kg * along_mps2, self.mass_kg * left_mps2);
+        // A surface lets gravity itself act on a grade.
+        let [grade_along_mps2, grade_left_mps2] = if self.on_surface {
+            grade_mps2
+        } else {
+            [0.0; 2]
+        };
+        let along_n = self.mass_kg * (along_mps2 - grade_along_mps2);
+        let left_n = self.mass_kg * (left_mps2 - grade_left_mps2);
         let force_n = (
             along_n * rect.cos - left_n * rect.sin,
             along_n * rect.sin + left_n * rect.cos,
@@ -241,14 +280,19 @@ impl Car {
     }
 
     fn set_slip_friction(&mut self, ground: Ground) {
-        // rapier's wheels carry the whole weight, also on a slope.
-        let friction = self.limits.slip_friction(ground) * self.limits.push().load_share;
+        // On a plane rapier's wheels carry the whole weight, also on a grade.
+        let load_share = if self.on_surface {
+            1.0
+        } else {
+            self.limits.push().load_share
+        };
+        let friction = self.limits.slip_friction(ground) * load_share;
         for wheel in self.carrier.wheels_mut() {
             wheel.friction_slip = friction as f32;
         }
         if let Some(tyres) = &mut self.tyres {
             tyres.set_ground(Ground {
-                friction: ground.friction * self.limits.push().load_share,
+                friction: ground.friction * load_share,
             });
         }
     }
@@ -341,6 +385,8 @@ impl Motor for Car {
         }
         self.before = world.motion(self.id);
         self.origin_before_m = self.origin_m;
+        self.feel_ground();
+        self.has_rolled = true;
         let speed_mps = rect.along_mps();
         let command_mps2 = self.command_mps2(dt_s);
         let drive = self.limits.drive(command_mps2, self.target_mps, dt_s);
@@ -375,7 +421,12 @@ impl Motor for Car {
     }
 
     fn rect(&self, world: &RapierWorld) -> Rect {
-        world.motion(self.id).rect(self.origin_m, &self.com)
+        let motion = world.motion(self.id);
+        motion.rect(self.origin_m, &self.com, self.up)
+    }
+
+    fn pose(&self, world: &RapierWorld, _: &Rect) -> Pose {
+        world.motion(self.id).pose_in_world(self.origin_m)
     }
 
     /// Corrects the position after rapier's step.
@@ -384,11 +435,15 @@ impl Motor for Car {
     /// too far. The mean velocity makes constant acceleration exact.
     ///
     /// Bodies that may collide keep rapier's positions, which are consistent.
-    fn settle(&mut self, world: &RapierWorld, dt_s: f64) {
+    fn settle(&mut self, world: &mut RapierWorld, dt_s: f64) {
         if self.is_joined {
             return;
         }
         let (gain_x_mps, gain_y_mps) = world.motion(self.id).gain_mps(&self.before);
+        if self.on_surface {
+            let shift_m = (-0.5 * dt_s * gain_x_mps, -0.5 * dt_s * gain_y_mps);
+            return world.shift(self.id, shift_m);
+        }
         self.origin_m.0 -= 0.5 * dt_s * gain_x_mps;
         self.origin_m.1 -= 0.5 * dt_s * gain_y_mps;
     }
@@ -401,7 +456,7 @@ impl Motor for Car {
             mix(self.origin_before_m.0, self.origin_m.0),
             mix(self.origin_before_m.1, self.origin_m.1),
         );
-        let rect = motion.rect(self.origin_m, &self.com);
+        let rect = motion.rect(self.origin_m, &self.com, self.up);
         // The old target belonged to the end of the undone step.
         self.aim(rect.along_mps());
         if let Some(brakes) = &mut self.brakes {
@@ -410,6 +465,11 @@ impl Motor for Car {
         if let Some(steering) = &mut self.steering {
             steering.rewind(share);
         }
+    }
+
+    #[cfg(test)]
+    fn wheels(&self) -> &[rapier3d::control::Wheel] {
+        self.carrier.wheels()
     }
 
     fn fork(&self) -> Box<dyn Motor> {

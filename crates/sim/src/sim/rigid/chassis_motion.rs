@@ -1,5 +1,6 @@
 //! Motion of a chassis, and its footprint on the ground.
 
+use parry3d_f64::math as f64_math;
 use rapier3d::math::{Pose, Vector};
 
 use crate::sim::planar::Rect;
@@ -19,8 +20,14 @@ pub(super) struct ChassisMotion {
 impl ChassisMotion {
     /// Returns the upright footprint.
     ///
-    /// It is placed by the centre of mass, about which the chassis pitches and rolls.
-    pub(super) fn rect(&self, (origin_x_m, origin_y_m): (f64, f64), body: &ComOffset) -> Rect {
+    /// It is placed by the centre of mass, about which the chassis pitches and rolls on
+    /// its springs. `up` is the direction in which the ground carries the body.
+    pub(super) fn rect(
+        &self,
+        (origin_x_m, origin_y_m): (f64, f64),
+        body: &ComOffset,
+        up: Vector,
+    ) -> Rect {
         let ahead = self.pose.rotation * Vector::X;
         let (mut ahead_x, mut ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
         // A body that a collision stood on its nose has the heading of its sides.
@@ -31,7 +38,8 @@ impl ChassisMotion {
         // Pitch shortens the horizontal part of the heading, so normalise it.
         let scale = 1.0 / (ahead_x * ahead_x + ahead_y * ahead_y).sqrt();
         let (cos, sin) = (ahead_x * scale, ahead_y * scale);
-        let com = self.pose * body.local;
+        // Below the centre of mass, on the ground. On a plane this changes no bit.
+        let com = self.pose * body.local - Vector::new(up.x, up.y, 0.0) * body.local.z;
         let yaw_rate_rad_per_s = f64::from(self.angular.z);
         Rect {
             x_m: origin_x_m + f64::from(com.x) - body.ahead_m * cos,
@@ -53,6 +61,16 @@ impl ChassisMotion {
         Placement::from_parts(
             [origin_m.0 + x_m, origin_m.1 + y_m, f64::from(centre.z)],
             [rotation.x, rotation.y, rotation.z, rotation.w].map(f64::from),
+        )
+    }
+
+    /// Returns the pose of the frame of the chassis in the world.
+    pub(super) fn pose_in_world(&self, (x_m, y_m): (f64, f64)) -> f64_math::Pose {
+        let [x, y, z] = self.pose.translation.to_array().map(f64::from);
+        let [qx, qy, qz, qw] = self.pose.rotation.to_array().map(f64::from);
+        f64_math::Pose::from_parts(
+            f64_math::Vector::new(x_m + x, y_m + y, z),
+            f64_math::Rotation::from_xyzw(qx, qy, qz, qw).normalize(),
         )
     }
 

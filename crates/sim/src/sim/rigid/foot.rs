@@ -2,6 +2,8 @@
 //!
 //! Their dynamics do not justify a rigid body.
 
+use parry3d_f64::math::Pose as SurfacePose;
+
 use super::motor::Motor;
 use super::world::RapierWorld;
 use crate::sim::planar::Rect;
@@ -80,10 +82,16 @@ impl Motor for Foot {
         }
     }
 
-    fn placement(&self, _: &RapierWorld, height_m: f64) -> Placement {
+    fn pose(&self, world: &RapierWorld, rect: &Rect) -> SurfacePose {
+        let point = world.surface_at(rect.x_m, rect.y_m);
+        point.map_or(SurfacePose::IDENTITY, |point| point.upright(rect))
+    }
+
+    fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {
         let (x_m, y_m) = self.stride.at_m;
         let heading_rad = libm::atan2(self.heading.1, self.heading.0);
-        Placement::upright([x_m, y_m, 0.5 * height_m], heading_rad)
+        let z_m = world.height_m(x_m, y_m) + 0.5 * height_m;
+        Placement::upright([x_m, y_m, z_m], heading_rad)
     }
 
     fn fork(&self) -> Box<dyn Motor> {

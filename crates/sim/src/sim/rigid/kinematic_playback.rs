@@ -4,6 +4,8 @@
 
 use core::f64::consts::TAU;
 
+use parry3d_f64::math::Pose as SurfacePose;
+
 use super::motor::Motor;
 use super::world::RapierWorld;
 use crate::sim::planar::{Extent, Rect};
@@ -84,7 +86,15 @@ impl Motor for PlaybackBody {
         self.rect
     }
 
-    fn placement(&self, _: &RapierWorld, height_m: f64) -> Placement {
+    fn pose(&self, world: &RapierWorld, rect: &Rect) -> SurfacePose {
+        let point = world.surface_at(rect.x_m, rect.y_m);
+        point.map_or(SurfacePose::IDENTITY, |point| point.pose(rect))
+    }
+
+    fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {
+        if let Some(point) = world.surface_at(self.rect.x_m, self.rect.y_m) {
+            return point.placement(&self.rect, height_m);
+        }
         let heading_rad = libm::atan2(self.rect.sin, self.rect.cos);
         Placement::upright([self.rect.x_m, self.rect.y_m, 0.5 * height_m], heading_rad)
     }

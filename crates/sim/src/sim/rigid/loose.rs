@@ -1,5 +1,8 @@
 //! Walkers, cyclists and carried bodies once bodies collide, as rigid bodies.
 
+use parry3d_f64::math::Pose;
+use rapier3d::math::Vector;
+
 use super::chassis_motion::ComOffset;
 use super::motor::Motor;
 use super::shape::CollisionShape;
@@ -79,7 +82,13 @@ impl Motor for LooseBody {
     fn rewind(&mut self, _: &mut RapierWorld, _: f64) {}
 
     fn rect(&self, world: &RapierWorld) -> Rect {
-        world.motion(self.id).rect(self.origin_m, &self.com)
+        world
+            .motion(self.id)
+            .rect(self.origin_m, &self.com, Vector::Z)
+    }
+
+    fn pose(&self, world: &RapierWorld, _: &Rect) -> Pose {
+        world.motion(self.id).pose_in_world(self.origin_m)
     }
 
     fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement {

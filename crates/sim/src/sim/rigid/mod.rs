@@ -20,11 +20,18 @@ mod lag;
 mod loose;
 mod motor;
 mod shape;
+mod surface;
+#[cfg(test)]
+mod surface_tests;
 mod touch;
 mod tyre_forces;
 mod world;
 
 use std::sync::Arc;
+
+use parry3d_f64::math::Pose as Pose3;
+
+pub use self::surface::GroundSurface;
 
 use self::bicycle::Bicycle;
 use self::car::Car;
@@ -35,7 +42,7 @@ use self::loose::LooseBody;
 use self::motor::Motor;
 use self::shape::CollisionShape;
 use self::touch::{SweptBody, touch};
-use self::world::{RapierWorld, origin_near};
+use self::world::RapierWorld;
 use super::planar::{ContactGeometry, Extent, Rect};
 use super::{
     Body, BodyCommand, BodyId, BodyKind, BodyState, Collision, Contact, Ground, Placement, Plant,
@@ -80,6 +87,15 @@ struct FirstTouch {
     contact_geometry: ContactGeometry,
 }
 
+impl RigidMover {
+    /// Returns the footprint, and on a surface the pose in space.
+    fn stance(&self, world: &RapierWorld) -> (Rect, Option<Pose3>) {
+        let rect = self.motor.rect(world);
+        let has_surface = world.has_surface();
+        (rect, has_surface.then(|| self.motor.pose(world, &rect)))
+    }
+}
+
 impl Rigid {
     /// Creates an empty plant.
     pub fn new(ground: Ground) -> Rigid {
@@ -97,9 +113,11 @@ impl Rigid {
     /// Creates a plant with the bodies of another one, in their order and motion.
     pub fn taking_over<'a>(
         ground: Ground,
+        surface: Option<&GroundSurface>,
         bodies: impl IntoIterator<Item = (&'a Body, BodyState)>,
     ) -> Rigid {
         let mut plant = Rigid::new(ground);
+        plant.lay(surface);
         for (body, state) in bodies {
             let mut rect = rect_at(body, state.pose, state.speed_mps);
             // From the front bumper to the middle, which swings less in a turn.
@@ -123,7 +141,7 @@ impl Rigid {
             before_mps: rect.along_mps(),
         };
         self.sweeps.push(SweptBody::resting(
-            mover.motor.rect(&self.world),
+            mover.stance(&self.world),
             Extent::of(body),
             shape,
         ));
@@ -138,8 +156,8 @@ impl Rigid {
         }
         self.world.step(dt_s);
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
-            mover.motor.settle(&self.world, dt_s);
-            sweep.move_on(mover.motor.rect(&self.world));
+            mover.motor.settle(&mut self.world, dt_s);
+            sweep.move_on(mover.stance(&self.world));
         }
     }
 
@@ -157,7 +175,7 @@ impl Rigid {
             self.movers[body].motor.release(&mut self.world);
         }
         for (mover, sweep) in self.movers.iter().zip(&mut self.sweeps) {
-            sweep.move_on(mover.motor.rect(&self.world));
+            sweep.move_on(mover.stance(&self.world));
         }
     }
 
@@ -189,7 +207,7 @@ impl Rigid {
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
             mover.motor.rewind(&mut self.world, share);
             // At rest at the contact, so that the next `advance` starts from there.
-            sweep.rest(mover.motor.rect(&self.world));
+            sweep.rest(mover.stance(&self.world));
         }
     }
 }
@@ -207,6 +225,10 @@ impl Plant for Rigid {
         // `passing` survives, as `Plant::pass_through` documents.
         self.faulty = false;
         self.collisions = None;
+    }
+
+    fn lay(&mut self, surface: Option<&GroundSurface>) {
+        self.world.lay(surface.cloned());
     }
 
     fn set_ground(&mut self, ground: Ground) {
@@ -231,7 +253,7 @@ impl Plant for Rigid {
         }
         self.world.solid();
         let at = &self.sweeps[touching.0.0].after;
-        let origin_m = origin_near((at.x_m, at.y_m));
+        let origin_m = self.world.origin_near((at.x_m, at.y_m));
         let mut ids = Vec::with_capacity(self.movers.len());
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
             ids.push(match mover.motor.join(&mut self.world, origin_m) {

@@ -1,6 +1,8 @@
 //! Motion model of a body on this plant, one file per kind of body.
 
 use super::world::{ChassisId, RapierWorld};
+use parry3d_f64::math::Pose;
+
 use crate::sim::planar::Rect;
 use crate::sim::{BodyCommand, Ground, Placement, Push};
 
@@ -33,13 +35,20 @@ pub(super) trait Motor: Send {
     /// `rect` is the current footprint with its motion.
     fn act(&mut self, world: &mut RapierWorld, rect: &Rect, dt_s: f64);
     /// Reads the result of the world's step.
-    fn settle(&mut self, _world: &RapierWorld, _dt_s: f64) {}
+    fn settle(&mut self, _world: &mut RapierWorld, _dt_s: f64) {}
     /// Moves back to a share of the last step.
     fn rewind(&mut self, world: &mut RapierWorld, share: f64);
     /// Returns the current footprint.
     fn rect(&self, world: &RapierWorld) -> Rect;
+    /// Returns the pose of the body's frame on a surface.
+    fn pose(&self, world: &RapierWorld, rect: &Rect) -> Pose;
     /// Returns the centre and orientation of the bounding box.
     fn placement(&self, world: &RapierWorld, height_m: f64) -> Placement;
+    /// Returns the wheels of rapier, if the body has some.
+    #[cfg(test)]
+    fn wheels(&self) -> &[rapier3d::control::Wheel] {
+        &[]
+    }
     /// Returns a copy that continues bit for bit.
     fn fork(&self) -> Box<dyn Motor>;
 }

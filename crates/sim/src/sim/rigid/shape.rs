@@ -48,6 +48,20 @@ pub(super) struct ShapeGap {
     pub normal: [f64; 3],
 }
 
+impl ShapeGap {
+    /// Returns the least of some distances.
+    fn least(gaps: impl Iterator<Item = ShapeGap>) -> ShapeGap {
+        let none = ShapeGap {
+            gap_m: f64::INFINITY,
+            normal: [1.0, 0.0, 0.0],
+        };
+        gaps.fold(
+            none,
+            |best, next| if next.gap_m < best.gap_m { next } else { best },
+        )
+    }
+}
+
 /// Signed distance of two parts, in the frame of the first part's shape.
 struct PartGap {
     gap_m: f64,
@@ -119,17 +133,70 @@ impl CollisionShape {
         })
     }
 
+    /// Returns the signed distance of each pair of parts of two shapes at poses in space.
+    pub(super) fn gaps_at<'a>(
+        &'a self,
+        pose: &Pose,
+        other: &'a CollisionShape,
+        other_pose: &Pose,
+    ) -> impl Iterator<Item = ShapeGap> + 'a {
+        let relative = pose.inverse() * *other_pose;
+        let rotation = pose.rotation;
+        self.pairs(other).map(move |(mine, theirs)| {
+            let PartGap { gap_m, normal, .. } = mine.gap(theirs, &relative);
+            ShapeGap {
+                gap_m,
+                normal: (rotation * normal).to_array(),
+            }
+        })
+    }
+
     /// Returns the signed distance of two shapes: that of their nearest parts.
     pub(super) fn gap(&self, rect: &Rect, other: &CollisionShape, other_rect: &Rect) -> ShapeGap {
-        let none = ShapeGap {
-            gap_m: f64::INFINITY,
-            normal: [1.0, 0.0, 0.0],
+        ShapeGap::least(self.gaps(rect, other, other_rect))
+    }
+
+    /// Returns the signed distance of two shapes at poses in space.
+    pub(super) fn gap_at(
+        &self,
+        pose: &Pose,
+        other: &CollisionShape,
+        other_pose: &Pose,
+    ) -> ShapeGap {
+        ShapeGap::least(self.gaps_at(pose, other, other_pose))
+    }
+
+    /// Returns the contact of two touching shapes at poses in space.
+    ///
+    /// The point is the middle of parry's contact manifold, and the normal is that on the
+    /// ground.
+    pub(super) fn contact_at(
+        &self,
+        (me, pose): (&SizedRect, &Pose),
+        (other_shape, other, other_pose): (&Self, &SizedRect, &Pose),
+    ) -> ContactGeometry {
+        let nearest = self.gap_at(pose, other_shape, other_pose);
+        let relative = pose.inverse() * *other_pose;
+        let Rect {
+            x_m, y_m, cos, sin, ..
+        } = *me.rect;
+        // In the plane of the footprint, whose origin has no height.
+        let levelled = |point: Vector| {
+            let at = *pose * point;
+            let (dx, dy) = (at.x - x_m, at.y - y_m);
+            Vector::new(dx * cos + dy * sin, dy * cos - dx * sin, at.z)
         };
-        let gaps = self.gaps(rect, other, other_rect);
-        gaps.fold(
-            none,
-            |best, next| if next.gap_m < best.gap_m { next } else { best },
-        )
+        let mut points = Vec::new();
+        for (mine, theirs) in self.pairs(other_shape) {
+            let gap = mine.gap(theirs, &relative);
+            if gap.gap_m > nearest.gap_m + TOUCH_M {
+                continue;
+            }
+            points.push(levelled(gap.point));
+            points.extend(mine.manifold(theirs, &relative).into_iter().map(levelled));
+        }
+        let normal = level(nearest.normal, me.rect, other.rect);
+        ContactGeometry::new(me, other, middle(&points, me.rect, normal), normal)
     }
 
     /// Returns the contact point, normal and closing speed of two touching shapes.

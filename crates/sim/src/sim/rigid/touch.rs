@@ -5,12 +5,16 @@
 //! allows without a contact (conservative advancement), until parry's distance is
 //! at most [`TOUCHING_M`]. No contact is jumped over, however short it is.
 
+use parry3d_f64::math::Pose;
+
 use crate::sim::planar::{ContactGeometry, Extent, Rect, SizedRect, TOUCH_M, far_apart};
 
 use super::shape::{CollisionShape, ShapeGap};
 
 /// Distance of two bodies that counts as a contact.
 const TOUCHING_M: f64 = 1e-8;
+/// Sine of the greatest angle by which a body tilts on a road.
+const TILTED: f64 = 0.6;
 /// Bound on the rounds of the advancement.
 ///
 /// Only bodies that pass within about 2 µm of each other need as many. They
@@ -24,33 +28,60 @@ pub(super) struct SweptBody {
     pub after: Rect,
     pub extent: Extent,
     pub shape: CollisionShape,
+    /// Poses of its frame on a surface, at the beginning and at the end.
+    ///
+    /// On a plane a body counts as upright, even if its chassis pitches.
+    pub in_space: Option<[Pose; 2]>,
     /// Greatest displacement of any point of the body.
     pub reach_m: f64,
 }
 
 impl SweptBody {
     /// Creates a body at rest.
-    pub(super) fn resting(rect: Rect, extent: Extent, shape: CollisionShape) -> SweptBody {
+    pub(super) fn resting(
+        (rect, pose): (Rect, Option<Pose>),
+        extent: Extent,
+        shape: CollisionShape,
+    ) -> SweptBody {
         SweptBody {
             before: rect,
             after: rect,
             extent,
             shape,
+            in_space: pose.map(|pose| [pose; 2]),
             reach_m: 0.0,
         }
     }
 
     /// Rests at a footprint, without a motion.
-    pub(super) fn rest(&mut self, rect: Rect) {
+    pub(super) fn rest(&mut self, (rect, pose): (Rect, Option<Pose>)) {
         (self.before, self.after, self.reach_m) = (rect, rect, 0.0);
+        self.in_space = pose.map(|pose| [pose; 2]);
     }
 
     /// Moves on to the next step.
-    pub(super) fn move_on(&mut self, after: Rect) {
+    pub(super) fn move_on(&mut self, (after, pose): (Rect, Option<Pose>)) {
         self.before = self.after;
         self.after = after;
+        self.in_space = pose.map(|pose| match self.in_space {
+            Some([_, before]) => [before, pose],
+            None => [pose; 2],
+        });
         let (dx, dy) = (after.x_m - self.before.x_m, after.y_m - self.before.y_m);
         self.reach_m = (dx * dx + dy * dy).sqrt() + self.swing_m();
+        if self.in_space.is_some() {
+            // A tilted body reaches beyond its upright footprint.
+            self.reach_m += TILTED * self.extent.height_m;
+        }
+    }
+
+    /// Returns the pose in space at a share of the step.
+    fn pose_at(&self, share: f64) -> Option<Pose> {
+        let [from, to] = self.in_space?;
+        Some(Pose::from_parts(
+            from.translation.lerp(to.translation, share),
+            from.rotation.lerp(to.rotation, share),
+        ))
     }
 
     /// Returns the footprint at a share of the step.
@@ -74,6 +105,10 @@ impl SweptBody {
     /// Between two boxes it is the closed form, which equals parry's distance to
     /// 1e-9 m. Its bits are those that recorded episodes have.
     pub(super) fn gap_m(&self, other: &SweptBody) -> f64 {
+        if let (Some([_, mine]), Some([_, theirs])) = (&self.in_space, &other.in_space) {
+            let gap = self.shape.gap_at(mine, &other.shape, theirs);
+            return gap.gap_m.max(0.0);
+        }
         if self.shape.is_box() && other.shape.is_box() {
             return self.sized(&self.after).gap_m(&other.sized(&other.after));
         }
@@ -87,6 +122,13 @@ impl SweptBody {
 
     /// Returns a bound on the displacement of any point by turning.
     fn swing_m(&self) -> f64 {
+        if let Some([from, to]) = &self.in_space {
+            let half_cos = from.rotation.dot(to.rotation).abs().min(1.0);
+            // The chord of the turn, as on the plane, about the origin of the frame.
+            let chord = 2.0 * (1.0 - half_cos * half_cos).max(0.0).sqrt();
+            let radius_m = self.extent.radius_m + self.extent.height_m;
+            return core::f64::consts::FRAC_PI_2 * chord * radius_m;
+        }
         let (a, b) = (&self.before, &self.after);
         let (dc, ds) = (b.cos - a.cos, b.sin - a.sin);
         // An arc is at most π/2 times its chord.
@@ -113,12 +155,23 @@ struct Clearance {
 struct RelativeMotion {
     dx_m: f64,
     dy_m: f64,
+    dz_m: f64,
     swing_m: f64,
 }
 
 impl RelativeMotion {
     fn of(a: &SweptBody, b: &SweptBody) -> RelativeMotion {
+        if let (Some([a0, a1]), Some([b0, b1])) = (&a.in_space, &b.in_space) {
+            let by = (a1.translation - a0.translation) - (b1.translation - b0.translation);
+            return RelativeMotion {
+                dx_m: by.x,
+                dy_m: by.y,
+                dz_m: by.z,
+                swing_m: a.swing_m() + b.swing_m(),
+            };
+        }
         RelativeMotion {
+            dz_m: 0.0,
             dx_m: (a.after.x_m - a.before.x_m) - (b.after.x_m - b.before.x_m),
             dy_m: (a.after.y_m - a.before.y_m) - (b.after.y_m - b.before.y_m),
             swing_m: a.swing_m() + b.swing_m(),
@@ -130,18 +183,31 @@ impl RelativeMotion {
     /// The plane halfway between two convex parts, perpendicular to their closest
     /// points, keeps them apart until the motion along its normal has used up the
     /// gap. Turning moves no point by more than the swing.
-    fn clearance(
-        &self,
-        (a, rect_a): (&SweptBody, &Rect),
-        (b, rect_b): (&SweptBody, &Rect),
-    ) -> Clearance {
+    fn clearance(&self, a: &SweptBody, b: &SweptBody, share: f64) -> Clearance {
+        if let (Some(pose_a), Some(pose_b)) = (a.pose_at(share), b.pose_at(share)) {
+            return self.least(a.shape.gaps_at(&pose_a, &b.shape, &pose_b));
+        }
+        // The ends of the step have the bits of their footprints.
+        if share == 0.0 {
+            return self.least(a.shape.gaps(&a.before, &b.shape, &b.before));
+        }
+        self.least(a.shape.gaps(&a.at(share), &b.shape, &b.at(share)))
+    }
+
+    fn least(&self, gaps: impl Iterator<Item = ShapeGap>) -> Clearance {
         let mut least = Clearance {
             gap_m: f64::INFINITY,
             free_share: f64::INFINITY,
         };
-        for ShapeGap { gap_m, normal } in a.shape.gaps(rect_a, &b.shape, rect_b) {
+        for ShapeGap { gap_m, normal } in gaps {
             least.gap_m = least.gap_m.min(gap_m);
-            let closing_m = self.dx_m * normal[0] + self.dy_m * normal[1] + self.swing_m;
+            let level_m = self.dx_m * normal[0] + self.dy_m * normal[1];
+            // On a plane nothing moves upwards, and the sum keeps its bits.
+            let closing_m = if self.dz_m == 0.0 {
+                level_m + self.swing_m
+            } else {
+                level_m + self.dz_m * normal[2] + self.swing_m
+            };
             if closing_m > 0.0 {
                 least.free_share = least.free_share.min(gap_m / closing_m);
             }
@@ -157,9 +223,9 @@ pub(super) fn touch(a: &SweptBody, b: &SweptBody) -> Option<(f64, ContactGeometr
         return None;
     }
     let motion = RelativeMotion::of(a, b);
-    let start = motion.clearance((a, &a.before), (b, &b.before));
+    let start = motion.clearance(a, b, 0.0);
     if start.gap_m <= TOUCHING_M {
-        let contact = a.shape.contact_geometry(&start_a, (&b.shape, &start_b));
+        let contact = contact_at(a, b, 0.0, (&start_a, &start_b));
         // Bodies that touch may move apart. Bodies that overlap may not.
         let parting = -TOUCH_M <= start.gap_m && contact.closing_speed_mps <= 0.0;
         return (!parting).then_some((0.0, contact));
@@ -167,7 +233,23 @@ pub(super) fn touch(a: &SweptBody, b: &SweptBody) -> Option<(f64, ContactGeometr
     let share = advance(a, b, &motion, start)?;
     let (rect_a, rect_b) = (a.at(share), b.at(share));
     let (at_a, at_b) = (a.sized(&rect_a), b.sized(&rect_b));
-    Some((share, a.shape.contact_geometry(&at_a, (&b.shape, &at_b))))
+    Some((share, contact_at(a, b, share, (&at_a, &at_b))))
+}
+
+/// Returns the contact of two bodies with footprints at a share of the step.
+fn contact_at(
+    a: &SweptBody,
+    b: &SweptBody,
+    share: f64,
+    (at_a, at_b): (&SizedRect, &SizedRect),
+) -> ContactGeometry {
+    match (a.pose_at(share), b.pose_at(share)) {
+        (Some(pose_a), Some(pose_b)) => {
+            let other = (&b.shape, at_b, &pose_b);
+            a.shape.contact_at((at_a, &pose_a), other)
+        }
+        _ => a.shape.contact_geometry(at_a, (&b.shape, at_b)),
+    }
 }
 
 /// Returns the share of the step at which two bodies begin to touch, if any.
@@ -177,7 +259,7 @@ fn advance(a: &SweptBody, b: &SweptBody, motion: &RelativeMotion, start: Clearan
         if share > 1.0 {
             return None;
         }
-        let clearance = motion.clearance((a, &a.at(share)), (b, &b.at(share)));
+        let clearance = motion.clearance(a, b, share);
         if clearance.gap_m <= TOUCHING_M {
             return Some(share);
         }
@@ -215,8 +297,10 @@ mod tests {
 
     fn swept(body: &Body, from: Motion, by: Motion) -> SweptBody {
         let shape = CollisionShape::of(body);
-        let mut swept = SweptBody::resting(rect(from.0, from.1, from.2), Extent::of(body), shape);
-        swept.move_on(rect(from.0 + by.0, from.1 + by.1, from.2 + by.2));
+        let start = (rect(from.0, from.1, from.2), None);
+        let mut swept = SweptBody::resting(start, Extent::of(body), shape);
+        let end = rect(from.0 + by.0, from.1 + by.1, from.2 + by.2);
+        swept.move_on((end, None));
         swept
     }
 

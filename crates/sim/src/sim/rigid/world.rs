@@ -1,9 +1,9 @@
 //! World of rapier that moves all chassis, the only place that computes in f32.
 //!
 //! Every body is in rapier's sets from its first step to its last. Until
-//! [`RapierWorld::solid`] bodies collide with the ground only, and each car has an
-//! origin of its own, which follows it: f32 positions stay as fine as 1 µm wherever the
-//! car drives. From then on all bodies have a common origin and collide.
+//! [`RapierWorld::solid`] bodies collide with the ground only. On a plane each car has
+//! an origin of its own, which follows it: f32 positions stay as fine as 1 µm wherever
+//! the car drives. From the contact on, and on a surface, all bodies have a common one.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d::query::DefaultQueryDispatcher;
@@ -19,6 +19,7 @@ use rapier3d::prelude::{
 
 use super::chassis_motion::{ChassisMotion, vector};
 use super::shape::CollisionShape;
+use super::surface::{GroundSurface, SurfacePoint};
 use crate::sim::planar::Rect;
 use crate::sim::{Body, GRAVITY_MPS2};
 
@@ -30,6 +31,9 @@ const CLEARANCE_M: f64 = 0.15;
 ///
 /// More substeps of the solver would apply the restitution more than once.
 const CONTACT_ITERATIONS: usize = 16;
+
+/// Depth of the plane below a surface, which catches bodies beside its mesh.
+const BASE_M: f32 = 1.0;
 
 const GROUND: Group = Group::GROUP_1;
 const BODY: Group = Group::GROUP_2;
@@ -54,7 +58,10 @@ pub(super) struct RapierWorld {
     parameters: IntegrationParameters,
     /// Workspace only, so a fork starts with a fresh pipeline.
     pipeline: PhysicsPipeline,
-    ground: ColliderHandle,
+    /// A plane, or the mesh of a surface and a plane below it.
+    ground: Vec<ColliderHandle>,
+    surface: Option<GroundSurface>,
+    friction: f64,
     /// Tree for the rays of wheels, which only the ground may stop.
     ray_targets: Bvh,
     is_solid: bool,
@@ -64,19 +71,10 @@ pub(super) struct RapierWorld {
 impl RapierWorld {
     /// Creates flat ground at height 0, without bodies.
     pub(super) fn new(friction: f64) -> RapierWorld {
-        let ground = ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
-            .friction(friction as f32)
-            .friction_combine_rule(CoefficientCombineRule::Min)
-            .collision_groups(groups(GROUND, GROUND | BODY))
-            .build();
-        let aabb = ground.compute_aabb();
-        let mut colliders = ColliderSet::new();
-        let ground = colliders.insert(ground);
-        let leaf = ground.into_raw_parts().0 as usize;
-        RapierWorld {
+        let mut world = RapierWorld {
             handles: Vec::new(),
             bodies: RigidBodySet::new(),
-            colliders,
+            colliders: ColliderSet::new(),
             islands: IslandManager::new(),
             broad_phase: DefaultBroadPhase::default(),
             narrow_phase: NarrowPhase::new(),
@@ -90,11 +88,80 @@ impl RapierWorld {
                 ..Default::default()
             },
             pipeline: PhysicsPipeline::new(),
-            ground,
-            ray_targets: Bvh::from_iter(BvhBuildStrategy::Binned, [(leaf, aabb)]),
+            ground: Vec::new(),
+            surface: None,
+            friction,
+            ray_targets: Bvh::new(),
             is_solid: false,
             steps: 0,
+        };
+        world.lay(None);
+        world
+    }
+
+    /// Replaces the ground by a surface, or by the plane at height 0.
+    pub(super) fn lay(&mut self, surface: Option<GroundSurface>) {
+        for handle in self.ground.drain(..) {
+            self.colliders.remove(
+                handle,
+                &mut self.islands,
+                &mut self.bodies,
+                &mut self.soft_bodies,
+                true,
+            );
         }
+        let mut shapes = Vec::with_capacity(2);
+        let mut base_m = 0.0;
+        if let Some(surface) = &surface {
+            shapes.push((surface.shape.clone(), 0.0));
+            base_m = surface.heights_m.0 - BASE_M;
+        }
+        shapes.push((SharedShape::halfspace(Vector::Z), base_m));
+        let mut leaves = Vec::with_capacity(2);
+        for (shape, z_m) in shapes {
+            let ground = ColliderBuilder::new(shape)
+                .translation(Vector::new(0.0, 0.0, z_m))
+                .friction(self.friction as f32)
+                .friction_combine_rule(CoefficientCombineRule::Min)
+                .collision_groups(groups(GROUND, GROUND | BODY))
+                .build();
+            let aabb = ground.compute_aabb();
+            let handle = self.colliders.insert(ground);
+            leaves.push((handle.into_raw_parts().0 as usize, aabb));
+            self.ground.push(handle);
+        }
+        self.ray_targets = Bvh::from_iter(BvhBuildStrategy::Binned, leaves);
+        self.surface = surface;
+    }
+
+    /// Returns whether the ground is no plane.
+    pub(super) fn has_surface(&self) -> bool {
+        self.surface.is_some()
+    }
+
+    /// Returns the surface below a point of the plane.
+    ///
+    /// `None` on a plane. Beside its mesh a surface counts as level at height 0.
+    pub(super) fn surface_at(&self, x_m: f64, y_m: f64) -> Option<SurfacePoint> {
+        let surface = self.surface.as_ref()?;
+        let level = SurfacePoint {
+            z_m: 0.0,
+            normal: nalgebra::Vector3::z(),
+        };
+        Some(surface.at(x_m, y_m).unwrap_or(level))
+    }
+
+    /// Returns the upwards direction of the ground below a footprint.
+    pub(super) fn up_at(&self, rect: &Rect) -> Vector {
+        let point = self.surface_at(rect.x_m, rect.y_m);
+        point.map_or(Vector::Z, |point| {
+            vector(point.normal.x, point.normal.y, point.normal.z)
+        })
+    }
+
+    /// Returns the height of the ground at a point of the plane.
+    pub(super) fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
+        self.surface_at(x_m, y_m).map_or(0.0, |point| point.z_m)
     }
 
     /// Returns the number of steps of rapier's pipeline so far.
@@ -106,8 +173,11 @@ impl RapierWorld {
     ///
     /// They have its friction or theirs, whichever is less.
     pub(super) fn set_friction(&mut self, friction: f64) {
-        if let Some(ground) = self.colliders.get_mut(self.ground) {
-            ground.set_friction(friction as f32);
+        self.friction = friction;
+        for handle in &self.ground {
+            if let Some(ground) = self.colliders.get_mut(*handle) {
+                ground.set_friction(friction as f32);
+            }
         }
     }
 
@@ -120,7 +190,7 @@ impl RapierWorld {
         shape: &CollisionShape,
         rect: &Rect,
     ) -> (ChassisId, (f64, f64)) {
-        let origin_m = origin_near((rect.x_m, rect.y_m));
+        let origin_m = self.origin_near((rect.x_m, rect.y_m));
         (self.insert_at(body, shape, rect, origin_m), origin_m)
     }
 
@@ -136,11 +206,23 @@ impl RapierWorld {
         let half_cos = (0.5 * (1.0 + rect.cos)).max(0.0).sqrt();
         let half_sin = (0.5 * (1.0 - rect.cos)).max(0.0).sqrt().copysign(rect.sin);
         let rotation = Rotation::from_xyzw(0.0, 0.0, half_sin as f32, half_cos as f32).normalize();
-        let translation = vector(rect.x_m - origin_m.0, rect.y_m - origin_m.1, 0.0);
+        let mut pose = Pose::from_parts(
+            vector(rect.x_m - origin_m.0, rect.y_m - origin_m.1, 0.0),
+            rotation,
+        );
+        let mut velocity = of_com(body, rect);
+        if let Some(point) = self.surface_at(rect.x_m, rect.y_m) {
+            let [x, y, z, w]: [f64; 4] = point.rotation(rect).coords.into();
+            pose.translation.z = point.z_m as f32;
+            pose.rotation = Rotation::from_xyzw(x as f32, y as f32, z as f32, w as f32).normalize();
+            // The body moves along the surface.
+            let up = pose.rotation * Vector::Z;
+            velocity.z = -(velocity.x * up.x + velocity.y * up.y) / up.z;
+        }
         let handle = self.bodies.insert(
             RigidBodyBuilder::dynamic()
-                .pose(Pose::from_parts(translation, rotation))
-                .linvel(of_com(body, rect))
+                .pose(pose)
+                .linvel(velocity)
                 .angvel(vector(0.0, 0.0, rect.yaw_rate_rad_per_s))
                 .additional_mass_properties(mass_properties(body))
                 .ccd_enabled(self.is_solid)
@@ -179,7 +261,7 @@ impl RapierWorld {
         self.is_solid = true;
         self.parameters.num_internal_pgs_iterations = CONTACT_ITERATIONS;
         for (handle, collider) in self.colliders.iter_mut() {
-            if handle != self.ground {
+            if !self.ground.contains(&handle) {
                 collider.set_collision_groups(body_groups(true));
             }
         }
@@ -274,15 +356,19 @@ impl RapierWorld {
     }
 
     /// Pushes a body on the ground with an impulse at its centre of mass and an angular
-    /// impulse about it, both in the frame of its heading.
+    /// impulse about it, both in the frame of its heading and of the ground's normal.
     pub(super) fn push(
         &mut self,
         id: ChassisId,
         (cos, sin): (f64, f64),
-        (along, across): (f64, f64),
-        [roll, pitch, yaw]: [f64; 3],
+        normal: Vector,
+        ((along, across), [roll, pitch, yaw]): ((f64, f64), [f64; 3]),
     ) {
-        let turned = |x: f64, y: f64, z: f64| vector(x * cos - y * sin, x * sin + y * cos, z);
+        let tilt = (normal != Vector::Z).then(|| Rotation::from_rotation_arc(Vector::Z, normal));
+        let turned = |x: f64, y: f64, z: f64| {
+            let level = vector(x * cos - y * sin, x * sin + y * cos, z);
+            tilt.map_or(level, |tilt| tilt * level)
+        };
         let body = self.body_mut(id);
         body.apply_impulse(turned(along, across, 0.0), true);
         body.apply_torque_impulse(turned(roll, pitch, yaw), true);
@@ -334,8 +420,29 @@ impl RapierWorld {
         self.place(id, &motion);
     }
 
+    /// Moves a body in the plane.
+    pub(super) fn shift(&mut self, id: ChassisId, (x_m, y_m): (f64, f64)) {
+        let body = self.body_mut(id);
+        let mut pose = *body.position();
+        pose.translation += vector(x_m, y_m, 0.0);
+        body.set_position(pose, true);
+    }
+
+    /// Returns the origin for a body at a position.
+    ///
+    /// A surface has one place, so all bodies on it have the origin of the world.
+    pub(super) fn origin_near(&self, (x_m, y_m): (f64, f64)) -> (f64, f64) {
+        if self.has_surface() {
+            return (0.0, 0.0);
+        }
+        (on_grid(x_m), on_grid(y_m))
+    }
+
     /// Moves a car's origin to the car once the car is far from it.
     pub(super) fn recentre(&mut self, id: ChassisId, origin_m: &mut (f64, f64)) {
+        if self.has_surface() {
+            return;
+        }
         let mut motion = self.motion(id);
         let Vector { x, y, .. } = motion.pose.translation;
         // Two grid cells of slack, so that a car near a cell border does not shift
@@ -373,7 +480,9 @@ impl Clone for RapierWorld {
             ccd_solver: self.ccd_solver.clone(),
             parameters: self.parameters,
             pipeline: PhysicsPipeline::new(),
-            ground: self.ground,
+            ground: self.ground.clone(),
+            surface: self.surface.clone(),
+            friction: self.friction,
             ray_targets: self.ray_targets.clone(),
             is_solid: self.is_solid,
             steps: self.steps,
@@ -411,11 +520,6 @@ fn groups(memberships: Group, filter: Group) -> InteractionGroups {
 /// Returns the groups of a body, which collides with others only once bodies are solid.
 fn body_groups(is_solid: bool) -> InteractionGroups {
     groups(BODY, if is_solid { GROUND | BODY } else { GROUND })
-}
-
-/// Returns the grid point next to a position.
-pub(super) fn origin_near((x_m, y_m): (f64, f64)) -> (f64, f64) {
-    (on_grid(x_m), on_grid(y_m))
 }
 
 fn on_grid(value_m: f64) -> f64 {

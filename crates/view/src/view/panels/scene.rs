@@ -91,7 +91,7 @@ fn log_follow(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), 
     let upright = story.poses().map(|frame| {
         let placement = &frame.placements[ego];
         let [x, y, _] = placement.centre_m;
-        Placement::upright([x, y, 0.0], placement.heading_rad())
+        Placement::upright([x, y, story.ground_m(ego, frame)], placement.heading_rad())
     });
     log_transforms(story, FOLLOW.into(), upright, journal)
 }
@@ -118,7 +118,8 @@ fn log_trails(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), 
         let sparse = story.poses().step_by(every).chain(story.poses().last());
         let ground = |frame: &Frame| {
             let [x, y, _] = frame.placements[who].centre_m;
-            lifted([x, y, 0.0], 0.03 + 0.01 * who as f64)
+            let z = story.ground_m(who, frame);
+            lifted([x, y, z], 0.03 + 0.01 * who as f64)
         };
         sparse.map(ground).collect()
     };
