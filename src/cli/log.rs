@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
     Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TimeColumn,
-    TrafficRecording, fit_traffic, read_csv, read_csv_timed, read_fcd, read_lanelets, read_mcap,
-    read_osi, read_xosc, svg_instant, svg_overview,
+    TrafficModel, TrafficRecording, fit_traffic, read_csv, read_csv_timed, read_fcd, read_lanelets,
+    read_mcap, read_osi, read_xosc, svg_instant, svg_overview,
 };
 use clap::Args;
 use serde_json::{Value, json};
