@@ -77,7 +77,7 @@ impl LogArgs {
 }
 
 pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
-    let named = Columns {
+    let named = GivenColumns {
         map: args.map.as_deref(),
         time: args.time.as_deref(),
     };
@@ -155,7 +155,7 @@ fn instant(analysis: &Analysis, id: &str, at_s: f64) -> Result<String, Failure> 
 
 /// Columns that are named on the command line.
 #[derive(Clone, Copy)]
-pub(super) struct Columns<'a> {
+pub(super) struct GivenColumns<'a> {
     /// Name or file of a column map.
     pub(super) map: Option<&'a str>,
     /// Time column.
@@ -165,7 +165,7 @@ pub(super) struct Columns<'a> {
 /// Reads recordings and finds their lanes and situations, each with its column map.
 pub(super) fn read_all(
     files: &[PathBuf],
-    columns: Columns<'_>,
+    columns: GivenColumns<'_>,
     road: Option<&Path>,
 ) -> Result<Vec<(Analysis, String)>, Failure> {
     let mut map = columns.map.map(column_map).transpose()?;

@@ -74,13 +74,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         return import(args, from);
     }
     if args.log.is_requested() {
-        if args.map.len() > 1 {
-            return Err(Failure::input(
-                "several column maps",
-                "name one, and read files of other columns by a command of their own",
-            ));
-        }
-        let map = args.map.first().map(String::as_str);
+        let map = column_map(&args.map)?;
         return new_from_log::run(&args.log, &args.name, map, args.json);
     }
     if !args.map.is_empty() {
@@ -109,6 +103,18 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         ))
     }?;
     Ok(Exit::Done)
+}
+
+/// Returns the column map of a recording, of which there is at most one.
+fn column_map(maps: &[String]) -> Result<Option<&str>, Failure> {
+    match maps {
+        [] => Ok(None),
+        [map] => Ok(Some(map)),
+        _ => Err(Failure::input(
+            "several column maps",
+            "name one, and read files of other columns by a command of their own",
+        )),
+    }
 }
 
 /// Parses `NAME=FILE`.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use brakecheck_traffic::{
-    Analysis, BoundRules, Evaluated, RuleResult, RulesError, TrafficRule, TrafficRuleFile,
+    Analysis, BoundRules, EvaluatedRows, RuleResult, RulesError, TrafficRule, TrafficRuleFile,
     WorstRow, svg_instant,
 };
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ struct CheckedRecording {
     analysis: Analysis,
     map: String,
     results: Vec<RuleResult>,
-    evaluated: Evaluated,
+    evaluated: EvaluatedRows,
     /// File names of the pictures, one per rule, `None` without a violation.
     pictures: Vec<Option<String>>,
 }
@@ -37,7 +37,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
         let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
         let results = results.map_err(|error| in_rule_file(&source, &rules, error))?;
-        let evaluated = Evaluated::of(&analysis.recording, &analysis.frame, &analysis.leads);
+        let evaluated = EvaluatedRows::of(&analysis.recording, &analysis.frame, &analysis.leads);
         terminal::note(&format!("evaluated: {evaluated}"));
         checked.push(CheckedRecording {
             pictures: vec![None; results.len()],

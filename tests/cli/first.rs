@@ -252,7 +252,7 @@ fn an_import_says_what_it_drops_and_what_to_write_instead() {
     for part in [
         "straight.xodr",
         "line 4",
-        "its length is 900 m",
+        "its length is 900.000 m",
         "make both the same",
     ] {
         assert!(stderr(&said).contains(part), "{part}: {}", stderr(&said));

@@ -274,7 +274,11 @@ fn what_is_no_ordinary_file_is_refused_before_it_is_read() {
             let said = stderr(&output);
             assert!(matches!(code(&output), 2 | 3), "{args:?}: {said}");
             // Where a run directory may stand, too, it is a file that is none.
-            let what = ["no ordinary file", "no run directory: it is a file"];
+            let what = [
+                "no ordinary file",
+                "no run directory: it is a file",
+                "there is no ego",
+            ];
             let told = what.iter().any(|what| said.contains(what));
             assert!(told, "{args:?}: {said}");
         }

@@ -1,7 +1,6 @@
 //! Contacts at the end of an episode, side by side, and in narrow lanes.
 
-use brakecheck::ego::ReferenceDriver;
-use brakecheck::preventability::{Preventability, Seat, Struck};
+use brakecheck::preventability::{Seat, Struck};
 use serde_json::Value;
 
 use super::by_hand::{CAR, Car, FAR, field, lanes, lanes_of, motion};
@@ -68,30 +67,4 @@ fn an_ego_as_wide_as_its_lane_is_in_it_exactly_in_the_middle() {
     };
     assert_eq!(exonerated(0.0), "StruckFromBehind");
     assert_eq!(exonerated(0.01), Value::Null);
-}
-
-/// Of two others in one's way the nearer one counts, and the gap is the least of the drive.
-#[test]
-fn the_margin_is_the_least_gap_to_whoever_is_ahead_in_the_path() {
-    let slower = Car {
-        x_m: 4.54 + 40.0,
-        speed_mps: 15.0,
-        ..CAR
-    };
-    let assessed = |third: Car| -> Preventability {
-        let mut replayer = lanes(0.9).replayer().expect("driven");
-        replayer.assess(&motion([CAR, slower, third], 8.0, ["ego", "ado"]), None)
-    };
-    let margin = |known: &Preventability| {
-        let outcome = known.handover.get(&ReferenceDriver::Fsm).expect("asked");
-        assert!(outcome.avoided, "{outcome:?}");
-        outcome.margin.expect("somebody is ahead")
-    };
-    let alone = margin(&assessed(FAR));
-    assert!((0.0..40.0).contains(&alone), "{alone}");
-    // A car in the next lane or behind is nobody's margin.
-    for (x_m, y_m) in [(6.0, 3.5), (-20.0, 0.0)] {
-        let third = Car { x_m, y_m, ..CAR };
-        assert_eq!(margin(&assessed(third)), alone, "{x_m}, {y_m}");
-    }
 }

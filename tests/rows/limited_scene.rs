@@ -205,17 +205,6 @@ fn begun(text: &str, axis: &str, share: f64) -> LimitedScene {
 }
 
 #[test]
-fn a_limit_is_on_the_road_of_the_start() {
-    let text = include_str!("../../worlds/acc.ron");
-    let text = text.replace("friction: 0.9)", "friction: (0.5, 0.9))");
-    let friction = |share: f64| {
-        let scene = begun(&text, "friction", share);
-        scene.world.spec().road.friction()
-    };
-    assert!((friction(0.0) - 0.5).abs() < 1e-9 && (friction(1.0) - 0.9).abs() < 1e-9);
-}
-
-#[test]
 fn every_ado_with_a_plan_has_its_own_part_of_a_joint_action() {
     let text = include_str!("../../worlds/r157/lead_brakes.ron");
     let first = text

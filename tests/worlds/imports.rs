@@ -1085,22 +1085,22 @@ fn refused_of_roads() -> Vec<Refusal> {
         ),
         (
             two(r#"<geometry s="400" x="401" y="0" hdg="0" length="600"><line/></geometry>"#),
-            "1.000 m and 0.0000 rad off",
+            "it begins 1.000 m off the end of the piece before it",
             "401",
         ),
         (
             two(r#"<geometry s="400" x="400" y="0" hdg="0.1" length="600"><line/></geometry>"#),
-            "0.1000 rad off",
+            "it begins turned by 0.1000 rad",
             "0.1",
         ),
         (
             two(r#"<geometry s="410" x="400" y="0" hdg="0" length="590"><line/></geometry>"#),
-            "s = 410 m instead of 400 m",
+            "it begins at s = 410.000 m instead of 400.000 m",
             "410",
         ),
         (
             two(r#"<geometry s="400" x="400" y="0" hdg="0" length="500"><line/></geometry>"#),
-            "that of its geometry 900 m",
+            "that of its geometry 900.000 m",
             "<road",
         ),
         (

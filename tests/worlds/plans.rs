@@ -140,8 +140,9 @@ fn a_step_that_overlaps_goes_on_across_while_the_next_ones_change_the_speed() {
         8.0 + faster - 3.0 * (t - 1.02).clamp(0.0, 3.0)
     };
     let share = |t: f64| ((t - 0.52) / swing_s).clamp(0.0, 1.0);
-    // The van stops after 4.02 s, in the middle of its lane change, which goes on.
-    let until_s = 3.9;
+    // The van stops after 4.02 s, in the middle of its lane change, which waits. Shortly
+    // before, its wheels allow no turn as tight as the law asks.
+    let until_s = 3.2;
     let lateral_m = |t: f64| {
         let across_mps = match share(t) {
             it if 0.0 < it && it < 1.0 => -1.75 * PI / swing_s * (PI * it).sin(),

@@ -58,8 +58,8 @@ fn a_car_gains_g_sin_from_the_station_on_at_which_the_road_falls() {
             let down_s = 0.05 * sample.saturating_sub(20) as f64;
             let expected_mps = 20.0 + GRAVITY_MPS2 * 0.06 / 1.0036_f64.sqrt() * down_s;
             let off_mps = (speed_mps - expected_mps).abs();
-            // The rigid car may reach the station a sample later.
-            assert!(off_mps < 0.04, "{plant:?} {sample}: {off_mps}");
+            // The wheels of the rigid car reach the edge one axle after the other.
+            assert!(off_mps < 0.06, "{plant:?} {sample}: {off_mps}");
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::grid;
 use crate::problem::{FilePlace, FileProblem};
 use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
-use crate::xml_lines::{Element, read_elements};
+use crate::xml_lines::{PlacedElement, read_elements};
 use crate::xosc_entity::class_of_words;
 
 /// Reads `fcd-export` of SUMO in XML. Errors call it by `name`.
@@ -52,7 +52,7 @@ struct Fcd {
 }
 
 impl Fcd {
-    fn start(&mut self, element: &Element<'_>) -> Result<(), ReadError> {
+    fn start(&mut self, element: &PlacedElement<'_>) -> Result<(), ReadError> {
         let class = match element.name() {
             "timestep" => {
                 self.time_s = Some(element.number("time")?);

@@ -4,7 +4,7 @@ use brakecheck_stl::sampling::EvenSampling;
 
 use crate::agreement::{Agreement, FAST_MPS};
 use crate::error::ReadError;
-use crate::parts::{Part, parts};
+use crate::parts::{TrackPart, parts};
 use crate::problem::{FilePlace, FileProblem};
 use crate::raw::{RawReference, RawRow, RawTrack, RawTracks, RawVector, wrapped};
 use crate::recording::{ReadCounts, RoadUserTrack, TrafficRecording};
@@ -265,7 +265,7 @@ fn median_step(tracks: &[RawTrack]) -> Option<f64> {
 /// Returns the track of a part with its samples.
 fn track(
     raw: &RawTrack,
-    part: &Part,
+    part: &TrackPart,
     samples: GridSamples,
     dt_s: f64,
     counts: &mut ReadCounts,

@@ -7,7 +7,7 @@ use crate::error::ReadError;
 use crate::lane_frame::MappedCarriageway;
 use crate::path::Path;
 use crate::problem::{FilePlace, FileProblem};
-use crate::xml_lines::{Element, read_elements};
+use crate::xml_lines::{PlacedElement, read_elements};
 
 /// Distance of the points of a centre line in metres.
 const STEP_M: f64 = 0.5;
@@ -64,7 +64,7 @@ struct Lanelet {
 }
 
 impl Osm {
-    fn start(&mut self, element: &Element<'_>) -> Result<(), ReadError> {
+    fn start(&mut self, element: &PlacedElement<'_>) -> Result<(), ReadError> {
         match element.name() {
             "node" | "way" | "relation" => {
                 self.open = OpenElement {

@@ -110,7 +110,7 @@ pub use problem::{FilePlace, FileProblem};
 pub use read::{read_csv, read_csv_guessed, read_csv_timed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 pub use road_fit::{FittedPiece, FittedRoad};
-pub use rules::{BoundRules, Evaluated};
+pub use rules::{BoundRules, EvaluatedRows};
 pub use situation_plan::{
     AcrossPlan, LANE_CHANGE_AT_S, LanePlace, RecordedPlace, SituationPlan, SituationRoad,
 };

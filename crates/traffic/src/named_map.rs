@@ -109,15 +109,15 @@ const CLASSES: [&str; 9] = [
 ];
 
 /// Column with its unit.
-struct Column<'a> {
+struct NamedColumn<'a> {
     header: &'a str,
     /// Name in small letters without separators and unit.
     name: String,
-    unit: Option<Unit>,
+    unit: Option<ColumnUnit>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Unit {
+enum ColumnUnit {
     Metres,
     Feet,
     Speed(SpeedUnit),
@@ -132,7 +132,7 @@ impl ColumnMap {
     /// heading, a speed or velocity, a size and a class. Without a unit in the name they
     /// are in seconds, metres, radians and m/s. `time` names another time column.
     pub fn by_names(header: &[String], time: Option<&str>) -> Option<ColumnMap> {
-        let columns: Vec<Column<'_>> = header.iter().map(|it| column(it)).collect();
+        let columns: Vec<NamedColumn<'_>> = header.iter().map(|it| column(it)).collect();
         let find = |names: &[&str]| {
             let at = |name: &&str| columns.iter().find(|it| it.name == **name);
             names.iter().find_map(at)
@@ -151,17 +151,17 @@ impl ColumnMap {
             x: x.header.to_owned(),
             y: y.header.to_owned(),
             length_unit: match x.unit {
-                Some(Unit::Feet) => LengthUnit::Feet,
+                Some(ColumnUnit::Feet) => LengthUnit::Feet,
                 _ => LengthUnit::Metres,
             },
             speed_unit: match speed.or(velocity.map(|it| it.0)).and_then(|it| it.unit) {
-                Some(Unit::Speed(unit)) => unit,
+                Some(ColumnUnit::Speed(unit)) => unit,
                 _ => SpeedUnit::MetresPerSecond,
             },
             heading: heading.map(|it| AngleColumn {
                 column: it.header.to_owned(),
                 unit: match it.unit {
-                    Some(Unit::Degrees) => AngleUnit::Degrees,
+                    Some(ColumnUnit::Degrees) => AngleUnit::Degrees,
                     _ => AngleUnit::Radians,
                 },
             }),
@@ -215,7 +215,7 @@ fn time_column(header: &[String], time: Option<&str>) -> Option<TimeColumn> {
     found.first().map(|it| TimeColumn::named(it))
 }
 
-fn column(header: &str) -> Column<'_> {
+fn column(header: &str) -> NamedColumn<'_> {
     let (name, bracket) = match header.split_once(['[', '(']) {
         Some((name, unit)) => (name, unit.trim_end_matches([']', ')'])),
         None => (header, ""),
@@ -236,28 +236,28 @@ fn column(header: &str) -> Column<'_> {
             }
         }
     }
-    Column {
+    NamedColumn {
         header,
         name: words.concat(),
         unit,
     }
 }
 
-fn unit_of(text: &str) -> Option<Unit> {
+fn unit_of(text: &str) -> Option<ColumnUnit> {
     let text: String = text
         .to_lowercase()
         .chars()
         .filter(|it| !" _^".contains(*it))
         .collect();
     Some(match &*text {
-        "m" | "meter" | "meters" | "metre" | "metres" => Unit::Metres,
-        "ft" | "feet" | "foot" => Unit::Feet,
-        "m/s" | "mps" | "ms" | "ms-1" => Unit::Speed(SpeedUnit::MetresPerSecond),
-        "km/h" | "kmh" | "kph" | "kmph" => Unit::Speed(SpeedUnit::KilometresPerHour),
-        "mph" | "mi/h" | "miles/h" => Unit::Speed(SpeedUnit::MilesPerHour),
-        "ft/s" | "fps" => Unit::Speed(SpeedUnit::FeetPerSecond),
-        "deg" | "degree" | "degrees" | "°" => Unit::Degrees,
-        "rad" | "radian" | "radians" => Unit::Radians,
+        "m" | "meter" | "meters" | "metre" | "metres" => ColumnUnit::Metres,
+        "ft" | "feet" | "foot" => ColumnUnit::Feet,
+        "m/s" | "mps" | "ms" | "ms-1" => ColumnUnit::Speed(SpeedUnit::MetresPerSecond),
+        "km/h" | "kmh" | "kph" | "kmph" => ColumnUnit::Speed(SpeedUnit::KilometresPerHour),
+        "mph" | "mi/h" | "miles/h" => ColumnUnit::Speed(SpeedUnit::MilesPerHour),
+        "ft/s" | "fps" => ColumnUnit::Speed(SpeedUnit::FeetPerSecond),
+        "deg" | "degree" | "degrees" | "°" => ColumnUnit::Degrees,
+        "rad" | "radian" | "radians" => ColumnUnit::Radians,
         _ => return None,
     })
 }

@@ -17,7 +17,7 @@ const OTHER_LENGTH_M: f64 = 0.5;
 const OTHER_LENGTH: f64 = 0.1;
 
 /// Unbroken rows of one vehicle.
-pub(crate) struct Part {
+pub(crate) struct TrackPart {
     pub(crate) rows: Vec<RawRow>,
     /// Number of the vehicle among those with this identity, from 0.
     pub(crate) vehicle: usize,
@@ -26,15 +26,15 @@ pub(crate) struct Part {
 /// Splits rows at long holes, at jumps and where an identity goes to another vehicle.
 ///
 /// Rows that are displaced for at most half a second are left out. All of it is counted.
-pub(crate) fn parts(raw: &mut RawTrack, dt_s: f64, counts: &mut ReadCounts) -> Vec<Part> {
+pub(crate) fn parts(raw: &mut RawTrack, dt_s: f64, counts: &mut ReadCounts) -> Vec<TrackPart> {
     let rows = without_displaced(std::mem::take(&mut raw.rows), counts);
     let speeds = step_speeds(&rows);
     let hole_s = HOLE_S.max(1.5 * dt_s);
-    let mut parts: Vec<Part> = Vec::new();
+    let mut parts: Vec<TrackPart> = Vec::new();
     for (i, row) in rows.iter().enumerate() {
         let before = i.checked_sub(1).map(|at| &rows[at]);
         let Some((before, part)) = before.zip(parts.last_mut()) else {
-            parts.push(Part {
+            parts.push(TrackPart {
                 rows: vec![*row],
                 vehicle: 0,
             });
@@ -51,7 +51,7 @@ pub(crate) fn parts(raw: &mut RawTrack, dt_s: f64, counts: &mut ReadCounts) -> V
         let is_other = is_jump || has_other_box(before, row);
         counts.reused_ids += usize::from(is_other);
         let vehicle = part.vehicle + usize::from(is_other);
-        parts.push(Part {
+        parts.push(TrackPart {
             rows: vec![*row],
             vehicle,
         });

@@ -142,7 +142,7 @@ fn along_own_path(track: &crate::RoadUserTrack) -> Option<crate::PlacedTrack> {
 /// Amount of a recording that rules are evaluated on.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
-pub struct Evaluated {
+pub struct EvaluatedRows {
     /// Tracks of motor vehicles.
     pub vehicles: usize,
     /// Those of them without lanes, evaluated along their paths.
@@ -155,10 +155,10 @@ pub struct Evaluated {
     pub left_out: BTreeMap<&'static str, usize>,
 }
 
-impl Evaluated {
+impl EvaluatedRows {
     /// Counts the vehicles and rows of a recording.
-    pub fn of(recording: &TrafficRecording, frame: &LaneFrame, leads: &Leads) -> Evaluated {
-        let mut found = Evaluated::default();
+    pub fn of(recording: &TrafficRecording, frame: &LaneFrame, leads: &Leads) -> EvaluatedRows {
+        let mut found = EvaluatedRows::default();
         for (i, track) in recording.tracks.iter().enumerate() {
             if !track.class.is_motor_vehicle() {
                 *found.left_out.entry(track.class.name()).or_default() += 1;
@@ -173,7 +173,7 @@ impl Evaluated {
     }
 }
 
-impl fmt::Display for Evaluated {
+impl fmt::Display for EvaluatedRows {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,

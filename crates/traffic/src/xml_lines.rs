@@ -47,13 +47,13 @@ impl<R: Read> BufRead for LineCounter<R> {
 }
 
 /// Element with its place.
-pub(crate) struct Element<'a> {
+pub(crate) struct PlacedElement<'a> {
     pub(crate) tag: &'a BytesStart<'a>,
     file: &'a str,
     line: u64,
 }
 
-impl Element<'_> {
+impl PlacedElement<'_> {
     pub(crate) fn name(&self) -> &str {
         self.tag.local_name().into_inner()
     }
@@ -119,7 +119,7 @@ pub(crate) fn read_elements<S>(
     text: impl Read,
     file: &str,
     state: &mut S,
-    mut start: impl FnMut(&mut S, &Element<'_>) -> Result<(), ReadError>,
+    mut start: impl FnMut(&mut S, &PlacedElement<'_>) -> Result<(), ReadError>,
     mut end: impl FnMut(&mut S, &str),
 ) -> Result<(), ReadError> {
     let mut reader = Reader::from_reader(LineCounter::new(text));
@@ -139,7 +139,7 @@ pub(crate) fn read_elements<S>(
             Ok(Event::Start(tag)) => {
                 start(
                     state,
-                    &Element {
+                    &PlacedElement {
                         tag: &tag,
                         file,
                         line,
@@ -154,7 +154,7 @@ pub(crate) fn read_elements<S>(
             Ok(Event::Empty(tag)) => {
                 start(
                     state,
-                    &Element {
+                    &PlacedElement {
                         tag: &tag,
                         file,
                         line,

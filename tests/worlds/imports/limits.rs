@@ -57,10 +57,6 @@ fn lane_changes_by_distance_take_a_speed_that_stays() {
             edit(SLOWER, &change),
             beside(&time(3.0, "none", 0.0), FASTER),
         ],
-        vec![edit(
-            SLOWER,
-            format!("{SLOWER}</PrivateAction><PrivateAction>{change}"),
-        )],
     ];
     for edits in &cases {
         let error = refused(edits);
