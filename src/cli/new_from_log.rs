@@ -84,7 +84,7 @@ pub(super) fn run(
     let kind = args.kind.unwrap_or(KindArg::Following).situations();
     let name = name.strip_suffix(".ron").unwrap_or(name);
     new_world::text_named(name)?;
-    let columns = log::Columns {
+    let columns = log::GivenColumns {
         map,
         time: args.time.as_deref(),
     };

@@ -27,7 +27,7 @@ struct CheckedRecording {
 pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     let (source, rules) = rule_file(args)?;
     let mut checked = Vec::new();
-    let columns = log::Columns {
+    let columns = log::GivenColumns {
         map: args.map.as_deref(),
         time: args.time.as_deref(),
     };

@@ -257,7 +257,9 @@ impl Course {
         let leg = Leg::new(from_s_m, length_m, end, curvature_per_m);
         match self.boxes.last_mut() {
             // The first leg, which is long, has a box of its own.
-            Some(last) if (self.legs.len() - 1) % BOXED_LEGS != 0 => last.include(leg.bounds()),
+            Some(last) if !(self.legs.len() - 1).is_multiple_of(BOXED_LEGS) => {
+                last.include(leg.bounds())
+            }
             _ => self.boxes.push(leg.bounds()),
         }
         self.legs.push(leg);

@@ -85,6 +85,8 @@ fn one_rule(analysis: &Analysis, stl: &str) -> RuleResult {
 
 #[test]
 fn slow_vehicles_and_those_without_lanes_are_evaluated() {
+    // Slow pairs were once left out as parked, and pairs off the axes fit no carriageway.
+    // The boxes are 7.5 m apart, so a rule of 10 m misses by 2.5 m whatever the speed.
     for speed in [1.5, 4.0, 8.0, 9.0, 20.0] {
         for heading in [0.0, 0.7, 2.5, -1.6] {
             let (behind, ahead) = (
@@ -114,11 +116,13 @@ fn lane_changes_belong_to_the_vehicle_that_moves_sideways() {
     // Whoever drives farthest, and in whatever order the vehicles are listed.
     for (speed, from, to) in [(19.5, 3.5, 0.0), (21.0, 3.5, 0.0), (20.5, 0.0, 3.5)] {
         for start in [4.0, 9.0, 15.0] {
+            // The follower and the far car stay in the lane into which the third one moves.
             let follower = steady(-20.0, to, 0.0, 20.0);
             let (a, b) = (
                 steady(60.0, from, 0.0, 20.0),
                 steady(-60.0, from, 0.0, 20.0),
             );
+            // A fit along whoever drives farthest gave the lane change to this car.
             let far = steady(90.0, to, 0.0, 20.0);
             let cut = changing(15.0, from, to, start, speed);
             let mut vehicles: Vec<(&str, &dyn Fn(f64) -> State)> = vec![
@@ -129,6 +133,7 @@ fn lane_changes_belong_to_the_vehicle_that_moves_sideways() {
                 ("cut", &cut),
             ];
             for _ in 0..2 {
+                // The order of a file is no information about lanes.
                 vehicles.rotate_left(3);
                 let text = rows(&vehicles, 10.0, 25.0, &generic_line);
                 let analysis = Analysis::of(generic(&text).expect("rows"));
@@ -150,6 +155,7 @@ fn a_roundabout_and_laps_have_no_lanes() {
     // Eight vehicles enter from four arms, drive round with a radius of 18 m and leave.
     let arm = |k: usize| {
         move |t: f64| {
+            // Each arm is the first one, turned about the middle of the roundabout.
             let turn = std::f64::consts::FRAC_PI_2 * (k % 4) as f64;
             let s = 8.0 * t - 60.0 - 11.0 * (k / 4) as f64;
             let (x, y, heading) = if s < 0.0 {
@@ -183,11 +189,14 @@ fn a_roundabout_and_laps_have_no_lanes() {
         .collect();
     let line = |t: f64, id: &str, s: State| format!("{t:.2},{id},{:.3},{:.3},4.5,1.8", s.x, s.y);
     let text = rows(&vehicles, 10.0, 25.0, &line);
+    // Headings are left out: they follow from the positions.
     let text = format!("time,id,x,y,length,width\n{text}");
     let (recording, map) = read_csv_guessed(text.as_bytes(), "log.csv").expect("rows");
     assert_eq!(map, "by name");
     let analysis = Analysis::of(recording);
     assert_eq!(analysis.situations.lane_changes, []);
+    // Two cars that drive laps pass the same places again and again, without an end of
+    // their road. The walk along it once had none, either.
     let laps = |k: f64| {
         move |t: f64| {
             let angle = (12.0 * t + k) / 80.0;
@@ -203,6 +212,7 @@ fn a_roundabout_and_laps_have_no_lanes() {
     let text = rows(&[("a", &a), ("b", &b)], 10.0, 90.0, &generic_line);
     let analysis = Analysis::of(generic(&text).expect("rows"));
     assert_eq!(analysis.situations.lane_changes, []);
+    // The cars are 20 m apart along the lap, bumper to bumper 15.5 m.
     let found = one_rule(&analysis, "ego.lead.gap >= 16");
     assert_eq!(
         (found.vehicles, found.share() > 0.4),
@@ -221,6 +231,7 @@ fn units_that_contradict_the_positions_are_refused_by_name() {
             .map(|it| it.to_string())
             .unwrap_or_default()
     };
+    // One column is in another unit, and the positions stay.
     let with = |speed: f64, heading: &dyn Fn(f64) -> f64| {
         read(&|t, id, s| {
             let s = State {
@@ -232,6 +243,7 @@ fn units_that_contradict_the_positions_are_refused_by_name() {
         })
     };
     let north = std::f64::consts::FRAC_PI_2;
+    // The same rows in the right units contradict nothing.
     assert_eq!(with(1.0, &|it| it), "");
     for (said, fits) in [
         (with(3.6, &|it| it), "km/h"),
@@ -248,6 +260,8 @@ fn units_that_contradict_the_positions_are_refused_by_name() {
     ] {
         assert!(said.contains(fits), "{fits}: {said}");
     }
+    // Speeds and headings agree at any rate that is wrong by a factor, but the columns of
+    // velocity against the steps of the positions do not.
     // A frame rate that is not that of the map.
     let map = ColumnMap::shipped("highd").expect("shipped");
     let header = "frame,id,x,y,width,height,xVelocity,yVelocity,xAcceleration,yAcceleration\n";
@@ -272,6 +286,8 @@ fn names_units_separators_and_orders_of_columns_do_not_matter() {
     let (a, b) = (steady(5.0, 7.0, 0.4, 20.0), steady(40.0, 3.5, 1.9, 15.0));
     let vehicles: [(&str, &dyn Fn(f64) -> State); 2] = [("a", &a), ("b", &b)];
     let expected = generic(&rows(&vehicles, 20.0, 5.0, &generic_line)).expect("rows");
+    // Each file states one motion in the words of another program: its names, its units, its
+    // separator, and its order. The clock is in seconds, milliseconds or nanoseconds.
     type Line<'a> = &'a dyn Fn(f64, &str, State) -> String;
     let files: [(&str, Line<'_>); 5] = [
         (
@@ -342,6 +358,7 @@ fn names_units_separators_and_orders_of_columns_do_not_matter() {
         let text = format!("{header}\n{}", rows(&vehicles, 20.0, 5.0, line));
         let read = read_csv_guessed(text.as_bytes(), "log.csv");
         let (recording, _) = read.unwrap_or_else(|it| panic!("{header}: {it}"));
+        // A rational fit gives the period to the bit, also from rounded stamps.
         assert_eq!(recording.dt_s, 0.05, "{header}");
         for (a, b) in expected.tracks.iter().zip(&recording.tracks) {
             assert_eq!((&a.id, a.len(), a.length_m), (&b.id, b.len(), b.length_m));
@@ -366,6 +383,7 @@ fn names_units_separators_and_orders_of_columns_do_not_matter() {
 #[test]
 fn sumo_writes_the_same_motion_in_xml_and_csv() {
     let (a, b) = (steady(5.0, 7.0, 0.4, 20.0), steady(40.0, 3.5, 1.9, 15.0));
+    // SUMO counts its angles clockwise from north, in degrees.
     let north = std::f64::consts::FRAC_PI_2;
     let angle = |s: State| (north - s.heading).to_degrees().rem_euclid(360.0);
     let csv = |t: f64, id: &str, s: State| {
@@ -380,12 +398,15 @@ fn sumo_writes_the_same_motion_in_xml_and_csv() {
     let header = "timestep_time;vehicle_angle;vehicle_id;vehicle_lane;vehicle_speed;\
                   vehicle_type;vehicle_x;vehicle_y\n";
     let text =
+        // Its CSV has a row without a vehicle for a step in which nobody drives.
         header.to_owned() + "0.00;;;;;;;\n" + &rows(&[("a", &a), ("b", &b)], 10.0, 5.0, &csv);
     let (csv, map) = read_csv_guessed(text.as_bytes(), "fcd.csv").expect("rows");
+    // The empty step is counted, because a row without an identity is usually a fault.
     assert_eq!((map, csv.counts.without_id), ("sumo", 1));
     let mut text = String::from("<fcd-export>\n");
     for i in 0..=50 {
         let t = 0.1 * f64::from(i);
+        // Both writers of SUMO describe one simulation, so their readers have to agree.
         let _ = write!(text, "<timestep time=\"{t:.2}\">");
         for (id, s) in [("a", a(t)), ("b", b(t))] {
             let _ = write!(
@@ -403,6 +424,7 @@ fn sumo_writes_the_same_motion_in_xml_and_csv() {
     let xml = read_fcd(text.as_bytes(), "fcd.xml").expect("rows");
     for (a, b) in csv.tracks.iter().zip(&xml.tracks) {
         assert_eq!((&a.id, a.class, a.len()), (&b.id, b.class, b.len()));
+        // The type `truck` gives both the size of its class, because FCD has no sizes.
         assert!((a.x_m[7] - b.x_m[7]).abs() < 1e-9 && a.length_m == b.length_m);
     }
 }
@@ -411,6 +433,7 @@ fn sumo_writes_the_same_motion_in_xml_and_csv() {
 fn boxes_of_nothing_have_the_size_of_their_class() {
     let header = "trackId,frame,xCenter,yCenter,heading,width,length,xVelocity,yVelocity,\
                   xAcceleration,yAcceleration\n";
+    // inD gives pedestrians and bicycles a box of 0 × 0, which is no measurement.
     let line = |size: &'static str| {
         move |t: f64, id: &str, s: State| {
             let frame = (25.0 * t).round();
@@ -429,6 +452,7 @@ fn boxes_of_nothing_have_the_size_of_their_class() {
         .map(|it| (it.class.name(), (10.0 * it.length_m).round()));
     assert_eq!(
         shown.collect::<Vec<_>>(),
+        // Half a metre is assumed for the pedestrian, and the car keeps its measured length.
         [("pedestrian", 5.0), ("car", 46.0)]
     );
     assert_eq!(recording.counts.assumed_sizes, 1);
@@ -438,8 +462,10 @@ fn boxes_of_nothing_have_the_size_of_their_class() {
 fn rates_of_rounded_stamps_are_those_that_made_them() {
     let (a, b) = (steady(5.0, 7.0, 0.4, 20.0), steady(40.0, 3.5, 1.9, 15.0));
     for rate_hz in [10.0, 15.0, 24.0, 25.0, 30.0, 60.0] {
+        // Stamps in milliseconds, in tenths of them, and in full digits.
         for digits in [3, 4, 9] {
             let line = |t: f64, id: &str, s: State| {
+                // An offset takes digits from the stamps, as an epoch does.
                 let t = format!("{:.*}", digits, 1000.0 + t);
                 format!(
                     "{t},{id},{:.4},{:.4},{:.6},{:.3},4.5,1.8",
@@ -449,6 +475,7 @@ fn rates_of_rounded_stamps_are_those_that_made_them() {
             let text = rows(&[("a", &a), ("b", &b)], rate_hz, 8.0, &line);
             let recording = generic(&text).expect("rows");
             assert_eq!(recording.dt_s, 1.0 / rate_hz, "{rate_hz} Hz, {digits}");
+            // Rounding moves no row off its sample.
             assert_eq!(recording.counts.off_grid, 0, "{rate_hz} Hz, {digits}");
         }
     }

@@ -17,9 +17,11 @@ pub fn recorded(rows: &[Row]) -> TrafficRecording {
 fn lanes_are_found_within_a_decimetre() {
     let (rows, _) = synthetic::traffic(1, 25, 90.0);
     let recording = recorded(&rows);
+    // Two directions of two lanes each, without a map.
     let frame = LaneFrame::fit(&recording);
     assert_eq!(frame.carriageways.len(), 2);
     for carriageway in &frame.carriageways {
+        // Lane 0 is the reference, and the synthetic lanes are 3.75 m wide.
         let offsets: Vec<f64> = carriageway.lanes.iter().map(|it| it.offset_m).collect();
         assert_eq!(offsets.len(), 2, "{offsets:?}");
         assert!(
@@ -55,6 +57,7 @@ fn gaps_are_from_bumper_to_bumper() {
     let recording = recorded(&rows);
     let frame = LaneFrame::fit(&recording);
     let leads = Leads::find(&recording, &frame);
+    // The truth is that of the generator, by vehicle and sample.
     let at: BTreeMap<(String, usize), &Row> = rows
         .iter()
         .map(|row| ((row_id(row), row.sample), row))
@@ -75,10 +78,12 @@ fn gaps_are_from_bumper_to_bumper() {
                 "{gap_m} m is {} m",
                 lead.gap_m
             );
+            // A lead on the opposite carriageway would be an oncoming car.
             assert_eq!(own.direction, ahead.direction);
             seen += 1;
         }
     }
+    // A test without rows would pass.
     assert!(10_000 < seen, "{seen}");
 }
 
@@ -95,6 +100,7 @@ fn every_cut_in_is_found_once() {
         .iter()
         .map(|it| (it.from, it.to))
         .collect();
+    // The generator lets vehicles move from the left lane to the right one only.
     assert!(changes.iter().all(|it| *it == (1, 0)), "{changes:?}");
     // Those at the end of the recording are not finished.
     assert!(

@@ -86,7 +86,7 @@ pub(super) fn speed(
         _ => return Err(unknown_target(target)),
     };
     // The speed that a world adds, as far as it is known before the run.
-    let base_mps = relative_to.as_deref().map_or(Some(0.0), |name| of(name));
+    let base_mps = relative_to.as_deref().map_or(Some(0.0), of);
     if let Some(to_mps) = base_mps
         .map(|base_mps| base_mps + to_mps)
         .filter(|it| *it < 0.0)

@@ -115,8 +115,8 @@ impl Reader<'_> {
             step.overlaps |= 0.0 < across_mps;
             script.aside_s = f64::INFINITY;
             let along = step.laws.iter().filter(|law| law.across_mps(from_m) == 0.0);
-            let along_s = along.map(|law| law.lasts_s(from_mps, from_m));
-            let along_s = along_s.fold(Some(0.0), |a, b| Some(f64::max(a?, b?)));
+            let mut along_s = along.map(|law| law.lasts_s(from_mps, from_m));
+            let along_s = along_s.try_fold(0.0, |a, b| Some(f64::max(a, b?)));
             let begins_s = begins_s.zip(along_s);
             script.ends_s = begins_s.map(|(at_s, lasts_s)| at_s + step.after_s + lasts_s);
             script.ended.clear();
