@@ -192,8 +192,11 @@ fn a_roundabout_and_laps_have_no_lanes() {
     // Headings are left out: they follow from the positions.
     let text = format!("time,id,x,y,length,width\n{text}");
     let (recording, map) = read_csv_guessed(text.as_bytes(), "log.csv").expect("rows");
+    // No shipped map has these columns, so each is found by its usual name.
     assert_eq!(map, "by name");
     let analysis = Analysis::of(recording);
+    // A turn of the way is no change of a lane: where the traffic has no lanes, none are
+    // invented, and no situation is made of them.
     assert_eq!(analysis.situations.lane_changes, []);
     // Two cars that drive laps pass the same places again and again, without an end of
     // their road. The walk along it once had none, either.
@@ -208,6 +211,7 @@ fn a_roundabout_and_laps_have_no_lanes() {
             }
         }
     };
+    // The second one is 20 m ahead on the circle.
     let (a, b) = (laps(0.0), laps(20.0));
     let text = rows(&[("a", &a), ("b", &b)], 10.0, 90.0, &generic_line);
     let analysis = Analysis::of(generic(&text).expect("rows"));
@@ -263,6 +267,7 @@ fn units_that_contradict_the_positions_are_refused_by_name() {
     // Speeds and headings agree at any rate that is wrong by a factor, but the columns of
     // velocity against the steps of the positions do not.
     // A frame rate that is not that of the map.
+    // This map says 25 Hz, and the rows are of 30 Hz.
     let map = ColumnMap::shipped("highd").expect("shipped");
     let header = "frame,id,x,y,width,height,xVelocity,yVelocity,xAcceleration,yAcceleration\n";
     let line = |t: f64, id: &str, s: State| {
@@ -285,6 +290,7 @@ fn units_that_contradict_the_positions_are_refused_by_name() {
 fn names_units_separators_and_orders_of_columns_do_not_matter() {
     let (a, b) = (steady(5.0, 7.0, 0.4, 20.0), steady(40.0, 3.5, 1.9, 15.0));
     let vehicles: [(&str, &dyn Fn(f64) -> State); 2] = [("a", &a), ("b", &b)];
+    // The reference is the same motion in the generic format.
     let expected = generic(&rows(&vehicles, 20.0, 5.0, &generic_line)).expect("rows");
     // Each file states one motion in the words of another program: its names, its units, its
     // separator, and its order. The clock is in seconds, milliseconds or nanoseconds.
