@@ -299,7 +299,9 @@ fn scenario() -> String {
             groups +=
                 &format!("<Vertex time=\"{t}\"><WorldPosition x=\"{x}\" y=\"{y}\"/></Vertex>\n");
         }
-        groups += "</Polyline></Shape></Trajectory></Action></Event></Maneuver></ManeuverGroup>\n";
+        groups += "</Polyline></Shape></Trajectory><TimeReference><Timing \
+             domainAbsoluteRelative=\"absolute\" scale=\"1\" offset=\"0\"/></TimeReference>\
+             </Action></Event></Maneuver></ManeuverGroup>\n";
     }
     format!("<OpenSCENARIO><Entities>{entities}</Entities>\n{groups}</OpenSCENARIO>")
 }
