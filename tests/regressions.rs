@@ -157,29 +157,3 @@ fn the_recorded_samples_say_the_same_of_the_rules_until_contact() {
         assert_eq!(lost, !rules.is_kept(), "{}", name(kept));
     }
 }
-
-#[test]
-#[ignore]
-fn convert_temporarily() {
-    let dir = tempfile::tempdir().expect("dir");
-    for kept in kept().kept() {
-        let world = kept.counterexample.scenario(&kept.path).expect("a world");
-        let replayed = brakecheck::crashes::replay::replay(kept, world.clone()).expect("replayed");
-        let motion =
-            brakecheck_experiment::run_dir::motion_after_contact(&world, &replayed.episode);
-        println!(
-            "{} {:?} {}",
-            name(kept),
-            motion.as_ref().map(|it| it.lines().count()),
-            replayed.identical
-        );
-        let Some(motion) = motion else { continue };
-        let with = brakecheck::run_dir::Counterexample {
-            motion_after_contact: motion,
-            ..kept.counterexample.clone()
-        };
-        let file = dir.path().join(kept.path.file_name().expect("a name"));
-        with.save(&file, &replayed.episode.trace).expect("written");
-        std::fs::copy(&file, &kept.path).expect("copied");
-    }
-}
