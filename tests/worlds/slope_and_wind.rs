@@ -59,7 +59,11 @@ fn a_car_gains_g_sin_from_the_station_on_at_which_the_road_falls() {
             let expected_mps = 20.0 + GRAVITY_MPS2 * 0.06 / 1.0036_f64.sqrt() * down_s;
             let off_mps = (speed_mps - expected_mps).abs();
             // The wheels of the rigid car reach the edge one axle after the other.
-            assert!(off_mps < 0.06, "{plant:?} {sample}: {off_mps}");
+            let most_mps = match plant {
+                PlantKind::Kinematic => 0.04,
+                PlantKind::Rigid => 0.045,
+            };
+            assert!(off_mps < most_mps, "{plant:?} {sample}: {off_mps}");
         }
     }
 }

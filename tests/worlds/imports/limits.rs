@@ -62,6 +62,9 @@ fn lane_changes_by_distance_take_a_speed_that_stays() {
         let error = refused(edits);
         assert!(error.what.contains(says), "{error}");
     }
+    let both = format!("{SLOWER}</PrivateAction><PrivateAction>{change}");
+    let error = refused(&[edit(SLOWER, both)]);
+    assert!(error.what.contains("more than one part"), "{error}");
     let later = [second(&time(8.5, "none", 0.0), &change)];
     assert!(import(&files(&later)).is_ok());
 }

@@ -270,6 +270,11 @@ fn moving<'a>(
     let is_free = !actors.iter().any(|it| ground.is_steered(it));
     let mut moving = Vec::new();
     for action in event.all("Action") {
+        // A second one would be lost without a word.
+        if let Some(further) = action.children.get(1) {
+            let help = "give each its own `Action` in this event";
+            return Err(further.refused("an `Action` with more than one part is not read", help));
+        }
         // An action without content does nothing.
         let kind = action.children.first();
         let Some(kind) = kind.filter(|it| !it.children.is_empty()) else {

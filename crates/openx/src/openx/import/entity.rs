@@ -3,7 +3,6 @@
 use core::f64::consts::PI;
 
 use super::bodies::ImportedBody;
-use super::laws::AT_ONCE_MPS;
 use super::places::Placed;
 use crate::opendrive::error::At;
 use crate::opendrive::roads::RoadMap;
@@ -12,6 +11,8 @@ use crate::sim::wrapped;
 
 /// Sine of the least angle between a lane and a pedestrian that walks across it.
 const ACROSS_SINE: f64 = 0.1;
+/// Lateral speed in m/s of a change of lane at once: it takes about a millisecond.
+pub(super) const AT_ONCE_MPS: f64 = 5000.0;
 
 /// Entity of a scenario.
 #[derive(Clone, Debug)]

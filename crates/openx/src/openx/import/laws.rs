@@ -1,6 +1,6 @@
 //! Laws of motion from the actions of a storyboard.
 
-use super::entity::{Approached, ImportedLaw, Steady};
+use super::entity::{AT_ONCE_MPS, Approached, ImportedLaw, Steady};
 use super::places::PositionContext;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
@@ -35,9 +35,6 @@ pub(super) fn gap_of(
 
 /// What is dropped of a meeting.
 const OWN_APPROACH: &str = "the approach of a meeting before its steady part";
-
-/// Lateral speed in m/s of a change of lane at once: it takes about a millisecond.
-pub(super) const AT_ONCE_MPS: f64 = 5000.0;
 
 /// Speed of an entity as far as it is known before the run.
 ///

@@ -17,8 +17,7 @@ use super::weather_rates::WeatherRates;
 use crate::ego::LaneOccupancy;
 use crate::road::{Direction, OnRoad, RoadNetwork, slope_direction};
 use crate::sim::{
-    self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, GroundSurface, Plant, PlantKind,
-    Pose, Push,
+    self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, GroundSurface, Plant, Pose, Push,
 };
 
 /// State of a driving scene at a sample.
@@ -55,7 +54,7 @@ impl SceneState {
     pub fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
         let agents = spec.agents.len();
         SceneState {
-            surface: surface_on(spec.plant, &spec, &network),
+            surface: surface_of(&spec, &network),
             plant: sim::plant(spec.plant, ground(&spec)),
             bodies: Vec::with_capacity(agents),
             states: Vec::with_capacity(agents),
@@ -76,7 +75,7 @@ impl SceneState {
     pub(super) fn change_roads(&mut self, spec: &Arc<DriveSpec>, network: &Arc<RoadNetwork>) {
         self.spec = Arc::clone(spec);
         self.network = Arc::clone(network);
-        let surface = surface_on(spec.plant, spec, network);
+        let surface = surface_of(spec, network);
         if surface.is_some() || self.surface.is_some() {
             self.plant.lay(surface.as_ref());
         }
@@ -344,14 +343,6 @@ impl SceneState {
         let length_m = self.spec.agents[a].body.length_m;
         let next_m = ways.clone().find(|way_m| -length_m <= *way_m);
         next_m.or_else(|| ways.next_back())
-    }
-}
-
-/// Returns the surface of the roads on a plant. The kinematic plant has none.
-fn surface_on(plant: PlantKind, spec: &DriveSpec, network: &RoadNetwork) -> Option<GroundSurface> {
-    match plant {
-        PlantKind::Rigid => surface_of(spec, network),
-        PlantKind::Kinematic => None,
     }
 }
 

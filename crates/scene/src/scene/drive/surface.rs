@@ -2,7 +2,7 @@
 
 use super::spec::DriveSpec;
 use crate::road::{Course, RoadNetwork, RoadProfile, SurfaceExtent, SurfaceMesh, stations_m};
-use crate::sim::GroundSurface;
+use crate::sim::{GroundSurface, PlantKind};
 
 /// Greatest speed for which a surface is long enough, in m/s.
 const FASTEST_MPS: f64 = 70.0;
@@ -11,9 +11,9 @@ const BEYOND_M: f64 = 300.0;
 /// Points on a line of sight at which the road may rise above it.
 const SIGHT_POINTS: u32 = 24;
 
-/// Returns the surface of all roads, `None` if all of them are flat.
+/// Returns the surface of all roads, `None` on the kinematic plant and if all are flat.
 pub(super) fn surface_of(spec: &DriveSpec, network: &RoadNetwork) -> Option<GroundSurface> {
-    if !spec.has_slopes() {
+    if spec.plant == PlantKind::Kinematic || !spec.has_slopes() {
         return None;
     }
     let reach_m = FASTEST_MPS * spec.clock.horizon_s + BEYOND_M;

@@ -5,9 +5,9 @@ use super::{Reader, SOON_S, directions};
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::ends::to_mps;
+use crate::openx::import::entity::AT_ONCE_MPS;
 use crate::openx::import::entity::{ImportedLaw, ImportedStep, Measure, WatchedCondition};
 use crate::openx::import::joined::StartTrigger;
-use crate::openx::import::laws::AT_ONCE_MPS;
 use crate::openx::import::relations::StoryElement;
 use crate::openx::import::triggers::starts;
 

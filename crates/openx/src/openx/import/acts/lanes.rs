@@ -6,8 +6,9 @@ use crate::opendrive::error::ImportError;
 use crate::opendrive::roads::OnLane;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
+use crate::openx::import::entity::AT_ONCE_MPS;
 use crate::openx::import::entity::ImportedLaw;
-use crate::openx::import::laws::{AT_ONCE_MPS, lane_change, shape_of};
+use crate::openx::import::laws::{lane_change, shape_of};
 use crate::openx::import::places::lane_beside;
 use crate::road::ChangeShape;
 
