@@ -57,7 +57,7 @@ use serde_json::json;
 use strum::{EnumMessage, VariantArray};
 
 pub use failure::{ErrorReport, Exit, Failure};
-use terminal::{Common, Program};
+use terminal::{CommandLine, Common};
 
 use crate::experiment::NeutralRule;
 use crate::report::TextTable;
@@ -184,7 +184,7 @@ pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     terminal::main_of::<Cli>(arguments)
 }
 
-impl Program for Cli {
+impl CommandLine for Cli {
     fn common(&self) -> Common {
         self.verb.common()
     }

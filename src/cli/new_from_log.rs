@@ -100,6 +100,22 @@ pub(super) fn run(
         return Err(nothing(args, kind, &recorded));
     }
     let folder = args.output.as_deref().unwrap_or(Path::new(""));
+    let files = files_of(&recorded, folder)?;
+    if args.output.is_some() {
+        make_dir(folder)?;
+    }
+    for ((path, _), world) in files.iter().zip(&recorded.worlds) {
+        write_file(path, world.text.as_bytes())?;
+    }
+    if prints_json {
+        return print_worlds(&recorded, &files);
+    }
+    show(&recorded, &files)?;
+    Ok(Exit::Done)
+}
+
+/// Returns a path and its text for each world, all of them free and each world sound.
+fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<(PathBuf, String)>, Failure> {
     let mut files = Vec::new();
     for world in &recorded.worlds {
         let path = folder.join(format!("{}.ron", world.name));
@@ -114,17 +130,7 @@ pub(super) fn run(
         Scenario::parse(&file, &world.text)?;
         files.push((path, file));
     }
-    if args.output.is_some() {
-        make_dir(folder)?;
-    }
-    for ((path, _), world) in files.iter().zip(&recorded.worlds) {
-        write_file(path, world.text.as_bytes())?;
-    }
-    if prints_json {
-        return print_worlds(&recorded, &files);
-    }
-    show(&recorded, &files)?;
-    Ok(Exit::Done)
+    Ok(files)
 }
 
 fn nothing(args: &FromLogArgs, kind: SituationKind, recorded: &RecordedWorlds) -> Failure {

@@ -69,7 +69,7 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 /// Command line of a program.
-pub trait Program: CommandFactory + FromArgMatches + Send {
+pub trait CommandLine: CommandFactory + FromArgMatches + Send {
     /// Returns the options of the command that all commands share.
     fn common(&self) -> Common;
 
@@ -85,7 +85,7 @@ pub trait Program: CommandFactory + FromArgMatches + Send {
 }
 
 /// Runs a program on the process's arguments.
-pub fn main<P: Program>() -> ExitCode {
+pub fn main<P: CommandLine>() -> ExitCode {
     last_resort::speak_plainly(note);
     // Parsing is guarded, too, because every panic is a fault of this program.
     let exit = last_resort::guarded(|| main_of::<P>(std::env::args_os()));
@@ -95,7 +95,7 @@ pub fn main<P: Program>() -> ExitCode {
 /// Runs a program on `arguments`, its own name first.
 ///
 /// Help, and an invalid command line, end the process.
-pub(super) fn main_of<P: Program>(arguments: impl IntoIterator<Item = OsString>) -> Exit {
+pub(super) fn main_of<P: CommandLine>(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     let program: P = match read_line(arguments) {
         Ok(program) => program,
         Err(error) => return refused(&error),
@@ -126,7 +126,9 @@ fn refused(error: &clap::Error) -> Exit {
 }
 
 /// Parses the command line. A negative number is a value, not an option.
-fn read_line<P: Program>(arguments: impl IntoIterator<Item = OsString>) -> Result<P, clap::Error> {
+fn read_line<P: CommandLine>(
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<P, clap::Error> {
     let negative = |argument: clap::Arg| {
         if argument.get_action().takes_values() {
             argument.allow_negative_numbers(true)

@@ -199,10 +199,10 @@ fn any(solved: &[Vec<bool>]) -> Vec<bool> {
 }
 
 /// Heading of a column, and its number in a row.
-type Column = (&'static str, fn(&LeagueRow) -> f64);
+type LeagueColumn = (&'static str, fn(&LeagueRow) -> f64);
 
 /// Recalls of a row, with the headings of their columns.
-const COLUMNS: [Column; 10] = [
+const COLUMNS: [LeagueColumn; 10] = [
     ("league, all", |row| row.union),
     ("first half", |row| row.half),
     ("mixture, 1", |row| row.mixture),

@@ -58,4 +58,4 @@ pub use risk::{
     risk_seed,
 };
 pub use structures::{RUNS, StructureRow, StructureStudy, other_structures, structures_markdown};
-pub use table1::{Scale, Table1, Table1Error, table1, table1_markdown};
+pub use table1::{PaperScale, Table1, Table1Error, table1, table1_markdown};

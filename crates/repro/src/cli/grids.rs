@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, once, world};
-use crate::{Scale, Table1, Table1Error, table1, table1_markdown};
+use crate::{PaperScale, Table1, Table1Error, table1, table1_markdown};
 
 /// The grid worlds of Table I, the headline first.
 const WORLDS: [&str; 2] = ["grid_hard", "grid"];
@@ -11,7 +11,7 @@ const WORLDS: [&str; 2] = ["grid_hard", "grid"];
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let request = Table1 {
         seeds: args.seeds_within(MOST_SEEDS),
-        scale: Scale::PAPER,
+        scale: PaperScale::PAPER,
     };
     let mut studies = Vec::new();
     for name in WORLDS {

@@ -18,7 +18,7 @@ mod structures;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use brakecheck::cli::terminal::{self, Common, Program, start_count};
+use brakecheck::cli::terminal::{self, CommandLine, Common, start_count};
 use brakecheck::cli::{Exit, Failure};
 use clap::{Parser, ValueEnum};
 use serde::Serialize;
@@ -151,7 +151,7 @@ pub fn main() -> ExitCode {
     terminal::main::<ReproduceArgs>()
 }
 
-impl Program for ReproduceArgs {
+impl CommandLine for ReproduceArgs {
     fn common(&self) -> Common {
         self.common.clone()
     }

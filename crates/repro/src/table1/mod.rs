@@ -52,12 +52,12 @@ pub struct Table1 {
     /// The stream of the test starts is also the seed of the random ados.
     pub seeds: Seeds,
     /// Extent of the study.
-    pub scale: Scale,
+    pub scale: PaperScale,
 }
 
 /// Extent of Table I.
 #[derive(Clone, Copy, Debug)]
-pub struct Scale {
+pub struct PaperScale {
     /// Side of the map of RQ4 and RQ5. Larger maps of RQ2 are left out.
     pub large: u32,
     /// Values of ε of RQ5, with the paper's shares.
@@ -66,9 +66,9 @@ pub struct Scale {
     pub refined_starts: usize,
 }
 
-impl Scale {
+impl PaperScale {
     /// The paper's own extent.
-    pub const PAPER: Scale = Scale {
+    pub const PAPER: PaperScale = PaperScale {
         large: 10,
         refinements: &[(3, 0.89), (5, 0.78)],
         // Three times 300.

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use crate::{Scale, Table1, table1, table1_markdown};
+use crate::{PaperScale, Table1, table1, table1_markdown};
 use brakecheck::experiment::Watch;
 use brakecheck::seed::Seeds;
 use brakecheck::world::Scenario;
@@ -32,7 +32,7 @@ fn table_1_in_small_has_every_row_and_the_exact_numbers() {
             count: 2,
             starts: 3,
         },
-        scale: Scale {
+        scale: PaperScale {
             large: 4,
             refinements: &[(3, 0.89)],
             refined_starts: 60,
