@@ -2,10 +2,24 @@
 
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
 use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
 use serde_json::Value;
+
+/// Python itself: a wrapper of the PATH would take most of the time of these tests.
+fn python() -> &'static str {
+    static FOUND: LazyLock<String> = LazyLock::new(|| {
+        let mut asked = Command::new("python3");
+        let output = asked
+            .args(["-c", "import sys; print(sys.executable)"])
+            .output();
+        let output = output.expect("Python is there");
+        String::from_utf8_lossy(&output.stdout).trim().to_owned()
+    });
+    &FOUND
+}
 
 fn follower() -> String {
     root().join("tests/data/follower.py").display().to_string()
@@ -14,7 +28,7 @@ fn follower() -> String {
 /// Runs a verb against the follower of a kind.
 fn against(verb: &[&str], kind: &[&str]) -> std::process::Output {
     let follower = follower();
-    let program = ["--", "python3", &follower];
+    let program = ["--", python(), &follower];
     brakecheck(&[verb, &program, kind].concat())
 }
 
@@ -176,7 +190,7 @@ fn a_random_program_needs_repeats_and_a_fresh_one_is_written_in_a_file() {
         brakecheck(&[&verb[..], &effort, ego].concat())
     };
     let follower = follower();
-    let random = ["--", "python3", &follower, "random"];
+    let random = ["--", python(), &follower, "random"];
     assert_eq!(code(&search(&world(""), &random)), 3);
     let repeated = search(&world("repeats: 3,\n    "), &random);
     assert_eq!(code(&repeated), 0, "{}", stderr(&repeated));
@@ -269,7 +283,15 @@ fn a_program_that_hangs_delays_no_end_and_one_without_its_guard_is_killed() {
     let mark = format!("brakecheck-hangs-{}", std::process::id());
     let follower = follower();
     let asked = [
-        "search", "acc", "--starts", "4", "--", "python3", &follower, "hangs", &mark,
+        "search",
+        "acc",
+        "--starts",
+        "4",
+        "--",
+        python(),
+        &follower,
+        "hangs",
+        &mark,
     ];
     let mut program = Command::new(env!("CARGO_BIN_EXE_brakecheck"));
     let program = program

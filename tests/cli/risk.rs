@@ -96,7 +96,7 @@ fn counterexamples_of_a_training_are_used_in_its_own_world_alone() {
     let traffic = traffic.replace("[0.0, 1.0, 0.3]", "[0.0, 1.0, 0.3, 0.1]");
     let laws = path(&dir, "laws.ron");
     std::fs::write(&laws, traffic).expect("written");
-    let plant = ["--plant", "kinematic", "--budget", "500", "--run", &run];
+    let plant = ["--plant", "kinematic", "--budget", "1000", "--run", &run];
     let asked = [&["risk", &other, "--traffic", &laws][..], &plant].concat();
     refused(&asked, "other starts or actions");
 }

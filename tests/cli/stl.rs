@@ -129,13 +129,15 @@ fn a_tie_is_settled_by_the_comparison() {
 
 #[test]
 fn what_users_get_wrong_exits_with_2_and_is_named() {
-    let good = "x,y\n1,2\n3,4\n";
-    let cases: [(&[&str], &str, &str); 10] = [
+    let good = "t,x,y\n0,1,2\n1,3,4\n";
+    let cases: [(&[&str], &str, &str); 11] = [
         (&["always (z > 0)"], good, "z"),
         (&["always (x > "], good, "formula:1:"),
         (&["always[0, 0.5] (x > 0)"], good, "neighbours"),
-        (&["x > 0"], "x\n1\nNaN\n", "line 3, column `x`"),
-        (&["x > 0"], "x,y\n1\n", "1 values for 2 columns"),
+        (&["x > 0"], "t,x\n0,1\n1,NaN\n", "line 3, column `x`"),
+        (&["x > 0"], "t,x,y\n0,1\n", "2 values for 3 columns"),
+        // Without a time column, the period is a guess.
+        (&["x > 0"], "x,y\n1,2\n", "--time NAME"),
         (&["x > 0"], "t,x\n0,1\n1,2\n5,3\n", "uneven"),
         (&["x > 0"], "", "empty"),
         (&["x > 0", "--dt", "0"], good, "sampling period"),
