@@ -25,28 +25,7 @@ struct CheckedRecording {
 
 /// Evaluates the rules on all recordings, and writes the files that are named.
 pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
-    let (source, rules) = rule_file(args)?;
-    let mut checked = Vec::new();
-    let columns = log::GivenColumns {
-        map: args.map.as_deref(),
-        time: args.time.as_deref(),
-    };
-    for (analysis, map) in log::read_all(&args.log, columns, args.road.as_deref())? {
-        log_reading::note(&analysis, &map);
-        let bound = BoundRules::bind(&rules, &analysis.recording);
-        let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
-        let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
-        let results = results.map_err(|error| in_rule_file(&source, &rules, error))?;
-        let evaluated = EvaluatedRows::of(&analysis.recording, &analysis.frame, &analysis.leads);
-        terminal::note(&format!("evaluated: {evaluated}"));
-        checked.push(CheckedRecording {
-            pictures: vec![None; results.len()],
-            analysis,
-            map,
-            results,
-            evaluated,
-        });
-    }
+    let mut checked = evaluated(args)?;
     if let Some(folder) = &args.picture {
         for (i, it) in checked.iter_mut().enumerate() {
             it.draw(folder, i)?;
@@ -72,6 +51,33 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
             Exit::Done
         },
     )
+}
+
+/// Evaluates the rules on each recording that is named, and says what was read and evaluated.
+fn evaluated(args: &StlArgs) -> Result<Vec<CheckedRecording>, Failure> {
+    let (source, rules) = rule_file(args)?;
+    let mut checked = Vec::new();
+    let columns = log::GivenColumns {
+        map: args.map.as_deref(),
+        time: args.time.as_deref(),
+    };
+    for (analysis, map) in log::read_all(&args.log, columns, args.road.as_deref())? {
+        log_reading::note(&analysis, &map);
+        let bound = BoundRules::bind(&rules, &analysis.recording);
+        let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
+        let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
+        let results = results.map_err(|error| in_rule_file(&source, &rules, error))?;
+        let evaluated = EvaluatedRows::of(&analysis.recording, &analysis.frame, &analysis.leads);
+        terminal::note(&format!("evaluated: {evaluated}"));
+        checked.push(CheckedRecording {
+            pictures: vec![None; results.len()],
+            analysis,
+            map,
+            results,
+            evaluated,
+        });
+    }
+    Ok(checked)
 }
 
 /// Returns the rules and the name of their file, or a formula as the only rule.
