@@ -14,6 +14,8 @@ mod composed;
 mod conformance;
 #[path = "worlds/counting.rs"]
 mod counting;
+#[path = "worlds/crests.rs"]
+mod crests;
 #[path = "worlds/cyclists.rs"]
 mod cyclists;
 #[path = "worlds/drawn_roads.rs"]

@@ -10,7 +10,7 @@ macro_rules! world {
 }
 
 /// Shipped worlds: their names and texts, in order.
-pub const WORLDS: [(&str, &str); 35] = [
+pub const WORLDS: [(&str, &str); 36] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_letter"),
@@ -18,6 +18,7 @@ pub const WORLDS: [(&str, &str); 35] = [
     world!("acc_plain"),
     world!("acc_structures"),
     world!("bend"),
+    world!("crest_bend"),
     world!("crossroads"),
     world!("cut_in"),
     world!("cut_in_clear"),

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
     Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TimeColumn,
-    TrafficModel, TrafficRecording, fit_traffic, read_csv, read_csv_timed, read_fcd, read_lanelets,
-    read_mcap, read_osi, read_xosc, svg_instant, svg_overview,
+    TrafficModel, TrafficRecording, fit_traffic, read_csv, read_csv_timed, read_lanelets,
+    read_mcap, read_osi, read_xml, read_xosc, svg_instant, svg_overview,
 };
 use clap::Args;
 use serde_json::{Value, json};
@@ -23,7 +23,7 @@ pub(super) struct LogArgs {
     ///
     /// CSV has a row per road user and instant. OpenSCENARIO has polylines that its
     /// entities follow. OSI traces hold osi3.GroundTruth or osi3.SensorView, and XML is
-    /// floating car data of SUMO. Any other ending is read as CSV.
+    /// floating car data of SUMO or a CommonRoad scenario. Any other ending is read as CSV.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Column map: dlr, highd, ind, ngsim, sumo, interaction, generic or a RON file
@@ -263,13 +263,9 @@ fn read(
     let format = file.extension().and_then(OsStr::to_str).unwrap_or_default();
     // Some recorders write endings in capitals.
     let format = format.to_ascii_lowercase();
-    let recording = match &*format {
-        "xosc" => read_xosc(rows, &name),
-        "osi" => read_osi(rows, &name),
-        "mcap" => read_mcap(rows, &name),
-        "xml" => read_fcd(rows, &name),
-        _ => return read_rows(rows, &name, map, time),
-    };
+    if !matches!(&*format, "xosc" | "osi" | "mcap" | "xml") {
+        return read_rows(rows, &name, map, time);
+    }
     // A column map without effect would hide a mistake.
     if map.is_some() || time.is_some() {
         return Err(Failure::input(
@@ -277,7 +273,16 @@ fn read(
             "leave out --map and --time, or read the CSV files by a command of their own",
         ));
     }
-    Ok((recording?, format))
+    let recording = match &*format {
+        "xosc" => read_xosc(rows, &name)?,
+        "osi" => read_osi(rows, &name)?,
+        "mcap" => read_mcap(rows, &name)?,
+        _ => {
+            let (recording, known) = read_xml(rows, &name)?;
+            return Ok((recording, known.to_owned()));
+        }
+    };
+    Ok((recording, format))
 }
 
 fn read_rows(

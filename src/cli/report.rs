@@ -203,8 +203,17 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
     Ok(())
 }
 
-/// More invalid episodes in a row than are allowed.
+/// A page without a row, or more invalid episodes in a row than are allowed.
 fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
+    if report.tested.is_empty() {
+        let run = quoted(&shown(&args.run));
+        return Some(Failure::input(
+            format!("{run} has no policy yet, so nothing was evaluated"),
+            format!(
+                "go on with `brakecheck train {run}/world.ron -o {run} --resume`, then report it"
+            ),
+        ));
+    }
     let mut rows = report.tested.iter().map(|tested| &tested.row);
     // A row without a valid start is no result, whatever share is allowed.
     let is_unheeded = |share: f64| args.common.allow_invalid < share || 1.0 <= share;

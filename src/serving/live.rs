@@ -48,6 +48,45 @@ struct GivenState {
     accel_mps2: Option<f64>,
 }
 
+/// Speed of a vehicle that is taken for a mistake.
+const MOST_MPS: f64 = 150.0;
+/// Distance between the motion of a sample and the one that its speeds and headings say:
+/// a constant part, and a share of the way.
+const OFF_M: f64 = 0.2;
+const OFF_SHARE: f64 = 0.25;
+
+/// Returns why a body cannot have moved so from sample to sample.
+fn possible(before: &BodyState, after: &BodyState, sample_s: f64) -> Result<(), String> {
+    let way_m = |state: &BodyState| {
+        let (sin, cos) = libm::sincos(state.pose.heading_rad);
+        let (ahead_m, left_m) = (sample_s * state.speed_mps, sample_s * state.lateral_mps);
+        [ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos]
+    };
+    let ways_m = [way_m(before), way_m(after)];
+    let said_m: [f64; 2] = core::array::from_fn(|i| 0.5 * (ways_m[0][i] + ways_m[1][i]));
+    let moved_m = [
+        after.pose.x_m - before.pose.x_m,
+        after.pose.y_m - before.pose.y_m,
+    ];
+    let off_m = libm::hypot(moved_m[0] - said_m[0], moved_m[1] - said_m[1]);
+    let longest_m = ways_m.map(|way_m| libm::hypot(way_m[0], way_m[1]));
+    let longest_m = longest_m[0].max(longest_m[1]);
+    if MOST_MPS * sample_s < longest_m {
+        let mps = longest_m / sample_s;
+        return Err(format!(
+            "has a speed of {mps:.0} m/s: give m/s, up to {MOST_MPS}"
+        ));
+    }
+    if OFF_M + OFF_SHARE * longest_m < off_m {
+        let [moved_m, said_m] = [moved_m, said_m].map(|way_m| libm::hypot(way_m[0], way_m[1]));
+        return Err(format!(
+            "moved by {moved_m:.2} m in {sample_s} s, {off_m:.2} m from where its speeds and \
+             headings take it ({said_m:.2} m): give m, m/s and rad, and every sample"
+        ));
+    }
+    Ok(())
+}
+
 /// Judged episode in progress.
 pub(super) struct LiveEpisode {
     bench: Testbench,
@@ -180,7 +219,8 @@ impl LiveEpisode {
     /// Takes the states at the end of the next sample.
     ///
     /// # Errors
-    /// The episode is over, an agent is unknown, or the ego is missing.
+    /// The episode is over, an agent is unknown, the ego is missing, or a position
+    /// contradicts the speeds and headings.
     pub(super) fn sample(&mut self, request: &Value, policy: &dyn Policy) -> Result<(), String> {
         if self.bench.is_done() {
             return Err("the episode is over: reset".to_owned());
@@ -195,12 +235,19 @@ impl LiveEpisode {
                 return Err(format!("`sample`: unknown agent `{name}`"));
             };
             // A simulator need not report an acceleration, but signals may read it.
-            let gained_mps = given.speed_mps - before[agent].state.speed_mps;
-            states[agent] = Some(given.state(gained_mps / sample_s));
+            let last = &before[agent].state;
+            let state = given.state((given.speed_mps - last.speed_mps) / sample_s);
+            states[agent] = Some(state);
         }
         if states[self.ego].is_none() {
             let name = &self.agents[self.ego];
             return Err(format!("`sample`: missing state of the ego `{name}`"));
+        }
+        for (agent, state) in states.iter().enumerate() {
+            let Some(state) = state else { continue };
+            let name = &self.agents[agent];
+            possible(&before[agent].state, state, sample_s)
+                .map_err(|why| format!("`sample`: `{name}` {why}"))?;
         }
         // Invariant: the episode is not over and its agents have bodies, so a sample is played.
         self.bench.sample_given(&states);

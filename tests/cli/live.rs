@@ -226,6 +226,46 @@ fn mistakes_in_judged_episodes_are_answered() {
     }
 }
 
+/// A jump is no motion, so it makes no counterexample either.
+#[test]
+fn a_motion_that_contradicts_its_speeds_is_not_played() {
+    let dir = scratch();
+    let (run, _) = small_run(&dir, "run", &[]);
+    let mut served = Served::start(&[&run]);
+    let begun = served.ask(&json!({ "reset": { "index": 0 } }));
+    let ego = &begun["bodies"]["ego"];
+    let [x_m, y_m, speed_mps] =
+        ["x_m", "y_m", "speed_mps"].map(|key| ego[key].as_f64().expect("a number"));
+    let moved = |ahead_m: f64, heading_rad: f64, speed_mps: f64| {
+        let (x_m, y_m) = (x_m + ahead_m, y_m);
+        json!({ "sample": { "ego": {
+            "x_m": x_m, "y_m": y_m, "heading_rad": heading_rad, "speed_mps": speed_mps,
+        } } })
+    };
+    let way_m = 0.05 * speed_mps;
+    for (message, says) in [
+        (moved(499.0, 0.0, speed_mps), "moved by 499.00 m in 0.05 s"),
+        (moved(499.0, 0.0, 9964.0), "a speed of 9964 m/s"),
+        (moved(-499.0, 0.0, speed_mps), "moved by 499.00 m"),
+        (
+            moved(way_m, 0.0, 3.6 * speed_mps),
+            "its speeds and headings",
+        ),
+        (moved(way_m, 90.0, speed_mps), "its speeds and headings"),
+        (
+            moved(2.0 * way_m + 0.3, 0.0, speed_mps),
+            "its speeds and headings",
+        ),
+    ] {
+        let answer = served.ask(&message);
+        let error = answer["error"].to_string();
+        assert!(error.contains(says), "{message}: {answer}");
+    }
+    // The refused samples left the episode where it was.
+    let answer = served.ask(&moved(way_m, 0.0, speed_mps));
+    assert_eq!(answer["time_s"], 0.05, "{answer}");
+}
+
 #[test]
 fn a_derived_signal_follows_from_those_that_it_reads() {
     let dir = scratch();

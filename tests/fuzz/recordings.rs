@@ -2,7 +2,7 @@
 
 use brakecheck_traffic::{
     Analysis, BoundRules, DrivingBehaviour, ReadError, TrafficModel, TrafficRecording,
-    TrafficRuleFile, read_csv_guessed, read_fcd, read_lanelets, read_mcap, read_osi, read_xosc,
+    TrafficRuleFile, read_csv_guessed, read_lanelets, read_mcap, read_osi, read_xml, read_xosc,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -95,7 +95,23 @@ fn xml() -> Vec<Source> {
                <way id='5'><nd ref='1'/><nd ref='2'/></way><way id='6'><nd ref='3'/><nd ref='4'/></way>\
                <relation id='7'><member ref='6' role='left'/><member ref='5' role='right'/>\
                <tag k='type' v='lanelet'/></relation></osm>";
+    let state = |step: usize, name: &str| {
+        format!(
+            "<{name}><position><point><x>{}</x><y>1</y></point></position><orientation>\
+             <exact>0</exact></orientation><time><exact>{step}</exact></time><velocity>\
+             <exact>20</exact></velocity></{name}>",
+            2 * step
+        )
+    };
+    let states: String = (1..30).map(|step| state(step, "state")).collect();
+    let commonroad = format!(
+        "<commonRoad timeStepSize=\"0.1\"><dynamicObstacle id=\"5\"><type>car</type><shape>\
+         <rectangle><length>4.5</length><width>1.8</width></rectangle></shape>{}<trajectory>\
+         {states}</trajectory></dynamicObstacle></commonRoad>",
+        state(0, "initialState")
+    );
     vec![
+        Source::new("commonroad", commonroad),
         Source::new("fcd", fcd),
         Source::new("xosc", xosc),
         Source::new("osm", osm),
@@ -150,7 +166,7 @@ fn any_xml_of_a_recording_or_a_map_is_refused_or_analysed() {
         if text.starts_with(b"<OpenSCENARIO") {
             used(read_xosc(text, "log.xosc"))
         } else {
-            used(read_fcd(text, "log.xml"))
+            used(read_xml(text, "log.xml").map(|it| it.0))
         }
     });
 }

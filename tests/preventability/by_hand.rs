@@ -579,6 +579,7 @@ fn changing_weather_and_roads_have_no_replays() {
         ("wet_bend", NotApplicable::ChangingWeather),
         ("fog_queue", NotApplicable::ChangingWeather),
         ("tightening_bend", NotApplicable::ChangingRoad),
+        ("crest_bend", NotApplicable::ChangingRoad),
     ] {
         let world = world(name, PlantKind::Kinematic);
         let mut bench = world.bench();

@@ -1,10 +1,11 @@
-//! Reading of SUMO's floating car data.
+//! Reading of SUMO's floating car data, and of recordings in XML of either kind.
 
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 
 use indexmap::IndexMap;
 
 use crate::column_map::AngleUnit;
+use crate::commonroad::read_commonroad;
 use crate::error::ReadError;
 use crate::grid;
 use crate::problem::{FilePlace, FileProblem};
@@ -12,6 +13,31 @@ use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVecto
 use crate::recording::{Class, ReadCounts, TrafficRecording};
 use crate::xml_lines::{PlacedElement, read_elements};
 use crate::xosc_entity::class_of_words;
+
+/// Bytes of a file in which its root element begins.
+const HEAD: usize = 1 << 13;
+
+/// Reads a recording in XML: CommonRoad if its root says so, floating car data otherwise.
+///
+/// Returns the name of the format, too.
+///
+/// # Errors
+/// As [`read_commonroad`] and [`read_fcd`].
+pub fn read_xml(
+    text: impl Read,
+    name: &str,
+) -> Result<(TrafficRecording, &'static str), ReadError> {
+    let mut text = BufReader::with_capacity(HEAD, text);
+    let head = text.fill_buf().map_err(|source| ReadError::File {
+        file: name.to_owned(),
+        source,
+    })?;
+    let root = b"<commonRoad";
+    if head.windows(root.len()).any(|it| it == root) {
+        return Ok((read_commonroad(text, name)?, "commonroad"));
+    }
+    Ok((read_fcd(text, name)?, "fcd"))
+}
 
 /// Reads `fcd-export` of SUMO in XML. Errors call it by `name`.
 ///

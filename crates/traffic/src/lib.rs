@@ -31,6 +31,7 @@ mod analysis;
 mod calibration;
 mod column_map;
 mod columns;
+mod commonroad;
 mod crossing_plan;
 mod crossing_roads;
 mod crossing_text;
@@ -88,10 +89,11 @@ pub use column_map::{
     TimeColumn, VectorColumns, YAxis,
 };
 pub use columns::RecordingColumns;
+pub use commonroad::read_commonroad;
 pub use crossing_roads::CrossingRoads;
 pub use crossings::{CROSSING_PET_S, CROSSING_RAD, PathCrossing};
 pub use error::ReadError;
-pub use fcd::read_fcd;
+pub use fcd::{read_fcd, read_xml};
 pub use fit::fit_traffic;
 pub use following::Leads;
 pub use lane_change_plan::LaneChangePlan;

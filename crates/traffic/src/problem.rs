@@ -90,6 +90,9 @@ pub enum FileProblem {
     /// No step has a road user.
     #[error("no vehicle and no person in a timestep of fcd-export")]
     NoVehicles,
+    /// No obstacle of a scenario has states.
+    #[error("no dynamic obstacle with a trajectory")]
+    NoObstacles,
     /// No lanelet has local coordinates.
     #[error("no lanelet whose nodes have `local_x` and `local_y`")]
     NoLanelets,
@@ -230,6 +233,10 @@ impl FileProblem {
                  SimulationTimeCondition"
             }
             FileProblem::NoVehicles => "write it with `sumo --fcd-output FILE.xml`",
+            FileProblem::NoObstacles => {
+                "name a CommonRoad scenario of recorded traffic, whose `dynamicObstacle`s have \
+                 trajectories"
+            }
             FileProblem::NoLanelets => {
                 "save the Lanelet2 map with local coordinates, or name an OpenDRIVE file"
             }

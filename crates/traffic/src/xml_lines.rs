@@ -111,6 +111,37 @@ impl PlacedElement<'_> {
     }
 }
 
+/// Text inside an element, with its place.
+pub(crate) struct PlacedText<'a> {
+    /// Names of the elements around it, outermost first.
+    pub(crate) path: &'a [String],
+    pub(crate) text: &'a str,
+    file: &'a str,
+    line: u64,
+}
+
+impl PlacedText<'_> {
+    /// Returns a finite number, which is the `name` of something.
+    pub(crate) fn number(&self, name: &str) -> Result<f64, ReadError> {
+        let value = self.text.parse().ok().filter(|it: &f64| it.is_finite());
+        value.ok_or_else(|| {
+            self.error(FileProblem::NotFinite {
+                owner: self.path.last().cloned().unwrap_or_default(),
+                name: name.to_owned(),
+                text: crate::read::shown(self.text.as_bytes()),
+            })
+        })
+    }
+
+    pub(crate) fn error(&self, problem: FileProblem) -> ReadError {
+        ReadError::Content {
+            file: self.file.to_owned(),
+            place: FilePlace::Line(self.line),
+            problem,
+        }
+    }
+}
+
 /// Calls `start` and `end` for all elements of a file.
 ///
 /// # Errors
@@ -119,8 +150,29 @@ pub(crate) fn read_elements<S>(
     text: impl Read,
     file: &str,
     state: &mut S,
-    mut start: impl FnMut(&mut S, &PlacedElement<'_>) -> Result<(), ReadError>,
+    start: impl FnMut(&mut S, &PlacedElement<'_>) -> Result<(), ReadError>,
     mut end: impl FnMut(&mut S, &str),
+) -> Result<(), ReadError> {
+    let end = |state: &mut S, name: &str, _| {
+        end(state, name);
+        Ok(())
+    };
+    read_elements_and_text(text, file, state, start, |_, _| Ok(()), end)
+}
+
+/// Calls `start`, `inside` and `end` for all elements of a file and their texts.
+///
+/// `end` gets the line at which the element ends.
+///
+/// # Errors
+/// The text is not XML, ends inside an element, or a call fails.
+pub(crate) fn read_elements_and_text<S>(
+    text: impl Read,
+    file: &str,
+    state: &mut S,
+    mut start: impl FnMut(&mut S, &PlacedElement<'_>) -> Result<(), ReadError>,
+    mut inside: impl FnMut(&mut S, &PlacedText<'_>) -> Result<(), ReadError>,
+    mut end: impl FnMut(&mut S, &str, FilePlace) -> Result<(), ReadError>,
 ) -> Result<(), ReadError> {
     let mut reader = Reader::from_reader(LineCounter::new(text));
     let mut open: Vec<String> = Vec::new();
@@ -160,11 +212,25 @@ pub(crate) fn read_elements<S>(
                         line,
                     },
                 )?;
-                end(state, tag.local_name().into_inner());
+                end(state, tag.local_name().into_inner(), FilePlace::Line(line))?;
             }
             Ok(Event::End(tag)) => {
                 open.pop();
-                end(state, tag.local_name().into_inner());
+                end(state, tag.local_name().into_inner(), FilePlace::Line(line))?;
+            }
+            Ok(Event::Text(text)) => {
+                let text = text.trim();
+                if !text.is_empty() {
+                    inside(
+                        state,
+                        &PlacedText {
+                            path: &open,
+                            text,
+                            file,
+                            line,
+                        },
+                    )?;
+                }
             }
             Ok(Event::Eof) => break,
             Ok(_) => {}

@@ -31,10 +31,9 @@ pub(super) fn start_s(ego: &EgoUnderTest, ado: &PlannedAdo) -> f64 {
         } => match method.as_str() {
             "switches" => {
                 let sequences = FIRST_SEQUENCES * libm::pow(PER_SWITCH, *switches as f64);
-                // A search on the rigid plant is pre-screened on the kinematic plant.
-                let searched_step_s = match scenario.plant() {
-                    Dynamics::Rigid => KINEMATIC_STEP_S,
-                    other => step_s(other),
+                let searched_step_s = match scenario.screening() {
+                    Some(screening) => step_s(screening.plant()),
+                    None => step_s(scenario.plant()),
                 };
                 episode_s(scenario) + sequences * steps(scenario) * searched_step_s
             }

@@ -33,9 +33,8 @@ use super::reruns::{KEEP_RUNS, Reruns};
 use crate::experiment::Watch;
 use crate::preventability::{Label, NotApplicable};
 use crate::run_dir::{Effort, Shrunk};
-use crate::scene::{ContactEvent, Dynamics, Start};
+use crate::scene::{ContactEvent, Start};
 use crate::search::{Tree, WalkControl};
-use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, FaultLog, Testbench};
 use crate::world::Scenario;
 
@@ -108,9 +107,9 @@ pub(super) fn shrink_within(
         faults: FaultLog::default(),
         ..watch.quiet()
     };
-    let (cheap, closing) = match scenario.plant() {
-        Dynamics::Rigid => (scenario.on(PlantKind::Kinematic), SCREENED_CLOSING),
-        Dynamics::Kinematic | Dynamics::Cells => (scenario.clone(), CLOSING),
+    let (cheap, closing) = match scenario.screening() {
+        Some(screening) => (screening, SCREENED_CLOSING),
+        None => (scenario.clone(), CLOSING),
     };
     let mut shrinking = Shrinking {
         scenario,

@@ -40,9 +40,8 @@ use crate::experiment::Watch;
 use crate::run_dir::{
     AdversaryId, Anytime, ClosingSpeed, ContactSeverity, Row, SuccessContacts, Unconfirmed,
 };
-use crate::scene::{Dynamics, Start};
+use crate::scene::Start;
 use crate::severity::Impact;
-use crate::sim::PlantKind;
 use crate::stats::{StartOutcome, wilson};
 use crate::testbench::{Testbench, count_faults};
 use crate::world::Scenario;
@@ -129,9 +128,15 @@ pub fn anytime(found: &[Option<SearchResult>], budget: u64) -> Anytime {
 }
 
 impl SearchRequest<'_> {
-    /// Returns whether the kinematic plant pre-screens sequences.
+    /// Returns the world that pre-screens sequences, if any.
+    fn screening(&self) -> Option<Scenario> {
+        let prescreens = self.method.info().prescreens;
+        prescreens.then(|| self.scenario.screening()).flatten()
+    }
+
+    /// Returns whether another plant pre-screens sequences.
     fn prescreens(&self) -> bool {
-        self.scenario.plant() == Dynamics::Rigid && self.method.info().prescreens
+        self.screening().is_some()
     }
 
     /// Returns the budgets in rows: 10, 30, 100, 300 … and the whole budget.
@@ -230,12 +235,9 @@ struct Searcher<'a> {
 
 impl<'a> Searcher<'a> {
     fn new(request: &'a SearchRequest<'a>) -> Searcher<'a> {
-        let cheap = request
-            .prescreens()
-            .then(|| request.scenario.on(PlantKind::Kinematic));
         Searcher {
             request,
-            cheap,
+            cheap: request.screening(),
             bench: request.scenario.bench(),
         }
     }

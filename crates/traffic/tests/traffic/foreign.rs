@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use brakecheck_traffic::{
     Analysis, BoundRules, ColumnMap, ReadError, RuleResult, TrafficRecording, TrafficRule,
-    TrafficRuleFile, read_csv, read_csv_guessed, read_csv_timed, read_fcd,
+    TrafficRuleFile, read_csv, read_csv_guessed, read_csv_timed, read_fcd, read_xml,
 };
 
 /// State of a vehicle: metres, radians, m/s.
@@ -432,6 +432,96 @@ fn sumo_writes_the_same_motion_in_xml_and_csv() {
         assert_eq!((&a.id, a.class, a.len()), (&b.id, b.class, b.len()));
         // The type `truck` gives both the size of its class, because FCD has no sizes.
         assert!((a.x_m[7] - b.x_m[7]).abs() < 1e-9 && a.length_m == b.length_m);
+    }
+}
+
+/// A CommonRoad scenario of one parked van and some moving obstacles.
+fn commonroad(obstacle: &str, time: &str) -> String {
+    let mut text = format!(
+        "<?xml version='1.0'?>\n<commonRoad timeStepSize=\"0.1\" commonRoadVersion=\"2020a\">\n\
+         <lanelet id=\"1\"><leftBound><point><x>1</x><y>1</y></point></leftBound></lanelet>\n\
+         <staticObstacle id=\"9\"><type>parkedVehicle</type><shape><rectangle>\
+         <length>5</length><width>2</width></rectangle></shape><initialState><position><point>\
+         <x>3</x><y>4</y></point></position><orientation><exact>0</exact></orientation>\
+         <time><exact>0</exact></time></initialState></staticObstacle>\n"
+    );
+    for (id, kind, from_m, speed_mps) in [("30", "truck", 40.0, 18.0), ("31", "car", 0.0, 25.0)] {
+        text += &format!(
+            "<{obstacle} id=\"{id}\">{}<type>{kind}</type><shape><rectangle><length>4.4</length>\
+             <width>1.9</width></rectangle></shape>",
+            if obstacle == "obstacle" {
+                "<role>dynamic</role>"
+            } else {
+                ""
+            }
+        );
+        for step in 0..50 {
+            let name = if step == 0 { "initialState" } else { "state" };
+            let x_m = 5000.0 + from_m + 0.1 * speed_mps * f64::from(step);
+            text += &format!(
+                "<{name}><position><point><x>{x_m}</x><y>-7</y></point></position>\n\
+                 <orientation><exact>0</exact></orientation><time>{time}</time>\
+                 <velocity><exact>{speed_mps}</exact></velocity></{name}>"
+            )
+            .replace("STEP", &step.to_string());
+        }
+        text += &format!("</{obstacle}>\n");
+    }
+    text + "<planningProblem id=\"1\"><initialState><position><point><x>0</x><y>0</y></point>\
+            </position></initialState></planningProblem></commonRoad>"
+}
+
+#[test]
+fn commonroad_scenarios_are_recordings_of_their_moving_obstacles() {
+    for obstacle in ["dynamicObstacle", "obstacle"] {
+        let text = commonroad(obstacle, "<exact>STEP</exact>");
+        let (recording, format) = read_xml(text.as_bytes(), "cr.xml").expect("states");
+        assert_eq!((format, recording.tracks.len()), ("commonroad", 2));
+        let [truck, car] = &recording.tracks[..] else {
+            panic!("two obstacles");
+        };
+        assert_eq!((&*truck.id, truck.class.name()), ("30", "truck"));
+        assert_eq!((&*car.id, car.class.name(), car.len()), ("31", "car", 50));
+        assert!((recording.dt_s - 0.1).abs() < 1e-9 && car.length_m == 4.4);
+        // By hand: 40 m apart, closing at 7 m/s, after 2 s.
+        assert!((truck.x_m[20] - car.x_m[20] - 26.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn commonroad_scenarios_without_exact_motion_are_refused_with_their_line() {
+    let exact = commonroad("dynamicObstacle", "<exact>STEP</exact>");
+    let interval = "<intervalStart>STEP</intervalStart><intervalEnd>9</intervalEnd>";
+    for (text, says) in [
+        (
+            commonroad("dynamicObstacle", interval),
+            "a state of obstacle 30 has no `time/exact`",
+        ),
+        (
+            exact.replace("timeStepSize=\"0.1\"", "timeStepSize=\"0\""),
+            "0 s apart",
+        ),
+        (
+            exact.replace("timeStepSize=\"0.1\"", ""),
+            "has no `timeStepSize`",
+        ),
+        (exact.replace("<x>5040</x>", "<x>1e300</x>"), "line 4"),
+        (
+            exact.replace("<x>5040</x>", "<x>far</x>"),
+            "not a finite number: `far`",
+        ),
+        (
+            exact.replace("<exact>49</exact>", "<exact>1e12</exact>"),
+            "the instants span 100000000000 s",
+        ),
+        (
+            commonroad("environmentObstacle", "<exact>STEP</exact>"),
+            "no dynamic obstacle",
+        ),
+    ] {
+        let error = read_xml(text.as_bytes(), "cr.xml").expect_err(says);
+        assert!(error.to_string().contains(says), "{says}: {error}");
+        assert!(!error.help().is_empty());
     }
 }
 

@@ -13,10 +13,9 @@ use super::archive::{ArchivedFailure, FailureArchive};
 use crate::crashes::CellFinder;
 use crate::experiment::{EpisodeLoop, Watch, badness};
 use crate::rl::Demonstration;
-use crate::scene::{Dynamics, Start};
+use crate::scene::Start;
 use crate::search::mutate;
 use crate::seed::{self, Purpose, StartKey};
-use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Constant, Episode, Replay, Testbench, play};
 use crate::world::Scenario;
 
@@ -100,13 +99,12 @@ impl<'a> ArchiveSearch<'a> {
         seed: u64,
         watch: &Watch<'_>,
     ) -> Option<ArchiveSearch<'a>> {
-        let rigid = scenario.plant() == Dynamics::Rigid;
         // Without the minimum, an axis of no width would divide by 0.
         let width = |lo: f64, hi: f64| (hi - lo).max(f64::MIN_POSITIVE);
         let axes = scenario.axes();
         let mut search = ArchiveSearch {
             scenario,
-            cheap: rigid.then(|| scenario.on(PlantKind::Kinematic)),
+            cheap: scenario.screening(),
             seed,
             starts: Vec::new(),
             per_width: axes
@@ -397,6 +395,7 @@ mod tests {
 
     use super::*;
     use crate::run_dir::{CellFailure, FailureCell};
+    use crate::sim::PlantKind;
 
     fn world(name: &str) -> Scenario {
         let world = Scenario::shipped(name).expect("shipped").expect("sound");

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::scene::{Dynamics, Start};
+use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::sim::PlantKind;
 use crate::testbench::{FIRST_KNOWN, KnownEpisode, Testbench};
@@ -27,11 +27,9 @@ impl<'a> SearchStream<'a> {
         assert!(open, "test starts are not searched");
         // Kinematic runs are about a hundred times as fast. Their successes are confirmed on
         // the requested plant.
-        let rigid = scenario.plant() == Dynamics::Rigid;
-        let cheap = rigid.then(|| scenario.on(PlantKind::Kinematic));
         SearchStream {
             scenario,
-            cheap,
+            cheap: scenario.screening(),
             purpose,
             seed,
             known: Arc::default(),

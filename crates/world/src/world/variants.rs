@@ -12,8 +12,8 @@ use crate::ego::{Command, Transcripts};
 use crate::rl::{ConfigError, LearnerConfig};
 use crate::ron_file::{LoadError, ScenarioError, ValuePath, read};
 use crate::rulebook::{Counts, JudgeKind, Rulebook, TrainingGoal};
-use crate::scene::World;
 use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController, Sensors};
+use crate::scene::{Dynamics, World};
 use crate::sim::PlantKind;
 use crate::testbench::Episode;
 
@@ -199,6 +199,17 @@ impl Scenario {
     /// Returns the driving world on another plant. Other worlds stay as they are.
     pub fn on(&self, plant: PlantKind) -> Scenario {
         self.redriven(|spec| spec.plant = plant)
+    }
+
+    /// Returns a world in which action sequences are tried first, because it is cheaper.
+    ///
+    /// A world of the rigid plant has one on the kinematic plant. `None` where roads have
+    /// grades or banks, whose crests the kinematic plant does not feel, and for other worlds.
+    pub fn screening(&self) -> Option<Scenario> {
+        let is_level = self
+            .drive()
+            .is_some_and(|driving| !driving.spec().has_slopes());
+        (is_level && self.plant() == Dynamics::Rigid).then(|| self.on(PlantKind::Kinematic))
     }
 
     /// Returns the world with each start played several times.

@@ -1,7 +1,8 @@
 //! World of rapier that moves all chassis, the only place that computes in f32.
 //!
 //! Every body is in rapier's sets from its first step to its last. Until
-//! [`RapierWorld::solid`] bodies collide with the ground only. On a plane each car has
+//! [`RapierWorld::solid`] bodies collide with the ground only, and on a plane not even
+//! with it: wheels carry them, and rapier looks for no contacts. On a plane each car has
 //! an origin of its own, which follows it: f32 positions stay as fine as 1 µm wherever
 //! the car drives. From the contact on, and on a surface, all bodies have a common one.
 
@@ -85,6 +86,8 @@ impl RapierWorld {
             // More solver iterations give a car at rest a phantom velocity.
             parameters: IntegrationParameters {
                 num_solver_iterations: 1,
+                // Bodies do not meet before `solid`.
+                max_ccd_substeps: 0,
                 ..Default::default()
             },
             pipeline: PhysicsPipeline::new(),
@@ -250,7 +253,8 @@ impl RapierWorld {
                 .mass_properties(no_mass)
                 .restitution(body.restitution as f32)
                 .friction(body.body_friction as f32)
-                .collision_groups(body_groups(self.is_solid));
+                .collision_groups(body_groups(self.is_solid))
+                .enabled(self.is_solid || self.has_surface());
             self.colliders
                 .insert_with_parent(collider, handle, &mut self.bodies);
         }
@@ -260,9 +264,11 @@ impl RapierWorld {
     pub(super) fn solid(&mut self) {
         self.is_solid = true;
         self.parameters.num_internal_pgs_iterations = CONTACT_ITERATIONS;
+        self.parameters.max_ccd_substeps = IntegrationParameters::default().max_ccd_substeps;
         for (handle, collider) in self.colliders.iter_mut() {
             if !self.ground.contains(&handle) {
                 collider.set_collision_groups(body_groups(true));
+                collider.set_enabled(true);
             }
         }
         for (_, body) in self.bodies.iter_mut() {
