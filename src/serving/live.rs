@@ -68,6 +68,7 @@ fn possible(before: &BodyState, after: &BodyState, sample_s: f64) -> Result<(), 
         after.pose.x_m - before.pose.x_m,
         after.pose.y_m - before.pose.y_m,
     ];
+    // The mean of both ends: what a constant acceleration and turn would give.
     let off_m = libm::hypot(moved_m[0] - said_m[0], moved_m[1] - said_m[1]);
     let longest_m = ways_m.map(|way_m| libm::hypot(way_m[0], way_m[1]));
     let longest_m = longest_m[0].max(longest_m[1]);
@@ -244,6 +245,7 @@ impl LiveEpisode {
             return Err(format!("`sample`: missing state of the ego `{name}`"));
         }
         for (agent, state) in states.iter().enumerate() {
+            // An agent that the simulator leaves out is moved here.
             let Some(state) = state else { continue };
             let name = &self.agents[agent];
             possible(&before[agent].state, state, sample_s)

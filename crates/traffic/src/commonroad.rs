@@ -23,17 +23,17 @@ const MOST_STEPS: f64 = 1e9;
 /// The text is not XML, has no dynamic obstacle, a state has no exact value, or a value is
 /// not a finite number.
 pub fn read_commonroad(text: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
-    let mut file = Scenario {
+    let mut file = CommonRoad {
         name: name.to_owned(),
-        ..Scenario::default()
+        ..CommonRoad::default()
     };
     read_elements_and_text(
         text,
         name,
         &mut file,
-        Scenario::start,
-        Scenario::inside,
-        Scenario::end,
+        CommonRoad::start,
+        CommonRoad::inside,
+        CommonRoad::end,
     )?;
     if file.tracks.is_empty() {
         return Err(ReadError::Content {
@@ -54,36 +54,36 @@ pub fn read_commonroad(text: impl Read, name: &str) -> Result<TrafficRecording, 
 }
 
 #[derive(Default)]
-struct Scenario {
+struct CommonRoad {
     name: String,
     step_s: f64,
-    obstacle: Option<Obstacle>,
+    obstacle: Option<RecordedObstacle>,
     tracks: Vec<RawTrack>,
     origin_m: Option<[f64; 2]>,
     counts: ReadCounts,
 }
 
-/// Obstacle that is not closed yet.
+/// RecordedObstacle that is not closed yet.
 #[derive(Default)]
-struct Obstacle {
+struct RecordedObstacle {
     id: String,
     is_dynamic: bool,
     class: Option<Class>,
     size_m: [f64; 2],
-    state: State,
+    state: ExactState,
     rows: Vec<RawRow>,
 }
 
 /// Exact values of a state that is not closed yet.
 #[derive(Default)]
-struct State {
+struct ExactState {
     step: Option<f64>,
     position_m: [Option<f64>; 2],
     orientation_rad: Option<f64>,
     velocity_mps: Option<f64>,
 }
 
-impl Scenario {
+impl CommonRoad {
     fn start(&mut self, element: &PlacedElement<'_>) -> Result<(), ReadError> {
         match element.name() {
             "commonRoad" => {
@@ -94,15 +94,16 @@ impl Scenario {
             }
             // Version 2018b states by a `role` which obstacles move.
             "dynamicObstacle" | "obstacle" => {
-                self.obstacle = Some(Obstacle {
+                self.obstacle = Some(RecordedObstacle {
                     id: element.text("id")?,
                     is_dynamic: element.name() == "dynamicObstacle",
-                    ..Obstacle::default()
+                    ..RecordedObstacle::default()
                 });
             }
             "initialState" | "state" => {
                 if let Some(obstacle) = &mut self.obstacle {
-                    obstacle.state = State::default();
+                    // Values of the state before it must not fill gaps of this one.
+                    obstacle.state = ExactState::default();
                 }
             }
             _ => {}
@@ -126,7 +127,7 @@ impl Scenario {
             ("time", "exact") => state.step = Some(it.number("time")?),
             ("orientation", "exact") => state.orientation_rad = Some(it.number("orientation")?),
             ("velocity", "exact") => state.velocity_mps = Some(it.number("velocity")?),
-            // A shape may have points, too.
+            // Polygons of a shape may have points, too.
             ("point", "x" | "y") if names.next() == Some("position") => {
                 state.position_m[usize::from(name == "y")] = Some(it.number(name)?);
             }
@@ -182,6 +183,7 @@ impl Scenario {
                 }));
             }
         }
+        // Coordinates of a city, such as UTM, would lose digits in later products.
         let origin_m = *self.origin_m.get_or_insert([x_m, y_m]);
         obstacle.rows.push(RawRow {
             time_s: step * self.step_s,
@@ -204,6 +206,7 @@ impl Scenario {
         let Some(mut obstacle) = self.obstacle.take() else {
             return;
         };
+        // Parked cars have an initial state, too.
         if !obstacle.is_dynamic || obstacle.rows.is_empty() {
             return;
         }

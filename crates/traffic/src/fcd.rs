@@ -33,6 +33,7 @@ pub fn read_xml(
         source,
     })?;
     let root = b"<commonRoad";
+    // Only the head is looked at, because files may be far larger than the memory.
     if head.windows(root.len()).any(|it| it == root) {
         return Ok((read_commonroad(text, name)?, "commonroad"));
     }

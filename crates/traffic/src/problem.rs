@@ -189,7 +189,7 @@ pub enum FileProblem {
         fits: Option<&'static str>,
     },
     /// A position is nowhere on Earth.
-    #[error("`{name}` of `{owner}` is {value} m from the origin")]
+    #[error("`{name}` of `{owner}` is {value:e} m from the origin")]
     Far {
         /// Name of the element or object.
         owner: String,

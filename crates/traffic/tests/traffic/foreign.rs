@@ -437,13 +437,13 @@ fn sumo_writes_the_same_motion_in_xml_and_csv() {
 
 /// A CommonRoad scenario of one parked van and some moving obstacles.
 fn commonroad(obstacle: &str, time: &str) -> String {
-    let mut text = format!(
+    let mut text = String::from(
         "<?xml version='1.0'?>\n<commonRoad timeStepSize=\"0.1\" commonRoadVersion=\"2020a\">\n\
          <lanelet id=\"1\"><leftBound><point><x>1</x><y>1</y></point></leftBound></lanelet>\n\
          <staticObstacle id=\"9\"><type>parkedVehicle</type><shape><rectangle>\
          <length>5</length><width>2</width></rectangle></shape><initialState><position><point>\
          <x>3</x><y>4</y></point></position><orientation><exact>0</exact></orientation>\
-         <time><exact>0</exact></time></initialState></staticObstacle>\n"
+         <time><exact>0</exact></time></initialState></staticObstacle>\n",
     );
     for (id, kind, from_m, speed_mps) in [("30", "truck", 40.0, 18.0), ("31", "car", 0.0, 25.0)] {
         text += &format!(
@@ -482,7 +482,7 @@ fn commonroad_scenarios_are_recordings_of_their_moving_obstacles() {
         };
         assert_eq!((&*truck.id, truck.class.name()), ("30", "truck"));
         assert_eq!((&*car.id, car.class.name(), car.len()), ("31", "car", 50));
-        assert!((recording.dt_s - 0.1).abs() < 1e-9 && car.length_m == 4.4);
+        assert!((recording.dt_s - 0.1).abs() < 1e-9 && (car.length_m - 4.4).abs() < 1e-6);
         // By hand: 40 m apart, closing at 7 m/s, after 2 s.
         assert!((truck.x_m[20] - car.x_m[20] - 26.0).abs() < 1e-9);
     }
@@ -505,7 +505,10 @@ fn commonroad_scenarios_without_exact_motion_are_refused_with_their_line() {
             exact.replace("timeStepSize=\"0.1\"", ""),
             "has no `timeStepSize`",
         ),
-        (exact.replace("<x>5040</x>", "<x>1e300</x>"), "line 4"),
+        (
+            exact.replace("<x>5040</x>", "<x>1e300</x>"),
+            "line 6: `x` of `30` is 1e300 m from the origin",
+        ),
         (
             exact.replace("<x>5040</x>", "<x>far</x>"),
             "not a finite number: `far`",
