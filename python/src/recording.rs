@@ -3,7 +3,7 @@
 use brakecheck_traffic::{
     Analysis, BoundRules, Class, ReadError, RecordedWorlds, RecordingColumns, SituationKind,
     SituationPlan, SituationRoad, SourceFile, TrafficRecording, TrafficRule, TrafficRuleFile,
-    fit_traffic, svg_overview,
+    svg_overview,
 };
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
@@ -201,7 +201,7 @@ pub(crate) fn fit_traffic<'py>(
         sha256: None,
     });
     let sources = sources.collect();
-    let model = py.detach(|| fit_traffic(name, sources, &analyses));
+    let model = py.detach(|| brakecheck_traffic::fit_traffic(name, sources, &analyses));
     let model = model.map_err(|error| wrong(error.to_string(), error.help()))?;
     Ok((model.to_ron(), objects(py, &model)?))
 }
