@@ -137,6 +137,10 @@ pub struct Gate {
     pub both_fail: usize,
     /// Starts of these with Δv up by more than 20 %.
     pub more_severe: Vec<MoreSevere>,
+    /// Number of these with Δv down as much.
+    pub less_severe: usize,
+    /// Number of starts from which the baseline does not fail, with all rules kept.
+    pub baseline_passes: usize,
     /// Closing speeds of the baseline where both fail in contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_before_mps: Option<ClosingSpeed>,
@@ -209,7 +213,12 @@ impl Gate {
         let closing = |of: GateEgo<'_>, start| Some(of.contacts.get(start)?.closing_mps);
         let both = both.filter_map(|start| Some((closing(old, start)?, closing(new, start)?)));
         let (before, after): (Vec<f64>, Vec<f64>) = both.unzip();
-        let severe = flips.both_fail.iter();
+        let compare = |one, other| {
+            let starts = flips.both_fail.iter();
+            starts.filter_map(move |&start| MoreSevere::of(start, one, other))
+        };
+        let passes =
+            |it: &&StartOutcome| matches!(it, StartOutcome::Held | StartOutcome::Uncounted);
         Gate {
             ego: new.name.to_owned(),
             baseline: old.name.to_owned(),
@@ -223,9 +232,9 @@ impl Gate {
                 baseline: flips.old_not_run,
             },
             both_fail: flips.both_fail.len(),
-            more_severe: severe
-                .filter_map(|&start| MoreSevere::of(start, new, old))
-                .collect(),
+            more_severe: compare(new, old).collect(),
+            less_severe: compare(old, new).count(),
+            baseline_passes: old.outcomes.iter().filter(passes).count(),
             closing_before_mps: ClosingSpeed::of(before),
             closing_after_mps: ClosingSpeed::of(after),
             p_value: flips.p_value(),
@@ -268,6 +277,16 @@ impl Gate {
         }
     }
 
+    /// Returns whether severity closes a gate in which no start can fail newly.
+    ///
+    /// The baseline fails from every start then, so a worse ego shows in its
+    /// contacts only. It is worse if more starts become more severe than become
+    /// less severe or are fixed.
+    fn severity_decides(&self) -> bool {
+        let better = self.less_severe + self.newly_fixed.len();
+        self.baseline_passes == 0 && self.more_severe.len() > better
+    }
+
     /// Returns whether no start has an answer on both egos.
     pub fn is_unanswered(&self) -> bool {
         self.answered == 0 && self.newly_failing.is_empty()
@@ -279,11 +298,18 @@ impl Gate {
         let alone = alone.map(|alone| Box::new(alone.decided(on)));
         let closes_alone = |on: &GateOn| alone.as_ref().is_some_and(|it| it.closed_by.contains(on));
         let requested = requested(on);
-        let closed_by = requested.iter().copied();
-        let closed_by = closed_by.filter(|on| 0 < self.closing(*on) || closes_alone(on));
+        let mut closed_by: Vec<GateOn> = requested
+            .iter()
+            .copied()
+            .filter(|on| self.closing(*on) > 0 || closes_alone(on))
+            .collect();
+        let asked = requested.contains(&GateOn::UnlessUnavoidable);
+        if asked && self.severity_decides() && !closed_by.contains(&GateOn::Severity) {
+            closed_by.push(GateOn::Severity);
+        }
         DecidedGate {
             newly_failing_by: self.newly_failing_by(),
-            closed_by: closed_by.collect(),
+            closed_by,
             blocks_severity: requested.contains(&GateOn::Severity),
             without_adversary: alone,
             gate: self,
@@ -333,7 +359,7 @@ impl MoreSevere {
 impl Display for NewlyFailingCounts {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "{} preventable, ", self.preventable)?;
-        if 0 < self.avoidable {
+        if self.avoidable > 0 {
             write!(f, "{} avoided by other drivers only, ", self.avoidable)?;
         }
         write!(
@@ -356,8 +382,12 @@ impl Gate {
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         if !self.no_answer.is_empty() {
-            let failed = self.no_answer.iter().filter(|it| it.before != "held");
-            let failed = failed.filter(|it| it.before != "uncounted").count();
+            let failed = self
+                .no_answer
+                .iter()
+                .filter(|it| it.before != "held")
+                .filter(|it| it.before != "uncounted")
+                .count();
             remarks.push(format!(
                 "no answer from {} starts, on which an ado breaks its rule against `{}` ({failed} \
                  of them fail on `{}` and count as neither failing nor fixed)",
@@ -386,7 +416,7 @@ impl Gate {
             )),
         }
         let NotRun { ego, baseline } = self.not_run;
-        if 0 < ego + baseline {
+        if ego + baseline > 0 {
             remarks.push(format!(
                 "not compared: `{}` did not run from {ego} starts, `{}` from {baseline}",
                 self.ego, self.baseline
@@ -418,7 +448,7 @@ impl DecidedGate {
         let failing = self.gate.newly_failing.len();
         let severity = self.severity();
         let failing =
-            (0 < failing).then(|| format!("{failing} newly failing ({})", self.newly_failing_by));
+            (failing > 0).then(|| format!("{failing} newly failing ({})", self.newly_failing_by));
         let parts: Vec<String> = failing.into_iter().chain(severity).collect();
         (!parts.is_empty()).then(|| {
             let (compared, parts) = (self.gate.compared, parts.join("; "));
@@ -453,7 +483,7 @@ impl DecidedGate {
 
     fn severity(&self) -> Option<String> {
         let worst = MoreSevere::worst(&self.gate.more_severe)?;
-        let word = if self.blocks_severity {
+        let word = if self.blocks_severity || self.gate.severity_decides() {
             ""
         } else {
             "warning: "
@@ -483,7 +513,14 @@ impl DecidedGate {
                     format!("{starts} newly failing starts that are not shown to be unavoidable")
                 }
                 GateOn::Preventable => format!("{starts} preventable newly failing starts"),
-                GateOn::Severity => format!("{starts} starts that fail more severely"),
+                GateOn::Severity if self.blocks_severity => {
+                    format!("{starts} starts that fail more severely")
+                }
+                // The baseline of one of the two comparisons leaves nothing else to see.
+                GateOn::Severity => format!(
+                    "{starts} starts that fail more severely, since no start is left to fail \
+                     newly: the baseline fails from all"
+                ),
                 GateOn::Any | GateOn::Never => format!("{starts} newly failing starts"),
             }
         };
@@ -613,6 +650,31 @@ mod tests {
             "{text}"
         );
         assert!(!text.contains("warning"), "{text}");
+    }
+
+    #[test]
+    fn severity_decides_where_the_baseline_fails_from_every_start() {
+        let old = [hits(2.0), hits(2.0), hits(2.0), hits(2.0)];
+        let worse = [hits(9.0), hits(9.0), hits(1.0), hits(2.0)];
+        let decided = gate(&worse, &old).decided(&[]);
+        assert_eq!(decided.closed_by, [GateOn::Severity]);
+        let text = decided.to_string();
+        let end = "gate closed by 2 starts that fail more severely, since no start is left to \
+                   fail newly: the baseline fails from all";
+        assert!(text.ends_with(end) && !text.contains("warning"), "{text}");
+        // As many better as worse ones, be they gentler or fixed.
+        for new in [
+            [hits(9.0), hits(9.0), hits(1.0), hits(1.0)],
+            [hits(9.0), hits(9.0), HELD, hits(1.0)],
+        ] {
+            assert!(!gate(&new, &old).decided(&[]).is_closed(), "{new:?}");
+        }
+        // One start that could have failed newly makes severity a warning again.
+        let with_one_held = [hits(2.0), hits(2.0), hits(2.0), HELD];
+        let fixed = [hits(9.0), hits(9.0), hits(2.0), HELD];
+        assert!(!gate(&fixed, &with_one_held).decided(&[]).is_closed());
+        // Reasons that were chosen by name are taken by their word.
+        assert!(!gate(&worse, &old).decided(&[GateOn::Any]).is_closed());
     }
 
     #[test]
