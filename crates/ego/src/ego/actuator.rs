@@ -54,7 +54,7 @@ pub struct Actuator {
 impl Actuator {
     /// Creates a lag of time constant `lag_s` (0 for none), stepped every `sample_s`.
     pub fn new(lag_s: f64, sample_s: f64) -> Actuator {
-        let decay = if 0.0 < lag_s {
+        let decay = if lag_s > 0.0 {
             libm::exp(-sample_s / lag_s)
         } else {
             0.0

@@ -61,7 +61,7 @@ impl Aeb {
         let then_m = seen.lateral_m + seen.lateral_mps * reach_s;
         // An agent may pass the whole corridor between now and then, so a
         // change of sides counts even if both ends are outside.
-        let crosses = seen.lateral_m * then_m <= 0.0 && 0.0 < reach_s;
+        let crosses = seen.lateral_m * then_m <= 0.0 && reach_s > 0.0;
         seen.lateral_m.abs() < half_m || then_m.abs() < half_m || crosses
     }
 }
@@ -69,8 +69,10 @@ impl Aeb {
 impl Aeb {
     /// Returns the emergency braking or the cruise control's acceleration.
     pub(super) fn accel_mps2(&self, percept: &Percept, cruise_mps: f64) -> f64 {
-        let needed = percept.others.iter();
-        let needed = needed.map(|seen| self.needed_mps2(&percept.own, seen));
+        let needed = percept
+            .others
+            .iter()
+            .map(|seen| self.needed_mps2(&percept.own, seen));
         if self.trigger_mps2 <= needed.fold(0.0, f64::max) {
             return -self.max_brake_mps2;
         }

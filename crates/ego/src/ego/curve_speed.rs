@@ -67,8 +67,10 @@ impl Controller for CurveDriver {
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
         let (spec, own) = (&self.spec, &percept.own);
-        let allowed = self.pieces.iter();
-        let allowed = allowed.filter_map(|piece| spec.allowed_mps(own, piece));
+        let allowed = self
+            .pieces
+            .iter()
+            .filter_map(|piece| spec.allowed_mps(own, piece));
         let wanted_mps = allowed.fold(spec.desired_speed_mps, f64::min);
         let wish_mps2 = spec.cruise_gain_per_s * (wanted_mps - own.speed_mps);
         Ok(Command::accelerate(

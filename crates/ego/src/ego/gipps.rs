@@ -79,7 +79,7 @@ mod tests {
     #[test]
     fn alone_it_reaches_its_speed_and_no_more() {
         assert_eq!(GIPPS.accel_mps2(30.0, None), 0.0);
-        assert!(0.0 < GIPPS.accel_mps2(10.0, None));
+        assert!(GIPPS.accel_mps2(10.0, None) > 0.0);
         assert_eq!(GIPPS.accel_mps2(20.0, Some((0.0, 0.0))), -6.0);
     }
 }

@@ -81,12 +81,12 @@ impl Following {
         };
         let closing_mps = percept.own.speed_mps - lead.speed_mps;
         let clearance_m = lead.clearance_m();
-        let needed_mps2 = if 0.0 < clearance_m {
+        let needed_mps2 = if clearance_m > 0.0 {
             closing_mps * closing_mps / (2.0 * clearance_m)
         } else {
             f64::INFINITY
         };
-        0.0 < closing_mps && (self.is_emergency || self.spec.aeb_trigger_mps2 <= needed_mps2)
+        closing_mps > 0.0 && (self.is_emergency || self.spec.aeb_trigger_mps2 <= needed_mps2)
     }
 }
 
@@ -96,7 +96,7 @@ impl Controller for Following {
     }
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        self.is_emergency = 0.0 < self.spec.aeb_brake_mps2 && self.brakes_hard(percept);
+        self.is_emergency = self.spec.aeb_brake_mps2 > 0.0 && self.brakes_hard(percept);
         let follow_mps2 = self.spec.follow_mps2(percept, self.last_mps2);
         self.last_mps2 = if self.is_emergency {
             follow_mps2.min(-self.spec.aeb_brake_mps2)
@@ -175,11 +175,11 @@ mod tests {
     fn the_emergency_brake_acts_at_its_trigger_and_until_the_danger_is_over() {
         let mut ego = ego(8.0);
         // 100 / (2 · 10.1) and 100 / (2 · 9.9) m/s² lie on either side of 5.
-        assert!(-1.0 < commanded(&mut ego, &behind(15.0, 10.1, 5.0)));
+        assert!(commanded(&mut ego, &behind(15.0, 10.1, 5.0)) > -1.0);
         assert_eq!(commanded(&mut ego, &behind(15.0, 9.9, 5.0)), -8.0);
         assert_eq!(commanded(&mut ego, &behind(7.0, 9.0, 5.0)), -8.0);
-        assert!(-8.0 < commanded(&mut ego, &behind(5.0, 8.5, 5.0)));
+        assert!(commanded(&mut ego, &behind(5.0, 8.5, 5.0)) > -8.0);
         ego.reset(0);
-        assert!(-1.0 < commanded(&mut ego, &behind(7.0, 9.0, 5.0)));
+        assert!(commanded(&mut ego, &behind(7.0, 9.0, 5.0)) > -1.0);
     }
 }

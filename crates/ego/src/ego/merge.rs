@@ -58,7 +58,7 @@ impl Controller for Merging {
         let cruise_mps = *self.cruise_mps.get_or_insert(speed_mps);
         // Every agent ahead counts, at any headway: the law has no range.
         let merging =
-            |seen: &Seen| 0.0 < seen.headway_m && self.spec.d_lka_m(seen) <= self.spec.threshold_m;
+            |seen: &Seen| seen.headway_m > 0.0 && self.spec.d_lka_m(seen) <= self.spec.threshold_m;
         if percept.others.iter().any(merging) {
             return Ok(Command::accelerate(-self.spec.max_brake_mps2));
         }

@@ -310,10 +310,10 @@ impl Command {
             let message = format!("{what} of {value:?} {unit} is beyond ±{most} {unit}");
             Some(Fault::new(FaultKind::Implausible, message))
         };
-        if PLAUSIBLE_ACCEL_MPS2 < accel_mps2.abs() {
+        if accel_mps2.abs() > PLAUSIBLE_ACCEL_MPS2 {
             return beyond("an acceleration", accel_mps2, "m/s²", PLAUSIBLE_ACCEL_MPS2);
         }
-        if PLAUSIBLE_LATERAL_MPS < lateral_mps.abs() {
+        if lateral_mps.abs() > PLAUSIBLE_LATERAL_MPS {
             return beyond("a lateral speed", lateral_mps, "m/s", PLAUSIBLE_LATERAL_MPS);
         }
         None

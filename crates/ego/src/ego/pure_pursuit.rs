@@ -132,8 +132,10 @@ impl Pursuing {
                 self.edges_m.0 + 0.5 * own.width_m,
                 self.edges_m.1 - 0.5 * own.width_m,
             );
-            let others = percept.others.iter();
-            let mut others = others.filter(|seen| seen.name != threat.name);
+            let mut others = percept
+                .others
+                .iter()
+                .filter(|seen| seen.name != threat.name);
             edges_m.0 <= to_m
                 && to_m <= edges_m.1
                 && others.all(|seen| self.is_free(own, seen, *aside_m))
@@ -157,8 +159,10 @@ impl Pursuing {
                 return evades_to_m;
             }
         }
-        let needed = percept.others.iter();
-        let needed = needed.map(|seen| (self.brakes.needed_mps2(own, seen), seen));
+        let needed = percept
+            .others
+            .iter()
+            .map(|seen| (self.brakes.needed_mps2(own, seen), seen));
         let worst = needed.max_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((needed_mps2, threat)) = worst
             && self.spec.evade_mps2 <= needed_mps2

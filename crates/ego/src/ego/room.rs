@@ -68,7 +68,7 @@ impl LaneOccupancy {
             true if self.is_within(half_m) => (0.0, f64::INFINITY),
             true => (0.0, -1.0),
             false => {
-                let (enters_m, leaves_m) = if 0.0 < lateral_mps {
+                let (enters_m, leaves_m) = if lateral_mps > 0.0 {
                     (-half_m - self.left_m, half_m - self.right_m)
                 } else {
                     (half_m - self.right_m, -half_m - self.left_m)
@@ -157,7 +157,7 @@ impl Seen {
     #[inline]
     pub fn is_ahead_of(&self, own: &Own) -> bool {
         if self.is_along() {
-            0.0 < self.headway_m && self.lateral_m.abs() < (self.width_m + own.width_m) / 2.0
+            self.headway_m > 0.0 && self.lateral_m.abs() < (self.width_m + own.width_m) / 2.0
         } else {
             self.crosses_path(own, 0.0, EXPECTED_S)
         }

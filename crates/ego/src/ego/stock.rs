@@ -310,9 +310,8 @@ mod tests {
         assert_eq!(rows.len(), kinds.clone().count());
         for ((kind, names), row) in kinds.zip(rows) {
             assert_eq!(quoted(row[1]).collect::<Vec<_>>(), [*kind]);
-            let said = quoted(row[3])
-                .filter(|word| !["command", "lag_s", "fresh", "false"].contains(word));
-            let said: BTreeSet<&str> = said
+            let said: BTreeSet<&str> = quoted(row[3])
+                .filter(|word| !["command", "lag_s", "fresh", "false"].contains(word))
                 .flat_map(
                     |word| match KINDS.iter().find(|(other, _)| *other == word) {
                         Some((_, names)) => names.to_vec(),

@@ -332,12 +332,13 @@ fn empty(_: f64, _: &Own) -> Surroundings {
 
 fn crowd(time_s: f64, own: &Own) -> Surroundings {
     let own_s_m = own.s_m;
-    let others = [(60.0, 0.0), (-20.0, 0.0), (10.0, 3.5), (-5.0, -3.5)];
-    let others = others.iter().enumerate();
-    let others = others.map(|(i, &(ahead_m, lateral_m))| {
-        let s_m = ahead_m + 20.0 * time_s;
-        car(&format!("car{i}"), s_m - own_s_m, lateral_m, 20.0)
-    });
+    let others = [(60.0, 0.0), (-20.0, 0.0), (10.0, 3.5), (-5.0, -3.5)]
+        .iter()
+        .enumerate()
+        .map(|(i, &(ahead_m, lateral_m))| {
+            let s_m = ahead_m + 20.0 * time_s;
+            car(&format!("car{i}"), s_m - own_s_m, lateral_m, 20.0)
+        });
     let light = SeenLight {
         name: "light".to_owned(),
         line_m: 120.0 - own_s_m,
@@ -378,7 +379,7 @@ fn is_repeatable(
         let slow = scope.spawn(|| all.first()?.replay(&mut *make(), Pace::Slow(PAUSES)).ok());
         for batch in sample.chunks(rayon::current_num_threads().max(2)) {
             if !comparison.is_equal()
-                || (LEAST <= comparison.compared && PATIENCE < began.elapsed())
+                || (comparison.compared >= LEAST && began.elapsed() > PATIENCE)
             {
                 break;
             }

@@ -13,6 +13,8 @@
 //! [`Process::allow`] gives it, and consent is never written to a file.
 
 mod exercise;
+#[cfg(unix)]
+mod marks;
 mod pool;
 #[cfg(unix)]
 mod program;

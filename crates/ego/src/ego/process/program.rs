@@ -12,23 +12,20 @@
 //! (`setpgid` before `exec`), so it cannot be orphaned at any moment.
 //!
 //! Processes that leave the group by themselves (`setsid`) are found by a mark
-//! in their environment, on systems that show it (`/proc`). A process that
-//! clears its environment as well escapes and is not waited for.
+//! ([`marks`](super::marks)).
 
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::process::CommandExt;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{
-    Pid, Signal, WaitId, WaitIdOptions, kill_process, kill_process_group, waitid,
-};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 
 use super::super::{Fault, FaultKind};
 use super::is_stopping;
+use super::marks::{MARK, end_marked, new_mark};
 
 /// Longest line that a program may answer.
 const MAX_LINE_BYTES: usize = 64 * 1024;
@@ -48,14 +45,12 @@ const STATUS_WAIT: Duration = Duration::from_millis(100);
 /// It receives the mark as an argument. Its own environment does not hold the
 /// mark.
 const WATCHDOG: &str = r#"read -r end
-for e in $(grep -ls -- "$0" /proc/[0-9]*/environ 2>/dev/null); do
-  e=${e#/proc/}; kill -9 "${e%/environ}" 2>/dev/null
+for look in 1 2 3; do
+  for e in $(grep -ls -- "$0" /proc/[0-9]*/environ 2>/dev/null); do
+    e=${e#/proc/}; kill -9 "${e%/environ}" 2>/dev/null
+  done
 done
 kill -9 0"#;
-/// Environment variable that marks a program and its descendants.
-const MARK: &str = "BRAKECHECK_EGO";
-/// Number of searches for marked processes, which may start new ones meanwhile.
-const LOOKS: usize = 20;
 
 /// A started program.
 pub(super) struct Program {
@@ -82,7 +77,7 @@ impl Program {
         let Some((name, arguments)) = command.split_first() else {
             return Err(cannot("no program is named: `command` is empty".to_owned()));
         };
-        let value = mark();
+        let value = new_mark();
         let mark = format!("{MARK}={value}");
         let mut watchdog = Command::new("/bin/sh")
             .args(["-c", WATCHDOG, &mark])
@@ -245,7 +240,7 @@ impl Program {
             }
             // The limit keeps a flood without line ends from filling the
             // memory.
-            None if MAX_LINE_BYTES <= self.unread.len() => {
+            None if self.unread.len() >= MAX_LINE_BYTES => {
                 Err(self.protocol(format!("answered a line of over {MAX_LINE_BYTES} bytes")))
             }
             None => Ok(false),
@@ -420,51 +415,6 @@ impl Drop for Program {
         let _ = self.child.wait();
         end_marked(&self.mark);
     }
-}
-
-/// Returns a value with which no other program has been marked.
-fn mark() -> String {
-    static STARTED: AtomicU64 = AtomicU64::new(0);
-    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    let now = now.map_or(0, |now| now.as_nanos());
-    let nth = STARTED.fetch_add(1, Ordering::Relaxed);
-    // The process number and the counter separate runs and programs. The time
-    // separates processes that reuse a number.
-    format!("{}-{now}-{nth}", std::process::id())
-}
-
-/// Kills processes that left the group of a program but carry its mark.
-fn end_marked(mark: &str) {
-    for _ in 0..LOOKS {
-        let marked = marked(mark);
-        if marked.is_empty() {
-            return;
-        }
-        for pid in marked {
-            let _ = kill_process(pid, Signal::KILL);
-        }
-    }
-}
-
-/// Returns running processes whose environment holds a mark.
-///
-/// Empty on systems without `/proc`.
-fn marked(mark: &str) -> Vec<Pid> {
-    let own = std::process::id();
-    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
-    let has_mark = |path: &std::path::Path| {
-        let environment = std::fs::read(path.join("environ")).unwrap_or_default();
-        let mut variables = environment.split(|byte| *byte == 0);
-        variables.any(|variable| variable == mark.as_bytes())
-    };
-    let marked = processes.filter_map(|process| {
-        let number: u32 = process.file_name().to_str()?.parse().ok()?;
-        let pid = Pid::from_raw(i32::try_from(number).ok()?)?;
-        // An ego that runs brakecheck marks that brakecheck too, which must not
-        // kill itself.
-        (number != own && has_mark(&process.path())).then_some(pid)
-    });
-    marked.collect()
 }
 
 /// Kills a group and reaps its leader.

@@ -124,8 +124,10 @@ fn distance(one: &[Command], other: &[Command]) -> f64 {
 
 /// Returns the largest distance of two of some runs.
 fn diameter(runs: &[Vec<Command>]) -> f64 {
-    let pairs = runs.iter().enumerate();
-    let pairs = pairs.flat_map(|(i, one)| runs[..i].iter().map(move |other| (one, other)));
+    let pairs = runs
+        .iter()
+        .enumerate()
+        .flat_map(|(i, one)| runs[..i].iter().map(move |other| (one, other)));
     pairs.fold(0.0, |most, (one, other)| {
         f64::max(most, distance(one, other))
     })
@@ -165,8 +167,8 @@ fn explained(
     let (of_quick, of_slow) = (diameter(&quick), diameter(&slow));
     let across = quick
         .iter()
-        .flat_map(|one| slow.iter().map(|other| distance(one, other)));
-    let across = across.fold(f64::INFINITY, f64::min);
+        .flat_map(|one| slow.iter().map(|other| distance(one, other)))
+        .fold(f64::INFINITY, f64::min);
     // Differences between paces exceed those within, or pace changes the spread.
     let is_clock = across > BY_PACE * of_quick.max(of_slow)
         || of_quick > BY_PACE * of_slow

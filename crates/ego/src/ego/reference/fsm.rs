@@ -155,11 +155,11 @@ impl DriverModel for FsmDriver {
             critical,
         } = self.satisfaction(encounter);
         let harder_mps2 = self.hard_brake_mps2 - self.comfort_brake_mps2;
-        let demanded_mps2 = if 0.0 < critical {
+        let demanded_mps2 = if critical > 0.0 {
             self.comfort_brake_mps2 + critical * harder_mps2
         } else {
             proactive * self.comfort_brake_mps2
         };
-        (0.0 < proactive + critical).then_some(demanded_mps2)
+        (proactive + critical > 0.0).then_some(demanded_mps2)
     }
 }

@@ -320,7 +320,7 @@ impl<M: DriverModel> Reflexes<M> {
             };
         };
         self.reacted = true;
-        if 0 < self.left {
+        if self.left > 0 {
             self.left -= 1;
             self.brake_mps2 = self.pedal.waiting_mps2;
             return Response::Brake(self.brake_mps2);
